@@ -1,0 +1,192 @@
+//! What can go wrong, with the values that went wrong.
+
+use crate::id::{Processor, Vector};
+use crate::window::WindowErrorKind;
+
+/// Which of the two objects of a processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Object {
+    /// `mail`: written by its processor alone.
+    Mail,
+    /// `data`: written by everybody.
+    Data,
+}
+
+/// A word of the layout that both sides must agree on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LayoutField {
+    /// The number that marks a mailbox file.
+    Magic,
+    /// The version of the layout.
+    Version,
+    /// The number of processors in the system.
+    Processors,
+    /// The processor's own number.
+    Number,
+    /// Slots per ring.
+    Slots,
+    /// Vectors per processor.
+    Vectors,
+    /// Size of `mail` in bytes.
+    MailSize,
+    /// Size of `data` in bytes.
+    DataSize,
+}
+
+/// Whether a request had been taken by the receiver when its sender gave up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// It never entered the ring: it will not run.
+    NotSent,
+    /// It is in the ring, not taken: it may still run later, at most once.
+    Waiting,
+    /// It was taken: its handler has been started, or is about to be.
+    Taken,
+}
+
+/// An error of a mailbox.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The number is not below the number of processors of the system.
+    #[error("{number} does not exist: the system has {processors} processors")]
+    NoSuchProcessor {
+        /// The number that was given.
+        number: Processor,
+        /// How many processors the system has.
+        processors: u8,
+    },
+    /// The vector's number is too large.
+    #[error("{vector} does not exist: a processor has {count} vectors", count = Vector::COUNT)]
+    NoSuchVector {
+        /// The vector that was given.
+        vector: Vector,
+    },
+    /// The vector has a handler already.
+    #[error("{vector} has a handler already")]
+    VectorTaken {
+        /// The vector that was given.
+        vector: Vector,
+    },
+    /// The name of a vector does not fit its field.
+    #[error("the name of {vector} has {len} bytes, more than {max}", max = crate::layout::NAME_BYTES)]
+    NameTooLong {
+        /// The vector that was to be named.
+        vector: Vector,
+        /// The length of the name in bytes.
+        len: usize,
+    },
+    /// The receiver has no handler for the vector.
+    #[error("{to} has no handler for {vector}")]
+    NoHandler {
+        /// The receiver.
+        to: Processor,
+        /// The vector it was asked for.
+        vector: Vector,
+    },
+    /// The mailbox has not joined the system.
+    #[error("{number} has not joined")]
+    NotJoined {
+        /// The mailbox's own number.
+        number: Processor,
+    },
+    /// The receiver has not joined, or has not yet noticed that the sender has.
+    #[error("{to} is not connected")]
+    NotConnected {
+        /// The receiver.
+        to: Processor,
+    },
+    /// The receiver, or a former life of the sender, was built for another system.
+    #[error("{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}")]
+    Layout {
+        /// Whose window it is.
+        processor: Processor,
+        /// Which object.
+        object: Object,
+        /// The word that differs.
+        field: LayoutField,
+        /// What is there.
+        found: u32,
+        /// What should be there.
+        expected: u32,
+    },
+    /// Every slot to the receiver is in use: its ring is full, or that many calls are unanswered.
+    #[error("no free slot to {to}")]
+    NoSlot {
+        /// The receiver.
+        to: Processor,
+    },
+    /// The deadline passed; the receiver was running meanwhile.
+    #[error("{to} did not answer {vector} in time ({progress:?})")]
+    TimedOut {
+        /// The receiver.
+        to: Processor,
+        /// The vector of the request.
+        vector: Vector,
+        /// How far the request had come.
+        progress: Progress,
+    },
+    /// The deadline passed, and the receiver's heart did not beat all the while.
+    ///
+    /// It is stopped, in a breakpoint, or busy without looking; it may recover.
+    #[error("{to} is stalled and did not answer {vector} ({progress:?})")]
+    Stalled {
+        /// The receiver.
+        to: Processor,
+        /// The vector of the request.
+        vector: Vector,
+        /// How far the request had come.
+        progress: Progress,
+    },
+    /// The program that held the receiver's number ended.
+    #[error("{to} died ({progress:?})")]
+    PeerDied {
+        /// The receiver.
+        to: Processor,
+        /// How far the request had come.
+        progress: Progress,
+    },
+    /// The receiver left the system in an orderly way, or was reset by the host.
+    #[error("{to} left ({progress:?})")]
+    PeerLeft {
+        /// The receiver.
+        to: Processor,
+        /// How far the request had come.
+        progress: Progress,
+    },
+    /// The receiver began a new life since the request was sent; the request is gone.
+    #[error("{to} restarted ({progress:?})")]
+    PeerRestarted {
+        /// The receiver.
+        to: Processor,
+        /// How far the request had come.
+        progress: Progress,
+    },
+    /// A handler that is nested this deep may not wait for a reply.
+    #[error("{depth} handlers are in progress: no deeper call is allowed")]
+    TooDeep {
+        /// How many handlers are in progress.
+        depth: u32,
+    },
+    /// The receiver wrote something that no correct peer writes.
+    #[error("{peer} broke the protocol: {word} is {found:#x}")]
+    Protocol {
+        /// Who wrote it.
+        peer: Processor,
+        /// The name of the word.
+        word: &'static str,
+        /// What it held.
+        found: u32,
+    },
+    /// A window refused an access.
+    #[error("{object:?} of {processor}: {kind:?}")]
+    Window {
+        /// Whose window it is.
+        processor: Processor,
+        /// Which object.
+        object: Object,
+        /// What was wrong.
+        kind: WindowErrorKind,
+    },
+}

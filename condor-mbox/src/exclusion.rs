@@ -1,0 +1,53 @@
+//! [`Exclusion`]: how the contexts of one processor keep out of each other's way.
+
+use core::marker::PhantomData;
+
+/// Makes a few instructions of one context indivisible for the other contexts of the processor.
+///
+/// A mailbox reserves and publishes a message inside one such section, so that background,
+/// handlers and servo loops may each be in the middle of a send. Sections are short, bounded,
+/// and never nested by the mailbox.
+///
+/// # For implementers
+///
+/// While `body` runs, no other context that shares the mailbox may enter a section: mask the
+/// interrupts that use it, or take a lock that no interrupt of the holder can wait for. A wrong
+/// implementation loses messages; it cannot make the program unsound.
+pub trait Exclusion {
+    /// Runs `body` alone.
+    fn with<R>(&self, body: impl FnOnce() -> R) -> R;
+}
+
+/// Sections of the [`critical-section`](critical_section) crate: the right choice wherever
+/// interrupts, signals or threads share a mailbox.
+///
+/// The program chooses the implementation: its processor's own crate on bare metal; with
+/// feature `critical-section-std` a global lock, which suits threads.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CriticalSection;
+
+impl Exclusion for CriticalSection {
+    fn with<R>(&self, body: impl FnOnce() -> R) -> R {
+        critical_section::with(|_| body())
+    }
+}
+
+/// No section at all, for a mailbox that one thread alone uses, outside of signal handlers.
+///
+/// It is neither `Send` nor `Sync` in use: a mailbox with it cannot be shared.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SingleContext(PhantomData<*const ()>);
+
+impl SingleContext {
+    /// For a mailbox that stays in the present context.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl Exclusion for SingleContext {
+    fn with<R>(&self, body: impl FnOnce() -> R) -> R {
+        body()
+    }
+}

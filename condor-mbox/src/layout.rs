@@ -1,0 +1,169 @@
+//! The layout of the two objects of a processor, one for every target.
+//!
+//! Everything is a 32-bit little-endian word. `mail` of processor *p* in a system of *N*:
+//!
+//! | line (64 bytes each) | words | written |
+//! |---|---|---|
+//! | 0 | magic, version, processors, number, slots, vectors, data size, life, last life, listeners, process id | at join; listeners by `p` while serving |
+//! | 1 | heartbeat | at every look |
+//! | 2 | attention: not 0 if `p` wants its doorbell rung | around sleeps |
+//! | 3 … | for every sender *s*: epoch, count (what `p` took as a listener) | while listening |
+//! | then | vector table: name (32 bytes), sent, handled, failed, worst handling time in ns | running |
+//! | then | *N* pairs, one for every peer *q* | |
+//!
+//! A pair is a control line (life of `q` that `p` acknowledges, requests of `q` that `p` has
+//! taken), a ring of slots with requests from `p` to `q`, and reply cells for requests from `q`
+//! to `p`. A slot is data, epoch, kind, sequence; a cell is value, epoch, status, sequence. The
+//! sequence is stored last, with release order, and re-read after the rest.
+//!
+//! The *life* of a processor is 0 if it has never joined or has left, [`JOINING`] while its
+//! rings are being cleared, else a number that differs between lives. The *epoch* of a pair is
+//! computed from the lives of both ends, so that nothing of a former life of either is believed.
+//!
+//! `data` begins with one line that belongs to the doorbell; the rest is the users'.
+
+use static_assertions::const_assert;
+
+/// "CNDR" in little-endian order.
+pub const MAGIC: u32 = u32::from_le_bytes(*b"CNDR");
+/// The version of this layout.
+pub const VERSION: u32 = 1;
+/// Bytes of a cache line, as the layout assumes it.
+pub const LINE: u32 = 64;
+/// Slots of a ring, and reply cells of a pair; a power of two.
+pub const SLOTS: u32 = if cfg!(condor_loom) { 2 } else { 8 };
+/// Vectors of a processor.
+pub const VECTORS: usize = if cfg!(condor_loom) { 2 } else { 64 };
+/// Bytes that the name of a vector may have.
+pub const NAME_BYTES: usize = 32;
+/// The life of a processor whose rings are being cleared.
+pub const JOINING: u32 = u32::MAX;
+/// Bytes at the beginning of `data` that belong to the doorbell.
+pub const BELL_BYTES: u32 = LINE;
+
+const_assert!(SLOTS.is_power_of_two());
+
+/// Byte offsets of the words of the header.
+pub mod header {
+    /// [`MAGIC`](super::MAGIC); stored last when a file is formatted.
+    pub const MAGIC: u32 = 0;
+    /// [`VERSION`](super::VERSION).
+    pub const VERSION: u32 = 4;
+    /// Number of processors of the system.
+    pub const PROCESSORS: u32 = 8;
+    /// The processor's own number.
+    pub const NUMBER: u32 = 12;
+    /// [`SLOTS`](super::SLOTS).
+    pub const SLOTS: u32 = 16;
+    /// [`VECTORS`](super::VECTORS).
+    pub const VECTORS: u32 = 20;
+    /// Size of `data` in bytes.
+    pub const DATA_SIZE: u32 = 24;
+    /// The present life, 0 or [`JOINING`](super::JOINING).
+    pub const LIFE: u32 = 28;
+    /// The latest life there was, kept when the processor leaves.
+    pub const LAST_LIFE: u32 = 32;
+    /// A bit for every processor that listens to this number.
+    pub const LISTENERS: u32 = 36;
+    /// Process id of the holder, for people; nothing depends on it.
+    pub const PROCESS_ID: u32 = 40;
+    /// Heartbeat, in a line of its own.
+    pub const HEARTBEAT: u32 = super::LINE;
+    /// Attention, in a line of its own.
+    pub const ATTENTION: u32 = 2 * super::LINE;
+}
+
+const LISTEN: u32 = 3 * LINE;
+const VECTOR_BYTES: u32 = NAME_BYTES as u32 + 16;
+const SLOT_BYTES: u32 = 16;
+const RING_BYTES: u32 = SLOTS * SLOT_BYTES;
+const PAIR_BYTES: u32 = LINE + 2 * RING_BYTES;
+
+const fn whole_lines(bytes: u32) -> u32 {
+    bytes.div_ceil(LINE) * LINE
+}
+
+const fn vectors(processors: u32) -> u32 {
+    LISTEN + whole_lines(processors * 8)
+}
+
+const fn pairs(processors: u32) -> u32 {
+    vectors(processors) + whole_lines(VECTORS as u32 * VECTOR_BYTES)
+}
+
+/// Size of `mail` in bytes in a system of `processors`.
+#[must_use]
+pub const fn mail_bytes(processors: u32) -> u32 {
+    pairs(processors) + processors * PAIR_BYTES
+}
+
+/// Offset of the two words (epoch, count) that say what a listener took from `sender`.
+#[must_use]
+pub const fn listen(sender: u32) -> u32 {
+    LISTEN + sender * 8
+}
+
+/// Byte offsets in an entry of the vector table.
+pub mod vector {
+    /// The name: UTF-8, padded with zeros.
+    pub const NAME: u32 = 0;
+    /// Messages that this processor sent to this vector of any processor.
+    pub const SENT: u32 = super::NAME_BYTES as u32;
+    /// Messages that this processor handled.
+    pub const HANDLED: u32 = SENT + 4;
+    /// Messages of this processor to this vector that ended in an error.
+    pub const FAILED: u32 = SENT + 8;
+    /// The longest that a handler took, in ns.
+    pub const WORST: u32 = SENT + 12;
+}
+
+/// Offset of the entry of a vector.
+#[must_use]
+pub const fn vector_entry(processors: u32, vector: u32) -> u32 {
+    vectors(processors) + vector * VECTOR_BYTES
+}
+
+/// Offset of the pair that a `mail` keeps for `peer`: the life of the peer it acknowledges.
+#[must_use]
+pub const fn acknowledged(processors: u32, peer: u32) -> u32 {
+    pairs(processors) + peer * PAIR_BYTES
+}
+
+/// Offset of the count of requests of `peer` that have been taken.
+#[must_use]
+pub const fn taken(processors: u32, peer: u32) -> u32 {
+    acknowledged(processors, peer) + 4
+}
+
+/// Offset of the slot for request `sequence` to `peer`.
+#[must_use]
+pub const fn slot(processors: u32, peer: u32, sequence: u32) -> u32 {
+    acknowledged(processors, peer) + LINE + (sequence % SLOTS) * SLOT_BYTES
+}
+
+/// Offset of reply cell `cell` for requests of `peer`.
+#[must_use]
+pub const fn cell(processors: u32, peer: u32, cell: u32) -> u32 {
+    acknowledged(processors, peer) + LINE + RING_BYTES + (cell % SLOTS) * SLOT_BYTES
+}
+
+/// Byte offsets in a slot and in a cell.
+pub mod entry {
+    /// The data of a request, the value of a reply.
+    pub const VALUE: u32 = 0;
+    /// The epoch of the pair.
+    pub const EPOCH: u32 = 4;
+    /// Kind, vector and cell of a request; status of a reply.
+    pub const KIND: u32 = 8;
+    /// The sequence, stored last.
+    pub const SEQUENCE: u32 = 12;
+}
+
+/// The epoch of requests from a sender to a receiver in their present lives; never 0.
+#[must_use]
+pub const fn epoch(sender_life: u32, receiver_life: u32) -> u32 {
+    let mixed = sender_life
+        .wrapping_mul(0x9E37_79B1)
+        .wrapping_add(receiver_life.wrapping_mul(0x85EB_CA77));
+    if mixed == 0 { 1 } else { mixed }
+}

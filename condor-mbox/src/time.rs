@@ -1,0 +1,62 @@
+//! Time as an argument: monotonic nanoseconds from whatever clock the platform has.
+
+use core::ops::Deref;
+use core::time::Duration;
+
+/// A point on a [`Clock`], in nanoseconds since an arbitrary origin.
+///
+/// Instants of different clocks must not be compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Instant(u64);
+
+impl Instant {
+    /// The end of time: a wait until then has no deadline of its own.
+    pub const FOREVER: Self = Self(u64::MAX);
+
+    /// The instant `ns` nanoseconds after the clock's origin.
+    #[must_use]
+    pub const fn from_ns(ns: u64) -> Self {
+        Self(ns)
+    }
+
+    /// Nanoseconds since the clock's origin.
+    #[must_use]
+    pub const fn as_ns(self) -> u64 {
+        self.0
+    }
+
+    /// The instant `span` later, at most [`FOREVER`](Self::FOREVER).
+    #[must_use]
+    pub const fn after(self, span: Duration) -> Self {
+        Self(self.0.saturating_add(whole_ns(span)))
+    }
+
+    /// Nanoseconds from `earlier` until here; zero if `earlier` is later.
+    #[must_use]
+    pub const fn ns_since(self, earlier: Self) -> u64 {
+        self.0.saturating_sub(earlier.0)
+    }
+}
+
+/// `span` in nanoseconds, at most `u64::MAX`.
+pub(crate) const fn whole_ns(span: Duration) -> u64 {
+    let ns = span.as_nanos();
+    if ns > u64::MAX as u128 { u64::MAX } else { ns as u64 }
+}
+
+/// A monotonic clock.
+///
+/// # For implementers
+///
+/// `now` is called once per look of a spinning wait, so it should cost tens of nanoseconds.
+/// It must never run backwards as seen by one processor.
+pub trait Clock {
+    /// The present instant.
+    fn now(&self) -> Instant;
+}
+
+impl<T: Deref<Target: Clock>> Clock for T {
+    fn now(&self) -> Instant {
+        (**self).now()
+    }
+}

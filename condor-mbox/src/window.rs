@@ -1,0 +1,200 @@
+//! [`MemoryWindow`]: a range of a processor's memory, reached by checked offset.
+
+use core::fmt::Debug;
+use core::ops::Deref;
+
+/// The order of a load relative to the accesses around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LoadOrder {
+    /// No order; only the word itself is read whole.
+    Relaxed,
+    /// What the writer of the word stored before its `Release` store is seen after this load.
+    Acquire,
+}
+
+/// The order of a store relative to the accesses around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StoreOrder {
+    /// No order; only the word itself is written whole.
+    Relaxed,
+    /// Everything before this store is seen by whoever reads the word with `Acquire`.
+    Release,
+}
+
+/// What is wrong with an access, for code that is generic over windows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum WindowErrorKind {
+    /// The access does not lie wholly inside the window.
+    OutOfBounds,
+    /// The offset is not a multiple of four.
+    Misaligned,
+    /// The window is mapped for reading only.
+    ReadOnly,
+    /// The memory behind the window is gone: a truncated file, a vanished device.
+    Lost,
+}
+
+/// An error of a window; every backend brings its own.
+pub trait WindowError: Debug {
+    /// The kind that generic code can act on.
+    fn kind(&self) -> WindowErrorKind;
+}
+
+/// A range of a processor's memory that others may read or write at any time.
+///
+/// # For users
+///
+/// Words are 32 bits, little-endian, at offsets that are multiples of four. There is never a
+/// Rust reference into the memory: what is read is a copy, which the peer cannot change
+/// afterwards. Two objects make up a processor: its `mail`, which only it writes, and its
+/// `data`, which everybody writes.
+///
+/// | access | inside | partly or wholly outside | misaligned | mapped read-only | memory gone |
+/// |---|---|---|---|---|---|
+/// | `load` | the word | `OutOfBounds` | `Misaligned` | the word | `Lost` |
+/// | `store` | done | `OutOfBounds` | `Misaligned` | `ReadOnly` | `Lost` |
+/// | `read`, `write` of *n* > 0 bytes | all *n* | `OutOfBounds`, nothing copied | `Misaligned`, nothing copied | `write`: `ReadOnly` | `Lost`, a prefix may have been copied |
+/// | `read`, `write` of 0 bytes at an aligned offset ≤ `size` | nothing | `OutOfBounds` | `Misaligned` | nothing | nothing |
+///
+/// # For implementers
+///
+/// `load` and `store` must be single 32-bit atomic accesses with the given order; all accesses
+/// to the memory go through such words, because mixed-size atomic accesses are undefined
+/// behaviour. The provided `read` and `write` do so; override them only to be faster. An
+/// access to memory that has gone must return `Lost`, never a signal or a trap. `size` never
+/// changes. Call [`conformance::window`](crate::conformance::window) from one test.
+pub trait MemoryWindow {
+    /// The backend's error.
+    type Error: WindowError;
+
+    /// Size in bytes, a multiple of four.
+    fn size(&self) -> u32;
+
+    /// Reads the word at `offset` bytes.
+    ///
+    /// # Errors
+    /// See the table above.
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, Self::Error>;
+
+    /// Writes the word at `offset` bytes.
+    ///
+    /// # Errors
+    /// See the table above.
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Self::Error>;
+
+    /// The error for an access of `len` bytes at `offset`, if it is misaligned or not inside.
+    ///
+    /// # Errors
+    /// `Misaligned` or `OutOfBounds`.
+    fn check(&self, offset: u32, len: usize) -> Result<(), Self::Error>;
+
+    /// Copies bytes out of the window, word by word with `Relaxed` order.
+    ///
+    /// Bytes that a peer writes at the same time may be old or new, word by word.
+    ///
+    /// # Errors
+    /// See the table above.
+    fn read(&self, offset: u32, into: &mut [u8]) -> Result<(), Self::Error> {
+        self.check(offset, into.len())?;
+        let mut at = offset;
+        for bytes in into.chunks_mut(4) {
+            let word = self.load(at, LoadOrder::Relaxed)?.to_le_bytes();
+            for (byte, value) in bytes.iter_mut().zip(word) {
+                *byte = value;
+            }
+            at = at.wrapping_add(4);
+        }
+        Ok(())
+    }
+
+    /// Copies bytes into the window, word by word with `Relaxed` order.
+    ///
+    /// The last word, if only partly covered, is read and written back whole: two writers must
+    /// not share a word.
+    ///
+    /// # Errors
+    /// See the table above.
+    fn write(&self, offset: u32, from: &[u8]) -> Result<(), Self::Error> {
+        self.check(offset, from.len())?;
+        let mut at = offset;
+        for bytes in from.chunks(4) {
+            let mut word = [0; 4];
+            if bytes.len() < 4 {
+                word = self.load(at, LoadOrder::Relaxed)?.to_le_bytes();
+            }
+            for (byte, value) in word.iter_mut().zip(bytes) {
+                *byte = *value;
+            }
+            self.store(at, u32::from_le_bytes(word), StoreOrder::Relaxed)?;
+            at = at.wrapping_add(4);
+        }
+        Ok(())
+    }
+}
+
+/// A window whose memory has an indivisible compare-and-swap, across all its processors.
+///
+/// # For implementers
+///
+/// Implement it only where the operation is indivisible for *every* processor that maps the
+/// memory; a core's own exclusive access over a bus without locking is not.
+pub trait CompareExchange: MemoryWindow {
+    /// Writes `new` at `offset` if the word there is `current`; with acquire and release order.
+    ///
+    /// Gives the word that was there: equal to `current` if and only if `new` was written.
+    ///
+    /// # Errors
+    /// As [`MemoryWindow::store`].
+    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, Self::Error>;
+}
+
+impl<T: Deref<Target: MemoryWindow>> MemoryWindow for T {
+    type Error = <T::Target as MemoryWindow>::Error;
+
+    fn size(&self) -> u32 {
+        (**self).size()
+    }
+
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, Self::Error> {
+        (**self).load(offset, order)
+    }
+
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Self::Error> {
+        (**self).store(offset, value, order)
+    }
+
+    fn check(&self, offset: u32, len: usize) -> Result<(), Self::Error> {
+        (**self).check(offset, len)
+    }
+
+    fn read(&self, offset: u32, into: &mut [u8]) -> Result<(), Self::Error> {
+        (**self).read(offset, into)
+    }
+
+    fn write(&self, offset: u32, from: &[u8]) -> Result<(), Self::Error> {
+        (**self).write(offset, from)
+    }
+}
+
+impl<T: Deref<Target: CompareExchange>> CompareExchange for T {
+    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, Self::Error> {
+        (**self).compare_exchange(offset, current, new)
+    }
+}
+
+/// The kind of error for an access of `len` bytes at `offset` of a window of `size` bytes.
+///
+/// Backends build [`MemoryWindow::check`] on it.
+///
+/// # Errors
+/// `Misaligned` or `OutOfBounds`.
+pub const fn check_access(size: u32, offset: u32, len: usize) -> Result<(), WindowErrorKind> {
+    if !offset.is_multiple_of(4) {
+        Err(WindowErrorKind::Misaligned)
+    } else if offset > size || ((size - offset) as usize) < len {
+        Err(WindowErrorKind::OutOfBounds)
+    } else {
+        Ok(())
+    }
+}
