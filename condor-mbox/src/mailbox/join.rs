@@ -1,7 +1,7 @@
 //! Joining and leaving the system, and noticing that others did.
 
 use super::pair::{Pair, Word};
-use super::{Mailbox, Peer, Waiting, listen};
+use super::{Mailbox, Peer, Waiting, listen, vectors};
 use crate::doorbell::Doorbell;
 use crate::error::Error;
 use crate::exclusion::Exclusion;
@@ -31,7 +31,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             assert!(
                 N >= 1 && N <= Processor::MAX_COUNT,
                 "a system has 1 to 32 processors"
-            )
+            );
         };
         let this = Self {
             me: number,
@@ -60,7 +60,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         // From here on nobody believes the former life. Release: pairs with the Acquire loads of
         // the life; what follows must not be seen by who still believes it, see `clear`.
         own.mail.store(header::LIFE, JOINING, StoreOrder::Release)?;
-        this.clear_vectors(&own.mail)?;
+        vectors::clear(&own.mail)?;
         Ok(this)
     }
 

@@ -17,7 +17,7 @@ use crate::doorbell::{Doorbell, Evidence};
 use crate::error::Error;
 use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
-use crate::layout::header;
+use crate::layout::{JOINING, header};
 use crate::mail::Mail;
 use crate::window::{LoadOrder, MemoryWindow};
 use crate::windows::Windows;
@@ -94,7 +94,7 @@ struct Peer<'m, W> {
     pair: &'m Pair,
 }
 
-impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v, W, D, X, N> {
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
     /// The mailbox's own number.
     #[must_use]
     pub const fn number(&self) -> Processor {
@@ -127,7 +127,7 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
         Ok(match peer.mail.load(header::LIFE, LoadOrder::Acquire)? {
             0 => PeerState::Absent,
             life if self.doorbell.evidence(processor) == Evidence::Dead => PeerState::Dead { life },
-            crate::layout::JOINING => PeerState::Joining,
+            JOINING => PeerState::Joining,
             life => PeerState::Up {
                 life,
                 connected: self.is_connected(&peer)?,
@@ -163,5 +163,15 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
 
     fn peers(&self) -> impl Iterator<Item = Peer<'_, W>> {
         (0..N as u8).filter_map(|number| self.peer(Processor(number)).ok())
+    }
+}
+
+impl<W: MemoryWindow> Peer<'_, W> {
+    /// Whether the peer lives, as far as its own `mail` says.
+    fn has_joined(&self) -> Result<bool, Error> {
+        Ok(!matches!(
+            self.mail.load(header::LIFE, LoadOrder::Relaxed)?,
+            0 | JOINING
+        ))
     }
 }

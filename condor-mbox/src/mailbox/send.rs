@@ -9,7 +9,7 @@ use crate::doorbell::Doorbell;
 use crate::error::{Error, Progress};
 use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
-use crate::layout::{self, JOINING, SLOTS, header};
+use crate::layout::{self, SLOTS, header};
 use crate::mail::Entry;
 use crate::sync::{Ordering, fence};
 use crate::time::Instant;
@@ -50,7 +50,7 @@ enum Refusal {
     Listeners,
 }
 
-impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v, W, D, X, N> {
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
     /// Sends `data` to `vector` of `to`, which may be this processor, and does not wait for its
     /// handler (memo, section 3.3.1).
     ///

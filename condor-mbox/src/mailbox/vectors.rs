@@ -130,12 +130,12 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
         }
         Ok(())
     }
+}
 
-    /// Empties the table in `mail`.
-    pub(super) fn clear_vectors(&self, own: &Mail<'_, W>) -> Result<(), Error> {
-        for at in (own.vector(0)..own.vector(Vector::COUNT)).step_by(4) {
-            own.store(at, 0, StoreOrder::Relaxed)?;
-        }
-        Ok(())
+/// Empties the table in `own`.
+pub(super) fn clear<W: MemoryWindow>(own: &Mail<'_, W>) -> Result<(), Error> {
+    for at in (own.vector(0)..own.vector(Vector::COUNT)).step_by(4) {
+        own.store(at, 0, StoreOrder::Relaxed)?;
     }
+    Ok(())
 }
