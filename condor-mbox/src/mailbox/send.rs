@@ -207,7 +207,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 Ok(pending) => return Ok((pending, limit)),
                 Err(refusal) => refusal.error(to),
             },
-            Ok(End::Expired { stalled: true }) if self.has_joined(peer)? => Error::Stalled {
+            Ok(End::Expired { stalled: true }) if peer.has_joined()? => Error::Stalled {
                 to,
                 vector,
                 progress,
@@ -218,13 +218,6 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         };
         self.count_failure(vector);
         Err(error)
-    }
-
-    fn has_joined(&self, peer: &Peer<'_, W>) -> Result<bool, Error> {
-        Ok(!matches!(
-            peer.mail.load(header::LIFE, LoadOrder::Relaxed)?,
-            0 | JOINING
-        ))
     }
 
     fn check(&self, kind: u32) -> Result<Vector, Error> {
