@@ -6,10 +6,13 @@ mod error;
 mod exclusion;
 mod id;
 pub mod layout;
+#[cfg(feature = "linux")]
+pub mod linux;
 #[allow(dead_code, unused_imports)]
 mod sync;
 mod time;
 mod window;
+mod windows;
 
 pub use doorbell::{Doorbell, Evidence};
 pub use error::{Error, LayoutField, Object, Progress};
@@ -20,3 +23,4 @@ pub use window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
     check_access,
 };
+pub use windows::Windows;
