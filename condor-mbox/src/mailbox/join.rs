@@ -178,7 +178,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
         let others = own.load(header::LISTENERS, LoadOrder::Relaxed)? & !(1 << peer.number.0);
         own.store(header::LISTENERS, others, StoreOrder::Relaxed)?;
-        peer.pair.begin(0, 0, 0);
+        peer.pair.end();
         if matches!(life, 0 | JOINING) {
             return Ok(());
         }

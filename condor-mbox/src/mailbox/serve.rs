@@ -124,7 +124,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     fn take_alone(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
         let pair = peer.pair;
         let depth = self.depth.get();
-        if depth >= MAX_DEPTH || pair.life.get() == 0 {
+        if depth >= MAX_DEPTH {
             return Ok(None);
         }
         let sequence = pair.tail.get().wrapping_add(1);
@@ -132,6 +132,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Some(entry) = peer.mail.get(slot, sequence)? else {
             return Ok(None);
         };
+        // An epoch is never 0, so nothing is taken from a peer that has not been acknowledged.
         if entry.epoch != pair.epoch_in.get() {
             return Ok(None);
         }
