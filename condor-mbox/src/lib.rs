@@ -18,7 +18,7 @@ mod window;
 mod windows;
 
 pub use doorbell::{Doorbell, Evidence};
-pub use error::{Error, LayoutField, Object, Progress};
+pub use error::{Error, LayoutField, Object, Progress, ProtocolWord};
 pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 pub use id::{Processor, Vector};
 pub use mailbox::{
@@ -28,6 +28,6 @@ pub use mailbox::{
 pub use time::{Clock, Instant};
 pub use window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-    check_access,
+    check_access, check_word,
 };
 pub use windows::Windows;

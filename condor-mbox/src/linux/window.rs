@@ -15,7 +15,7 @@ use rustix::mm::{MapFlags, ProtFlags};
 use super::fault::{self, GuardError, Guarded};
 use crate::window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-    check_access,
+    check_access, check_word,
 };
 
 /// What a mapping allows.
@@ -295,6 +295,7 @@ impl LinuxWindow {
 
     /// Whether the memory behind the window was found to be gone.
     #[must_use]
+    #[inline(always)]
     pub fn is_lost(&self) -> bool {
         // Set by the handler of `fault`; nothing else is read on the strength of it.
         self.lost.load(Ordering::Relaxed)
@@ -304,10 +305,12 @@ impl LinuxWindow {
     ///
     /// Words hold little-endian values. A window that is mapped read-only gives words that must
     /// not be stored to: the caller has asked `check_store`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, LinuxWindowError> {
-        self.check(offset, 4)?;
-        // SAFETY: the word is inside the mapping and aligned, as `check` found and as pages are;
+        if let Err(kind) = check_word(self.size, offset) {
+            return Err(self.refused(kind, offset, 4));
+        }
+        // SAFETY: the word is inside the mapping and aligned, as `check_word` found and as pages are;
         // `_mapping` keeps it mapped as long as `self`. All accesses of this process go through
         // such words; peers and the handler of `fault` may change it at any time, as atomics
         // may be changed. An atomic load with at most Acquire order of a word of four bytes is
@@ -330,7 +333,7 @@ impl LinuxWindow {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn check_store(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
         match self.access {
             Access::ReadWrite => Ok(()),
@@ -340,7 +343,7 @@ impl LinuxWindow {
 
     /// To be called after an access of Acquire or `SeqCst` order, or after such a fence: then the
     /// flag is read after the memory, also by a thread that did not run the handler itself.
-    #[inline]
+    #[inline(always)]
     fn check_lost(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
         core::sync::atomic::compiler_fence(Ordering::SeqCst);
         if self.is_lost() {
@@ -358,7 +361,7 @@ impl MemoryWindow for LinuxWindow {
         self.size
     }
 
-    #[inline]
+    #[inline(always)]
     fn load(&self, offset: u32, _order: LoadOrder) -> Result<u32, LinuxWindowError> {
         // Acquire, also where Relaxed was asked for: `check_lost` must come after it. What else
         // it pairs with is the caller's matter.
@@ -367,7 +370,7 @@ impl MemoryWindow for LinuxWindow {
         Ok(u32::from_le(value))
     }
 
-    #[inline]
+    #[inline(always)]
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), LinuxWindowError> {
         let word = self.word(offset)?;
         self.check_store(offset, 4)?;

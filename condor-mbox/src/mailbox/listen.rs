@@ -16,7 +16,7 @@ use crate::error::Error;
 use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
 use crate::layout::{self, JOINING, SLOTS, entry, header};
-use crate::mail::Entry;
+use crate::mail::{Entry, Mail};
 use crate::time::Instant;
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
@@ -106,7 +106,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             // What the holder has taken by now was sent before.
             let taken = peer
                 .mail
-                .load(peer.mail.taken(sender.number), LoadOrder::Acquire)?;
+                .load(Mail::<W, N>::taken(sender.number), LoadOrder::Acquire)?;
             let life_of_sender = sender.mail.load(header::LIFE, LoadOrder::Acquire)?;
             self.start_hearing(
                 sender.number,
@@ -297,7 +297,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             return Ok(None);
         }
         let next = heard.tail.get().wrapping_add(1);
-        let slot = sender.mail.slot(holder.number, next);
+        let slot = Mail::<W, N>::slot(holder.number, next);
         let found = sender
             .mail
             .load(slot + entry::SEQUENCE, LoadOrder::Acquire)?;
@@ -384,7 +384,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
             if self.handled {
                 mailbox.served.set(mailbox.served.get().wrapping_add(1));
                 if let Ok(own) = mailbox.own() {
-                    let at = own.vector(self.vector.index()) + layout::vector::HANDLED;
+                    let at = Mail::<W, N>::vector(self.vector.index()) + layout::vector::HANDLED;
                     // As above.
                     let _ = own.add(at, 1);
                 }

@@ -6,11 +6,11 @@ use super::call::{Message, Messenger, Pending, Ticket};
 use super::wait::{End, Limit, Watch};
 use super::{Mailbox, Peer};
 use crate::doorbell::Doorbell;
-use crate::error::{Error, Progress};
+use crate::error::{Error, Progress, ProtocolWord};
 use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
 use crate::layout::{self, SLOTS, header};
-use crate::mail::Entry;
+use crate::mail::{Entry, Mail};
 use crate::sync::{Ordering, fence};
 use crate::time::Instant;
 use crate::window::{LoadOrder, MemoryWindow};
@@ -298,10 +298,13 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             epoch,
             kind: kind | tag,
         };
-        own.put(own.slot(peer.number, sequence), sequence, entry)?;
+        own.put(Mail::<W, N>::slot(peer.number, sequence), sequence, entry)?;
         pair.head.set(sequence);
         let vector = Vector(kind.to_le_bytes()[0]);
-        own.add(own.vector(vector.index()) + layout::vector::SENT, 1)?;
+        own.add(
+            Mail::<W, N>::vector(vector.index()) + layout::vector::SENT,
+            1,
+        )?;
         Ok(Ok((
             Pending {
                 to: peer.number,
@@ -321,12 +324,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         // been read before.
         let count = peer
             .mail
-            .load(peer.mail.taken(self.me), LoadOrder::Acquire)?;
+            .load(Mail::<W, N>::taken(self.me), LoadOrder::Acquire)?;
         let untaken = sequence.wrapping_sub(count);
         if untaken == 0 || untaken > SLOTS + 1 {
             return Err(Error::Protocol {
                 peer: peer.number,
-                word: "taken count",
+                word: ProtocolWord::Taken,
                 found: count,
             });
         }
@@ -342,7 +345,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             return Ok(Some(free));
         }
         for (cell, owner) in (0..SLOTS).zip(&pair.owner) {
-            let late = peer.mail.cell(self.me, cell);
+            let late = Mail::<W, N>::cell(self.me, cell);
             if pair.abandoned.get() & 1 << cell != 0
                 && peer
                     .mail
@@ -358,7 +361,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     /// How far a request had come when its sender gave up.
     fn progress(&self, peer: &Peer<'_, W, N>, pending: &Pending) -> Progress {
-        let taken = peer.mail.load(peer.mail.taken(self.me), LoadOrder::Acquire);
+        let taken = peer
+            .mail
+            .load(Mail::<W, N>::taken(self.me), LoadOrder::Acquire);
         // What the private cursor knows is true even if the receiver has forgotten it since.
         let known = |count: u32| count.wrapping_sub(pending.sequence) <= u32::MAX / 2;
         if known(peer.pair.taken.get()) && peer.pair.epoch_out.get() == pending.epoch {
@@ -383,7 +388,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     fn count_failure(&self, vector: Vector) {
         if let Ok(own) = self.own() {
-            let at = own.vector(vector.index()) + layout::vector::FAILED;
+            let at = Mail::<W, N>::vector(vector.index()) + layout::vector::FAILED;
             // A count that cannot be stored is a window error at the next message.
             let _ = self.exclusion.with(|| own.add(at, 1));
         }
@@ -438,7 +443,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
 
     fn look(&self, pending: &Pending) -> Result<Option<u32>, Error> {
         let peer = self.peer(pending.to)?;
-        let at = peer.mail.cell(self.me, pending.cell);
+        let at = Mail::<W, N>::cell(self.me, pending.cell);
         if let Some(reply) = peer.mail.get(at, pending.sequence)?
             && reply.epoch == pending.epoch
         {
@@ -456,7 +461,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
                 status::HANDLER_FAILED => Err(Error::HandlerFailed { to, vector }),
                 found => Err(Error::Protocol {
                     peer: to,
-                    word: "reply status",
+                    word: ProtocolWord::ReplyStatus,
                     found,
                 }),
             };
