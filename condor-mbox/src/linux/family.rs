@@ -1,6 +1,6 @@
 //! The objects of a family: one process creates them, its descendants inherit them.
 
-use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd, RawFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd, RawFd};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{CWD, MemfdFlags, OFlags, SealFlags};
@@ -149,6 +149,8 @@ fn inherited_memory(descriptor: RawFd, bytes: u32) -> Result<OwnedFd, SystemErro
 
 #[cfg(test)]
 mod tests {
+    use std::os::fd::AsRawFd;
+
     use super::*;
 
     #[test]
