@@ -8,7 +8,10 @@ mod id;
 pub mod layout;
 #[cfg(feature = "linux")]
 pub mod linux;
-#[allow(dead_code, unused_imports)]
+mod mail;
+mod mailbox;
+#[cfg(feature = "sim")]
+pub mod sim;
 mod sync;
 mod time;
 mod window;
@@ -18,6 +21,10 @@ pub use doorbell::{Doorbell, Evidence};
 pub use error::{Error, LayoutField, Object, Progress};
 pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 pub use id::{Processor, Vector};
+pub use mailbox::{
+    Call, Handler, MAX_DEPTH, Mailbox, Message, Messenger, PeerState, Pending, Ticket,
+    VectorStatistics, Waiting,
+};
 pub use time::{Clock, Instant};
 pub use window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
