@@ -294,6 +294,7 @@ impl LinuxWindow {
     }
 
     /// Whether the memory behind the window was found to be gone.
+    #[inline]
     #[must_use]
     pub fn is_lost(&self) -> bool {
         // Set by the handler of `fault`; nothing else is read on the strength of it.
@@ -426,6 +427,7 @@ impl MemoryWindow for LinuxWindow {
 }
 
 impl CompareExchange for LinuxWindow {
+    #[inline]
     fn compare_exchange(
         &self,
         offset: u32,
