@@ -294,6 +294,7 @@ impl LinuxWindow {
     }
 
     /// Whether the memory behind the window was found to be gone.
+    #[inline]
     #[must_use]
     #[inline(always)]
     pub fn is_lost(&self) -> bool {
@@ -429,6 +430,7 @@ impl MemoryWindow for LinuxWindow {
 }
 
 impl CompareExchange for LinuxWindow {
+    #[inline]
     fn compare_exchange(
         &self,
         offset: u32,
@@ -467,5 +469,36 @@ fn uio_range(described: &std::path::Path, map: u32) -> Result<(u64, u32), MapErr
     match u32::try_from(size) {
         Ok(len) => Ok((offset, len)),
         Err(_) => Err(MapError::TooLarge { offset, len: size }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_description_of_a_uio_device_gives_the_range() {
+        let page = rustix::param::page_size() as u64;
+        let directory = tempfile::tempdir().expect("a temporary directory");
+        let describe = |size: &str, offset: &str| {
+            std::fs::write(directory.path().join("size"), size).expect("it is written");
+            std::fs::write(directory.path().join("offset"), offset).expect("it is written");
+            uio_range(directory.path(), 2)
+        };
+        let range = describe("0x0000000000001000\n", "0x10\n").expect("it is well-formed");
+        assert_eq!(range, (2 * page + 0x10, 0x1000));
+        let error = describe("0x100000000\n", "0x0\n").expect_err("it has more than 32 bits");
+        assert!(
+            matches!(
+                error,
+                MapError::TooLarge {
+                    len: 0x1_0000_0000,
+                    ..
+                }
+            ),
+            "{error}"
+        );
+        let error = describe("none\n", "0x0\n").expect_err("it is no number");
+        assert!(matches!(error, MapError::System { .. }), "{error}");
     }
 }
