@@ -6,6 +6,10 @@ mod error;
 mod exclusion;
 mod id;
 pub mod layout;
+mod published;
+mod region;
+#[cfg(not(condor_loom))]
+mod static_memory;
 #[allow(dead_code, unused_imports)]
 mod sync;
 mod time;
@@ -15,6 +19,10 @@ pub use doorbell::{Doorbell, Evidence};
 pub use error::{Error, LayoutField, Object, Progress};
 pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 pub use id::{Processor, Vector};
+pub use published::{Latest, Published, Publisher, ReadError, Subscriber};
+pub use region::{AccessError, Place, Places, Region};
+#[cfg(not(condor_loom))]
+pub use static_memory::{StaticMemory, StaticWindow};
 pub use time::{Clock, Instant};
 pub use window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
