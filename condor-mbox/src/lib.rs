@@ -1,6 +1,8 @@
 //! Mailbox messages between processors that share memory.
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
+#[cfg(feature = "conformance")]
+pub mod conformance;
 mod doorbell;
 mod error;
 mod exclusion;
