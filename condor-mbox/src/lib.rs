@@ -10,6 +10,7 @@ mod id;
 pub mod layout;
 mod published;
 mod region;
+mod spin_lock;
 #[cfg(not(condor_loom))]
 mod static_memory;
 #[allow(dead_code, unused_imports)]
@@ -23,6 +24,10 @@ pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 pub use id::{Processor, Vector};
 pub use published::{Latest, Published, Publisher, ReadError, Subscriber};
 pub use region::{AccessError, Place, Places, Region};
+pub use spin_lock::{
+    Attempt, Bakery, Guard, HardwareSemaphore, Lives, LockError, NativeSwap, Owner, SemaphoreSwap,
+    SpinLock, TestAndSet,
+};
 #[cfg(not(condor_loom))]
 pub use static_memory::{StaticMemory, StaticWindow};
 pub use time::{Clock, Instant};
