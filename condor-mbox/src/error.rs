@@ -85,6 +85,14 @@ pub enum Error {
         /// The vector it was asked for.
         vector: Vector,
     },
+    /// The receiver's handler did not return: it panicked.
+    #[error("the handler of {to} for {vector} failed")]
+    HandlerFailed {
+        /// The receiver.
+        to: Processor,
+        /// The vector it was asked for.
+        vector: Vector,
+    },
     /// The mailbox has not joined the system.
     #[error("{number} has not joined")]
     NotJoined {
@@ -98,7 +106,9 @@ pub enum Error {
         to: Processor,
     },
     /// The receiver, or a former life of the sender, was built for another system.
-    #[error("{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}")]
+    #[error(
+        "{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}"
+    )]
     Layout {
         /// Whose window it is.
         processor: Processor,

@@ -8,20 +8,30 @@ mod error;
 mod exclusion;
 mod id;
 pub mod layout;
+#[cfg(feature = "linux")]
+pub mod linux;
+mod mail;
+mod mailbox;
 mod published;
 mod region;
+#[cfg(feature = "sim")]
+pub mod sim;
 mod spin_lock;
 #[cfg(not(condor_loom))]
 mod static_memory;
-#[allow(dead_code, unused_imports)]
 mod sync;
 mod time;
 mod window;
+mod windows;
 
 pub use doorbell::{Doorbell, Evidence};
 pub use error::{Error, LayoutField, Object, Progress};
 pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 pub use id::{Processor, Vector};
+pub use mailbox::{
+    Call, Handler, MAX_DEPTH, Mailbox, Message, Messenger, PeerState, Pending, Ticket,
+    VectorStatistics, Waiting,
+};
 pub use published::{Latest, Published, Publisher, ReadError, Subscriber};
 pub use region::{AccessError, Place, Places, Region};
 pub use spin_lock::{
@@ -35,3 +45,4 @@ pub use window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
     check_access,
 };
+pub use windows::Windows;
