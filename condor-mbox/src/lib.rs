@@ -6,6 +6,8 @@ mod error;
 mod exclusion;
 mod id;
 pub mod layout;
+#[cfg(feature = "linux")]
+pub mod linux;
 mod mail;
 mod mailbox;
 #[cfg(feature = "sim")]

@@ -6,13 +6,22 @@ use crate::layout::{self, entry, header};
 use crate::sync::{Ordering, fence};
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
 
-/// The `mail` of `owner` in a system of `processors`.
-#[derive(Clone, Copy)]
-pub(crate) struct Mail<'w, W> {
+/// The `mail` of `owner` in a system of `N` processors.
+///
+/// The accesses are inlined: offsets are constants but for the peer's number, and a message is
+/// some thirty of them.
+pub(crate) struct Mail<'w, W, const N: usize> {
     window: &'w W,
     owner: Processor,
-    processors: u32,
 }
+
+impl<W, const N: usize> Clone for Mail<'_, W, N> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<W, const N: usize> Copy for Mail<'_, W, N> {}
 
 /// A slot or a reply cell, read once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,21 +31,22 @@ pub(crate) struct Entry {
     pub(crate) kind: u32,
 }
 
-impl<'w, W: MemoryWindow> Mail<'w, W> {
-    pub(crate) fn new(window: &'w W, owner: Processor, processors: usize) -> Self {
-        Self {
-            window,
-            owner,
-            processors: processors as u32,
-        }
+impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
+    const PROCESSORS: u32 = N as u32;
+
+    #[inline(always)]
+    pub(crate) const fn new(window: &'w W, owner: Processor) -> Self {
+        Self { window, owner }
     }
 
+    #[inline(always)]
     pub(crate) fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, Error> {
         self.window
             .load(offset, order)
             .map_err(|error| self.refused(&error))
     }
 
+    #[inline(always)]
     pub(crate) fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Error> {
         self.window
             .store(offset, value, order)
@@ -44,11 +54,13 @@ impl<'w, W: MemoryWindow> Mail<'w, W> {
     }
 
     /// Adds `step` to a statistics word; the owner is its only writer.
+    #[inline(always)]
     pub(crate) fn add(&self, offset: u32, step: u32) -> Result<(), Error> {
         let old = self.load(offset, LoadOrder::Relaxed)?;
         self.store(offset, old.wrapping_add(step), StoreOrder::Relaxed)
     }
 
+    #[cold]
     fn refused(&self, error: &W::Error) -> Error {
         Error::Window {
             processor: self.owner,
@@ -57,33 +69,40 @@ impl<'w, W: MemoryWindow> Mail<'w, W> {
         }
     }
 
+    #[inline(always)]
     pub(crate) fn slot(&self, peer: Processor, sequence: u32) -> u32 {
-        layout::slot(self.processors, u32::from(peer.0), sequence)
+        layout::slot(Self::PROCESSORS, u32::from(peer.0), sequence)
     }
 
+    #[inline(always)]
     pub(crate) fn cell(&self, peer: Processor, cell: u32) -> u32 {
-        layout::cell(self.processors, u32::from(peer.0), cell)
+        layout::cell(Self::PROCESSORS, u32::from(peer.0), cell)
     }
 
+    #[inline(always)]
     pub(crate) fn acknowledged(&self, peer: Processor) -> u32 {
-        layout::acknowledged(self.processors, u32::from(peer.0))
+        layout::acknowledged(Self::PROCESSORS, u32::from(peer.0))
     }
 
+    #[inline(always)]
     pub(crate) fn taken(&self, peer: Processor) -> u32 {
-        layout::taken(self.processors, u32::from(peer.0))
+        layout::taken(Self::PROCESSORS, u32::from(peer.0))
     }
 
+    #[inline(always)]
     pub(crate) fn vector(&self, vector: usize) -> u32 {
-        layout::vector_entry(self.processors, vector as u32)
+        layout::vector_entry(Self::PROCESSORS, vector as u32)
     }
 
     /// Whether the entry at `at` carries `sequence`: one load, for waiting.
+    #[inline(always)]
     pub(crate) fn carries(&self, at: u32, sequence: u32) -> Result<bool, Error> {
         // Acquire: pairs with the Release store of the sequence in `put`.
         Ok(self.load(at + entry::SEQUENCE, LoadOrder::Acquire)? == sequence)
     }
 
     /// Reads the entry at `at` if it carries `sequence` before and after.
+    #[inline(always)]
     pub(crate) fn get(&self, at: u32, sequence: u32) -> Result<Option<Entry>, Error> {
         if !self.carries(at, sequence)? {
             return Ok(None);
@@ -101,6 +120,7 @@ impl<'w, W: MemoryWindow> Mail<'w, W> {
     }
 
     /// Writes the entry at `at`; whoever finds `sequence` there finds the whole entry.
+    #[inline(always)]
     pub(crate) fn put(&self, at: u32, sequence: u32, new: Entry) -> Result<(), Error> {
         // The number before `sequence` belongs to another slot, so nobody looks for it here.
         self.store(
@@ -122,7 +142,11 @@ impl<'w, W: MemoryWindow> Mail<'w, W> {
         let expected = [
             (LayoutField::Magic, header::MAGIC, layout::MAGIC),
             (LayoutField::Version, header::VERSION, layout::VERSION),
-            (LayoutField::Processors, header::PROCESSORS, self.processors),
+            (
+                LayoutField::Processors,
+                header::PROCESSORS,
+                Self::PROCESSORS,
+            ),
             (LayoutField::Number, header::NUMBER, u32::from(self.owner.0)),
             (LayoutField::Slots, header::SLOTS, layout::SLOTS),
             (
@@ -143,7 +167,7 @@ impl<'w, W: MemoryWindow> Mail<'w, W> {
 
     /// Checks the sizes of both objects, before anything is read.
     pub(crate) fn check_sizes(&self, data_bytes: u32) -> Result<(), Error> {
-        let (found, expected) = (self.window.size(), layout::mail_bytes(self.processors));
+        let (found, expected) = (self.window.size(), layout::mail_bytes(Self::PROCESSORS));
         if found < expected {
             return Err(self.disagrees(Object::Mail, LayoutField::MailSize, found, expected));
         }
@@ -168,7 +192,7 @@ impl<'w, W: MemoryWindow> Mail<'w, W> {
     pub(crate) fn format(&self, data_bytes: u32) -> Result<(), Error> {
         for (offset, value) in [
             (header::VERSION, layout::VERSION),
-            (header::PROCESSORS, self.processors),
+            (header::PROCESSORS, Self::PROCESSORS),
             (header::NUMBER, u32::from(self.owner.0)),
             (header::SLOTS, layout::SLOTS),
             (header::VECTORS, layout::VECTORS as u32),

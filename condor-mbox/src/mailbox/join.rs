@@ -51,11 +51,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             listening: listen::Listening::new(),
         };
         let own = this.peer(number)?;
-        own.mail.check_sizes(own.data_bytes)?;
+        let data_bytes = own.windows.data.size();
+        own.mail.check_sizes(data_bytes)?;
         if own.mail.load(header::MAGIC, LoadOrder::Acquire)? == 0 {
-            own.mail.format(own.data_bytes)?;
+            own.mail.format(data_bytes)?;
         } else {
-            own.mail.check_layout(own.data_bytes)?;
+            own.mail.check_layout(data_bytes)?;
         }
         // From here on nobody believes the former life. Release: pairs with the Acquire loads of
         // the life; what follows must not be seen by who still believes it, see `clear`.
@@ -110,14 +111,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// # Errors
     /// [`Error::Layout`] if nothing has ever joined there; [`Error::Window`].
     pub fn declare_stopped(processor: Processor, windows: &Windows<W>) -> Result<(), Error> {
-        let mail = Mail::new(&windows.mail, processor, N);
+        let mail = Mail::<_, N>::new(&windows.mail, processor);
         mail.check_sizes(windows.data.size())?;
         mail.check_layout(windows.data.size())?;
         mail.store(header::LIFE, 0, StoreOrder::Release)
     }
 
     /// Empties every ring and cell of our own `mail`.
-    fn clear(&self, own: &Mail<'_, W>) -> Result<(), Error> {
+    fn clear(&self, own: &Mail<'_, W, N>) -> Result<(), Error> {
         for peer in self.peers() {
             for index in 0..SLOTS {
                 for at in [own.slot(peer.number, index), own.cell(peer.number, index)] {
@@ -146,11 +147,20 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Looks whether `peer` began or ended a life, and acknowledges it.
-    pub(super) fn notice(&self, peer: &Peer<'_, W>) -> Result<(), Error> {
+    #[inline(always)]
+    pub(super) fn notice(&self, peer: &Peer<'_, W, N>) -> Result<(), Error> {
         // Acquire: pairs with the Release store of the life in `join`.
         let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        if life == peer.pair.life.get()
-            || peer.number == self.me
+        if life == peer.pair.life.get() {
+            Ok(())
+        } else {
+            self.change_life(peer, life)
+        }
+    }
+
+    #[cold]
+    fn change_life(&self, peer: &Peer<'_, W, N>, life: u32) -> Result<(), Error> {
+        if peer.number == self.me
             || self.life.get() == 0
             || (matches!(life, 0 | JOINING) && peer.pair.life.get() == 0)
         {
@@ -161,19 +171,18 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         self.wake(peer)
     }
 
-    fn acknowledge(&self, peer: &Peer<'_, W>, own: &Mail<'_, W>) -> Result<(), Error> {
+    fn acknowledge(&self, peer: &Peer<'_, W, N>, own: &Mail<'_, W, N>) -> Result<(), Error> {
         let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
         if life == peer.pair.life.get() {
             return Ok(());
         }
         let others = own.load(header::LISTENERS, LoadOrder::Relaxed)? & !(1 << peer.number.0);
         own.store(header::LISTENERS, others, StoreOrder::Relaxed)?;
-        peer.pair.begin(0, 0, 0);
+        peer.pair.end();
         if matches!(life, 0 | JOINING) {
             return Ok(());
         }
-        peer.mail.check_sizes(peer.data_bytes)?;
-        peer.mail.check_layout(peer.data_bytes)?;
+        peer.check_layout()?;
         let ours = self.life.get();
         peer.pair
             .begin(life, layout::epoch(ours, life), layout::epoch(life, ours));
@@ -184,12 +193,13 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Whether both sides have acknowledged each other's present life.
-    pub(super) fn is_connected(&self, peer: &Peer<'_, W>) -> Result<bool, Error> {
-        if peer.pair.life.get() == 0 || self.life.get() == 0 {
-            return Ok(false);
-        }
+    #[inline(always)]
+    pub(super) fn is_connected(&self, peer: &Peer<'_, W, N>) -> Result<bool, Error> {
         if peer.pair.connected.get() != 0 {
             return Ok(true);
+        }
+        if peer.pair.life.get() == 0 || self.life.get() == 0 {
+            return Ok(false);
         }
         // Acquire: pairs with the Release store in `acknowledge`.
         let acknowledged = peer

@@ -142,7 +142,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Whether the holder of the number has set our bit.
-    fn is_admitted(&self, holder: &Peer<'_, W>) -> Result<bool, Error> {
+    fn is_admitted(&self, holder: &Peer<'_, W, N>) -> Result<bool, Error> {
         // Acquire: pairs with the Release store in `admit_listener`.
         Ok(holder.mail.load(header::LISTENERS, LoadOrder::Acquire)? & 1 << self.me.0 != 0)
     }
@@ -164,7 +164,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Whether every listener in the set `listeners` has taken what request `sequence` overwrites.
     pub(super) fn listeners_keep_up(
         &self,
-        peer: &Peer<'_, W>,
+        peer: &Peer<'_, W, N>,
         listeners: u32,
         sequence: u32,
         leave_behind: bool,
@@ -189,7 +189,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     /// How many requests in `epoch` up to `sequence` the listener has not taken; 0 if it has not
     /// begun to hear this epoch, or its memory is gone.
-    fn untaken_by(&self, listener: &Peer<'_, W>, epoch: u32, sequence: u32) -> u32 {
+    fn untaken_by(&self, listener: &Peer<'_, W, N>, epoch: u32, sequence: u32) -> u32 {
         let at = layout::listen(u32::from(self.me.0));
         // Acquire: pairs with the Release stores in `start_hearing` and `hear_alone`.
         match listener.mail.load(at, LoadOrder::Acquire) {
@@ -201,7 +201,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Leaves those listeners behind whose programs are known to have ended.
-    pub(super) fn leave_dead_behind(&self, peer: &Peer<'_, W>) -> Result<(), Error> {
+    pub(super) fn leave_dead_behind(&self, peer: &Peer<'_, W, N>) -> Result<(), Error> {
         let listeners = peer.mail.load(header::LISTENERS, LoadOrder::Relaxed)?;
         for listener in self
             .peers()
@@ -227,28 +227,27 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Runs our handler for one message to the number listened to, if there is a new one.
-    pub(super) fn hear(&self, now: Instant, deadline: Instant) -> Result<bool, Error> {
+    pub(super) fn hear(&self, deadline: Instant) -> Result<Option<Vector>, Error> {
         let Some(to) = self.listens_to() else {
-            return Ok(false);
+            return Ok(None);
         };
         let holder = self.peer(to)?;
         for (sender, heard) in self.peers().zip(&self.listening.senders) {
             match self.hear_from(&holder, &sender, heard) {
                 Ok(Some(entry)) => {
-                    self.run_heard(to, sender.number, entry, now, deadline);
-                    return Ok(true);
+                    return Ok(Some(self.run_heard(to, sender.number, entry, deadline)));
                 }
                 Ok(None) => {}
                 Err(error) => self.fatal(error)?,
             }
         }
-        Ok(false)
+        Ok(None)
     }
 
     fn hear_from(
         &self,
-        holder: &Peer<'_, W>,
-        sender: &Peer<'_, W>,
+        holder: &Peer<'_, W, N>,
+        sender: &Peer<'_, W, N>,
         heard: &Heard,
     ) -> Result<Option<Entry>, Error> {
         let holder_life = holder.mail.load(header::LIFE, LoadOrder::Acquire)?;
@@ -289,8 +288,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     fn hear_alone(
         &self,
-        holder: &Peer<'_, W>,
-        sender: &Peer<'_, W>,
+        holder: &Peer<'_, W, N>,
+        sender: &Peer<'_, W, N>,
         heard: &Heard,
     ) -> Result<Option<Entry>, Error> {
         let depth = self.depth.get();
@@ -342,9 +341,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         to: Processor,
         sender: Processor,
         entry: Entry,
-        begun: Instant,
         deadline: Instant,
-    ) {
+    ) -> Vector {
         let vector = Vector(entry.kind.to_le_bytes()[0]);
         let handler = self.handlers.get(vector.index()).copied().flatten();
         let is_message = matches!(entry.kind & 0xff00, kind::SEND | kind::CALL);
@@ -363,10 +361,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 depth: self.depth.get(),
                 deadline,
             });
-            // Statistics of a mailbox whose memory is gone are nobody's.
-            let _ = self.note_time(vector, self.doorbell.now().ns_since(begun));
         }
         drop(finish);
+        vector
     }
 }
 

@@ -86,11 +86,10 @@ pub enum PeerState {
 }
 
 /// A peer whose number has been checked.
-#[derive(Clone, Copy)]
-struct Peer<'m, W> {
+struct Peer<'m, W, const N: usize> {
     number: Processor,
-    mail: Mail<'m, W>,
-    data_bytes: u32,
+    mail: Mail<'m, W, N>,
+    windows: &'m Windows<W>,
     pair: &'m Pair,
 }
 
@@ -135,6 +134,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         })
     }
 
+    #[cold]
     fn no_such(number: Processor) -> Error {
         Error::NoSuchProcessor {
             number,
@@ -142,31 +142,41 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
     }
 
-    fn peer(&self, number: Processor) -> Result<Peer<'_, W>, Error> {
+    #[inline(always)]
+    fn peer(&self, number: Processor) -> Result<Peer<'_, W, N>, Error> {
         match (
             self.windows.get(number.index()),
             self.pairs.get(number.index()),
         ) {
             (Some(windows), Some(pair)) => Ok(Peer {
                 number,
-                mail: Mail::new(&windows.mail, number, N),
-                data_bytes: windows.data.size(),
+                mail: Mail::new(&windows.mail, number),
+                windows,
                 pair,
             }),
             _ => Err(Self::no_such(number)),
         }
     }
 
-    fn own(&self) -> Result<Mail<'_, W>, Error> {
+    #[inline(always)]
+    fn own(&self) -> Result<Mail<'_, W, N>, Error> {
         self.peer(self.me).map(|peer| peer.mail)
     }
 
-    fn peers(&self) -> impl Iterator<Item = Peer<'_, W>> {
+    #[inline(always)]
+    fn peers(&self) -> impl Iterator<Item = Peer<'_, W, N>> {
         (0..N as u8).filter_map(|number| self.peer(Processor(number)).ok())
     }
 }
 
-impl<W: MemoryWindow> Peer<'_, W> {
+impl<W: MemoryWindow, const N: usize> Peer<'_, W, N> {
+    /// Checks that the peer was built for this system.
+    fn check_layout(&self) -> Result<(), Error> {
+        let data_bytes = self.windows.data.size();
+        self.mail.check_sizes(data_bytes)?;
+        self.mail.check_layout(data_bytes)
+    }
+
     /// Whether the peer lives, as far as its own `mail` says.
     fn has_joined(&self) -> Result<bool, Error> {
         Ok(!matches!(

@@ -28,7 +28,7 @@ pub(crate) struct Pair {
     pub(crate) connected: Word,
     /// Epoch of requests from here to the peer.
     pub(crate) epoch_out: Word,
-    /// Epoch of requests from the peer to here.
+    /// Epoch of requests from the peer to here; 0 if there never were any.
     pub(crate) epoch_in: Word,
     /// Sequence of the latest request to the peer.
     pub(crate) head: Word,
@@ -80,6 +80,13 @@ impl Pair {
         self.epoch_out.set(epoch_out);
         self.epoch_in.set(epoch_in);
         self.life.set(life);
+    }
+
+    /// The peer's life is over: nothing goes to it any more, and what it had sent is still taken.
+    pub(crate) fn end(&self) {
+        for word in [&self.life, &self.connected, &self.epoch_out] {
+            word.set(0);
+        }
     }
 
     /// Gives up reply cell `cell` of a call in epoch `epoch`, unless the epoch is over.

@@ -166,7 +166,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Publishes a request, waiting for a slot, and says how long its sender may wait then.
     fn publish_by(
         &self,
-        peer: &Peer<'_, W>,
+        peer: &Peer<'_, W, N>,
         kind: u32,
         data: u32,
         mut limit: Limit,
@@ -236,7 +236,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Listeners that are behind are waited for, unless `leave_behind`.
     fn publish(
         &self,
-        peer: &Peer<'_, W>,
+        peer: &Peer<'_, W, N>,
         kind: u32,
         data: u32,
         leave_behind: bool,
@@ -258,17 +258,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// publish a later request before an earlier one.
     fn publish_alone(
         &self,
-        peer: &Peer<'_, W>,
+        peer: &Peer<'_, W, N>,
         kind: u32,
         data: u32,
         leave_behind: bool,
     ) -> Result<Result<(Pending, u32), Refusal>, Error> {
         let pair = peer.pair;
+        // A receiver that began another life since `notice` ignores the old epoch.
         let life = pair.life.get();
-        // Relaxed: a receiver that began another life just now ignores the old epoch.
-        if life == 0 || peer.mail.load(header::LIFE, LoadOrder::Relaxed)? != life {
-            return Ok(Err(Refusal::NotConnected));
-        }
         if !self.is_connected(peer)? {
             return Ok(Err(Refusal::NotConnected));
         }
@@ -319,7 +316,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Reads how many requests the receiver has taken; whether `sequence` has a slot now.
-    fn refresh_taken(&self, peer: &Peer<'_, W>, sequence: u32) -> Result<bool, Error> {
+    fn refresh_taken(&self, peer: &Peer<'_, W, N>, sequence: u32) -> Result<bool, Error> {
         // Acquire: pairs with the Release store in `take_alone`; the slot that is overwritten has
         // been read before.
         let count = peer
@@ -338,7 +335,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// A reply cell that no call owns, or whose late reply has come.
-    fn reserve_cell(&self, peer: &Peer<'_, W>) -> Result<Option<u32>, Error> {
+    fn reserve_cell(&self, peer: &Peer<'_, W, N>) -> Result<Option<u32>, Error> {
         let pair = peer.pair;
         let free = pair.busy.get().trailing_ones();
         if free < SLOTS {
@@ -360,7 +357,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// How far a request had come when its sender gave up.
-    fn progress(&self, peer: &Peer<'_, W>, pending: &Pending) -> Progress {
+    fn progress(&self, peer: &Peer<'_, W, N>, pending: &Pending) -> Progress {
         let taken = peer.mail.load(peer.mail.taken(self.me), LoadOrder::Acquire);
         // What the private cursor knows is true even if the receiver has forgotten it since.
         let known = |count: u32| count.wrapping_sub(pending.sequence) <= u32::MAX / 2;
@@ -374,7 +371,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Rings `peer` if it asked for that.
-    pub(super) fn wake(&self, peer: &Peer<'_, W>) -> Result<(), Error> {
+    pub(super) fn wake(&self, peer: &Peer<'_, W, N>) -> Result<(), Error> {
         // Pairs with the fence in `wait`: what was stored before is seen by a receiver that
         // looks after it asked to be rung, or its asking is seen here.
         fence(Ordering::SeqCst);
@@ -498,7 +495,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Does so without waiting, if there is a slot.
-    pub(super) fn post_without_reply(&self, to: &Peer<'_, W>, kind: u32) -> Result<bool, Error> {
+    pub(super) fn post_without_reply(&self, to: &Peer<'_, W, N>, kind: u32) -> Result<bool, Error> {
         Ok(self.publish(to, kind, 0, true)?.is_ok())
     }
 

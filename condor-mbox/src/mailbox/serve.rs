@@ -36,12 +36,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
     pub fn service(&self, timeout: Duration) -> Result<usize, Error> {
         self.check_joined()?;
-        let deadline = self.doorbell.now().after(timeout);
+        let mut now = self.doorbell.now();
+        let deadline = now.after(timeout);
         let most = N * SLOTS as usize;
         for served in 0..most {
-            if !self.serve_one(self.doorbell.now(), deadline)? {
+            let Some(vector) = self.serve_one(deadline)? else {
                 return Ok(served);
-            }
+            };
+            let begun = core::mem::replace(&mut now, self.doorbell.now());
+            self.note_time(vector, now.ns_since(begun))?;
         }
         Ok(most)
     }
@@ -77,28 +80,28 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
     }
 
-    /// Beats the heart, notices who came and went, and serves one request, if there is one.
-    pub(super) fn serve_one(&self, now: Instant, deadline: Instant) -> Result<bool, Error> {
+    /// Beats the heart, notices who came and went, and serves one request, if there is one; gives
+    /// its vector.
+    pub(super) fn serve_one(&self, deadline: Instant) -> Result<Option<Vector>, Error> {
         let beat = self.beats.get().wrapping_add(1);
         self.beats.set(beat);
         self.own()?
             .store(header::HEARTBEAT, beat, StoreOrder::Relaxed)?;
-        let first = self.turn.get();
-        for step in 0..N as u32 {
-            let number = Processor(((first + step) % N as u32) as u8);
-            let peer = self.peer(number)?;
+        let mut number = self.turn.get();
+        for _ in 0..N {
+            let peer = self.peer(Processor(number as u8))?;
+            number = if number + 1 < N as u32 { number + 1 } else { 0 };
             let taken = self.notice(&peer).and_then(|()| self.take(&peer));
             match taken {
                 Ok(Some(taken)) => {
-                    self.turn.set((u32::from(number.0) + 1) % N as u32);
-                    self.run(&peer, taken, now, deadline)?;
-                    return Ok(true);
+                    self.turn.set(number);
+                    return self.run(&peer, taken, deadline).map(Some);
                 }
                 Ok(None) => {}
                 Err(error) => self.fatal(error)?,
             }
         }
-        self.hear(now, deadline)
+        self.hear(deadline)
     }
 
     /// What is wrong with a peer concerns those who wait for it, not those who serve others.
@@ -109,7 +112,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
     }
 
-    fn take(&self, peer: &Peer<'_, W>) -> Result<Option<Taken>, Error> {
+    fn take(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
         let next = peer.pair.tail.get().wrapping_add(1);
         if !peer.mail.carries(peer.mail.slot(self.me, next), next)? {
             return Ok(None);
@@ -118,10 +121,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Reading the slot and moving the cursor are one section: a request is taken once.
-    fn take_alone(&self, peer: &Peer<'_, W>) -> Result<Option<Taken>, Error> {
+    fn take_alone(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
         let pair = peer.pair;
         let depth = self.depth.get();
-        if depth >= MAX_DEPTH || pair.life.get() == 0 {
+        if depth >= MAX_DEPTH {
             return Ok(None);
         }
         let sequence = pair.tail.get().wrapping_add(1);
@@ -129,6 +132,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Some(entry) = peer.mail.get(slot, sequence)? else {
             return Ok(None);
         };
+        // An epoch is never 0, so nothing is taken from a peer that has not been acknowledged.
         if entry.epoch != pair.epoch_in.get() {
             return Ok(None);
         }
@@ -147,13 +151,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }))
     }
 
-    fn run(
-        &self,
-        peer: &Peer<'_, W>,
-        taken: Taken,
-        begun: Instant,
-        deadline: Instant,
-    ) -> Result<(), Error> {
+    fn run(&self, peer: &Peer<'_, W, N>, taken: Taken, deadline: Instant) -> Result<Vector, Error> {
         let Entry { value, kind, .. } = taken.entry;
         let vector = Vector(kind.to_le_bytes()[0]);
         let mut finish = Finish {
@@ -182,17 +180,17 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             kind::IGNORE => (status::DONE, self.admit_listener(taken.sender, false)?),
             _ => (status::NO_HANDLER, 0),
         };
-        let done = finish.outcome.0 == status::DONE;
-        drop(finish);
-        if done {
-            self.note_time(vector, self.doorbell.now().ns_since(begun))?;
-        }
-        Ok(())
+        Ok(vector)
     }
 
     /// Counts a handled request and replies, if a reply is wanted and its sender still lives the
     /// life in which it asked.
-    fn finish(&self, peer: &Peer<'_, W>, taken: Taken, outcome: (u32, u32)) -> Result<(), Error> {
+    fn finish(
+        &self,
+        peer: &Peer<'_, W, N>,
+        taken: Taken,
+        outcome: (u32, u32),
+    ) -> Result<(), Error> {
         let Entry { kind, epoch, .. } = taken.entry;
         let (status, value) = outcome;
         let replies = kind & 0xff00 == kind::CALL;
@@ -221,7 +219,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         if replies { self.wake(peer) } else { Ok(()) }
     }
 
+    /// Notes that a handler took `ns`, from the clock's reading before the look that found its
+    /// message until the one after its reply.
     pub(super) fn note_time(&self, vector: Vector, ns: u64) -> Result<(), Error> {
+        if vector.index() >= Vector::COUNT {
+            return Ok(());
+        }
         let own = self.own()?;
         let at = own.vector(vector.index()) + layout::vector::WORST;
         let ns = u32::try_from(ns).unwrap_or(u32::MAX);
@@ -240,7 +243,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 /// Ends a request however its handler ends; a panic on a hosted processor is a failed request.
 struct Finish<'f, 'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> {
     mailbox: &'f Mailbox<'v, W, D, X, N>,
-    peer: &'f Peer<'f, W>,
+    peer: &'f Peer<'f, W, N>,
     taken: Taken,
     outcome: (u32, u32),
 }

@@ -100,8 +100,7 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
         if vector.index() >= Vector::COUNT {
             return Err(Error::NoSuchVector { vector });
         }
-        peer.mail.check_sizes(peer.data_bytes)?;
-        peer.mail.check_layout(peer.data_bytes)?;
+        peer.check_layout()?;
         let entry = peer.mail.vector(vector.index());
         let mut name = [0; NAME_BYTES];
         for (word, at) in name
@@ -133,7 +132,7 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
 }
 
 /// Empties the table in `own`.
-pub(super) fn clear<W: MemoryWindow>(own: &Mail<'_, W>) -> Result<(), Error> {
+pub(super) fn clear<W: MemoryWindow, const N: usize>(own: &Mail<'_, W, N>) -> Result<(), Error> {
     for at in (own.vector(0)..own.vector(Vector::COUNT)).step_by(4) {
         own.store(at, 0, StoreOrder::Relaxed)?;
     }

@@ -113,9 +113,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let mut seen = None;
         let mut now = begun;
         loop {
-            if self.serve_one(now, deadline)? {
+            let served = self.serve_one(deadline)?;
+            let begun = core::mem::replace(&mut now, self.doorbell.now());
+            if let Some(vector) = served {
+                self.note_time(vector, now.ns_since(begun))?;
                 seen = None;
-                spin_until = self.spin_end(self.doorbell.now());
+                spin_until = self.spin_end(now);
             }
             if let Some(found) = look()? {
                 return Ok(End::Came(found));
@@ -129,7 +132,6 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             } else {
                 None
             };
-            now = self.doorbell.now();
             let end = match end {
                 None if now >= deadline => {
                     let stalled = watch.is_some_and(|watch| {
