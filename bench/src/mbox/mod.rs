@@ -12,6 +12,7 @@ mod iceoryx;
 mod interruption;
 mod kernel;
 mod mapping;
+mod ours;
 mod process;
 mod queues;
 mod raw;
@@ -55,6 +56,15 @@ fn entries() -> Vec<Entry> {
     vec![
         two(RAW, raw::open_spinning),
         two("  the same once more (control)", raw::open_spinning),
+        two(OURS_SPINNING, ours::open_spinning),
+        two(
+            "condor-mbox, spinning, shared by threads",
+            ours::open_shared,
+        ),
+        two(OURS_BOUNDED, ours::open_bounded),
+        two(OURS_NESTED[0], ours::open_nested::<1>),
+        two(OURS_NESTED[1], ours::open_nested::<2>),
+        two(OURS_NESTED[2], ours::open_nested::<3>),
         two("rtrb, a ring a direction", queues::open_rtrb),
         two("heapless spsc, a queue a direction", queues::open_heapless),
         two(
@@ -69,6 +79,7 @@ fn entries() -> Vec<Entry> {
         two(ICEORYX_REQUEST, iceoryx::open_request_response),
         one(FUTEX, raw::open_futex),
         one("  the same once more (control)", raw::open_futex),
+        one(OURS_BLOCKING, ours::open_blocking),
         one("eventfd", kernel::open_eventfd),
         one("unix socket", kernel::open_unix_socket),
         one("iceoryx2 request-response and events", iceoryx::open_events),
