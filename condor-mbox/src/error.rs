@@ -98,7 +98,9 @@ pub enum Error {
         to: Processor,
     },
     /// The receiver, or a former life of the sender, was built for another system.
-    #[error("{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}")]
+    #[error(
+        "{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}"
+    )]
     Layout {
         /// Whose window it is.
         processor: Processor,

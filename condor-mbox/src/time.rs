@@ -41,7 +41,11 @@ impl Instant {
 /// `span` in nanoseconds, at most `u64::MAX`.
 pub(crate) const fn whole_ns(span: Duration) -> u64 {
     let ns = span.as_nanos();
-    if ns > u64::MAX as u128 { u64::MAX } else { ns as u64 }
+    if ns > u64::MAX as u128 {
+        u64::MAX
+    } else {
+        ns as u64
+    }
 }
 
 /// A monotonic clock.
