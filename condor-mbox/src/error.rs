@@ -85,6 +85,14 @@ pub enum Error {
         /// The vector it was asked for.
         vector: Vector,
     },
+    /// The receiver's handler did not return: it panicked.
+    #[error("the handler of {to} for {vector} failed")]
+    HandlerFailed {
+        /// The receiver.
+        to: Processor,
+        /// The vector it was asked for.
+        vector: Vector,
+    },
     /// The mailbox has not joined the system.
     #[error("{number} has not joined")]
     NotJoined {

@@ -1,0 +1,307 @@
+//! The files of a named system, which outlive every program.
+//!
+//! Each file appears at its name complete, with its size, or not at all: it is created without a
+//! name and then linked. So whoever is killed leaves nothing half-done, and creators that race
+//! end up with the same file.
+
+use std::ffi::OsStr;
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{AtFlags, CWD, FallocateFlags, FileType, Mode, OFlags, RawMode, Stat};
+use rustix::io::Errno;
+
+use super::error::{FileKind, SystemError};
+use super::lock;
+use super::window::Access;
+
+/// An open directory of a system.
+#[derive(Debug)]
+pub(super) struct Directory {
+    path: PathBuf,
+    descriptor: OwnedFd,
+    device_and_inode: (u64, u64),
+    owner: u32,
+    /// Mode for files: the directory's, without execution.
+    mode: Mode,
+}
+
+impl Directory {
+    /// Opens the directory at `path`, and creates it before if there is none.
+    pub(super) fn open(path: &Path) -> Result<Self, SystemError> {
+        match rustix::fs::mkdir(path, Mode::RWXU) {
+            Ok(()) | Err(Errno::EXIST) => {}
+            Err(errno) => return Err(SystemError::os("create", path)(errno)),
+        }
+        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
+        let descriptor = match rustix::fs::open(path, flags, Mode::empty()) {
+            Ok(descriptor) => descriptor,
+            Err(Errno::NOTDIR) => {
+                let stat = rustix::fs::stat(path).map_err(SystemError::os("examine", path))?;
+                expect_kind(path, &stat, FileKind::Directory)?;
+                return Err(SystemError::os("open", path)(Errno::NOTDIR));
+            }
+            Err(errno) => return Err(SystemError::os("open", path)(errno)),
+        };
+        let stat = rustix::fs::fstat(&descriptor).map_err(SystemError::os("examine", path))?;
+        Ok(Self {
+            path: path.into(),
+            descriptor,
+            device_and_inode: identity(&stat),
+            owner: stat.st_uid,
+            mode: Mode::from_raw_mode(stat.st_mode as RawMode) & Mode::from_raw_mode(0o666),
+        })
+    }
+
+    /// Refuses a directory that somebody else put at this name.
+    pub(super) fn expect_own(&self) -> Result<(), SystemError> {
+        let expected = rustix::process::geteuid().as_raw();
+        if self.owner == expected {
+            return Ok(());
+        }
+        Err(SystemError::WrongOwner {
+            path: self.path.clone(),
+            found: self.owner,
+            expected,
+        })
+    }
+
+    /// Whether the directory's path still leads to it.
+    pub(super) fn is_current(&self) -> Result<bool, SystemError> {
+        match rustix::fs::stat(&self.path) {
+            Ok(stat) => Ok(identity(&stat) == self.device_and_inode),
+            Err(Errno::NOENT) => Ok(false),
+            Err(errno) => Err(SystemError::os("examine", &self.path)(errno)),
+        }
+    }
+
+    pub(super) fn path_of(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// Opens the file `name` of `size` bytes, and creates it before if there is none.
+    ///
+    /// `None` if the directory was removed meanwhile.
+    pub(super) fn object(
+        &self,
+        name: &str,
+        size: u32,
+        access: Access,
+    ) -> Result<Option<OwnedFd>, SystemError> {
+        let path = self.path_of(name);
+        let file = match self.open_file(name, access) {
+            Err(Errno::NOENT) => match self.create(name, size) {
+                Ok(()) | Err(Errno::EXIST) => self.open_file(name, access),
+                Err(Errno::NOENT) => return Ok(None),
+                Err(errno) => return Err(SystemError::os("create", path)(errno)),
+            },
+            other => other,
+        };
+        let file = match file {
+            Ok(file) => file,
+            Err(Errno::NOENT) => return Ok(None),
+            Err(errno) => return Err(self.not_opened(&path, name, FileKind::File, errno)),
+        };
+        let stat = rustix::fs::fstat(&file).map_err(SystemError::os("examine", &path))?;
+        expect_kind(&path, &stat, FileKind::File)?;
+        expect_size(&path, &stat, size)?;
+        Ok(Some(file))
+    }
+
+    /// Opens the FIFO `name`, and creates it before if there is none; `None` as for `object`.
+    pub(super) fn fifo(&self, name: &str) -> Result<Option<OwnedFd>, SystemError> {
+        let path = self.path_of(name);
+        match rustix::fs::mkfifoat(&self.descriptor, name, self.mode) {
+            Ok(()) | Err(Errno::EXIST) => {}
+            Err(Errno::NOENT) => return Ok(None),
+            Err(errno) => return Err(SystemError::os("create", path)(errno)),
+        }
+        let found = rustix::fs::statat(&self.descriptor, name, AtFlags::SYMLINK_NOFOLLOW);
+        let stat = match found {
+            Ok(stat) => stat,
+            Err(Errno::NOENT) => return Ok(None),
+            Err(errno) => return Err(SystemError::os("examine", path)(errno)),
+        };
+        expect_kind(&path, &stat, FileKind::Fifo)?;
+        let owned = stat.st_uid == rustix::process::geteuid().as_raw();
+        if owned && Mode::from_raw_mode(stat.st_mode as RawMode) != self.mode {
+            // The umask took permissions away, here or where the creator was killed.
+            rustix::fs::chmodat(&self.descriptor, name, self.mode, AtFlags::empty())
+                .map_err(SystemError::os("set the permissions of", &path))?;
+        }
+        let pipe = match self.open_file(name, Access::ReadWrite) {
+            Ok(pipe) => pipe,
+            Err(Errno::NOENT) => return Ok(None),
+            Err(errno) => return Err(self.not_opened(&path, name, FileKind::Fifo, errno)),
+        };
+        let stat = rustix::fs::fstat(&pipe).map_err(SystemError::os("examine", &path))?;
+        expect_kind(&path, &stat, FileKind::Fifo)?;
+        Ok(Some(pipe))
+    }
+
+    /// Removes the directory and the files `names`, of which those in `mails` are locked first.
+    ///
+    /// Gives the index of the first of `mails` that somebody holds, if one is held.
+    pub(super) fn remove(
+        self,
+        names: &[String],
+        mails: &[String],
+    ) -> Result<Option<(usize, OwnedFd)>, SystemError> {
+        let grave = self.grave();
+        let mut locked = Vec::new();
+        for (index, name) in mails.iter().enumerate() {
+            let path = self.path_of(name);
+            // A number whose file is missing could be claimed from now on unless it is locked too.
+            match self.create(name, 4) {
+                Ok(()) | Err(Errno::EXIST) => {}
+                Err(errno) => return Err(SystemError::os("create", path)(errno)),
+            }
+            let mail = self
+                .open_file(name, Access::ReadWrite)
+                .map_err(|errno| self.not_opened(&path, name, FileKind::File, errno))?;
+            if !lock::take(&mail).map_err(SystemError::os("lock", path))? {
+                return Ok(Some((index, mail)));
+            }
+            locked.push(mail);
+        }
+        let entries = std::fs::read_dir(&self.path).map_err(SystemError::os("list", &self.path))?;
+        for entry in entries {
+            let entry = entry.map_err(SystemError::os("list", &self.path))?;
+            if !names
+                .iter()
+                .any(|name| OsStr::new(name) == entry.file_name())
+            {
+                return Err(SystemError::ForeignFile { path: entry.path() });
+            }
+        }
+        // The whole directory goes at once, while all numbers are held: a claim that opened it
+        // before finds that its path leads elsewhere, and a later one makes a new directory. What
+        // an earlier removal left behind when it was killed makes room first.
+        bury(&grave, names)?;
+        match rustix::fs::rename(&self.path, &grave) {
+            Ok(()) => bury(&grave, names).map(|()| None),
+            Err(Errno::NOENT) => Ok(None),
+            Err(errno) => Err(SystemError::os("rename", &self.path)(errno)),
+        }
+    }
+
+    fn grave(&self) -> PathBuf {
+        let mut name = self.path.clone().into_os_string();
+        name.push(".removed");
+        name.into()
+    }
+
+    fn open_file(&self, name: &str, access: Access) -> Result<OwnedFd, Errno> {
+        open_again(&self.descriptor, name, access, OFlags::NOFOLLOW)
+    }
+
+    /// Creates a file of `size` bytes that has all its memory; `NOENT` if the directory is gone.
+    fn create(&self, name: &str, size: u32) -> Result<(), Errno> {
+        let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+        let file = rustix::fs::openat(&self.descriptor, ".", flags, self.mode)?;
+        rustix::fs::fchmod(&file, self.mode)?;
+        fill(&file, size)?;
+        let nameless = format!("/proc/self/fd/{}", file.as_raw_fd());
+        rustix::fs::linkat(
+            CWD,
+            nameless,
+            &self.descriptor,
+            name,
+            AtFlags::SYMLINK_FOLLOW,
+        )
+    }
+
+    /// The reason why `name` could not be opened, as far as its kind is the reason.
+    fn not_opened(&self, path: &Path, name: &str, kind: FileKind, errno: Errno) -> SystemError {
+        let found = rustix::fs::statat(&self.descriptor, name, AtFlags::SYMLINK_NOFOLLOW);
+        let wrong = found
+            .ok()
+            .and_then(|stat| expect_kind(path, &stat, kind).err());
+        wrong.unwrap_or_else(|| SystemError::os("open", path)(errno))
+    }
+}
+
+/// Gives a new file its size, and its memory now rather than as a bus error later.
+pub(super) fn fill(file: impl AsFd, size: u32) -> Result<(), Errno> {
+    let allocate = || rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, u64::from(size));
+    match rustix::io::retry_on_intr(allocate) {
+        Err(Errno::OPNOTSUPP) => rustix::fs::ftruncate(&file, u64::from(size)),
+        other => other,
+    }
+}
+
+/// A new open file description of `path`.
+pub(super) fn open_again(
+    directory: impl AsFd,
+    path: &str,
+    access: Access,
+    flags: OFlags,
+) -> Result<OwnedFd, Errno> {
+    let access = match access {
+        Access::ReadOnly => OFlags::RDONLY,
+        Access::ReadWrite => OFlags::RDWR,
+    };
+    // Without NONBLOCK, opening what turns out to be a FIFO could block.
+    let flags = access | flags | OFlags::CLOEXEC | OFlags::NONBLOCK | OFlags::NOCTTY;
+    rustix::fs::openat(directory, path, flags, Mode::empty())
+}
+
+/// A new open file description of what `descriptor` stands for.
+pub(super) fn reopen(descriptor: BorrowedFd<'_>, access: Access) -> Result<OwnedFd, Errno> {
+    let path = format!("/proc/self/fd/{}", descriptor.as_raw_fd());
+    open_again(CWD, &path, access, OFlags::empty())
+}
+
+pub(super) fn expect_kind(path: &Path, stat: &Stat, expected: FileKind) -> Result<(), SystemError> {
+    let found = match FileType::from_raw_mode(stat.st_mode) {
+        FileType::RegularFile => FileKind::File,
+        FileType::Fifo => FileKind::Fifo,
+        FileType::Directory => FileKind::Directory,
+        FileType::Symlink => FileKind::Symlink,
+        _ => FileKind::Other,
+    };
+    if found == expected {
+        return Ok(());
+    }
+    Err(SystemError::WrongKind {
+        path: path.into(),
+        found,
+        expected,
+    })
+}
+
+pub(super) fn expect_size(path: &Path, stat: &Stat, expected: u32) -> Result<(), SystemError> {
+    let found = u64::try_from(stat.st_size).unwrap_or(0);
+    let expected = u64::from(expected);
+    if found == expected {
+        return Ok(());
+    }
+    Err(SystemError::WrongSize {
+        path: path.into(),
+        found,
+        expected,
+    })
+}
+
+#[allow(
+    clippy::unnecessary_cast,
+    reason = "the widths differ between architectures"
+)]
+fn identity(stat: &Stat) -> (u64, u64) {
+    (stat.st_dev as u64, stat.st_ino as u64)
+}
+
+/// Deletes a directory that no path of a system leads to.
+fn bury(grave: &Path, names: &[String]) -> Result<(), SystemError> {
+    for name in names {
+        let path = grave.join(name);
+        match rustix::fs::unlink(&path) {
+            Ok(()) | Err(Errno::NOENT) => {}
+            Err(errno) => return Err(SystemError::os("delete", path)(errno)),
+        }
+    }
+    match rustix::fs::rmdir(grave) {
+        Ok(()) | Err(Errno::NOENT) => Ok(()),
+        Err(errno) => Err(SystemError::os("delete", grave)(errno)),
+    }
+}

@@ -1,0 +1,468 @@
+//! [`LinuxWindow`]: a mapped file, memfd or device.
+
+use core::ffi::c_void;
+use core::num::NonZeroUsize;
+use core::ptr::{self, NonNull};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering, fence};
+use std::fs::File;
+use std::os::fd::{AsFd, OwnedFd};
+use std::sync::Arc;
+
+use rustix::fs::FileType;
+use rustix::io::Errno;
+use rustix::mm::{MapFlags, ProtFlags};
+
+use super::fault::{self, GuardError, Guarded};
+use crate::window::{
+    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    check_access,
+};
+
+/// What a mapping allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Loads only; the file need only be open for reading.
+    ReadOnly,
+    /// Loads and stores; the file must be open for both.
+    ReadWrite,
+}
+
+/// An access that a [`LinuxWindow`] refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{kind:?}: {len} bytes at offset {offset:#x} of a window of {size:#x} bytes")]
+pub struct LinuxWindowError {
+    kind: WindowErrorKind,
+    /// Offset of the access in bytes.
+    pub offset: u32,
+    /// Length of the access in bytes.
+    pub len: usize,
+    /// Size of the window in bytes.
+    pub size: u32,
+}
+
+impl WindowError for LinuxWindowError {
+    fn kind(&self) -> WindowErrorKind {
+        self.kind
+    }
+}
+
+/// A mapping that could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MapError {
+    /// Offset and length must be multiples of four, and the length not zero.
+    #[error("a window of {len:#x} bytes at offset {offset:#x} does not consist of whole words")]
+    NotWords {
+        /// Offset in the file, in bytes.
+        offset: u64,
+        /// Length of the window, in bytes.
+        len: u64,
+    },
+    /// The window does not fit this machine's addresses, or the 32 bits of an offset in it.
+    #[error("a window of {len:#x} bytes at offset {offset:#x} is too large for this machine")]
+    TooLarge {
+        /// Offset in the file, in bytes.
+        offset: u64,
+        /// Length of the window, in bytes.
+        len: u64,
+    },
+    /// The file ends before the window does.
+    #[error("the window needs a file of {needed:#x} bytes, but it has {found:#x}")]
+    TooShort {
+        /// Where the window ends, in bytes from the beginning of the file.
+        needed: u64,
+        /// The size of the file, in bytes.
+        found: u64,
+    },
+    /// The process has as many windows as it may have.
+    #[error("this process has {slots} windows, which is all it may have")]
+    TooMany {
+        /// How many mappings there may be at a time.
+        slots: usize,
+    },
+    /// A call to the system failed.
+    #[error("cannot {doing}: {source}")]
+    System {
+        /// What was tried.
+        doing: &'static str,
+        /// The system's answer.
+        source: std::io::Error,
+    },
+}
+
+impl MapError {
+    pub(super) fn system(doing: &'static str) -> impl FnOnce(Errno) -> Self {
+        move |errno| Self::System {
+            doing,
+            source: errno.into(),
+        }
+    }
+}
+
+/// A range of a file, a memfd or a device that is mapped into this process and shared.
+///
+/// Clones are the same mapping; it is unmapped with the last of them. Every access is one atomic
+/// 32-bit load, store or compare-and-swap, also to a device.
+///
+/// If the memory behind it vanishes, all accesses from then on are
+/// [`Lost`](WindowErrorKind::Lost), also to those parts of the file that are still there, and
+/// also if it comes back: map it again to use it. What was truncated *within* the last page of a
+/// file, however, reads as zeros, because that is what the kernel gives.
+///
+/// # Devices
+///
+/// [`CompareExchange`] holds between the processors that are coherent with this one. For memory
+/// of a device it holds only as far as the bus has an indivisible operation; there, do not use
+/// it. (Where the hardware answers it with a bus error, the window becomes `Lost`.)
+///
+/// # Example
+///
+/// ```
+/// use std::io::Write;
+/// use condor_mbox::{LoadOrder, MemoryWindow};
+/// use condor_mbox::linux::{Access, LinuxWindow};
+///
+/// let mut file = tempfile::tempfile()?;
+/// file.write_all(&[1, 0, 0, 0, 2, 0, 0, 0])?;
+/// let window = LinuxWindow::map(&file, 0, 8, Access::ReadOnly)?;
+/// assert_eq!(window.load(4, LoadOrder::Acquire)?, 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct LinuxWindow {
+    base: NonNull<u8>,
+    size: u32,
+    access: Access,
+    lost: &'static AtomicBool,
+    /// Keeps `base` and `lost` valid.
+    _mapping: Arc<Mapping>,
+}
+
+// SAFETY: the memory is reached through atomics only, and `_mapping`, which keeps it mapped, can
+// be shared and dropped by any thread; nothing of it belongs to a thread.
+unsafe impl Send for LinuxWindow {}
+// SAFETY: as for `Send`; every method that takes `&self` makes atomic accesses only.
+unsafe impl Sync for LinuxWindow {}
+
+/// Whole pages that are mapped until this is dropped.
+#[derive(Debug)]
+struct Mapping {
+    guard: Option<Guarded>,
+    pages: NonZeroUsize,
+    len: usize,
+    /// A file that stays open as long as it is mapped, with the locks that belong to it.
+    _file: Option<OwnedFd>,
+}
+
+impl Drop for Mapping {
+    fn drop(&mut self) {
+        // First the handler forgets the pages, then others may get their addresses.
+        drop(self.guard.take());
+        let pages = ptr::with_exposed_provenance_mut::<c_void>(self.pages.get());
+        // SAFETY: `LinuxWindow::map_pages` mapped exactly these pages, and the last window that
+        // could reach them is being dropped.
+        let _ = unsafe { rustix::mm::munmap(pages, self.len) };
+    }
+}
+
+impl LinuxWindow {
+    /// Maps `len` bytes of `file`, from `offset` on.
+    ///
+    /// Anything that can be mapped will do: a file, a memfd, a UIO device, `/dev/mem` (opened
+    /// with `O_SYNC`, else it may be cached). The offset need not begin a page.
+    ///
+    /// # Errors
+    /// Offset or length are not multiples of four or too large; a regular file ends before the
+    /// window does; the process has too many windows; the system refuses.
+    pub fn map(file: impl AsFd, offset: u64, len: u32, access: Access) -> Result<Self, MapError> {
+        Self::map_pages(file.as_fd(), offset, len, access, None)
+    }
+
+    /// As [`map`](Self::map); the file stays open as long as it is mapped.
+    pub(super) fn map_and_keep(
+        file: OwnedFd,
+        offset: u64,
+        len: u32,
+        access: Access,
+    ) -> Result<Self, MapError> {
+        let kept = file.try_clone().map_err(|source| MapError::System {
+            doing: "duplicate a descriptor",
+            source,
+        })?;
+        Self::map_pages(file, offset, len, access, Some(kept))
+    }
+
+    /// Maps one of the memories of device `/dev/uio{device}`.
+    ///
+    /// Size and place are taken from `/sys/class/uio/uio{device}/maps/map{map}`.
+    ///
+    /// # Errors
+    /// The device or the memory does not exist, may not be opened, or as for
+    /// [`map`](Self::map).
+    pub fn uio(device: u32, map: u32, access: Access) -> Result<Self, MapError> {
+        let described =
+            std::path::PathBuf::from(format!("/sys/class/uio/uio{device}/maps/map{map}"));
+        let (offset, len) = uio_range(&described, map)?;
+        let opened = File::options()
+            .read(true)
+            .write(access == Access::ReadWrite)
+            .open(format!("/dev/uio{device}"));
+        let file = opened.map_err(|source| MapError::System {
+            doing: "open the UIO device",
+            source,
+        })?;
+        Self::map(file, offset, len, access)
+    }
+
+    fn map_pages(
+        file: impl AsFd,
+        offset: u64,
+        size: u32,
+        access: Access,
+        keep: Option<OwnedFd>,
+    ) -> Result<Self, MapError> {
+        let len = u64::from(size);
+        if size == 0 || !size.is_multiple_of(4) || !offset.is_multiple_of(4) {
+            return Err(MapError::NotWords { offset, len });
+        }
+        let page = rustix::param::page_size() as u64;
+        let skip = offset % page;
+        let too_large = MapError::TooLarge { offset, len };
+        let Some(end) = offset
+            .checked_add(len)
+            .filter(|&end| i64::try_from(end).is_ok())
+        else {
+            return Err(too_large);
+        };
+        let Ok(bytes) = usize::try_from((skip + len).div_ceil(page) * page) else {
+            return Err(too_large);
+        };
+        let stat = rustix::fs::fstat(&file).map_err(MapError::system("examine the file"))?;
+        let found = u64::try_from(stat.st_size).unwrap_or(0);
+        if FileType::from_raw_mode(stat.st_mode) == FileType::RegularFile && found < end {
+            return Err(MapError::TooShort { needed: end, found });
+        }
+        let protection = match access {
+            Access::ReadOnly => ProtFlags::READ,
+            Access::ReadWrite => ProtFlags::READ | ProtFlags::WRITE,
+        };
+        // SAFETY: without FIXED the kernel chooses addresses that nothing else uses. That others
+        // change the memory is harmless: no reference to it lives longer than one atomic access.
+        let pages = unsafe {
+            rustix::mm::mmap(
+                ptr::null_mut(),
+                bytes,
+                protection,
+                MapFlags::SHARED,
+                &file,
+                offset - skip,
+            )
+        }
+        .map_err(MapError::system("map the file"))?;
+        let address = NonZeroUsize::new(pages.expose_provenance()).ok_or(too_large)?;
+        // From here on the mapping is undone when `mapping` is dropped.
+        let mut mapping = Mapping {
+            guard: None,
+            pages: address,
+            len: bytes,
+            _file: keep,
+        };
+        let guard = Guarded::new(address.get(), bytes).map_err(|error| match error {
+            GuardError::Full => MapError::TooMany {
+                slots: fault::SLOTS,
+            },
+            GuardError::Install(errno) => MapError::system("handle SIGBUS")(errno),
+        })?;
+        let lost = guard.lost();
+        mapping.guard = Some(guard);
+        let base = NonNull::new(pages.cast::<u8>()).ok_or(MapError::TooLarge { offset, len })?;
+        // SAFETY: `skip` is less than a page, and there is at least one.
+        let base = unsafe { base.add(skip as usize) };
+        Ok(Self {
+            base,
+            size,
+            access,
+            lost,
+            _mapping: Arc::new(mapping),
+        })
+    }
+
+    /// Whether stores are possible.
+    #[must_use]
+    pub fn access(&self) -> Access {
+        self.access
+    }
+
+    /// Whether the memory behind the window was found to be gone.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        // Set by the handler of `fault`; nothing else is read on the strength of it.
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    /// The word at `offset`, for one access, or for the kernel's use of it as a futex.
+    ///
+    /// Words hold little-endian values. A window that is mapped read-only gives words that must
+    /// not be stored to: the caller has asked `check_store`.
+    #[inline]
+    pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, LinuxWindowError> {
+        self.check(offset, 4)?;
+        // SAFETY: the word is inside the mapping and aligned, as `check` found and as pages are;
+        // `_mapping` keeps it mapped as long as `self`. All accesses of this process go through
+        // such words; peers and the handler of `fault` may change it at any time, as atomics
+        // may be changed. An atomic load with at most Acquire order of a word of four bytes is
+        // sound in read-only memory.
+        Ok(unsafe {
+            self.base
+                .byte_add(offset as usize)
+                .cast::<AtomicU32>()
+                .as_ref()
+        })
+    }
+
+    #[cold]
+    fn refused(&self, kind: WindowErrorKind, offset: u32, len: usize) -> LinuxWindowError {
+        LinuxWindowError {
+            kind,
+            offset,
+            len,
+            size: self.size,
+        }
+    }
+
+    #[inline]
+    fn check_store(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
+        match self.access {
+            Access::ReadWrite => Ok(()),
+            Access::ReadOnly => Err(self.refused(WindowErrorKind::ReadOnly, offset, len)),
+        }
+    }
+
+    /// To be called after an access of Acquire or `SeqCst` order, or after such a fence: then the
+    /// flag is read after the memory, also by a thread that did not run the handler itself.
+    #[inline]
+    fn check_lost(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
+        core::sync::atomic::compiler_fence(Ordering::SeqCst);
+        if self.is_lost() {
+            return Err(self.refused(WindowErrorKind::Lost, offset, len));
+        }
+        Ok(())
+    }
+}
+
+impl MemoryWindow for LinuxWindow {
+    type Error = LinuxWindowError;
+
+    #[inline]
+    fn size(&self) -> u32 {
+        self.size
+    }
+
+    #[inline]
+    fn load(&self, offset: u32, _order: LoadOrder) -> Result<u32, LinuxWindowError> {
+        // Acquire, also where Relaxed was asked for: `check_lost` must come after it. What else
+        // it pairs with is the caller's matter.
+        let value = self.word(offset)?.load(Ordering::Acquire);
+        self.check_lost(offset, 4)?;
+        Ok(u32::from_le(value))
+    }
+
+    #[inline]
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), LinuxWindowError> {
+        let word = self.word(offset)?;
+        self.check_store(offset, 4)?;
+        let order = match order {
+            StoreOrder::Relaxed => Ordering::Relaxed,
+            StoreOrder::Release => Ordering::Release,
+        };
+        // The order is the caller's; a store that another thread's fault swallowed may be
+        // reported by the next access only.
+        word.store(value.to_le(), order);
+        self.check_lost(offset, 4)
+    }
+
+    #[inline]
+    fn check(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
+        check_access(self.size, offset, len).map_err(|kind| self.refused(kind, offset, len))
+    }
+
+    fn read(&self, offset: u32, into: &mut [u8]) -> Result<(), LinuxWindowError> {
+        let len = into.len();
+        self.check(offset, len)?;
+        if len == 0 {
+            return Ok(());
+        }
+        let mut at = offset;
+        for bytes in into.chunks_mut(4) {
+            let word = u32::from_le(self.word(at)?.load(Ordering::Relaxed)).to_le_bytes();
+            bytes.copy_from_slice(&word[..bytes.len()]);
+            at = at.wrapping_add(4);
+        }
+        // Orders the loads above before the flag.
+        fence(Ordering::Acquire);
+        self.check_lost(offset, len)
+    }
+
+    fn write(&self, offset: u32, from: &[u8]) -> Result<(), LinuxWindowError> {
+        let len = from.len();
+        self.check(offset, len)?;
+        if len == 0 {
+            return Ok(());
+        }
+        self.check_store(offset, len)?;
+        let mut at = offset;
+        for bytes in from.chunks(4) {
+            let word = self.word(at)?;
+            let mut value = [0; 4];
+            if bytes.len() < 4 {
+                value = u32::from_le(word.load(Ordering::Relaxed)).to_le_bytes();
+            }
+            value[..bytes.len()].copy_from_slice(bytes);
+            word.store(u32::from_le_bytes(value).to_le(), Ordering::Relaxed);
+            at = at.wrapping_add(4);
+        }
+        self.check_lost(offset, len)
+    }
+}
+
+impl CompareExchange for LinuxWindow {
+    fn compare_exchange(
+        &self,
+        offset: u32,
+        current: u32,
+        new: u32,
+    ) -> Result<u32, LinuxWindowError> {
+        let word = self.word(offset)?;
+        self.check_store(offset, 4)?;
+        // AcqRel pairs with itself: who finds a word that was exchanged sees what came before.
+        let (Ok(found) | Err(found)) = word.compare_exchange(
+            current.to_le(),
+            new.to_le(),
+            Ordering::AcqRel,
+            Ordering::Acquire,
+        );
+        self.check_lost(offset, 4)?;
+        Ok(u32::from_le(found))
+    }
+}
+
+/// Offset for `mmap` and size in bytes of a memory, from its directory in sysfs.
+fn uio_range(described: &std::path::Path, map: u32) -> Result<(u64, u32), MapError> {
+    let number = |name: &str| -> Result<u64, MapError> {
+        let fail = |source| MapError::System {
+            doing: "read the description of the UIO device",
+            source,
+        };
+        let text = std::fs::read_to_string(described.join(name)).map_err(fail)?;
+        let digits = text.trim().trim_start_matches("0x");
+        u64::from_str_radix(digits, 16)
+            .map_err(|bad| fail(std::io::Error::new(std::io::ErrorKind::InvalidData, bad)))
+    };
+    let (size, within) = (number("size")?, number("offset")?);
+    let page = rustix::param::page_size() as u64;
+    let offset = u64::from(map) * page + within % page;
+    match u32::try_from(size) {
+        Ok(len) => Ok((offset, len)),
+        Err(_) => Err(MapError::TooLarge { offset, len: size }),
+    }
+}

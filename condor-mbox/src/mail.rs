@@ -1,0 +1,207 @@
+//! Access to one `mail` object by the words of the [layout](crate::layout).
+
+use crate::error::{Error, LayoutField, Object};
+use crate::id::Processor;
+use crate::layout::{self, entry, header};
+use crate::sync::{Ordering, fence};
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
+
+/// The `mail` of `owner` in a system of `N` processors.
+///
+/// The accesses are inlined: offsets are constants but for the peer's number, and a message is
+/// some thirty of them.
+pub(crate) struct Mail<'w, W, const N: usize> {
+    window: &'w W,
+    owner: Processor,
+}
+
+impl<W, const N: usize> Clone for Mail<'_, W, N> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<W, const N: usize> Copy for Mail<'_, W, N> {}
+
+/// A slot or a reply cell, read once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Entry {
+    pub(crate) value: u32,
+    pub(crate) epoch: u32,
+    pub(crate) kind: u32,
+}
+
+impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
+    const PROCESSORS: u32 = N as u32;
+
+    #[inline(always)]
+    pub(crate) const fn new(window: &'w W, owner: Processor) -> Self {
+        Self { window, owner }
+    }
+
+    #[inline(always)]
+    pub(crate) fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, Error> {
+        self.window
+            .load(offset, order)
+            .map_err(|error| self.refused(&error))
+    }
+
+    #[inline(always)]
+    pub(crate) fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Error> {
+        self.window
+            .store(offset, value, order)
+            .map_err(|error| self.refused(&error))
+    }
+
+    /// Adds `step` to a statistics word; the owner is its only writer.
+    #[inline(always)]
+    pub(crate) fn add(&self, offset: u32, step: u32) -> Result<(), Error> {
+        let old = self.load(offset, LoadOrder::Relaxed)?;
+        self.store(offset, old.wrapping_add(step), StoreOrder::Relaxed)
+    }
+
+    #[cold]
+    fn refused(&self, error: &W::Error) -> Error {
+        Error::Window {
+            processor: self.owner,
+            object: Object::Mail,
+            kind: error.kind(),
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn slot(&self, peer: Processor, sequence: u32) -> u32 {
+        layout::slot(Self::PROCESSORS, u32::from(peer.0), sequence)
+    }
+
+    #[inline(always)]
+    pub(crate) fn cell(&self, peer: Processor, cell: u32) -> u32 {
+        layout::cell(Self::PROCESSORS, u32::from(peer.0), cell)
+    }
+
+    #[inline(always)]
+    pub(crate) fn acknowledged(&self, peer: Processor) -> u32 {
+        layout::acknowledged(Self::PROCESSORS, u32::from(peer.0))
+    }
+
+    #[inline(always)]
+    pub(crate) fn taken(&self, peer: Processor) -> u32 {
+        layout::taken(Self::PROCESSORS, u32::from(peer.0))
+    }
+
+    #[inline(always)]
+    pub(crate) fn vector(&self, vector: usize) -> u32 {
+        layout::vector_entry(Self::PROCESSORS, vector as u32)
+    }
+
+    /// Whether the entry at `at` carries `sequence`: one load, for waiting.
+    #[inline(always)]
+    pub(crate) fn carries(&self, at: u32, sequence: u32) -> Result<bool, Error> {
+        // Acquire: pairs with the Release store of the sequence in `put`.
+        Ok(self.load(at + entry::SEQUENCE, LoadOrder::Acquire)? == sequence)
+    }
+
+    /// Reads the entry at `at` if it carries `sequence` before and after.
+    #[inline(always)]
+    pub(crate) fn get(&self, at: u32, sequence: u32) -> Result<Option<Entry>, Error> {
+        if !self.carries(at, sequence)? {
+            return Ok(None);
+        }
+        let found = Entry {
+            value: self.load(at + entry::VALUE, LoadOrder::Relaxed)?,
+            epoch: self.load(at + entry::EPOCH, LoadOrder::Relaxed)?,
+            kind: self.load(at + entry::KIND, LoadOrder::Relaxed)?,
+        };
+        // Pairs with the Release fence of `put`: if a word of a later entry was read above, the
+        // load below finds the sequence that `put` had spoiled before.
+        fence(Ordering::Acquire);
+        let after = self.load(at + entry::SEQUENCE, LoadOrder::Relaxed)?;
+        Ok((after == sequence).then_some(found))
+    }
+
+    /// Writes the entry at `at`; whoever finds `sequence` there finds the whole entry.
+    #[inline(always)]
+    pub(crate) fn put(&self, at: u32, sequence: u32, new: Entry) -> Result<(), Error> {
+        // The number before `sequence` belongs to another slot, so nobody looks for it here.
+        self.store(
+            at + entry::SEQUENCE,
+            sequence.wrapping_sub(1),
+            StoreOrder::Relaxed,
+        )?;
+        // Pairs with the Acquire fence of `get`.
+        fence(Ordering::Release);
+        self.store(at + entry::VALUE, new.value, StoreOrder::Relaxed)?;
+        self.store(at + entry::EPOCH, new.epoch, StoreOrder::Relaxed)?;
+        self.store(at + entry::KIND, new.kind, StoreOrder::Relaxed)?;
+        // Release: pairs with the Acquire load of `carries`.
+        self.store(at + entry::SEQUENCE, sequence, StoreOrder::Release)
+    }
+
+    /// Whether this `mail` is laid out as this build expects; the magic number is checked last.
+    pub(crate) fn check_layout(&self, data_bytes: u32) -> Result<(), Error> {
+        let expected = [
+            (LayoutField::Magic, header::MAGIC, layout::MAGIC),
+            (LayoutField::Version, header::VERSION, layout::VERSION),
+            (
+                LayoutField::Processors,
+                header::PROCESSORS,
+                Self::PROCESSORS,
+            ),
+            (LayoutField::Number, header::NUMBER, u32::from(self.owner.0)),
+            (LayoutField::Slots, header::SLOTS, layout::SLOTS),
+            (
+                LayoutField::Vectors,
+                header::VECTORS,
+                layout::VECTORS as u32,
+            ),
+            (LayoutField::DataSize, header::DATA_SIZE, data_bytes),
+        ];
+        for (field, offset, expected) in expected {
+            let found = self.load(offset, LoadOrder::Relaxed)?;
+            if found != expected {
+                return Err(self.disagrees(Object::Mail, field, found, expected));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the sizes of both objects, before anything is read.
+    pub(crate) fn check_sizes(&self, data_bytes: u32) -> Result<(), Error> {
+        let (found, expected) = (self.window.size(), layout::mail_bytes(Self::PROCESSORS));
+        if found < expected {
+            return Err(self.disagrees(Object::Mail, LayoutField::MailSize, found, expected));
+        }
+        if data_bytes < layout::BELL_BYTES {
+            let expected = layout::BELL_BYTES;
+            return Err(self.disagrees(Object::Data, LayoutField::DataSize, data_bytes, expected));
+        }
+        Ok(())
+    }
+
+    fn disagrees(&self, object: Object, field: LayoutField, found: u32, expected: u32) -> Error {
+        Error::Layout {
+            processor: self.owner,
+            object,
+            field,
+            found,
+            expected,
+        }
+    }
+
+    /// Writes everything of the header that does not change, the magic number last.
+    pub(crate) fn format(&self, data_bytes: u32) -> Result<(), Error> {
+        for (offset, value) in [
+            (header::VERSION, layout::VERSION),
+            (header::PROCESSORS, Self::PROCESSORS),
+            (header::NUMBER, u32::from(self.owner.0)),
+            (header::SLOTS, layout::SLOTS),
+            (header::VECTORS, layout::VECTORS as u32),
+            (header::DATA_SIZE, data_bytes),
+        ] {
+            self.store(offset, value, StoreOrder::Relaxed)?;
+        }
+        // Release: whoever is killed before leaves a file without a magic number, which the next
+        // one formats anew.
+        self.store(header::MAGIC, layout::MAGIC, StoreOrder::Release)
+    }
+}

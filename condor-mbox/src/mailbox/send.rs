@@ -1,0 +1,514 @@
+//! Sending, with and without reply.
+
+use core::time::Duration;
+
+use super::call::{Message, Messenger, Pending, Ticket};
+use super::wait::{End, Limit, Watch};
+use super::{Mailbox, Peer};
+use crate::doorbell::Doorbell;
+use crate::error::{Error, Progress};
+use crate::exclusion::Exclusion;
+use crate::id::{Processor, Vector};
+use crate::layout::{self, SLOTS, header};
+use crate::mail::Entry;
+use crate::sync::{Ordering, fence};
+use crate::time::Instant;
+use crate::window::{LoadOrder, MemoryWindow};
+
+/// What a request asks for; the low byte of a slot's kind word is the vector, the third the cell.
+pub(super) mod kind {
+    /// Run the handler.
+    pub(in super::super) const SEND: u32 = 1 << 8;
+    /// Run the handler and reply.
+    pub(in super::super) const CALL: u32 = 2 << 8;
+    /// Let the sender listen to our vectors.
+    pub(in super::super) const LISTEN: u32 = 3 << 8;
+    /// No longer let it.
+    pub(in super::super) const IGNORE: u32 = 4 << 8;
+    /// Where the number of the reply cell stands.
+    pub(in super::super) const CELL_SHIFT: u32 = 16;
+}
+
+/// How a request ended, in the kind word of its reply cell.
+pub(super) mod status {
+    /// The handler's result is the value.
+    pub(in super::super) const DONE: u32 = 1;
+    /// There is no handler for the vector.
+    pub(in super::super) const NO_HANDLER: u32 = 2;
+    /// The handler did not return.
+    pub(in super::super) const HANDLER_FAILED: u32 = 3;
+}
+
+/// Why a request cannot enter the ring now.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Refusal {
+    /// The two ends have not acknowledged each other.
+    NotConnected,
+    /// The receiver has not taken enough requests, or too many calls are unanswered.
+    NoSlot,
+    /// Only listeners have not taken enough requests.
+    Listeners,
+}
+
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
+    /// Sends `data` to `vector` of `to`, which may be this processor, and does not wait for its
+    /// handler (memo, section 3.3.1).
+    ///
+    /// Waits for a free slot, or for the receiver to join, for at most `timeout`, serving
+    /// meanwhile. Messages to one receiver are started there in the order in which they were sent.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchProcessor`], [`Error::NoSuchVector`], [`Error::NotJoined`]; after `timeout`
+    /// [`Error::NoSlot`], [`Error::NotConnected`] or [`Error::Stalled`]; [`Error::PeerDied`] as
+    /// soon as it is known; [`Error::Layout`], [`Error::Protocol`], [`Error::Window`]. After an
+    /// error the message was not sent.
+    pub fn send(
+        &self,
+        to: Processor,
+        vector: Vector,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<(), Error> {
+        self.send_before(Message { to, vector, data }, timeout, Instant::FOREVER)
+    }
+
+    /// Sends like [`send`](Self::send), but never waits and never serves: for servo loops.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send), at once.
+    pub fn try_send(&self, to: Processor, vector: Vector, data: u32) -> Result<(), Error> {
+        self.post(Message { to, vector, data })
+    }
+
+    /// Sends `data` to `vector` of `to` and waits for what its handler returns.
+    ///
+    /// Serves incoming requests meanwhile, on the same stack, so that two processors may call
+    /// each other. After `timeout` the request may still run once, if it was sent; its reply is
+    /// dropped.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send), and [`Error::TimedOut`] or [`Error::Stalled`] after `timeout`,
+    /// [`Error::NoHandler`], [`Error::HandlerFailed`]; [`Error::PeerDied`], [`Error::PeerLeft`]
+    /// and [`Error::PeerRestarted`] as soon as they are known.
+    pub fn send_with_reply(
+        &self,
+        to: Processor,
+        vector: Vector,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<u32, Error> {
+        self.send_with_reply_before(Message { to, vector, data }, timeout, Instant::FOREVER)
+    }
+
+    /// Sends `data` to `vector` of `to` and gives a ticket to poll for the reply: for servo
+    /// loops. Never waits and never serves.
+    ///
+    /// # Errors
+    /// As [`try_send`](Self::try_send).
+    pub fn begin(
+        &self,
+        to: Processor,
+        vector: Vector,
+        data: u32,
+    ) -> Result<Ticket<'_, Self>, Error> {
+        Ticket::begin(self, Message { to, vector, data })
+    }
+
+    /// Sends a request of any kind and waits for its reply.
+    pub(super) fn request(
+        &self,
+        to: Processor,
+        kind: u32,
+        data: u32,
+        limit: Limit,
+    ) -> Result<u32, Error> {
+        let vector = Vector(kind.to_le_bytes()[0]);
+        let peer = self.peer(to)?;
+        let (pending, limit) = self.publish_by(&peer, kind, data, limit)?;
+        let watch = (to != self.me).then_some(Watch {
+            peer: to,
+            life: pending.life,
+        });
+        let end = self.wait(limit, watch, || self.look(&pending));
+        let progress = || self.progress(&peer, &pending);
+        let error = match end {
+            Ok(End::Came(value)) => return Ok(value),
+            // The reply came, and says that there is no value; or memory is gone.
+            Err(error) => error,
+            Ok(End::Expired { stalled: false }) => Error::TimedOut {
+                to,
+                vector,
+                progress: progress(),
+            },
+            Ok(End::Expired { stalled: true }) => Error::Stalled {
+                to,
+                vector,
+                progress: progress(),
+            },
+            Ok(End::Died) => Error::PeerDied {
+                to,
+                progress: progress(),
+            },
+            Ok(End::Left) => Error::PeerLeft {
+                to,
+                progress: progress(),
+            },
+            Ok(End::Restarted) => Error::PeerRestarted {
+                to,
+                progress: progress(),
+            },
+        };
+        self.abandon(&pending);
+        self.count_failure(vector);
+        Err(error)
+    }
+
+    /// Publishes a request, waiting for a slot, and says how long its sender may wait then.
+    fn publish_by(
+        &self,
+        peer: &Peer<'_, W, N>,
+        kind: u32,
+        data: u32,
+        mut limit: Limit,
+    ) -> Result<(Pending, Limit), Error> {
+        let vector = self.check(kind)?;
+        // Mostly there is a slot, and the clock need not be read.
+        let mut refusal = match self.publish(peer, kind, data, false)? {
+            Ok(pending) => return Ok((pending, limit)),
+            Err(refusal) => refusal,
+        };
+        limit.enclosing = self
+            .doorbell
+            .now()
+            .after(limit.timeout)
+            .min(limit.enclosing);
+        if refusal == Refusal::Listeners {
+            self.leave_dead_behind(peer)?;
+        }
+        let watch = (peer.number != self.me).then_some(Watch {
+            peer: peer.number,
+            life: 0,
+        });
+        let end = self.wait(limit, watch, || {
+            match self.publish(peer, kind, data, false)? {
+                Ok(pending) => Ok(Some(pending)),
+                Err(reason) => {
+                    refusal = reason;
+                    Ok(None)
+                }
+            }
+        });
+        let to = peer.number;
+        let progress = Progress::NotSent;
+        let error = match end {
+            Ok(End::Came(pending)) => return Ok((pending, limit)),
+            // Listeners are waited for once; from here on those that are behind are left behind.
+            Ok(_) if refusal == Refusal::Listeners => match self.publish(peer, kind, data, true)? {
+                Ok(pending) => return Ok((pending, limit)),
+                Err(refusal) => refusal.error(to),
+            },
+            Ok(End::Expired { stalled: true }) if peer.has_joined()? => Error::Stalled {
+                to,
+                vector,
+                progress,
+            },
+            Ok(End::Died) => Error::PeerDied { to, progress },
+            Ok(_) => refusal.error(to),
+            Err(error) => error,
+        };
+        self.count_failure(vector);
+        Err(error)
+    }
+
+    fn check(&self, kind: u32) -> Result<Vector, Error> {
+        let vector = Vector(kind.to_le_bytes()[0]);
+        if vector.index() >= Vector::COUNT {
+            return Err(Error::NoSuchVector { vector });
+        }
+        if self.life.get() == 0 {
+            return Err(Error::NotJoined { number: self.me });
+        }
+        Ok(vector)
+    }
+
+    /// Puts a request into the ring, if it can enter, and rings the receiver if it wants that.
+    ///
+    /// Listeners that are behind are waited for, unless `leave_behind`.
+    fn publish(
+        &self,
+        peer: &Peer<'_, W, N>,
+        kind: u32,
+        data: u32,
+        leave_behind: bool,
+    ) -> Result<Result<Pending, Refusal>, Error> {
+        self.notice(peer)?;
+        let published = self
+            .exclusion
+            .with(|| self.publish_alone(peer, kind, data, leave_behind))?;
+        if let Ok((_, listeners)) = published {
+            self.wake(peer)?;
+            if listeners != 0 {
+                self.wake_listeners(listeners);
+            }
+        }
+        Ok(published.map(|(pending, _)| pending))
+    }
+
+    /// Reserving the slot and publishing it are one section: no context of this processor can
+    /// publish a later request before an earlier one.
+    fn publish_alone(
+        &self,
+        peer: &Peer<'_, W, N>,
+        kind: u32,
+        data: u32,
+        leave_behind: bool,
+    ) -> Result<Result<(Pending, u32), Refusal>, Error> {
+        let pair = peer.pair;
+        // A receiver that began another life since `notice` ignores the old epoch.
+        let life = pair.life.get();
+        if !self.is_connected(peer)? {
+            return Ok(Err(Refusal::NotConnected));
+        }
+        pair.connected.set(1);
+        let sequence = pair.head.get().wrapping_add(1);
+        if sequence.wrapping_sub(pair.taken.get()) > SLOTS && !self.refresh_taken(peer, sequence)? {
+            return Ok(Err(Refusal::NoSlot));
+        }
+        let listeners = peer.mail.load(header::LISTENERS, LoadOrder::Relaxed)?;
+        if listeners != 0 && !self.listeners_keep_up(peer, listeners, sequence, leave_behind) {
+            return Ok(Err(Refusal::Listeners));
+        }
+        let own = self.own()?;
+        let mut tag = 0;
+        let mut cell = 0;
+        if kind & !0xff == kind::CALL {
+            let Some(free) = self.reserve_cell(peer)? else {
+                return Ok(Err(Refusal::NoSlot));
+            };
+            cell = free;
+            tag = cell << kind::CELL_SHIFT;
+            pair.busy.set(pair.busy.get() | 1 << cell);
+            if let Some(owner) = pair.owner.get(cell as usize) {
+                owner.set(sequence);
+            }
+        }
+        let epoch = pair.epoch_out.get();
+        let entry = Entry {
+            value: data,
+            epoch,
+            kind: kind | tag,
+        };
+        own.put(own.slot(peer.number, sequence), sequence, entry)?;
+        pair.head.set(sequence);
+        let vector = Vector(kind.to_le_bytes()[0]);
+        own.add(own.vector(vector.index()) + layout::vector::SENT, 1)?;
+        Ok(Ok((
+            Pending {
+                to: peer.number,
+                vector,
+                cell,
+                sequence,
+                epoch,
+                life,
+            },
+            listeners,
+        )))
+    }
+
+    /// Reads how many requests the receiver has taken; whether `sequence` has a slot now.
+    fn refresh_taken(&self, peer: &Peer<'_, W, N>, sequence: u32) -> Result<bool, Error> {
+        // Acquire: pairs with the Release store in `take_alone`; the slot that is overwritten has
+        // been read before.
+        let count = peer
+            .mail
+            .load(peer.mail.taken(self.me), LoadOrder::Acquire)?;
+        let untaken = sequence.wrapping_sub(count);
+        if untaken == 0 || untaken > SLOTS + 1 {
+            return Err(Error::Protocol {
+                peer: peer.number,
+                word: "taken count",
+                found: count,
+            });
+        }
+        peer.pair.taken.set(count);
+        Ok(untaken <= SLOTS)
+    }
+
+    /// A reply cell that no call owns, or whose late reply has come.
+    fn reserve_cell(&self, peer: &Peer<'_, W, N>) -> Result<Option<u32>, Error> {
+        let pair = peer.pair;
+        let free = pair.busy.get().trailing_ones();
+        if free < SLOTS {
+            return Ok(Some(free));
+        }
+        for (cell, owner) in (0..SLOTS).zip(&pair.owner) {
+            let late = peer.mail.cell(self.me, cell);
+            if pair.abandoned.get() & 1 << cell != 0
+                && peer
+                    .mail
+                    .get(late, owner.get())?
+                    .is_some_and(|e| e.epoch == pair.epoch_out.get())
+            {
+                pair.release(cell, pair.epoch_out.get());
+                return Ok(Some(cell));
+            }
+        }
+        Ok(None)
+    }
+
+    /// How far a request had come when its sender gave up.
+    fn progress(&self, peer: &Peer<'_, W, N>, pending: &Pending) -> Progress {
+        let taken = peer.mail.load(peer.mail.taken(self.me), LoadOrder::Acquire);
+        // What the private cursor knows is true even if the receiver has forgotten it since.
+        let known = |count: u32| count.wrapping_sub(pending.sequence) <= u32::MAX / 2;
+        if known(peer.pair.taken.get()) && peer.pair.epoch_out.get() == pending.epoch {
+            return Progress::Taken;
+        }
+        match taken {
+            Ok(count) if known(count) => Progress::Taken,
+            _ => Progress::Waiting,
+        }
+    }
+
+    /// Rings `peer` if it asked for that.
+    pub(super) fn wake(&self, peer: &Peer<'_, W, N>) -> Result<(), Error> {
+        // Pairs with the fence in `wait`: what was stored before is seen by a receiver that
+        // looks after it asked to be rung, or its asking is seen here.
+        fence(Ordering::SeqCst);
+        if peer.mail.load(header::ATTENTION, LoadOrder::Relaxed)? != 0 {
+            self.doorbell.ring(peer.number);
+        }
+        Ok(())
+    }
+
+    fn count_failure(&self, vector: Vector) {
+        if let Ok(own) = self.own() {
+            let at = own.vector(vector.index()) + layout::vector::FAILED;
+            // A count that cannot be stored is a window error at the next message.
+            let _ = self.exclusion.with(|| own.add(at, 1));
+        }
+    }
+}
+
+impl Refusal {
+    fn error(self, to: Processor) -> Error {
+        match self {
+            Self::NotConnected => Error::NotConnected { to },
+            Self::NoSlot | Self::Listeners => Error::NoSlot { to },
+        }
+    }
+}
+
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
+    for Mailbox<'_, W, D, X, N>
+{
+    fn number(&self) -> Processor {
+        self.me
+    }
+
+    fn send_before(
+        &self,
+        message: Message,
+        timeout: Duration,
+        enclosing: Instant,
+    ) -> Result<(), Error> {
+        let peer = self.peer(message.to)?;
+        let kind = kind::SEND | u32::from(message.vector.0);
+        let limit = Limit { timeout, enclosing };
+        self.publish_by(&peer, kind, message.data, limit).map(drop)
+    }
+
+    fn send_with_reply_before(
+        &self,
+        message: Message,
+        timeout: Duration,
+        enclosing: Instant,
+    ) -> Result<u32, Error> {
+        let kind = kind::CALL | u32::from(message.vector.0);
+        self.request(message.to, kind, message.data, Limit { timeout, enclosing })
+    }
+
+    fn post(&self, message: Message) -> Result<(), Error> {
+        self.publish_now(message, kind::SEND).map(drop)
+    }
+
+    fn open(&self, message: Message) -> Result<Pending, Error> {
+        self.publish_now(message, kind::CALL)
+    }
+
+    fn look(&self, pending: &Pending) -> Result<Option<u32>, Error> {
+        let peer = self.peer(pending.to)?;
+        let at = peer.mail.cell(self.me, pending.cell);
+        if let Some(reply) = peer.mail.get(at, pending.sequence)?
+            && reply.epoch == pending.epoch
+        {
+            self.exclusion.with(|| {
+                // Requests are taken in order: this one and all before it have been.
+                if peer.pair.epoch_out.get() == pending.epoch {
+                    peer.pair.advance(pending.sequence);
+                }
+                peer.pair.release(pending.cell, pending.epoch);
+            });
+            let Pending { to, vector, .. } = *pending;
+            return match reply.kind {
+                status::DONE => Ok(Some(reply.value)),
+                status::NO_HANDLER => Err(Error::NoHandler { to, vector }),
+                status::HANDLER_FAILED => Err(Error::HandlerFailed { to, vector }),
+                found => Err(Error::Protocol {
+                    peer: to,
+                    word: "reply status",
+                    found,
+                }),
+            };
+        }
+        Ok(None)
+    }
+
+    fn abandon(&self, pending: &Pending) {
+        if let Ok(peer) = self.peer(pending.to) {
+            self.exclusion.with(|| {
+                let pair = peer.pair;
+                let owns = pair
+                    .owner
+                    .get(pending.cell as usize)
+                    .map(super::pair::Word::get)
+                    == Some(pending.sequence);
+                if pair.epoch_out.get() == pending.epoch && owns {
+                    pair.abandoned
+                        .set(pair.abandoned.get() | pair.busy.get() & 1 << pending.cell);
+                }
+            });
+        }
+    }
+}
+
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
+    /// Sends a request that is answered by what it changes; gives the life of its receiver.
+    pub(super) fn request_without_reply(
+        &self,
+        to: Processor,
+        kind: u32,
+        limit: Limit,
+    ) -> Result<u32, Error> {
+        let (pending, _) = self.publish_by(&self.peer(to)?, kind, 0, limit)?;
+        Ok(pending.life)
+    }
+
+    /// Does so without waiting, if there is a slot.
+    pub(super) fn post_without_reply(&self, to: &Peer<'_, W, N>, kind: u32) -> Result<bool, Error> {
+        Ok(self.publish(to, kind, 0, true)?.is_ok())
+    }
+
+    fn publish_now(&self, message: Message, kind: u32) -> Result<Pending, Error> {
+        let peer = self.peer(message.to)?;
+        let kind = kind | u32::from(message.vector.0);
+        let vector = self.check(kind)?;
+        // A servo loop cannot wait for listeners.
+        let refusal = match self.publish(&peer, kind, message.data, true)? {
+            Ok(pending) => return Ok(pending),
+            Err(refusal) => refusal,
+        };
+        self.count_failure(vector);
+        Err(refusal.error(message.to))
+    }
+}

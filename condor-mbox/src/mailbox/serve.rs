@@ -1,0 +1,258 @@
+//! Taking requests from the rings and running their handlers.
+
+use core::time::Duration;
+
+use super::call::Call;
+use super::send::{kind, status};
+use super::wait::{End, Limit};
+use super::{MAX_DEPTH, Mailbox, Peer};
+use crate::doorbell::Doorbell;
+use crate::error::Error;
+use crate::exclusion::Exclusion;
+use crate::id::{Processor, Vector};
+use crate::layout::{self, SLOTS, header};
+use crate::mail::Entry;
+use crate::time::Instant;
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
+
+/// A request that has been taken: nobody else will run it.
+#[derive(Clone, Copy)]
+struct Taken {
+    sender: Processor,
+    life: u32,
+    sequence: u32,
+    entry: Entry,
+    depth: u32,
+}
+
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
+    /// Serves the requests that are there, without waiting, and says how many it served: for the
+    /// mailbox interrupt's handler, and for event loops.
+    ///
+    /// Serves at most a ringful for each sender, so that nobody can keep an interrupt busy for
+    /// ever; nested calls of the handlers end `timeout` from now at the latest.
+    ///
+    /// # Errors
+    /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
+    pub fn service(&self, timeout: Duration) -> Result<usize, Error> {
+        self.check_joined()?;
+        let mut now = self.doorbell.now();
+        let deadline = now.after(timeout);
+        let most = N * SLOTS as usize;
+        for served in 0..most {
+            let Some(vector) = self.serve_one(deadline)? else {
+                return Ok(served);
+            };
+            let begun = core::mem::replace(&mut now, self.doorbell.now());
+            self.note_time(vector, now.ns_since(begun))?;
+        }
+        Ok(most)
+    }
+
+    /// Waits until at least one request has been served, for at most `timeout`, and says how many
+    /// were: for the background of a processor that has nothing else to do.
+    ///
+    /// # Errors
+    /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
+    pub fn serve(&self, timeout: Duration) -> Result<usize, Error> {
+        self.check_joined()?;
+        let limit = Limit {
+            timeout,
+            enclosing: Instant::FOREVER,
+        };
+        let mut before = None;
+        let end = self.wait(limit, None, || {
+            let served = self.served.get();
+            let before = *before.get_or_insert(served);
+            Ok((served != before).then(|| served.wrapping_sub(before) as usize))
+        })?;
+        Ok(match end {
+            End::Came(served) => served,
+            _ => 0,
+        })
+    }
+
+    fn check_joined(&self) -> Result<(), Error> {
+        if self.life.get() == 0 {
+            Err(Error::NotJoined { number: self.me })
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Beats the heart, notices who came and went, and serves one request, if there is one; gives
+    /// its vector.
+    pub(super) fn serve_one(&self, deadline: Instant) -> Result<Option<Vector>, Error> {
+        let beat = self.beats.get().wrapping_add(1);
+        self.beats.set(beat);
+        self.own()?
+            .store(header::HEARTBEAT, beat, StoreOrder::Relaxed)?;
+        let mut number = self.turn.get();
+        for _ in 0..N {
+            let peer = self.peer(Processor(number as u8))?;
+            number = if number + 1 < N as u32 { number + 1 } else { 0 };
+            let taken = self.notice(&peer).and_then(|()| self.take(&peer));
+            match taken {
+                Ok(Some(taken)) => {
+                    self.turn.set(number);
+                    return self.run(&peer, taken, deadline).map(Some);
+                }
+                Ok(None) => {}
+                Err(error) => self.fatal(error)?,
+            }
+        }
+        self.hear(deadline)
+    }
+
+    /// What is wrong with a peer concerns those who wait for it, not those who serve others.
+    pub(super) fn fatal(&self, error: Error) -> Result<(), Error> {
+        match error {
+            Error::Window { processor, .. } if processor == self.me => Err(error),
+            _ => Ok(()),
+        }
+    }
+
+    fn take(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
+        let next = peer.pair.tail.get().wrapping_add(1);
+        if !peer.mail.carries(peer.mail.slot(self.me, next), next)? {
+            return Ok(None);
+        }
+        self.exclusion.with(|| self.take_alone(peer))
+    }
+
+    /// Reading the slot and moving the cursor are one section: a request is taken once.
+    fn take_alone(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
+        let pair = peer.pair;
+        let depth = self.depth.get();
+        if depth >= MAX_DEPTH {
+            return Ok(None);
+        }
+        let sequence = pair.tail.get().wrapping_add(1);
+        let slot = peer.mail.slot(self.me, sequence);
+        let Some(entry) = peer.mail.get(slot, sequence)? else {
+            return Ok(None);
+        };
+        // An epoch is never 0, so nothing is taken from a peer that has not been acknowledged.
+        if entry.epoch != pair.epoch_in.get() {
+            return Ok(None);
+        }
+        let own = self.own()?;
+        pair.tail.set(sequence);
+        // Release: pairs with the Acquire load in `refresh_taken`; the slot has been read.
+        own.store(own.taken(peer.number), sequence, StoreOrder::Release)?;
+        self.depth.set(depth + 1);
+        let life = pair.life.get();
+        Ok(Some(Taken {
+            sender: peer.number,
+            life,
+            sequence,
+            entry,
+            depth: depth + 1,
+        }))
+    }
+
+    fn run(&self, peer: &Peer<'_, W, N>, taken: Taken, deadline: Instant) -> Result<Vector, Error> {
+        let Entry { value, kind, .. } = taken.entry;
+        let vector = Vector(kind.to_le_bytes()[0]);
+        let mut finish = Finish {
+            mailbox: self,
+            peer,
+            taken,
+            outcome: (status::HANDLER_FAILED, 0),
+        };
+        finish.outcome = match kind & 0xff00 {
+            kind::SEND | kind::CALL => match self.handlers.get(vector.index()).copied().flatten() {
+                Some(handler) => {
+                    let call = Call {
+                        messenger: self,
+                        sender: taken.sender,
+                        addressee: self.me,
+                        vector,
+                        data: value,
+                        depth: taken.depth,
+                        deadline,
+                    };
+                    (status::DONE, handler(&call))
+                }
+                None => (status::NO_HANDLER, 0),
+            },
+            kind::LISTEN => (status::DONE, self.admit_listener(taken.sender, true)?),
+            kind::IGNORE => (status::DONE, self.admit_listener(taken.sender, false)?),
+            _ => (status::NO_HANDLER, 0),
+        };
+        Ok(vector)
+    }
+
+    /// Counts a handled request and replies, if a reply is wanted and its sender still lives the
+    /// life in which it asked.
+    fn finish(
+        &self,
+        peer: &Peer<'_, W, N>,
+        taken: Taken,
+        outcome: (u32, u32),
+    ) -> Result<(), Error> {
+        let Entry { kind, epoch, .. } = taken.entry;
+        let (status, value) = outcome;
+        let replies = kind & 0xff00 == kind::CALL;
+        let own = self.own()?;
+        self.exclusion.with(|| {
+            self.depth.set(self.depth.get().wrapping_sub(1));
+            self.served.set(self.served.get().wrapping_add(1));
+            let vector = usize::from(kind.to_le_bytes()[0]);
+            if status == status::DONE && vector < Vector::COUNT {
+                own.add(own.vector(vector) + layout::vector::HANDLED, 1)?;
+            }
+            if replies && peer.pair.life.get() == taken.life {
+                let cell = own.cell(peer.number, kind >> kind::CELL_SHIFT);
+                own.put(
+                    cell,
+                    taken.sequence,
+                    Entry {
+                        value,
+                        epoch,
+                        kind: status,
+                    },
+                )?;
+            }
+            Ok(())
+        })?;
+        if replies { self.wake(peer) } else { Ok(()) }
+    }
+
+    /// Notes that a handler took `ns`, from the clock's reading before the look that found its
+    /// message until the one after its reply.
+    pub(super) fn note_time(&self, vector: Vector, ns: u64) -> Result<(), Error> {
+        if vector.index() >= Vector::COUNT {
+            return Ok(());
+        }
+        let own = self.own()?;
+        let at = own.vector(vector.index()) + layout::vector::WORST;
+        let ns = u32::try_from(ns).unwrap_or(u32::MAX);
+        if ns <= own.load(at, LoadOrder::Relaxed)? {
+            return Ok(());
+        }
+        self.exclusion.with(|| {
+            if ns > own.load(at, LoadOrder::Relaxed)? {
+                own.store(at, ns, StoreOrder::Relaxed)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Ends a request however its handler ends; a panic on a hosted processor is a failed request.
+struct Finish<'f, 'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> {
+    mailbox: &'f Mailbox<'v, W, D, X, N>,
+    peer: &'f Peer<'f, W, N>,
+    taken: Taken,
+    outcome: (u32, u32),
+}
+
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
+    for Finish<'_, '_, W, D, X, N>
+{
+    fn drop(&mut self) {
+        // A sender whose memory is gone cannot wait for its reply; ours is noticed at the next look.
+        let _ = self.mailbox.finish(self.peer, self.taken, self.outcome);
+    }
+}

@@ -1,0 +1,140 @@
+//! The vector table: handlers, their names, and what happened to them.
+
+use super::{Handler, Mailbox};
+use crate::doorbell::Doorbell;
+use crate::error::Error;
+use crate::exclusion::Exclusion;
+use crate::id::{Processor, Vector};
+use crate::layout::{NAME_BYTES, vector};
+use crate::mail::Mail;
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
+
+/// What happened to one vector of one processor; counts wrap at 2³².
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VectorStatistics {
+    name: [u8; NAME_BYTES],
+    /// Messages that the processor sent to this vector of any processor.
+    pub sent: u32,
+    /// Messages that the processor's own handler has handled.
+    pub handled: u32,
+    /// Messages of the processor to this vector that ended in an error.
+    pub failed: u32,
+    /// The longest that its handler took, from the look that found the message until after the
+    /// reply, in nanoseconds; `u32::MAX` for longer than that counts.
+    pub worst_ns: u32,
+}
+
+impl VectorStatistics {
+    /// The name that was given with the handler; empty if there is no handler, or if the peer
+    /// wrote something that is not text.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        let len = self
+            .name
+            .iter()
+            .position(|&byte| byte == 0)
+            .unwrap_or(NAME_BYTES);
+        self.name
+            .get(..len)
+            .and_then(|name| core::str::from_utf8(name).ok())
+            .unwrap_or("")
+    }
+}
+
+impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v, W, D, X, N> {
+    /// Sets what runs when a message arrives for `vector` (the memo's `mbox_set_vector`).
+    ///
+    /// `name` is for people: every processor can list the names and counts of every other. Set
+    /// the vectors before [`join`](Self::join), so that no message finds none.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchVector`], [`Error::VectorTaken`], [`Error::NameTooLong`],
+    /// [`Error::Window`].
+    pub fn set_vector(
+        &mut self,
+        vector: Vector,
+        handler: Handler<'v>,
+        name: &str,
+    ) -> Result<(), Error> {
+        let entry = self
+            .handlers
+            .get_mut(vector.index())
+            .ok_or(Error::NoSuchVector { vector })?;
+        if entry.is_some() {
+            return Err(Error::VectorTaken { vector });
+        }
+        if name.len() > NAME_BYTES {
+            return Err(Error::NameTooLong {
+                vector,
+                len: name.len(),
+            });
+        }
+        *entry = Some(handler);
+        self.write_name(vector, name)
+    }
+
+    /// Takes the handler of `vector` away.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchVector`], [`Error::Window`].
+    pub fn clear_vector(&mut self, vector: Vector) -> Result<(), Error> {
+        let entry = self
+            .handlers
+            .get_mut(vector.index())
+            .ok_or(Error::NoSuchVector { vector })?;
+        *entry = None;
+        self.write_name(vector, "")
+    }
+
+    /// Name and counts of `vector` on `processor`, without stopping anyone.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchProcessor`], [`Error::NoSuchVector`]; [`Error::Layout`] if nothing of this
+    /// layout is there; [`Error::Window`].
+    pub fn vector_statistics(
+        &self,
+        processor: Processor,
+        vector: Vector,
+    ) -> Result<VectorStatistics, Error> {
+        let peer = self.peer(processor)?;
+        if vector.index() >= Vector::COUNT {
+            return Err(Error::NoSuchVector { vector });
+        }
+        peer.check_layout()?;
+        let entry = peer.mail.vector(vector.index());
+        let mut name = [0; NAME_BYTES];
+        for (word, at) in name
+            .chunks_exact_mut(4)
+            .zip((entry + vector::NAME..).step_by(4))
+        {
+            word.copy_from_slice(&peer.mail.load(at, LoadOrder::Relaxed)?.to_le_bytes());
+        }
+        let count = |offset| peer.mail.load(entry + offset, LoadOrder::Relaxed);
+        Ok(VectorStatistics {
+            name,
+            sent: count(vector::SENT)?,
+            handled: count(vector::HANDLED)?,
+            failed: count(vector::FAILED)?,
+            worst_ns: count(vector::WORST)?,
+        })
+    }
+
+    fn write_name(&self, vector: Vector, name: &str) -> Result<(), Error> {
+        let own = self.own()?;
+        let entry = own.vector(vector.index()) + vector::NAME;
+        let mut bytes = name.bytes();
+        for at in (entry..).step_by(4).take(NAME_BYTES / 4) {
+            let word = core::array::from_fn(|_| bytes.next().unwrap_or(0));
+            own.store(at, u32::from_le_bytes(word), StoreOrder::Relaxed)?;
+        }
+        Ok(())
+    }
+}
+
+/// Empties the table in `own`.
+pub(super) fn clear<W: MemoryWindow, const N: usize>(own: &Mail<'_, W, N>) -> Result<(), Error> {
+    for at in (own.vector(0)..own.vector(Vector::COUNT)).step_by(4) {
+        own.store(at, 0, StoreOrder::Relaxed)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,241 @@
+//! Waiting, always with a deadline.
+
+use core::time::Duration;
+
+use super::Mailbox;
+use crate::doorbell::{Doorbell, Evidence};
+use crate::error::Error;
+use crate::exclusion::Exclusion;
+use crate::id::Processor;
+use crate::layout::{JOINING, header};
+use crate::sync::{Ordering, fence};
+use crate::time::Instant;
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
+
+/// How often a waiter asks the platform whether the peer it waits for is alive.
+const WATCH: Duration = Duration::from_micros(250);
+/// How long a sleep lasts at most, so that a lost doorbell only delays.
+const NAP: Duration = Duration::from_millis(10);
+
+/// How a mailbox waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Waiting {
+    /// Look again and again: fastest, takes a core.
+    Spin,
+    /// Spin for a time, then sleep. The budget is time, not looks: after a preemption a budget of
+    /// looks is gone and every later wait sleeps, too.
+    SpinThenSleep {
+        /// How long to spin before each sleep.
+        spin: Duration,
+    },
+    /// Sleep until the doorbell rings: on Linux in the kernel, on bare metal waiting for an
+    /// interrupt.
+    Sleep,
+}
+
+impl Default for Waiting {
+    /// Spins for 50 µs, a few times a wake-up by the kernel.
+    fn default() -> Self {
+        Self::SpinThenSleep {
+            spin: Duration::from_micros(50),
+        }
+    }
+}
+
+/// How long a wait may last, and whether it serves.
+#[derive(Clone, Copy)]
+pub(super) struct Limit {
+    pub(super) timeout: Duration,
+    /// The end of the enclosing wait.
+    pub(super) enclosing: Instant,
+}
+
+/// Whom a wait depends on, and in which life; 0 for any.
+#[derive(Clone, Copy)]
+pub(super) struct Watch {
+    pub(super) peer: Processor,
+    pub(super) life: u32,
+}
+
+/// How a wait ended.
+pub(super) enum End<T> {
+    /// What was waited for came.
+    Came(T),
+    /// The deadline passed; `stalled` if the peer's heart did not beat meanwhile.
+    Expired { stalled: bool },
+    /// The program of the peer ended.
+    Died,
+    /// The peer left the system.
+    Left,
+    /// The peer is in another life.
+    Restarted,
+}
+
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
+    /// Chooses how this mailbox waits; see [`Waiting`].
+    pub fn set_waiting(&mut self, waiting: Waiting) {
+        self.waiting = waiting;
+    }
+
+    /// Asks senders to ring the doorbell for every message, also while nobody waits.
+    ///
+    /// For a processor that [serves](Self::service) from its mailbox interrupt, and for one that
+    /// watches its doorbell's descriptor in an event loop. Undone by `false`.
+    ///
+    /// # Errors
+    /// [`Error::Window`].
+    pub fn ring_always(&mut self, always: bool) -> Result<(), Error> {
+        let step = match (self.always, always) {
+            (false, true) => 1,
+            (true, false) => u32::MAX,
+            _ => return Ok(()),
+        };
+        self.always = always;
+        self.want_rings(step)
+    }
+
+    /// Waits until `look` finds something, serving one request per look meanwhile.
+    pub(super) fn wait<T>(
+        &self,
+        limit: Limit,
+        watch: Option<Watch>,
+        mut look: impl FnMut() -> Result<Option<T>, Error>,
+    ) -> Result<End<T>, Error> {
+        if let Some(found) = look()? {
+            return Ok(End::Came(found));
+        }
+        let begun = self.doorbell.now();
+        let deadline = begun.after(limit.timeout).min(limit.enclosing);
+        let mut spin_until = self.spin_end(begun);
+        let mut ask_at = begun.after(WATCH);
+        let mut first_beat = None;
+        let mut rings = None;
+        let mut seen = None;
+        let mut now = begun;
+        loop {
+            let served = self.serve_one(deadline)?;
+            let begun = core::mem::replace(&mut now, self.doorbell.now());
+            if let Some(vector) = served {
+                self.note_time(vector, now.ns_since(begun))?;
+                seen = None;
+                spin_until = self.spin_end(now);
+            }
+            if let Some(found) = look()? {
+                return Ok(End::Came(found));
+            }
+            let end = if let Some(watch) = watch {
+                let ask = now >= ask_at;
+                if ask {
+                    ask_at = now.after(WATCH);
+                }
+                self.fate(watch, ask)?
+            } else {
+                None
+            };
+            let end = match end {
+                None if now >= deadline => {
+                    let stalled = watch.is_some_and(|watch| {
+                        first_beat.is_some() && first_beat == self.heartbeat(watch.peer)
+                    });
+                    Some(End::Expired { stalled })
+                }
+                end => end,
+            };
+            if let Some(end) = end {
+                // What came just before the end still counts.
+                return Ok(look()?.map_or(end, End::Came));
+            }
+            if first_beat.is_none() {
+                first_beat = watch.and_then(|watch| self.heartbeat(watch.peer));
+            }
+            if now < spin_until {
+                continue;
+            }
+            if let Some(seen) = seen.take() {
+                let until = if watch.is_some() {
+                    ask_at
+                } else {
+                    now.after(NAP)
+                };
+                self.doorbell.wait(seen, until.min(deadline));
+                now = self.doorbell.now();
+            } else {
+                if rings.is_none() {
+                    rings = Some(Rings::want(self)?);
+                }
+                // Pairs with the fence in `wake`: either the sender sees that we want to be rung,
+                // or the look that follows sees what it sent.
+                fence(Ordering::SeqCst);
+                seen = Some(self.doorbell.prepare());
+            }
+        }
+    }
+
+    fn spin_end(&self, now: Instant) -> Instant {
+        match self.waiting {
+            Waiting::Spin => Instant::FOREVER,
+            Waiting::SpinThenSleep { spin } => now.after(spin),
+            Waiting::Sleep => now,
+        }
+    }
+
+    /// Whether the peer of `watch` ended or began a life; asks the platform too if `ask`.
+    fn fate<T>(&self, watch: Watch, ask: bool) -> Result<Option<End<T>>, Error> {
+        let mail = self.peer(watch.peer)?.mail;
+        let dead = ask && self.doorbell.evidence(watch.peer) == Evidence::Dead;
+        // Acquire: pairs with the Release store of the life in `join`. Loaded after the platform
+        // was asked: a program that died and was replaced is a restart.
+        let life = mail.load(header::LIFE, LoadOrder::Acquire)?;
+        Ok(match (watch.life, life) {
+            (0, 0) => None,
+            (was, is) if was == is => dead.then_some(End::Died),
+            (0, _) => dead.then_some(End::Died),
+            (_, 0) => Some(End::Left),
+            (_, JOINING) if dead => Some(End::Died),
+            (_, _) => Some(End::Restarted),
+        })
+    }
+
+    fn heartbeat(&self, peer: Processor) -> Option<u32> {
+        if peer == self.me {
+            return None;
+        }
+        let mail = self.peer(peer).ok()?.mail;
+        mail.load(header::HEARTBEAT, LoadOrder::Relaxed).ok()
+    }
+
+    /// Adds `step` to the number of contexts that want to be rung.
+    fn want_rings(&self, step: u32) -> Result<(), Error> {
+        let own = self.own()?;
+        self.exclusion.with(|| {
+            let waiters = self.waiters.get().wrapping_add(step);
+            self.waiters.set(waiters);
+            own.store(
+                header::ATTENTION,
+                u32::from(waiters > 0),
+                StoreOrder::Relaxed,
+            )
+        })
+    }
+}
+
+/// While it lives, senders ring this processor.
+struct Rings<'r, 'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> {
+    mailbox: &'r Mailbox<'v, W, D, X, N>,
+}
+
+impl<'r, 'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Rings<'r, 'v, W, D, X, N> {
+    fn want(mailbox: &'r Mailbox<'v, W, D, X, N>) -> Result<Self, Error> {
+        mailbox.want_rings(1)?;
+        Ok(Self { mailbox })
+    }
+}
+
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
+    for Rings<'_, '_, W, D, X, N>
+{
+    fn drop(&mut self) {
+        // If our own memory is gone, nobody can send to it.
+        let _ = self.mailbox.want_rings(u32::MAX);
+    }
+}

@@ -1,0 +1,16 @@
+//! Processors in one process: ordinary memory, virtual or real time, and faults on demand.
+//!
+//! [`System`] makes the windows and doorbells. In *virtual* time everything runs on one thread and
+//! is deterministic: while a processor waits, the others run as [`System::while_waiting`] says,
+//! and when nobody has anything to do, time jumps to the end of the wait. In *real* time each
+//! processor is a thread.
+
+mod system;
+mod window;
+
+pub use system::{SimDoorbell, System};
+pub use window::{SimWindow, SimWindowError};
+
+/// A mailbox of a simulated system.
+pub type Mailbox<'v, const N: usize> =
+    crate::Mailbox<'v, SimWindow, SimDoorbell, crate::CriticalSection, N>;

@@ -1,0 +1,280 @@
+//! A whole system of simulated processors.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use super::{Mailbox, SimWindow};
+use crate::doorbell::{Doorbell, Evidence};
+use crate::error::Error;
+use crate::exclusion::CriticalSection;
+use crate::id::Processor;
+use crate::layout;
+use crate::mailbox::Waiting;
+use crate::time::{Clock, Instant};
+use crate::windows::Windows;
+
+/// What a processor does while another one waits, in virtual time.
+type Program = Arc<dyn Fn() + Send + Sync>;
+
+/// `N` simulated processors; clones are the same system.
+#[derive(Clone)]
+pub struct System<const N: usize> {
+    windows: [Windows<SimWindow>; N],
+    bells: Arc<Bells>,
+}
+
+/// The doorbell of a simulated processor, with its faults.
+#[derive(Clone)]
+pub struct SimDoorbell {
+    me: Processor,
+    bells: Arc<Bells>,
+}
+
+struct Bells {
+    state: Mutex<State>,
+    rung: Condvar,
+    /// Real time counts from here; `None` in virtual time.
+    begun: Option<std::time::Instant>,
+}
+
+#[derive(Default)]
+struct State {
+    virtual_ns: u64,
+    of: BTreeMap<Processor, Bell>,
+}
+
+#[derive(Default)]
+struct Bell {
+    rings: u64,
+    drop_next: u32,
+    repeat_next: u32,
+    spurious_next: u32,
+    stalled: bool,
+    dead: bool,
+    program: Option<Program>,
+}
+
+/// How far virtual time moves when somebody reads the clock.
+const TICK_NS: u64 = 100;
+
+impl<const N: usize> System<N> {
+    /// A system in virtual time, with `data_bytes` of users' data for each processor.
+    #[must_use]
+    pub fn in_virtual_time(data_bytes: u32) -> Self {
+        Self::new(data_bytes, None)
+    }
+
+    /// A system in real time, for processors that are threads.
+    #[must_use]
+    pub fn in_real_time(data_bytes: u32) -> Self {
+        Self::new(data_bytes, Some(std::time::Instant::now()))
+    }
+
+    fn new(data_bytes: u32, begun: Option<std::time::Instant>) -> Self {
+        let windows = core::array::from_fn(|_| Windows {
+            mail: SimWindow::new(layout::mail_bytes(N as u32)),
+            data: SimWindow::new(layout::BELL_BYTES + data_bytes),
+        });
+        let bells = Bells {
+            state: Mutex::default(),
+            rung: Condvar::new(),
+            begun,
+        };
+        Self {
+            windows,
+            bells: Arc::new(bells),
+        }
+    }
+
+    /// The windows as `owner` has them: the others' `mail` is read-only.
+    #[must_use]
+    pub fn windows(&self, owner: Processor) -> [Windows<SimWindow>; N] {
+        core::array::from_fn(|number| {
+            let Windows { mail, data } = self.windows[number].clone();
+            let mail = if number == owner.index() {
+                mail
+            } else {
+                mail.read_only()
+            };
+            Windows { mail, data }
+        })
+    }
+
+    /// The doorbell of `owner`.
+    #[must_use]
+    pub fn doorbell(&self, owner: Processor) -> SimDoorbell {
+        SimDoorbell {
+            me: owner,
+            bells: Arc::clone(&self.bells),
+        }
+    }
+
+    /// A mailbox for `number`, not joined yet.
+    ///
+    /// In virtual time it sleeps whenever it waits, so that the others run.
+    ///
+    /// # Errors
+    /// As [`Mailbox::new`](crate::Mailbox::new).
+    pub fn mailbox<'v>(&self, number: Processor) -> Result<Mailbox<'v, N>, Error> {
+        if number.index() >= N {
+            return Err(Error::NoSuchProcessor {
+                number,
+                processors: N as u8,
+            });
+        }
+        self.change(number, |bell| bell.dead = false);
+        let (windows, doorbell) = (self.windows(number), self.doorbell(number));
+        let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection)?;
+        if self.bells.begun.is_none() {
+            mailbox.set_waiting(Waiting::Sleep);
+        }
+        Ok(mailbox)
+    }
+
+    /// In virtual time: `program` runs whenever another processor waits, for example
+    /// `move || { mailbox.service(timeout); }`.
+    pub fn while_waiting(&self, processor: Processor, program: impl Fn() + Send + Sync + 'static) {
+        self.change(processor, |bell| bell.program = Some(Arc::new(program)));
+    }
+
+    /// Fault: the next `count` rings of `processor` are lost.
+    pub fn drop_rings(&self, processor: Processor, count: u32) {
+        self.change(processor, |bell| bell.drop_next = count);
+    }
+
+    /// Fault: the next `count` rings of `processor` come twice.
+    pub fn repeat_rings(&self, processor: Processor, count: u32) {
+        self.change(processor, |bell| bell.repeat_next = count);
+    }
+
+    /// Fault: the next `count` waits of `processor` end at once, though nobody rang.
+    pub fn spurious_rings(&self, processor: Processor, count: u32) {
+        self.change(processor, |bell| bell.spurious_next = count);
+        self.bells.rung.notify_all();
+    }
+
+    /// Fault: `processor` stops in mid-program, or goes on. In real time it stops at its next
+    /// wait.
+    pub fn stall(&self, processor: Processor, stalled: bool) {
+        self.change(processor, |bell| bell.stalled = stalled);
+        self.bells.rung.notify_all();
+    }
+
+    /// Fault: the program of `processor` has ended without leaving. The caller must not use its
+    /// mailbox any more, nor drop it; a new one from [`mailbox`](Self::mailbox) is alive again.
+    pub fn kill(&self, processor: Processor) {
+        self.change(processor, |bell| {
+            bell.dead = true;
+            bell.program = None;
+        });
+    }
+
+    fn change(&self, processor: Processor, change: impl FnOnce(&mut Bell)) {
+        change(self.bells.lock().of.entry(processor).or_default());
+    }
+}
+
+impl Bells {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // A panic of one processor's test does not stop the others.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn programs(&self, except: Processor) -> Vec<Program> {
+        let state = self.lock();
+        let running = state
+            .of
+            .iter()
+            .filter(|(number, bell)| **number != except && !bell.stalled);
+        running
+            .filter_map(|(_, bell)| bell.program.clone())
+            .collect()
+    }
+}
+
+impl Clock for SimDoorbell {
+    fn now(&self) -> Instant {
+        if let Some(begun) = self.bells.begun {
+            return Instant::from_ns(u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX));
+        }
+        let mut state = self.bells.lock();
+        state.virtual_ns += TICK_NS;
+        Instant::from_ns(state.virtual_ns)
+    }
+}
+
+impl Doorbell for SimDoorbell {
+    type Seen = u64;
+
+    fn ring(&self, processor: Processor) {
+        let mut state = self.bells.lock();
+        let bell = state.of.entry(processor).or_default();
+        if bell.drop_next > 0 {
+            bell.drop_next -= 1;
+            return;
+        }
+        let repeated = bell.repeat_next > 0;
+        bell.repeat_next -= u32::from(repeated);
+        bell.rings += 1 + u64::from(repeated);
+        drop(state);
+        self.bells.rung.notify_all();
+    }
+
+    fn prepare(&self) -> u64 {
+        self.bells.lock().of.entry(self.me).or_default().rings
+    }
+
+    fn wait(&self, seen: u64, until: Instant) {
+        let virtual_time = self.bells.begun.is_none();
+        if virtual_time
+            && self
+                .bells
+                .lock()
+                .of
+                .get(&self.me)
+                .is_none_or(|bell| bell.rings == seen)
+        {
+            for program in self.bells.programs(self.me) {
+                program();
+            }
+        }
+        let mut state = self.bells.lock();
+        loop {
+            let bell = state.of.entry(self.me).or_default();
+            let spurious = bell.spurious_next > 0;
+            if !bell.stalled && (bell.rings != seen || spurious) {
+                bell.spurious_next -= u32::from(spurious);
+                return;
+            }
+            let stalled = bell.stalled;
+            if virtual_time {
+                state.virtual_ns = state.virtual_ns.max(until.as_ns());
+                return;
+            }
+            // In real time the clock takes no lock.
+            let left = until.ns_since(self.now());
+            if left == 0 && !stalled {
+                return;
+            }
+            // Woken by a ring or a change of its faults; a stalled processor waits for the latter.
+            let nap = Duration::from_nanos(left.clamp(1, 10_000_000));
+            let woken = self.bells.rung.wait_timeout(state, nap);
+            state = woken.unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    fn evidence(&self, processor: Processor) -> Evidence {
+        let dead = self
+            .bells
+            .lock()
+            .of
+            .get(&processor)
+            .is_some_and(|bell| bell.dead);
+        if dead {
+            Evidence::Dead
+        } else {
+            Evidence::Alive
+        }
+    }
+}

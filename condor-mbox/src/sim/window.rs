@@ -1,0 +1,116 @@
+//! Memory that threads of one process share.
+
+use std::sync::Arc;
+
+use crate::sync::{AtomicU32, Ordering};
+use crate::window::{
+    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    check_access,
+};
+
+/// A window onto memory of this process; clones show the same memory.
+#[derive(Clone)]
+pub struct SimWindow {
+    words: Arc<[AtomicU32]>,
+    writable: bool,
+    lost: Arc<std::sync::atomic::AtomicBool>,
+}
+
+/// Why a simulated window refused an access.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("access at offset {offset:#x} of a window of {size:#x} bytes: {kind:?}")]
+pub struct SimWindowError {
+    /// Where the access began, in bytes.
+    pub offset: u32,
+    /// Size of the window in bytes.
+    pub size: u32,
+    kind: WindowErrorKind,
+}
+
+impl WindowError for SimWindowError {
+    fn kind(&self) -> WindowErrorKind {
+        self.kind
+    }
+}
+
+impl SimWindow {
+    /// Zeroed memory of `size` bytes, rounded up to whole words.
+    #[must_use]
+    pub fn new(size: u32) -> Self {
+        Self {
+            words: (0..size.div_ceil(4)).map(|_| AtomicU32::new(0)).collect(),
+            writable: true,
+            lost: Arc::default(),
+        }
+    }
+
+    /// The same memory, for reading only.
+    #[must_use]
+    pub fn read_only(&self) -> Self {
+        Self {
+            writable: false,
+            ..self.clone()
+        }
+    }
+
+    /// Takes the memory away, as a truncated file or a vanished device would.
+    pub fn lose(&self) {
+        self.lost.store(true, std::sync::atomic::Ordering::Relaxed);
+    }
+
+    fn word(&self, offset: u32, writes: bool) -> Result<&AtomicU32, SimWindowError> {
+        self.check(offset, 4)?;
+        let kind = if self.lost.load(std::sync::atomic::Ordering::Relaxed) {
+            WindowErrorKind::Lost
+        } else if writes && !self.writable {
+            WindowErrorKind::ReadOnly
+        } else {
+            return Ok(&self.words[offset as usize / 4]);
+        };
+        Err(SimWindowError {
+            offset,
+            size: self.size(),
+            kind,
+        })
+    }
+}
+
+impl MemoryWindow for SimWindow {
+    type Error = SimWindowError;
+
+    fn size(&self) -> u32 {
+        self.words.len() as u32 * 4
+    }
+
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+        let order = match order {
+            LoadOrder::Relaxed => Ordering::Relaxed,
+            LoadOrder::Acquire => Ordering::Acquire,
+        };
+        Ok(self.word(offset, false)?.load(order))
+    }
+
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+        let order = match order {
+            StoreOrder::Relaxed => Ordering::Relaxed,
+            StoreOrder::Release => Ordering::Release,
+        };
+        self.word(offset, true)?.store(value, order);
+        Ok(())
+    }
+
+    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+        let size = self.size();
+        check_access(size, offset, len).map_err(|kind| SimWindowError { offset, size, kind })
+    }
+}
+
+impl CompareExchange for SimWindow {
+    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, SimWindowError> {
+        let word = self.word(offset, true)?;
+        let (success, failure) = (Ordering::AcqRel, Ordering::Acquire);
+        Ok(word
+            .compare_exchange(current, new, success, failure)
+            .unwrap_or_else(|found| found))
+    }
+}

@@ -1,0 +1,235 @@
+//! Messages with and without reply, on the simulated backend in virtual time.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
+use condor_mbox::sim::{Mailbox, System};
+use condor_mbox::{Call, Error, PeerState, Processor, Progress, Vector};
+
+const A: Processor = Processor(0);
+const B: Processor = Processor(1);
+const SECOND: Duration = Duration::from_secs(1);
+const V: Vector = Vector(12);
+
+/// A processor whose program runs while others wait; it lives as long as the test.
+fn attend<const N: usize>(
+    system: &System<N>,
+    mailbox: Mailbox<'static, N>,
+) -> &'static Mailbox<'static, N> {
+    let mailbox = &*Box::leak(Box::new(mailbox));
+    system.while_waiting(mailbox.number(), || {
+        mailbox.service(SECOND).unwrap();
+    });
+    mailbox
+}
+
+fn double(call: &Call<'_>) -> u32 {
+    call.data().wrapping_mul(2)
+}
+
+fn pair_of<const N: usize>() -> (System<N>, Mailbox<'static, N>, Mailbox<'static, N>) {
+    let system = System::<N>::in_virtual_time(4096);
+    let mut a = system.mailbox(A).unwrap();
+    let mut b = system.mailbox(B).unwrap();
+    b.set_vector(V, &double, "doubles").unwrap();
+    a.join().unwrap();
+    b.join().unwrap();
+    (system, a, b)
+}
+
+#[test]
+fn a_reply_is_what_the_handler_returned() {
+    let (system, a, b) = pair_of::<2>();
+    let b = attend(&system, b);
+    for data in [0, 1, 21, u32::MAX] {
+        assert_eq!(
+            a.send_with_reply(B, V, data, SECOND),
+            Ok(data.wrapping_mul(2))
+        );
+    }
+    assert_eq!(
+        b.peer_state(A),
+        Ok(PeerState::Up {
+            life: 1,
+            connected: true
+        })
+    );
+    let statistics = a.vector_statistics(B, V).unwrap();
+    assert_eq!((statistics.name(), statistics.handled), ("doubles", 4));
+    assert_eq!(a.vector_statistics(A, V).unwrap().sent, 4);
+}
+
+#[test]
+fn a_processor_can_send_to_itself() {
+    let (_system, mut a, _b) = pair_of::<2>();
+    a.set_vector(V, &double, "own").unwrap();
+    assert_eq!(a.send_with_reply(A, V, 4, SECOND), Ok(8));
+}
+
+#[test]
+fn messages_are_started_in_order() {
+    static SEEN: Mutex<Vec<u32>> = Mutex::new(Vec::new());
+    let (system, a, mut b) = pair_of::<3>();
+    b.set_vector(
+        Vector(1),
+        &|call| {
+            SEEN.lock().unwrap().push(call.data());
+            0
+        },
+        "log",
+    )
+    .unwrap();
+    attend(&system, b);
+    for data in 0..100 {
+        a.send(B, Vector(1), data, SECOND).unwrap();
+    }
+    assert_eq!(a.send_with_reply(B, V, 1, SECOND), Ok(2));
+    assert_eq!(*SEEN.lock().unwrap(), (0..100).collect::<Vec<_>>());
+}
+
+#[test]
+fn calls_nest_both_ways_to_a_bound() {
+    static DEEPEST: AtomicU32 = AtomicU32::new(0);
+    // Each end asks the other for one less until nothing is left.
+    fn count_down(call: &Call<'_>) -> u32 {
+        DEEPEST.fetch_max(call.data(), Ordering::Relaxed);
+        if call.data() == 0 {
+            return 0;
+        }
+        match call.send_with_reply(call.sender(), Vector(2), call.data() - 1, SECOND) {
+            Ok(value) => value + 1,
+            Err(Error::TooDeep { depth }) => 1000 + depth,
+            Err(error) => panic!("{error}"),
+        }
+    }
+    let (system, mut a, mut b) = pair_of::<2>();
+    a.set_vector(Vector(2), &count_down, "count").unwrap();
+    b.set_vector(Vector(2), &count_down, "count").unwrap();
+    let a = attend(&system, a);
+    attend(&system, b);
+    for depth in 0..12 {
+        assert_eq!(a.send_with_reply(B, Vector(2), depth, SECOND), Ok(depth));
+    }
+    assert!(a.send_with_reply(B, Vector(2), 100, SECOND).unwrap() > 1000);
+    assert_eq!(a.send_with_reply(B, V, 3, SECOND), Ok(6));
+}
+
+#[test]
+fn errors_carry_their_values() {
+    let (system, a, b) = pair_of::<2>();
+    let to = Processor(7);
+    assert_eq!(
+        a.send(to, V, 0, SECOND),
+        Err(Error::NoSuchProcessor {
+            number: to,
+            processors: 2
+        })
+    );
+    let vector = Vector(200);
+    assert_eq!(
+        a.send(B, vector, 0, SECOND),
+        Err(Error::NoSuchVector { vector })
+    );
+    let b = attend(&system, b);
+    assert_eq!(
+        a.send_with_reply(B, Vector(3), 0, SECOND),
+        Err(Error::NoHandler {
+            to: B,
+            vector: Vector(3)
+        })
+    );
+    assert_eq!(a.send_with_reply(B, V, 1, SECOND), Ok(2));
+    system.stall(B, true);
+    let vector = V;
+    assert_eq!(
+        a.send_with_reply(B, V, 1, SECOND),
+        Err(Error::Stalled {
+            to: B,
+            vector,
+            progress: Progress::Waiting
+        })
+    );
+    system.stall(B, false);
+    assert_eq!(a.send_with_reply(B, V, 5, SECOND), Ok(10));
+    system.kill(B);
+    let _ = b;
+    assert_eq!(
+        a.send_with_reply(B, V, 1, SECOND),
+        Err(Error::PeerDied {
+            to: B,
+            progress: Progress::Waiting
+        })
+    );
+    let mut again = system.mailbox(B).unwrap();
+    again.set_vector(V, &|_| 77, "other").unwrap();
+    again.join().unwrap();
+    attend(&system, again);
+    assert_eq!(a.send_with_reply(B, V, 1, SECOND), Ok(77));
+}
+
+#[test]
+fn tickets_are_polled_and_late_replies_dropped() {
+    let (_system, a, b) = pair_of::<2>();
+    b.service(SECOND).unwrap();
+    let mut ticket = a.begin(B, V, 4).unwrap();
+    assert_eq!(ticket.poll(), Ok(None));
+    assert_eq!(b.service(SECOND), Ok(1));
+    assert_eq!(ticket.poll(), Ok(Some(8)));
+    // Abandoned calls keep their slots until the reply comes.
+    for _ in 0..8 {
+        drop(a.begin(B, V, 1).unwrap());
+    }
+    assert_eq!(a.begin(B, V, 1).map(drop), Err(Error::NoSlot { to: B }));
+    assert_eq!(b.service(SECOND), Ok(8));
+    for _ in 0..8 {
+        drop(a.begin(B, V, 1).unwrap());
+    }
+}
+
+#[test]
+fn a_listener_gets_each_message_and_the_holder_replies() {
+    static HEARD: Mutex<Vec<(Processor, Processor, u32)>> = Mutex::new(Vec::new());
+    let (system, a, b) = pair_of::<3>();
+    let mut c = system.mailbox(Processor(2)).unwrap();
+    let hear = |call: &Call<'_>| {
+        HEARD
+            .lock()
+            .unwrap()
+            .push((call.sender(), call.addressee(), call.data()));
+        999
+    };
+    c.set_vector(V, Box::leak(Box::new(hear)), "overhears")
+        .unwrap();
+    c.join().unwrap();
+    attend(&system, b);
+    c.listen(Some(B), SECOND).unwrap();
+    let c = attend(&system, c);
+    for data in 0..50 {
+        assert_eq!(a.send_with_reply(B, V, data, SECOND), Ok(data * 2));
+    }
+    c.service(SECOND).unwrap();
+    assert_eq!(
+        *HEARD.lock().unwrap(),
+        (0..50).map(|data| (A, B, data)).collect::<Vec<_>>()
+    );
+    assert_eq!(c.missed(A), Ok(0));
+}
+
+#[test]
+fn what_was_sent_before_leaving_arrives() {
+    static SEEN: AtomicU32 = AtomicU32::new(0);
+    fn note(call: &Call<'_>) -> u32 {
+        SEEN.fetch_add(call.data(), Ordering::Relaxed)
+    }
+    let (_system, mut a, mut b) = pair_of::<2>();
+    b.set_vector(Vector(1), &note, "note").unwrap();
+    b.service(SECOND).unwrap();
+    a.send(B, Vector(1), 1, SECOND).unwrap();
+    a.send(B, Vector(1), 20, SECOND).unwrap();
+    a.leave().unwrap();
+    // The sender is gone, and the receiver has noticed by trying to send to it.
+    assert_eq!(b.try_send(A, V, 0), Err(Error::NotConnected { to: A }));
+    assert_eq!(b.service(SECOND), Ok(2));
+    assert_eq!(SEEN.load(Ordering::Relaxed), 21);
+}
