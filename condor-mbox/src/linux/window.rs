@@ -294,7 +294,6 @@ impl LinuxWindow {
     }
 
     /// Whether the memory behind the window was found to be gone.
-    #[inline]
     #[must_use]
     #[inline(always)]
     pub fn is_lost(&self) -> bool {

@@ -114,23 +114,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         Ticket::begin(self, Message { to, vector, data })
     }
 
-    /// Sends a request of any kind and waits for its reply.
-    pub(super) fn request(
-        &self,
-        to: Processor,
-        kind: u32,
-        data: u32,
-        limit: Limit,
-    ) -> Result<u32, Error> {
-        let vector = Vector(kind.to_le_bytes()[0]);
+    /// Waits for the reply to a request that has been sent.
+    fn wait_for_reply(&self, pending: &Pending, limit: Limit) -> Result<u32, Error> {
+        let Pending {
+            to, vector, life, ..
+        } = *pending;
         let peer = self.peer(to)?;
-        let (pending, limit) = self.publish_by(&peer, kind, data, limit)?;
-        let watch = (to != self.me).then_some(Watch {
-            peer: to,
-            life: pending.life,
-        });
-        let end = self.wait(limit, watch, || self.look(&pending));
-        let progress = || self.progress(&peer, &pending);
+        let watch = (to != self.me).then_some(Watch { peer: to, life });
+        let end = self.wait(limit, watch, || self.reply(&peer, pending));
+        let progress = || self.progress(&peer, pending);
         let error = match end {
             Ok(End::Came(value)) => return Ok(value),
             // The reply came, and says that there is no value; or memory is gone.
@@ -158,9 +150,38 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 progress: progress(),
             },
         };
-        self.abandon(&pending);
         self.count_failure(vector);
         Err(error)
+    }
+
+    /// The reply to `pending`, if it has come; frees its cell.
+    #[inline(always)]
+    fn reply(&self, peer: &Peer<'_, W, N>, pending: &Pending) -> Result<Option<u32>, Error> {
+        let at = Mail::<W, N>::cell(self.me, pending.cell);
+        let Some(reply) = peer.mail.get(at, pending.sequence)? else {
+            return Ok(None);
+        };
+        if reply.epoch != pending.epoch {
+            return Ok(None);
+        }
+        self.exclusion.with(|| {
+            // Requests are taken in order: this one and all before it have been.
+            if peer.pair.epoch_out.get() == pending.epoch {
+                peer.pair.advance(pending.sequence);
+            }
+            peer.pair.release(pending.cell, pending.epoch);
+        });
+        let Pending { to, vector, .. } = *pending;
+        match reply.kind {
+            status::DONE => Ok(Some(reply.value)),
+            status::NO_HANDLER => Err(Error::NoHandler { to, vector }),
+            status::HANDLER_FAILED => Err(Error::HandlerFailed { to, vector }),
+            found => Err(Error::Protocol {
+                peer: to,
+                word: ProtocolWord::ReplyStatus,
+                found,
+            }),
+        }
     }
 
     /// Publishes a request, waiting for a slot, and says how long its sender may wait then.
@@ -423,14 +444,26 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
         self.publish_by(&peer, kind, message.data, limit).map(drop)
     }
 
-    fn send_with_reply_before(
+    fn open_before(
         &self,
         message: Message,
         timeout: Duration,
         enclosing: Instant,
-    ) -> Result<u32, Error> {
+    ) -> Result<(Pending, Instant), Error> {
         let kind = kind::CALL | u32::from(message.vector.0);
-        self.request(message.to, kind, message.data, Limit { timeout, enclosing })
+        let limit = Limit { timeout, enclosing };
+        let (pending, limit) =
+            self.publish_by(&self.peer(message.to)?, kind, message.data, limit)?;
+        Ok((pending, limit.enclosing))
+    }
+
+    fn wait_before(
+        &self,
+        pending: &Pending,
+        timeout: Duration,
+        enclosing: Instant,
+    ) -> Result<u32, Error> {
+        self.wait_for_reply(pending, Limit { timeout, enclosing })
     }
 
     fn post(&self, message: Message) -> Result<(), Error> {
@@ -442,31 +475,22 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
     }
 
     fn look(&self, pending: &Pending) -> Result<Option<u32>, Error> {
-        let peer = self.peer(pending.to)?;
-        let at = Mail::<W, N>::cell(self.me, pending.cell);
-        if let Some(reply) = peer.mail.get(at, pending.sequence)?
-            && reply.epoch == pending.epoch
-        {
-            self.exclusion.with(|| {
-                // Requests are taken in order: this one and all before it have been.
-                if peer.pair.epoch_out.get() == pending.epoch {
-                    peer.pair.advance(pending.sequence);
-                }
-                peer.pair.release(pending.cell, pending.epoch);
-            });
-            let Pending { to, vector, .. } = *pending;
-            return match reply.kind {
-                status::DONE => Ok(Some(reply.value)),
-                status::NO_HANDLER => Err(Error::NoHandler { to, vector }),
-                status::HANDLER_FAILED => Err(Error::HandlerFailed { to, vector }),
-                found => Err(Error::Protocol {
-                    peer: to,
-                    word: ProtocolWord::ReplyStatus,
-                    found,
-                }),
-            };
+        let (to, progress) = (pending.to, Progress::Waiting);
+        let peer = self.peer(to)?;
+        if let Some(value) = self.reply(&peer, pending)? {
+            return Ok(Some(value));
         }
-        Ok(None)
+        // Acquire: pairs with the Release store of the life in `join`.
+        let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
+        if life == pending.life {
+            return Ok(None);
+        }
+        // What came just before the end still counts.
+        match self.reply(&peer, pending)? {
+            None if life == 0 => Err(Error::PeerLeft { to, progress }),
+            None => Err(Error::PeerRestarted { to, progress }),
+            found => Ok(found),
+        }
     }
 
     fn abandon(&self, pending: &Pending) {
