@@ -79,7 +79,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let peer = self.peer(to)?;
         let life = self.request_without_reply(to, kind::LISTEN, limit)?;
         let watch = Some(Watch { peer: to, life });
-        let end = self.wait(limit, watch, || Ok(self.is_admitted(&peer)?.then_some(())))?;
+        let end = self.wait(limit, watch, |_| Ok(self.is_admitted(&peer)?.then_some(())))?;
         let (vector, progress) = (Vector(0), crate::error::Progress::Waiting);
         match end {
             End::Came(()) => {}

@@ -121,7 +121,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         } = *pending;
         let peer = self.peer(to)?;
         let watch = (to != self.me).then_some(Watch { peer: to, life });
-        let end = self.wait(limit, watch, || self.reply(&peer, pending));
+        let end = self.wait(limit, watch, |_| self.reply(&peer, pending));
         let progress = || self.progress(&peer, pending);
         let error = match end {
             Ok(End::Came(value)) => return Ok(value),
@@ -210,7 +210,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             peer: peer.number,
             life: 0,
         });
-        let end = self.wait(limit, watch, || {
+        let end = self.wait(limit, watch, |_| {
             match self.publish(peer, kind, data, false)? {
                 Ok(pending) => Ok(Some(pending)),
                 Err(reason) => {

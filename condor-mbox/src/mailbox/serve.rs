@@ -52,6 +52,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Waits until at least one request has been served, for at most `timeout`, and says how many
     /// were: for the background of a processor that has nothing else to do.
     ///
+    /// A spinning mailbox goes on as long as requests follow each other closely, to a ringful for
+    /// each sender.
+    ///
     /// # Errors
     /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
     pub fn serve(&self, timeout: Duration) -> Result<usize, Error> {
@@ -60,15 +63,16 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             timeout,
             enclosing: Instant::FOREVER,
         };
-        let mut before = None;
-        let end = self.wait(limit, None, || {
-            let served = self.served.get();
-            let before = *before.get_or_insert(served);
-            Ok((served != before).then(|| served.wrapping_sub(before) as usize))
+        let before = self.served.get();
+        let most = N * SLOTS as usize;
+        let served = || self.served.get().wrapping_sub(before) as usize;
+        let end = self.wait(limit, None, |idle| {
+            let served = served();
+            Ok((served >= most || (idle && served > 0)).then_some(served))
         })?;
         Ok(match end {
             End::Came(served) => served,
-            _ => 0,
+            _ => served(),
         })
     }
 
