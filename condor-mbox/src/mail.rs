@@ -107,14 +107,14 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         if !self.carries(at, sequence)? {
             return Ok(None);
         }
-        let found = Entry {
-            value: self.load(at + entry::VALUE, LoadOrder::Relaxed)?,
-            epoch: self.load(at + entry::EPOCH, LoadOrder::Relaxed)?,
-            kind: self.load(at + entry::KIND, LoadOrder::Relaxed)?,
-        };
+        let value = self.load(at + entry::VALUE, LoadOrder::Relaxed)?;
+        let kind = self.load(at + entry::KIND, LoadOrder::Relaxed)?;
         // Pairs with the Release fence of `put`: if a word of a later entry was read above, the
-        // load below finds the sequence that `put` had spoiled before.
+        // loads below find the epoch and the sequence that `put` had stored before it. The
+        // sequence alone does not tell: in another epoch the same one comes again.
         fence(Ordering::Acquire);
+        let epoch = self.load(at + entry::EPOCH, LoadOrder::Relaxed)?;
+        let found = Entry { value, epoch, kind };
         let after = self.load(at + entry::SEQUENCE, LoadOrder::Relaxed)?;
         Ok((after == sequence).then_some(found))
     }
@@ -128,10 +128,10 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
             sequence.wrapping_sub(1),
             StoreOrder::Relaxed,
         )?;
+        self.store(at + entry::EPOCH, new.epoch, StoreOrder::Relaxed)?;
         // Pairs with the Acquire fence of `get`.
         fence(Ordering::Release);
         self.store(at + entry::VALUE, new.value, StoreOrder::Relaxed)?;
-        self.store(at + entry::EPOCH, new.epoch, StoreOrder::Relaxed)?;
         self.store(at + entry::KIND, new.kind, StoreOrder::Relaxed)?;
         // Release: pairs with the Acquire load of `carries`.
         self.store(at + entry::SEQUENCE, sequence, StoreOrder::Release)
