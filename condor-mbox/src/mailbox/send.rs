@@ -324,6 +324,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             .load(peer.mail.taken(self.me), LoadOrder::Acquire)?;
         let untaken = sequence.wrapping_sub(count);
         if untaken == 0 || untaken > SLOTS + 1 {
+            // Between `notice` and here the receiver may have begun another life, and its count
+            // anew. Ordered by the Acquire load above, which pairs with the fence in `join`.
+            if peer.mail.load(header::LIFE, LoadOrder::Relaxed)? != peer.pair.life.get() {
+                return Ok(false);
+            }
             return Err(Error::Protocol {
                 peer: peer.number,
                 word: "taken count",
