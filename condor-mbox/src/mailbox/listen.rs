@@ -103,11 +103,19 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
         for (sender, heard) in self.peers().zip(&self.listening.senders) {
             heard.missed.set(0);
-            // What the holder has taken by now was sent before.
-            let taken = peer
-                .mail
-                .load(peer.mail.taken(sender.number), LoadOrder::Acquire)?;
             let life_of_sender = sender.mail.load(header::LIFE, LoadOrder::Acquire)?;
+            // What the holder has taken by now was sent before. Its count is of this life of the
+            // sender only once it has acknowledged that. Acquire: pairs with the Release store in
+            // `acknowledge`.
+            let acknowledged = peer
+                .mail
+                .load(peer.mail.acknowledged(sender.number), LoadOrder::Acquire)?;
+            let taken = if acknowledged == life_of_sender {
+                peer.mail
+                    .load(peer.mail.taken(sender.number), LoadOrder::Acquire)?
+            } else {
+                0
+            };
             self.start_hearing(
                 sender.number,
                 heard,
@@ -250,18 +258,22 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         sender: &Peer<'_, W, N>,
         heard: &Heard,
     ) -> Result<Option<Entry>, Error> {
+        // Acquire, here and below: pairs with the Release store of the life in `join`.
         let holder_life = holder.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        let sender_life = sender.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        if matches!(holder_life, 0 | JOINING) || matches!(sender_life, 0 | JOINING) {
-            return Ok(None);
-        }
-        if holder_life != self.listening.life.get() {
+        if holder_life != self.listening.life.get() && !matches!(holder_life, 0 | JOINING) {
             // The holder began a new life, which has not admitted us yet.
             let asked = self.post_without_reply(holder, kind::LISTEN)?;
             self.listening.life.set(if asked { holder_life } else { 0 });
         }
-        let epoch = layout::epoch(sender_life, holder_life);
         self.exclusion.with(|| {
+            // Loaded in the section: a context that was interrupted before must not go back to
+            // the former epoch and hear the present one twice.
+            let holder_life = holder.mail.load(header::LIFE, LoadOrder::Acquire)?;
+            let sender_life = sender.mail.load(header::LIFE, LoadOrder::Acquire)?;
+            if matches!(holder_life, 0 | JOINING) || matches!(sender_life, 0 | JOINING) {
+                return Ok(None);
+            }
+            let epoch = layout::epoch(sender_life, holder_life);
             if epoch != heard.epoch.get() {
                 self.start_hearing(sender.number, heard, epoch, 0)?;
             }
