@@ -94,13 +94,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     /// Leaves the system; the mailbox can [`join`](Self::join) again.
     ///
-    /// Calls that others have in progress here end with [`Error::PeerLeft`].
+    /// Calls that others have in progress here end with [`Error::PeerLeft`]; listening to another
+    /// number ends.
     ///
     /// # Errors
     /// [`Error::Window`].
     pub fn leave(&mut self) -> Result<(), Error> {
         self.life.set(0);
         self.own()?.store(header::LIFE, 0, StoreOrder::Release)?;
+        self.stop_hearing()?;
         self.ring_all();
         Ok(())
     }

@@ -70,8 +70,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             enclosing: Instant::FOREVER,
         };
         if let Some(former) = self.listens_to() {
-            self.listening.to.set(0);
-            self.listening.life.set(0);
+            self.stop_hearing()?;
             // A holder that is gone has forgotten us anyway.
             let _ = self.request_without_reply(former, kind::IGNORE, limit);
         }
@@ -128,6 +127,18 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         Ok(())
     }
 
+    /// Forgets to whom this mailbox listens, so that no sender waits for it.
+    pub(super) fn stop_hearing(&self) -> Result<(), Error> {
+        self.listening.to.set(0);
+        self.listening.life.set(0);
+        let own = self.own()?;
+        for sender in 0..N as u32 {
+            // An epoch is never 0. Pairs with the Acquire load in `untaken_by`.
+            own.store(layout::listen(sender), 0, StoreOrder::Release)?;
+        }
+        Ok(())
+    }
+
     /// The number that this mailbox listens to.
     #[must_use]
     pub fn listens_to(&self) -> Option<Processor> {
@@ -165,7 +176,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             // Release: pairs with the Acquire load in `is_admitted`.
             own.store(header::LISTENERS, bits, StoreOrder::Release)
         })?;
-        self.wake(&self.peer(listener)?)?;
+        // A listener whose memory is gone cannot be waiting.
+        let _ = self.wake(&self.peer(listener)?);
         Ok(0)
     }
 
@@ -243,6 +255,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         for (sender, heard) in self.peers().zip(&self.listening.senders) {
             match self.hear_from(&holder, &sender, heard) {
                 Ok(Some(entry)) => {
+                    // The sender may wait for us to take it. If its memory is gone, it does not.
+                    let _ = self.wake(&sender);
                     return Ok(Some(self.run_heard(to, sender.number, entry, deadline)));
                 }
                 Ok(None) => {}

@@ -154,6 +154,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     fn run(&self, peer: &Peer<'_, W, N>, taken: Taken, deadline: Instant) -> Result<Vector, Error> {
         let Entry { value, kind, .. } = taken.entry;
         let vector = Vector(kind.to_le_bytes()[0]);
+        if kind & 0xff00 != kind::CALL {
+            // The sender may wait for the slot. If its memory is gone, it does not.
+            let _ = self.wake(peer);
+        }
         let mut finish = Finish {
             mailbox: self,
             peer,
