@@ -331,7 +331,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Some(entry) = sender.mail.get(slot, found)? else {
             return Ok(None);
         };
-        if entry.epoch != heard.epoch.get() || ahead > u32::MAX / 2 || !ahead.is_multiple_of(SLOTS)
+        if entry.epoch == 0
+            || entry.epoch != heard.epoch.get()
+            || ahead > u32::MAX / 2
+            || !ahead.is_multiple_of(SLOTS)
         {
             return Ok(None);
         }

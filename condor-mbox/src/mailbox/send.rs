@@ -129,7 +129,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             peer: to,
             life: pending.life,
         });
-        let end = self.wait(limit, watch, || self.look(&pending));
+        let end = self.wait(limit, watch, || self.reply(&pending));
         let progress = || self.progress(&peer, &pending);
         let error = match end {
             Ok(End::Came(value)) => return Ok(value),
@@ -301,7 +301,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         own.put(own.slot(peer.number, sequence), sequence, entry)?;
         pair.head.set(sequence);
         let vector = Vector(kind.to_le_bytes()[0]);
-        own.add(own.vector(vector.index()) + layout::vector::SENT, 1)?;
+        if matches!(kind & 0xff00, kind::SEND | kind::CALL) {
+            own.add(own.vector(vector.index()) + layout::vector::SENT, 1)?;
+        }
         Ok(Ok((
             Pending {
                 to: peer.number,
@@ -442,6 +444,49 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
     }
 
     fn look(&self, pending: &Pending) -> Result<Option<u32>, Error> {
+        if let Some(value) = self.reply(pending)? {
+            return Ok(Some(value));
+        }
+        let to = pending.to;
+        let peer = self.peer(to)?;
+        // Acquire: pairs with the Release store of the life in `join`.
+        let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
+        if life == pending.life {
+            return Ok(None);
+        }
+        // What came just before the end still counts.
+        if let Some(value) = self.reply(pending)? {
+            return Ok(Some(value));
+        }
+        let progress = self.progress(&peer, pending);
+        Err(if life == 0 {
+            Error::PeerLeft { to, progress }
+        } else {
+            Error::PeerRestarted { to, progress }
+        })
+    }
+
+    fn abandon(&self, pending: &Pending) {
+        if let Ok(peer) = self.peer(pending.to) {
+            self.exclusion.with(|| {
+                let pair = peer.pair;
+                let owns = pair
+                    .owner
+                    .get(pending.cell as usize)
+                    .map(super::pair::Word::get)
+                    == Some(pending.sequence);
+                if pair.epoch_out.get() == pending.epoch && owns {
+                    pair.abandoned
+                        .set(pair.abandoned.get() | pair.busy.get() & 1 << pending.cell);
+                }
+            });
+        }
+    }
+}
+
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
+    /// The reply to `pending`, if it has come; whoever waits looks at the peer's life itself.
+    fn reply(&self, pending: &Pending) -> Result<Option<u32>, Error> {
         let peer = self.peer(pending.to)?;
         let at = peer.mail.cell(self.me, pending.cell);
         if let Some(reply) = peer.mail.get(at, pending.sequence)?
@@ -469,25 +514,6 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
         Ok(None)
     }
 
-    fn abandon(&self, pending: &Pending) {
-        if let Ok(peer) = self.peer(pending.to) {
-            self.exclusion.with(|| {
-                let pair = peer.pair;
-                let owns = pair
-                    .owner
-                    .get(pending.cell as usize)
-                    .map(super::pair::Word::get)
-                    == Some(pending.sequence);
-                if pair.epoch_out.get() == pending.epoch && owns {
-                    pair.abandoned
-                        .set(pair.abandoned.get() | pair.busy.get() & 1 << pending.cell);
-                }
-            });
-        }
-    }
-}
-
-impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
     /// Sends a request that is answered by what it changes; gives the life of its receiver.
     pub(super) fn request_without_reply(
         &self,
