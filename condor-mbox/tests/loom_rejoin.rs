@@ -133,7 +133,7 @@ fn sender_is_killed_and_rejoins() {
 
 /// A sleeps for a reply, or for B to join, while B leaves and begins another life: it is woken.
 fn sleeping_caller<D: Bell<2>>(name: &str) {
-    explore(name, 2, || {
+    explore(name, 1, || {
         let log = Log::default();
         let (old, new) = (noting(&log, 1), noting(&log, 2));
         let system = System::<2>::new();

@@ -84,7 +84,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         if let Some(pair) = self.pairs.get(self.me.index()) {
             pair.begin(life, to_self, to_self);
         }
-        own.store(own.acknowledged(self.me), life, StoreOrder::Relaxed)?;
+        own.store(
+            Mail::<W, N>::acknowledged(self.me),
+            life,
+            StoreOrder::Relaxed,
+        )?;
         self.life.set(life);
         // Release: whoever sees this life sees empty rings. Pairs with the Acquire load in `notice`.
         own.store(header::LIFE, life, StoreOrder::Release)?;
@@ -125,13 +129,20 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     fn clear(&self, own: &Mail<'_, W, N>) -> Result<(), Error> {
         for peer in self.peers() {
             for index in 0..SLOTS {
-                for at in [own.slot(peer.number, index), own.cell(peer.number, index)] {
+                for at in [
+                    Mail::<W, N>::slot(peer.number, index),
+                    Mail::<W, N>::cell(peer.number, index),
+                ] {
                     own.store(at + entry::EPOCH, 0, StoreOrder::Relaxed)?;
                     own.store(at + entry::SEQUENCE, 0, StoreOrder::Relaxed)?;
                 }
             }
-            own.store(own.acknowledged(peer.number), 0, StoreOrder::Relaxed)?;
-            own.store(own.taken(peer.number), 0, StoreOrder::Relaxed)?;
+            own.store(
+                Mail::<W, N>::acknowledged(peer.number),
+                0,
+                StoreOrder::Relaxed,
+            )?;
+            own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Relaxed)?;
             own.store(
                 layout::listen(u32::from(peer.number.0)),
                 0,
@@ -190,10 +201,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let ours = self.life.get();
         peer.pair
             .begin(life, layout::epoch(ours, life), layout::epoch(life, ours));
-        own.store(own.taken(peer.number), 0, StoreOrder::Relaxed)?;
+        own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Relaxed)?;
         // Release: whoever sees the acknowledgement sees the count reset. Pairs with the Acquire
         // load in `is_connected`.
-        own.store(own.acknowledged(peer.number), life, StoreOrder::Release)
+        own.store(
+            Mail::<W, N>::acknowledged(peer.number),
+            life,
+            StoreOrder::Release,
+        )
     }
 
     /// Whether both sides have acknowledged each other's present life.
@@ -208,7 +223,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         // Acquire: pairs with the Release store in `acknowledge`.
         let acknowledged = peer
             .mail
-            .load(peer.mail.acknowledged(self.me), LoadOrder::Acquire)?;
+            .load(Mail::<W, N>::acknowledged(self.me), LoadOrder::Acquire)?;
         Ok(acknowledged == self.life.get())
     }
 

@@ -16,7 +16,7 @@ use crate::error::Error;
 use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
 use crate::layout::{self, JOINING, SLOTS, entry, header};
-use crate::mail::Entry;
+use crate::mail::{Entry, Mail};
 use crate::time::Instant;
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
@@ -35,6 +35,14 @@ struct Heard {
     /// Sequence of the latest that was taken or missed.
     tail: Word,
     missed: Word,
+}
+
+/// What a look for the next message of one sender found.
+enum Look {
+    Heard(Entry),
+    /// The sender was faster; what is still there comes next.
+    Overrun,
+    Nothing,
 }
 
 impl<const N: usize> Listening<N> {
@@ -106,12 +114,13 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             // What the holder has taken by now was sent before. Its count is of this life of the
             // sender only once it has acknowledged that. Acquire: pairs with the Release store in
             // `acknowledge`.
-            let acknowledged = peer
-                .mail
-                .load(peer.mail.acknowledged(sender.number), LoadOrder::Acquire)?;
+            let acknowledged = peer.mail.load(
+                Mail::<W, N>::acknowledged(sender.number),
+                LoadOrder::Acquire,
+            )?;
             let taken = if acknowledged == life_of_sender {
                 peer.mail
-                    .load(peer.mail.taken(sender.number), LoadOrder::Acquire)?
+                    .load(Mail::<W, N>::taken(sender.number), LoadOrder::Acquire)?
             } else {
                 0
             };
@@ -291,7 +300,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             if epoch != heard.epoch.get() {
                 self.start_hearing(sender.number, heard, epoch, 0)?;
             }
-            self.hear_alone(holder, sender, heard)
+            // Every slot may have been overrun.
+            for _ in 0..=SLOTS {
+                match self.hear_alone(holder, sender, heard)? {
+                    Look::Heard(entry) => return Ok(Some(entry)),
+                    Look::Overrun => {}
+                    Look::Nothing => break,
+                }
+            }
+            Ok(None)
         })
     }
 
@@ -317,26 +334,26 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         holder: &Peer<'_, W, N>,
         sender: &Peer<'_, W, N>,
         heard: &Heard,
-    ) -> Result<Option<Entry>, Error> {
+    ) -> Result<Look, Error> {
         let depth = self.depth.get();
         if depth >= MAX_DEPTH {
-            return Ok(None);
+            return Ok(Look::Nothing);
         }
         let next = heard.tail.get().wrapping_add(1);
-        let slot = sender.mail.slot(holder.number, next);
+        let slot = Mail::<W, N>::slot(holder.number, next);
         let found = sender
             .mail
             .load(slot + entry::SEQUENCE, LoadOrder::Acquire)?;
         let ahead = found.wrapping_sub(next);
         let Some(entry) = sender.mail.get(slot, found)? else {
-            return Ok(None);
+            return Ok(Look::Nothing);
         };
         if entry.epoch == 0
             || entry.epoch != heard.epoch.get()
             || ahead > u32::MAX / 2
             || !ahead.is_multiple_of(SLOTS)
         {
-            return Ok(None);
+            return Ok(Look::Nothing);
         }
         let own = self.own()?;
         let tail = if ahead == 0 {
@@ -359,10 +376,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             StoreOrder::Release,
         )?;
         if ahead != 0 {
-            return Ok(None);
+            return Ok(Look::Overrun);
         }
         self.depth.set(depth + 1);
-        Ok(Some(entry))
+        Ok(Look::Heard(entry))
     }
 
     fn run_heard(
@@ -413,7 +430,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
             if self.handled {
                 mailbox.served.set(mailbox.served.get().wrapping_add(1));
                 if let Ok(own) = mailbox.own() {
-                    let at = own.vector(self.vector.index()) + layout::vector::HANDLED;
+                    let at = Mail::<W, N>::vector(self.vector.index()) + layout::vector::HANDLED;
                     // As above.
                     let _ = own.add(at, 1);
                 }

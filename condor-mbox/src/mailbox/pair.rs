@@ -11,10 +11,12 @@ impl Word {
         Self(AtomicU32::new(value))
     }
 
+    #[inline(always)]
     pub(crate) fn get(&self) -> u32 {
         self.0.load(Relaxed)
     }
 
+    #[inline(always)]
     pub(crate) fn set(&self, value: u32) {
         self.0.store(value, Relaxed);
     }
@@ -90,6 +92,7 @@ impl Pair {
     }
 
     /// Gives up reply cell `cell` of a call in epoch `epoch`, unless the epoch is over.
+    #[inline]
     pub(crate) fn release(&self, cell: u32, epoch: u32) {
         if self.epoch_out.get() == epoch {
             let kept = !(1 << cell);
@@ -99,6 +102,7 @@ impl Pair {
     }
 
     /// Notes that every request up to `sequence` has been taken.
+    #[inline]
     pub(crate) fn advance(&self, sequence: u32) {
         if sequence.wrapping_sub(self.taken.get()) <= SLOTS {
             self.taken.set(sequence);
