@@ -153,8 +153,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Some(entry) = peer.mail.get(slot, sequence)? else {
             return Ok(None);
         };
-        // An epoch is never 0, so nothing is taken from a peer that has not been acknowledged.
-        if entry.epoch != pair.epoch_in.get() {
+        // No epoch is 0: nothing is taken from a peer that has not been acknowledged.
+        if entry.epoch == 0 || entry.epoch != pair.epoch_in.get() {
             return Ok(None);
         }
         let own = self.own()?;
@@ -179,6 +179,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     fn run(&self, peer: &Peer<'_, W, N>, taken: Taken, deadline: Instant) -> Result<Vector, Error> {
         let Entry { value, kind, .. } = taken.entry;
         let vector = Vector(kind.to_le_bytes()[0]);
+        if kind & 0xff00 != kind::CALL {
+            // The sender may wait for the slot. If its memory is gone, it does not.
+            let _ = self.wake(peer);
+        }
         let mut finish = Finish {
             mailbox: self,
             peer,
@@ -224,7 +228,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             self.depth.set(self.depth.get().wrapping_sub(1));
             self.served.set(self.served.get().wrapping_add(1));
             let vector = usize::from(kind.to_le_bytes()[0]);
-            if status == status::DONE && vector < Vector::COUNT {
+            let is_message = matches!(kind & 0xff00, kind::SEND | kind::CALL);
+            if is_message && status == status::DONE && vector < Vector::COUNT {
                 own.add(Mail::<W, N>::vector(vector) + layout::vector::HANDLED, 1)?;
             }
             if replies && peer.pair.life.get() == taken.life {
