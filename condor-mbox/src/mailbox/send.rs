@@ -27,6 +27,11 @@ pub(super) mod kind {
     pub(in super::super) const IGNORE: u32 = 4 << 8;
     /// Where the number of the reply cell stands.
     pub(in super::super) const CELL_SHIFT: u32 = 16;
+
+    /// Whether a request is for a handler; the others are the mailboxes' own affair.
+    pub(in super::super) const fn is_message(kind: u32) -> bool {
+        matches!(kind & 0xff00, SEND | CALL)
+    }
 }
 
 /// How a request ended, in the kind word of its reply cell.
@@ -159,7 +164,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             },
         };
         self.abandon(&pending);
-        self.count_failure(vector);
+        self.count_failure(kind, vector);
         Err(error)
     }
 
@@ -216,7 +221,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             Ok(_) => refusal.error(to),
             Err(error) => error,
         };
-        self.count_failure(vector);
+        self.count_failure(kind, vector);
         Err(error)
     }
 
@@ -301,7 +306,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         own.put(own.slot(peer.number, sequence), sequence, entry)?;
         pair.head.set(sequence);
         let vector = Vector(kind.to_le_bytes()[0]);
-        own.add(own.vector(vector.index()) + layout::vector::SENT, 1)?;
+        if kind::is_message(kind) {
+            own.add(own.vector(vector.index()) + layout::vector::SENT, 1)?;
+        }
         Ok(Ok((
             Pending {
                 to: peer.number,
@@ -381,8 +388,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         Ok(())
     }
 
-    fn count_failure(&self, vector: Vector) {
-        if let Ok(own) = self.own() {
+    fn count_failure(&self, kind: u32, vector: Vector) {
+        if let Ok(own) = self.own()
+            && kind::is_message(kind)
+        {
             let at = own.vector(vector.index()) + layout::vector::FAILED;
             // A count that cannot be stored is a window error at the next message.
             let _ = self.exclusion.with(|| own.add(at, 1));
@@ -508,7 +517,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             Ok(pending) => return Ok(pending),
             Err(refusal) => refusal,
         };
-        self.count_failure(vector);
+        self.count_failure(kind, vector);
         Err(refusal.error(message.to))
     }
 }
