@@ -107,7 +107,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             let taken = peer
                 .mail
                 .load(peer.mail.taken(sender.number), LoadOrder::Acquire)?;
-            let life_of_sender = sender.mail.load(header::LIFE, LoadOrder::Acquire)?;
+            // A sender whose memory is gone sends nothing; it is heard from its next life on.
+            let life_of_sender = sender
+                .mail
+                .load(header::LIFE, LoadOrder::Acquire)
+                .unwrap_or(JOINING);
             self.start_hearing(
                 sender.number,
                 heard,
@@ -148,7 +152,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Sets or clears the bit of a listener in our header.
-    pub(super) fn admit_listener(&self, listener: Processor, admit: bool) -> Result<u32, Error> {
+    pub(super) fn admit_listener(&self, listener: Processor, admit: bool) -> Result<(), Error> {
         let own = self.own()?;
         self.exclusion.with(|| {
             let bit = 1 << listener.0;
@@ -157,8 +161,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             // Release: pairs with the Acquire load in `is_admitted`.
             own.store(header::LISTENERS, bits, StoreOrder::Release)
         })?;
-        self.wake(&self.peer(listener)?)?;
-        Ok(0)
+        // A listener whose memory is gone cannot be waiting.
+        let _ = self.wake(&self.peer(listener)?);
+        Ok(())
     }
 
     /// Whether every listener in the set `listeners` has taken what request `sequence` overwrites.

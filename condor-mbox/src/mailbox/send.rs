@@ -251,7 +251,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             .exclusion
             .with(|| self.publish_alone(peer, kind, data, leave_behind))?;
         if let Ok((_, listeners)) = published {
-            self.wake(peer)?;
+            // It has been sent, and a receiver whose memory is gone cannot be waiting.
+            let _ = self.wake(peer);
             if listeners != 0 {
                 self.wake_listeners(listeners);
             }
