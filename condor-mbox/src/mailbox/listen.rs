@@ -67,13 +67,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     pub fn listen(&mut self, number: Option<Processor>, timeout: Duration) -> Result<(), Error> {
         let limit = Limit {
             timeout,
-            enclosing: Instant::FOREVER,
+            enclosing: self.doorbell.now().after(timeout),
         };
         if let Some(former) = self.listens_to() {
             self.listening.to.set(0);
             self.listening.life.set(0);
+            // A former holder that takes no requests must not take all the time of the new one.
+            let timeout = number.map_or(timeout, |_| timeout / 2);
             // A holder that is gone has forgotten us anyway.
-            let _ = self.request_without_reply(former, kind::IGNORE, limit);
+            let _ = self.request_without_reply(former, kind::IGNORE, Limit { timeout, ..limit });
         }
         let Some(to) = number else { return Ok(()) };
         let peer = self.peer(to)?;
