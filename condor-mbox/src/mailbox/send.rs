@@ -182,11 +182,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             Ok(pending) => return Ok((pending, limit)),
             Err(refusal) => refusal,
         };
-        limit.enclosing = self
-            .doorbell
-            .now()
-            .after(limit.timeout)
-            .min(limit.enclosing);
+        let begun = self.doorbell.now();
+        limit.enclosing = begun.after(limit.timeout).min(limit.enclosing);
+        // Listeners are waited for half of the time: whoever falls behind, on purpose or not,
+        // must not keep a call from its reply.
+        let patience = Duration::from_nanos(limit.enclosing.ns_since(begun) / 2);
+        let leave_behind_at = begun.after(patience);
         if refusal == Refusal::Listeners {
             self.leave_dead_behind(peer)?;
         }
@@ -195,7 +196,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             life: 0,
         });
         let end = self.wait(limit, watch, || {
-            match self.publish(peer, kind, data, false)? {
+            let leave_behind =
+                refusal == Refusal::Listeners && self.doorbell.now() >= leave_behind_at;
+            match self.publish(peer, kind, data, leave_behind)? {
                 Ok(pending) => Ok(Some(pending)),
                 Err(reason) => {
                     refusal = reason;
