@@ -16,8 +16,13 @@ proptest! {
 
 #[test]
 fn replay() {
-    let Ok(path) = std::env::var("REPLAY") else { return };
+    let Ok(path) = std::env::var("REPLAY") else {
+        return;
+    };
     let text = std::fs::read_to_string(path).unwrap();
-    let bytes: Vec<u8> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
+    let bytes: Vec<u8> = text
+        .split(',')
+        .filter_map(|n| n.trim().parse().ok())
+        .collect();
     scenario::run(&bytes);
 }

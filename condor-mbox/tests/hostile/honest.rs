@@ -250,7 +250,14 @@ impl Program {
         let to = script.below(N);
         let operation = script.byte();
         let timeout = Duration::from_micros(1 << (script.byte() % 11));
-        if std::env::var("REPLAY").is_ok() { eprintln!("OP p{} to {to} op {} {timeout:?} peers {:?}", self.number, operation%20, [0,1,2].map(|p| self.mailbox().borrow().peer_state(Processor(p)))); }
+        if std::env::var("REPLAY").is_ok() {
+            eprintln!(
+                "OP p{} to {to} op {} {timeout:?} peers {:?}",
+                self.number,
+                operation % 20,
+                [0, 1, 2].map(|p| self.mailbox().borrow().peer_state(Processor(p)))
+            );
+        }
         match operation % 20 {
             0 | 1 => self.send(to, script.one_of(&VECTORS), timeout),
             2 | 3 => self.try_send(to, script.one_of(&VECTORS)),
