@@ -34,6 +34,16 @@ pub enum LayoutField {
     DataSize,
 }
 
+/// A word by which a peer can break the protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ProtocolWord {
+    /// How many of our requests it has taken.
+    Taken,
+    /// How a request ended.
+    ReplyStatus,
+}
+
 /// Whether a request had been taken by the receiver when its sender gave up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
@@ -180,12 +190,12 @@ pub enum Error {
         depth: u32,
     },
     /// The receiver wrote something that no correct peer writes.
-    #[error("{peer} broke the protocol: {word} is {found:#x}")]
+    #[error("{peer} broke the protocol: its {word:?} word is {found:#x}")]
     Protocol {
         /// Who wrote it.
         peer: Processor,
-        /// The name of the word.
-        word: &'static str,
+        /// Which word.
+        word: ProtocolWord,
         /// What it held.
         found: u32,
     },

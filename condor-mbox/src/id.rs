@@ -12,6 +12,7 @@ impl Processor {
 
     /// The number as an index.
     #[must_use]
+    #[inline]
     pub const fn index(self) -> usize {
         self.0 as usize
     }
@@ -33,6 +34,7 @@ impl Vector {
 
     /// The number as an index.
     #[must_use]
+    #[inline]
     pub const fn index(self) -> usize {
         self.0 as usize
     }

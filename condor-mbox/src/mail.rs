@@ -70,27 +70,27 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     }
 
     #[inline(always)]
-    pub(crate) fn slot(&self, peer: Processor, sequence: u32) -> u32 {
+    pub(crate) fn slot(peer: Processor, sequence: u32) -> u32 {
         layout::slot(Self::PROCESSORS, u32::from(peer.0), sequence)
     }
 
     #[inline(always)]
-    pub(crate) fn cell(&self, peer: Processor, cell: u32) -> u32 {
+    pub(crate) fn cell(peer: Processor, cell: u32) -> u32 {
         layout::cell(Self::PROCESSORS, u32::from(peer.0), cell)
     }
 
     #[inline(always)]
-    pub(crate) fn acknowledged(&self, peer: Processor) -> u32 {
+    pub(crate) fn acknowledged(peer: Processor) -> u32 {
         layout::acknowledged(Self::PROCESSORS, u32::from(peer.0))
     }
 
     #[inline(always)]
-    pub(crate) fn taken(&self, peer: Processor) -> u32 {
+    pub(crate) fn taken(peer: Processor) -> u32 {
         layout::taken(Self::PROCESSORS, u32::from(peer.0))
     }
 
     #[inline(always)]
-    pub(crate) fn vector(&self, vector: usize) -> u32 {
+    pub(crate) fn vector(vector: usize) -> u32 {
         layout::vector_entry(Self::PROCESSORS, vector as u32)
     }
 

@@ -15,30 +15,35 @@ impl Instant {
 
     /// The instant `ns` nanoseconds after the clock's origin.
     #[must_use]
+    #[inline]
     pub const fn from_ns(ns: u64) -> Self {
         Self(ns)
     }
 
     /// Nanoseconds since the clock's origin.
     #[must_use]
+    #[inline]
     pub const fn as_ns(self) -> u64 {
         self.0
     }
 
     /// The instant `span` later, at most [`FOREVER`](Self::FOREVER).
     #[must_use]
+    #[inline]
     pub const fn after(self, span: Duration) -> Self {
         Self(self.0.saturating_add(whole_ns(span)))
     }
 
     /// Nanoseconds from `earlier` until here; zero if `earlier` is later.
     #[must_use]
+    #[inline]
     pub const fn ns_since(self, earlier: Self) -> u64 {
         self.0.saturating_sub(earlier.0)
     }
 }
 
 /// `span` in nanoseconds, at most `u64::MAX`.
+#[inline]
 pub(crate) const fn whole_ns(span: Duration) -> u64 {
     let ns = span.as_nanos();
     if ns > u64::MAX as u128 {
@@ -60,6 +65,7 @@ pub trait Clock {
 }
 
 impl<T: Deref<Target: Clock>> Clock for T {
+    #[inline]
     fn now(&self) -> Instant {
         (**self).now()
     }

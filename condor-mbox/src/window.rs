@@ -198,3 +198,53 @@ pub const fn check_access(size: u32, offset: u32, len: usize) -> Result<(), Wind
         Ok(())
     }
 }
+
+/// The kind of error for an access to the word at `offset` of a window of `size` bytes, a multiple
+/// of four.
+///
+/// Says the same as [`check_access`] of four bytes, in a single comparison.
+///
+/// # Errors
+/// `Misaligned` or `OutOfBounds`.
+#[inline(always)]
+pub const fn check_word(size: u32, offset: u32) -> Result<(), WindowErrorKind> {
+    // Rotated, a misaligned offset is larger than the number of words of any window.
+    if offset.rotate_right(2) < size / 4 {
+        Ok(())
+    } else {
+        refused_word(offset)
+    }
+}
+
+#[cold]
+const fn refused_word(offset: u32) -> Result<(), WindowErrorKind> {
+    Err(if offset.is_multiple_of(4) {
+        WindowErrorKind::OutOfBounds
+    } else {
+        WindowErrorKind::Misaligned
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{check_access, check_word};
+
+    #[test]
+    fn a_word_is_four_bytes() {
+        let near = |at: u32| (0..9).map(move |step| at.wrapping_add(step).wrapping_sub(4));
+        for size in [0, 4, 8, 64, 0x8000_0000, u32::MAX - 3] {
+            for offset in near(0)
+                .chain(near(size))
+                .chain(near(1 << 30))
+                .chain(near(1 << 31))
+            {
+                let word = check_word(size, offset);
+                assert_eq!(
+                    word,
+                    check_access(size, offset, 4),
+                    "{offset:#x} of {size:#x}"
+                );
+            }
+        }
+    }
+}

@@ -1,6 +1,7 @@
 //! Memory that vanishes under a window, and bus errors that are none of its business.
 #![cfg(feature = "linux")]
 
+#[allow(dead_code, reason = "each test program needs some of it")]
 mod linux_child;
 
 use std::fs::File;
@@ -79,6 +80,7 @@ fn a_window_for_reading_can_be_lost() {
 fn lost_windows_leave_others_alone() {
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
+        let _ends = StopAtEnd(&stop);
         for _ in 0..2 {
             scope.spawn(|| {
                 // Mappings come and go beside those that fault, often at their addresses.
@@ -105,8 +107,16 @@ fn lost_windows_leave_others_alone() {
             assert!(is_lost(window.load(4, LoadOrder::Relaxed)));
             assert!(other.join().expect("it does not panic"));
         }
-        stop.store(true, Ordering::Relaxed);
     });
+}
+
+/// Ends the other threads also if this one panics.
+struct StopAtEnd<'a>(&'a AtomicBool);
+
+impl Drop for StopAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }
 
 #[test]

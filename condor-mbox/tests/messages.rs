@@ -215,3 +215,21 @@ fn a_listener_gets_each_message_and_the_holder_replies() {
     );
     assert_eq!(c.missed(A), Ok(0));
 }
+
+#[test]
+fn what_was_sent_before_leaving_arrives() {
+    static SEEN: AtomicU32 = AtomicU32::new(0);
+    fn note(call: &Call<'_>) -> u32 {
+        SEEN.fetch_add(call.data(), Ordering::Relaxed)
+    }
+    let (_system, mut a, mut b) = pair_of::<2>();
+    b.set_vector(Vector(1), &note, "note").unwrap();
+    b.service(SECOND).unwrap();
+    a.send(B, Vector(1), 1, SECOND).unwrap();
+    a.send(B, Vector(1), 20, SECOND).unwrap();
+    a.leave().unwrap();
+    // The sender is gone, and the receiver has noticed by trying to send to it.
+    assert_eq!(b.try_send(A, V, 0), Err(Error::NotConnected { to: A }));
+    assert_eq!(b.service(SECOND), Ok(2));
+    assert_eq!(SEEN.load(Ordering::Relaxed), 21);
+}

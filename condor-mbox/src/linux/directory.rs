@@ -27,8 +27,9 @@ pub(super) struct Directory {
 }
 
 impl Directory {
-    /// Opens the directory at `path`, and creates it before if there is none.
-    pub(super) fn open(path: &Path) -> Result<Self, SystemError> {
+    /// Opens the directory at `path`, and creates it before if there is none; `None` if it was
+    /// removed in between.
+    pub(super) fn open(path: &Path) -> Result<Option<Self>, SystemError> {
         match rustix::fs::mkdir(path, Mode::RWXU) {
             Ok(()) | Err(Errno::EXIST) => {}
             Err(errno) => return Err(SystemError::os("create", path)(errno)),
@@ -36,6 +37,7 @@ impl Directory {
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
         let descriptor = match rustix::fs::open(path, flags, Mode::empty()) {
             Ok(descriptor) => descriptor,
+            Err(Errno::NOENT) => return Ok(None),
             Err(Errno::NOTDIR) => {
                 let stat = rustix::fs::stat(path).map_err(SystemError::os("examine", path))?;
                 expect_kind(path, &stat, FileKind::Directory)?;
@@ -44,13 +46,13 @@ impl Directory {
             Err(errno) => return Err(SystemError::os("open", path)(errno)),
         };
         let stat = rustix::fs::fstat(&descriptor).map_err(SystemError::os("examine", path))?;
-        Ok(Self {
+        Ok(Some(Self {
             path: path.into(),
             descriptor,
             device_and_inode: identity(&stat),
             owner: stat.st_uid,
             mode: Mode::from_raw_mode(stat.st_mode as RawMode) & Mode::from_raw_mode(0o666),
-        })
+        }))
     }
 
     /// Refuses a directory that somebody else put at this name.
@@ -92,8 +94,7 @@ impl Directory {
         let file = match self.open_file(name, access) {
             Err(Errno::NOENT) => match self.create(name, size) {
                 Ok(()) | Err(Errno::EXIST) => self.open_file(name, access),
-                Err(Errno::NOENT) => return Ok(None),
-                Err(errno) => return Err(SystemError::os("create", path)(errno)),
+                Err(errno) => return self.not_created(&path, errno),
             },
             other => other,
         };
@@ -113,8 +114,7 @@ impl Directory {
         let path = self.path_of(name);
         match rustix::fs::mkfifoat(&self.descriptor, name, self.mode) {
             Ok(()) | Err(Errno::EXIST) => {}
-            Err(Errno::NOENT) => return Ok(None),
-            Err(errno) => return Err(SystemError::os("create", path)(errno)),
+            Err(errno) => return self.not_created(&path, errno),
         }
         let found = rustix::fs::statat(&self.descriptor, name, AtFlags::SYMLINK_NOFOLLOW);
         let stat = match found {
@@ -139,38 +139,45 @@ impl Directory {
         Ok(Some(pipe))
     }
 
-    /// Removes the directory and the files `names`, of which those in `mails` are locked first.
+    /// Removes the directory and the files `names`, of which those in `mails`, of `mail_bytes`
+    /// each, are locked first.
     ///
     /// Gives the index of the first of `mails` that somebody holds, if one is held.
     pub(super) fn remove(
         self,
         names: &[String],
         mails: &[String],
+        mail_bytes: u32,
     ) -> Result<Option<(usize, OwnedFd)>, SystemError> {
         let grave = self.grave();
         let mut locked = Vec::new();
         for (index, name) in mails.iter().enumerate() {
             let path = self.path_of(name);
             // A number whose file is missing could be claimed from now on unless it is locked too.
-            match self.create(name, 4) {
+            match self.create(name, mail_bytes) {
                 Ok(()) | Err(Errno::EXIST) => {}
-                Err(errno) => return Err(SystemError::os("create", path)(errno)),
+                Err(errno) => return self.not_created(&path, errno),
             }
-            let mail = self
-                .open_file(name, Access::ReadWrite)
-                .map_err(|errno| self.not_opened(&path, name, FileKind::File, errno))?;
+            let mail = match self.open_file(name, Access::ReadWrite) {
+                Ok(mail) => mail,
+                Err(Errno::NOENT) => return Ok(None),
+                Err(errno) => return Err(self.not_opened(&path, name, FileKind::File, errno)),
+            };
             if !lock::take(&mail).map_err(SystemError::os("lock", path))? {
                 return Ok(Some((index, mail)));
             }
             locked.push(mail);
         }
+        // Somebody else may have removed it before it was locked; what is at its path now is
+        // another one.
+        if !self.is_current()? {
+            return Ok(None);
+        }
         let entries = std::fs::read_dir(&self.path).map_err(SystemError::os("list", &self.path))?;
         for entry in entries {
             let entry = entry.map_err(SystemError::os("list", &self.path))?;
-            if !names
-                .iter()
-                .any(|name| OsStr::new(name) == entry.file_name())
-            {
+            let found = entry.file_name();
+            if !names.iter().any(|name| OsStr::new(name) == found) {
                 return Err(SystemError::ForeignFile { path: entry.path() });
             }
         }
@@ -195,7 +202,16 @@ impl Directory {
         open_again(&self.descriptor, name, access, OFlags::NOFOLLOW)
     }
 
-    /// Creates a file of `size` bytes that has all its memory; `NOENT` if the directory is gone.
+    /// `None` if the reason is that the directory was removed, for which file systems have
+    /// several errors.
+    fn not_created<T>(&self, path: &Path, errno: Errno) -> Result<Option<T>, SystemError> {
+        if self.is_current()? {
+            return Err(SystemError::os("create", path)(errno));
+        }
+        Ok(None)
+    }
+
+    /// Creates a file of `size` bytes that has all its memory.
     fn create(&self, name: &str, size: u32) -> Result<(), Errno> {
         let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
         let file = rustix::fs::openat(&self.descriptor, ".", flags, self.mode)?;

@@ -102,6 +102,7 @@ impl<const N: usize> Clock for LinuxDoorbell<N> {
         clippy::useless_conversion,
         reason = "tv_nsec has 32 bits on some targets"
     )]
+    #[inline]
     fn now(&self) -> Instant {
         let time = clock_gettime(ClockId::Monotonic);
         // Since the machine started: neither negative nor near 584 years.

@@ -1,6 +1,6 @@
 //! The objects of a family: one process creates them, its descendants inherit them.
 
-use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd, RawFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd, RawFd};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{CWD, MemfdFlags, OFlags, SealFlags};
@@ -140,9 +140,42 @@ fn inherited_memory(descriptor: RawFd, bytes: u32) -> Result<OwnedFd, SystemErro
         .map_err(SystemError::os("examine the seals of", &path))?;
     if !seals.contains(SEALS) {
         return Err(SystemError::BadDescription {
-            description: memory.as_raw_fd().to_string(),
+            description: descriptor.to_string(),
             reason: "the memory is not sealed",
         });
     }
     Ok(memory)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::fd::AsRawFd;
+
+    use super::*;
+
+    #[test]
+    fn memory_of_a_family_keeps_its_size() {
+        let memory = memory(&label(0, "mail"), 4096).expect("it is created");
+        let again = reopen(memory.as_fd(), Access::ReadWrite).expect("it can be opened anew");
+        for size in [0, 4095, 4097] {
+            assert_eq!(
+                rustix::fs::ftruncate(&again, size),
+                Err(Errno::PERM),
+                "{size}"
+            );
+        }
+    }
+
+    #[test]
+    fn memory_that_is_not_sealed_is_refused() {
+        let plain = rustix::fs::memfd_create("plain", MemfdFlags::ALLOW_SEALING).expect("memory");
+        fill(&plain, 64).expect("it has memory");
+        let error = inherited_memory(plain.as_raw_fd(), 64).expect_err("it could be truncated");
+        assert!(
+            matches!(error, SystemError::BadDescription { .. }),
+            "{error}"
+        );
+        let error = inherited_memory(plain.as_raw_fd(), 68).expect_err("it has another size");
+        assert!(matches!(error, SystemError::WrongSize { .. }), "{error}");
+    }
 }

@@ -46,3 +46,32 @@ fn control(mail: impl AsFd, command: libc::c_int) -> Result<libc::flock, Errno> 
     }
     Ok(*lock)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::File;
+
+    #[test]
+    fn a_lock_is_seen_by_descriptors_for_reading_of_other_descriptions() {
+        let file = tempfile::NamedTempFile::new().expect("a temporary file");
+        let watcher = File::open(file.path()).expect("it can be read");
+        assert!(!is_held(&watcher).expect("it can be asked"));
+        assert!(take(&file).expect("it can be locked"));
+        assert!(take(&file).expect("a second time changes nothing"));
+        assert!(is_held(&watcher).expect("it can be asked"));
+        assert!(!is_held(&file).expect("the holder sees no other"));
+        let other = File::options()
+            .write(true)
+            .open(file.path())
+            .expect("it can be written");
+        assert!(!take(&other).expect("it can be asked"));
+        // Classic locks would vanish with any descriptor of the file.
+        drop(other);
+        assert!(is_held(&watcher).expect("it can be asked"));
+        assert!(
+            take(&watcher).is_err(),
+            "a lock to write needs a file to write"
+        );
+    }
+}

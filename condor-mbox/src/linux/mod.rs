@@ -81,8 +81,8 @@ pub use claim::Claim;
 pub use doorbell::{LinuxDoorbell, PollableBell};
 pub use error::{FileKind, SystemError};
 pub use system::System;
+pub use window::{Access, LinuxWindow, LinuxWindowError, MapError};
+
 /// A mailbox of Linux, for a process whose threads may all use it.
 pub type Mailbox<'v, const N: usize> =
     crate::Mailbox<'v, LinuxWindow, LinuxDoorbell<N>, crate::CriticalSection, N>;
-
-pub use window::{Access, LinuxWindow, LinuxWindowError, MapError};

@@ -176,17 +176,12 @@ impl<const N: usize> System<N> {
                 processors: N,
             });
         }
-        let mut objects = self.objects()?;
         for _ in 0..ATTEMPTS {
-            if let Some(claim) = self.claim_from(&objects, number)? {
+            if let Some(claim) = self.claim_from(&self.objects()?, number)? {
                 return Ok(claim);
             }
-            objects = self.objects()?;
         }
-        Err(SystemError::Unsteady {
-            path: objects.path(number.index(), "mail"),
-            times: ATTEMPTS,
-        })
+        Err(self.unsteady())
     }
 
     /// Takes the highest number that nobody holds: a *virtual processor*.
@@ -219,7 +214,7 @@ impl<const N: usize> System<N> {
         let mut names = mails.clone();
         names.extend((0..N).map(|number| file_name(number, "data")));
         names.extend((0..N).map(|number| file_name(number, "bell")));
-        match directory.remove(&names, &mails)? {
+        match directory.remove(&names, &mails, Self::MAIL_BYTES)? {
             None => Ok(()),
             Some((number, mail)) => Err(claim::taken(Processor(number as u8), &mail)),
         }
@@ -255,12 +250,27 @@ impl<const N: usize> System<N> {
         match &self.place {
             Place::Family(family) => Ok(Objects::Family(family)),
             Place::Directory { path, own } => {
-                let directory = Directory::open(path)?;
-                if *own {
-                    directory.expect_own()?;
+                for _ in 0..ATTEMPTS {
+                    if let Some(directory) = Directory::open(path)? {
+                        if *own {
+                            directory.expect_own()?;
+                        }
+                        return Ok(Objects::Directory(directory));
+                    }
                 }
-                Ok(Objects::Directory(directory))
+                Err(self.unsteady())
             }
+        }
+    }
+
+    fn unsteady(&self) -> SystemError {
+        let path = match &self.place {
+            Place::Directory { path, .. } => path.clone(),
+            Place::Family(_) => PathBuf::new(),
+        };
+        SystemError::Unsteady {
+            path,
+            times: ATTEMPTS,
         }
     }
 }

@@ -15,7 +15,7 @@ use rustix::mm::{MapFlags, ProtFlags};
 use super::fault::{self, GuardError, Guarded};
 use crate::window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-    check_access,
+    check_access, check_word,
 };
 
 /// What a mapping allows.
@@ -295,6 +295,7 @@ impl LinuxWindow {
 
     /// Whether the memory behind the window was found to be gone.
     #[must_use]
+    #[inline(always)]
     pub fn is_lost(&self) -> bool {
         // Set by the handler of `fault`; nothing else is read on the strength of it.
         self.lost.load(Ordering::Relaxed)
@@ -304,10 +305,12 @@ impl LinuxWindow {
     ///
     /// Words hold little-endian values. A window that is mapped read-only gives words that must
     /// not be stored to: the caller has asked `check_store`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, LinuxWindowError> {
-        self.check(offset, 4)?;
-        // SAFETY: the word is inside the mapping and aligned, as `check` found and as pages are;
+        if let Err(kind) = check_word(self.size, offset) {
+            return Err(self.refused(kind, offset, 4));
+        }
+        // SAFETY: the word is inside the mapping and aligned, as `check_word` found and as pages are;
         // `_mapping` keeps it mapped as long as `self`. All accesses of this process go through
         // such words; peers and the handler of `fault` may change it at any time, as atomics
         // may be changed. An atomic load with at most Acquire order of a word of four bytes is
@@ -330,7 +333,7 @@ impl LinuxWindow {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn check_store(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
         match self.access {
             Access::ReadWrite => Ok(()),
@@ -340,7 +343,7 @@ impl LinuxWindow {
 
     /// To be called after an access of Acquire or `SeqCst` order, or after such a fence: then the
     /// flag is read after the memory, also by a thread that did not run the handler itself.
-    #[inline]
+    #[inline(always)]
     fn check_lost(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
         core::sync::atomic::compiler_fence(Ordering::SeqCst);
         if self.is_lost() {
@@ -358,7 +361,7 @@ impl MemoryWindow for LinuxWindow {
         self.size
     }
 
-    #[inline]
+    #[inline(always)]
     fn load(&self, offset: u32, _order: LoadOrder) -> Result<u32, LinuxWindowError> {
         // Acquire, also where Relaxed was asked for: `check_lost` must come after it. What else
         // it pairs with is the caller's matter.
@@ -367,7 +370,7 @@ impl MemoryWindow for LinuxWindow {
         Ok(u32::from_le(value))
     }
 
-    #[inline]
+    #[inline(always)]
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), LinuxWindowError> {
         let word = self.word(offset)?;
         self.check_store(offset, 4)?;
@@ -426,6 +429,7 @@ impl MemoryWindow for LinuxWindow {
 }
 
 impl CompareExchange for LinuxWindow {
+    #[inline]
     fn compare_exchange(
         &self,
         offset: u32,
@@ -464,5 +468,36 @@ fn uio_range(described: &std::path::Path, map: u32) -> Result<(u64, u32), MapErr
     match u32::try_from(size) {
         Ok(len) => Ok((offset, len)),
         Err(_) => Err(MapError::TooLarge { offset, len: size }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_description_of_a_uio_device_gives_the_range() {
+        let page = rustix::param::page_size() as u64;
+        let directory = tempfile::tempdir().expect("a temporary directory");
+        let describe = |size: &str, offset: &str| {
+            std::fs::write(directory.path().join("size"), size).expect("it is written");
+            std::fs::write(directory.path().join("offset"), offset).expect("it is written");
+            uio_range(directory.path(), 2)
+        };
+        let range = describe("0x0000000000001000\n", "0x10\n").expect("it is well-formed");
+        assert_eq!(range, (2 * page + 0x10, 0x1000));
+        let error = describe("0x100000000\n", "0x0\n").expect_err("it has more than 32 bits");
+        assert!(
+            matches!(
+                error,
+                MapError::TooLarge {
+                    len: 0x1_0000_0000,
+                    ..
+                }
+            ),
+            "{error}"
+        );
+        let error = describe("none\n", "0x0\n").expect_err("it is no number");
+        assert!(matches!(error, MapError::System { .. }), "{error}");
     }
 }

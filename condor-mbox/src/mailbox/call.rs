@@ -51,6 +51,36 @@ pub trait Messenger {
         message: Message,
         timeout: Duration,
         deadline: Instant,
+    ) -> Result<u32, Error> {
+        let (pending, deadline) = self.open_before(message, timeout, deadline)?;
+        let outcome = self.wait_before(&pending, timeout, deadline);
+        if outcome.is_err() {
+            self.abandon(&pending);
+        }
+        outcome
+    }
+
+    /// As [`open`](Self::open), waiting for a slot; gives also when the time is over, counted
+    /// from the call if it had to wait, else as late as `deadline`.
+    ///
+    /// # Errors
+    /// As [`Mailbox::send`](super::Mailbox::send).
+    fn open_before(
+        &self,
+        message: Message,
+        timeout: Duration,
+        deadline: Instant,
+    ) -> Result<(Pending, Instant), Error>;
+
+    /// As [`Ticket::wait`], at the latest at `deadline`.
+    ///
+    /// # Errors
+    /// As there.
+    fn wait_before(
+        &self,
+        pending: &Pending,
+        timeout: Duration,
+        deadline: Instant,
     ) -> Result<u32, Error>;
 
     /// As [`Mailbox::try_send`](super::Mailbox::try_send).
@@ -102,6 +132,26 @@ impl<'m, M: Messenger + ?Sized> Ticket<'m, M> {
         Ok(Self { messenger, pending })
     }
 
+    /// Waits for the reply, serving meanwhile, for at most `timeout`.
+    ///
+    /// After [`Error::TimedOut`] or [`Error::Stalled`] the ticket goes on waiting for its reply.
+    ///
+    /// # Errors
+    /// As [`Mailbox::send_with_reply`](super::Mailbox::send_with_reply). `None` if the reply was
+    /// given before.
+    pub fn wait(&mut self, timeout: Duration) -> Result<Option<u32>, Error> {
+        let Some(pending) = &self.pending else {
+            return Ok(None);
+        };
+        let outcome = self
+            .messenger
+            .wait_before(pending, timeout, Instant::FOREVER);
+        if !matches!(outcome, Err(Error::TimedOut { .. } | Error::Stalled { .. })) {
+            self.finish();
+        }
+        outcome.map(Some)
+    }
+
     /// The reply, once it has come; `None` before, and again after it was given.
     ///
     /// # Errors
@@ -114,17 +164,22 @@ impl<'m, M: Messenger + ?Sized> Ticket<'m, M> {
         };
         let outcome = self.messenger.look(pending);
         if !matches!(outcome, Ok(None)) {
-            self.pending = None;
+            self.finish();
         }
         outcome
+    }
+
+    /// Nothing more is to come, or a slot whose peer is gone is given up.
+    fn finish(&mut self) {
+        if let Some(pending) = self.pending.take() {
+            self.messenger.abandon(&pending);
+        }
     }
 }
 
 impl<M: Messenger + ?Sized> Drop for Ticket<'_, M> {
     fn drop(&mut self) {
-        if let Some(pending) = &self.pending {
-            self.messenger.abandon(pending);
-        }
+        self.finish();
     }
 }
 

@@ -82,7 +82,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         if let Some(pair) = self.pairs.get(self.me.index()) {
             pair.begin(life, to_self, to_self);
         }
-        own.store(own.acknowledged(self.me), life, StoreOrder::Relaxed)?;
+        own.store(
+            Mail::<W, N>::acknowledged(self.me),
+            life,
+            StoreOrder::Relaxed,
+        )?;
         self.life.set(life);
         // Release: whoever sees this life sees empty rings. Pairs with the Acquire load in `notice`.
         own.store(header::LIFE, life, StoreOrder::Release)?;
@@ -126,7 +130,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let known: [u32; N] = core::array::from_fn(|number| {
             let peer = self.peer(Processor(number as u8)).ok();
             let acknowledged = peer.and_then(|peer| {
-                let at = peer.mail.acknowledged(self.me);
+                let at = Mail::<W, N>::acknowledged(self.me);
                 peer.mail.load(at, LoadOrder::Relaxed).ok()
             });
             acknowledged.unwrap_or(0)
@@ -145,13 +149,20 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     fn clear(&self, own: &Mail<'_, W, N>) -> Result<(), Error> {
         for peer in self.peers() {
             for index in 0..SLOTS {
-                for at in [own.slot(peer.number, index), own.cell(peer.number, index)] {
+                for at in [
+                    Mail::<W, N>::slot(peer.number, index),
+                    Mail::<W, N>::cell(peer.number, index),
+                ] {
                     own.store(at + entry::EPOCH, 0, StoreOrder::Relaxed)?;
                     own.store(at + entry::SEQUENCE, 0, StoreOrder::Relaxed)?;
                 }
             }
-            own.store(own.acknowledged(peer.number), 0, StoreOrder::Relaxed)?;
-            own.store(own.taken(peer.number), 0, StoreOrder::Relaxed)?;
+            own.store(
+                Mail::<W, N>::acknowledged(peer.number),
+                0,
+                StoreOrder::Relaxed,
+            )?;
+            own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Relaxed)?;
             own.store(
                 layout::listen(u32::from(peer.number.0)),
                 0,
@@ -202,7 +213,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
         let others = own.load(header::LISTENERS, LoadOrder::Relaxed)? & !(1 << peer.number.0);
         own.store(header::LISTENERS, others, StoreOrder::Relaxed)?;
-        peer.pair.begin(0, 0, 0);
+        peer.pair.end();
         if matches!(life, 0 | JOINING) {
             return Ok(());
         }
@@ -213,14 +224,21 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         // A peer that comes back to the number of a former life must not find what was meant for
         // that one; nobody is in epoch 0.
         for index in 0..SLOTS {
-            for at in [own.slot(peer.number, index), own.cell(peer.number, index)] {
+            for at in [
+                Mail::<W, N>::slot(peer.number, index),
+                Mail::<W, N>::cell(peer.number, index),
+            ] {
                 own.store(at + entry::EPOCH, 0, StoreOrder::Relaxed)?;
             }
         }
-        own.store(own.taken(peer.number), 0, StoreOrder::Relaxed)?;
+        own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Relaxed)?;
         // Release: whoever sees the acknowledgement sees the count reset. Pairs with the Acquire
         // load in `is_connected`.
-        own.store(own.acknowledged(peer.number), life, StoreOrder::Release)
+        own.store(
+            Mail::<W, N>::acknowledged(peer.number),
+            life,
+            StoreOrder::Release,
+        )
     }
 
     /// Whether both sides have acknowledged each other's present life.
@@ -235,7 +253,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         // Acquire: pairs with the Release store in `acknowledge`.
         let acknowledged = peer
             .mail
-            .load(peer.mail.acknowledged(self.me), LoadOrder::Acquire)?;
+            .load(Mail::<W, N>::acknowledged(self.me), LoadOrder::Acquire)?;
         Ok(acknowledged == self.life.get())
     }
 

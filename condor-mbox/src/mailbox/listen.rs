@@ -16,7 +16,7 @@ use crate::error::Error;
 use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
 use crate::layout::{self, JOINING, SLOTS, entry, header};
-use crate::mail::Entry;
+use crate::mail::{Entry, Mail};
 use crate::time::Instant;
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
@@ -108,7 +108,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             // What the holder has taken by now was sent before.
             let taken = peer
                 .mail
-                .load(peer.mail.taken(sender.number), LoadOrder::Acquire)?;
+                .load(Mail::<W, N>::taken(sender.number), LoadOrder::Acquire)?;
             // A sender whose memory is gone sends nothing; it is heard from its next life on.
             let life_of_sender = sender
                 .mail
@@ -304,7 +304,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             return Ok(None);
         }
         let next = heard.tail.get().wrapping_add(1);
-        let slot = sender.mail.slot(holder.number, next);
+        let slot = Mail::<W, N>::slot(holder.number, next);
         let found = sender
             .mail
             .load(slot + entry::SEQUENCE, LoadOrder::Acquire)?;
@@ -391,7 +391,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
             if self.handled {
                 mailbox.served.set(mailbox.served.get().wrapping_add(1));
                 if let Ok(own) = mailbox.own() {
-                    let at = own.vector(self.vector.index()) + layout::vector::HANDLED;
+                    let at = Mail::<W, N>::vector(self.vector.index()) + layout::vector::HANDLED;
                     // As above.
                     let _ = own.add(at, 1);
                 }

@@ -14,11 +14,13 @@ pub use vectors::VectorStatistics;
 pub use wait::Waiting;
 
 use crate::doorbell::{Doorbell, Evidence};
-use crate::error::Error;
+use crate::error::{Error, Object};
 use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
 use crate::layout::{JOINING, header};
 use crate::mail::Mail;
+use crate::region::Region;
+use crate::spin_lock::{Lives, Owner};
 use crate::window::{LoadOrder, MemoryWindow};
 use crate::windows::Windows;
 use pair::{Pair, Word};
@@ -134,6 +136,29 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         })
     }
 
+    /// The users' part of a processor's `data`; offsets count from its beginning.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchProcessor`]; [`Error::Window`] if the window is too small.
+    pub fn region(&self, processor: Processor) -> Result<Region<&W>, Error> {
+        Region::users(&self.windows(processor)?.data).map_err(|error| Error::Window {
+            processor,
+            object: Object::Data,
+            kind: error.kind,
+        })
+    }
+
+    /// This processor in its present life, as the owner of a [`SpinLock`](crate::SpinLock).
+    ///
+    /// # Errors
+    /// [`Error::NotJoined`].
+    pub fn owner(&self) -> Result<Owner, Error> {
+        match self.life.get() {
+            0 => Err(Error::NotJoined { number: self.me }),
+            life => Owner::new(self.me, life),
+        }
+    }
+
     #[cold]
     fn no_such(number: Processor) -> Error {
         Error::NoSuchProcessor {
@@ -166,6 +191,21 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     #[inline(always)]
     fn peers(&self) -> impl Iterator<Item = Peer<'_, W, N>> {
         (0..N as u8).filter_map(|number| self.peer(Processor(number)).ok())
+    }
+}
+
+/// Knows from the peers' own words, and from the platform, whose life is over.
+impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Lives for Mailbox<'_, W, D, X, N> {
+    fn is_current(&self, owner: Owner) -> bool {
+        let Some(Ok(peer)) = owner.processor().map(|number| self.peer(number)) else {
+            return false;
+        };
+        // Acquire: pairs with the Release store of the life in `join`. Memory that is gone is no
+        // evidence that the program is.
+        match peer.mail.load(header::LIFE, LoadOrder::Acquire) {
+            Ok(life) if !owner.is_life(life) => false,
+            _ => self.doorbell.evidence(peer.number) != Evidence::Dead,
+        }
     }
 }
 

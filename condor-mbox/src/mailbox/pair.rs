@@ -11,10 +11,12 @@ impl Word {
         Self(AtomicU32::new(value))
     }
 
+    #[inline(always)]
     pub(crate) fn get(&self) -> u32 {
         self.0.load(Relaxed)
     }
 
+    #[inline(always)]
     pub(crate) fn set(&self, value: u32) {
         self.0.store(value, Relaxed);
     }
@@ -28,7 +30,7 @@ pub(crate) struct Pair {
     pub(crate) connected: Word,
     /// Epoch of requests from here to the peer.
     pub(crate) epoch_out: Word,
-    /// Epoch of requests from the peer to here.
+    /// Epoch of requests from the peer to here; 0 if there never were any.
     pub(crate) epoch_in: Word,
     /// Sequence of the latest request to the peer.
     pub(crate) head: Word,
@@ -82,7 +84,15 @@ impl Pair {
         self.life.set(life);
     }
 
+    /// The peer's life is over: nothing goes to it any more, and what it had sent is still taken.
+    pub(crate) fn end(&self) {
+        for word in [&self.life, &self.connected, &self.epoch_out] {
+            word.set(0);
+        }
+    }
+
     /// Gives up reply cell `cell` of a call in epoch `epoch`, unless the epoch is over.
+    #[inline]
     pub(crate) fn release(&self, cell: u32, epoch: u32) {
         if self.epoch_out.get() == epoch {
             let kept = !(1 << cell);
@@ -92,6 +102,7 @@ impl Pair {
     }
 
     /// Notes that every request up to `sequence` has been taken.
+    #[inline]
     pub(crate) fn advance(&self, sequence: u32) {
         if sequence.wrapping_sub(self.taken.get()) <= SLOTS {
             self.taken.set(sequence);

@@ -6,11 +6,11 @@ use super::call::{Message, Messenger, Pending, Ticket};
 use super::wait::{End, Limit, Watch};
 use super::{Mailbox, Peer};
 use crate::doorbell::Doorbell;
-use crate::error::{Error, Progress};
+use crate::error::{Error, Progress, ProtocolWord};
 use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
 use crate::layout::{self, SLOTS, header};
-use crate::mail::Entry;
+use crate::mail::{Entry, Mail};
 use crate::sync::{Ordering, fence};
 use crate::time::Instant;
 use crate::window::{LoadOrder, MemoryWindow};
@@ -119,23 +119,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         Ticket::begin(self, Message { to, vector, data })
     }
 
-    /// Sends a request of any kind and waits for its reply.
-    pub(super) fn request(
-        &self,
-        to: Processor,
-        kind: u32,
-        data: u32,
-        limit: Limit,
-    ) -> Result<u32, Error> {
-        let vector = Vector(kind.to_le_bytes()[0]);
+    /// Waits for the reply to a request that has been sent.
+    fn wait_for_reply(&self, pending: &Pending, limit: Limit) -> Result<u32, Error> {
+        let Pending {
+            to, vector, life, ..
+        } = *pending;
         let peer = self.peer(to)?;
-        let (pending, limit) = self.publish_by(&peer, kind, data, limit)?;
-        let watch = (to != self.me).then_some(Watch {
-            peer: to,
-            life: pending.life,
-        });
-        let end = self.wait(limit, watch, || self.look(&pending));
-        let progress = || self.progress(&peer, &pending);
+        let watch = (to != self.me).then_some(Watch { peer: to, life });
+        let end = self.wait(limit, watch, || self.reply(&peer, pending));
+        let progress = || self.progress(&peer, pending);
         let error = match end {
             Ok(End::Came(value)) => return Ok(value),
             // The reply came, and says that there is no value; or memory is gone.
@@ -163,9 +155,38 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 progress: progress(),
             },
         };
-        self.abandon(&pending);
-        self.count_failure(kind, vector);
+        self.count_failure(kind::CALL, vector);
         Err(error)
+    }
+
+    /// The reply to `pending`, if it has come; frees its cell.
+    #[inline(always)]
+    fn reply(&self, peer: &Peer<'_, W, N>, pending: &Pending) -> Result<Option<u32>, Error> {
+        let at = Mail::<W, N>::cell(self.me, pending.cell);
+        let Some(reply) = peer.mail.get(at, pending.sequence)? else {
+            return Ok(None);
+        };
+        if reply.epoch != pending.epoch {
+            return Ok(None);
+        }
+        self.exclusion.with(|| {
+            // Requests are taken in order: this one and all before it have been.
+            if peer.pair.epoch_out.get() == pending.epoch {
+                peer.pair.advance(pending.sequence);
+            }
+            peer.pair.release(pending.cell, pending.epoch);
+        });
+        let Pending { to, vector, .. } = *pending;
+        match reply.kind {
+            status::DONE => Ok(Some(reply.value)),
+            status::NO_HANDLER => Err(Error::NoHandler { to, vector }),
+            status::HANDLER_FAILED => Err(Error::HandlerFailed { to, vector }),
+            found => Err(Error::Protocol {
+                peer: to,
+                word: ProtocolWord::ReplyStatus,
+                found,
+            }),
+        }
     }
 
     /// Publishes a request, waiting for a slot, and says how long its sender may wait then.
@@ -307,11 +328,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             epoch,
             kind: kind | tag,
         };
-        own.put(own.slot(peer.number, sequence), sequence, entry)?;
+        own.put(Mail::<W, N>::slot(peer.number, sequence), sequence, entry)?;
         pair.head.set(sequence);
         let vector = Vector(kind.to_le_bytes()[0]);
         if kind::is_message(kind) {
-            own.add(own.vector(vector.index()) + layout::vector::SENT, 1)?;
+            own.add(
+                Mail::<W, N>::vector(vector.index()) + layout::vector::SENT,
+                1,
+            )?;
         }
         Ok(Ok((
             Pending {
@@ -332,12 +356,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         // been read before.
         let count = peer
             .mail
-            .load(peer.mail.taken(self.me), LoadOrder::Acquire)?;
+            .load(Mail::<W, N>::taken(self.me), LoadOrder::Acquire)?;
         let untaken = sequence.wrapping_sub(count);
         if untaken == 0 || untaken > SLOTS + 1 {
             return Err(Error::Protocol {
                 peer: peer.number,
-                word: "taken count",
+                word: ProtocolWord::Taken,
                 found: count,
             });
         }
@@ -353,7 +377,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             return Ok(Some(free));
         }
         for (cell, owner) in (0..SLOTS).zip(&pair.owner) {
-            let late = peer.mail.cell(self.me, cell);
+            let late = Mail::<W, N>::cell(self.me, cell);
             if pair.abandoned.get() & 1 << cell != 0
                 && peer
                     .mail
@@ -369,7 +393,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     /// How far a request had come when its sender gave up.
     fn progress(&self, peer: &Peer<'_, W, N>, pending: &Pending) -> Progress {
-        let taken = peer.mail.load(peer.mail.taken(self.me), LoadOrder::Acquire);
+        let taken = peer
+            .mail
+            .load(Mail::<W, N>::taken(self.me), LoadOrder::Acquire);
         // What the private cursor knows is true even if the receiver has forgotten it since.
         let known = |count: u32| count.wrapping_sub(pending.sequence) <= u32::MAX / 2;
         if known(peer.pair.taken.get()) && peer.pair.epoch_out.get() == pending.epoch {
@@ -396,7 +422,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         if let Ok(own) = self.own()
             && kind::is_message(kind)
         {
-            let at = own.vector(vector.index()) + layout::vector::FAILED;
+            let at = Mail::<W, N>::vector(vector.index()) + layout::vector::FAILED;
             // A count that cannot be stored is a window error at the next message.
             let _ = self.exclusion.with(|| own.add(at, 1));
         }
@@ -431,14 +457,26 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
         self.publish_by(&peer, kind, message.data, limit).map(drop)
     }
 
-    fn send_with_reply_before(
+    fn open_before(
         &self,
         message: Message,
         timeout: Duration,
         enclosing: Instant,
-    ) -> Result<u32, Error> {
+    ) -> Result<(Pending, Instant), Error> {
         let kind = kind::CALL | u32::from(message.vector.0);
-        self.request(message.to, kind, message.data, Limit { timeout, enclosing })
+        let limit = Limit { timeout, enclosing };
+        let (pending, limit) =
+            self.publish_by(&self.peer(message.to)?, kind, message.data, limit)?;
+        Ok((pending, limit.enclosing))
+    }
+
+    fn wait_before(
+        &self,
+        pending: &Pending,
+        timeout: Duration,
+        enclosing: Instant,
+    ) -> Result<u32, Error> {
+        self.wait_for_reply(pending, Limit { timeout, enclosing })
     }
 
     fn post(&self, message: Message) -> Result<(), Error> {
@@ -450,31 +488,22 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
     }
 
     fn look(&self, pending: &Pending) -> Result<Option<u32>, Error> {
-        let peer = self.peer(pending.to)?;
-        let at = peer.mail.cell(self.me, pending.cell);
-        if let Some(reply) = peer.mail.get(at, pending.sequence)?
-            && reply.epoch == pending.epoch
-        {
-            self.exclusion.with(|| {
-                // Requests are taken in order: this one and all before it have been.
-                if peer.pair.epoch_out.get() == pending.epoch {
-                    peer.pair.advance(pending.sequence);
-                }
-                peer.pair.release(pending.cell, pending.epoch);
-            });
-            let Pending { to, vector, .. } = *pending;
-            return match reply.kind {
-                status::DONE => Ok(Some(reply.value)),
-                status::NO_HANDLER => Err(Error::NoHandler { to, vector }),
-                status::HANDLER_FAILED => Err(Error::HandlerFailed { to, vector }),
-                found => Err(Error::Protocol {
-                    peer: to,
-                    word: "reply status",
-                    found,
-                }),
-            };
+        let (to, progress) = (pending.to, Progress::Waiting);
+        let peer = self.peer(to)?;
+        if let Some(value) = self.reply(&peer, pending)? {
+            return Ok(Some(value));
         }
-        Ok(None)
+        // Acquire: pairs with the Release store of the life in `join`.
+        let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
+        if life == pending.life {
+            return Ok(None);
+        }
+        // What came just before the end still counts.
+        match self.reply(&peer, pending)? {
+            None if life == 0 => Err(Error::PeerLeft { to, progress }),
+            None => Err(Error::PeerRestarted { to, progress }),
+            found => Ok(found),
+        }
     }
 
     fn abandon(&self, pending: &Pending) {

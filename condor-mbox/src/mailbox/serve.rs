@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
 use crate::layout::{self, SLOTS, header};
-use crate::mail::Entry;
+use crate::mail::{Entry, Mail};
 use crate::time::Instant;
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
@@ -107,6 +107,24 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         self.hear(deadline)
     }
 
+    /// Whether some ring seems to hold a request: one load for each.
+    pub(super) fn glance(&self) -> Result<bool, Error> {
+        for peer in self.peers() {
+            match self.next_carries(&peer) {
+                Ok(false) => {}
+                Ok(true) => return Ok(true),
+                Err(error) => self.fatal(error)?,
+            }
+        }
+        Ok(false)
+    }
+
+    #[inline(always)]
+    fn next_carries(&self, peer: &Peer<'_, W, N>) -> Result<bool, Error> {
+        let next = peer.pair.tail.get().wrapping_add(1);
+        peer.mail.carries(Mail::<W, N>::slot(self.me, next), next)
+    }
+
     /// What is wrong with a peer concerns those who wait for it, not those who serve others.
     pub(super) fn fatal(&self, error: Error) -> Result<(), Error> {
         match error {
@@ -116,8 +134,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     fn take(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
-        let next = peer.pair.tail.get().wrapping_add(1);
-        if !peer.mail.carries(peer.mail.slot(self.me, next), next)? {
+        if !self.next_carries(peer)? {
             return Ok(None);
         }
         self.exclusion.with(|| self.take_alone(peer))
@@ -127,21 +144,26 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     fn take_alone(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
         let pair = peer.pair;
         let depth = self.depth.get();
-        if depth >= MAX_DEPTH || pair.life.get() == 0 {
+        if depth >= MAX_DEPTH {
             return Ok(None);
         }
         let sequence = pair.tail.get().wrapping_add(1);
-        let slot = peer.mail.slot(self.me, sequence);
+        let slot = Mail::<W, N>::slot(self.me, sequence);
         let Some(entry) = peer.mail.get(slot, sequence)? else {
             return Ok(None);
         };
+        // An epoch is never 0, so nothing is taken from a peer that has not been acknowledged.
         if entry.epoch != pair.epoch_in.get() {
             return Ok(None);
         }
         let own = self.own()?;
         pair.tail.set(sequence);
         // Release: pairs with the Acquire load in `refresh_taken`; the slot has been read.
-        own.store(own.taken(peer.number), sequence, StoreOrder::Release)?;
+        own.store(
+            Mail::<W, N>::taken(peer.number),
+            sequence,
+            StoreOrder::Release,
+        )?;
         self.depth.set(depth + 1);
         let life = pair.life.get();
         Ok(Some(Taken {
@@ -205,10 +227,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             self.served.set(self.served.get().wrapping_add(1));
             let vector = usize::from(kind.to_le_bytes()[0]);
             if status == status::DONE && vector < Vector::COUNT {
-                own.add(own.vector(vector) + layout::vector::HANDLED, 1)?;
+                own.add(Mail::<W, N>::vector(vector) + layout::vector::HANDLED, 1)?;
             }
             if replies && peer.pair.life.get() == taken.life {
-                let cell = own.cell(peer.number, kind >> kind::CELL_SHIFT);
+                let cell = Mail::<W, N>::cell(peer.number, kind >> kind::CELL_SHIFT);
                 own.put(
                     cell,
                     taken.sequence,
@@ -231,7 +253,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             return Ok(());
         }
         let own = self.own()?;
-        let at = own.vector(vector.index()) + layout::vector::WORST;
+        let at = Mail::<W, N>::vector(vector.index()) + layout::vector::WORST;
         let ns = u32::try_from(ns).unwrap_or(u32::MAX);
         if ns <= own.load(at, LoadOrder::Relaxed)? {
             return Ok(());

@@ -101,7 +101,7 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
             return Err(Error::NoSuchVector { vector });
         }
         peer.check_layout()?;
-        let entry = peer.mail.vector(vector.index());
+        let entry = Mail::<W, N>::vector(vector.index());
         let mut name = [0; NAME_BYTES];
         for (word, at) in name
             .chunks_exact_mut(4)
@@ -121,7 +121,7 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
 
     fn write_name(&self, vector: Vector, name: &str) -> Result<(), Error> {
         let own = self.own()?;
-        let entry = own.vector(vector.index()) + vector::NAME;
+        let entry = Mail::<W, N>::vector(vector.index()) + vector::NAME;
         let mut bytes = name.bytes();
         for at in (entry..).step_by(4).take(NAME_BYTES / 4) {
             let word = core::array::from_fn(|_| bytes.next().unwrap_or(0));
@@ -133,7 +133,7 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
 
 /// Empties the table in `own`.
 pub(super) fn clear<W: MemoryWindow, const N: usize>(own: &Mail<'_, W, N>) -> Result<(), Error> {
-    for at in (own.vector(0)..own.vector(Vector::COUNT)).step_by(4) {
+    for at in (Mail::<W, N>::vector(0)..Mail::<W, N>::vector(Vector::COUNT)).step_by(4) {
         own.store(at, 0, StoreOrder::Relaxed)?;
     }
     Ok(())

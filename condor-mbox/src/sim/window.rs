@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::sync::{AtomicU32, Ordering};
 use crate::window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-    check_access,
+    check_access, check_word,
 };
 
 /// A window onto memory of this process; clones show the same memory.
@@ -59,8 +59,9 @@ impl SimWindow {
     }
 
     fn word(&self, offset: u32, writes: bool) -> Result<&AtomicU32, SimWindowError> {
-        self.check(offset, 4)?;
-        let kind = if self.lost.load(std::sync::atomic::Ordering::Relaxed) {
+        let kind = if let Err(kind) = check_word(self.size(), offset) {
+            kind
+        } else if self.lost.load(std::sync::atomic::Ordering::Relaxed) {
             WindowErrorKind::Lost
         } else if writes && !self.writable {
             WindowErrorKind::ReadOnly

@@ -1,0 +1,69 @@
+//! Benchmarks of the Condor crates beside their peers, one sub-command for each crate.
+//!
+//! `cargo run --release --manifest-path bench/Cargo.toml -- mbox [--json] [--rounds N] [--quick]`
+
+mod clock;
+mod machine;
+mod mbox;
+mod measure;
+mod options;
+
+use std::error::Error;
+use std::process::ExitCode;
+
+use measure::Report;
+use options::Options;
+
+/// What every part of the program answers with.
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// A sub-command: the name to call it by, what it measures, and the function that does.
+struct Command {
+    name: &'static str,
+    about: &'static str,
+    run: fn(&Options) -> Result<Report>,
+}
+
+const COMMANDS: &[Command] = &[Command {
+    name: "mbox",
+    about: "round trips of condor-mbox beside raw atomics, futexes, queues, sockets and iceoryx2",
+    run: mbox::run,
+}];
+
+/// Objects that peers allocate can be placed in shared memory; see [`mbox::arena`].
+#[global_allocator]
+static ALLOCATOR: mbox::arena::Allocator = mbox::arena::Allocator;
+
+fn print_usage() {
+    eprintln!("usage: condor-bench COMMAND {}", options::USAGE);
+    for command in COMMANDS {
+        eprintln!("  {:8} {}", command.name, command.about);
+    }
+}
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1);
+    let command = arguments
+        .next()
+        .and_then(|name| COMMANDS.iter().find(|command| command.name == name));
+    let options = Options::parse(arguments);
+    let (Some(command), Ok(options)) = (command, options) else {
+        print_usage();
+        return ExitCode::from(2);
+    };
+    let header = machine::describe();
+    if options.json {
+        eprintln!("{header}");
+    } else {
+        println!("{header}");
+    }
+    match (command.run)(&options) {
+        Ok(report) if options.json => println!("{}", report.json()),
+        Ok(report) => println!("{report}"),
+        Err(error) => {
+            eprintln!("{}: {error}", command.name);
+            return ExitCode::FAILURE;
+        }
+    }
+    ExitCode::SUCCESS
+}

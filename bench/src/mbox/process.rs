@@ -1,0 +1,157 @@
+//! The processes of a round: pinned, watched, and never left behind.
+
+use std::os::fd::OwnedFd;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use rustix::process::{
+    Pid, PidfdFlags, Signal, WaitOptions, getpid, getppid, kill_process, pidfd_open,
+    set_parent_process_death_signal, waitpid,
+};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+
+use crate::Result;
+
+/// The two cores of a round.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CorePair {
+    /// The client's, and the server's if both share one.
+    pub(super) first: usize,
+    /// The server's otherwise.
+    pub(super) second: usize,
+}
+
+impl CorePair {
+    /// The first two cores that this program may run on.
+    pub(super) fn find() -> Result<Self> {
+        let allowed = sched_getaffinity(None)?;
+        let mut cores = (0..CpuSet::MAX_CPU).filter(|core| allowed.is_set(*core));
+        match (cores.next(), cores.next()) {
+            (Some(first), Some(second)) => Ok(Self { first, second }),
+            _ => Err("two cores are needed".into()),
+        }
+    }
+}
+
+/// Binds the calling thread to a core.
+pub(super) fn pin(core: usize) -> Result<()> {
+    let mut set = CpuSet::new();
+    set.set(core);
+    Ok(sched_setaffinity(None, &set)?)
+}
+
+/// A child process; killed when dropped, and by the kernel when its parent dies.
+pub(super) struct Child {
+    name: &'static str,
+    pid: Pid,
+    handle: OwnedFd,
+    ended: bool,
+}
+
+impl Child {
+    /// Runs `body` in a child process.
+    ///
+    /// # Safety
+    /// The calling process must have one thread only: the others would be missing in the child,
+    /// with whatever they had locked.
+    pub(super) unsafe fn fork(
+        name: &'static str,
+        body: impl FnOnce() -> Result<()>,
+    ) -> Result<Self> {
+        let parent = getpid();
+        // SAFETY: with one thread, the child is a whole copy of its parent.
+        let pid = unsafe { libc::fork() };
+        if pid == 0 {
+            let result = catch_unwind(AssertUnwindSafe(|| {
+                set_parent_process_death_signal(Some(Signal::KILL))?;
+                if getppid() != Some(parent) {
+                    return Err("the parent has died".into());
+                }
+                body()
+            }));
+            let code = match result {
+                Ok(Ok(())) => 0,
+                Ok(Err(error)) => {
+                    eprintln!("{name}: {error}");
+                    1
+                }
+                Err(_) => 101,
+            };
+            // SAFETY: ends the process at once; what the parent had buffered is the parent's.
+            unsafe { libc::_exit(code) }
+        }
+        let pid = Pid::from_raw(pid)
+            .filter(|_| pid > 0)
+            .ok_or_else(std::io::Error::last_os_error)?;
+        match pidfd_open(pid, PidfdFlags::empty()) {
+            Ok(handle) => Ok(Self {
+                name,
+                pid,
+                handle,
+                ended: false,
+            }),
+            Err(error) => {
+                let _ = kill_process(pid, Signal::KILL);
+                let _ = waitpid(Some(pid), WaitOptions::empty());
+                Err(error.into())
+            }
+        }
+    }
+
+    /// The number of the process.
+    pub(super) fn pid(&self) -> Pid {
+        self.pid
+    }
+
+    /// Takes note of the end of a process that has ended.
+    fn reap(&mut self) -> Result<()> {
+        let Some((_, status)) = waitpid(Some(self.pid), WaitOptions::NOHANG)? else {
+            return Ok(());
+        };
+        self.ended = true;
+        match (status.exit_status(), status.terminating_signal()) {
+            (Some(0), _) => Ok(()),
+            (Some(code), _) => Err(format!("the {} failed with {code}", self.name).into()),
+            (_, signal) => Err(format!("the {} was ended by signal {signal:?}", self.name).into()),
+        }
+    }
+}
+
+impl Drop for Child {
+    fn drop(&mut self) {
+        if !self.ended {
+            // Nothing can be done about a failure of either: the process is not there any more.
+            let _ = kill_process(self.pid, Signal::KILL);
+            let _ = waitpid(Some(self.pid), WaitOptions::empty());
+        }
+    }
+}
+
+/// Waits until all have ended well.
+///
+/// # Errors
+/// The first that ends otherwise, or `limit` has passed; then drop the rest.
+pub(super) fn wait_for_all(children: &mut [Child], limit: Duration) -> Result<()> {
+    let deadline = Instant::now() + limit;
+    while children.iter().any(|child| !child.ended) {
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(format!("no end after {limit:?}").into());
+        }
+        let running = children.iter().filter(|child| !child.ended);
+        let mut handles: Vec<_> = running
+            .map(|child| PollFd::new(&child.handle, PollFlags::IN))
+            .collect();
+        let timeout = Timespec::try_from(left)?;
+        match poll(&mut handles, Some(&timeout)) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+        for child in children.iter_mut().filter(|child| !child.ended) {
+            child.reap()?;
+        }
+    }
+    Ok(())
+}

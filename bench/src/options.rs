@@ -1,0 +1,40 @@
+//! What the command line asks of a sub-command.
+
+/// The options, for the usage text.
+pub(crate) const USAGE: &str = "[--json] [--rounds N] [--quick]";
+
+/// An interval of a median over fewer rounds says nothing.
+const LEAST_ROUNDS: usize = 7;
+
+/// The options that every sub-command takes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Options {
+    /// Print one JSON object instead of tables.
+    pub(crate) json: bool,
+    /// How many rounds to play; the sub-command's own number if `None`.
+    pub(crate) rounds: Option<usize>,
+    /// Take some ten seconds, at the price of wider intervals.
+    pub(crate) quick: bool,
+}
+
+impl Options {
+    /// Reads the arguments that follow the sub-command.
+    ///
+    /// # Errors
+    /// The argument that is not understood.
+    pub(crate) fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Self, String> {
+        let mut options = Self::default();
+        while let Some(argument) = arguments.next() {
+            match argument.as_str() {
+                "--json" => options.json = true,
+                "--quick" => options.quick = true,
+                "--rounds" => {
+                    let rounds = arguments.next().and_then(|text| text.parse().ok());
+                    options.rounds = Some(rounds.filter(|n| *n >= LEAST_ROUNDS).ok_or(argument)?);
+                }
+                _ => return Err(argument),
+            }
+        }
+        Ok(options)
+    }
+}

@@ -1,0 +1,131 @@
+//! The checks of [`Doorbell`].
+
+use core::time::Duration;
+
+use crate::doorbell::{Doorbell, Evidence};
+use crate::id::Processor;
+use crate::time::Instant;
+
+/// A check that a doorbell failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{check}: at {now:?}, deadline {until:?}")]
+pub struct DoorbellFailure {
+    /// The promise that is broken.
+    pub check: &'static str,
+    /// The time when that was seen.
+    pub now: Instant,
+    /// The deadline of the wait, or the time that `now` should not precede.
+    pub until: Instant,
+}
+
+/// How long a ring that was given may take to end a wait; only a lost one takes as long.
+const LOST: Duration = Duration::from_secs(20);
+/// How long a wait takes that nobody ends.
+const UNDISTURBED: Duration = Duration::from_millis(2);
+const ROUNDS: u32 = 50;
+
+/// Checks the doorbell `mine` of processor `me`, which nobody else rings meanwhile.
+///
+/// `ring_me` rings it as another processor does, and returns after the ring was given. No
+/// check depends on how long anything takes, but a lost ring is noticed only after 20 seconds
+/// of the doorbell's clock. A wait that does not return at its deadline never ends here.
+///
+/// # Errors
+/// The first check that fails.
+pub fn doorbell<D: Doorbell>(
+    mine: &D,
+    me: Processor,
+    ring_me: impl Fn(),
+) -> Result<(), DoorbellFailure> {
+    clock(mine)?;
+    undisturbed(mine)?;
+    for _ in 0..ROUNDS {
+        ended_by("a ring after `prepare` ends the wait", mine, &ring_me)?;
+    }
+    ended_by("many rings after `prepare` end the wait", mine, || {
+        for _ in 0..ROUNDS {
+            ring_me();
+        }
+    })?;
+    // A ring before `prepare` may end the wait or not; it must not spoil what follows.
+    ring_me();
+    undisturbed(mine)?;
+    ended_by("a ring after unheard rings ends the wait", mine, &ring_me)?;
+    ended_by("a ring of one's own ends the wait", mine, || mine.ring(me))?;
+    nobody(mine)?;
+    ended_by("a ring after rings of nobody ends the wait", mine, &ring_me)?;
+    // Preparing again, as a wait does that found work, forgets no later ring.
+    let _ = mine.prepare();
+    ended_by(
+        "a ring after the second `prepare` ends the wait",
+        mine,
+        &ring_me,
+    )
+}
+
+fn clock<D: Doorbell>(mine: &D) -> Result<(), DoorbellFailure> {
+    let mut last = mine.now();
+    for _ in 0..1000 {
+        let now = mine.now();
+        if now < last {
+            return Err(DoorbellFailure {
+                check: "the clock never runs backwards",
+                now,
+                until: last,
+            });
+        }
+        last = now;
+    }
+    Ok(())
+}
+
+/// Waits that nobody ends: each returns at its deadline, also if that has passed.
+fn undisturbed<D: Doorbell>(mine: &D) -> Result<(), DoorbellFailure> {
+    let start = mine.now();
+    for until in [Instant::from_ns(0), start, start.after(UNDISTURBED)] {
+        mine.wait(mine.prepare(), until);
+    }
+    let now = mine.now();
+    if now < start {
+        return Err(DoorbellFailure {
+            check: "the clock never runs backwards",
+            now,
+            until: start,
+        });
+    }
+    Ok(())
+}
+
+/// A wait with `ring` between `prepare` and `wait`, which must not last until its deadline.
+fn ended_by<D: Doorbell>(
+    check: &'static str,
+    mine: &D,
+    ring: impl Fn(),
+) -> Result<(), DoorbellFailure> {
+    let seen = mine.prepare();
+    ring();
+    let until = mine.now().after(LOST);
+    mine.wait(seen, until);
+    let now = mine.now();
+    if now < until {
+        Ok(())
+    } else {
+        Err(DoorbellFailure { check, now, until })
+    }
+}
+
+/// Numbers that do not exist are ignored, and nobody lives there.
+fn nobody<D: Doorbell>(mine: &D) -> Result<(), DoorbellFailure> {
+    for number in [Processor(Processor::MAX_COUNT as u8), Processor(u8::MAX)] {
+        mine.ring(number);
+        if mine.evidence(number) == Evidence::Alive {
+            let now = mine.now();
+            return Err(DoorbellFailure {
+                check: "nobody is alive under a number that does not exist",
+                now,
+                until: now,
+            });
+        }
+    }
+    Ok(())
+}

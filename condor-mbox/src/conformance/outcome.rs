@@ -1,0 +1,80 @@
+//! What an access to a window gave, against what it should give.
+
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
+
+/// What an access gave: a word (zero where there is none to give), or a kind of error.
+pub type Outcome = Result<u32, WindowErrorKind>;
+
+/// A check that a window failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{check}: {len} bytes at offset {offset:#x} gave {found:x?}, expected {expected:x?}")]
+pub struct WindowFailure {
+    /// The promise that is broken.
+    pub check: &'static str,
+    /// Where the access began, in bytes.
+    pub offset: u32,
+    /// How many bytes it was for.
+    pub len: usize,
+    /// What the access gave.
+    pub found: Outcome,
+    /// What it should have given.
+    pub expected: Outcome,
+}
+
+pub(super) fn load<W: MemoryWindow>(window: &W, offset: u32) -> Outcome {
+    window
+        .load(offset, LoadOrder::Acquire)
+        .map_err(|error| error.kind())
+}
+
+pub(super) fn store<W: MemoryWindow>(window: &W, offset: u32, word: u32) -> Outcome {
+    outcome(window.store(offset, word, StoreOrder::Release))
+}
+
+pub(super) fn read<W: MemoryWindow>(window: &W, offset: u32, into: &mut [u8]) -> Outcome {
+    outcome(window.read(offset, into))
+}
+
+pub(super) fn write<W: MemoryWindow>(window: &W, offset: u32, from: &[u8]) -> Outcome {
+    outcome(window.write(offset, from))
+}
+
+pub(super) fn check<W: MemoryWindow>(window: &W, offset: u32, len: usize) -> Outcome {
+    outcome(window.check(offset, len))
+}
+
+fn outcome<E: WindowError>(result: Result<(), E>) -> Outcome {
+    match result {
+        Ok(()) => Ok(0),
+        Err(error) => Err(error.kind()),
+    }
+}
+
+pub(super) fn done(
+    check: &'static str,
+    offset: u32,
+    len: usize,
+    found: Outcome,
+) -> Result<(), WindowFailure> {
+    expect(check, offset, len, found, Ok(0))
+}
+
+pub(super) fn expect(
+    check: &'static str,
+    offset: u32,
+    len: usize,
+    found: Outcome,
+    expected: Outcome,
+) -> Result<(), WindowFailure> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(WindowFailure {
+            check,
+            offset,
+            len,
+            found,
+            expected,
+        })
+    }
+}

@@ -1,0 +1,310 @@
+//! The checks of [`MemoryWindow`] and [`CompareExchange`].
+
+use crate::window::{CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError};
+
+use super::limits::{
+    MISALIGNED, OUT_OF_BOUNDS, READ_ONLY, alignment, alignment_of_loads, bounds, bounds_of_loads,
+    empty, outside, refused_copies, size,
+};
+use super::outcome::{WindowFailure, done, expect, load, read, store, write};
+
+/// Checks a window that can be read and written, and that nobody else touches meanwhile.
+///
+/// Its contents are overwritten. It must have at least [`LEAST_BYTES`](super::LEAST_BYTES) bytes.
+///
+/// # Errors
+/// The first check that fails.
+///
+/// ```
+/// # use condor_mbox::{StaticMemory, conformance};
+/// static MEMORY: StaticMemory<64> = StaticMemory::new();
+/// conformance::window(&MEMORY.window()).unwrap();
+/// ```
+pub fn window<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
+    size(window)?;
+    bounds(window)?;
+    alignment(window)?;
+    empty(window)?;
+    words(window)?;
+    orders(window)?;
+    bytes(window)?;
+    refused_copies(window)
+}
+
+/// Checks a window that is mapped for reading only.
+///
+/// # Errors
+/// The first check that fails.
+pub fn read_only<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
+    size(window)?;
+    alignment_of_loads(window)?;
+    bounds_of_loads(window)?;
+    let last = window.size().wrapping_sub(4);
+    for offset in [0, last] {
+        let before = load(window, offset);
+        expect(
+            "a word that may only be read is read",
+            offset,
+            4,
+            before.map(|_| 0),
+            Ok(0),
+        )?;
+        let found = store(window, offset, before.map_or(0, |word| !word));
+        expect("a store is refused", offset, 4, found, READ_ONLY)?;
+        let found = write(window, offset, &[0xA5; 4]);
+        expect("a write is refused", offset, 4, found, READ_ONLY)?;
+        let found = load(window, offset);
+        expect("a refused store changes nothing", offset, 4, found, before)?;
+        let found = read(window, offset, &mut [0; 4]);
+        expect(
+            "bytes that may only be read are read",
+            offset,
+            4,
+            found,
+            Ok(0),
+        )?;
+    }
+    let found = write(window, 0, &[]);
+    expect(
+        "an empty write to a window for reading is done",
+        0,
+        0,
+        found,
+        Ok(0),
+    )
+}
+
+/// Checks that two windows of one size are onto the same memory.
+///
+/// # Errors
+/// The first check that fails.
+pub fn shared<A: MemoryWindow, B: MemoryWindow>(a: &A, b: &B) -> Result<(), WindowFailure> {
+    expect(
+        "both windows have one size",
+        0,
+        0,
+        Ok(b.size()),
+        Ok(a.size()),
+    )?;
+    for offset in some_offsets(a.size()) {
+        let word = pattern(offset);
+        done("a store is done", offset, 4, store(a, offset, word))?;
+        let found = load(b, offset);
+        expect(
+            "what one window stores the other loads",
+            offset,
+            4,
+            found,
+            Ok(word),
+        )?;
+        done("a store is done", offset, 4, store(b, offset, !word))?;
+        let found = load(a, offset);
+        expect(
+            "what the other stores the one loads",
+            offset,
+            4,
+            found,
+            Ok(!word),
+        )?;
+        done(
+            "a write is done",
+            offset,
+            4,
+            write(a, offset, &word.to_le_bytes()),
+        )?;
+        let mut bytes = [0; 4];
+        done("a read is done", offset, 4, read(b, offset, &mut bytes))?;
+        let found = Ok(u32::from_le_bytes(bytes));
+        expect(
+            "what one window writes the other reads",
+            offset,
+            4,
+            found,
+            Ok(word),
+        )?;
+    }
+    Ok(())
+}
+
+/// Checks the compare-and-swap of a window that nobody else touches meanwhile.
+///
+/// That it is indivisible for every processor is beyond what one processor can check.
+///
+/// # Errors
+/// The first check that fails.
+pub fn compare_exchange<W: CompareExchange>(window: &W) -> Result<(), WindowFailure> {
+    let swap = |offset, current, new| {
+        window
+            .compare_exchange(offset, current, new)
+            .map_err(|error| error.kind())
+    };
+    for offset in some_offsets(window.size()) {
+        let word = pattern(offset);
+        done("a store is done", offset, 4, store(window, offset, word))?;
+        let found = swap(offset, !word, 0);
+        expect(
+            "a swap gives the word that was there",
+            offset,
+            4,
+            found,
+            Ok(word),
+        )?;
+        let found = load(window, offset);
+        expect(
+            "a swap from another word changes nothing",
+            offset,
+            4,
+            found,
+            Ok(word),
+        )?;
+        let found = swap(offset, word, !word);
+        expect("a swap from this word gives it", offset, 4, found, Ok(word))?;
+        let found = load(window, offset);
+        expect(
+            "a swap from this word writes the new one",
+            offset,
+            4,
+            found,
+            Ok(!word),
+        )?;
+    }
+    for offset in outside(window.size()) {
+        let found = swap(offset, 0, 0);
+        expect("a swap outside is refused", offset, 4, found, OUT_OF_BOUNDS)?;
+    }
+    for offset in [1, 2, 3] {
+        let found = swap(offset, 0, 0);
+        expect("a misaligned swap is refused", offset, 4, found, MISALIGNED)?;
+    }
+    Ok(())
+}
+
+fn words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
+    let patterns = [
+        0,
+        u32::MAX,
+        0x8000_0000,
+        1,
+        0x5555_5555,
+        0xAAAA_AAAA,
+        0x0123_4567,
+    ];
+    for word in patterns.into_iter().chain((0..32).map(|bit| 1 << bit)) {
+        done("a store is done", 4, 4, store(window, 4, word))?;
+        expect(
+            "a word holds every bit pattern",
+            4,
+            4,
+            load(window, 4),
+            Ok(word),
+        )?;
+    }
+    let all = || (0..window.size()).step_by(4);
+    for offset in all() {
+        done(
+            "a store is done",
+            offset,
+            4,
+            store(window, offset, pattern(offset)),
+        )?;
+    }
+    for offset in all() {
+        let found = load(window, offset);
+        expect(
+            "every word is a word of its own",
+            offset,
+            4,
+            found,
+            Ok(pattern(offset)),
+        )?;
+    }
+    Ok(())
+}
+
+fn orders<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
+    for (word, stored) in [(1, StoreOrder::Relaxed), (2, StoreOrder::Release)] {
+        for loaded in [LoadOrder::Relaxed, LoadOrder::Acquire] {
+            let found = window
+                .store(0, word, stored)
+                .and_then(|()| window.load(0, loaded))
+                .map_err(|error| error.kind());
+            expect("every order is taken", 0, 4, found, Ok(word))?;
+        }
+    }
+    Ok(())
+}
+
+fn bytes<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
+    const LEFT: u32 = 0x0302_0100;
+    done("a store is done", 0, 4, store(window, 0, LEFT))?;
+    let mut found = [0; 4];
+    done("a read is done", 0, 4, read(window, 0, &mut found))?;
+    let found = Ok(u32::from_le_bytes(found));
+    expect(
+        "a word is read as little-endian bytes",
+        0,
+        4,
+        found,
+        Ok(LEFT),
+    )?;
+
+    for len in 0..=16_u8 {
+        let span = usize::from(len);
+        for offset in (0..32).step_by(4) {
+            done(
+                "a store is done",
+                offset,
+                4,
+                store(window, offset, u32::MAX),
+            )?;
+        }
+        let from: [u8; 16] = core::array::from_fn(|at| (at as u8) ^ len);
+        done("a write is done", 4, span, write(window, 4, &from[..span]))?;
+        let mut into = [0xEE; 20];
+        done(
+            "a read is done",
+            4,
+            span,
+            read(window, 4, &mut into[..span]),
+        )?;
+        for at in 0..20_usize {
+            let expected = if at < span { from[at] } else { 0xEE };
+            let found = Ok(u32::from(into[at]));
+            expect(
+                "a read gives what was written",
+                4,
+                span,
+                found,
+                Ok(u32::from(expected)),
+            )?;
+        }
+        for offset in (0..32_u32).step_by(4) {
+            let expected = core::array::from_fn(|at| {
+                (offset as usize + at)
+                    .checked_sub(4)
+                    .filter(|at| *at < span)
+                    .map_or(0xFF, |at| from[at])
+            });
+            let expected = Ok(u32::from_le_bytes(expected));
+            let found = load(window, offset);
+            expect(
+                "a write changes its own bytes alone",
+                offset,
+                span,
+                found,
+                expected,
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// Both ends and the middle.
+fn some_offsets(size: u32) -> [u32; 4] {
+    [0, 4, (size / 2) & !3, size.wrapping_sub(4)]
+}
+
+/// A word that differs between offsets.
+fn pattern(offset: u32) -> u32 {
+    offset.wrapping_mul(0x9E37_79B1) ^ 0x00C0_FFEE
+}

@@ -1,0 +1,357 @@
+//! [`Published`]: the latest value of something, polled without messages.
+
+use core::fmt;
+use core::marker::PhantomData;
+
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::layout::LINE;
+use crate::region::AccessError;
+use crate::sync::Ordering;
+use crate::sync::fence;
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
+
+/// The offset of a latest-value cell: one writer, any number of readers, no locks.
+///
+/// The writer never waits. A reader gets the value that was published last, whole, and its
+/// sequence; it waits for nobody, and asks nothing of the writer's processor. Loads and stores
+/// suffice. A writer that stops, dies or is preempted in the middle of a publication leaves
+/// the value before it readable, and a new writer continues where it stopped.
+///
+/// # In shared memory
+///
+/// Two buffers, each of a sequence word and the value, each a whole number of cache lines; all
+/// zeros say that nothing has been published. Publication *n* goes to buffer *n* mod 2, whose
+/// sequence word is 2*n* + 1 while it is written and 2*n* when it is complete. Any other
+/// contents give wrong values or errors, and are repaired by the next publications.
+///
+/// ```
+/// # use condor_mbox::{Published, ReadError, Region, StaticMemory};
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// static MEMORY: StaticMemory<256> = StaticMemory::new();
+/// let ram = Region::users(MEMORY.window())?;
+/// let angles: Published<[f32; 4]> = ram.places().published()?;
+///
+/// let subscriber = angles.subscriber(&ram)?;
+/// assert_eq!(subscriber.read(), Err(ReadError::Unpublished));
+///
+/// let mut publisher = angles.publisher(&ram)?;
+/// publisher.publish(&[0.1, 0.2, 0.3, 0.4])?;
+/// let latest = subscriber.read()?;
+/// assert_eq!(latest.value[3].to_bits(), 0.4_f32.to_bits());
+/// assert_eq!(latest.sequence, 1);
+/// # Ok(())
+/// # }
+/// ```
+pub struct Published<T> {
+    offset: u32,
+    of: PhantomData<fn() -> T>,
+}
+
+impl<T> Published<T> {
+    const BUFFER: usize = (SEQUENCE_BYTES + size_of::<T>()).next_multiple_of(LINE as usize);
+
+    /// Bytes of shared memory that the cell takes.
+    pub const BYTES: u32 = {
+        let bytes = 2 * Self::BUFFER;
+        assert!(bytes <= u32::MAX as usize, "no window is that large");
+        bytes as u32
+    };
+
+    /// The cell at `offset` bytes, which must be a multiple of four.
+    #[must_use]
+    pub const fn at(offset: u32) -> Self {
+        Self {
+            offset,
+            of: PhantomData,
+        }
+    }
+
+    /// Bytes from the beginning of the region, for a message about this cell.
+    #[must_use]
+    pub const fn offset(self) -> u32 {
+        self.offset
+    }
+
+    /// The writer of the cell, who continues after the last complete publication.
+    ///
+    /// There must be no other writer at the same time; readers would get mixtures.
+    ///
+    /// # Errors
+    /// As [`MemoryWindow::load`] and [`MemoryWindow::check`].
+    pub fn publisher<W: MemoryWindow>(self, window: W) -> Result<Publisher<T, W>, AccessError> {
+        let cell = Cell::new(self, window)?;
+        let next = match newest(cell.sequences()?) {
+            Some(last) => successor(last),
+            None => FIRST,
+        };
+        Ok(Publisher { cell, next })
+    }
+
+    /// A reader of the cell.
+    ///
+    /// # Errors
+    /// As [`MemoryWindow::check`].
+    pub fn subscriber<W: MemoryWindow>(self, window: W) -> Result<Subscriber<T, W>, AccessError> {
+        Ok(Subscriber {
+            cell: Cell::new(self, window)?,
+            attempts: ATTEMPTS,
+        })
+    }
+}
+
+impl<T> Clone for Published<T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for Published<T> {}
+
+impl<T> fmt::Debug for Published<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Published").field(&self.offset).finish()
+    }
+}
+
+/// The one writer of a [`Published`] cell.
+#[derive(Debug)]
+pub struct Publisher<T, W> {
+    cell: Cell<T, W>,
+    next: u32,
+}
+
+impl<T: IntoBytes + Immutable, W: MemoryWindow> Publisher<T, W> {
+    /// Makes `value` the latest; gives its sequence.
+    ///
+    /// # Errors
+    /// As [`MemoryWindow::store`]; then readers still get the value before.
+    pub fn publish(&mut self, value: &T) -> Result<u32, AccessError> {
+        let sequence = self.next;
+        let buffer = sequence % 2;
+        // A reader that copies any of the new words passes its fence after this one, so that
+        // its second look at the sequence finds this mark or a later one.
+        self.cell
+            .set_sequence(buffer, writing(sequence), StoreOrder::Relaxed)?;
+        fence(Ordering::Release);
+        self.cell.write(buffer, value.as_bytes())?;
+        // Pairs with the reader's first look at the sequence.
+        self.cell
+            .set_sequence(buffer, complete(sequence), StoreOrder::Release)?;
+        self.next = successor(sequence);
+        Ok(sequence)
+    }
+}
+
+/// A reader of a [`Published`] cell.
+#[derive(Debug)]
+pub struct Subscriber<T, W> {
+    cell: Cell<T, W>,
+    attempts: u32,
+}
+
+impl<T, W> Subscriber<T, W> {
+    /// Sets how often a read tries before it says [`Contended`](ReadError::Contended).
+    ///
+    /// A try fails only if the writer completes a publication and begins the next but one while
+    /// the value is copied. The default is 4.
+    #[must_use]
+    pub fn with_attempts(self, attempts: u32) -> Self {
+        Self { attempts, ..self }
+    }
+}
+
+impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
+    /// The value that was published last.
+    ///
+    /// # Errors
+    /// See [`ReadError`].
+    pub fn read(&self) -> Result<Latest<T>, ReadError> {
+        let mut value = T::new_zeroed();
+        for _ in 0..self.attempts {
+            let sequences = self.cell.sequences()?;
+            let Some(sequence) = newest(sequences) else {
+                // The first was looked at before the second: not even publication 1 was
+                // complete by then. Any other pair was caught in motion, or is garbage.
+                if sequences[0] == 0 && (sequences[1] == 0 || sequences[1] == writing(FIRST)) {
+                    return Err(ReadError::Unpublished);
+                }
+                continue;
+            };
+            let buffer = sequence % 2;
+            self.cell.read(buffer, value.as_mut_bytes())?;
+            // Pairs with the writer's fence: if a word of a later publication was copied, its
+            // mark is seen below.
+            fence(Ordering::Acquire);
+            if self.cell.sequence(buffer, LoadOrder::Relaxed)? == complete(sequence) {
+                return Ok(Latest { value, sequence });
+            }
+        }
+        Err(ReadError::Contended {
+            attempts: self.attempts,
+        })
+    }
+}
+
+/// What a reader of a [`Published`] cell gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Latest<T> {
+    /// The value, whole.
+    pub value: T,
+    /// The number of its publication: another number than last time means a new value.
+    ///
+    /// The first is 1; after 2³¹ − 1 comes 2. It goes on when the writer restarts, unless the
+    /// memory was cleared.
+    pub sequence: u32,
+}
+
+/// Why a reader of a [`Published`] cell got no value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// Nothing has been published yet.
+    #[error("nothing has been published yet")]
+    Unpublished,
+    /// The writer was faster than every attempt, or the cell holds garbage.
+    #[error("no whole value in {attempts} attempts")]
+    Contended {
+        /// How many attempts were made.
+        attempts: u32,
+    },
+    /// The window refused an access.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+}
+
+const ATTEMPTS: u32 = 4;
+const FIRST: u32 = 1;
+const SEQUENCE_BYTES: usize = 4;
+
+/// The sequence word of a publication in progress.
+const fn writing(sequence: u32) -> u32 {
+    complete(sequence) | 1
+}
+
+/// The sequence word of a complete publication.
+const fn complete(sequence: u32) -> u32 {
+    sequence << 1
+}
+
+/// The sequence after `sequence`: 31 bits, never 0, always of the other buffer.
+const fn successor(sequence: u32) -> u32 {
+    if sequence >= u32::MAX >> 1 {
+        2
+    } else {
+        sequence + 1
+    }
+}
+
+/// The later of the complete publications that two sequence words tell of.
+fn newest([even, odd]: [u32; 2]) -> Option<u32> {
+    let even_complete = even != 0 && even % 4 == complete(0);
+    let odd_complete = odd % 4 == complete(1);
+    match (even_complete, odd_complete) {
+        (true, true) if odd.wrapping_sub(even).cast_signed() < 0 => Some(even >> 1),
+        (_, true) => Some(odd >> 1),
+        (true, false) => Some(even >> 1),
+        (false, false) => None,
+    }
+}
+
+/// The shared words of a cell that is known to lie inside its window.
+#[derive(Debug)]
+struct Cell<T, W> {
+    window: W,
+    at: Published<T>,
+}
+
+impl<T, W: MemoryWindow> Cell<T, W> {
+    fn new(at: Published<T>, window: W) -> Result<Self, AccessError> {
+        AccessError::check(&window, at.offset, Published::<T>::BYTES as usize)?;
+        Ok(Self { window, at })
+    }
+
+    /// Offset of a buffer; inside the window, since the cell is.
+    fn buffer(&self, buffer: u32) -> u32 {
+        let within = if buffer == 0 {
+            0
+        } else {
+            Published::<T>::BYTES / 2
+        };
+        self.at.offset.wrapping_add(within)
+    }
+
+    /// The sequence words of buffers 0 and 1, looked at in this order.
+    fn sequences(&self) -> Result<[u32; 2], AccessError> {
+        // Each pairs with the writer's store of a complete sequence.
+        Ok([
+            self.sequence(0, LoadOrder::Acquire)?,
+            self.sequence(1, LoadOrder::Acquire)?,
+        ])
+    }
+
+    fn sequence(&self, buffer: u32, order: LoadOrder) -> Result<u32, AccessError> {
+        let at = self.buffer(buffer);
+        self.window
+            .load(at, order)
+            .map_err(|error| self.error(at, SEQUENCE_BYTES, &error))
+    }
+
+    fn set_sequence(&self, buffer: u32, word: u32, order: StoreOrder) -> Result<(), AccessError> {
+        let at = self.buffer(buffer);
+        self.window
+            .store(at, word, order)
+            .map_err(|error| self.error(at, SEQUENCE_BYTES, &error))
+    }
+
+    fn read(&self, buffer: u32, into: &mut [u8]) -> Result<(), AccessError> {
+        let at = self.buffer(buffer).wrapping_add(SEQUENCE_BYTES as u32);
+        self.window
+            .read(at, into)
+            .map_err(|error| self.error(at, into.len(), &error))
+    }
+
+    fn write(&self, buffer: u32, from: &[u8]) -> Result<(), AccessError> {
+        let at = self.buffer(buffer).wrapping_add(SEQUENCE_BYTES as u32);
+        self.window
+            .write(at, from)
+            .map_err(|error| self.error(at, from.len(), &error))
+    }
+
+    fn error(&self, offset: u32, len: usize, error: &W::Error) -> AccessError {
+        AccessError {
+            offset,
+            len,
+            size: self.window.size(),
+            kind: error.kind(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn newest_follows_successor_through_the_wrap() {
+        let mut sequence = u32::MAX / 2 - 5;
+        let mut words = [0, 0];
+        for _ in 0..20 {
+            words[(sequence % 2) as usize] = complete(sequence);
+            assert_eq!(newest(words), Some(sequence));
+            let next = successor(sequence);
+            assert_ne!(next % 2, sequence % 2);
+            words[(next % 2) as usize] = writing(next);
+            assert_eq!(newest(words), Some(sequence));
+            sequence = next;
+        }
+    }
+
+    #[test]
+    fn words_of_the_wrong_buffer_are_not_believed() {
+        assert_eq!(newest([complete(1), 0]), None);
+        assert_eq!(newest([0, complete(2)]), None);
+        assert_eq!(newest([0, 0]), None);
+        assert_eq!(newest([u32::MAX, u32::MAX]), None);
+    }
+}

@@ -1,0 +1,376 @@
+//! [`Region`] and [`Place`]: long data in shared memory, named by checked offsets.
+
+use core::fmt;
+use core::marker::PhantomData;
+
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::layout::{BELL_BYTES, LINE};
+use crate::published::Published;
+use crate::window::{
+    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    check_access,
+};
+
+/// A part of a window, with offsets that count from its own beginning.
+///
+/// A region is itself a [`MemoryWindow`]: words by [`load`](MemoryWindow::load) and
+/// [`store`](MemoryWindow::store), bytes by [`read`](MemoryWindow::read) and
+/// [`write`](MemoryWindow::write). Long data is passed by writing it to a region and sending
+/// its offset; both sides must count from the same beginning, usually that of
+/// [`Region::users`]. Nothing is locked: a copy that is made while a peer writes is a mixture,
+/// word by word, unless a message, a [`Published`] cell or a
+/// [`SpinLock`](crate::SpinLock) orders the two.
+///
+/// Section 3.4 of the memo maps the memory of every processor into every other one;
+/// `processor3_ram[100] = value` in an array of words there is
+/// `processor3_ram.set_word(4 * 100, value)?` here, where every offset is in bytes.
+///
+/// ```
+/// # use condor_mbox::{AccessError, MemoryWindow, Place, Region, StaticMemory};
+/// use zerocopy::{FromBytes, Immutable, IntoBytes};
+///
+/// #[derive(FromBytes, IntoBytes, Immutable)]
+/// #[repr(C)]
+/// struct Gains {
+///     stiffness: [f32; 3],
+///     damping: f32,
+/// }
+///
+/// static MEMORY: StaticMemory<256> = StaticMemory::new();
+///
+/// # fn main() -> Result<(), AccessError> {
+/// let processor3_ram = Region::users(MEMORY.window())?;
+/// processor3_ram.set_word(4 * 100, 977)?;
+///
+/// let mut places = processor3_ram.places();
+/// places.bytes(4 * 101)?;
+/// let gains: Place<Gains> = places.place()?;
+/// processor3_ram.set(gains, &Gains { stiffness: [1.0; 3], damping: 0.5 })?;
+///
+/// // The offset is what a message carries; its receiver need not trust it.
+/// let message: u32 = gains.offset();
+/// let received = processor3_ram.get(Place::<Gains>::at(message))?;
+/// assert_eq!(received.damping.to_bits(), 0.5_f32.to_bits());
+/// assert!(processor3_ram.get(Place::<Gains>::at(u32::MAX - 3)).is_err());
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Region<W> {
+    window: W,
+    start: u32,
+    size: u32,
+}
+
+impl<W: MemoryWindow> Region<W> {
+    /// The users' part of a processor's `data`: all that follows the line of the doorbell.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if the window is smaller than that line.
+    pub fn users(data: W) -> Result<Self, AccessError> {
+        let size = data.size();
+        match size.checked_sub(BELL_BYTES) {
+            Some(rest) => Ok(Self {
+                window: data,
+                start: BELL_BYTES,
+                size: rest,
+            }),
+            None => Err(AccessError {
+                offset: 0,
+                len: BELL_BYTES as usize,
+                size,
+                kind: WindowErrorKind::OutOfBounds,
+            }),
+        }
+    }
+
+    /// All of a window that no doorbell has a part in.
+    pub fn whole(window: W) -> Self {
+        let size = window.size();
+        Self {
+            window,
+            start: 0,
+            size,
+        }
+    }
+
+    /// The `len` bytes at `offset` as a region of its own; `len` must be a multiple of four.
+    ///
+    /// # Errors
+    /// `Misaligned` or `OutOfBounds`.
+    pub fn part(&self, offset: u32, len: u32) -> Result<Self, AccessError>
+    where
+        W: Clone,
+    {
+        self.inside(offset, len as usize)?;
+        if !len.is_multiple_of(4) {
+            return Err(self.error(offset, len as usize, WindowErrorKind::Misaligned));
+        }
+        Ok(Self {
+            window: self.window.clone(),
+            start: self.at(offset),
+            size: len,
+        })
+    }
+
+    /// The word at `offset`, and with it all that its writer wrote before
+    /// [`set_word`](Self::set_word).
+    ///
+    /// # Errors
+    /// As [`MemoryWindow::load`].
+    pub fn word(&self, offset: u32) -> Result<u32, AccessError> {
+        // Pairs with the store of `set_word`, by whichever processor.
+        self.load(offset, LoadOrder::Acquire)
+    }
+
+    /// Writes the word at `offset`, after all that was written before.
+    ///
+    /// # Errors
+    /// As [`MemoryWindow::store`].
+    pub fn set_word(&self, offset: u32, value: u32) -> Result<(), AccessError> {
+        // Pairs with the load of `word`.
+        self.store(offset, value, StoreOrder::Release)
+    }
+
+    /// A copy of the value at `place`.
+    ///
+    /// # Errors
+    /// As [`MemoryWindow::read`]; an offset that came in a message may be any number.
+    pub fn get<T: FromBytes + IntoBytes>(&self, place: Place<T>) -> Result<T, AccessError> {
+        let mut value = T::new_zeroed();
+        self.read(place.offset, value.as_mut_bytes())?;
+        Ok(value)
+    }
+
+    /// Copies `value` to `place`.
+    ///
+    /// # Errors
+    /// As [`MemoryWindow::write`].
+    pub fn set<T: IntoBytes + Immutable>(
+        &self,
+        place: Place<T>,
+        value: &T,
+    ) -> Result<(), AccessError> {
+        self.write(place.offset, value.as_bytes())
+    }
+
+    /// Begins to lay out places in this region, from its beginning on.
+    pub fn places(&self) -> Places {
+        Places::new(self.size)
+    }
+
+    fn inside(&self, offset: u32, len: usize) -> Result<(), AccessError> {
+        check_access(self.size, offset, len).map_err(|kind| self.error(offset, len, kind))
+    }
+
+    /// The window's offset; it cannot wrap once `offset` is known to be inside.
+    fn at(&self, offset: u32) -> u32 {
+        self.start.wrapping_add(offset)
+    }
+
+    fn error(&self, offset: u32, len: usize, kind: WindowErrorKind) -> AccessError {
+        AccessError {
+            offset,
+            len,
+            size: self.size,
+            kind,
+        }
+    }
+}
+
+impl<W: MemoryWindow> MemoryWindow for Region<W> {
+    type Error = AccessError;
+
+    fn size(&self) -> u32 {
+        self.size
+    }
+
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
+        self.inside(offset, 4)?;
+        self.window
+            .load(self.at(offset), order)
+            .map_err(|error| self.error(offset, 4, error.kind()))
+    }
+
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
+        self.inside(offset, 4)?;
+        self.window
+            .store(self.at(offset), value, order)
+            .map_err(|error| self.error(offset, 4, error.kind()))
+    }
+
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
+        self.inside(offset, len)
+    }
+
+    fn read(&self, offset: u32, into: &mut [u8]) -> Result<(), AccessError> {
+        self.inside(offset, into.len())?;
+        self.window
+            .read(self.at(offset), into)
+            .map_err(|error| self.error(offset, into.len(), error.kind()))
+    }
+
+    fn write(&self, offset: u32, from: &[u8]) -> Result<(), AccessError> {
+        self.inside(offset, from.len())?;
+        self.window
+            .write(self.at(offset), from)
+            .map_err(|error| self.error(offset, from.len(), error.kind()))
+    }
+}
+
+impl<W: CompareExchange> CompareExchange for Region<W> {
+    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, AccessError> {
+        self.inside(offset, 4)?;
+        self.window
+            .compare_exchange(self.at(offset), current, new)
+            .map_err(|error| self.error(offset, 4, error.kind()))
+    }
+}
+
+/// The offset of a `T` in a region that the user has in mind.
+///
+/// It is a name, not a proof: every access through it is checked, so that it may be made from
+/// an offset that came in a message, or stand in a table of addresses known at compile time. A
+/// `T` may have any alignment in Rust; in a region it begins at a multiple of four bytes.
+///
+/// `T`'s numbers are stored as the processor stores them, that is little-endian on every
+/// target of this crate; use the little-endian types of `zerocopy` on any other.
+pub struct Place<T> {
+    offset: u32,
+    of: PhantomData<fn() -> T>,
+}
+
+impl<T> Place<T> {
+    /// The place at `offset` bytes.
+    #[must_use]
+    pub const fn at(offset: u32) -> Self {
+        Self {
+            offset,
+            of: PhantomData,
+        }
+    }
+
+    /// Bytes from the beginning of the region: the data of a message about this place.
+    #[must_use]
+    pub const fn offset(self) -> u32 {
+        self.offset
+    }
+}
+
+impl<T> Clone for Place<T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for Place<T> {}
+
+impl<T> PartialEq for Place<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.offset == other.offset
+    }
+}
+
+impl<T> Eq for Place<T> {}
+
+impl<T> fmt::Debug for Place<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Place").field(&self.offset).finish()
+    }
+}
+
+/// Lays out places one after another, each on a cache line of its own.
+///
+/// Two programs that ask for the same places in the same order get the same offsets; it can be
+/// done at compile time.
+#[derive(Clone, Debug)]
+pub struct Places {
+    next: u32,
+    size: u32,
+}
+
+impl Places {
+    /// For a region of `size` bytes.
+    #[must_use]
+    pub const fn new(size: u32) -> Self {
+        Self { next: 0, size }
+    }
+
+    /// Room for a `T`.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if there is no room.
+    pub const fn place<T>(&mut self) -> Result<Place<T>, AccessError> {
+        match self.bytes(size_of::<T>()) {
+            Ok(offset) => Ok(Place::at(offset)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Room for a latest-value cell.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if there is no room.
+    pub const fn published<T>(&mut self) -> Result<Published<T>, AccessError> {
+        match self.bytes(Published::<T>::BYTES as usize) {
+            Ok(offset) => Ok(Published::at(offset)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Room for `len` bytes; gives the offset.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if there is no room.
+    pub const fn bytes(&mut self, len: usize) -> Result<u32, AccessError> {
+        let offset = self.next;
+        if let Err(kind) = check_access(self.size, offset, len) {
+            return Err(AccessError {
+                offset,
+                len,
+                size: self.size,
+                kind,
+            });
+        }
+        // What does not fit in a `u32` has failed the check.
+        let end = offset.wrapping_add(len as u32);
+        self.next = match end.checked_next_multiple_of(LINE) {
+            Some(next) if next < self.size => next,
+            _ => self.size,
+        };
+        Ok(offset)
+    }
+}
+
+/// An access to a window that failed, and what was wrong with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind:?}")]
+pub struct AccessError {
+    /// Where it began, in bytes from the beginning of the region.
+    pub offset: u32,
+    /// How many bytes it was for.
+    pub len: usize,
+    /// The size of the region in bytes.
+    pub size: u32,
+    /// What was wrong.
+    pub kind: WindowErrorKind,
+}
+
+impl AccessError {
+    /// [`MemoryWindow::check`], with the values that failed it.
+    pub(crate) fn check<W: MemoryWindow>(window: &W, offset: u32, len: usize) -> Result<(), Self> {
+        window.check(offset, len).map_err(|error| Self {
+            offset,
+            len,
+            size: window.size(),
+            kind: error.kind(),
+        })
+    }
+}
+
+impl WindowError for AccessError {
+    fn kind(&self) -> WindowErrorKind {
+        self.kind
+    }
+}

@@ -1,0 +1,205 @@
+//! [`Bakery`]: a lock of loads and stores alone.
+
+use crate::exclusion::Exclusion;
+use crate::id::Processor;
+use crate::region::AccessError;
+use crate::sync::{Ordering, fence};
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
+
+use super::owner::{Lives, Owner};
+use super::{Attempt, TestAndSet};
+
+/// Lamport's bakery: who competes draws a ticket larger than all it sees, the smallest goes
+/// first.
+///
+/// It needs no indivisible read and write, and is fair to those that wait. Taking it costs
+/// loads in proportion to the number of processors. The [`Exclusion`] keeps the contexts of one
+/// processor, which share an entry, from each other for three accesses.
+///
+/// # In shared memory
+///
+/// | word | meaning | written by |
+/// |---|---|---|
+/// | 0 | the owner of the lock, or zero | the owner |
+/// | 1 | unused | |
+/// | 2 + 2*p* | who competes: processor *p* in its present life, or zero | *p* |
+/// | 3 + 2*p* | its ticket; zero while it is drawn | *p* |
+///
+/// An entry whose life is over does not count. If that life ended inside the lock, word 0 still
+/// says so; only a processor that has won the bakery changes it.
+///
+/// Source: L. Lamport, "A new solution of Dijkstra's concurrent programming problem",
+/// CACM 17 (8), 1974.
+#[derive(Clone, Copy, Debug)]
+pub struct Bakery<W, X> {
+    window: W,
+    at: u32,
+    processors: u8,
+    exclusion: X,
+}
+
+const ENTRIES: u32 = 8;
+const ENTRY_BYTES: u32 = 8;
+const TICKET: u32 = 4;
+
+impl Bakery<(), ()> {
+    /// Bytes of shared memory for a lock between `processors`.
+    #[must_use]
+    pub const fn bytes(processors: u8) -> usize {
+        (ENTRIES + processors as u32 * ENTRY_BYTES) as usize
+    }
+}
+
+impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
+    /// The lock at `offset` in a system of `processors`: the same number for all of them.
+    ///
+    /// # Errors
+    /// `OutOfBounds` or `Misaligned`.
+    pub fn new(window: W, offset: u32, processors: u8, exclusion: X) -> Result<Self, AccessError> {
+        AccessError::check(&window, offset, Bakery::bytes(processors))?;
+        Ok(Self {
+            window,
+            at: offset,
+            processors,
+            exclusion,
+        })
+    }
+
+    /// Offset of the entry of `owner`'s processor.
+    fn entry_of(&self, owner: Owner) -> Result<(u8, u32), WindowErrorKind> {
+        match owner.processor() {
+            Some(Processor(number)) if number < self.processors => Ok((number, self.entry(number))),
+            _ => Err(WindowErrorKind::OutOfBounds),
+        }
+    }
+
+    /// Offset of an entry; inside the window if `number` is below the number of processors.
+    fn entry(&self, number: u8) -> u32 {
+        self.at
+            .wrapping_add(ENTRIES)
+            .wrapping_add(u32::from(number).wrapping_mul(ENTRY_BYTES))
+    }
+
+    /// Who competes under `number`, if that life goes on, and its ticket.
+    fn competitor(
+        &self,
+        number: u8,
+        lives: &dyn Lives,
+    ) -> Result<Option<(Owner, u32)>, WindowErrorKind> {
+        let entry = self.entry(number);
+        // Pairs with the stores of the entry's word in `compete`, `withdraw` and `release`:
+        // what its processor did inside the lock before is seen.
+        let Some(owner) = Owner::from_word(self.load(entry, LoadOrder::Acquire)?) else {
+            return Ok(None);
+        };
+        if owner.processor() != Some(Processor(number)) || !lives.is_current(owner) {
+            return Ok(None);
+        }
+        // Pairs with the store of the ticket in `compete`; that, too, follows what its
+        // processor did inside the lock before.
+        let ticket = self.load(entry.wrapping_add(TICKET), LoadOrder::Acquire)?;
+        Ok(Some((owner, ticket)))
+    }
+
+    /// Draws a ticket for `number`; `false` if there is no larger one.
+    fn draw(&self, number: u8, lives: &dyn Lives) -> Result<bool, WindowErrorKind> {
+        // Against the same fence below, of any other processor: either it sees here a ticket
+        // drawn before, or that processor sees this entry when it looks who is before it.
+        fence(Ordering::SeqCst);
+        let mut largest: u32 = 0;
+        for other in (0..self.processors).filter(|other| *other != number) {
+            if let Some((_, ticket)) = self.competitor(other, lives)? {
+                largest = largest.max(ticket);
+            }
+        }
+        let Some(ticket) = largest.checked_add(1) else {
+            // Tickets begin again once nobody competes for a moment.
+            return Ok(false);
+        };
+        // Pairs with the load of `competitor`.
+        let entry = self.entry(number);
+        self.store(entry.wrapping_add(TICKET), ticket, StoreOrder::Release)?;
+        fence(Ordering::SeqCst);
+        Ok(true)
+    }
+
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, WindowErrorKind> {
+        self.window
+            .load(offset, order)
+            .map_err(|error| error.kind())
+    }
+
+    fn store(&self, offset: u32, word: u32, order: StoreOrder) -> Result<(), WindowErrorKind> {
+        self.window
+            .store(offset, word, order)
+            .map_err(|error| error.kind())
+    }
+}
+
+impl<W: MemoryWindow, X: Exclusion> TestAndSet for Bakery<W, X> {
+    fn compete(&self, me: Owner, lives: &dyn Lives) -> Result<bool, WindowErrorKind> {
+        let (number, entry) = self.entry_of(me)?;
+        let word = Owner::to_word(Some(me));
+        let entered = self.exclusion.with(|| {
+            // Written by this processor alone; the exclusion orders its contexts.
+            if self.load(entry, LoadOrder::Relaxed)? == word {
+                return Ok(false);
+            }
+            self.store(entry.wrapping_add(TICKET), 0, StoreOrder::Relaxed)?;
+            // Pairs with the load of `competitor`: with this life its ticket is zero.
+            self.store(entry, word, StoreOrder::Release)?;
+            Ok(true)
+        })?;
+        if !entered {
+            return Ok(false);
+        }
+        let drawn = self.draw(number, lives);
+        if !matches!(drawn, Ok(true)) {
+            self.withdraw(me)?;
+        }
+        drawn
+    }
+
+    fn take(
+        &self,
+        from: Option<Owner>,
+        me: Owner,
+        lives: &dyn Lives,
+    ) -> Result<Attempt, WindowErrorKind> {
+        let (number, entry) = self.entry_of(me)?;
+        // Written by this processor alone.
+        let ticket = self.load(entry.wrapping_add(TICKET), LoadOrder::Relaxed)?;
+        for other in (0..self.processors).filter(|other| *other != number) {
+            if let Some((owner, drawn)) = self.competitor(other, lives)?
+                && (drawn == 0 || (drawn, other) < (ticket, number))
+            {
+                return Ok(Attempt::Behind(Some(owner)));
+            }
+        }
+        // Written inside the bakery alone; `competitor` has ordered it after the last owner.
+        let attempt = Attempt::of(
+            self.load(self.at, LoadOrder::Relaxed)?,
+            Owner::to_word(from),
+        );
+        if attempt == Attempt::Taken {
+            // Pairs with the load above, by way of the entry.
+            self.store(self.at, Owner::to_word(Some(me)), StoreOrder::Relaxed)?;
+        }
+        Ok(attempt)
+    }
+
+    fn withdraw(&self, me: Owner) -> Result<(), WindowErrorKind> {
+        let (_, entry) = self.entry_of(me)?;
+        // Pairs with the load of `competitor`.
+        self.store(entry, 0, StoreOrder::Release)
+    }
+
+    fn release(&self, me: Owner) -> Result<(), WindowErrorKind> {
+        // Not its own word only if somebody took it for dead.
+        if self.load(self.at, LoadOrder::Relaxed)? == Owner::to_word(Some(me)) {
+            // Pairs with the load of `take`, by way of the entry.
+            self.store(self.at, 0, StoreOrder::Relaxed)?;
+        }
+        self.withdraw(me)
+    }
+}

@@ -1,0 +1,369 @@
+//! [`SpinLock`]: a lock for structures that processors share in `data`.
+
+mod bakery;
+mod owner;
+mod swap;
+
+use core::fmt;
+use core::ops::Deref;
+use core::time::Duration;
+
+use crate::time::{Clock, Instant};
+use crate::window::WindowErrorKind;
+
+pub use bakery::Bakery;
+pub use owner::{Lives, Owner};
+pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
+
+/// A lock that knows its owner, and that outlives it.
+///
+/// The lock itself lies in shared memory, in one of three forms: [`NativeSwap`] where all its
+/// processors have compare-and-swap, [`SemaphoreSwap`] beside a hardware semaphore, and
+/// [`Bakery`], which needs loads and stores alone. All zeros is a free lock. Sections 2.1 and
+/// 3.3.1 of the memo ask for a test-and-set that is indivisible across the bus, for the same end.
+///
+/// The lock is held by a processor in one of its lives. If that life ends before it releases
+/// the lock, the others are told [`OwnerDead`](LockError::OwnerDead), and one of them can
+/// [`recover`](Self::recover) lock and structure. Nothing is ever taken from a living owner,
+/// however long it takes.
+///
+/// Servo loops, and handlers that may have interrupted the owner, only
+/// [`try_lock`](Self::try_lock): a wait for the context that one has interrupted ends at the
+/// deadline alone. A guard that is forgotten keeps the lock until the processor's life ends.
+///
+/// ```
+/// # #[cfg(target_has_atomic = "32")] {
+/// # use condor_mbox::{Lives, LockError, NativeSwap, Owner, Processor, Region, SpinLock};
+/// # use condor_mbox::StaticMemory;
+/// static MEMORY: StaticMemory<256> = StaticMemory::new();
+///
+/// /// Who lives, as the mailbox knows it: here everybody but processor 3.
+/// struct Known;
+///
+/// impl Lives for Known {
+///     fn is_current(&self, owner: Owner) -> bool {
+///         owner.processor() != Some(Processor(3))
+///     }
+/// }
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let ram = Region::users(MEMORY.window())?;
+/// let lock = SpinLock::new(NativeSwap::new(&ram, ram.places().bytes(4)?)?);
+/// let (me, other) = (Owner::new(Processor(0), 1)?, Owner::new(Processor(1), 7)?);
+///
+/// let guard = lock.try_lock(me, &Known)?;
+/// assert_eq!(
+///     lock.try_lock(other, &Known).err(),
+///     Some(LockError::Busy { owner: Some(me) })
+/// );
+/// drop(guard);
+/// assert!(lock.try_lock(other, &Known).is_ok());
+/// # Ok(())
+/// # }
+/// # main().unwrap();
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct SpinLock<L> {
+    memory: L,
+}
+
+impl<L: TestAndSet> SpinLock<L> {
+    /// The lock in `memory`, which is taken as it is found.
+    pub const fn new(memory: L) -> Self {
+        Self { memory }
+    }
+
+    /// Takes the lock if it is free just now.
+    ///
+    /// # Errors
+    /// [`Busy`](LockError::Busy), [`OwnerDead`](LockError::OwnerDead),
+    /// [`NotCurrent`](LockError::NotCurrent) or [`Memory`](LockError::Memory).
+    pub fn try_lock(&self, me: Owner, lives: &dyn Lives) -> Result<Guard<'_, L>, LockError> {
+        self.take(None, me, lives, || true)
+            .map_err(|stopped| stopped.reason(|owner| LockError::Busy { owner }))
+    }
+
+    /// Takes the lock, and spins until it is free or `timeout` has passed.
+    ///
+    /// # Errors
+    /// [`TimedOut`](LockError::TimedOut), [`OwnerDead`](LockError::OwnerDead) as soon as it is
+    /// known, [`NotCurrent`](LockError::NotCurrent) or [`Memory`](LockError::Memory).
+    pub fn lock(
+        &self,
+        me: Owner,
+        lives: &dyn Lives,
+        clock: &impl Clock,
+        timeout: Duration,
+    ) -> Result<Guard<'_, L>, LockError> {
+        let deadline: Instant = clock.now().after(timeout);
+        self.take(None, me, lives, || clock.now() >= deadline)
+            .map_err(|stopped| stopped.reason(|owner| LockError::TimedOut { owner }))
+    }
+
+    /// Takes the lock over from the owner that [`OwnerDead`](LockError::OwnerDead) named.
+    ///
+    /// Of all that try, one gets it. What the lock protects may be half changed: the one who
+    /// gets the lock makes it whole again before dropping the guard.
+    ///
+    /// # Errors
+    /// [`Busy`](LockError::Busy) if somebody else recovers or has recovered it, or if `dead` is
+    /// alive after all; else as [`try_lock`](Self::try_lock).
+    pub fn recover(
+        &self,
+        dead: Owner,
+        me: Owner,
+        lives: &dyn Lives,
+    ) -> Result<Guard<'_, L>, LockError> {
+        if dead.lives(lives) {
+            return Err(LockError::Busy { owner: Some(dead) });
+        }
+        self.take(Some(dead), me, lives, || true)
+            .map_err(|stopped| stopped.reason(|owner| LockError::Busy { owner }))
+    }
+
+    /// Competes for the lock as left by `from`, and looks until `enough` says so.
+    fn take(
+        &self,
+        from: Option<Owner>,
+        me: Owner,
+        lives: &dyn Lives,
+        mut enough: impl FnMut() -> bool,
+    ) -> Result<Guard<'_, L>, Stopped> {
+        if !me.lives(lives) {
+            return Err(Stopped::For(LockError::NotCurrent { owner: me }));
+        }
+        let mut competing = false;
+        let stopped = loop {
+            let attempt = if competing {
+                self.memory.take(from, me, lives)
+            } else {
+                match self.memory.compete(me, lives) {
+                    Ok(true) => {
+                        competing = true;
+                        self.memory.take(from, me, lives)
+                    }
+                    Ok(false) => Ok(Attempt::Behind(Some(me))),
+                    Err(kind) => Err(kind),
+                }
+            };
+            match attempt {
+                Ok(Attempt::Taken) => {
+                    return Ok(Guard {
+                        memory: &self.memory,
+                        me,
+                        held: true,
+                    });
+                }
+                Ok(Attempt::Held(owner)) if !owner.lives(lives) => {
+                    break Stopped::For(LockError::OwnerDead { owner });
+                }
+                Ok(Attempt::Held(owner)) if enough() => break Stopped::Enough(Some(owner)),
+                Ok(Attempt::Behind(owner)) if enough() => break Stopped::Enough(owner),
+                Ok(Attempt::Held(_) | Attempt::Behind(_)) => {}
+                Err(kind) => break Stopped::For(LockError::Memory { kind }),
+            }
+            core::hint::spin_loop();
+        };
+        if competing && let Err(kind) = self.memory.withdraw(me) {
+            return Err(Stopped::For(LockError::Memory { kind }));
+        }
+        Err(stopped)
+    }
+}
+
+/// Why an attempt ended without the lock.
+enum Stopped {
+    Enough(Option<Owner>),
+    For(LockError),
+}
+
+impl Stopped {
+    fn reason(self, enough: impl FnOnce(Option<Owner>) -> LockError) -> LockError {
+        match self {
+            Self::Enough(owner) => enough(owner),
+            Self::For(error) => error,
+        }
+    }
+}
+
+/// A held [`SpinLock`]; dropping it releases the lock.
+#[must_use = "the lock is released at once if the guard is dropped"]
+pub struct Guard<'a, L: TestAndSet> {
+    memory: &'a L,
+    me: Owner,
+    held: bool,
+}
+
+impl<L: TestAndSet> Guard<'_, L> {
+    /// Releases the lock, and says if that failed.
+    ///
+    /// # Errors
+    /// [`Memory`](LockError::Memory): the memory is gone, and the lock with it.
+    pub fn release(mut self) -> Result<(), LockError> {
+        self.held = false;
+        self.memory
+            .release(self.me)
+            .map_err(|kind| LockError::Memory { kind })
+    }
+}
+
+impl<L: TestAndSet> fmt::Debug for Guard<'_, L> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Guard")
+            .field("me", &self.me)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<L: TestAndSet> Drop for Guard<'_, L> {
+    fn drop(&mut self) {
+        if self.held {
+            // Whoever wants the lock next meets the same lost memory, and is told.
+            let _ = self.memory.release(self.me);
+        }
+    }
+}
+
+/// Why a [`SpinLock`] was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LockError {
+    /// Somebody living has it.
+    #[error("the lock is held by {}", Named(.owner))]
+    Busy {
+        /// Who; `None` if it was changing hands.
+        owner: Option<Owner>,
+    },
+    /// Somebody living had it until the deadline.
+    #[error("the lock was held until the deadline, at last by {}", Named(.owner))]
+    TimedOut {
+        /// Who had it last; `None` if it was changing hands.
+        owner: Option<Owner>,
+    },
+    /// The owner's life ended while it held the lock; see [`SpinLock::recover`].
+    #[error("{owner} died with the lock")]
+    OwnerDead {
+        /// The dead owner, or garbage that was found in its place.
+        owner: Owner,
+    },
+    /// The caller's own life is over: it must join again before it takes a lock.
+    #[error("{owner} may not lock: that life is over")]
+    NotCurrent {
+        /// The caller.
+        owner: Owner,
+    },
+    /// The window refused an access.
+    #[error("the memory of the lock: {kind:?}")]
+    Memory {
+        /// What was wrong.
+        kind: WindowErrorKind,
+    },
+}
+
+struct Named<'a>(&'a Option<Owner>);
+
+impl fmt::Display for Named<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(owner) => owner.fmt(f),
+            None => f.write_str("somebody"),
+        }
+    }
+}
+
+/// What one look at a lock gave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attempt {
+    /// The lock was as expected, and is now the caller's.
+    Taken,
+    /// It was not: this is its owner, dead or alive.
+    Held(Owner),
+    /// Not now: this one, who lived just now, goes first; `None` if nobody can be named.
+    Behind(Option<Owner>),
+}
+
+impl Attempt {
+    /// What it means to find one word where another was expected.
+    fn of(found: u32, expected: u32) -> Self {
+        if found == expected {
+            return Self::Taken;
+        }
+        match Owner::from_word(found) {
+            Some(owner) => Self::Held(owner),
+            None => Self::Behind(None),
+        }
+    }
+}
+
+/// A lock in shared memory, as [`SpinLock`] needs it.
+///
+/// # For users
+///
+/// Choose one of [`NativeSwap`], [`SemaphoreSwap`] and [`Bakery`].
+///
+/// # For implementers
+///
+/// Every method returns after a bounded number of accesses. A processor may stop for ever
+/// between any two of them; once its life is over, that must not keep others from the lock.
+/// What an owner wrote before `release` is seen after the next `take` that succeeds.
+pub trait TestAndSet {
+    /// Begins to compete; `false` if another context of this processor does so already.
+    ///
+    /// # Errors
+    /// The kind of the window's error.
+    fn compete(&self, me: Owner, lives: &dyn Lives) -> Result<bool, WindowErrorKind> {
+        let _ = (me, lives);
+        Ok(true)
+    }
+
+    /// Makes `me` the owner if the owner now is `from`, of which `None` is nobody; in one
+    /// indivisible step. Called after `compete`, and again until it succeeds or `withdraw`.
+    ///
+    /// # Errors
+    /// The kind of the window's error.
+    fn take(
+        &self,
+        from: Option<Owner>,
+        me: Owner,
+        lives: &dyn Lives,
+    ) -> Result<Attempt, WindowErrorKind>;
+
+    /// Ends to compete without the lock.
+    ///
+    /// # Errors
+    /// The kind of the window's error.
+    fn withdraw(&self, me: Owner) -> Result<(), WindowErrorKind> {
+        let _ = me;
+        Ok(())
+    }
+
+    /// Gives the lock back if `me` is still its owner.
+    ///
+    /// # Errors
+    /// The kind of the window's error.
+    fn release(&self, me: Owner) -> Result<(), WindowErrorKind>;
+}
+
+impl<T: Deref<Target: TestAndSet>> TestAndSet for T {
+    fn compete(&self, me: Owner, lives: &dyn Lives) -> Result<bool, WindowErrorKind> {
+        (**self).compete(me, lives)
+    }
+
+    fn take(
+        &self,
+        from: Option<Owner>,
+        me: Owner,
+        lives: &dyn Lives,
+    ) -> Result<Attempt, WindowErrorKind> {
+        (**self).take(from, me, lives)
+    }
+
+    fn withdraw(&self, me: Owner) -> Result<(), WindowErrorKind> {
+        (**self).withdraw(me)
+    }
+
+    fn release(&self, me: Owner) -> Result<(), WindowErrorKind> {
+        (**self).release(me)
+    }
+}

@@ -1,0 +1,95 @@
+//! [`Owner`]: a processor in one of its lives, as one word of shared memory.
+
+use core::fmt;
+use core::num::NonZeroU32;
+
+use crate::error::Error;
+use crate::id::Processor;
+
+/// A processor in one of its lives.
+///
+/// In shared memory it is one word: the processor's number plus one in the upper 6 bits, the
+/// lower 26 bits of its life below; zero is nobody. A life is told from those 2²⁶ joins before
+/// and after it, and from no others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Owner(NonZeroU32);
+
+const LIFE_BITS: u32 = 26;
+const LIFE_MASK: u32 = (1 << LIFE_BITS) - 1;
+
+impl Owner {
+    /// `processor` in `life`.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchProcessor`] if no system has a processor of that number.
+    pub const fn new(processor: Processor, life: u32) -> Result<Self, Error> {
+        let number = processor.0 as u32;
+        if number < Processor::MAX_COUNT as u32
+            && let Some(word) = NonZeroU32::new(((number + 1) << LIFE_BITS) | (life & LIFE_MASK))
+        {
+            Ok(Self(word))
+        } else {
+            Err(Error::NoSuchProcessor {
+                number: processor,
+                processors: Processor::MAX_COUNT as u8,
+            })
+        }
+    }
+
+    /// The processor; `None` if the word came from shared memory and is garbage.
+    #[must_use]
+    pub const fn processor(self) -> Option<Processor> {
+        match (self.0.get() >> LIFE_BITS).checked_sub(1) {
+            Some(number) if number < Processor::MAX_COUNT as u32 => Some(Processor(number as u8)),
+            _ => None,
+        }
+    }
+
+    /// Whether this is its processor in `life`.
+    #[must_use]
+    pub const fn is_life(self, life: u32) -> bool {
+        self.0.get() & LIFE_MASK == life & LIFE_MASK
+    }
+
+    /// Whether it may own something now; garbage may not.
+    pub(super) fn lives(self, lives: &dyn Lives) -> bool {
+        self.processor().is_some() && lives.is_current(self)
+    }
+
+    /// What a word of shared memory says.
+    pub(super) const fn from_word(word: u32) -> Option<Self> {
+        match NonZeroU32::new(word) {
+            Some(word) => Some(Self(word)),
+            None => None,
+        }
+    }
+
+    /// The word that says so; zero for nobody.
+    pub(super) const fn to_word(owner: Option<Self>) -> u32 {
+        match owner {
+            Some(Self(word)) => word.get(),
+            None => 0,
+        }
+    }
+}
+
+impl fmt::Display for Owner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.processor() {
+            Some(processor) => write!(f, "{processor} in life {}", self.0.get() & LIFE_MASK),
+            None => write!(f, "nobody known ({:#010x})", self.0),
+        }
+    }
+}
+
+/// Knows which lives have ended.
+///
+/// # For implementers
+///
+/// Say `false` only with positive evidence that this life is over, and then for ever: a lock is
+/// taken from its owner on that word. A life that is newer than any seen so far is current, so
+/// look at the processor's own word of its present life each time, not at a copy.
+pub trait Lives {
+    /// Whether `owner`'s life may still go on.
+    fn is_current(&self, owner: Owner) -> bool;
+}

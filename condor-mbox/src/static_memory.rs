@@ -1,0 +1,134 @@
+//! [`StaticMemory`]: a window onto memory that is simply there, for bare metal.
+
+use crate::region::AccessError;
+use crate::sync::{AtomicU32, Ordering};
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind, check_access};
+
+/// A block of `WORDS` words that several harts, or interrupts and background, share.
+///
+/// It begins at a cache line. Put it in a `static`; where processors run separate programs, let
+/// the linker place it at an address that they agree on, or use [`StaticWindow::from_raw`].
+#[repr(C, align(64))]
+#[derive(Debug)]
+pub struct StaticMemory<const WORDS: usize> {
+    words: [AtomicU32; WORDS],
+}
+
+impl<const WORDS: usize> StaticMemory<WORDS> {
+    /// Zeros.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            words: [const { AtomicU32::new(0) }; WORDS],
+        }
+    }
+
+    /// The window onto all of it.
+    #[must_use]
+    pub const fn window(&self) -> StaticWindow<'_> {
+        StaticWindow { words: &self.words }
+    }
+}
+
+impl<const WORDS: usize> Default for StaticMemory<WORDS> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A window onto words that stay where they are for `'a`.
+///
+/// It has [`CompareExchange`](crate::CompareExchange) if the target has it; whether that is
+/// indivisible for *all* processors that share the memory is for the user to know.
+#[derive(Clone, Copy, Debug)]
+pub struct StaticWindow<'a> {
+    words: &'a [AtomicU32],
+}
+
+impl StaticWindow<'_> {
+    /// The window onto the `bytes` at `address`; an incomplete last word is left out.
+    ///
+    /// # Safety
+    ///
+    /// During `'a`, and for all `bytes`:
+    ///
+    /// * `address` is not null, is a multiple of four, and the range lies in one piece of
+    ///   memory that can be read and written: RAM, not device registers, since the compiler
+    ///   may repeat, merge or add loads;
+    /// * every access by this program goes through such windows, or is otherwise a 32-bit
+    ///   atomic access;
+    /// * other processors access it by 32-bit words only, and caches that are not coherent
+    ///   with theirs are off for it.
+    #[must_use]
+    pub const unsafe fn from_raw(address: *mut u32, bytes: u32) -> Self {
+        // SAFETY: the caller vouches for `bytes` of readable and writable memory at an aligned
+        // address that only atomics touch during `'a`; `AtomicU32` is laid out as `u32`.
+        let words = unsafe {
+            core::slice::from_raw_parts(address.cast::<AtomicU32>(), (bytes / 4) as usize)
+        };
+        Self { words }
+    }
+
+    fn word(&self, offset: u32) -> Result<&AtomicU32, AccessError> {
+        self.check(offset, 4)?;
+        self.words
+            .get((offset / 4) as usize)
+            .ok_or_else(|| self.error(offset, 4, WindowErrorKind::OutOfBounds))
+    }
+
+    fn error(&self, offset: u32, len: usize, kind: WindowErrorKind) -> AccessError {
+        AccessError {
+            offset,
+            len,
+            size: self.size(),
+            kind,
+        }
+    }
+}
+
+impl MemoryWindow for StaticWindow<'_> {
+    type Error = AccessError;
+
+    fn size(&self) -> u32 {
+        // Offsets reach no further than the last whole word below 4 GiB.
+        const MOST: usize = (u32::MAX / 4) as usize;
+        (self.words.len().min(MOST) as u32) * 4
+    }
+
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
+        let word = self.word(offset)?;
+        // Pairs with whichever `store` the user of the window names.
+        Ok(u32::from_le(match order {
+            LoadOrder::Relaxed => word.load(Ordering::Relaxed),
+            LoadOrder::Acquire => word.load(Ordering::Acquire),
+        }))
+    }
+
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
+        let word = self.word(offset)?;
+        // Pairs with whichever `load` the user of the window names.
+        match order {
+            StoreOrder::Relaxed => word.store(value.to_le(), Ordering::Relaxed),
+            StoreOrder::Release => word.store(value.to_le(), Ordering::Release),
+        }
+        Ok(())
+    }
+
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
+        check_access(self.size(), offset, len).map_err(|kind| self.error(offset, len, kind))
+    }
+}
+
+#[cfg(target_has_atomic = "32")]
+impl crate::window::CompareExchange for StaticWindow<'_> {
+    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, AccessError> {
+        // Pairs with the same operation and with loads and stores of the word elsewhere.
+        let (Ok(found) | Err(found)) = self.word(offset)?.compare_exchange(
+            current.to_le(),
+            new.to_le(),
+            Ordering::AcqRel,
+            Ordering::Acquire,
+        );
+        Ok(u32::from_le(found))
+    }
+}

@@ -1,0 +1,142 @@
+//! The commands that the parts run, shown as a person would type them.
+
+use std::io::{BufRead as _, BufReader};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use crate::Result;
+use crate::context::Context;
+
+/// One command line, its extra environment and its directory.
+pub(crate) struct Line {
+    words: Vec<String>,
+    env: Vec<(&'static str, String)>,
+    dir: Option<String>,
+    root: PathBuf,
+}
+
+/// A command whose words are separated by blanks, to run in the root of the workspace.
+pub(crate) fn command(context: &Context, line: &str) -> Line {
+    Line {
+        words: line.split_whitespace().map(str::to_owned).collect(),
+        env: Vec::new(),
+        dir: None,
+        root: context.root.clone(),
+    }
+}
+
+impl Line {
+    /// Sets a variable of the environment.
+    pub(crate) fn env(mut self, name: &'static str, value: impl Into<String>) -> Self {
+        self.env.push((name, value.into()));
+        self
+    }
+
+    /// Runs in this directory, relative to the root.
+    pub(crate) fn dir(mut self, dir: &str) -> Self {
+        self.dir = Some(dir.to_owned());
+        self
+    }
+
+    /// Runs it; its output goes to the log.
+    ///
+    /// # Errors
+    /// The command could not be started or did not succeed.
+    pub(crate) fn run(&self) -> Result<()> {
+        self.show();
+        let status = self
+            .command()
+            .status()
+            .map_err(|error| self.not_started(&error))?;
+        self.judge(status)
+    }
+
+    /// Runs it and gives its standard output, which does not go to the log.
+    ///
+    /// # Errors
+    /// As [`Line::run`].
+    pub(crate) fn read(&self) -> Result<String> {
+        let output = self
+            .command()
+            .stderr(Stdio::inherit())
+            .output()
+            .map_err(|error| self.not_started(&error))?;
+        self.judge(output.status)?;
+        Ok(String::from_utf8(output.stdout)?)
+    }
+
+    /// Runs it; its standard output goes to the log and, line by line, to `look`.
+    ///
+    /// # Errors
+    /// As [`Line::run`].
+    pub(crate) fn watch(&self, mut look: impl FnMut(&str)) -> Result<()> {
+        self.show();
+        let mut child = self
+            .command()
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(|error| self.not_started(&error))?;
+        if let Some(output) = child.stdout.take() {
+            for line in BufReader::new(output).split(b'\n') {
+                let line = line?;
+                let line = String::from_utf8_lossy(&line);
+                println!("{line}");
+                look(&line);
+            }
+        }
+        self.judge(child.wait()?)
+    }
+
+    fn command(&self) -> Command {
+        let mut command = Command::new(&self.words[0]);
+        command.args(&self.words[1..]).current_dir(match &self.dir {
+            Some(dir) => self.root.join(dir),
+            None => self.root.clone(),
+        });
+        // `cargo run` describes xtask in these; a build script that watches one would run again.
+        for (name, _) in std::env::vars_os() {
+            if name.to_str().is_some_and(|name| {
+                name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_")
+            }) {
+                command.env_remove(name);
+            }
+        }
+        command
+            .env_remove("CARGO")
+            .envs(self.env.iter().map(|(name, value)| (name, value)));
+        command
+    }
+
+    fn show(&self) {
+        eprintln!("$ {self}");
+    }
+
+    fn not_started(&self, error: &std::io::Error) -> String {
+        format!("`{self}` could not be started: {error}")
+    }
+
+    fn judge(&self, status: std::process::ExitStatus) -> Result<()> {
+        if status.success() {
+            Ok(())
+        } else {
+            Err(format!("`{self}`: {status}").into())
+        }
+    }
+}
+
+impl std::fmt::Display for Line {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Some(dir) = &self.dir {
+            write!(f, "cd {dir} && ")?;
+        }
+        for (name, value) in &self.env {
+            write!(f, "{name}=\"{value}\" ")?;
+        }
+        for (index, word) in self.words.iter().enumerate() {
+            let blank = if index == 0 { "" } else { " " };
+            let quote = if word.contains([' ', '*']) { "'" } else { "" };
+            write!(f, "{blank}{quote}{word}{quote}")?;
+        }
+        Ok(())
+    }
+}

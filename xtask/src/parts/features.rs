@@ -1,0 +1,21 @@
+use crate::Result;
+use crate::command::command;
+use crate::context::Context;
+use crate::outcome::Summary;
+use crate::tools::{need_cargo_tool, need_component};
+
+pub(crate) fn run(context: &Context) -> Result<Summary> {
+    need_cargo_tool(context, "cargo-hack")?;
+    need_component(context, None, "clippy")?;
+    let powerset = "cargo hack clippy --feature-powerset --workspace --exclude xtask";
+    let combinations = command(context, &format!("{powerset} --print-command-list")).read()?;
+    let combinations = combinations
+        .lines()
+        .filter(|line| line.contains("clippy"))
+        .count();
+    if combinations == 0 {
+        return Err(format!("`{powerset}` has no combination to check").into());
+    }
+    command(context, &format!("{powerset} -- -D warnings")).run()?;
+    Ok(Summary::of(format!("{combinations} combinations")))
+}

@@ -1,0 +1,59 @@
+use std::path::Path;
+
+use crate::Result;
+use crate::command::command;
+use crate::context::Context;
+use crate::outcome::Summary;
+use crate::tools::{need_cargo_tool, need_debian, need_toolchain};
+
+pub(crate) fn run(context: &Context) -> Result<Summary> {
+    need_toolchain(context, "nightly")?;
+    need_cargo_tool(context, "cargo-fuzz")?;
+    need_debian(context, "g++", "c++", &[])?;
+    let listed = command(context, "cargo +nightly fuzz list --fuzz-dir fuzz").read()?;
+    let targets: Vec<&str> = listed
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty())
+        .collect();
+    if targets.is_empty() {
+        return Err("fuzz/Cargo.toml has no target".into());
+    }
+    for file in sources(&context.root.join("fuzz/fuzz_targets"))? {
+        if !targets.contains(&file.as_str()) {
+            return Err(format!("fuzz_targets/{file}.rs is no [[bin]] of fuzz/Cargo.toml").into());
+        }
+    }
+    let seconds = context.fuzz_seconds;
+    for target in &targets {
+        // libFuzzer adds to the first directory and only reads the second.
+        std::fs::create_dir_all(context.root.join("fuzz/corpus").join(target))?;
+        let mut inputs = format!("fuzz/corpus/{target}");
+        if context.root.join("fuzz/seeds").join(target).is_dir() {
+            inputs = format!("{inputs} fuzz/seeds/{target}");
+        }
+        let line = format!(
+            "cargo +nightly fuzz run --fuzz-dir fuzz {target} {inputs} -- \
+             -max_total_time={seconds} -timeout=10 -verbosity=0 -print_final_stats=1"
+        );
+        command(context, &line).run()?;
+    }
+    Ok(Summary::of(format!(
+        "{} targets, {seconds} s each",
+        targets.len()
+    )))
+}
+
+/// The names of the Rust files in a directory, without their extension.
+fn sources(dir: &Path) -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(dir)? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|extension| extension == "rs")
+            && let Some(name) = path.file_stem()
+        {
+            names.push(name.to_string_lossy().into_owned());
+        }
+    }
+    Ok(names)
+}

@@ -1,0 +1,44 @@
+use crate::Result;
+use crate::command::command;
+use crate::context::Context;
+use crate::outcome::Summary;
+use crate::parts::loom;
+use crate::tools::{need_component, need_debian};
+
+/// `features` makes every combination of the libraries; here the tests and examples are looked at.
+const FEATURE_SETS: [&str; 3] = ["--no-default-features", "", "--all-features"];
+
+pub(crate) fn run(context: &Context) -> Result<Summary> {
+    need_component(context, None, "clippy")?;
+    for set in FEATURE_SETS {
+        let line = format!("cargo clippy --workspace --all-targets {set} -- -D warnings");
+        command(context, &line).run()?;
+    }
+    let models = loom::models(context)?;
+    for model in &models {
+        let line = model.cargo("clippy", "-- -D warnings");
+        loom::under_loom(command(context, &line)).run()?;
+    }
+    let others = context.other_workspaces();
+    for dir in &others {
+        if *dir == "fuzz" {
+            need_debian(context, "g++", "c++", &[])?;
+        }
+        command(
+            context,
+            "cargo clippy --workspace --all-targets -- -D warnings",
+        )
+        .dir(dir)
+        .run()?;
+    }
+    let mut checked = format!(
+        "{} feature sets, {} loom models",
+        FEATURE_SETS.len(),
+        models.len()
+    );
+    for dir in others {
+        checked += ", ";
+        checked += dir;
+    }
+    Ok(Summary::of(checked))
+}

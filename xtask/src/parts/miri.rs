@@ -1,0 +1,47 @@
+use crate::Result;
+use crate::command::command;
+use crate::context::Context;
+use crate::outcome::Summary;
+use crate::tests_run;
+use crate::tools::need_component;
+
+/// What Miri runs of one package: its unit tests and the integration tests that are named.
+struct Suite {
+    package: &'static str,
+    features: &'static str,
+    /// Those that make no system call that Miri lacks and end within a minute in it.
+    integration_tests: &'static [&'static str],
+}
+
+const SUITES: [Suite; 1] = [Suite {
+    package: "condor-mbox",
+    features: "sim,critical-section-std",
+    integration_tests: &[],
+}];
+
+/// proptest asks for its directory and reads its number of cases from the environment.
+const FLAGS: &str = "-Zmiri-strict-provenance -Zmiri-disable-isolation";
+
+/// Miri is some hundred times slower than the machine; `test` makes the many cases.
+const PROPTEST_CASES: &str = "4";
+
+pub(crate) fn run(context: &Context) -> Result<Summary> {
+    need_component(context, Some("nightly"), "miri")?;
+    need_component(context, Some("nightly"), "rust-src")?;
+    let mut passed = 0;
+    for suite in &SUITES {
+        let mut line = format!(
+            "cargo +nightly miri test -p {} --features {} --lib",
+            suite.package, suite.features
+        );
+        for test in suite.integration_tests {
+            line += " --test ";
+            line += test;
+        }
+        let tests = command(context, &line)
+            .env("MIRIFLAGS", FLAGS)
+            .env("PROPTEST_CASES", PROPTEST_CASES);
+        passed += tests_run::count(&tests)?;
+    }
+    Ok(Summary::of(format!("{passed} tests")))
+}

@@ -1,0 +1,44 @@
+use crate::Result;
+use crate::command::command;
+use crate::context::Context;
+use crate::outcome::Summary;
+use crate::tools::need_target;
+
+/// From the smallest (no compare-and-swap) to the one whose harts run under QEMU.
+const TARGETS: [&str; 4] = [
+    "thumbv6m-none-eabi",
+    "thumbv7em-none-eabihf",
+    "riscv32imac-unknown-none-elf",
+    "riscv64gc-unknown-none-elf",
+];
+
+/// The libraries that run without an operating system, with each set of features to build.
+const LIBRARIES: [(&str, &[&str]); 1] = [("condor-mbox", &["", "conformance"])];
+
+pub(crate) fn run(context: &Context) -> Result<Summary> {
+    let mut targets = String::new();
+    for target in TARGETS {
+        need_target(context, target)?;
+        targets += " --target ";
+        targets += target;
+    }
+    let mut builds = 0;
+    for (library, feature_sets) in LIBRARIES {
+        for features in feature_sets {
+            let features = if features.is_empty() {
+                String::new()
+            } else {
+                format!("--features {features}")
+            };
+            let line = format!(
+                "cargo build -p {library} --lib --no-default-features {features} {targets}"
+            );
+            command(context, &line).run()?;
+            builds += TARGETS.len();
+        }
+    }
+    Ok(Summary::of(format!(
+        "{builds} builds for {} targets",
+        TARGETS.len()
+    )))
+}

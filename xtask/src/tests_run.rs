@@ -1,0 +1,38 @@
+//! How many tests a run of libtest has made.
+
+use crate::Result;
+use crate::command::Line;
+
+/// Runs a `cargo test` command and gives the number of tests that passed in it.
+///
+/// # Errors
+/// A test failed, or the run was successful because there was nothing to run.
+pub(crate) fn count(tests: &Line) -> Result<u32> {
+    let mut passed = 0;
+    tests.watch(|line| passed += passed_in(line).unwrap_or(0))?;
+    if passed == 0 {
+        return Err(format!("`{tests}` ran no test").into());
+    }
+    Ok(passed)
+}
+
+/// The number in libtest's `test result: ok. 12 passed; 0 failed; …`.
+fn passed_in(line: &str) -> Option<u32> {
+    let counts = line.trim_start().strip_prefix("test result: ok. ")?;
+    counts.split_once(" passed;")?.0.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::passed_in;
+
+    #[test]
+    fn counts_only_the_result_lines() {
+        assert_eq!(
+            passed_in("test result: ok. 12 passed; 0 failed; 1 ignored;"),
+            Some(12)
+        );
+        assert_eq!(passed_in("test result: FAILED. 3 passed; 1 failed;"), None);
+        assert_eq!(passed_in("test window::reads ... ok"), None);
+    }
+}

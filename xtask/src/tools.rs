@@ -1,0 +1,123 @@
+//! What the parts need on the machine: found, or else installed, or else asked for in words.
+
+use std::os::unix::fs::MetadataExt as _;
+use std::path::PathBuf;
+
+use crate::Result;
+use crate::command::{Line, command};
+use crate::context::Context;
+
+/// The standard library of a target, for the toolchain in use.
+pub(crate) fn need_target(context: &Context, target: &str) -> Result<()> {
+    let installed = command(context, "rustup target list --installed").read()?;
+    if installed.lines().any(|line| line == target) {
+        return Ok(());
+    }
+    install(&command(context, &format!("rustup target add {target}")))
+}
+
+/// A toolchain, such as `nightly` or `1.88`.
+pub(crate) fn need_toolchain(context: &Context, toolchain: &str) -> Result<()> {
+    let installed = command(context, "rustup toolchain list").read()?;
+    if installed
+        .lines()
+        .any(|line| line.starts_with(&format!("{toolchain}-")))
+    {
+        return Ok(());
+    }
+    let line = format!("rustup toolchain install {toolchain} --profile minimal --no-self-update");
+    install(&command(context, &line))
+}
+
+/// A component of a toolchain; of the one in use if none is named.
+pub(crate) fn need_component(
+    context: &Context,
+    toolchain: Option<&str>,
+    component: &str,
+) -> Result<()> {
+    let mut of = String::new();
+    if let Some(toolchain) = toolchain {
+        need_toolchain(context, toolchain)?;
+        of = format!("--toolchain {toolchain}");
+    }
+    let installed = command(context, &format!("rustup component list --installed {of}")).read()?;
+    if installed.lines().any(|line| line.starts_with(component)) {
+        return Ok(());
+    }
+    install(&command(
+        context,
+        &format!("rustup component add {of} {component}"),
+    ))
+}
+
+/// A sub-command of cargo that is published as a crate of its name, such as `cargo-hack`.
+pub(crate) fn need_cargo_tool(context: &Context, tool: &str) -> Result<()> {
+    if on_path(tool).is_some() {
+        return Ok(());
+    }
+    install(&command(context, &format!("cargo install --locked {tool}")))?;
+    present(tool, tool)
+}
+
+/// A program that a Debian package brings.
+///
+/// `in_the_way` names installed packages that conflict with it; they are removed only if the
+/// plain installation fails.
+pub(crate) fn need_debian(
+    context: &Context,
+    package: &str,
+    program: &str,
+    in_the_way: &[&str],
+) -> Result<()> {
+    if on_path(program).is_some() {
+        return Ok(());
+    }
+    let sudo = if is_root() {
+        ""
+    } else {
+        "sudo --non-interactive "
+    };
+    // Old lists may still do; if they do not, the installation says what is missing.
+    if let Err(problem) = command(context, &format!("{sudo}apt-get update")).run() {
+        eprintln!("{problem}");
+    }
+    let apt_get = format!(
+        "{sudo}env DEBIAN_FRONTEND=noninteractive \
+         apt-get install -y --no-install-recommends {package}"
+    );
+    let plain = command(context, &apt_get);
+    if in_the_way.is_empty() {
+        install(&plain)?;
+    } else if let Err(problem) = plain.run() {
+        eprintln!("{problem}; once more without {}", in_the_way.join(" and "));
+        let mut without = apt_get;
+        for other in in_the_way {
+            without = format!("{without} {other}-");
+        }
+        install(&command(context, &without))?;
+    }
+    present(program, package)
+}
+
+fn install(line: &Line) -> Result<()> {
+    line.run()
+        .map_err(|problem| format!("{problem}; run it by hand: {line}").into())
+}
+
+fn present(program: &str, package: &str) -> Result<()> {
+    match on_path(program) {
+        Some(_) => Ok(()),
+        None => Err(format!("{package} is installed, but {program} is not on the PATH").into()),
+    }
+}
+
+fn on_path(program: &str) -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    std::env::split_paths(&path)
+        .map(|dir| dir.join(program))
+        .find(|file| file.is_file())
+}
+
+fn is_root() -> bool {
+    std::fs::metadata("/proc/self").is_ok_and(|process| process.uid() == 0)
+}
