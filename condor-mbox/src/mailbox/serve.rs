@@ -152,8 +152,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Some(entry) = peer.mail.get(slot, sequence)? else {
             return Ok(None);
         };
-        // An epoch is never 0, so nothing is taken from a peer that has not been acknowledged.
-        if entry.epoch != pair.epoch_in.get() {
+        // Nothing is taken from a peer that has not been acknowledged: then the epoch here is 0,
+        // which only a peer that breaks the rules writes.
+        if entry.epoch != pair.epoch_in.get() || entry.epoch == 0 {
             return Ok(None);
         }
         let own = self.own()?;
