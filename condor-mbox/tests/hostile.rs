@@ -1,28 +1,38 @@
 //! What a peer that writes arbitrary words at arbitrary moments can do: nothing to others.
+//!
+//! `PROPTEST_CASES=100000 cargo test --release -p condor-mbox --test hostile -- --nocapture` goes
+//! through some 10⁸ states and says how many.
+
+use std::cell::RefCell;
 
 use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
 
 #[path = "hostile/mod.rs"]
 mod scenario;
 
-proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, max_shrink_iters: 3000, max_shrink_time: 60000, ..ProptestConfig::default() })]
-
-    #[test]
-    fn honest_processors_are_not_harmed(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
-        scenario::run(&bytes);
+/// Some twenty seconds of an unoptimised build, unless `PROPTEST_CASES` says otherwise.
+fn config() -> ProptestConfig {
+    let cases = if cfg!(miri) { 3 } else { 1_000 };
+    let chosen = std::env::var_os("PROPTEST_CASES").is_some();
+    let default = ProptestConfig::default();
+    ProptestConfig {
+        cases: if chosen { default.cases } else { cases },
+        failure_persistence: None,
+        max_shrink_time: 60_000,
+        ..default
     }
 }
 
 #[test]
-fn replay() {
-    let Ok(path) = std::env::var("REPLAY") else {
-        return;
-    };
-    let text = std::fs::read_to_string(path).unwrap();
-    let bytes: Vec<u8> = text
-        .split(',')
-        .filter_map(|n| n.trim().parse().ok())
-        .collect();
-    scenario::run(&bytes);
+fn honest_processors_are_not_harmed() {
+    let total = RefCell::new(scenario::Tally::default());
+    let longest = if cfg!(miri) { 100 } else { 600 };
+    let bytes = prop::collection::vec(any::<u8>(), 0..longest);
+    let outcome = TestRunner::new(config()).run(&bytes, |bytes| {
+        total.borrow_mut().add(scenario::run(&bytes));
+        Ok(())
+    });
+    println!("{}", total.borrow());
+    outcome.unwrap();
 }

@@ -250,14 +250,6 @@ impl Program {
         let to = script.below(N);
         let operation = script.byte();
         let timeout = Duration::from_micros(1 << (script.byte() % 11));
-        if std::env::var("REPLAY").is_ok() {
-            eprintln!(
-                "OP p{} to {to} op {} {timeout:?} peers {:?}",
-                self.number,
-                operation % 20,
-                [0, 1, 2].map(|p| self.mailbox().borrow().peer_state(Processor(p)))
-            );
-        }
         match operation % 20 {
             0 | 1 => self.send(to, script.one_of(&VECTORS), timeout),
             2 | 3 => self.try_send(to, script.one_of(&VECTORS)),
@@ -374,6 +366,7 @@ impl Program {
         let honest = to.is_none_or(|to| self.is_honest(to));
         let timeout = if honest { AMPLE } else { timeout };
         let number = to.map(|to| Processor(to as u8));
+        self.world.model.borrow_mut().listens(self.number);
         let mailbox = self.mailbox();
         let outcome = self.world.within(timeout, Instant::FOREVER, || {
             mailbox.borrow_mut().listen(number, timeout)

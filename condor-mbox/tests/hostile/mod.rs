@@ -15,6 +15,8 @@ mod model;
 mod script;
 mod world;
 
+use core::fmt;
+
 pub(crate) use honest::run;
 
 /// What a run went through.
@@ -28,4 +30,23 @@ pub(crate) struct Tally {
     pub(crate) handled: u64,
     /// Handlers that ran for messages of the hostile processor.
     pub(crate) handled_of_hostile: u64,
+}
+
+impl Tally {
+    pub(crate) fn add(&mut self, run: Self) {
+        self.states += run.states;
+        self.accesses += run.accesses;
+        self.handled += run.handled;
+        self.handled_of_hostile += run.handled_of_hostile;
+    }
+}
+
+impl fmt::Display for Tally {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} hostile states at {} steps; {} messages handled, {} of them hostile",
+            self.states, self.accesses, self.handled, self.handled_of_hostile
+        )
+    }
 }

@@ -139,6 +139,11 @@ impl Model {
 
     // What the honest programs say.
 
+    /// `listener` begins to listen: what the holder has not taken by then is heard, again perhaps.
+    pub(super) fn listens(&mut self, listener: usize) {
+        self.known[listener].heard = [0; N];
+    }
+
     /// `from` is about to send; gives the data.
     pub(super) fn offer(&mut self, from: usize, to: Processor, vector: Vector) -> u32 {
         self.offers.push(Offer {
@@ -244,8 +249,11 @@ impl Model {
     ) {
         if offset == header::LIFE {
             for other in 0..N {
-                self.rings[owner][other].clear();
                 self.rings[other][owner].clear();
+                // What it had sent before it left is still taken.
+                if !matches!(value, 0 | JOINING) {
+                    self.rings[owner][other].clear();
+                }
             }
         }
         for peer in 0..N {
