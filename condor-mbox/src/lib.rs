@@ -5,6 +5,7 @@
 pub mod conformance;
 mod doorbell;
 mod error;
+mod exchange;
 mod exclusion;
 mod id;
 pub mod layout;
@@ -26,6 +27,7 @@ mod windows;
 
 pub use doorbell::{Doorbell, Evidence};
 pub use error::{Error, LayoutField, Object, Progress, ProtocolWord};
+pub use exchange::{Exchange, ExchangeError, answer};
 pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 pub use id::{Processor, Vector};
 pub use mailbox::{

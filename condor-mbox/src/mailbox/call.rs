@@ -128,8 +128,14 @@ pub struct Ticket<'m, M: Messenger + ?Sized> {
 
 impl<'m, M: Messenger + ?Sized> Ticket<'m, M> {
     pub(super) fn begin(messenger: &'m M, message: Message) -> Result<Self, Error> {
-        let pending = Some(messenger.open(message)?);
-        Ok(Self { messenger, pending })
+        Ok(Self::of(messenger, messenger.open(message)?))
+    }
+
+    pub(crate) fn of(messenger: &'m M, pending: Pending) -> Self {
+        Self {
+            messenger,
+            pending: Some(pending),
+        }
     }
 
     /// Waits for the reply, serving meanwhile, for at most `timeout`.
@@ -140,12 +146,18 @@ impl<'m, M: Messenger + ?Sized> Ticket<'m, M> {
     /// As [`Mailbox::send_with_reply`](super::Mailbox::send_with_reply). `None` if the reply was
     /// given before.
     pub fn wait(&mut self, timeout: Duration) -> Result<Option<u32>, Error> {
+        self.wait_before(timeout, Instant::FOREVER)
+    }
+
+    pub(crate) fn wait_before(
+        &mut self,
+        timeout: Duration,
+        deadline: Instant,
+    ) -> Result<Option<u32>, Error> {
         let Some(pending) = &self.pending else {
             return Ok(None);
         };
-        let outcome = self
-            .messenger
-            .wait_before(pending, timeout, Instant::FOREVER);
+        let outcome = self.messenger.wait_before(pending, timeout, deadline);
         if !matches!(outcome, Err(Error::TimedOut { .. } | Error::Stalled { .. })) {
             self.finish();
         }

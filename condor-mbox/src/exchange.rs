@@ -1,0 +1,201 @@
+//! [`Exchange`]: requests and responses that want more than one word.
+
+use core::marker::PhantomData;
+use core::time::Duration;
+
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::error::Error;
+use crate::id::{Processor, Vector};
+use crate::layout::LINE;
+use crate::mailbox::{Call, Message, Messenger, Ticket};
+use crate::region::{AccessError, Place, Places, Region};
+use crate::time::Instant;
+use crate::window::MemoryWindow;
+
+/// The reply of a handler that answered, and of one that could not reach the block.
+const ANSWERED: u32 = 1;
+const REFUSED: u32 = 0;
+
+/// Asks with a `Q` and gets an `R`, through a block in the asking processor's own `data`.
+///
+/// The message is the block's offset: a request of type `Q`, and on the next cache line the
+/// response. Only one request at a time is in a block; after a time-out the block stays in doubt,
+/// because the receiver may still write to it, and the exchange refuses further requests until the
+/// late reply has come or the receiver is known to be gone. The other end calls [`answer`].
+///
+/// ```
+/// use std::time::Duration;
+/// use condor_mbox::sim::System;
+/// use condor_mbox::{Call, Exchange, Processor, Region, Vector, answer};
+///
+/// const CONTROLLER: Processor = Processor(0);
+/// const HOST: Processor = Processor(1);
+/// const SET_GAINS: Vector = Vector(20);
+///
+/// #[derive(zerocopy::FromBytes, zerocopy::IntoBytes, zerocopy::Immutable)]
+/// #[repr(C)]
+/// struct Gains {
+///     joint: u32,
+///     proportional: f32,
+///     derivative: f32,
+/// }
+///
+/// let system = System::<2>::in_real_time(4096);
+///
+/// // The controller reads the request from the sender's data, and writes the response there.
+/// let data = system.windows(CONTROLLER).map(|windows| Region::users(windows.data).unwrap());
+/// let set_gains = |call: &Call<'_>| {
+///     answer(call, &data[call.sender().index()], |gains: Gains| gains.proportional * 2.0)
+/// };
+/// let mut controller = system.mailbox(CONTROLLER)?;
+/// controller.set_vector(SET_GAINS, &set_gains, "set gains")?;
+/// controller.join()?;
+///
+/// let mut host = system.mailbox(HOST)?;
+/// host.join()?;
+/// let host = &host;
+/// std::thread::scope(|threads| {
+///     threads.spawn(move || controller.serve(Duration::from_secs(10)));
+///     let mut exchange = Exchange::<_, _, Gains, f32>::new(
+///         host,
+///         host.region(HOST)?,
+///         &mut host.region(HOST)?.places(),
+///     )?;
+///     let gains = Gains { joint: 3, proportional: 1.5, derivative: 0.1 };
+///     let doubled = exchange.call(CONTROLLER, SET_GAINS, &gains, Duration::from_secs(10))?;
+///     assert_eq!(doubled.to_bits(), 3.0_f32.to_bits());
+///     Ok::<(), Box<dyn std::error::Error>>(())
+/// })?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Exchange<'m, M: Messenger + ?Sized, W, Q, R> {
+    messenger: &'m M,
+    own: Region<W>,
+    offset: u32,
+    /// The request that was given up while its reply was still to come.
+    late: Option<Ticket<'m, M>>,
+    of: PhantomData<fn(Q) -> R>,
+}
+
+/// Why an [`Exchange`] gave no response.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExchangeError {
+    /// The message was not answered.
+    #[error(transparent)]
+    Mailbox(#[from] Error),
+    /// The block cannot be reached from here.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// The reply to a former request is still to come, and the block belongs to it.
+    #[error("the block still belongs to a request whose reply has not come")]
+    InDoubt,
+    /// The receiver could not reach the block.
+    #[error("{to} could not reach the block at offset {offset:#x}")]
+    Refused {
+        /// The receiver.
+        to: Processor,
+        /// Where the block begins, in bytes.
+        offset: u32,
+    },
+}
+
+impl<'m, M, W, Q, R> Exchange<'m, M, W, Q, R>
+where
+    M: Messenger + ?Sized,
+    W: MemoryWindow,
+    Q: FromBytes + IntoBytes + Immutable,
+    R: FromBytes + IntoBytes + Immutable,
+{
+    /// Bytes that a block takes in `data`.
+    pub const BYTES: usize = response_at::<Q>(0) as usize + size_of::<R>();
+
+    /// An exchange whose block is the next of `places` in `own`, the sender's own region.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if there is no room.
+    pub fn new(messenger: &'m M, own: Region<W>, places: &mut Places) -> Result<Self, AccessError> {
+        let offset = places.bytes(Self::BYTES)?;
+        Ok(Self {
+            messenger,
+            own,
+            offset,
+            late: None,
+            of: PhantomData,
+        })
+    }
+
+    /// Sends `request` to `vector` of `to` and waits for the response, serving meanwhile.
+    ///
+    /// # Errors
+    /// [`ExchangeError::Mailbox`] with the errors of
+    /// [`Mailbox::send_with_reply`](crate::Mailbox::send_with_reply);
+    /// [`ExchangeError::InDoubt`] if a former request timed out and its reply has still not come;
+    /// [`ExchangeError::Refused`], [`ExchangeError::Access`].
+    pub fn call(
+        &mut self,
+        to: Processor,
+        vector: Vector,
+        request: &Q,
+        timeout: Duration,
+    ) -> Result<R, ExchangeError> {
+        if let Some(late) = &mut self.late
+            && late.poll() == Ok(None)
+        {
+            return Err(ExchangeError::InDoubt);
+        }
+        self.late = None;
+        self.own.set(Place::at(self.offset), request)?;
+        let message = Message {
+            to,
+            vector,
+            data: self.offset,
+        };
+        let (pending, deadline) = self
+            .messenger
+            .open_before(message, timeout, Instant::FOREVER)?;
+        let mut ticket = Ticket::of(self.messenger, pending);
+        match ticket.wait_before(timeout, deadline) {
+            Ok(Some(ANSWERED)) => Ok(self.own.get(Place::at(response_at::<Q>(self.offset)))?),
+            Ok(_) => Err(ExchangeError::Refused {
+                to,
+                offset: self.offset,
+            }),
+            Err(error) => {
+                self.late = Some(ticket);
+                Err(error.into())
+            }
+        }
+    }
+}
+
+/// Answers a request that came through an [`Exchange`]: the last expression of its handler.
+///
+/// `data_of_sender` is the users' region of the sender. The request is copied once, then given to
+/// `respond`: what the sender changes afterwards is not seen.
+pub fn answer<Q, R, W: MemoryWindow>(
+    call: &Call<'_>,
+    data_of_sender: &Region<W>,
+    respond: impl FnOnce(Q) -> R,
+) -> u32
+where
+    Q: FromBytes + IntoBytes + Immutable,
+    R: FromBytes + IntoBytes + Immutable,
+{
+    let response = Place::<R>::at(response_at::<Q>(call.data()));
+    let Ok(request) = data_of_sender.get(Place::<Q>::at(call.data())) else {
+        return REFUSED;
+    };
+    match data_of_sender.set(response, &respond(request)) {
+        Ok(()) => ANSWERED,
+        Err(_) => REFUSED,
+    }
+}
+
+/// Where the response begins in a block at `offset`: on the line after the request.
+const fn response_at<Q>(offset: u32) -> u32 {
+    // A block that would reach past the end of all windows is refused at its first access.
+    offset.saturating_add((size_of::<Q>() as u32).div_ceil(LINE).saturating_mul(LINE))
+}

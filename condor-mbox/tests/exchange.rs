@@ -1,0 +1,111 @@
+//! Requests larger than one word, in virtual time.
+
+use std::time::Duration;
+
+use condor_mbox::sim::{Mailbox, SimWindow, System};
+use condor_mbox::{
+    AccessError, Call, Error, Exchange, ExchangeError, Processor, Progress, Region, Vector, answer,
+};
+
+const ASKER: Processor = Processor(0);
+const SERVER: Processor = Processor(1);
+const V: Vector = Vector(20);
+const SECOND: Duration = Duration::from_secs(1);
+
+#[derive(
+    Clone, Copy, Debug, PartialEq, zerocopy::FromBytes, zerocopy::IntoBytes, zerocopy::Immutable,
+)]
+#[repr(C)]
+struct Pose {
+    joints: [u32; 16],
+}
+
+type PoseExchange<'m> = Exchange<'m, Mailbox<'static, 2>, &'m SimWindow, Pose, [u32; 16]>;
+
+fn system() -> (System<2>, Mailbox<'static, 2>) {
+    let system = System::<2>::in_virtual_time(4096);
+    let data = system
+        .windows(SERVER)
+        .map(|windows| Region::users(windows.data).unwrap());
+    let double = move |call: &Call<'_>| {
+        answer(call, &data[call.sender().index()], |pose: Pose| {
+            pose.joints.map(|q| q.wrapping_mul(2))
+        })
+    };
+    let mut server = system.mailbox(SERVER).unwrap();
+    server
+        .set_vector(V, Box::leak(Box::new(double)), "doubles a pose")
+        .unwrap();
+    server.join().unwrap();
+    system.while_waiting(SERVER, move || {
+        server.service(SECOND).unwrap();
+    });
+    let mut asker = system.mailbox(ASKER).unwrap();
+    asker.join().unwrap();
+    (system, asker)
+}
+
+fn exchange<'m>(
+    asker: &'m Mailbox<'static, 2>,
+    offset: usize,
+) -> Result<PoseExchange<'m>, AccessError> {
+    let region = asker.region(ASKER).unwrap();
+    let mut places = region.places();
+    places.bytes(offset)?;
+    Exchange::new(asker, region, &mut places)
+}
+
+fn pose(first: u32) -> Pose {
+    Pose {
+        joints: core::array::from_fn(|joint| first.wrapping_add(joint as u32)),
+    }
+}
+
+#[test]
+fn a_block_goes_there_and_back() {
+    let (_system, asker) = system();
+    let mut exchange = exchange(&asker, 100).unwrap();
+    for first in [0, 77, u32::MAX] {
+        let response = exchange.call(SERVER, V, &pose(first), SECOND).unwrap();
+        assert_eq!(response, pose(first).joints.map(|q| q.wrapping_mul(2)));
+    }
+}
+
+#[test]
+fn a_block_is_in_doubt_until_its_late_reply_came() {
+    let (system, asker) = system();
+    let mut exchange = exchange(&asker, 0).unwrap();
+    assert!(exchange.call(SERVER, V, &pose(1), SECOND).is_ok());
+    system.stall(SERVER, true);
+    let stalled = Error::Stalled {
+        to: SERVER,
+        vector: V,
+        progress: Progress::Waiting,
+    };
+    assert_eq!(
+        exchange.call(SERVER, V, &pose(2), SECOND),
+        Err(stalled.into())
+    );
+    assert_eq!(
+        exchange.call(SERVER, V, &pose(3), SECOND),
+        Err(ExchangeError::InDoubt)
+    );
+    system.stall(SERVER, false);
+    // The server answers the late request while this processor waits for something else.
+    assert_eq!(asker.serve(SECOND), Ok(0));
+    let response = exchange.call(SERVER, V, &pose(4), SECOND);
+    assert_eq!(response, Ok(pose(4).joints.map(|q| q.wrapping_mul(2))));
+}
+
+#[test]
+fn an_offset_outside_of_the_region_is_refused() {
+    let (_system, asker) = system();
+    assert!(exchange(&asker, 4096).is_err());
+    for offset in [1, 4096, 4096 - 64, u32::MAX - 3, u32::MAX] {
+        assert_eq!(
+            asker.send_with_reply(SERVER, V, offset, SECOND),
+            Ok(0),
+            "{offset:#x}"
+        );
+    }
+}
