@@ -24,15 +24,24 @@ fn config() -> ProptestConfig {
     }
 }
 
-#[test]
-fn honest_processors_are_not_harmed() {
+fn explore(run: fn(&[u8]) -> scenario::Tally) {
     let total = RefCell::new(scenario::Tally::default());
     let longest = if cfg!(miri) { 100 } else { 600 };
     let bytes = prop::collection::vec(any::<u8>(), 0..longest);
     let outcome = TestRunner::new(config()).run(&bytes, |bytes| {
-        total.borrow_mut().add(scenario::run(&bytes));
+        total.borrow_mut().add(run(&bytes));
         Ok(())
     });
     println!("{}", total.borrow());
     outcome.unwrap();
+}
+
+#[test]
+fn honest_processors_are_not_harmed() {
+    explore(scenario::run);
+}
+
+#[test]
+fn regions_cells_and_locks_bear_any_words() {
+    explore(scenario::regions::run);
 }

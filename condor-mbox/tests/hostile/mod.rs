@@ -12,6 +12,7 @@ mod attack;
 mod honest;
 mod memory;
 mod model;
+pub(crate) mod regions;
 mod script;
 mod world;
 
