@@ -166,9 +166,10 @@ fn cleared_memory_does_not_begin_a_life_that_others_hold_for_current() {
         host.service(SECOND).unwrap();
         former.service(SECOND).unwrap();
     }
-    host.try_send(HOSTILE, V, 0).unwrap();
-    former.try_send(HOST, V, 0).unwrap();
-    host.service(SECOND).unwrap();
+    for _ in 0..2 * SLOTS {
+        host.try_send(HOSTILE, V, 0).unwrap();
+        former.service(SECOND).unwrap();
+    }
     drop(former);
     Hostile::of(&system).wipe();
     attend(&system, joined(&system, HOSTILE));

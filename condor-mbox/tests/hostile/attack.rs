@@ -46,7 +46,7 @@ impl Attack {
     }
 
     /// Looks like somebody honest.
-    pub(super) fn behave(&self, world: &World) {
+    pub(super) fn behave(world: &World) {
         let script = Script::new(&[]);
         let mut hand = Hand {
             world,

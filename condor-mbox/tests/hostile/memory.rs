@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use condor_mbox::sim::SimWindow;
+use condor_mbox::sim::{SimWindow, SimWindowError};
 use condor_mbox::{
     Clock, CompareExchange, Doorbell, Evidence, Instant, LoadOrder, MemoryWindow, Object,
     Processor, StoreOrder, WindowError, WindowErrorKind,
@@ -29,7 +29,7 @@ impl WindowError for Refused {
     }
 }
 
-fn refused(error: impl WindowError) -> Refused {
+fn refused(error: SimWindowError) -> Refused {
     Refused(error.kind())
 }
 

@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
-use condor_mbox::sim::SimWindow;
+use condor_mbox::sim::{SimWindow, SimWindowError};
 use condor_mbox::{
     Bakery, Clock, CompareExchange, Instant, Lives, LoadOrder, LockError, MemoryWindow, NativeSwap,
     Owner, Place, Processor, Published, ReadError, Region, SingleContext, SpinLock, StoreOrder,
@@ -65,7 +65,7 @@ impl Noise {
             7 => Some(owner(script.byte() % 4, 1)),
             8 => Some(u32::MAX << 1),
             9 => {
-                shared.lost.set(script.byte() & 7 == 0);
+                shared.lost.set(script.byte().is_multiple_of(8));
                 None
             }
             _ => None,
@@ -99,7 +99,7 @@ impl WindowError for Refused {
     }
 }
 
-fn refused(error: impl WindowError) -> Refused {
+fn refused(error: SimWindowError) -> Refused {
     Refused(error.kind())
 }
 

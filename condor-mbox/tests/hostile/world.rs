@@ -176,7 +176,7 @@ impl World {
 
     /// The hostile processor begins as if it were honest.
     pub(super) fn behave_first(&self) {
-        self.attack.borrow_mut().behave(self);
+        Attack::behave(self);
     }
 
     /// Before somebody honest takes the hostile number: clears its `mail`, but not the number of
