@@ -15,6 +15,9 @@ use crate::mail::{Entry, Mail};
 use crate::time::Instant;
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
+/// Stands for the vector of a request that ran no handler.
+const NO_VECTOR: Vector = Vector(u8::MAX);
+
 /// A request that has been taken: nobody else will run it.
 #[derive(Clone, Copy)]
 struct Taken {
@@ -85,7 +88,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Beats the heart, notices who came and went, and serves one request, if there is one; gives
-    /// its vector.
+    /// the vector whose handler ran.
     pub(super) fn serve_one(&self, deadline: Instant) -> Result<Option<Vector>, Error> {
         let beat = self.beats.get().wrapping_add(1);
         self.beats.set(beat);
@@ -153,8 +156,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Some(entry) = peer.mail.get(slot, sequence)? else {
             return Ok(None);
         };
-        // No epoch is 0: nothing is taken from a peer that has not been acknowledged.
-        if entry.epoch == 0 || entry.epoch != pair.epoch_in.get() {
+        // Nothing is taken from a peer that has not been acknowledged: then the epoch here is 0,
+        // which only a peer that breaks the rules writes.
+        if entry.epoch != pair.epoch_in.get() || entry.epoch == 0 {
             return Ok(None);
         }
         let own = self.own()?;
@@ -205,11 +209,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 }
                 None => (status::NO_HANDLER, 0),
             },
-            kind::LISTEN => (status::DONE, self.admit_listener(taken.sender, true)?),
-            kind::IGNORE => (status::DONE, self.admit_listener(taken.sender, false)?),
+            kind @ (kind::LISTEN | kind::IGNORE) => {
+                self.admit_listener(taken.sender, kind == kind::LISTEN)?;
+                (status::NO_HANDLER, 0)
+            }
             _ => (status::NO_HANDLER, 0),
         };
-        Ok(vector)
+        let handled = finish.outcome.0 == status::DONE;
+        Ok(if handled { vector } else { NO_VECTOR })
     }
 
     /// Counts a handled request and replies, if a reply is wanted and its sender still lives the
