@@ -431,6 +431,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
 {
     fn drop(&mut self) {
         let mailbox = self.mailbox;
+        let deepest = mailbox.depth.get() >= MAX_DEPTH;
         mailbox.exclusion.with(|| {
             mailbox.depth.set(mailbox.depth.get().wrapping_sub(1));
             if self.handled {
@@ -442,5 +443,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
                 }
             }
         });
+        if deepest {
+            // As in `finish`.
+            mailbox.ring_again();
+        }
     }
 }

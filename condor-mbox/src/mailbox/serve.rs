@@ -33,7 +33,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// mailbox interrupt's handler, and for event loops.
     ///
     /// Serves at most a ringful for each sender, so that nobody can keep an interrupt busy for
-    /// ever; nested calls of the handlers end `timeout` from now at the latest.
+    /// ever; nested calls of the handlers end `timeout` from now at the latest. If there may be
+    /// more, and rings are [always](Self::ring_always) wanted, it rings this processor again.
     ///
     /// # Errors
     /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
@@ -49,7 +50,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             let begun = core::mem::replace(&mut now, self.doorbell.now());
             self.note_time(vector, now.ns_since(begun))?;
         }
+        self.ring_again();
         Ok(most)
+    }
+
+    /// Rings this processor, if its doorbell is what makes it look, for requests that are left.
+    pub(super) fn ring_again(&self) {
+        if self.always {
+            self.doorbell.ring(self.me);
+        }
     }
 
     /// Waits until at least one request has been served, for at most `timeout`, and says how many
@@ -230,6 +239,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Entry { kind, epoch, .. } = taken.entry;
         let (status, value) = outcome;
         let replies = kind & 0xff00 == kind::CALL;
+        let deepest = self.depth.get() >= MAX_DEPTH;
         let own = self.own()?;
         self.exclusion.with(|| {
             self.depth.set(self.depth.get().wrapping_sub(1));
@@ -253,6 +263,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             }
             Ok(())
         })?;
+        if deepest {
+            // What came meanwhile was refused for want of depth, and its ring was taken.
+            self.ring_again();
+        }
         if replies { self.wake(peer) } else { Ok(()) }
     }
 

@@ -96,7 +96,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Asks senders to ring the doorbell for every message, also while nobody waits.
     ///
     /// For a processor that [serves](Self::service) from its mailbox interrupt, and for one that
-    /// watches its doorbell's descriptor in an event loop. Undone by `false`.
+    /// watches its doorbell's descriptor in an event loop. It is rung at once, for what was sent
+    /// before. Undone by `false`.
     ///
     /// # Errors
     /// [`Error::Window`].
@@ -107,7 +108,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             _ => return Ok(()),
         };
         self.always = always;
-        self.want_rings(step)
+        self.want_rings(step)?;
+        // Pairs with the fence in `wake`: what was sent without a ring is seen by who answers this.
+        fence(Ordering::SeqCst);
+        self.ring_again();
+        Ok(())
     }
 
     /// Waits until `look` finds something, serving one request per look meanwhile.
