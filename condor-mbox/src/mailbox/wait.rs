@@ -192,7 +192,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             // the looks that follow see what it sent.
             fence(Ordering::SeqCst);
             let seen = self.doorbell.prepare();
-            if let Some(vector) = self.serve_one(deadline)? {
+            let served = self.serve_one(deadline)?;
+            if let Some(vector) = served {
                 let begun = core::mem::replace(&mut now, self.doorbell.now());
                 self.note_time(vector, now.ns_since(begun))?;
                 spin_until = self.spin_end(now);
@@ -200,7 +201,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             if let Some(found) = look(true)? {
                 return Ok(End::Came(found));
             }
-            if now >= spin_until {
+            // Behind what was served there may be more that rang before.
+            if served.is_none() {
                 let until = if watch.is_some() {
                     ask_at
                 } else {
