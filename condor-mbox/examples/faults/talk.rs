@@ -68,12 +68,14 @@ pub(crate) struct Numbered {
 }
 
 impl Numbered {
-    const BITS: u32 = 18;
+    const BITS: u32 = 12;
     const MASK: u32 = (1 << Self::BITS) - 1;
+    /// Lives are told apart modulo this.
+    const LIVES: u32 = 1 << (u32::BITS - Self::BITS);
 
     pub(crate) fn new(life: u32, number: u32) -> Self {
         Self {
-            life: life & u32::MAX >> Self::BITS,
+            life: life % Self::LIVES,
             number: number & Self::MASK,
         }
     }
@@ -94,7 +96,8 @@ impl Numbered {
         if self.life == former.life {
             self.number == former.number.wrapping_add(1) & Self::MASK
         } else {
-            self.number == 1 && self.life > former.life
+            let later = self.life.wrapping_sub(former.life) % Self::LIVES;
+            self.number == 1 && later < Self::LIVES / 2
         }
     }
 }
