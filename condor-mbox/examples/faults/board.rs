@@ -6,7 +6,7 @@ use condor_mbox::layout::{BELL_BYTES, header};
 use condor_mbox::linux::{Claim, LinuxWindow};
 use condor_mbox::{Instant, LoadOrder, MemoryWindow, StoreOrder, Windows};
 
-use crate::talk::{N, VICTIM};
+use super::talk::{N, VICTIM};
 
 /// Bytes that the words and the samples of one processor take.
 pub(crate) const USER_BYTES: u32 = 256 * 1024;

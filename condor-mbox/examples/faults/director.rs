@@ -7,14 +7,16 @@ use condor_mbox::linux::{Claim, LinuxDoorbell, System, SystemError};
 use condor_mbox::{Clock, Doorbell, Evidence};
 use rustix::process::Signal;
 
-use crate::AnyError;
-use crate::board::{Aim, Board, Director, Survivor, Victim};
-use crate::process::Process;
-use crate::random::Random;
-use crate::talk::{LONG, N, SURVIVORS, VICTIM};
+use super::AnyError;
+use super::board::{Aim, Board, Director, Survivor, Victim};
+use super::process::Process;
+use super::random::Random;
+use super::talk::{LONG, N, SURVIVORS, VICTIM};
 
 /// The moment of a kill lies this much after its aim was reached, at most.
 const SPREAD: Duration = Duration::from_micros(300);
+/// As much where there is no more precise aim.
+const WIDE_SPREAD: Duration = Duration::from_millis(5);
 /// A victim that is killed while it starts lives at most this long.
 const START: Duration = Duration::from_millis(3);
 /// How long calls wait for a victim that may be stopped: past it they must have ended.
@@ -35,6 +37,8 @@ pub(crate) struct Scene<'s> {
     pub(crate) stops: [u32; Aim::ALL.len()],
     /// Claims of the number of a stopped victim that were refused.
     pub(crate) refused: u32,
+    /// How long the kernel took to end each victim, in nanoseconds.
+    pub(crate) ends: Vec<u32>,
     pub(crate) faults: u32,
 }
 
@@ -54,6 +58,7 @@ impl<'s> Scene<'s> {
             kills: [0; Aim::ALL.len()],
             stops: [0; Aim::ALL.len()],
             refused: 0,
+            ends: Vec::new(),
             faults: 0,
         }
     }
@@ -76,19 +81,25 @@ impl<'s> Scene<'s> {
         match aim {
             Aim::Joining if self.random.below(2) == 0 => {
                 let span = self.random.span(START);
-                self.pause(span);
+                pause(span);
             }
             Aim::Joining => self.until("claim", |board| board.victim(Victim::Claimed) >= number)?,
             Aim::Handler | Aim::Sending | Aim::Nested | Aim::Idle | Aim::Anywhere => {
                 self.reach(aim, waited_for)?;
             }
         }
-        let span = self.random.span(SPREAD);
-        self.pause(span);
+        let spread = match aim {
+            Aim::Sending | Aim::Anywhere => WIDE_SPREAD,
+            _ => SPREAD,
+        };
+        let span = self.random.span(spread);
+        pause(span);
         self.board.direct_time(Director::KilledAt, self.clock.now());
         self.board.direct(Director::Kills, number);
+        let killed_at = Instant::now();
         victim.signal(Signal::KILL)?;
         let status = victim.wait()?;
+        self.ends.push(killed_at.elapsed().as_nanos() as u32);
         if status.signal() != Some(Signal::KILL.as_raw()) {
             self.fault(&format!("victim {number} ended by itself: {status}"));
         }
@@ -132,7 +143,7 @@ impl<'s> Scene<'s> {
             aim != Aim::Joining || board.victim(Victim::Leaving) != lives
         })?;
         let span = self.random.span(SPREAD);
-        self.pause(span);
+        pause(span);
 
         board.direct(Director::Stopping, stop);
         victim.stop()?;
@@ -207,18 +218,18 @@ impl<'s> Scene<'s> {
             if Instant::now() > deadline {
                 return Err(format!("victim {}: no {what}", self.victim).into());
             }
-            self.pause(Duration::from_micros(20));
+            pause(Duration::from_micros(20));
         }
         Ok(())
-    }
-
-    #[expect(clippy::disallowed_methods, reason = "the span itself is random")]
-    fn pause(&self, span: Duration) {
-        std::thread::sleep(span);
     }
 
     fn fault(&mut self, what: &str) {
         eprintln!("WRONG: {what}");
         self.faults += 1;
     }
+}
+
+#[expect(clippy::disallowed_methods, reason = "the span itself is random")]
+pub(crate) fn pause(span: Duration) {
+    std::thread::sleep(span);
 }

@@ -7,10 +7,11 @@ use condor_mbox::linux::{Claim, Mailbox, System};
 use condor_mbox::{Call, CriticalSection, Error, Handler, Processor, Vector};
 use rustix::process::Signal;
 
-use crate::AnyError;
-use crate::process::Process;
-use crate::random::Random;
-use crate::talk::{LONG, N, answer};
+use super::AnyError;
+use super::director::pause;
+use super::process::Process;
+use super::random::Random;
+use super::talk::{LONG, N, answer};
 
 /// Bytes of users' data.
 pub(crate) const BYTES: u32 = 4096;
@@ -105,10 +106,10 @@ pub(crate) fn play(number: u8) -> Result<(), AnyError> {
                 }
                 Ok(told) => return Err(format!("{other} answered {told:#x} to {data}").into()),
                 Err(Error::Window { processor, .. }) if processor == me => break,
-                // Another one's lost memory is its own affair.
-                Err(Error::Window { .. }) => {}
-                // They start and end when they like.
-                Err(Error::PeerDied { .. } | Error::PeerRestarted { .. }) => {}
+                // They start and end when they like, and lose what they like.
+                Err(
+                    Error::PeerDied { .. } | Error::PeerRestarted { .. } | Error::Window { .. },
+                ) => {}
                 Err(error) => return Err(error.into()),
             }
         }
@@ -138,9 +139,4 @@ fn wait(call: &Call<'_>) -> u32 {
         std::thread::yield_now();
     }
     call.data()
-}
-
-#[expect(clippy::disallowed_methods, reason = "the span itself is random")]
-fn pause(span: Duration) {
-    std::thread::sleep(span);
 }

@@ -2,24 +2,24 @@
 
 use condor_mbox::{Error, Instant};
 
-use crate::board::{Board, Director, Victim};
+use super::board::{Board, Director, Victim};
 
 /// What is known of the victim at one moment.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moment {
     pub(crate) at: Instant,
-    pub(crate) kills: u32,
     pub(crate) claimed: u32,
+    pub(crate) continued: u32,
+    done: u32,
+    left: u32,
+    pub(crate) kills: u32,
+    pub(crate) stopped: u32,
     pub(crate) ready: u32,
     pub(crate) life: u32,
     pub(crate) last_life: u32,
     begun: u32,
-    done: u32,
     leaving: u32,
-    left: u32,
     stopping: u32,
-    pub(crate) stopped: u32,
-    pub(crate) continued: u32,
 }
 
 impl Moment {
@@ -43,18 +43,18 @@ impl Moment {
     pub(crate) fn after(board: &Board, at: Instant) -> Self {
         Self {
             at,
-            last_life: board.last_life(),
+            claimed: board.victim(Victim::Claimed),
+            continued: board.director(Director::Continued),
+            done: board.victim(Victim::Done),
+            left: board.victim(Victim::Left),
             kills: board.director(Director::Kills),
+            stopped: board.director(Director::Stopped),
+            ready: board.victim(Victim::Ready),
+            life: board.victim(Victim::Life),
+            last_life: board.last_life(),
             begun: board.victim(Victim::Begun),
             leaving: board.victim(Victim::Leaving),
             stopping: board.director(Director::Stopping),
-            stopped: board.director(Director::Stopped),
-            continued: board.director(Director::Continued),
-            claimed: board.victim(Victim::Claimed),
-            ready: board.victim(Victim::Ready),
-            life: board.victim(Victim::Life),
-            done: board.victim(Victim::Done),
-            left: board.victim(Victim::Left),
         }
     }
 

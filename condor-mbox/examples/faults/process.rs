@@ -5,7 +5,7 @@ use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 
 use rustix::process::{Pid, Signal, WaitOptions};
 
-use crate::AnyError;
+use super::AnyError;
 
 /// The environment variable that says which part a child plays.
 const PART: &str = "CONDOR_FAULTS_PART";

@@ -2,7 +2,7 @@
 
 use condor_mbox::Error;
 
-use crate::board::{Board, Survivor};
+use super::board::{Board, Survivor};
 
 /// Good replies, messages without reply, and errors by kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use crate::board::{Aim, Board, Victim};
-use crate::director::Scene;
-use crate::everyone::Everyone;
-use crate::record::{Count, Record, Series};
-use crate::talk::SURVIVORS;
-use crate::truncation::Truncation;
+use super::board::{Aim, Board, Victim};
+use super::director::Scene;
+use super::everyone::Everyone;
+use super::record::{Count, Record, Series};
+use super::talk::SURVIVORS;
+use super::truncation::Truncation;
 
 /// The goal for the 99th percentile of a waiting survivor's detection, in nanoseconds.
 const GOAL_NS: u32 = 1_000_000;
@@ -16,6 +16,8 @@ const GOAL_NS: u32 = 1_000_000;
 pub(crate) struct Report {
     counts: Vec<(Count, &'static str, u32)>,
     series: Vec<(Series, &'static str, Vec<u32>)>,
+    /// How long the kernel took to end each victim.
+    ends: Vec<u32>,
     kills: [u32; Aim::ALL.len()],
     stops: [u32; Aim::ALL.len()],
     refused: u32,
@@ -25,7 +27,8 @@ pub(crate) struct Report {
 }
 
 impl Report {
-    pub(crate) fn new(board: &Board, scene: Scene<'_>) -> Self {
+    pub(crate) fn new(board: &Board, mut scene: Scene<'_>) -> Self {
+        scene.ends.sort_unstable();
         let records = SURVIVORS.map(|survivor| Record::new(board, survivor.index()));
         let counts = Count::ALL.map(|(count, name)| {
             let each = records.iter().map(|record| record.count(count));
@@ -47,6 +50,7 @@ impl Report {
         Self {
             counts: counts.into(),
             series: series.into(),
+            ends: scene.ends,
             kills: scene.kills,
             stops: scene.stops,
             refused: scene.refused,
@@ -87,20 +91,14 @@ impl Report {
             "times in µs", "samples", "p50", "p99", "max"
         );
         for (series, name, all) in &self.series {
-            let at = |hundredths| f64::from(percentile(all, hundredths)) / 1000.0;
             let goal = match series {
                 Series::Waiting if percentile(all, 99) <= GOAL_NS => "  p99 ≤ 1 ms: met",
                 Series::Waiting => "  p99 ≤ 1 ms: MISSED",
                 _ => "",
             };
-            println!(
-                "  {name:<32} {:>9} {:>9.0} {:>9.0} {:>9.0}{goal}",
-                all.len(),
-                at(50),
-                at(99),
-                at(100)
-            );
+            println!("{}{goal}", line(name, all));
         }
+        println!("{}", line("kill to end of process (kernel)", &self.ends));
 
         let Everyone { rounds, killed, .. } = self.everyone;
         println!("\nall processes of a named system killed: {rounds} rounds, {killed} processes");
@@ -108,6 +106,12 @@ impl Report {
         println!("memory truncated during a call: Lost; good replies of others after it: {others}");
         println!("wrong or lost: {}   ({lasted:.1?})", self.faults());
     }
+}
+
+fn line(name: &str, sorted: &[u32]) -> String {
+    let at = |hundredths| f64::from(percentile(sorted, hundredths)) / 1000.0;
+    let (count, p50, p99, max) = (sorted.len(), at(50), at(99), at(100));
+    format!("  {name:<32} {count:>9} {p50:>9.0} {p99:>9.0} {max:>9.0}")
 }
 
 /// The least value that is not below `hundredths` of all; 0 if there is none.

@@ -6,12 +6,12 @@ use std::time::Duration;
 use condor_mbox::linux::{Claim, Mailbox};
 use condor_mbox::{Call, Clock, CriticalSection, Error, PeerState, Processor, Vector, Waiting};
 
-use crate::AnyError;
-use crate::board::{Aim, Board, Director, Survivor, Victim};
-use crate::judge::{Moment, Span};
-use crate::random::Random;
-use crate::record::{Count, Record, Series};
-use crate::talk::{
+use super::AnyError;
+use super::board::{Aim, Board, Director, Survivor, Victim};
+use super::judge::{Moment, Span};
+use super::random::Random;
+use super::record::{Count, Record, Series};
+use super::talk::{
     ASK_BACK, ASK_OTHER, COUNTED, ECHO, HOLD, LONG, N, NUMBERED, Numbered, QUESTION, VICTIM,
     answer, failed_in, life_of,
 };

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use condor_mbox::linux::{Mailbox, System};
 use condor_mbox::{Call, Error, Object, Processor, WindowErrorKind};
 
-use crate::AnyError;
-use crate::everyone::{ANSWER, BYTES, MET, NAME, WAIT, open};
-use crate::process::Process;
-use crate::talk::{LONG, N, answer};
+use super::AnyError;
+use super::everyone::{ANSWER, BYTES, MET, NAME, WAIT, open};
+use super::process::Process;
+use super::talk::{LONG, N, answer};
 
 /// Calls of another process that must go well afterwards.
 const CALLS: u32 = 1000;

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use condor_mbox::linux::{Claim, Mailbox, System};
 use condor_mbox::{Call, CriticalSection, Error, PeerState, Processor, Vector};
 
-use crate::AnyError;
-use crate::board::{Aim, Board, Director, Victim};
-use crate::random::Random;
-use crate::talk::{
+use super::AnyError;
+use super::board::{Aim, Board, Director, Victim};
+use super::random::Random;
+use super::talk::{
     ASK_BACK, ASK_OTHER, COUNTED, ECHO, HOLD, LONG, N, NUMBERED, Numbered, QUESTION, SURVIVORS,
     VICTIM, answer, reply,
 };
