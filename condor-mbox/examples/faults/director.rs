@@ -155,7 +155,9 @@ impl<'s> Scene<'s> {
             })
         })?;
         match self.system.claim(VICTIM) {
-            Err(SystemError::NumberTaken { .. }) => self.refused += 1,
+            Err(SystemError::NumberTaken { process_id, .. }) if process_id == victim.id() => {
+                self.refused += 1;
+            }
             Ok(_) => self.fault("the number of a stopped process was given away"),
             Err(error) => self.fault(&format!("a claim during a stop: {error}")),
         }

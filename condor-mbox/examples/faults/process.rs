@@ -62,6 +62,10 @@ impl Process {
         Ok(self.child.wait()?)
     }
 
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     fn pid(&self) -> Pid {
         Pid::from_child(&self.child)
     }
