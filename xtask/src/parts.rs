@@ -36,7 +36,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part { name: "features", about: "clippy with every combination of features",       run: features::run },
     Part { name: "deny",     about: "licences, duplicates, sources, advisories",       run: deny::run },
     Part { name: "msrv",     about: "the oldest toolchain that the manifests promise", run: msrv::run },
-    Part { name: "loom",     about: "the concurrency models in tests/loom*.rs",        run: loom::run },
+    Part { name: "loom",     about: "the concurrency models: tests named loom",        run: loom::run },
     Part { name: "miri",     about: "unit tests without undefined behaviour",          run: miri::run },
     Part { name: "fuzz",     about: "every fuzz target for a bounded time",            run: fuzz::run },
 ];

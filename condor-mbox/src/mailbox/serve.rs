@@ -52,6 +52,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Waits until at least one request has been served, for at most `timeout`, and says how many
     /// were: for the background of a processor that has nothing else to do.
     ///
+    /// A spinning mailbox goes on as long as requests follow each other closely, to a ringful for
+    /// each sender.
+    ///
     /// # Errors
     /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
     pub fn serve(&self, timeout: Duration) -> Result<usize, Error> {
@@ -60,15 +63,16 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             timeout,
             enclosing: Instant::FOREVER,
         };
-        let mut before = None;
-        let end = self.wait(limit, None, || {
-            let served = self.served.get();
-            let before = *before.get_or_insert(served);
-            Ok((served != before).then(|| served.wrapping_sub(before) as usize))
+        let before = self.served.get();
+        let most = N * SLOTS as usize;
+        let served = || self.served.get().wrapping_sub(before) as usize;
+        let end = self.wait(limit, None, |idle| {
+            let served = served();
+            Ok((served >= most || (idle && served > 0)).then_some(served))
         })?;
         Ok(match end {
             End::Came(served) => served,
-            _ => 0,
+            _ => served(),
         })
     }
 
@@ -149,8 +153,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Some(entry) = peer.mail.get(slot, sequence)? else {
             return Ok(None);
         };
-        // An epoch is never 0, so nothing is taken from a peer that has not been acknowledged.
-        if entry.epoch != pair.epoch_in.get() {
+        // No epoch is 0: nothing is taken from a peer that has not been acknowledged.
+        if entry.epoch == 0 || entry.epoch != pair.epoch_in.get() {
             return Ok(None);
         }
         let own = self.own()?;
@@ -175,6 +179,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     fn run(&self, peer: &Peer<'_, W, N>, taken: Taken, deadline: Instant) -> Result<Vector, Error> {
         let Entry { value, kind, .. } = taken.entry;
         let vector = Vector(kind.to_le_bytes()[0]);
+        if kind & 0xff00 != kind::CALL {
+            // The sender may wait for the slot. If its memory is gone, it does not.
+            let _ = self.wake(peer);
+        }
         let mut finish = Finish {
             mailbox: self,
             peer,
@@ -220,7 +228,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             self.depth.set(self.depth.get().wrapping_sub(1));
             self.served.set(self.served.get().wrapping_add(1));
             let vector = usize::from(kind.to_le_bytes()[0]);
-            if status == status::DONE && vector < Vector::COUNT {
+            let is_message = matches!(kind & 0xff00, kind::SEND | kind::CALL);
+            if is_message && status == status::DONE && vector < Vector::COUNT {
                 own.add(Mail::<W, N>::vector(vector) + layout::vector::HANDLED, 1)?;
             }
             if replies && peer.pair.life.get() == taken.life {
