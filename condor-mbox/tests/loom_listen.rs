@@ -64,7 +64,12 @@ fn an_overrun_listener_knows_what_it_missed() {
             log.iter().all(|&(vector, data)| vector == 1 - data % 2),
             "{log:?}"
         );
-        assert_eq!(log.len() as u32 + c.missed(A).unwrap(), 5, "{log:?} {:?}", c.missed(A));
+        assert_eq!(
+            log.len() as u32 + c.missed(A).unwrap(),
+            5,
+            "{log:?} {:?}",
+            c.missed(A)
+        );
     });
 }
 
