@@ -164,7 +164,10 @@ where
                 offset: self.offset,
             }),
             Err(error) => {
-                self.late = Some(ticket);
+                // After any other error nothing more is to come.
+                if matches!(error, Error::TimedOut { .. } | Error::Stalled { .. }) {
+                    self.late = Some(ticket);
+                }
                 Err(error.into())
             }
         }

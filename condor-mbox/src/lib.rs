@@ -21,6 +21,12 @@ pub mod conformance;
 pub mod layout;
 #[cfg(feature = "linux")]
 pub mod linux;
+#[cfg(all(
+    feature = "riscv",
+    not(condor_loom),
+    any(target_arch = "riscv32", target_arch = "riscv64")
+))]
+pub mod riscv;
 #[cfg(feature = "sim")]
 pub mod sim;
 

@@ -74,7 +74,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         // Pairs with the Acquire load in `refresh_taken`: whoever sees a count that was reset
         // below sees that the former life is over.
         fence(Ordering::Release);
-        let life = next_life(own.load(header::LAST_LIFE, LoadOrder::Relaxed)?);
+        let life = self.unknown_life(own.load(header::LAST_LIFE, LoadOrder::Relaxed)?);
         own.store(header::LAST_LIFE, life, StoreOrder::Relaxed)?;
         self.clear(&own)?;
         for pair in &self.pairs {
@@ -123,6 +123,30 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         mail.check_sizes(windows.data.size())?;
         mail.check_layout(windows.data.size())?;
         mail.store(header::LIFE, 0, StoreOrder::Release)
+    }
+
+    /// A life after `last` in which no peer believes us to be.
+    ///
+    /// `last` alone is not enough: a program that wrote anything into its `mail`, or memory that
+    /// was cleared, may have left a former one there.
+    fn unknown_life(&self, last: u32) -> u32 {
+        // Read once: who writes arbitrary words here can only make us skip a life.
+        let known: [u32; N] = core::array::from_fn(|number| {
+            let peer = self.peer(Processor(number as u8)).ok();
+            let acknowledged = peer.and_then(|peer| {
+                let at = Mail::<W, N>::acknowledged(self.me);
+                peer.mail.load(at, LoadOrder::Relaxed).ok()
+            });
+            acknowledged.unwrap_or(0)
+        });
+        let mut life = next_life(last);
+        // Each of the known lives is met at most once.
+        for _ in 0..N {
+            if known.contains(&life) {
+                life = next_life(life);
+            }
+        }
+        life
     }
 
     /// Empties every ring and cell of our own `mail`.
@@ -201,6 +225,16 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let ours = self.life.get();
         peer.pair
             .begin(life, layout::epoch(ours, life), layout::epoch(life, ours));
+        // A peer that comes back to the number of a former life must not find what was meant for
+        // that one; nobody is in epoch 0.
+        for index in 0..SLOTS {
+            for at in [
+                Mail::<W, N>::slot(peer.number, index),
+                Mail::<W, N>::cell(peer.number, index),
+            ] {
+                own.store(at + entry::EPOCH, 0, StoreOrder::Relaxed)?;
+            }
+        }
         own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Relaxed)?;
         // Release: whoever sees the acknowledgement sees the count reset. Pairs with the Acquire
         // load in `is_connected`.

@@ -75,12 +75,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     pub fn listen(&mut self, number: Option<Processor>, timeout: Duration) -> Result<(), Error> {
         let limit = Limit {
             timeout,
-            enclosing: Instant::FOREVER,
+            enclosing: self.doorbell.now().after(timeout),
         };
         if let Some(former) = self.listens_to() {
             self.stop_hearing()?;
+            // A former holder that takes no requests must not take all the time of the new one.
+            let timeout = number.map_or(timeout, |_| timeout / 2);
             // A holder that is gone has forgotten us anyway.
-            let _ = self.request_without_reply(former, kind::IGNORE, limit);
+            let _ = self.request_without_reply(former, kind::IGNORE, Limit { timeout, ..limit });
         }
         let Some(to) = number else { return Ok(()) };
         let peer = self.peer(to)?;
@@ -110,7 +112,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
         for (sender, heard) in self.peers().zip(&self.listening.senders) {
             heard.missed.set(0);
-            let life_of_sender = sender.mail.load(header::LIFE, LoadOrder::Acquire)?;
+            // A sender whose memory is gone sends nothing; it is heard from its next life on.
+            let life_of_sender = sender
+                .mail
+                .load(header::LIFE, LoadOrder::Acquire)
+                .unwrap_or(JOINING);
             // What the holder has taken by now was sent before. Its count is of this life of the
             // sender only once it has acknowledged that. Acquire: pairs with the Release store in
             // `acknowledge`.
@@ -176,7 +182,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Sets or clears the bit of a listener in our header.
-    pub(super) fn admit_listener(&self, listener: Processor, admit: bool) -> Result<u32, Error> {
+    pub(super) fn admit_listener(&self, listener: Processor, admit: bool) -> Result<(), Error> {
         let own = self.own()?;
         self.exclusion.with(|| {
             let bit = 1 << listener.0;
@@ -187,7 +193,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         })?;
         // A listener whose memory is gone cannot be waiting.
         let _ = self.wake(&self.peer(listener)?);
-        Ok(0)
+        Ok(())
     }
 
     /// Whether every listener in the set `listeners` has taken what request `sequence` overwrites.
@@ -425,6 +431,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
 {
     fn drop(&mut self) {
         let mailbox = self.mailbox;
+        let deepest = mailbox.depth.get() >= MAX_DEPTH;
         mailbox.exclusion.with(|| {
             mailbox.depth.set(mailbox.depth.get().wrapping_sub(1));
             if self.handled {
@@ -436,5 +443,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
                 }
             }
         });
+        if deepest {
+            // As in `finish`.
+            mailbox.ring_again();
+        }
     }
 }

@@ -27,6 +27,11 @@ pub(super) mod kind {
     pub(in super::super) const IGNORE: u32 = 4 << 8;
     /// Where the number of the reply cell stands.
     pub(in super::super) const CELL_SHIFT: u32 = 16;
+
+    /// Whether a request is for a handler; the others are the mailboxes' own affair.
+    pub(in super::super) const fn is_message(kind: u32) -> bool {
+        matches!(kind & 0xff00, SEND | CALL)
+    }
 }
 
 /// How a request ended, in the kind word of its reply cell.
@@ -150,7 +155,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 progress: progress(),
             },
         };
-        self.count_failure(vector);
+        self.count_failure(kind::CALL, vector);
         Err(error)
     }
 
@@ -198,11 +203,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             Ok(pending) => return Ok((pending, limit)),
             Err(refusal) => refusal,
         };
-        limit.enclosing = self
-            .doorbell
-            .now()
-            .after(limit.timeout)
-            .min(limit.enclosing);
+        let begun = self.doorbell.now();
+        limit.enclosing = begun.after(limit.timeout).min(limit.enclosing);
+        // Listeners are waited for half of the time: whoever falls behind, on purpose or not,
+        // must not keep a call from its reply.
+        let patience = Duration::from_nanos(limit.enclosing.ns_since(begun) / 2);
+        let leave_behind_at = begun.after(patience);
         if refusal == Refusal::Listeners {
             self.leave_dead_behind(peer)?;
         }
@@ -211,7 +217,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             life: 0,
         });
         let end = self.wait(limit, watch, |_| {
-            match self.publish(peer, kind, data, false)? {
+            let leave_behind =
+                refusal == Refusal::Listeners && self.doorbell.now() >= leave_behind_at;
+            match self.publish(peer, kind, data, leave_behind)? {
                 Ok(pending) => Ok(Some(pending)),
                 Err(reason) => {
                     refusal = reason;
@@ -237,7 +245,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             Ok(_) => refusal.error(to),
             Err(error) => error,
         };
-        self.count_failure(vector);
+        self.count_failure(kind, vector);
         Err(error)
     }
 
@@ -267,7 +275,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             .exclusion
             .with(|| self.publish_alone(peer, kind, data, leave_behind))?;
         if let Ok((_, listeners)) = published {
-            self.wake(peer)?;
+            // It has been sent, and a receiver whose memory is gone cannot be waiting.
+            let _ = self.wake(peer);
             if listeners != 0 {
                 self.wake_listeners(listeners);
             }
@@ -322,7 +331,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         own.put(Mail::<W, N>::slot(peer.number, sequence), sequence, entry)?;
         pair.head.set(sequence);
         let vector = Vector(kind.to_le_bytes()[0]);
-        if matches!(kind & 0xff00, kind::SEND | kind::CALL) {
+        if kind::is_message(kind) {
             own.add(
                 Mail::<W, N>::vector(vector.index()) + layout::vector::SENT,
                 1,
@@ -414,8 +423,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         Ok(())
     }
 
-    fn count_failure(&self, vector: Vector) {
-        if let Ok(own) = self.own() {
+    fn count_failure(&self, kind: u32, vector: Vector) {
+        if let Ok(own) = self.own()
+            && kind::is_message(kind)
+        {
             let at = Mail::<W, N>::vector(vector.index()) + layout::vector::FAILED;
             // A count that cannot be stored is a window error at the next message.
             let _ = self.exclusion.with(|| own.add(at, 1));
@@ -544,7 +555,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             Ok(pending) => return Ok(pending),
             Err(refusal) => refusal,
         };
-        self.count_failure(vector);
+        self.count_failure(kind, vector);
         Err(refusal.error(message.to))
     }
 }

@@ -15,6 +15,9 @@ use crate::mail::{Entry, Mail};
 use crate::time::Instant;
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
+/// Stands for the vector of a request that ran no handler.
+const NO_VECTOR: Vector = Vector(u8::MAX);
+
 /// A request that has been taken: nobody else will run it.
 #[derive(Clone, Copy)]
 struct Taken {
@@ -30,7 +33,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// mailbox interrupt's handler, and for event loops.
     ///
     /// Serves at most a ringful for each sender, so that nobody can keep an interrupt busy for
-    /// ever; nested calls of the handlers end `timeout` from now at the latest.
+    /// ever; nested calls of the handlers end `timeout` from now at the latest. If there may be
+    /// more, and rings are [always](Self::ring_always) wanted, it rings this processor again.
     ///
     /// # Errors
     /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
@@ -46,7 +50,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             let begun = core::mem::replace(&mut now, self.doorbell.now());
             self.note_time(vector, now.ns_since(begun))?;
         }
+        self.ring_again();
         Ok(most)
+    }
+
+    /// Rings this processor, if its doorbell is what makes it look, for requests that are left.
+    pub(super) fn ring_again(&self) {
+        if self.always {
+            self.doorbell.ring(self.me);
+        }
     }
 
     /// Waits until at least one request has been served, for at most `timeout`, and says how many
@@ -85,7 +97,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Beats the heart, notices who came and went, and serves one request, if there is one; gives
-    /// its vector.
+    /// the vector whose handler ran.
     pub(super) fn serve_one(&self, deadline: Instant) -> Result<Option<Vector>, Error> {
         let beat = self.beats.get().wrapping_add(1);
         self.beats.set(beat);
@@ -153,8 +165,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Some(entry) = peer.mail.get(slot, sequence)? else {
             return Ok(None);
         };
-        // No epoch is 0: nothing is taken from a peer that has not been acknowledged.
-        if entry.epoch == 0 || entry.epoch != pair.epoch_in.get() {
+        // Nothing is taken from a peer that has not been acknowledged: then the epoch here is 0,
+        // which only a peer that breaks the rules writes.
+        if entry.epoch != pair.epoch_in.get() || entry.epoch == 0 {
             return Ok(None);
         }
         let own = self.own()?;
@@ -205,11 +218,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 }
                 None => (status::NO_HANDLER, 0),
             },
-            kind::LISTEN => (status::DONE, self.admit_listener(taken.sender, true)?),
-            kind::IGNORE => (status::DONE, self.admit_listener(taken.sender, false)?),
+            kind @ (kind::LISTEN | kind::IGNORE) => {
+                self.admit_listener(taken.sender, kind == kind::LISTEN)?;
+                (status::NO_HANDLER, 0)
+            }
             _ => (status::NO_HANDLER, 0),
         };
-        Ok(vector)
+        let handled = finish.outcome.0 == status::DONE;
+        Ok(if handled { vector } else { NO_VECTOR })
     }
 
     /// Counts a handled request and replies, if a reply is wanted and its sender still lives the
@@ -223,6 +239,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Entry { kind, epoch, .. } = taken.entry;
         let (status, value) = outcome;
         let replies = kind & 0xff00 == kind::CALL;
+        let deepest = self.depth.get() >= MAX_DEPTH;
         let own = self.own()?;
         self.exclusion.with(|| {
             self.depth.set(self.depth.get().wrapping_sub(1));
@@ -246,6 +263,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             }
             Ok(())
         })?;
+        if deepest {
+            // What came meanwhile was refused for want of depth, and its ring was taken.
+            self.ring_again();
+        }
         if replies { self.wake(peer) } else { Ok(()) }
     }
 

@@ -96,7 +96,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Asks senders to ring the doorbell for every message, also while nobody waits.
     ///
     /// For a processor that [serves](Self::service) from its mailbox interrupt, and for one that
-    /// watches its doorbell's descriptor in an event loop. Undone by `false`.
+    /// watches its doorbell's descriptor in an event loop. It is rung at once, for what was sent
+    /// before. Undone by `false`.
     ///
     /// # Errors
     /// [`Error::Window`].
@@ -107,7 +108,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             _ => return Ok(()),
         };
         self.always = always;
-        self.want_rings(step)
+        self.want_rings(step)?;
+        // Pairs with the fence in `wake`: what was sent without a ring is seen by who answers this.
+        fence(Ordering::SeqCst);
+        self.ring_again();
+        Ok(())
     }
 
     /// Waits until `look` finds something, serving one request per look meanwhile.
@@ -187,7 +192,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             // the looks that follow see what it sent.
             fence(Ordering::SeqCst);
             let seen = self.doorbell.prepare();
-            if let Some(vector) = self.serve_one(deadline)? {
+            let served = self.serve_one(deadline)?;
+            if let Some(vector) = served {
                 let begun = core::mem::replace(&mut now, self.doorbell.now());
                 self.note_time(vector, now.ns_since(begun))?;
                 spin_until = self.spin_end(now);
@@ -195,7 +201,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             if let Some(found) = look(true)? {
                 return Ok(End::Came(found));
             }
-            if now >= spin_until {
+            // Behind what was served there may be more that rang before.
+            if served.is_none() {
                 let until = if watch.is_some() {
                     ask_at
                 } else {

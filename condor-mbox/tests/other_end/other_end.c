@@ -98,9 +98,12 @@ static void join(uint32_t data_size)
     }
     store_release(&mine->life, JOINING);
     atomic_thread_fence(memory_order_release);
-    my_life = load(&mine->last_life) + 1;
-    if (my_life == 0 || my_life == JOINING)
-        my_life = 1;
+    my_life = load(&mine->last_life);
+    do {
+        my_life++;
+        if (my_life == 0 || my_life == JOINING)
+            my_life = 1;
+    } while (my_life == load(&theirs->pairs[ME].acknowledged));
     store(&mine->last_life, my_life);
     for (int q = 0; q < N; q++) {
         struct pair *pair = &mine->pairs[q];
@@ -134,6 +137,10 @@ static bool notice(void)
                 exit(2);
             their_life = life;
             head = tail = 0;
+            for (int i = 0; i < SLOTS; i++) {
+                store(&mine->pairs[PEER].slots[i].epoch, 0);
+                store(&mine->pairs[PEER].cells[i].epoch, 0);
+            }
             store(&mine->pairs[PEER].taken, 0);
             store_release(&mine->pairs[PEER].acknowledged, life);
             wake();
