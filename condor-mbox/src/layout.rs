@@ -1,26 +1,4 @@
-//! The layout of the two objects of a processor, one for every target.
-//!
-//! Everything is a 32-bit little-endian word. `mail` of processor *p* in a system of *N*:
-//!
-//! | line (64 bytes each) | words | written |
-//! |---|---|---|
-//! | 0 | magic, version, processors, number, slots, vectors, data size, life, last life, listeners, process id | at join; listeners by `p` while serving |
-//! | 1 | heartbeat | at every look |
-//! | 2 | attention: not 0 if `p` wants its doorbell rung | around sleeps |
-//! | 3 … | for every sender *s*: epoch, count (what `p` took as a listener) | while listening |
-//! | then | vector table: name (32 bytes), sent, handled, failed, worst handling time in ns | running |
-//! | then | *N* pairs, one for every peer *q* | |
-//!
-//! A pair is a control line (life of `q` that `p` acknowledges, requests of `q` that `p` has
-//! taken), a ring of slots with requests from `p` to `q`, and reply cells for requests from `q`
-//! to `p`. A slot is data, epoch, kind, sequence; a cell is value, epoch, status, sequence. The
-//! sequence is stored last, with release order, and re-read after the rest.
-//!
-//! The *life* of a processor is 0 if it has never joined or has left, [`JOINING`] while its
-//! rings are being cleared, else a number that differs between lives. The *epoch* of a pair is
-//! computed from the lives of both ends, so that nothing of a former life of either is believed.
-//!
-//! `data` begins with one line that belongs to the doorbell; the rest is the users'.
+#![doc = include_str!("../LAYOUT.md")]
 
 use static_assertions::const_assert;
 

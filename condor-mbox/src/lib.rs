@@ -1,20 +1,26 @@
-//! Mailbox messages between processors that share memory.
+// The first definition of a link counts: here those of README.md lead to items instead of files.
+#![cfg_attr(feature = "linux", doc = "[linux]: mod@linux")]
+//! [layout]: mod@layout
+//! [region]: Region
+//! [exchange]: Exchange
+//! [published]: Published
+//! [spin_lock]: SpinLock
+//! [window]: MemoryWindow
+//! [time]: Clock
+//! [doorbell]: Doorbell
+//! [exclusion]: Exclusion
+//! [error]: enum@Error
+#![cfg_attr(not(condor_loom), doc = "[static_memory]: StaticMemory")]
+//!
+#![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
+// Documents of their own.
 #[cfg(feature = "conformance")]
 pub mod conformance;
-mod doorbell;
-mod error;
-mod exchange;
-mod exclusion;
-mod id;
 pub mod layout;
 #[cfg(feature = "linux")]
 pub mod linux;
-mod mail;
-mod mailbox;
-mod published;
-mod region;
 #[cfg(all(
     feature = "riscv",
     not(condor_loom),
@@ -23,6 +29,16 @@ mod region;
 pub mod riscv;
 #[cfg(feature = "sim")]
 pub mod sim;
+
+mod doorbell;
+mod error;
+mod exchange;
+mod exclusion;
+mod id;
+mod mail;
+mod mailbox;
+mod published;
+mod region;
 mod spin_lock;
 #[cfg(not(condor_loom))]
 mod static_memory;
@@ -31,21 +47,26 @@ mod time;
 mod window;
 mod windows;
 
-pub use doorbell::{Doorbell, Evidence};
+// Messages.
 pub use error::{Error, LayoutField, Object, Progress, ProtocolWord};
-pub use exchange::{Exchange, ExchangeError, answer};
-pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 pub use id::{Processor, Vector};
 pub use mailbox::{
     Call, Handler, MAX_DEPTH, Mailbox, Message, Messenger, PeerState, Pending, Ticket,
     VectorStatistics, Waiting,
 };
+
+// What is longer than a word.
+pub use exchange::{Exchange, ExchangeError, answer};
 pub use published::{Latest, Published, Publisher, ReadError, Subscriber};
 pub use region::{AccessError, Place, Places, Region};
 pub use spin_lock::{
     Attempt, Bakery, Guard, HardwareSemaphore, Lives, LockError, NativeSwap, Owner, SemaphoreSwap,
     SpinLock, TestAndSet,
 };
+
+// The machine.
+pub use doorbell::{Doorbell, Evidence};
+pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 #[cfg(not(condor_loom))]
 pub use static_memory::{StaticMemory, StaticWindow};
 pub use time::{Clock, Instant};

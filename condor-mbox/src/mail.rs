@@ -142,7 +142,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         self.store(at + entry::SEQUENCE, sequence, StoreOrder::Release)
     }
 
-    /// Whether this `mail` is laid out as this build expects; the magic number is checked last.
+    /// Whether this `mail` is laid out as this build expects.
     pub(crate) fn check_layout(&self, data_bytes: u32) -> Result<(), Error> {
         let expected = [
             (LayoutField::Magic, header::MAGIC, layout::MAGIC),
@@ -162,7 +162,8 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
             (LayoutField::DataSize, header::DATA_SIZE, data_bytes),
         ];
         for (field, offset, expected) in expected {
-            let found = self.load(offset, LoadOrder::Relaxed)?;
+            // Acquire, for the first: pairs with the Release store of the magic number in `format`.
+            let found = self.load(offset, LoadOrder::Acquire)?;
             if found != expected {
                 return Err(self.disagrees(Object::Mail, field, found, expected));
             }

@@ -176,7 +176,11 @@ impl<const N: usize> Doorbell for LinuxDoorbell<N> {
 ///
 /// Drain it first, then look for messages, then poll: a ring after the drain makes it readable
 /// again. One poller is enough; of several, one may drain the ring of another. Clones are the same
-/// descriptor.
+/// descriptor, which stays open as long as one of them lives.
+///
+/// It is the reading end of a pipe, so tokio's `pipe::Receiver` takes a duplicate of it; see the
+/// example `pollable`. Call [`Mailbox::ring_always`](crate::Mailbox::ring_always), so that peers
+/// ring although nobody waits inside of the mailbox.
 #[derive(Clone, Debug)]
 pub struct PollableBell {
     pipe: Arc<OwnedFd>,

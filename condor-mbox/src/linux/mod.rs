@@ -12,15 +12,23 @@
 //! and a pipe, its *bell*, for those who poll.
 //!
 //! ```
-//! use condor_mbox::linux::System;
-//! use condor_mbox::{MemoryWindow, Processor, StoreOrder, layout::BELL_BYTES};
+//! # use condor_mbox::Processor;
+//! use condor_mbox::linux::{Mailbox, System};
+//! use condor_mbox::CriticalSection;
 //!
+//! # const HOST: Processor = Processor(0);
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! // For the processes that this one starts; `System::named("robot", 4096)` is for any others.
 //! let system = System::<2>::family(4096)?;
-//! let (host, hand) = (system.claim(Processor(0))?, system.claim(Processor(1))?);
-//! host.windows()[1].data.store(BELL_BYTES + 100, 5, StoreOrder::Release)?;
-//! # drop(hand);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! let (windows, doorbell) = system.claim(HOST)?.into_parts();
+//! let mut host = Mailbox::new(HOST, windows, doorbell, CriticalSection)?;
+//! host.join()?;
+//! # Ok(())
+//! # }
 //! ```
+//!
+//! The feature `critical-section-std` brings what [`CriticalSection`](crate::CriticalSection) needs;
+//! a mailbox that one thread alone uses can have a [`SingleContext`](crate::SingleContext) instead.
 //!
 //! # Death
 //!

@@ -32,6 +32,7 @@ pub struct SimDoorbell {
 }
 
 struct Bells {
+    processors: usize,
     state: Mutex<State>,
     rung: Condvar,
     /// Real time counts from here; `None` in virtual time.
@@ -77,6 +78,7 @@ impl<const N: usize> System<N> {
             data: SimWindow::new(layout::BELL_BYTES + data_bytes),
         });
         let bells = Bells {
+            processors: N,
             state: Mutex::default(),
             rung: Condvar::new(),
             begun,
@@ -208,6 +210,9 @@ impl Doorbell for SimDoorbell {
     type Seen = u64;
 
     fn ring(&self, processor: Processor) {
+        if processor.index() >= self.bells.processors {
+            return;
+        }
         let mut state = self.bells.lock();
         let bell = state.of.entry(processor).or_default();
         if bell.drop_next > 0 {
@@ -265,6 +270,9 @@ impl Doorbell for SimDoorbell {
     }
 
     fn evidence(&self, processor: Processor) -> Evidence {
+        if processor.index() >= self.bells.processors {
+            return Evidence::Unknown;
+        }
         let dead = self
             .bells
             .lock()
