@@ -27,6 +27,7 @@ pub trait Exclusion {
 pub struct CriticalSection;
 
 impl Exclusion for CriticalSection {
+    #[inline(always)]
     fn with<R>(&self, body: impl FnOnce() -> R) -> R {
         critical_section::with(|_| body())
     }
@@ -47,6 +48,7 @@ impl SingleContext {
 }
 
 impl Exclusion for SingleContext {
+    #[inline(always)]
     fn with<R>(&self, body: impl FnOnce() -> R) -> R {
         body()
     }

@@ -15,6 +15,12 @@ mod mail;
 mod mailbox;
 mod published;
 mod region;
+#[cfg(all(
+    feature = "riscv",
+    not(condor_loom),
+    any(target_arch = "riscv32", target_arch = "riscv64")
+))]
+pub mod riscv;
 #[cfg(feature = "sim")]
 pub mod sim;
 mod spin_lock;

@@ -101,22 +101,26 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         Ok(self.load(at + entry::SEQUENCE, LoadOrder::Acquire)? == sequence)
     }
 
-    /// Reads the entry at `at` if it carries `sequence` before and after.
+    /// Reads the entry at `at` if it carries `sequence`, and the same epoch, before and after.
+    ///
+    /// The sequence alone does not tell one entry from another: in the next epoch it comes again.
     #[inline(always)]
     pub(crate) fn get(&self, at: u32, sequence: u32) -> Result<Option<Entry>, Error> {
+        // Acquire: pairs with the Release store of the epoch in `put`, so that the sequence below is
+        // not that of an entry of a former epoch.
+        let epoch = self.load(at + entry::EPOCH, LoadOrder::Acquire)?;
         if !self.carries(at, sequence)? {
             return Ok(None);
         }
-        let found = Entry {
-            value: self.load(at + entry::VALUE, LoadOrder::Relaxed)?,
-            epoch: self.load(at + entry::EPOCH, LoadOrder::Relaxed)?,
-            kind: self.load(at + entry::KIND, LoadOrder::Relaxed)?,
-        };
+        let value = self.load(at + entry::VALUE, LoadOrder::Relaxed)?;
+        let kind = self.load(at + entry::KIND, LoadOrder::Relaxed)?;
         // Pairs with the Release fence of `put`: if a word of a later entry was read above, the
-        // load below finds the sequence that `put` had spoiled before.
+        // loads below find the epoch and the sequence that `put` had stored before it. If it is the
+        // same sequence of a still later epoch, its Acquire load lets that epoch be seen.
         fence(Ordering::Acquire);
-        let after = self.load(at + entry::SEQUENCE, LoadOrder::Relaxed)?;
-        Ok((after == sequence).then_some(found))
+        let same = self.carries(at, sequence)?
+            && self.load(at + entry::EPOCH, LoadOrder::Relaxed)? == epoch;
+        Ok(same.then_some(Entry { value, epoch, kind }))
     }
 
     /// Writes the entry at `at`; whoever finds `sequence` there finds the whole entry.
@@ -128,10 +132,11 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
             sequence.wrapping_sub(1),
             StoreOrder::Relaxed,
         )?;
+        // Release: pairs with the Acquire load of the epoch in `get`.
+        self.store(at + entry::EPOCH, new.epoch, StoreOrder::Release)?;
         // Pairs with the Acquire fence of `get`.
         fence(Ordering::Release);
         self.store(at + entry::VALUE, new.value, StoreOrder::Relaxed)?;
-        self.store(at + entry::EPOCH, new.epoch, StoreOrder::Relaxed)?;
         self.store(at + entry::KIND, new.kind, StoreOrder::Relaxed)?;
         // Release: pairs with the Acquire load of `carries`.
         self.store(at + entry::SEQUENCE, sequence, StoreOrder::Release)
@@ -205,3 +210,6 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         self.store(header::MAGIC, layout::MAGIC, StoreOrder::Release)
     }
 }
+
+#[cfg(all(test, condor_loom))]
+mod loom_models;

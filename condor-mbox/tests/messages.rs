@@ -233,3 +233,24 @@ fn what_was_sent_before_leaving_arrives() {
     assert_eq!(b.service(SECOND), Ok(2));
     assert_eq!(SEEN.load(Ordering::Relaxed), 21);
 }
+
+#[test]
+fn a_sleeper_serves_everything_before_it_sleeps() {
+    static SERVED: AtomicU32 = AtomicU32::new(0);
+    fn count(_: &Call<'_>) -> u32 {
+        SERVED.fetch_add(1, Ordering::Relaxed)
+    }
+    let (system, mut a, b) = pair_of::<3>();
+    a.set_vector(V, &count, "count").unwrap();
+    let mut c = system.mailbox(Processor(2)).unwrap();
+    c.join().unwrap();
+    a.service(SECOND).unwrap();
+    b.service(SECOND).unwrap();
+    for _ in 0..5 {
+        c.try_send(A, V, 0).unwrap();
+    }
+    // Nobody rings for them any more; this wait is shorter than the naps of a sleeper.
+    let short = Duration::from_micros(100);
+    assert!(a.send_with_reply(B, V, 0, short).is_err());
+    assert_eq!(SERVED.load(Ordering::Relaxed), 5);
+}

@@ -64,14 +64,14 @@ impl Context {
         ))
     }
 
-    /// The integration tests of the root workspace whose names start with `prefix`.
-    pub(crate) fn integration_tests(&self, prefix: &str) -> Result<Vec<IntegrationTest>> {
+    /// The integration tests of the root workspace whose names have `word` in them, as in `spin_lock_loom`.
+    pub(crate) fn integration_tests(&self, word: &str) -> Result<Vec<IntegrationTest>> {
         let mut found = Vec::new();
         for package in self.members()? {
             for target in list(&package["targets"]) {
                 let name = text(&target["name"]);
                 if list(&target["kind"]).iter().any(|kind| kind == "test")
-                    && name.starts_with(prefix)
+                    && name.split('_').any(|part| part == word)
                 {
                     found.push(IntegrationTest {
                         package: text(&package["name"]).to_owned(),

@@ -4,6 +4,8 @@ use std::process::ExitCode;
 
 mod command;
 mod context;
+mod firmware;
+mod image;
 mod outcome;
 mod parts;
 mod request;

@@ -14,6 +14,8 @@ mod loom;
 mod miri;
 mod msrv;
 mod no_std;
+mod panics;
+mod qemu;
 mod test;
 
 /// One check of the workspace, and a sub-command of `cargo xtask`.
@@ -33,10 +35,12 @@ pub(crate) const PARTS: &[Part] = &[
     Part { name: "docs",     about: "rustdoc without warnings",                        run: docs::run },
     Part { name: "test",     about: "the tests as README.md says to run them",         run: test::run },
     Part { name: "no-std",   about: "the libraries, built for bare-metal targets",     run: no_std::run },
+    Part { name: "qemu",     about: "the bare-metal firmwares, run in QEMU",           run: qemu::run },
+    Part { name: "panics",   about: "no path that panics in the linked firmwares",     run: panics::run },
     Part { name: "features", about: "clippy with every combination of features",       run: features::run },
     Part { name: "deny",     about: "licences, duplicates, sources, advisories",       run: deny::run },
     Part { name: "msrv",     about: "the oldest toolchain that the manifests promise", run: msrv::run },
-    Part { name: "loom",     about: "the concurrency models in tests/loom*.rs",        run: loom::run },
+    Part { name: "loom",     about: "the concurrency models: tests named loom",        run: loom::run },
     Part { name: "miri",     about: "unit tests without undefined behaviour",          run: miri::run },
     Part { name: "fuzz",     about: "every fuzz target for a bounded time",            run: fuzz::run },
 ];

@@ -58,8 +58,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         } else {
             own.mail.check_layout(data_bytes)?;
         }
-        // From here on nobody believes the former life. Release: pairs with the Acquire loads of
-        // the life; what follows must not be seen by who still believes it, see `clear`.
+        // From here on nobody believes the former life.
         own.mail.store(header::LIFE, JOINING, StoreOrder::Release)?;
         vectors::clear(&own.mail)?;
         Ok(this)
@@ -72,6 +71,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     pub fn join(&mut self) -> Result<(), Error> {
         let own = self.own()?;
         own.store(header::LIFE, JOINING, StoreOrder::Release)?;
+        // Pairs with the Acquire load in `refresh_taken`: whoever sees a count that was reset
+        // below sees that the former life is over.
+        fence(Ordering::Release);
         let life = self.unknown_life(own.load(header::LAST_LIFE, LoadOrder::Relaxed)?);
         own.store(header::LAST_LIFE, life, StoreOrder::Relaxed)?;
         self.clear(&own)?;
@@ -96,13 +98,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     /// Leaves the system; the mailbox can [`join`](Self::join) again.
     ///
-    /// Calls that others have in progress here end with [`Error::PeerLeft`].
+    /// Calls that others have in progress here end with [`Error::PeerLeft`]; listening to another
+    /// number ends.
     ///
     /// # Errors
     /// [`Error::Window`].
     pub fn leave(&mut self) -> Result<(), Error> {
         self.life.set(0);
         self.own()?.store(header::LIFE, 0, StoreOrder::Release)?;
+        self.stop_hearing()?;
         self.ring_all();
         Ok(())
     }

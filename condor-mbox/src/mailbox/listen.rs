@@ -37,6 +37,14 @@ struct Heard {
     missed: Word,
 }
 
+/// What a look for the next message of one sender found.
+enum Look {
+    Heard(Entry),
+    /// The sender was faster; what is still there comes next.
+    Overrun,
+    Nothing,
+}
+
 impl<const N: usize> Listening<N> {
     pub(super) fn new() -> Self {
         let heard = |_| Heard {
@@ -70,8 +78,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             enclosing: self.doorbell.now().after(timeout),
         };
         if let Some(former) = self.listens_to() {
-            self.listening.to.set(0);
-            self.listening.life.set(0);
+            self.stop_hearing()?;
             // A former holder that takes no requests must not take all the time of the new one.
             let timeout = number.map_or(timeout, |_| timeout / 2);
             // A holder that is gone has forgotten us anyway.
@@ -81,7 +88,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let peer = self.peer(to)?;
         let life = self.request_without_reply(to, kind::LISTEN, limit)?;
         let watch = Some(Watch { peer: to, life });
-        let end = self.wait(limit, watch, || Ok(self.is_admitted(&peer)?.then_some(())))?;
+        let end = self.wait(limit, watch, |_| Ok(self.is_admitted(&peer)?.then_some(())))?;
         let (vector, progress) = (Vector(0), crate::error::Progress::Waiting);
         match end {
             End::Came(()) => {}
@@ -105,15 +112,24 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
         for (sender, heard) in self.peers().zip(&self.listening.senders) {
             heard.missed.set(0);
-            // What the holder has taken by now was sent before.
-            let taken = peer
-                .mail
-                .load(Mail::<W, N>::taken(sender.number), LoadOrder::Acquire)?;
             // A sender whose memory is gone sends nothing; it is heard from its next life on.
             let life_of_sender = sender
                 .mail
                 .load(header::LIFE, LoadOrder::Acquire)
                 .unwrap_or(JOINING);
+            // What the holder has taken by now was sent before. Its count is of this life of the
+            // sender only once it has acknowledged that. Acquire: pairs with the Release store in
+            // `acknowledge`.
+            let acknowledged = peer.mail.load(
+                Mail::<W, N>::acknowledged(sender.number),
+                LoadOrder::Acquire,
+            )?;
+            let taken = if acknowledged == life_of_sender {
+                peer.mail
+                    .load(Mail::<W, N>::taken(sender.number), LoadOrder::Acquire)?
+            } else {
+                0
+            };
             self.start_hearing(
                 sender.number,
                 heard,
@@ -123,6 +139,18 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
         self.listening.life.set(life);
         self.listening.to.set(u32::from(to.0) + 1);
+        Ok(())
+    }
+
+    /// Forgets to whom this mailbox listens, so that no sender waits for it.
+    pub(super) fn stop_hearing(&self) -> Result<(), Error> {
+        self.listening.to.set(0);
+        self.listening.life.set(0);
+        let own = self.own()?;
+        for sender in 0..N as u32 {
+            // An epoch is never 0. Pairs with the Acquire load in `untaken_by`.
+            own.store(layout::listen(sender), 0, StoreOrder::Release)?;
+        }
         Ok(())
     }
 
@@ -242,6 +270,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         for (sender, heard) in self.peers().zip(&self.listening.senders) {
             match self.hear_from(&holder, &sender, heard) {
                 Ok(Some(entry)) => {
+                    // The sender may wait for us to take it. If its memory is gone, it does not.
+                    let _ = self.wake(&sender);
                     return Ok(Some(self.run_heard(to, sender.number, entry, deadline)));
                 }
                 Ok(None) => {}
@@ -257,22 +287,34 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         sender: &Peer<'_, W, N>,
         heard: &Heard,
     ) -> Result<Option<Entry>, Error> {
+        // Acquire, here and below: pairs with the Release store of the life in `join`.
         let holder_life = holder.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        let sender_life = sender.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        if matches!(holder_life, 0 | JOINING) || matches!(sender_life, 0 | JOINING) {
-            return Ok(None);
-        }
-        if holder_life != self.listening.life.get() {
+        if holder_life != self.listening.life.get() && !matches!(holder_life, 0 | JOINING) {
             // The holder began a new life, which has not admitted us yet.
             let asked = self.post_without_reply(holder, kind::LISTEN)?;
             self.listening.life.set(if asked { holder_life } else { 0 });
         }
-        let epoch = layout::epoch(sender_life, holder_life);
         self.exclusion.with(|| {
+            // Loaded in the section: a context that was interrupted before must not go back to
+            // the former epoch and hear the present one twice.
+            let holder_life = holder.mail.load(header::LIFE, LoadOrder::Acquire)?;
+            let sender_life = sender.mail.load(header::LIFE, LoadOrder::Acquire)?;
+            if matches!(holder_life, 0 | JOINING) || matches!(sender_life, 0 | JOINING) {
+                return Ok(None);
+            }
+            let epoch = layout::epoch(sender_life, holder_life);
             if epoch != heard.epoch.get() {
                 self.start_hearing(sender.number, heard, epoch, 0)?;
             }
-            self.hear_alone(holder, sender, heard)
+            // Every slot may have been overrun.
+            for _ in 0..=SLOTS {
+                match self.hear_alone(holder, sender, heard)? {
+                    Look::Heard(entry) => return Ok(Some(entry)),
+                    Look::Overrun => {}
+                    Look::Nothing => break,
+                }
+            }
+            Ok(None)
         })
     }
 
@@ -298,10 +340,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         holder: &Peer<'_, W, N>,
         sender: &Peer<'_, W, N>,
         heard: &Heard,
-    ) -> Result<Option<Entry>, Error> {
+    ) -> Result<Look, Error> {
         let depth = self.depth.get();
         if depth >= MAX_DEPTH {
-            return Ok(None);
+            return Ok(Look::Nothing);
         }
         let next = heard.tail.get().wrapping_add(1);
         let slot = Mail::<W, N>::slot(holder.number, next);
@@ -310,11 +352,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             .load(slot + entry::SEQUENCE, LoadOrder::Acquire)?;
         let ahead = found.wrapping_sub(next);
         let Some(entry) = sender.mail.get(slot, found)? else {
-            return Ok(None);
+            return Ok(Look::Nothing);
         };
-        if entry.epoch != heard.epoch.get() || ahead > u32::MAX / 2 || !ahead.is_multiple_of(SLOTS)
+        if entry.epoch == 0
+            || entry.epoch != heard.epoch.get()
+            || ahead > u32::MAX / 2
+            || !ahead.is_multiple_of(SLOTS)
         {
-            return Ok(None);
+            return Ok(Look::Nothing);
         }
         let own = self.own()?;
         let tail = if ahead == 0 {
@@ -337,10 +382,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             StoreOrder::Release,
         )?;
         if ahead != 0 {
-            return Ok(None);
+            return Ok(Look::Overrun);
         }
         self.depth.set(depth + 1);
-        Ok(Some(entry))
+        Ok(Look::Heard(entry))
     }
 
     fn run_heard(
@@ -386,6 +431,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
 {
     fn drop(&mut self) {
         let mailbox = self.mailbox;
+        let deepest = mailbox.depth.get() >= MAX_DEPTH;
         mailbox.exclusion.with(|| {
             mailbox.depth.set(mailbox.depth.get().wrapping_sub(1));
             if self.handled {
@@ -397,5 +443,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
                 }
             }
         });
+        if deepest {
+            // As in `finish`.
+            mailbox.ring_again();
+        }
     }
 }

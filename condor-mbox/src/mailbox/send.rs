@@ -126,7 +126,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         } = *pending;
         let peer = self.peer(to)?;
         let watch = (to != self.me).then_some(Watch { peer: to, life });
-        let end = self.wait(limit, watch, || self.reply(&peer, pending));
+        let end = self.wait(limit, watch, |_| self.reply(&peer, pending));
         let progress = || self.progress(&peer, pending);
         let error = match end {
             Ok(End::Came(value)) => return Ok(value),
@@ -216,7 +216,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             peer: peer.number,
             life: 0,
         });
-        let end = self.wait(limit, watch, || {
+        let end = self.wait(limit, watch, |_| {
             let leave_behind =
                 refusal == Refusal::Listeners && self.doorbell.now() >= leave_behind_at;
             match self.publish(peer, kind, data, leave_behind)? {
@@ -359,6 +359,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             .load(Mail::<W, N>::taken(self.me), LoadOrder::Acquire)?;
         let untaken = sequence.wrapping_sub(count);
         if untaken == 0 || untaken > SLOTS + 1 {
+            // Between `notice` and here the receiver may have begun another life, and its count
+            // anew. Ordered by the Acquire load above, which pairs with the fence in `join`.
+            if peer.mail.load(header::LIFE, LoadOrder::Relaxed)? != peer.pair.life.get() {
+                return Ok(false);
+            }
             return Err(Error::Protocol {
                 peer: peer.number,
                 word: ProtocolWord::Taken,

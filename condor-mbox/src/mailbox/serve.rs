@@ -33,7 +33,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// mailbox interrupt's handler, and for event loops.
     ///
     /// Serves at most a ringful for each sender, so that nobody can keep an interrupt busy for
-    /// ever; nested calls of the handlers end `timeout` from now at the latest.
+    /// ever; nested calls of the handlers end `timeout` from now at the latest. If there may be
+    /// more, and rings are [always](Self::ring_always) wanted, it rings this processor again.
     ///
     /// # Errors
     /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
@@ -49,11 +50,22 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             let begun = core::mem::replace(&mut now, self.doorbell.now());
             self.note_time(vector, now.ns_since(begun))?;
         }
+        self.ring_again();
         Ok(most)
+    }
+
+    /// Rings this processor, if its doorbell is what makes it look, for requests that are left.
+    pub(super) fn ring_again(&self) {
+        if self.always {
+            self.doorbell.ring(self.me);
+        }
     }
 
     /// Waits until at least one request has been served, for at most `timeout`, and says how many
     /// were: for the background of a processor that has nothing else to do.
+    ///
+    /// A spinning mailbox goes on as long as requests follow each other closely, to a ringful for
+    /// each sender.
     ///
     /// # Errors
     /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
@@ -63,15 +75,16 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             timeout,
             enclosing: Instant::FOREVER,
         };
-        let mut before = None;
-        let end = self.wait(limit, None, || {
-            let served = self.served.get();
-            let before = *before.get_or_insert(served);
-            Ok((served != before).then(|| served.wrapping_sub(before) as usize))
+        let before = self.served.get();
+        let most = N * SLOTS as usize;
+        let served = || self.served.get().wrapping_sub(before) as usize;
+        let end = self.wait(limit, None, |idle| {
+            let served = served();
+            Ok((served >= most || (idle && served > 0)).then_some(served))
         })?;
         Ok(match end {
             End::Came(served) => served,
-            _ => 0,
+            _ => served(),
         })
     }
 
@@ -179,6 +192,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     fn run(&self, peer: &Peer<'_, W, N>, taken: Taken, deadline: Instant) -> Result<Vector, Error> {
         let Entry { value, kind, .. } = taken.entry;
         let vector = Vector(kind.to_le_bytes()[0]);
+        if kind & 0xff00 != kind::CALL {
+            // The sender may wait for the slot. If its memory is gone, it does not.
+            let _ = self.wake(peer);
+        }
         let mut finish = Finish {
             mailbox: self,
             peer,
@@ -222,12 +239,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let Entry { kind, epoch, .. } = taken.entry;
         let (status, value) = outcome;
         let replies = kind & 0xff00 == kind::CALL;
+        let deepest = self.depth.get() >= MAX_DEPTH;
         let own = self.own()?;
         self.exclusion.with(|| {
             self.depth.set(self.depth.get().wrapping_sub(1));
             self.served.set(self.served.get().wrapping_add(1));
             let vector = usize::from(kind.to_le_bytes()[0]);
-            if status == status::DONE && vector < Vector::COUNT {
+            let is_message = matches!(kind & 0xff00, kind::SEND | kind::CALL);
+            if is_message && status == status::DONE && vector < Vector::COUNT {
                 own.add(Mail::<W, N>::vector(vector) + layout::vector::HANDLED, 1)?;
             }
             if replies && peer.pair.life.get() == taken.life {
@@ -244,6 +263,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             }
             Ok(())
         })?;
+        if deepest {
+            // What came meanwhile was refused for want of depth, and its ring was taken.
+            self.ring_again();
+        }
         if replies { self.wake(peer) } else { Ok(()) }
     }
 

@@ -14,6 +14,9 @@ use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
 /// How often a waiter asks the platform whether the peer it waits for is alive.
 const WATCH: Duration = Duration::from_micros(250);
+/// How long a waiter waits before it feels the pulse of its peer for the first time: reading the
+/// heartbeat takes the line from the peer, which quick answers need not pay for.
+const PULSE: Duration = Duration::from_micros(20);
 /// How long a sleep lasts at most, so that a lost doorbell only delays.
 const NAP: Duration = Duration::from_millis(10);
 
@@ -61,6 +64,15 @@ pub(super) struct Watch {
     pub(super) life: u32,
 }
 
+/// What a burst of glances found.
+enum Glimpse<T> {
+    /// What is waited for.
+    Found(T),
+    /// A request to be served, it seems.
+    Request,
+    Nothing,
+}
+
 /// How a wait ended.
 pub(super) enum End<T> {
     /// What was waited for came.
@@ -84,7 +96,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Asks senders to ring the doorbell for every message, also while nobody waits.
     ///
     /// For a processor that [serves](Self::service) from its mailbox interrupt, and for one that
-    /// watches its doorbell's descriptor in an event loop. Undone by `false`.
+    /// watches its doorbell's descriptor in an event loop. It is rung at once, for what was sent
+    /// before. Undone by `false`.
     ///
     /// # Errors
     /// [`Error::Window`].
@@ -95,77 +108,101 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             _ => return Ok(()),
         };
         self.always = always;
-        self.want_rings(step)
+        self.want_rings(step)?;
+        // Pairs with the fence in `wake`: what was sent without a ring is seen by who answers this.
+        fence(Ordering::SeqCst);
+        self.ring_again();
+        Ok(())
     }
 
     /// Waits until `look` finds something, serving one request per look meanwhile.
+    ///
+    /// `look` is told whether all rings are empty, as far as was seen.
     pub(super) fn wait<T>(
         &self,
         limit: Limit,
         watch: Option<Watch>,
-        mut look: impl FnMut() -> Result<Option<T>, Error>,
+        mut look: impl FnMut(bool) -> Result<Option<T>, Error>,
     ) -> Result<End<T>, Error> {
-        if let Some(found) = look()? {
+        if let Some(found) = look(false)? {
             return Ok(End::Came(found));
         }
-        let begun = self.doorbell.now();
-        let deadline = begun.after(limit.timeout).min(limit.enclosing);
-        let mut spin_until = self.spin_end(begun);
-        let mut ask_at = begun.after(WATCH);
+        // A quick answer costs no reading of the clock. Who waits for requests reads it first: it
+        // is where the handler's time begins.
+        if watch.is_some()
+            && self.waiting != Waiting::Sleep
+            && let Glimpse::Found(found) = self.burst(&mut look)?
+        {
+            return Ok(End::Came(found));
+        }
+        let mut now = self.doorbell.now();
+        let deadline = now.after(limit.timeout).min(limit.enclosing);
+        let mut spin_until = self.spin_end(now);
+        let mut ask_at = now.after(WATCH);
+        let feel_at = now.after(PULSE);
         let mut first_beat = None;
         let mut rings = None;
-        let mut seen = None;
-        let mut now = begun;
         loop {
             let served = self.serve_one(deadline)?;
             let begun = core::mem::replace(&mut now, self.doorbell.now());
             if let Some(vector) = served {
                 self.note_time(vector, now.ns_since(begun))?;
-                seen = None;
                 spin_until = self.spin_end(now);
             }
-            if let Some(found) = look()? {
+            if now < spin_until {
+                match self.burst(&mut look)? {
+                    Glimpse::Found(found) => return Ok(End::Came(found)),
+                    Glimpse::Request if now < deadline && (watch.is_none() || now < ask_at) => {
+                        continue;
+                    }
+                    Glimpse::Request | Glimpse::Nothing => {}
+                }
+            }
+            if let Some(found) = look(true)? {
                 return Ok(End::Came(found));
             }
-            let end = if let Some(watch) = watch {
+            let mut end = None;
+            if let Some(watch) = watch {
                 let ask = now >= ask_at;
                 if ask {
                     ask_at = now.after(WATCH);
                 }
-                self.fate(watch, ask)?
-            } else {
-                None
-            };
-            let end = match end {
-                None if now >= deadline => {
-                    let stalled = watch.is_some_and(|watch| {
-                        first_beat.is_some() && first_beat == self.heartbeat(watch.peer)
-                    });
-                    Some(End::Expired { stalled })
-                }
-                end => end,
-            };
+                end = self.fate(watch, ask)?;
+            }
+            if end.is_none() && now >= deadline {
+                let beat = watch.and_then(|watch| self.heartbeat(watch.peer));
+                end = Some(End::Expired {
+                    stalled: beat.is_some() && beat == first_beat,
+                });
+            }
             if let Some(end) = end {
                 // What came just before the end still counts.
-                return Ok(look()?.map_or(end, End::Came));
+                return Ok(look(true)?.map_or(end, End::Came));
             }
-            if first_beat.is_none() {
+            if first_beat.is_none() && now >= feel_at {
                 first_beat = watch.and_then(|watch| self.heartbeat(watch.peer));
             }
             if now < spin_until {
-                // Most of the time of a spin is spent here, so what comes is seen at once; the
-                // reading of the clock in between gives way to the core's other threads.
-                for _ in 0..const { GLANCES.div_ceil(N) } {
-                    if let Some(found) = look()? {
-                        return Ok(End::Came(found));
-                    }
-                    if self.glance()? {
-                        break;
-                    }
-                }
                 continue;
             }
-            if let Some(seen) = seen.take() {
+            if rings.is_none() {
+                rings = Some(Rings::want(self)?);
+            }
+            // Pairs with the fence in `wake`: either the sender sees that we want to be rung, or
+            // the looks that follow see what it sent.
+            fence(Ordering::SeqCst);
+            let seen = self.doorbell.prepare();
+            let served = self.serve_one(deadline)?;
+            if let Some(vector) = served {
+                let begun = core::mem::replace(&mut now, self.doorbell.now());
+                self.note_time(vector, now.ns_since(begun))?;
+                spin_until = self.spin_end(now);
+            }
+            if let Some(found) = look(true)? {
+                return Ok(End::Came(found));
+            }
+            // Behind what was served there may be more that rang before.
+            if served.is_none() {
                 let until = if watch.is_some() {
                     ask_at
                 } else {
@@ -173,16 +210,28 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 };
                 self.doorbell.wait(seen, until.min(deadline));
                 now = self.doorbell.now();
-            } else {
-                if rings.is_none() {
-                    rings = Some(Rings::want(self)?);
-                }
-                // Pairs with the fence in `wake`: either the sender sees that we want to be rung,
-                // or the look that follows sees what it sent.
-                fence(Ordering::SeqCst);
-                seen = Some(self.doorbell.prepare());
             }
         }
+    }
+
+    /// Glances at the rings many times, for a fraction of a microsecond.
+    ///
+    /// Most of the time of a spin is spent here, so what comes is seen at once; the reading of
+    /// the clock between two bursts gives way to the core's other threads.
+    #[inline(always)]
+    fn burst<T>(
+        &self,
+        look: &mut impl FnMut(bool) -> Result<Option<T>, Error>,
+    ) -> Result<Glimpse<T>, Error> {
+        for _ in 0..const { GLANCES.div_ceil(N) } {
+            if let Some(found) = look(false)? {
+                return Ok(Glimpse::Found(found));
+            }
+            if self.glance()? {
+                return Ok(Glimpse::Request);
+            }
+        }
+        Ok(Glimpse::Nothing)
     }
 
     fn spin_end(&self, now: Instant) -> Instant {

@@ -1,6 +1,7 @@
 use crate::Result;
 use crate::command::command;
 use crate::context::Context;
+use crate::firmware;
 use crate::outcome::Summary;
 use crate::tools::need_component;
 
@@ -8,7 +9,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_component(context, None, "rustfmt")?;
     let check = "cargo fmt --all --check";
     command(context, check).run()?;
-    let others = context.other_workspaces();
+    let mut others = context.other_workspaces();
+    others.push(firmware::WORKSPACE);
     for dir in &others {
         command(context, check).dir(dir).run()?;
     }

@@ -1,9 +1,10 @@
 use crate::Result;
 use crate::command::command;
 use crate::context::Context;
+use crate::firmware::{self, FIRMWARES};
 use crate::outcome::Summary;
 use crate::parts::loom;
-use crate::tools::{need_component, need_debian};
+use crate::tools::{need_component, need_debian, need_target};
 
 /// `features` makes every combination of the libraries; here the tests and examples are looked at.
 const FEATURE_SETS: [&str; 3] = ["--no-default-features", "", "--all-features"];
@@ -31,10 +32,19 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         .dir(dir)
         .run()?;
     }
+    for firmware in &FIRMWARES {
+        need_target(context, firmware.target)?;
+        let line = format!(
+            "cargo clippy -p exercise -p {} --target {} --all-features -- -D warnings",
+            firmware.package, firmware.target
+        );
+        command(context, &line).dir(firmware::WORKSPACE).run()?;
+    }
     let mut checked = format!(
-        "{} feature sets, {} loom models",
+        "{} feature sets, {} loom models, {} firmwares",
         FEATURE_SETS.len(),
-        models.len()
+        models.len(),
+        FIRMWARES.len()
     );
     for dir in others {
         checked += ", ";

@@ -7,7 +7,7 @@ use crate::tests_run;
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let models = models(context)?;
     if models.is_empty() {
-        return Err("no package has a tests/loom*.rs".into());
+        return Err("no package has a test named loom, as in tests/spin_lock_loom.rs".into());
     }
     let mut passed = 0;
     for model in &models {

@@ -1,0 +1,93 @@
+//! A processor that looks only when its doorbell rings is rung for every request.
+
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use condor_mbox::layout::SLOTS;
+use condor_mbox::sim::{Mailbox, System};
+use condor_mbox::{Call, Doorbell, MAX_DEPTH, Processor, Vector};
+
+const A: Processor = Processor(0);
+const B: Processor = Processor(1);
+const V: Vector = Vector(7);
+const SECOND: Duration = Duration::from_secs(1);
+
+fn pair() -> (Mailbox<'static, 2>, Mailbox<'static, 2>) {
+    let system = System::<2>::in_virtual_time(4096);
+    let mut a = system.mailbox(A).unwrap();
+    let mut b = system.mailbox(B).unwrap();
+    b.set_vector(V, &|_| 0, "nothing").unwrap();
+    a.join().unwrap();
+    b.join().unwrap();
+    b.service(SECOND).unwrap();
+    // Both have noticed each other, which rings too.
+    a.try_send(B, V, 0).unwrap();
+    assert_eq!(b.service(SECOND), Ok(1));
+    (a, b)
+}
+
+fn rings(mailbox: &Mailbox<'_, 2>) -> u64 {
+    mailbox.doorbell().prepare()
+}
+
+#[test]
+fn what_was_sent_before_rings_were_wanted_is_rung_for() {
+    let (a, mut b) = pair();
+    a.try_send(B, V, 0).unwrap();
+    let before = rings(&b);
+    b.ring_always(true).unwrap();
+    assert!(rings(&b) > before);
+    b.ring_always(false).unwrap();
+    let before = rings(&b);
+    b.service(SECOND).unwrap();
+    assert_eq!(rings(&b), before);
+}
+
+#[test]
+fn what_one_service_leaves_is_rung_for() {
+    static FROM: OnceLock<Mailbox<'static, 2>> = OnceLock::new();
+    // Whoever serves is sent another message: there is no end.
+    fn refill(_: &Call<'_>) -> u32 {
+        u32::from(FROM.get().unwrap().try_send(B, V, 0).is_ok())
+    }
+    let (a, mut b) = pair();
+    b.clear_vector(V).unwrap();
+    b.set_vector(V, &refill, "refill").unwrap();
+    b.ring_always(true).unwrap();
+    let before = rings(&b);
+    a.try_send(B, V, 0).unwrap();
+    assert!(FROM.set(a).is_ok());
+    let most = 2 * SLOTS;
+    assert_eq!(b.service(SECOND), Ok(most as usize));
+    // One for each message that was sent, and one for the message that is left.
+    assert_eq!(rings(&b), before + u64::from(1 + most) + 1);
+}
+
+#[test]
+fn what_the_depth_refused_is_rung_for() {
+    static DEEP: OnceLock<Mailbox<'static, 2>> = OnceLock::new();
+    static REFUSED: AtomicBool = AtomicBool::new(false);
+    // An interrupt in each handler, which serves the next request or is refused.
+    fn dive(call: &Call<'_>) -> u32 {
+        let b = DEEP.get().unwrap();
+        if call.data() < MAX_DEPTH {
+            b.try_send(B, V, call.data() + 1).unwrap();
+            let served = b.service(SECOND).unwrap();
+            REFUSED.fetch_or(served == 0, Ordering::Relaxed);
+        }
+        0
+    }
+    let (_a, mut b) = pair();
+    b.clear_vector(V).unwrap();
+    b.set_vector(V, &dive, "dive").unwrap();
+    b.ring_always(true).unwrap();
+    let before = rings(&b);
+    b.try_send(B, V, 0).unwrap();
+    assert!(DEEP.set(b).is_ok());
+    let b = DEEP.get().unwrap();
+    b.service(SECOND).unwrap();
+    assert!(REFUSED.load(Ordering::Relaxed));
+    let sent = u64::from(MAX_DEPTH) + 1;
+    assert!(rings(b) > before + sent);
+}

@@ -1,0 +1,68 @@
+//! [`Checks`]: a line for every check, and their count.
+
+use core::fmt::{self, Write as _};
+
+/// Checks that were made, and how many held.
+pub struct Checks<'p> {
+    print: &'p dyn Fn(&str),
+    passed: u32,
+    failed: u32,
+}
+
+impl<'p> Checks<'p> {
+    /// No checks yet; `print` puts text on the console.
+    pub fn new(print: &'p dyn Fn(&str)) -> Self {
+        Self {
+            print,
+            passed: 0,
+            failed: 0,
+        }
+    }
+
+    /// A line of its own that begins a group of checks.
+    pub fn group(&self, name: &str) {
+        (self.print)(name);
+        (self.print)("\n");
+    }
+
+    /// Notes whether `what` is so.
+    pub fn that(&mut self, what: &str, holds: bool) {
+        self.same(what, holds, true);
+    }
+
+    /// Notes whether `found` is as `expected`; feature `values` shows both if not.
+    #[allow(
+        clippy::needless_pass_by_value,
+        reason = "results of calls are what is compared; a borrow of each would only add noise"
+    )]
+    pub fn same<T: PartialEq + fmt::Debug>(&mut self, what: &str, found: T, expected: T) {
+        if found == expected {
+            self.passed = self.passed.saturating_add(1);
+            (self.print)("  ok      ");
+            (self.print)(what);
+        } else {
+            self.failed = self.failed.saturating_add(1);
+            (self.print)("  FAILED  ");
+            (self.print)(what);
+            #[cfg(feature = "values")]
+            // The console takes everything.
+            let _ = write!(self, ": {found:?}, not {expected:?}");
+        }
+        (self.print)("\n");
+    }
+
+    /// Prints the count as the last line; whether all held, and there were some.
+    pub fn conclude(&mut self) -> bool {
+        let (passed, failed) = (self.passed, self.failed);
+        // The console takes everything.
+        let _ = writeln!(self, "{passed} passed, {failed} failed");
+        failed == 0 && passed > 0
+    }
+}
+
+impl fmt::Write for Checks<'_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        (self.print)(text);
+        Ok(())
+    }
+}

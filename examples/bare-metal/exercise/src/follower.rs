@@ -1,0 +1,93 @@
+//! What the follower does between messages.
+
+use condor_mbox::{AccessError, Doorbell, Exclusion, MemoryWindow};
+
+use crate::map::MAP;
+use crate::memory::{Locks, count_some};
+use crate::resident::{Resident, TICK};
+use crate::{LEADER, Mbox};
+
+/// What the leader wants the follower to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Serve while waiting, and do nothing else.
+    Serve,
+    /// Take [turns](turn) and look for messages in between.
+    Poll,
+    /// Serve nothing.
+    Hold,
+    /// Compute and send; the mailbox interrupt serves.
+    Interrupts,
+    /// End without leaving the system.
+    Stop,
+}
+
+impl Order {
+    pub(crate) const fn word(self) -> u32 {
+        match self {
+            Self::Serve => 0,
+            Self::Poll => 1,
+            Self::Hold => 2,
+            Self::Interrupts => 3,
+            Self::Stop => 4,
+        }
+    }
+
+    const fn from_word(word: u32) -> Self {
+        match word {
+            1 => Self::Poll,
+            2 => Self::Hold,
+            3 => Self::Interrupts,
+            4 => Self::Stop,
+            _ => Self::Serve,
+        }
+    }
+}
+
+impl<W: MemoryWindow> Resident<W> {
+    /// What the leader wants.
+    #[must_use]
+    pub fn order(&self) -> Order {
+        // Memory that is gone orders nothing more.
+        self.ram
+            .word(MAP.order)
+            .map_or(Order::Stop, Order::from_word)
+    }
+
+    /// Tells the leader that `order` is obeyed.
+    pub fn obey(&self, order: Order) {
+        // If the memory is gone, nobody reads it.
+        let _ = self.ram.set_word(MAP.obeyed, order.word());
+    }
+}
+
+/// So many turns pass before the follower sends again: the leader has more to do than to serve.
+const TURNS_PER_TICK: u32 = 64;
+
+/// One pass of the follower's background: publishes, counts under the lock and, if the mailbox
+/// interrupt serves, sends. Never waits.
+///
+/// # Errors
+/// The memory is gone.
+pub fn turn<W, D, X, L>(
+    mailbox: &Mbox<'_, W, D, X>,
+    resident: &Resident<W>,
+    locks: &L,
+) -> Result<(), AccessError>
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+    L: Locks<W>,
+{
+    count_some(mailbox, locks)?;
+    let mut publisher = MAP.sample.publisher(&resident.ram)?;
+    let sample = resident.ram.word(MAP.obeyed)?;
+    let next = publisher.publish(&[sample; 6])?;
+    publisher.publish(&[next; 6])?;
+    if resident.order() == Order::Interrupts && next % TURNS_PER_TICK < 2 {
+        // In the middle of this the mailbox interrupt may come; a full ring is left alone.
+        let _ = mailbox.try_send(LEADER, TICK, next);
+    }
+    Ok(())
+}

@@ -1,0 +1,42 @@
+//! Uses every call of `condor-mbox` that runs without an operating system, over any backend.
+//!
+//! Two processors take part. The *leader* makes the checks. The *follower* has nothing else to
+//! do than to obey: it serves, or does not, as the leader's [`Order`] says, which is a word in
+//! the follower's `data`. Both are [residents](Resident) with the same vectors.
+#![no_std]
+
+mod checks;
+#[cfg(feature = "conformance")]
+mod conformance;
+mod follower;
+mod map;
+mod memory;
+mod messages;
+mod resident;
+mod states;
+
+pub use checks::Checks;
+#[cfg(feature = "conformance")]
+pub use conformance::{doorbell, window};
+pub use follower::{Order, turn};
+pub use map::DATA_BYTES;
+pub use memory::{LockKind, Locking, Locks, memory};
+pub use messages::messages;
+pub use resident::{Resident, reside};
+pub use states::{first_life, give, last_order, second_life};
+
+use condor_mbox::{Mailbox, Processor};
+use core::time::Duration;
+
+/// The processors of the system.
+pub const PROCESSORS: usize = 2;
+/// Who makes the checks.
+pub const LEADER: Processor = Processor(0);
+/// Who obeys.
+pub const FOLLOWER: Processor = Processor(1);
+
+/// The mailbox of either.
+pub type Mbox<'v, W, D, X> = Mailbox<'v, W, D, X, PROCESSORS>;
+
+/// Nothing here takes as long, unless something is broken.
+const PATIENCE: Duration = Duration::from_secs(20);

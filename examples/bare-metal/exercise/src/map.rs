@@ -1,0 +1,58 @@
+//! Where things lie in the follower's `data`, after the doorbell's line.
+
+use condor_mbox::{AccessError, Bakery, Places, Published, layout};
+
+use crate::PROCESSORS;
+
+/// Bytes of `data` that each processor needs.
+pub const DATA_BYTES: u32 = layout::BELL_BYTES + USERS_BYTES;
+
+/// Room for words that are read and written singly.
+pub(crate) const WORDS_BYTES: usize = 512;
+const USERS_BYTES: u32 = 2048 - layout::BELL_BYTES;
+
+/// A value that is published; all its words are equal.
+pub(crate) type Sample = [u32; 6];
+
+pub(crate) struct Map {
+    /// Words for the leader to read and write.
+    pub(crate) words: u32,
+    /// What the follower shall do.
+    pub(crate) order: u32,
+    /// What the follower does.
+    pub(crate) obeyed: u32,
+    /// How often the follower shall count up under the lock.
+    pub(crate) to_count: u32,
+    /// What both count up, in two words.
+    pub(crate) counted: u32,
+    pub(crate) sample: Published<Sample>,
+    /// A lock of any kind; that of loads and stores is the largest.
+    pub(crate) lock: u32,
+}
+
+/// Found at compile time, so that both ends agree.
+pub(crate) const MAP: Map = match map() {
+    Ok(map) => map,
+    Err(_) => panic!("the map is larger than its memory"),
+};
+
+const fn map() -> Result<Map, AccessError> {
+    let mut places = Places::new(USERS_BYTES);
+    macro_rules! take {
+        ($place:expr) => {
+            match $place {
+                Ok(place) => place,
+                Err(error) => return Err(error),
+            }
+        };
+    }
+    Ok(Map {
+        words: take!(places.bytes(WORDS_BYTES)),
+        order: take!(places.bytes(4)),
+        obeyed: take!(places.bytes(4)),
+        to_count: take!(places.bytes(4)),
+        counted: take!(places.bytes(8)),
+        sample: take!(places.published()),
+        lock: take!(places.bytes(Bakery::bytes(PROCESSORS as u8))),
+    })
+}

@@ -1,0 +1,302 @@
+//! Messages in every way that there is.
+
+use core::fmt::{self, Write as _};
+use core::sync::atomic::Ordering::Relaxed;
+use core::time::Duration;
+
+use condor_mbox::{
+    Doorbell, Error, Exchange, Exclusion, Instant, MAX_DEPTH, MemoryWindow, Message, Messenger,
+    Processor, Vector,
+};
+
+use crate::map::{MAP, WORDS_BYTES};
+use crate::resident::{ANSWER, IN_ORDER, NEST, NOBODY, NOTE, READ, Resident, SUM, Terms};
+use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
+
+/// The leader's messages to a follower that serves.
+pub fn messages<W, D, X>(
+    checks: &mut Checks<'_>,
+    mailbox: &Mbox<'_, W, D, X>,
+    resident: &Resident<W>,
+) where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    flat(checks, mailbox);
+    order(checks, mailbox);
+    nested(checks, mailbox, resident);
+    to_oneself(checks, mailbox, resident);
+    tickets(checks, mailbox);
+    refused(checks, mailbox);
+    typed(checks, mailbox);
+    as_messenger(checks, mailbox);
+}
+
+fn flat<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let at = MAP.words + 400;
+    checks.that(
+        "a word is stored in the follower's memory",
+        mailbox
+            .region(FOLLOWER)
+            .is_ok_and(|ram| ram.set_word(at, 977).is_ok()),
+    );
+    checks.same(
+        "a call reads it there",
+        mailbox.send_with_reply(FOLLOWER, READ, at, PATIENCE),
+        Ok(977),
+    );
+    checks.same(
+        "a message is sent without a reply",
+        mailbox.send(FOLLOWER, NOTE, 1, PATIENCE),
+        Ok(()),
+    );
+    checks.that(
+        "a message is sent without waiting",
+        (0..u32::MAX).any(|_| mailbox.try_send(FOLLOWER, NOTE, 2).is_ok()),
+    );
+}
+
+fn order<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    const COUNT: u32 = 200;
+    let sent = (0..COUNT).all(|data| mailbox.send(FOLLOWER, IN_ORDER, data, PATIENCE).is_ok());
+    checks.that("messages are sent faster than they are served", sent);
+    checks.same(
+        "they are started in order",
+        mailbox.send_with_reply(FOLLOWER, IN_ORDER, COUNT, PATIENCE),
+        Ok(0),
+    );
+}
+
+fn nested<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, resident: &Resident<W>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let all = (0..=MAX_DEPTH)
+        .all(|depth| mailbox.send_with_reply(FOLLOWER, NEST, depth, PATIENCE) == Ok(depth));
+    checks.that("calls nest both ways", all);
+    checks.that(
+        "nesting has a bound",
+        mailbox
+            .send_with_reply(FOLLOWER, NEST, 100, PATIENCE)
+            .is_ok_and(|depth| depth > 1000 && depth < 1100),
+    );
+    resident.notes.store(0, Relaxed);
+    checks.same(
+        "a handler sends in every way",
+        mailbox.send_with_reply(FOLLOWER, ANSWER, 10, PATIENCE),
+        Ok(4),
+    );
+    let come = served_until(mailbox, || resident.notes.load(Relaxed) >= 3);
+    checks.that("what it sent comes", come);
+}
+
+fn to_oneself<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, resident: &Resident<W>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let set = resident.ram.set_word(MAP.words, 42);
+    checks.same("a word is stored in one's own memory", set, Ok(()));
+    checks.same(
+        "a call to oneself is served while it waits",
+        mailbox.send_with_reply(LEADER, READ, MAP.words, PATIENCE),
+        Ok(42),
+    );
+    resident.noted.store(0, Relaxed);
+    checks.same(
+        "a message to oneself is sent",
+        mailbox.send(LEADER, NOTE, 5, PATIENCE),
+        Ok(()),
+    );
+    let served = mailbox.service(PATIENCE);
+    checks.that("servicing does not fail", served.is_ok());
+    let come = served_until(mailbox, || resident.noted.load(Relaxed) == 5);
+    checks.that("it is served", come);
+}
+
+fn tickets<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let at = MAP.words + 400;
+    match mailbox.begin(FOLLOWER, READ, at) {
+        Ok(mut ticket) => {
+            let mut reply = Ok(None);
+            served_until(mailbox, || {
+                reply = ticket.poll();
+                reply != Ok(None)
+            });
+            checks.same(
+                "a ticket is polled until the reply comes",
+                reply,
+                Ok(Some(977)),
+            );
+            checks.same("and gives it once", ticket.poll(), Ok(None));
+            checks.same("also to who waits", ticket.wait(PATIENCE), Ok(None));
+        }
+        Err(error) => checks.same("a ticket is begun", Some(error), None),
+    }
+    let waited = match mailbox.begin(FOLLOWER, READ, at) {
+        Ok(mut ticket) => ticket.wait(PATIENCE),
+        Err(error) => Err(error),
+    };
+    checks.same("a ticket is waited for", waited, Ok(Some(977)));
+    let mut given_up = 0;
+    served_until(mailbox, || {
+        // As many as there are slots, and more: each is free again when its reply has come.
+        given_up += u32::from(mailbox.begin(FOLLOWER, READ, at).is_ok());
+        given_up >= 20
+    });
+    checks.same("tickets that are given up free their slots", given_up, 20);
+}
+
+fn refused<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let number = Processor(PROCESSORS as u8);
+    let no_such = Error::NoSuchProcessor {
+        number,
+        processors: number.0,
+    };
+    checks.same(
+        "a processor that does not exist is refused",
+        mailbox.send(number, NOTE, 0, PATIENCE),
+        Err(no_such),
+    );
+    let vector = Vector(Vector::COUNT as u8);
+    checks.same(
+        "a vector that does not exist is refused",
+        mailbox.send_with_reply(FOLLOWER, vector, 0, PATIENCE),
+        Err(Error::NoSuchVector { vector }),
+    );
+    let nobody = Error::NoHandler {
+        to: FOLLOWER,
+        vector: NOBODY,
+    };
+    checks.same(
+        "a vector without a handler is told",
+        mailbox.send_with_reply(FOLLOWER, NOBODY, 0, PATIENCE),
+        Err(nobody),
+    );
+    let mut text = Length(0);
+    // The compiler is not to know which error it is.
+    let written = write!(text, "{}", core::hint::black_box(nobody));
+    checks.that("an error can be printed", written.is_ok() && text.0 > 20);
+}
+
+fn typed<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let Ok(own) = mailbox.region(LEADER) else {
+        return checks.that("the leader has memory", false);
+    };
+    let mut places = own.places();
+    // What else uses this memory.
+    let exchange = places
+        .bytes(WORDS_BYTES)
+        .and_then(|_| Exchange::<_, _, Terms, u32>::new(mailbox, own, &mut places));
+    match exchange {
+        Ok(mut exchange) => checks.same(
+            "a request of several words gets its response",
+            exchange.call(FOLLOWER, SUM, &[1, 20, 300, u32::MAX], PATIENCE),
+            Ok(320),
+        ),
+        Err(error) => checks.same("an exchange has room", Some(error), None),
+    }
+    checks.same(
+        "a place outside is refused by the handler",
+        mailbox.send_with_reply(FOLLOWER, SUM, u32::MAX - 3, PATIENCE),
+        Ok(0),
+    );
+}
+
+fn as_messenger(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
+    let message = Message {
+        to: FOLLOWER,
+        vector: READ,
+        data: MAP.words + 400,
+    };
+    checks.same("a messenger has a number", messenger.number(), LEADER);
+    checks.same(
+        "it calls",
+        messenger.send_with_reply_before(message, PATIENCE, Instant::FOREVER),
+        Ok(977),
+    );
+    let opened = messenger
+        .open_before(message, PATIENCE, Instant::FOREVER)
+        .and_then(|(pending, deadline)| messenger.wait_before(&pending, PATIENCE, deadline));
+    checks.same("it opens and waits", opened, Ok(977));
+    let note = Message {
+        vector: NOTE,
+        ..message
+    };
+    checks.same(
+        "it sends",
+        messenger.send_before(note, PATIENCE, Instant::FOREVER),
+        Ok(()),
+    );
+    checks.that(
+        "it posts",
+        (0..u32::MAX).any(|_| messenger.post(note).is_ok()),
+    );
+    match messenger.open(message) {
+        Ok(pending) => {
+            let looked = messenger.look(&pending);
+            messenger.abandon(&pending);
+            checks.that("it opens, looks and abandons", looked.is_ok());
+        }
+        Err(error) => checks.same("it opens", Some(error), None),
+    }
+}
+
+/// Serves until `done`, or for too long; whether it is done.
+pub(crate) fn served_until<W, D, X>(
+    mailbox: &Mbox<'_, W, D, X>,
+    mut done: impl FnMut() -> bool,
+) -> bool
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let deadline = mailbox.doorbell().now().after(PATIENCE);
+    while !done() {
+        if mailbox.doorbell().now() >= deadline || mailbox.serve(Duration::from_millis(1)).is_err()
+        {
+            return done();
+        }
+    }
+    true
+}
+
+/// Counts what is printed.
+struct Length(usize);
+
+impl fmt::Write for Length {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0 = self.0.saturating_add(text.len());
+        Ok(())
+    }
+}

@@ -1,0 +1,187 @@
+//! What each of the two processors has: its vectors and what they do.
+
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::time::Duration;
+
+use condor_mbox::{
+    Call, Doorbell, Error, Exclusion, MAX_DEPTH, MemoryWindow, Object, Processor, Region, Vector,
+    Windows, answer,
+};
+
+use crate::{FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
+
+/// Gives the word at an offset of the users' `data` (memo, section 3.3.1).
+pub(crate) const READ: Vector = Vector(12);
+/// Counts messages that come in the order of their data; gives how many did not.
+pub(crate) const IN_ORDER: Vector = Vector(1);
+/// Calls back until its data is used up; gives how deep that was.
+pub(crate) const NEST: Vector = Vector(2);
+/// Adds up terms.
+pub(crate) const SUM: Vector = Vector(3);
+/// Notes its data.
+pub(crate) const NOTE: Vector = Vector(4);
+/// Sends to its sender in each way that a handler has.
+pub(crate) const ANSWER: Vector = Vector(5);
+/// Counts what the follower sends on its own account.
+pub(crate) const TICK: Vector = Vector(6);
+/// Has no handler.
+pub(crate) const NOBODY: Vector = Vector(63);
+
+/// What is added up.
+pub(crate) type Terms = [u32; 4];
+
+/// What the handlers of one processor work on.
+pub struct Resident<W> {
+    me: Processor,
+    pub(crate) ram: Region<W>,
+    /// The users' `data` of all.
+    data: [Region<W>; PROCESSORS],
+    next: AtomicU32,
+    pub(crate) disorder: AtomicU32,
+    pub(crate) noted: AtomicU32,
+    pub(crate) notes: AtomicU32,
+    ticks: AtomicU32,
+    /// Messages to the number listened to that were heard here.
+    pub(crate) heard: AtomicU32,
+}
+
+/// Lets `body` have the mailbox of `me`, not joined yet, with its vectors.
+///
+/// # Errors
+/// As [`Mailbox::new`](condor_mbox::Mailbox::new).
+pub fn reside<W, D, X, R>(
+    me: Processor,
+    windows: [Windows<W>; PROCESSORS],
+    doorbell: D,
+    exclusion: X,
+    body: impl FnOnce(&mut Mbox<'_, W, D, X>, &Resident<W>) -> R,
+) -> Result<R, Error>
+where
+    W: MemoryWindow + Clone + Sync,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let resident = Resident::new(me, &windows)?;
+    let read = |call: &Call<'_>| resident.read(call);
+    let in_order = |call: &Call<'_>| resident.in_order(call);
+    let sum = |call: &Call<'_>| resident.sum(call);
+    let note = |call: &Call<'_>| resident.note(call);
+    let tick = |_: &Call<'_>| {
+        count(&resident.ticks);
+        0
+    };
+    let mut mailbox = Mbox::new(me, windows, doorbell, exclusion)?;
+    mailbox.set_vector(READ, &read, "read a word")?;
+    mailbox.set_vector(IN_ORDER, &in_order, "in order")?;
+    mailbox.set_vector(NEST, &nest, "nest")?;
+    mailbox.set_vector(SUM, &sum, "sum")?;
+    mailbox.set_vector(NOTE, &note, "note")?;
+    mailbox.set_vector(ANSWER, &send_back, "answer")?;
+    mailbox.set_vector(TICK, &tick, "tick")?;
+    Ok(body(&mut mailbox, &resident))
+}
+
+impl<W: MemoryWindow> Resident<W> {
+    fn new(me: Processor, windows: &[Windows<W>; PROCESSORS]) -> Result<Self, Error>
+    where
+        W: Clone,
+    {
+        let users = |number: Processor| {
+            let windows = windows.get(number.index()).ok_or(Error::NoSuchProcessor {
+                number,
+                processors: PROCESSORS as u8,
+            })?;
+            Region::users(windows.data.clone()).map_err(|error| Error::Window {
+                processor: number,
+                object: Object::Data,
+                kind: error.kind,
+            })
+        };
+        Ok(Self {
+            me,
+            ram: users(me)?,
+            data: [users(LEADER)?, users(FOLLOWER)?],
+            next: AtomicU32::new(0),
+            disorder: AtomicU32::new(0),
+            noted: AtomicU32::new(0),
+            notes: AtomicU32::new(0),
+            ticks: AtomicU32::new(0),
+            heard: AtomicU32::new(0),
+        })
+    }
+
+    /// How many messages have come that the other one sent on its own account.
+    pub fn ticks(&self) -> u32 {
+        self.ticks.load(Relaxed)
+    }
+
+    fn read(&self, call: &Call<'_>) -> u32 {
+        if call.addressee() != self.me {
+            count(&self.heard);
+        }
+        self.ram.word(call.data()).unwrap_or(u32::MAX)
+    }
+
+    fn in_order(&self, call: &Call<'_>) -> u32 {
+        if call.data() == 0 {
+            self.disorder.store(0, Relaxed);
+        } else if call.data() != self.next.load(Relaxed) {
+            count(&self.disorder);
+        }
+        self.next.store(call.data().wrapping_add(1), Relaxed);
+        self.disorder.load(Relaxed)
+    }
+
+    /// The place comes from the sender: it may be any number, and is checked by the region.
+    fn sum(&self, call: &Call<'_>) -> u32 {
+        self.data.get(call.sender().index()).map_or(0, |data| {
+            answer(call, data, |terms: Terms| {
+                terms
+                    .iter()
+                    .fold(0_u32, |sum, term| sum.wrapping_add(*term))
+            })
+        })
+    }
+
+    fn note(&self, call: &Call<'_>) -> u32 {
+        self.noted.store(call.data(), Relaxed);
+        count(&self.notes);
+        0
+    }
+}
+
+/// The handlers of one vector do not interrupt each other here: no indivisible addition.
+fn count(counter: &AtomicU32) {
+    counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
+}
+
+/// Each end asks the other for one less until nothing is left, or the stack allows no more.
+fn nest(call: &Call<'_>) -> u32 {
+    let Some(less) = call.data().checked_sub(1) else {
+        return 0;
+    };
+    match call.send_with_reply(call.sender(), NEST, less, PATIENCE) {
+        Ok(depth) => depth.saturating_add(1),
+        Err(Error::TooDeep { depth: MAX_DEPTH }) => 1000,
+        Err(_) => u32::MAX,
+    }
+}
+
+/// Gives how many of the ways went well: 4.
+fn send_back(call: &Call<'_>) -> u32 {
+    let (to, data) = (call.sender(), call.data());
+    let sent = call.send(to, NOTE, data, PATIENCE).is_ok();
+    let posted = call.try_send(to, NOTE, data.wrapping_add(1)).is_ok();
+    let begun = match call.begin(to, NOTE, data.wrapping_add(2)) {
+        // Nobody serves while a handler polls: the reply is given up.
+        Ok(mut ticket) => ticket.poll().is_ok(),
+        Err(_) => false,
+    };
+    let bounded = call.deadline() > condor_mbox::Instant::from_ns(0)
+        && call.vector() == ANSWER
+        && call.send_with_reply(to, NOBODY, 0, Duration::from_secs(1))
+            == Err(Error::NoHandler { to, vector: NOBODY });
+    [sent, posted, begun, bounded]
+        .into_iter()
+        .fold(0, |ways, went| ways + u32::from(went))
+}

@@ -1,0 +1,307 @@
+//! The states of a mailbox and of its peer, from the first life to the last order.
+
+use core::sync::atomic::Ordering::Relaxed;
+use core::time::Duration;
+
+use condor_mbox::{
+    Doorbell, Error, Exclusion, Instant, MemoryWindow, PeerState, Processor, Progress,
+    SingleContext, Vector, Waiting, Windows,
+};
+
+use crate::follower::Order;
+use crate::map::MAP;
+use crate::messages::served_until;
+use crate::resident::{NOBODY, NOTE, READ, Resident};
+use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
+
+/// Before and while the leader joins for the first time.
+pub fn first_life<W, D, X>(
+    checks: &mut Checks<'_>,
+    mailbox: &mut Mbox<'_, W, D, X>,
+    windows: [Windows<W>; PROCESSORS],
+    bell_and_exclusion: (D, X),
+) where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let number = Processor(PROCESSORS as u8);
+    let (bell, exclusion) = bell_and_exclusion;
+    checks.same(
+        "a number beyond the system is refused",
+        Mbox::new(number, windows, bell, exclusion).err(),
+        Some(Error::NoSuchProcessor {
+            number,
+            processors: number.0,
+        }),
+    );
+    checks.same(
+        "one context needs no section",
+        SingleContext::new().with(|| 1),
+        1,
+    );
+    let (early, late) = (Instant::from_ns(5), Instant::from_ns(u64::MAX - 1));
+    checks.same("time is counted", late.ns_since(early), u64::MAX - 6);
+    checks.same(
+        "to its end",
+        late.after(PATIENCE).as_ns(),
+        Instant::FOREVER.as_ns(),
+    );
+    checks.same("a mailbox knows its number", mailbox.number(), LEADER);
+    vectors(checks, mailbox);
+    checks.same(
+        "nothing is sent before joining",
+        mailbox.send(FOLLOWER, NOTE, 0, PATIENCE),
+        Err(Error::NotJoined { number: LEADER }),
+    );
+    checks.same(
+        "nothing is served before joining",
+        mailbox.serve(PATIENCE),
+        Err(Error::NotJoined { number: LEADER }),
+    );
+    checks.same(
+        "nobody is an owner before joining",
+        mailbox.owner(),
+        Err(Error::NotJoined { number: LEADER }),
+    );
+    checks.same("the leader joins", mailbox.join(), Ok(()));
+    checks.same(
+        "a message waits until the follower is there",
+        mailbox.send(FOLLOWER, NOTE, 0, PATIENCE),
+        Ok(()),
+    );
+    checks.that(
+        "the follower is connected",
+        matches!(
+            mailbox.peer_state(FOLLOWER),
+            Ok(PeerState::Up {
+                connected: true,
+                ..
+            })
+        ),
+    );
+}
+
+fn vectors<W, D, X>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, W, D, X>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let vector = Vector(Vector::COUNT as u8);
+    checks.same(
+        "a vector that does not exist cannot be set",
+        mailbox.set_vector(vector, &|_| 0, "none"),
+        Err(Error::NoSuchVector { vector }),
+    );
+    checks.same(
+        "a vector is set once",
+        mailbox.set_vector(READ, &|_| 0, "again"),
+        Err(Error::VectorTaken { vector: READ }),
+    );
+    checks.same(
+        "a name must fit",
+        mailbox.set_vector(NOBODY, &|_| 0, "a name of more than thirty-two bytes"),
+        Err(Error::NameTooLong {
+            vector: NOBODY,
+            len: 36,
+        }),
+    );
+    checks.same(
+        "a vector is set",
+        mailbox.set_vector(NOBODY, &|_| 0, "spare"),
+        Ok(()),
+    );
+    checks.same("a vector is cleared", mailbox.clear_vector(NOBODY), Ok(()));
+    checks.that(
+        "its name is gone",
+        mailbox
+            .vector_statistics(LEADER, NOBODY)
+            .is_ok_and(|statistics| statistics.name().is_empty()),
+    );
+}
+
+/// What happens while the follower holds, what was counted, listening, and a life after leaving.
+pub fn second_life<W, D, X>(
+    checks: &mut Checks<'_>,
+    mailbox: &mut Mbox<'_, W, D, X>,
+    resident: &Resident<W>,
+) where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    held(checks, mailbox);
+    counted(checks, mailbox);
+    listening(checks, mailbox, resident);
+    checks.same("the leader leaves", mailbox.leave(), Ok(()));
+    checks.same(
+        "and is absent",
+        mailbox.peer_state(LEADER),
+        Ok(PeerState::Absent),
+    );
+    checks.same("it joins again", mailbox.join(), Ok(()));
+    checks.same(
+        "the follower notices by itself",
+        mailbox.send_with_reply(FOLLOWER, READ, MAP.words + 400, PATIENCE),
+        Ok(977),
+    );
+    checks.that(
+        "the life is another one",
+        matches!(
+            mailbox.peer_state(LEADER),
+            Ok(PeerState::Up { life: 2, .. })
+        ),
+    );
+}
+
+fn held<W, D, X>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, W, D, X>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    give(checks, mailbox, Order::Hold);
+    for waiting in [
+        Waiting::Sleep,
+        Waiting::Spin,
+        Waiting::SpinThenSleep {
+            spin: Duration::from_micros(100),
+        },
+    ] {
+        mailbox.set_waiting(waiting);
+        let ended = mailbox.send_with_reply(FOLLOWER, READ, 0, Duration::from_millis(5));
+        let waiting = Progress::Waiting;
+        checks.that(
+            "a call that nobody serves ends at its deadline",
+            matches!(ended, Err(Error::TimedOut { progress, .. } | Error::Stalled { progress, .. })
+                if progress == waiting),
+        );
+    }
+    checks.that(
+        "a ring without room is an error",
+        (0..=condor_mbox::layout::SLOTS).any(|data| {
+            mailbox.try_send(FOLLOWER, NOTE, data) == Err(Error::NoSlot { to: FOLLOWER })
+        }),
+    );
+    give(checks, mailbox, Order::Serve);
+    for waiting in [Waiting::Spin, Waiting::Sleep, Waiting::default()] {
+        mailbox.set_waiting(waiting);
+        checks.same(
+            "calls go on with every way to wait",
+            mailbox.send_with_reply(FOLLOWER, READ, MAP.words + 400, PATIENCE),
+            Ok(977),
+        );
+    }
+    for always in [true, false] {
+        let set = mailbox.ring_always(always);
+        checks.same("rings are asked for", set, Ok(()));
+        checks.same(
+            "calls go on with and without",
+            mailbox.send_with_reply(FOLLOWER, READ, MAP.words + 400, PATIENCE),
+            Ok(977),
+        );
+    }
+}
+
+fn counted<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    match (
+        mailbox.vector_statistics(LEADER, READ),
+        mailbox.vector_statistics(FOLLOWER, READ),
+    ) {
+        (Ok(ours), Ok(theirs)) => {
+            checks.same("a peer's vector has a name", theirs.name(), "read a word");
+            checks.that("what was sent is counted", ours.sent > 0);
+            checks.that("what failed is counted", ours.failed > 0);
+            checks.that("what was handled is counted", theirs.handled > 0);
+            checks.that(
+                "and the worst time of the handler",
+                theirs.worst_ns < u32::MAX,
+            );
+        }
+        (ours, theirs) => checks.same("vectors have statistics", (ours, theirs).0, theirs),
+    }
+}
+
+/// The leader listens to the follower, and so to its own messages there.
+fn listening<W, D, X>(
+    checks: &mut Checks<'_>,
+    mailbox: &mut Mbox<'_, W, D, X>,
+    resident: &Resident<W>,
+) where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    checks.same("nobody is listened to", mailbox.listens_to(), None);
+    checks.same(
+        "the leader listens to the follower",
+        mailbox.listen(Some(FOLLOWER), PATIENCE),
+        Ok(()),
+    );
+    checks.same("and knows it", mailbox.listens_to(), Some(FOLLOWER));
+    let all = (0..20)
+        .all(|_| mailbox.send_with_reply(FOLLOWER, READ, MAP.words + 400, PATIENCE) == Ok(977));
+    checks.that("the holder replies", all);
+    let heard = served_until(mailbox, || resident.heard.load(Relaxed) == 20);
+    checks.that("the listener hears every message", heard);
+    checks.same("it missed none", mailbox.missed(LEADER), Ok(0));
+    checks.same("it listens no more", mailbox.listen(None, PATIENCE), Ok(()));
+}
+
+/// Ends the follower, and says so on its behalf, as a host does that has reset a processor.
+pub fn last_order<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    give(checks, mailbox, Order::Stop);
+    let declared = match mailbox.windows(FOLLOWER) {
+        Ok(windows) => Mbox::<W, D, X>::declare_stopped(FOLLOWER, windows),
+        Err(error) => Err(error),
+    };
+    checks.same("the follower is declared stopped", declared, Ok(()));
+    checks.same(
+        "it is absent",
+        mailbox.peer_state(FOLLOWER),
+        Ok(PeerState::Absent),
+    );
+    checks.that(
+        "nothing is sent to it",
+        matches!(
+            mailbox.try_send(FOLLOWER, NOTE, 0),
+            Err(Error::NotConnected { .. } | Error::PeerLeft { .. })
+        ),
+    );
+}
+
+/// Gives an order and waits until it is obeyed.
+pub fn give<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, order: Order)
+where
+    W: MemoryWindow,
+    D: Doorbell,
+    X: Exclusion,
+{
+    let Ok(ram) = mailbox.region(FOLLOWER) else {
+        return checks.that("the follower has memory", false);
+    };
+    let given = ram.set_word(MAP.order, order.word());
+    checks.same("an order is given", given, Ok(()));
+    // A follower that waits for messages looks for orders after each; one that does not take
+    // this one now looks anyway.
+    let _ = mailbox.try_send(FOLLOWER, NOTE, 0);
+    let deadline: Instant = mailbox.doorbell().now().after(PATIENCE);
+    let obeyed = served_until(mailbox, || {
+        ram.word(MAP.obeyed) == Ok(order.word()) || mailbox.doorbell().now() >= deadline
+    });
+    checks.that(
+        "it is obeyed",
+        obeyed && mailbox.doorbell().now() < deadline,
+    );
+}

@@ -1,0 +1,64 @@
+//! The bare-metal examples, which are built for targets of their own.
+
+use std::path::PathBuf;
+
+use crate::Result;
+use crate::command::command;
+use crate::context::Context;
+use crate::tools::need_target;
+
+/// Their workspace, relative to the root.
+pub(crate) const WORKSPACE: &str = "examples/bare-metal";
+
+/// One of them.
+pub(crate) struct Firmware {
+    pub package: &'static str,
+    pub target: &'static str,
+    /// The program that runs it.
+    pub qemu: &'static str,
+    /// The Debian package of that program.
+    pub debian: &'static str,
+    /// The machine, and how the firmware talks and ends there.
+    pub machine: &'static str,
+}
+
+pub(crate) const FIRMWARES: [Firmware; 2] = [
+    Firmware {
+        package: "riscv-virt",
+        target: "riscv64gc-unknown-none-elf",
+        qemu: "qemu-system-riscv64",
+        debian: "qemu-system-misc",
+        machine: "-machine virt -smp 2 -bios none -nographic",
+    },
+    Firmware {
+        package: "cortex-m0",
+        target: "thumbv6m-none-eabi",
+        qemu: "qemu-system-arm",
+        debian: "qemu-system-arm",
+        // The board has the chip with 16 KiB of RAM, the firmware wants the one with 32.
+        machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
+    },
+];
+
+impl Firmware {
+    /// Builds it for release, and says where the image is.
+    ///
+    /// # Errors
+    /// The target cannot be had, or the firmware cannot be built.
+    pub(crate) fn build(&self, context: &Context, features: &str) -> Result<PathBuf> {
+        let Self {
+            package, target, ..
+        } = self;
+        need_target(context, target)?;
+        let mut line = format!("cargo build --release --locked -p {package} --target {target}");
+        if !features.is_empty() {
+            line = format!("{line} --features {features}");
+        }
+        command(context, &line)
+            .dir(WORKSPACE)
+            .env("CARGO_TARGET_DIR", "target")
+            .run()?;
+        let image = format!("{WORKSPACE}/target/{target}/release/{package}");
+        Ok(context.root.join(image))
+    }
+}
