@@ -13,7 +13,7 @@ mod scenario;
 
 /// Some twenty seconds of an unoptimised build, unless `PROPTEST_CASES` says otherwise.
 fn config() -> ProptestConfig {
-    let cases = if cfg!(miri) { 3 } else { 1_000 };
+    let cases = if cfg!(miri) { 1 } else { 1_000 };
     let chosen = std::env::var_os("PROPTEST_CASES").is_some();
     let default = ProptestConfig::default();
     ProptestConfig {
@@ -26,7 +26,7 @@ fn config() -> ProptestConfig {
 
 fn explore(run: fn(&[u8]) -> scenario::Tally) {
     let total = RefCell::new(scenario::Tally::default());
-    let longest = if cfg!(miri) { 100 } else { 600 };
+    let longest = if cfg!(miri) { 40 } else { 600 };
     let bytes = prop::collection::vec(any::<u8>(), 0..longest);
     let outcome = TestRunner::new(config()).run(&bytes, |bytes| {
         total.borrow_mut().add(run(&bytes));
