@@ -13,11 +13,12 @@ mod scenario;
 
 /// Some twenty seconds of an unoptimised build, unless `PROPTEST_CASES` says otherwise.
 fn config() -> ProptestConfig {
-    let cases = if cfg!(miri) { 1 } else { 1_000 };
-    let chosen = std::env::var_os("PROPTEST_CASES").is_some();
     let default = ProptestConfig::default();
+    let chosen = std::env::var_os("PROPTEST_CASES").is_some();
+    let cases = if chosen { default.cases } else { 1_000 };
     ProptestConfig {
-        cases: if chosen { default.cases } else { cases },
+        // One alone takes Miri a minute.
+        cases: if cfg!(miri) { 1 } else { cases },
         failure_persistence: None,
         max_shrink_time: 60_000,
         ..default
