@@ -41,8 +41,9 @@ impl Attack {
         self.moves
     }
 
-    pub(super) fn stop(&mut self) {
-        self.stopped = true;
+    /// Moves no more, or goes on.
+    pub(super) fn pause(&mut self, pause: bool) {
+        self.stopped = pause || self.bytes.is_empty();
     }
 
     /// Looks like somebody honest.

@@ -157,6 +157,19 @@ impl Model {
         self.offers.len() as u32 - 1
     }
 
+    /// How many messages have been offered.
+    pub(super) fn offers(&self) -> usize {
+        self.offers.len()
+    }
+
+    /// Whether `from` sent something to `to` that was offered after the first `before`.
+    pub(super) fn has_sent(&self, before: usize, from: usize, to: usize) -> bool {
+        let later = self.offers.iter().skip(before);
+        later
+            .filter(|offer| offer.published.is_some())
+            .any(|offer| (offer.from, offer.to) == (from, to))
+    }
+
     pub(super) fn offered(&self, data: u32) -> &Offer {
         &self.offers[data as usize]
     }

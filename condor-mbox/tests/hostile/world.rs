@@ -168,8 +168,13 @@ impl World {
             }
     }
 
+    /// The hostile processor moves no more, or goes on.
+    pub(super) fn pause_attack(&self, pause: bool) {
+        self.attack.borrow_mut().pause(pause);
+    }
+
     pub(super) fn stop_attack(&self) {
-        self.attack.borrow_mut().stop();
+        self.pause_attack(true);
         self.lose(Object::Mail, false);
         self.lose(Object::Data, false);
     }
