@@ -138,7 +138,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 0,
                 StoreOrder::Relaxed,
             )?;
-            own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Relaxed)?;
+            // Release: who sees the count set back sees that our life is over. Pairs with the
+            // Acquire load in `refresh_taken`.
+            own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Release)?;
             own.store(
                 layout::listen(u32::from(peer.number.0)),
                 0,
@@ -197,7 +199,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let ours = self.life.get();
         peer.pair
             .begin(life, layout::epoch(ours, life), layout::epoch(life, ours));
-        own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Relaxed)?;
+        // Release: as in `clear`.
+        own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Release)?;
         // Release: whoever sees the acknowledgement sees the count reset. Pairs with the Acquire
         // load in `is_connected`.
         own.store(

@@ -292,8 +292,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
         pair.connected.set(1);
         let sequence = pair.head.get().wrapping_add(1);
-        if sequence.wrapping_sub(pair.taken.get()) > SLOTS && !self.refresh_taken(peer, sequence)? {
-            return Ok(Err(Refusal::NoSlot));
+        if sequence.wrapping_sub(pair.taken.get()) > SLOTS
+            && let Err(refusal) = self.refresh_taken(peer, sequence)?
+        {
+            return Ok(Err(refusal));
         }
         let listeners = peer.mail.load(header::LISTENERS, LoadOrder::Relaxed)?;
         if listeners != 0 && !self.listeners_keep_up(peer, listeners, sequence, leave_behind) {
@@ -339,15 +341,23 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         )))
     }
 
-    /// Reads how many requests the receiver has taken; whether `sequence` has a slot now.
-    fn refresh_taken(&self, peer: &Peer<'_, W, N>, sequence: u32) -> Result<bool, Error> {
-        // Acquire: pairs with the Release store in `take_alone`; the slot that is overwritten has
-        // been read before.
+    /// Reads how many requests the receiver has taken, and whether `sequence` has a slot now.
+    fn refresh_taken(
+        &self,
+        peer: &Peer<'_, W, N>,
+        sequence: u32,
+    ) -> Result<Result<(), Refusal>, Error> {
+        // Acquire: pairs with the Release store in `take_alone`, so that the slot that is
+        // overwritten has been read before; and with those in `clear` and `acknowledge`, so that
+        // who sees the count set back sees below that the life is over.
         let count = peer
             .mail
             .load(Mail::<W, N>::taken(self.me), LoadOrder::Acquire)?;
         let untaken = sequence.wrapping_sub(count);
         if untaken == 0 || untaken > SLOTS + 1 {
+            if peer.mail.load(header::LIFE, LoadOrder::Relaxed)? != peer.pair.life.get() {
+                return Ok(Err(Refusal::NotConnected));
+            }
             return Err(Error::Protocol {
                 peer: peer.number,
                 word: ProtocolWord::Taken,
@@ -355,7 +365,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             });
         }
         peer.pair.taken.set(count);
-        Ok(untaken <= SLOTS)
+        Ok(if untaken <= SLOTS {
+            Ok(())
+        } else {
+            Err(Refusal::NoSlot)
+        })
     }
 
     /// A reply cell that no call owns, or whose late reply has come.
