@@ -214,3 +214,99 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
 
 #[cfg(all(test, condor_loom))]
 mod loom_models;
+
+#[cfg(all(test, not(condor_loom)))]
+mod tests {
+    use core::cell::{Cell, RefCell};
+    use std::collections::VecDeque;
+    use std::vec::Vec;
+
+    use super::{Entry, Mail, entry};
+    use crate::id::Processor;
+    use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
+
+    /// One entry, in which another processor's stores happen between the loads of this one.
+    #[derive(Default)]
+    struct Raced {
+        words: [Cell<u32>; 4],
+        /// What the writer stores, one after the other.
+        writes: RefCell<VecDeque<(u32, u32)>>,
+        /// How many of them happen before each load.
+        schedule: RefCell<VecDeque<usize>>,
+        /// Keeps stores in `writes` instead of making them.
+        records: Cell<bool>,
+    }
+
+    #[derive(Debug)]
+    struct Never;
+
+    impl WindowError for Never {
+        fn kind(&self) -> WindowErrorKind {
+            WindowErrorKind::OutOfBounds
+        }
+    }
+
+    impl MemoryWindow for Raced {
+        type Error = Never;
+
+        fn size(&self) -> u32 {
+            16
+        }
+
+        fn load(&self, offset: u32, _: LoadOrder) -> Result<u32, Never> {
+            for _ in 0..self.schedule.borrow_mut().pop_front().unwrap_or(0) {
+                if let Some((at, value)) = self.writes.borrow_mut().pop_front() {
+                    self.words[at as usize / 4].set(value);
+                }
+            }
+            Ok(self.words[offset as usize / 4].get())
+        }
+
+        fn store(&self, offset: u32, value: u32, _: StoreOrder) -> Result<(), Never> {
+            if self.records.get() {
+                self.writes.borrow_mut().push_back((offset, value));
+            } else {
+                self.words[offset as usize / 4].set(value);
+            }
+            Ok(())
+        }
+
+        fn check(&self, _: u32, _: usize) -> Result<(), Never> {
+            Ok(())
+        }
+    }
+
+    /// All ways to spread at most `writes` stores over `loads` loads.
+    fn schedules(loads: usize, writes: usize) -> Vec<Vec<usize>> {
+        if loads == 0 {
+            return vec![Vec::new()];
+        }
+        let rest = |first: usize| {
+            schedules(loads - 1, writes - first)
+                .into_iter()
+                .map(move |rest| [vec![first], rest].concat())
+        };
+        (0..=writes).flat_map(rest).collect()
+    }
+
+    #[test]
+    fn an_entry_is_of_one_epoch_though_its_sequence_comes_again_in_the_next() {
+        let entry_of = |epoch| Entry {
+            value: epoch * 10,
+            epoch,
+            kind: epoch * 100,
+        };
+        assert_eq!(entry::SEQUENCE, 12, "an entry has four words");
+        for schedule in schedules(6, 5) {
+            let window = Raced::default();
+            let mail = Mail::<_, 2>::new(&window, Processor(0));
+            mail.put(0, 1, entry_of(1)).unwrap();
+            window.records.set(true);
+            mail.put(0, 1, entry_of(2)).unwrap();
+            *window.schedule.borrow_mut() = schedule.clone().into();
+            if let Some(found) = mail.get(0, 1).unwrap() {
+                assert_eq!(found, entry_of(found.epoch), "{schedule:?}");
+            }
+        }
+    }
+}

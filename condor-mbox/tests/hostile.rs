@@ -13,11 +13,12 @@ mod scenario;
 
 /// Some twenty seconds of an unoptimised build, unless `PROPTEST_CASES` says otherwise.
 fn config() -> ProptestConfig {
-    let cases = if cfg!(miri) { 3 } else { 1_000 };
-    let chosen = std::env::var_os("PROPTEST_CASES").is_some();
     let default = ProptestConfig::default();
+    let chosen = std::env::var_os("PROPTEST_CASES").is_some();
+    let cases = if chosen { default.cases } else { 1_000 };
     ProptestConfig {
-        cases: if chosen { default.cases } else { cases },
+        // One alone takes Miri a minute.
+        cases: if cfg!(miri) { 1 } else { cases },
         failure_persistence: None,
         max_shrink_time: 60_000,
         ..default
@@ -26,7 +27,7 @@ fn config() -> ProptestConfig {
 
 fn explore(run: fn(&[u8]) -> scenario::Tally) {
     let total = RefCell::new(scenario::Tally::default());
-    let longest = if cfg!(miri) { 100 } else { 600 };
+    let longest = if cfg!(miri) { 40 } else { 600 };
     let bytes = prop::collection::vec(any::<u8>(), 0..longest);
     let outcome = TestRunner::new(config()).run(&bytes, |bytes| {
         total.borrow_mut().add(run(&bytes));

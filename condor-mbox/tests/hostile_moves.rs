@@ -84,10 +84,28 @@ fn joined(system: &System<3>, number: Processor) -> Mailbox<'static, 3> {
     mailbox
 }
 
-fn attend(system: &System<3>, mailbox: Mailbox<'static, 3>) {
+/// Runs a mailbox while others wait, until it is dropped.
+struct Attended {
+    system: System<3>,
+    number: Processor,
+}
+
+impl Drop for Attended {
+    fn drop(&mut self) {
+        // The program holds its mailbox, and that the system.
+        self.system.kill(self.number);
+    }
+}
+
+fn attend(system: &System<3>, mailbox: Mailbox<'static, 3>) -> Attended {
+    let attended = Attended {
+        system: system.clone(),
+        number: mailbox.number(),
+    };
     system.while_waiting(mailbox.number(), move || {
         mailbox.service(SECOND).unwrap();
     });
+    attended
 }
 
 fn system() -> System<3> {
@@ -126,7 +144,7 @@ fn a_request_to_listen_is_no_message() {
 fn lost_memory_of_one_does_not_keep_others_from_listening() {
     let system = system();
     let mut host = joined(&system, HOST);
-    attend(&system, joined(&system, OTHER));
+    let _attended = attend(&system, joined(&system, OTHER));
     system.windows(HOSTILE)[1].mail.lose();
     assert_eq!(host.listen(Some(OTHER), SECOND), Ok(()));
 }
@@ -153,6 +171,7 @@ fn listen_ends_by_its_timeout_as_a_whole() {
         }
     });
     host.listen(Some(HOSTILE), MILLISECOND).unwrap_err();
+    system.kill(HOSTILE);
     let passed = host.doorbell().now().ns_since(begun);
     assert!(passed < 1_100_000, "{passed} ns");
 }
@@ -172,7 +191,7 @@ fn cleared_memory_does_not_begin_a_life_that_others_hold_for_current() {
     }
     drop(former);
     Hostile::of(&system).wipe();
-    attend(&system, joined(&system, HOSTILE));
+    let _attended = attend(&system, joined(&system, HOSTILE));
     // Nobody looked meanwhile.
     assert_eq!(host.send_with_reply(HOSTILE, V, 5, SECOND), Ok(5));
 }
@@ -205,7 +224,7 @@ fn a_listener_that_falls_behind_on_purpose_costs_no_reply() {
     let epoch = layout::epoch(1, hostile.word(OTHER, header::LIFE));
     hostile.request(OTHER, 1, epoch, LISTEN);
     assert_eq!(other.service(SECOND), Ok(1));
-    attend(&system, other);
+    let _attended = attend(&system, other);
     let lives = [HOST, OTHER].map(|number| hostile.word(number, header::LIFE));
     let listen = layout::listen(u32::from(HOST.0));
     hostile.set(listen, layout::epoch(lives[0], lives[1]));
@@ -220,7 +239,7 @@ fn a_listener_that_falls_behind_on_purpose_costs_no_reply() {
 fn an_exchange_that_was_refused_is_not_in_doubt() {
     let system = system();
     let host = joined(&system, HOST);
-    attend(&system, joined(&system, OTHER));
+    let _attended = attend(&system, joined(&system, OTHER));
     let region = host.region(HOST).unwrap();
     let mut exchange =
         Exchange::<_, _, u32, u32>::new(&host, region, &mut region.places()).unwrap();

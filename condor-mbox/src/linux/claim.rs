@@ -9,6 +9,7 @@ use super::system::Objects;
 use super::window::{Access, LinuxWindow};
 use crate::id::Processor;
 use crate::layout::header;
+use crate::window::{MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
 /// A number of a [`System`](super::System) that this process holds, with all that a mailbox needs.
@@ -60,6 +61,8 @@ impl<const N: usize> Claim<N> {
         let path = objects.path(own, "mail");
         let own_mail = LinuxWindow::map_and_keep(held, 0, mail_bytes, Access::ReadWrite)
             .map_err(|source| SystemError::Map { path, source })?;
+        // Only for people; memory that is gone is noticed by who uses the claim.
+        let _ = own_mail.store(header::PROCESS_ID, std::process::id(), StoreOrder::Relaxed);
         let (mut windows, mut bells) = (Vec::new(), Vec::new());
         let (mut mails, mut pipes) = (Vec::new(), Vec::new());
         for peer in 0..N {

@@ -256,6 +256,9 @@ impl Model {
                 }
             }
         }
+        if offset < layout::acknowledged(COUNT, 0) {
+            return;
+        }
         for peer in 0..N {
             let number = peer as u32;
             let acknowledged = layout::acknowledged(COUNT, number);
