@@ -301,8 +301,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
         pair.connected.set(1);
         let sequence = pair.head.get().wrapping_add(1);
-        if sequence.wrapping_sub(pair.taken.get()) > SLOTS && !self.refresh_taken(peer, sequence)? {
-            return Ok(Err(Refusal::NoSlot));
+        if sequence.wrapping_sub(pair.taken.get()) > SLOTS
+            && let Some(refusal) = self.refresh_taken(peer, sequence)?
+        {
+            return Ok(Err(refusal));
         }
         let listeners = peer.mail.load(header::LISTENERS, LoadOrder::Relaxed)?;
         if listeners != 0 && !self.listeners_keep_up(peer, listeners, sequence, leave_behind) {
@@ -350,8 +352,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         )))
     }
 
-    /// Reads how many requests the receiver has taken; whether `sequence` has a slot now.
-    fn refresh_taken(&self, peer: &Peer<'_, W, N>, sequence: u32) -> Result<bool, Error> {
+    /// Reads how many requests the receiver has taken; why `sequence` has no slot, if it has none.
+    fn refresh_taken(
+        &self,
+        peer: &Peer<'_, W, N>,
+        sequence: u32,
+    ) -> Result<Option<Refusal>, Error> {
         // Acquire: pairs with the Release store in `take_alone`; the slot that is overwritten has
         // been read before.
         let count = peer
@@ -362,7 +368,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             // Between `notice` and here the receiver may have begun another life, and its count
             // anew. Ordered by the Acquire load above, which pairs with the fence in `join`.
             if peer.mail.load(header::LIFE, LoadOrder::Relaxed)? != peer.pair.life.get() {
-                return Ok(false);
+                return Ok(Some(Refusal::NotConnected));
             }
             return Err(Error::Protocol {
                 peer: peer.number,
@@ -371,7 +377,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             });
         }
         peer.pair.taken.set(count);
-        Ok(untaken <= SLOTS)
+        Ok((untaken > SLOTS).then_some(Refusal::NoSlot))
     }
 
     /// A reply cell that no call owns, or whose late reply has come.
