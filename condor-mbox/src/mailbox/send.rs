@@ -499,22 +499,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
     }
 
     fn look(&self, pending: &Pending) -> Result<Option<u32>, Error> {
-        let (to, progress) = (pending.to, Progress::Waiting);
-        let peer = self.peer(to)?;
-        if let Some(value) = self.reply(&peer, pending)? {
-            return Ok(Some(value));
-        }
-        // Acquire: pairs with the Release store of the life in `join`.
-        let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        if life == pending.life {
-            return Ok(None);
-        }
-        // What came just before the end still counts.
-        match self.reply(&peer, pending)? {
-            None if life == 0 => Err(Error::PeerLeft { to, progress }),
-            None => Err(Error::PeerRestarted { to, progress }),
-            found => Ok(found),
-        }
+        self.reply_or_end(pending)
+            .inspect_err(|_| self.count_failure(kind::CALL, pending.vector))
     }
 
     fn abandon(&self, pending: &Pending) {
@@ -550,6 +536,26 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Does so without waiting, if there is a slot.
     pub(super) fn post_without_reply(&self, to: &Peer<'_, W, N>, kind: u32) -> Result<bool, Error> {
         Ok(self.publish(to, kind, 0, true)?.is_ok())
+    }
+
+    /// The reply to `pending`, if it has come; an error also if its receiver's life is over.
+    fn reply_or_end(&self, pending: &Pending) -> Result<Option<u32>, Error> {
+        let (to, progress) = (pending.to, Progress::Waiting);
+        let peer = self.peer(to)?;
+        if let Some(value) = self.reply(&peer, pending)? {
+            return Ok(Some(value));
+        }
+        // Acquire: pairs with the Release store of the life in `join`.
+        let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
+        if life == pending.life {
+            return Ok(None);
+        }
+        // What came just before the end still counts.
+        match self.reply(&peer, pending)? {
+            None if life == 0 => Err(Error::PeerLeft { to, progress }),
+            None => Err(Error::PeerRestarted { to, progress }),
+            found => Ok(found),
+        }
     }
 
     fn publish_now(&self, message: Message, kind: u32) -> Result<Pending, Error> {
