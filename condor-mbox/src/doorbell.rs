@@ -32,7 +32,7 @@ pub enum Evidence {
 ///   what was seen (a futex), or keep the ring until it is waited for (an eventfd, a pending
 ///   interrupt bit that `prepare` does not clear).
 /// * `wait` may return early for any reason, and returns at `until` at the latest.
-/// * Call [`conformance::doorbell`](crate::conformance::doorbell) from one test.
+/// * Call [`conformance::doorbell`](conformance/fn.doorbell.html) from one test.
 pub trait Doorbell: Clock {
     /// What `prepare` saw; `()` for a doorbell with memory.
     type Seen;

@@ -63,7 +63,7 @@ pub trait WindowError: Debug {
 /// to the memory go through such words, because mixed-size atomic accesses are undefined
 /// behaviour. The provided `read` and `write` do so; override them only to be faster. An
 /// access to memory that has gone must return `Lost`, never a signal or a trap. `size` never
-/// changes. Call [`conformance::window`](crate::conformance::window) from one test.
+/// changes. Call [`conformance::window`](conformance/fn.window.html) from one test.
 pub trait MemoryWindow {
     /// The backend's error.
     type Error: WindowError;

@@ -10,7 +10,8 @@ use crate::time::Instant;
 /// What runs when a message arrives for a vector (memo, section 3.3.1).
 ///
 /// It is called again while it still runs, if it waits for a reply or is interrupted, hence `Fn`
-/// and `Sync`. Its result is the reply, if the sender wants one.
+/// and `Sync`. Its result is the reply, if the sender wants one. It is borrowed: a handler that is a
+/// local variable is declared before its mailbox, so that it outlives it.
 pub type Handler<'v> = &'v (dyn Fn(&Call<'_>) -> u32 + Sync);
 
 /// A message to be sent: a vector of a processor, and one word.
@@ -119,6 +120,38 @@ pub struct Pending {
 /// A request in progress, for a loop that must not wait: look at it once a tick.
 ///
 /// Dropping it gives up the reply; its slot is free again once the reply has come.
+///
+/// ```
+/// # use std::time::Duration;
+/// # use condor_mbox::sim::System;
+/// # use condor_mbox::{Error, Processor, Vector};
+/// # const HOST: Processor = Processor(0);
+/// # const HAND: Processor = Processor(1);
+/// # const INCREMENT: Vector = Vector(3);
+/// # const SECOND: Duration = Duration::from_secs(1);
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let system = System::<2>::in_virtual_time(4096);
+/// # let mut hand = system.mailbox(HAND)?;
+/// # hand.set_vector(INCREMENT, &|call| call.data() + 1, "increment")?;
+/// # hand.join()?;
+/// # system.while_waiting(HAND, move || {
+/// #     hand.service(SECOND).expect("its memory is there");
+/// # });
+/// # let mut host = system.mailbox(HOST)?;
+/// # host.join()?;
+/// // A servo loop does not look for peers: the background must have done so.
+/// assert_eq!(host.begin(HAND, INCREMENT, 41).err(), Some(Error::NotConnected { to: HAND }));
+/// host.serve(SECOND)?;
+///
+/// // In one tick of the loop ...
+/// let mut ticket = host.begin(HAND, INCREMENT, 41)?;
+/// assert_eq!(ticket.poll()?, None);
+/// # host.serve(SECOND)?;
+/// // ... and in a later one.
+/// assert_eq!(ticket.poll()?, Some(42));
+/// # Ok(())
+/// # }
+/// ```
 #[must_use = "dropping a ticket gives up the reply"]
 #[derive(Debug)]
 pub struct Ticket<'m, M: Messenger + ?Sized> {

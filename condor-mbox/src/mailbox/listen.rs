@@ -69,6 +69,45 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// do not wait for listeners at all. When the holder begins a new life, listening goes on by
     /// itself. A mailbox listens to one number at a time; `None` ends it.
     ///
+    /// ```
+    /// use std::sync::atomic::{AtomicU32, Ordering};
+    /// # use std::time::Duration;
+    /// # use condor_mbox::sim::System;
+    /// # use condor_mbox::{Processor, Vector};
+    /// # const HOLDER: Processor = Processor(0);
+    /// # const SENDER: Processor = Processor(1);
+    /// # const LISTENER: Processor = Processor(2);
+    /// # const PLACE: Vector = Vector(3);
+    /// # const SECOND: Duration = Duration::from_secs(1);
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// # let system = System::<3>::in_virtual_time(4096);
+    /// # let mut holder = system.mailbox(HOLDER)?;
+    /// # holder.set_vector(PLACE, &|_| 1, "place")?;
+    /// # holder.join()?;
+    /// # system.while_waiting(HOLDER, move || {
+    /// #     holder.service(SECOND).expect("its memory is there");
+    /// # });
+    /// static HEARD: AtomicU32 = AtomicU32::new(0);
+    ///
+    /// let log = |call: &condor_mbox::Call<'_>| {
+    ///     assert_eq!((call.sender(), call.addressee()), (SENDER, HOLDER));
+    ///     HEARD.store(call.data(), Ordering::Relaxed);
+    ///     0 // to nobody
+    /// };
+    /// let mut listener = system.mailbox(LISTENER)?;
+    /// listener.set_vector(PLACE, &log, "log places")?;
+    /// listener.join()?;
+    /// listener.listen(Some(HOLDER), SECOND)?;
+    ///
+    /// # let mut sender = system.mailbox(SENDER)?;
+    /// # sender.join()?;
+    /// assert_eq!(sender.send_with_reply(HOLDER, PLACE, 77, SECOND)?, 1);
+    /// listener.service(SECOND)?;
+    /// assert_eq!(HEARD.load(Ordering::Relaxed), 77);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
     /// # Errors
     /// [`Error::NoSuchProcessor`], [`Error::NotJoined`]; [`Error::TimedOut`] or
     /// [`Error::Stalled`] if the holder does not admit us; [`Error::PeerDied`] and the like.

@@ -34,6 +34,36 @@ pub const MAX_DEPTH: u32 = if cfg!(condor_loom) { 2 } else { 8 };
 /// of this processor. All calls take `&self`: background, handlers and servo loops may each be in
 /// the middle of one. Dropping the mailbox leaves the system.
 ///
+/// ```
+/// use std::time::Duration;
+/// use condor_mbox::sim::System;
+/// use condor_mbox::{Processor, Vector};
+///
+/// const HOST: Processor = Processor(0);
+/// const HAND: Processor = Processor(1);
+/// const INCREMENT: Vector = Vector(3);
+/// const SECOND: Duration = Duration::from_secs(1);
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let system = System::<2>::in_virtual_time(4096);
+/// let mut hand = system.mailbox(HAND)?;
+/// hand.set_vector(INCREMENT, &|call| call.data() + 1, "increment")?;
+/// hand.join()?;
+/// system.while_waiting(HAND, move || {
+///     hand.service(SECOND).expect("its memory is there");
+/// });
+///
+/// let mut host = system.mailbox(HOST)?;
+/// host.join()?;
+/// host.send(HAND, INCREMENT, 1, SECOND)?;
+/// assert_eq!(host.send_with_reply(HAND, INCREMENT, 41, SECOND)?, 42);
+///
+/// let statistics = host.vector_statistics(HAND, INCREMENT)?;
+/// assert_eq!((statistics.name(), statistics.handled), ("increment", 2));
+/// # Ok(())
+/// # }
+/// ```
+///
 /// # Which call for which context
 ///
 /// | context | may call |

@@ -301,8 +301,10 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
         pair.connected.set(1);
         let sequence = pair.head.get().wrapping_add(1);
-        if sequence.wrapping_sub(pair.taken.get()) > SLOTS && !self.refresh_taken(peer, sequence)? {
-            return Ok(Err(Refusal::NoSlot));
+        if sequence.wrapping_sub(pair.taken.get()) > SLOTS
+            && let Some(refusal) = self.refresh_taken(peer, sequence)?
+        {
+            return Ok(Err(refusal));
         }
         let listeners = peer.mail.load(header::LISTENERS, LoadOrder::Relaxed)?;
         if listeners != 0 && !self.listeners_keep_up(peer, listeners, sequence, leave_behind) {
@@ -350,8 +352,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         )))
     }
 
-    /// Reads how many requests the receiver has taken; whether `sequence` has a slot now.
-    fn refresh_taken(&self, peer: &Peer<'_, W, N>, sequence: u32) -> Result<bool, Error> {
+    /// Reads how many requests the receiver has taken; why `sequence` has no slot, if it has none.
+    fn refresh_taken(
+        &self,
+        peer: &Peer<'_, W, N>,
+        sequence: u32,
+    ) -> Result<Option<Refusal>, Error> {
         // Acquire: pairs with the Release store in `take_alone`; the slot that is overwritten has
         // been read before.
         let count = peer
@@ -362,7 +368,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             // Between `notice` and here the receiver may have begun another life, and its count
             // anew. Ordered by the Acquire load above, which pairs with the fence in `join`.
             if peer.mail.load(header::LIFE, LoadOrder::Relaxed)? != peer.pair.life.get() {
-                return Ok(false);
+                return Ok(Some(Refusal::NotConnected));
             }
             return Err(Error::Protocol {
                 peer: peer.number,
@@ -371,7 +377,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             });
         }
         peer.pair.taken.set(count);
-        Ok(untaken <= SLOTS)
+        Ok((untaken > SLOTS).then_some(Refusal::NoSlot))
     }
 
     /// A reply cell that no call owns, or whose late reply has come.
@@ -493,22 +499,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
     }
 
     fn look(&self, pending: &Pending) -> Result<Option<u32>, Error> {
-        let (to, progress) = (pending.to, Progress::Waiting);
-        let peer = self.peer(to)?;
-        if let Some(value) = self.reply(&peer, pending)? {
-            return Ok(Some(value));
-        }
-        // Acquire: pairs with the Release store of the life in `join`.
-        let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        if life == pending.life {
-            return Ok(None);
-        }
-        // What came just before the end still counts.
-        match self.reply(&peer, pending)? {
-            None if life == 0 => Err(Error::PeerLeft { to, progress }),
-            None => Err(Error::PeerRestarted { to, progress }),
-            found => Ok(found),
-        }
+        self.reply_or_end(pending)
+            .inspect_err(|_| self.count_failure(kind::CALL, pending.vector))
     }
 
     fn abandon(&self, pending: &Pending) {
@@ -544,6 +536,26 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Does so without waiting, if there is a slot.
     pub(super) fn post_without_reply(&self, to: &Peer<'_, W, N>, kind: u32) -> Result<bool, Error> {
         Ok(self.publish(to, kind, 0, true)?.is_ok())
+    }
+
+    /// The reply to `pending`, if it has come; an error also if its receiver's life is over.
+    fn reply_or_end(&self, pending: &Pending) -> Result<Option<u32>, Error> {
+        let (to, progress) = (pending.to, Progress::Waiting);
+        let peer = self.peer(to)?;
+        if let Some(value) = self.reply(&peer, pending)? {
+            return Ok(Some(value));
+        }
+        // Acquire: pairs with the Release store of the life in `join`.
+        let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
+        if life == pending.life {
+            return Ok(None);
+        }
+        // What came just before the end still counts.
+        match self.reply(&peer, pending)? {
+            None if life == 0 => Err(Error::PeerLeft { to, progress }),
+            None => Err(Error::PeerRestarted { to, progress }),
+            found => Ok(found),
+        }
     }
 
     fn publish_now(&self, message: Message, kind: u32) -> Result<Pending, Error> {

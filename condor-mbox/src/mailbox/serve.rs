@@ -65,7 +65,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// were: for the background of a processor that has nothing else to do.
     ///
     /// A spinning mailbox goes on as long as requests follow each other closely, to a ringful for
-    /// each sender.
+    /// each sender. The handlers' nested calls end with `timeout`, too: in a loop, give it as long
+    /// as they may take.
     ///
     /// # Errors
     /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.

@@ -25,6 +25,16 @@ const NAP: Duration = Duration::from_millis(10);
 const GLANCES: usize = if cfg!(condor_loom) { 0 } else { 128 };
 
 /// How a mailbox waits.
+///
+/// ```
+/// # use std::time::Duration;
+/// # use condor_mbox::{Error, Processor, Waiting, sim::System};
+/// # fn main() -> Result<(), Error> {
+/// # let mut mailbox = System::<2>::in_real_time(4096).mailbox(Processor(0))?;
+/// mailbox.set_waiting(Waiting::SpinThenSleep { spin: Duration::from_micros(20) });
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waiting {
     /// Look again and again: fastest, takes a core.

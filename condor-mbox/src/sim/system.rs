@@ -18,6 +18,42 @@ use crate::windows::Windows;
 type Program = Arc<dyn Fn() + Send + Sync>;
 
 /// `N` simulated processors; clones are the same system.
+///
+/// ```
+/// use std::time::Duration;
+/// use condor_mbox::sim::System;
+/// use condor_mbox::{Error, Processor, Progress, Vector};
+///
+/// # const HOST: Processor = Processor(0);
+/// # const HAND: Processor = Processor(1);
+/// # const V: Vector = Vector(3);
+/// # const SECOND: Duration = Duration::from_secs(1);
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let system = System::<2>::in_virtual_time(4096);
+/// let mut hand = system.mailbox(HAND)?;
+/// hand.set_vector(V, &|call| call.data() + 1, "increment")?;
+/// hand.join()?;
+/// system.while_waiting(HAND, move || {
+///     hand.service(SECOND).expect("its memory is there");
+/// });
+/// let mut host = system.mailbox(HOST)?;
+/// host.join()?;
+///
+/// // Rings that are lost delay a message, in virtual time.
+/// system.drop_rings(HAND, u32::MAX);
+/// assert_eq!(host.send_with_reply(HAND, V, 1, SECOND)?, 2);
+///
+/// // A processor that stops is stalled, and can go on; a virtual second takes no time.
+/// system.stall(HAND, true);
+/// assert_eq!(
+///     host.send_with_reply(HAND, V, 2, SECOND),
+///     Err(Error::Stalled { to: HAND, vector: V, progress: Progress::Waiting })
+/// );
+/// system.stall(HAND, false);
+/// assert_eq!(host.send_with_reply(HAND, V, 3, SECOND)?, 4);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone)]
 pub struct System<const N: usize> {
     windows: [Windows<SimWindow>; N],

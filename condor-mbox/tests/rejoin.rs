@@ -1,0 +1,107 @@
+//! A receiver that begins a new life in the middle of a send to it.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use condor_mbox::layout::{self, JOINING, header};
+use condor_mbox::sim::{SimWindow, SimWindowError, System};
+use condor_mbox::{
+    Call, CriticalSection, Error, LoadOrder, Mailbox, MemoryWindow, Processor, ProtocolWord,
+    StoreOrder, Vector, Windows,
+};
+
+const A: Processor = Processor(0);
+const B: Processor = Processor(1);
+const V: Vector = Vector(12);
+const SECOND: Duration = Duration::from_secs(1);
+/// Where `B` counts what it took from `A`.
+const TAKEN: u32 = layout::taken(2, 0);
+
+/// A window in which `B` stores `before_taken` just before `A` loads its count.
+#[derive(Clone)]
+struct Raced {
+    window: SimWindow,
+    peer: SimWindow,
+    before_taken: Rc<Cell<&'static [(u32, u32)]>>,
+}
+
+impl MemoryWindow for Raced {
+    type Error = SimWindowError;
+
+    fn size(&self) -> u32 {
+        self.window.size()
+    }
+
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+        if offset == TAKEN {
+            for &(at, value) in self.before_taken.take() {
+                self.peer.store(at, value, StoreOrder::Release)?;
+            }
+        }
+        self.window.load(offset, order)
+    }
+
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+        self.window.store(offset, value, order)
+    }
+
+    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+        self.window.check(offset, len)
+    }
+}
+
+fn ignore(_: &Call<'_>) -> u32 {
+    0
+}
+
+/// What a send ends with if `B` stores `before_taken` while it looks for a slot.
+fn send_while(before_taken: &'static [(u32, u32)]) -> Result<(), Error> {
+    let system = System::<2>::in_virtual_time(64);
+    let writes = Rc::new(Cell::new(Default::default()));
+    let peer = &system.windows(B)[1].mail;
+    let raced = |window| Raced {
+        window,
+        peer: peer.clone(),
+        before_taken: Rc::clone(&writes),
+    };
+    let windows = system.windows(A).map(|Windows { mail, data }| Windows {
+        mail: raced(mail),
+        data: raced(data),
+    });
+    let mut a = Mailbox::new(A, windows, system.doorbell(A), CriticalSection).unwrap();
+    let mut b = system.mailbox(B).unwrap();
+    b.set_vector(V, &ignore, "ignores").unwrap();
+    a.join().unwrap();
+    b.join().unwrap();
+    b.service(SECOND).unwrap();
+    // So many that a count of zero is further behind than a ring is long.
+    for _ in 0..2 {
+        for data in 0..layout::SLOTS {
+            a.try_send(B, V, data).unwrap();
+        }
+        b.service(SECOND).unwrap();
+    }
+    writes.set(before_taken);
+    a.try_send(B, V, 0)
+}
+
+#[test]
+fn a_count_that_a_new_life_set_back_is_no_broken_protocol() {
+    assert_eq!(
+        send_while(&[(header::LIFE, JOINING), (TAKEN, 0)]),
+        Err(Error::NotConnected { to: B })
+    );
+}
+
+#[test]
+fn a_count_that_the_same_life_set_back_is_one() {
+    assert_eq!(
+        send_while(&[(TAKEN, 0)]),
+        Err(Error::Protocol {
+            peer: B,
+            word: ProtocolWord::Taken,
+            found: 0
+        })
+    );
+}
