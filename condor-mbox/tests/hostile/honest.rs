@@ -287,7 +287,7 @@ impl Program {
         });
         let published = self.world.model.borrow().is_published(data);
         assert_eq!(outcome.is_ok(), published, "{outcome:?}");
-        if self.is_honest(to) && !self.is_starved(outcome, to, data as usize + 1) {
+        if self.is_honest(to) && !self.is_starved(&outcome, to, data as usize + 1) {
             assert_eq!(outcome, Ok(()));
         }
     }
@@ -295,7 +295,7 @@ impl Program {
     /// Whether there was no slot because the own handlers took each one for what they send on.
     ///
     /// A sender may have that much done for it; but when it pauses, there are slots again.
-    fn is_starved<T>(&self, outcome: Result<T, Error>, to: usize, before: usize) -> bool {
+    fn is_starved<T>(&self, outcome: &Result<T, Error>, to: usize, before: usize) -> bool {
         let competed = || {
             let model = self.world.model.borrow();
             model.has_sent(before, self.number, to)
@@ -341,7 +341,7 @@ impl Program {
             mailbox.send_with_reply(Processor(to as u8), vector, data, timeout)
         });
         check_call(&self.world, data, outcome);
-        if self.is_honest(to) && !self.is_starved(outcome, to, data as usize + 1) {
+        if self.is_honest(to) && !self.is_starved(&outcome, to, data as usize + 1) {
             let expected = if vector == MISSING {
                 let to = Processor(to as u8);
                 Err(Error::NoHandler { to, vector })
@@ -402,7 +402,7 @@ impl Program {
         let outcome = self.world.within(timeout, Instant::FOREVER, || {
             mailbox.borrow_mut().listen(number, timeout)
         });
-        if honest && !to.is_some_and(|to| self.is_starved(outcome, to, before)) {
+        if honest && !to.is_some_and(|to| self.is_starved(&outcome, to, before)) {
             assert_eq!(outcome, Ok(()));
         }
     }
