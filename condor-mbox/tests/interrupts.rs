@@ -2,6 +2,10 @@
 //!
 //! The windows of one mailbox count its loads and stores, and run an interrupt routine that uses the
 //! same mailbox before the k-th of them, for every k that the operation reaches. Sections mask it.
+//!
+//! It fails without the section around the publishing of a request, its taking, the end of its
+//! handler or the acknowledgement of a new life, and if a reply cell is not released when its
+//! reply has come or its ticket was dropped.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;

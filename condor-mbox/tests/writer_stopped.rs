@@ -4,6 +4,10 @@
 //! The windows of one mailbox refuse everything from the k-th store on, for every k that the
 //! operation reaches; its peer survives, and a new program takes over its number. (For a
 //! publisher see `published.rs`.)
+//!
+//! It fails if the epoch of a request or of a reply is not compared, if a new program lives the
+//! same life as the former, if a ticket does not compare the life of its peer, and if an entry
+//! carries its sequence before its words.
 
 use std::cell::RefCell;
 use std::sync::Arc;
