@@ -25,9 +25,10 @@ fn noting(log: &Log) -> Handler<'static> {
 
 /// C hears A's messages to B, which A sends without waiting for it, so that it is overrun: what it
 /// hears is whole, in order and at most once, and what it does not hear it is told of.
+/// Bound 1: 9205 executions, 9 s (bound 3 does not end in four minutes).
 #[test]
 fn an_overrun_listener_knows_what_it_missed() {
-    explore("overrun listener", 2, || {
+    explore("overrun listener", 1, || {
         let log = Log::default();
         let (hear, ignore): (_, Handler<'static>) = (noting(&log), &|_| 0);
         let system = System::<3>::new();
