@@ -25,9 +25,10 @@ fn noting(log: &Log) -> Handler<'static> {
 
 /// C hears A's messages to B, which A sends without waiting for it, so that it is overrun: what it
 /// hears is whole, in order and at most once, and what it does not hear it is told of.
+/// Bound 1: 9205 executions, 9 s (bound 3 does not end in four minutes).
 #[test]
 fn an_overrun_listener_knows_what_it_missed() {
-    explore("overrun listener", 3, || {
+    explore("overrun listener", 1, || {
         let log = Log::default();
         let (hear, ignore): (_, Handler<'static>) = (noting(&log), &|_| 0);
         let system = System::<3>::new();
@@ -74,7 +75,7 @@ fn an_overrun_listener_knows_what_it_missed() {
 }
 
 /// A is killed and begins another life while C listens to B and hears the former one: what C hears
-/// is whole and at most once.
+/// is whole and at most once. Bound 3: 15 796 executions, 23 s.
 #[test]
 fn a_sender_that_restarts_is_heard_once() {
     explore("listener, sender restarts", 3, || {

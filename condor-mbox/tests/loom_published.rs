@@ -118,28 +118,34 @@ fn polled(name: &str, preemptions: usize, before: u32, last: u32, readers: usize
     });
 }
 
+/// Bound 2: 32 558 executions, 5 s. Fails if completion is not a Release store, or without the mark
+/// of a buffer that is being written.
 #[test]
 fn two_readers_of_the_first_values() {
     polled("two readers, 1 to 2", 2, 0, 2, 2);
 }
 
+/// Bound 3: 22 109 executions, 2 s. Fails without either fence, or without the second look.
 #[test]
 fn a_reader_of_the_first_values() {
     polled("reader, 1 to 3", 3, 0, 3, 1);
 }
 
+/// Bound 1: 76 120 executions, 18 s (bound 2: 1 088 024, 159 s). Fails without either fence: a reader
+/// without the writer's goes back from 2 to 1.
 #[test]
 fn two_readers_of_later_values() {
     polled("two readers, 3 to 4", 1, 2, 4, 2);
 }
 
+/// Bound 3: 145 562 executions, 12 s. Fails without either fence, or without the second look.
 #[test]
 fn a_reader_of_later_values() {
     polled("reader, 3 to 5", 3, 2, 5, 1);
 }
 
 /// A writer stops at any store of publication 3 or 4: what was complete before stays readable,
-/// and the writer that replaces it continues.
+/// and the writer that replaces it continues. Bound 3: at most 1617 executions a stop, 0.3 s in all.
 #[test]
 fn a_writer_that_stops_is_replaced() {
     for stores in 0..2 * PUBLICATION {

@@ -16,7 +16,7 @@ struct Suite {
 const SUITES: [Suite; 1] = [Suite {
     package: "condor-mbox",
     features: "sim,critical-section-std",
-    integration_tests: &[],
+    integration_tests: &["conformance"],
 }];
 
 /// proptest asks for its directory and reads its number of cases from the environment.
