@@ -109,6 +109,12 @@ pub enum Error {
         /// The mailbox's own number.
         number: Processor,
     },
+    /// A mailbox gets the messages to its own number without listening.
+    #[error("{number} cannot listen to itself")]
+    ListensToItself {
+        /// The mailbox's own number.
+        number: Processor,
+    },
     /// The receiver has not joined, or has not yet noticed that the sender has.
     #[error("{to} is not connected")]
     NotConnected {

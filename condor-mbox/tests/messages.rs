@@ -126,6 +126,9 @@ fn errors_carry_their_values() {
             processors: 2
         })
     );
+    let (mut system_of_one, number) = (System::<1>::in_virtual_time(0).mailbox(A).unwrap(), A);
+    let itself = system_of_one.listen(Some(A), SECOND);
+    assert_eq!(itself, Err(Error::ListensToItself { number }));
     let vector = Vector(200);
     assert_eq!(
         a.send(B, vector, 0, SECOND),

@@ -109,9 +109,13 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// ```
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`], [`Error::NotJoined`]; [`Error::TimedOut`] or
+    /// [`Error::NoSuchProcessor`], [`Error::ListensToItself`], [`Error::NotJoined`];
+    /// [`Error::TimedOut`] or
     /// [`Error::Stalled`] if the holder does not admit us; [`Error::PeerDied`] and the like.
     pub fn listen(&mut self, number: Option<Processor>, timeout: Duration) -> Result<(), Error> {
+        if number == Some(self.me) {
+            return Err(Error::ListensToItself { number: self.me });
+        }
         let limit = Limit {
             timeout,
             enclosing: self.doorbell.now().after(timeout),

@@ -60,7 +60,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// handler (memo, section 3.3.1).
     ///
     /// Waits for a free slot, or for the receiver to join, for at most `timeout`, serving
-    /// meanwhile. Messages to one receiver are started there in the order in which they were sent.
+    /// meanwhile. Messages to one receiver are taken there in the order in which they were sent. A
+    /// receiver that serves from an interrupt, too, may be interrupted between taking a message and
+    /// the first instruction of its handler, and then runs the next one first.
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`], [`Error::NoSuchVector`], [`Error::NotJoined`]; after `timeout`
