@@ -70,7 +70,7 @@ fn publish<W: MemoryWindow>(window: W, first: u32, last: u32) -> u32 {
     let mut publisher = CELL.publisher(window).unwrap();
     for sequence in first..=last {
         match publisher.publish(&value(sequence)) {
-            Ok(published) => assert_eq!(published, sequence),
+            Ok(number) => assert_eq!(number, sequence),
             Err(_) => return sequence - 1,
         }
     }
