@@ -1,0 +1,50 @@
+//! [`Body`]: what a loop runs, without its type.
+
+/// A function and what it is given, by pointer.
+#[derive(Clone, Copy)]
+pub(crate) struct Body {
+    call: unsafe fn(*mut ()),
+    context: *mut (),
+}
+
+// SAFETY: both ways to make one ask for a context that is `Send`, and it is used by one context of
+// the processor at a time.
+unsafe impl Send for Body {}
+
+impl Body {
+    /// A function that is given `context` for as long as it is called.
+    pub(crate) fn of_function<C: Send>(function: fn(&mut C), context: &mut C) -> Self {
+        // SAFETY: `&mut C` and `*mut ()` are ABI-compatible, as `C` is `Sized`; whoever calls
+        // gives a pointer to a `C`, and calls an unsafe function.
+        let call = unsafe { core::mem::transmute::<fn(&mut C), unsafe fn(*mut ())>(function) };
+        Self {
+            call,
+            context: core::ptr::from_mut(context).cast(),
+        }
+    }
+
+    /// A closure.
+    pub(crate) fn of_closure<F: FnMut() + Send>(closure: &mut F) -> Self {
+        /// # Safety
+        /// `closure` points to an `F` that nobody else uses.
+        unsafe fn call<F: FnMut()>(closure: *mut ()) {
+            // SAFETY: as the caller promises.
+            unsafe { (*closure.cast::<F>())() }
+        }
+        Self {
+            call: call::<F>,
+            context: core::ptr::from_mut(closure).cast(),
+        }
+    }
+
+    /// Runs it once.
+    ///
+    /// # Safety
+    /// The context that was given still exists, and nobody else uses it during the call.
+    #[inline]
+    pub(crate) unsafe fn call(self) {
+        // SAFETY: `context` points to what `call` expects, by construction, and is alive and not
+        // shared, as the caller promises.
+        unsafe { (self.call)(self.context) }
+    }
+}

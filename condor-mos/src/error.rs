@@ -1,0 +1,100 @@
+//! What can be wrong with rates, and with calls.
+
+use thiserror::Error;
+
+use crate::clock::Clock;
+use crate::rate::Rate;
+use crate::scheduler::LoopId;
+
+/// Why a set of rates has no schedule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum RateError {
+    /// A period is shorter than a tick, or no whole number of ticks in any countable time.
+    #[error("a rate of {rate} has no grid in ticks of {frequency}")]
+    TooFast {
+        /// The rate.
+        rate: Rate,
+        /// Ticks per second.
+        frequency: Rate,
+    },
+    /// The set repeats so seldom that its events do not fit the table.
+    #[error(
+        "with {rate} beside {fastest}, the event table has more than its {capacity} entries: \
+         use a larger one, or a scan"
+    )]
+    TooManyEvents {
+        /// The first rate, in their own order, with which the table is too small.
+        rate: Rate,
+        /// The fastest rate.
+        fastest: Rate,
+        /// Entries that the table has.
+        capacity: usize,
+    },
+}
+
+impl RateError {
+    /// What is wrong, for an error of compilation, which cannot print values.
+    pub(crate) const fn message(self) -> &'static str {
+        match self {
+            Self::TooFast { .. } => "a rate is faster than the timer's ticks",
+            Self::TooManyEvents { .. } => {
+                "the event table is too small for these rates: use a larger one, or a scan"
+            }
+        }
+    }
+}
+
+/// Why a call that names a loop cannot be done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum LoopError {
+    /// The schedule has fewer loops.
+    #[error("there is no loop {}: the schedule has loops 0 to {}", id.0, loops - 1)]
+    NoSuchLoop {
+        /// Its name.
+        id: LoopId,
+        /// How many there are.
+        loops: u8,
+    },
+    /// The loop already has something to run.
+    #[error("loop {} already has something to run", id.0)]
+    Taken {
+        /// The loop.
+        id: LoopId,
+    },
+    /// The loop has nothing to run.
+    #[error("loop {} has nothing to run yet", id.0)]
+    Unassigned {
+        /// The loop.
+        id: LoopId,
+    },
+    /// There is no schedule for the rate that it was to have.
+    #[error(transparent)]
+    Rate(#[from] RateError),
+}
+
+/// Why a schedule cannot begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum StartError {
+    /// The schedule counts the ticks of another clock.
+    #[error("the timer counts at {timer}, the schedule was made for {schedule}")]
+    Clock {
+        /// The platform's.
+        timer: Clock,
+        /// The schedule's.
+        schedule: Clock,
+    },
+    /// It has already begun.
+    #[error("the scheduler has already been started")]
+    Started,
+}
+
+/// Why a [`CeilingLock`](crate::CeilingLock) cannot be taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum LockError {
+    /// Someone faster than all declared users asked for it.
+    #[error("a loop that is faster than all declared users of the lock asked for it")]
+    Undeclared,
+    /// It is taken: asked for twice, or by an interrupt handler, or through another scheduler.
+    #[error("the lock is already taken on this processor")]
+    Taken,
+}

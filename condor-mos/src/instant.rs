@@ -1,0 +1,128 @@
+//! [`Instant`]: points in time as a counter gives them, also one that begins anew.
+
+/// A reading of a [`Timer`](crate::Timer)'s counter.
+///
+/// Implemented by `u64`, for counters that never come to their end, and by [`Wrapping`], for those
+/// that begin anew. Distances are in ticks.
+pub trait Instant: Copy + Send + Sync + 'static {
+    /// The counter's bits: what lies half of its range ahead is taken for the past.
+    const BITS: u32;
+
+    /// A counter that has not begun to count.
+    const ZERO: Self;
+
+    /// The instant `ticks` later.
+    #[must_use]
+    fn after(self, ticks: u32) -> Self;
+
+    /// Ticks since `earlier`, or `u32::MAX` if there were more.
+    #[must_use]
+    fn since(self, earlier: Self) -> u32;
+
+    /// Whether this instant is `due` or later.
+    #[must_use]
+    fn has_reached(self, due: Self) -> bool;
+}
+
+impl Instant for u64 {
+    const BITS: u32 = 64;
+    const ZERO: Self = 0;
+
+    #[inline]
+    fn after(self, ticks: u32) -> Self {
+        self.wrapping_add(Self::from(ticks))
+    }
+
+    #[inline]
+    fn since(self, earlier: Self) -> u32 {
+        u32::try_from(self.saturating_sub(earlier)).unwrap_or(u32::MAX)
+    }
+
+    #[inline]
+    fn has_reached(self, due: Self) -> bool {
+        self >= due
+    }
+}
+
+/// A counter of `BITS` bits (2 to 32) that begins anew after its last value.
+///
+/// An instant is told from another one within half of the counter's range: a scheduler sets its
+/// timer at least that often, and a handler that is kept waiting for longer takes late for early.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wrapping<const BITS: u32>(u32);
+
+impl<const BITS: u32> Wrapping<BITS> {
+    const MASK: u32 = {
+        assert!(BITS >= 2 && BITS <= 32, "a counter has 2 to 32 bits");
+        u32::MAX >> (32 - BITS)
+    };
+
+    /// What the hardware counts; bits that the counter does not have are left out.
+    #[inline]
+    #[must_use]
+    pub const fn new(count: u32) -> Self {
+        Self(count & Self::MASK)
+    }
+
+    /// The count, less than 2^`BITS`.
+    #[inline]
+    #[must_use]
+    pub const fn count(self) -> u32 {
+        self.0
+    }
+}
+
+impl<const BITS: u32> Instant for Wrapping<BITS> {
+    const BITS: u32 = BITS;
+    const ZERO: Self = Self(0);
+
+    #[inline]
+    fn after(self, ticks: u32) -> Self {
+        Self::new(self.0.wrapping_add(ticks))
+    }
+
+    #[inline]
+    fn since(self, earlier: Self) -> u32 {
+        self.0.wrapping_sub(earlier.0) & Self::MASK
+    }
+
+    #[inline]
+    fn has_reached(self, due: Self) -> bool {
+        self.since(due) <= Self::MASK / 2
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Instant, Wrapping};
+
+    fn half_a_range_is_told_apart<I: Instant>(start: I) {
+        let half = 1_u64 << (I::BITS - 1);
+        for ticks in [0, 1, half / 2, half - 1] {
+            let Ok(ticks) = u32::try_from(ticks) else {
+                continue;
+            };
+            let later = start.after(ticks);
+            assert!(later.has_reached(start), "{ticks}");
+            assert_eq!(start.has_reached(later), ticks == 0, "{ticks}");
+            assert_eq!(later.since(start), ticks);
+        }
+    }
+
+    #[test]
+    fn instants_are_compared_within_half_of_the_range() {
+        for start in [0, 1, 0x7fff_ffff, 0x8000_0000, u32::MAX] {
+            half_a_range_is_told_apart(Wrapping::<32>::new(start));
+            half_a_range_is_told_apart(Wrapping::<24>::new(start));
+            half_a_range_is_told_apart(Wrapping::<16>::new(start));
+            half_a_range_is_told_apart(Wrapping::<2>::new(start));
+            half_a_range_is_told_apart(u64::from(start));
+        }
+    }
+
+    #[test]
+    fn a_long_time_is_not_taken_for_a_short_one() {
+        assert_eq!((1_u64 << 40).since(1), u32::MAX);
+        assert_eq!(1_u64.since(1 << 40), 0);
+    }
+}

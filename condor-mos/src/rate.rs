@@ -1,0 +1,179 @@
+//! [`Rate`]: how often, as an exact fraction of whole numbers.
+
+use core::cmp::Ordering;
+use core::fmt::{self, Write};
+
+/// A frequency in hertz, exact: a fraction of two whole numbers in lowest terms, never zero.
+///
+/// Periods in whole microseconds make 60 Hz a rate that nobody asked for, and 400/60/50 Hz a set
+/// that repeats after minutes; as fractions they repeat after 100 ms.
+///
+/// ```
+/// use condor_mos::Rate;
+///
+/// const SERVO: Rate = Rate::hz(400);
+/// const VIDEO: Rate = Rate::fraction(60_000, 1001); // 59.94 Hz
+/// assert!(SERVO > VIDEO);
+/// assert_eq!(VIDEO.to_string(), "60000/1001 Hz");
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Rate {
+    numerator: u32,
+    denominator: u32,
+}
+
+impl Rate {
+    /// `hertz` times a second.
+    ///
+    /// # Panics
+    /// If `hertz` is 0; in a constant, that is an error of compilation. For values from outside
+    /// there is [`new`](Self::new).
+    #[must_use]
+    pub const fn hz(hertz: u32) -> Self {
+        Self::fraction(hertz, 1)
+    }
+
+    /// Once every `seconds`.
+    ///
+    /// # Panics
+    /// If `seconds` is 0, as [`hz`](Self::hz).
+    #[must_use]
+    pub const fn every_seconds(seconds: u32) -> Self {
+        Self::fraction(1, seconds)
+    }
+
+    /// `numerator` times in `denominator` seconds.
+    ///
+    /// # Panics
+    /// If either is 0, as [`hz`](Self::hz).
+    #[must_use]
+    pub const fn fraction(numerator: u32, denominator: u32) -> Self {
+        match Self::new(numerator, denominator) {
+            Some(rate) => rate,
+            None => panic!("a rate is a fraction of two numbers that are not 0"),
+        }
+    }
+
+    /// `numerator` times in `denominator` seconds, if neither is 0.
+    #[must_use]
+    pub const fn new(numerator: u32, denominator: u32) -> Option<Self> {
+        let divisor = greatest_common_divisor(numerator as u64, denominator as u64) as u32;
+        if numerator == 0 || denominator == 0 {
+            return None;
+        }
+        Some(Self {
+            numerator: numerator / divisor,
+            denominator: denominator / divisor,
+        })
+    }
+
+    /// How many times in [`denominator`](Self::denominator) seconds.
+    #[must_use]
+    pub const fn numerator(self) -> u32 {
+        self.numerator
+    }
+
+    /// In how many seconds.
+    #[must_use]
+    pub const fn denominator(self) -> u32 {
+        self.denominator
+    }
+
+    /// The rate in hertz, rounded; for people and plots.
+    #[must_use]
+    pub fn as_hz(self) -> f64 {
+        f64::from(self.numerator) / f64::from(self.denominator)
+    }
+
+    /// Whether this is more often than `other`; the order of rates, in constants, too.
+    #[must_use]
+    pub const fn is_faster_than(self, other: Self) -> bool {
+        self.numerator as u64 * other.denominator as u64
+            > other.numerator as u64 * self.denominator as u64
+    }
+}
+
+impl PartialOrd for Rate {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// The faster rate is the greater.
+impl Ord for Rate {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let product = |a: u32, b: u32| u64::from(a) * u64::from(b);
+        product(self.numerator, other.denominator).cmp(&product(other.numerator, self.denominator))
+    }
+}
+
+impl fmt::Display for Rate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut text = Text::default();
+        match self.denominator {
+            1 => write!(text, "{} Hz", self.numerator),
+            denominator => write!(text, "{}/{denominator} Hz", self.numerator),
+        }?;
+        f.pad(text.as_str())
+    }
+}
+
+/// What a rate looks like, so that it can be padded.
+#[derive(Default)]
+struct Text {
+    bytes: [u8; "4294967295/4294967295 Hz".len()],
+    len: usize,
+}
+
+impl Text {
+    fn as_str(&self) -> &str {
+        let bytes = self.bytes.get(..self.len).unwrap_or_default();
+        core::str::from_utf8(bytes).unwrap_or_default()
+    }
+}
+
+impl fmt::Write for Text {
+    fn write_str(&mut self, piece: &str) -> fmt::Result {
+        let end = self.len + piece.len();
+        let place = self.bytes.get_mut(self.len..end).ok_or(fmt::Error)?;
+        place.copy_from_slice(piece.as_bytes());
+        self.len = end;
+        Ok(())
+    }
+}
+
+/// The greatest number that divides both; the other one, if one is 0.
+pub(crate) const fn greatest_common_divisor(mut a: u64, mut b: u64) -> u64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Rate;
+
+    #[test]
+    fn a_rate_is_kept_in_lowest_terms() {
+        assert_eq!(Rate::fraction(1200, 60), Rate::hz(20));
+        assert_eq!(Rate::new(3, 0), None);
+        assert_eq!(Rate::new(0, 3), None);
+        assert_eq!(
+            Rate::fraction(u32::MAX, u32::MAX),
+            Rate::fraction(7, 7),
+            "the largest numbers do not overflow"
+        );
+    }
+
+    #[test]
+    fn rates_are_ordered_exactly() {
+        let video = Rate::fraction(60_000, 1001);
+        assert!(video < Rate::hz(60) && video > Rate::fraction(5994, 101));
+        assert!(Rate::hz(60).is_faster_than(video) && !video.is_faster_than(video));
+        assert!(Rate::every_seconds(10) < Rate::every_seconds(5));
+        assert!(
+            Rate::fraction(u32::MAX, u32::MAX - 1) < Rate::fraction(u32::MAX - 1, u32::MAX - 2)
+        );
+    }
+}

@@ -1,0 +1,113 @@
+//! [`Grid`]: the instants of one rate, counted in ticks that it does not divide.
+
+use crate::rate::{Rate, greatest_common_divisor};
+
+/// Multiples of a period, each rounded to the nearest tick: the remainder is carried, so the
+/// error never grows.
+///
+/// Equal instants of different grids are rounded to the same tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Grid {
+    /// Whole ticks of a period.
+    whole: u64,
+    /// What a period has beyond them, in `parts` of a tick.
+    remainder: u64,
+    parts: u64,
+    /// Carried from the instants before, less than `parts`.
+    carried: u64,
+}
+
+impl Grid {
+    /// A grid of no rate, for places in an array that are not used.
+    pub(crate) const NONE: Self = Self {
+        whole: u64::MAX,
+        remainder: 0,
+        parts: 1,
+        carried: 0,
+    };
+
+    /// The grid of `rate` in ticks of `frequency`; `None` if its period is less than a tick, or its
+    /// fractions of a tick are finer than can be counted.
+    pub(crate) const fn new(rate: Rate, frequency: Rate) -> Option<Self> {
+        Self::of_fraction(
+            rate.denominator() as u64 * frequency.numerator() as u64,
+            rate.numerator() as u64 * frequency.denominator() as u64,
+        )
+    }
+
+    /// The grid whose period is `ticks` / `parts`.
+    pub(crate) const fn of_fraction(ticks: u64, parts: u64) -> Option<Self> {
+        let divisor = greatest_common_divisor(ticks, parts);
+        if ticks < parts || divisor == 0 {
+            return None;
+        }
+        let (ticks, parts) = (ticks / divisor, parts / divisor);
+        if parts == 0 || parts > u64::MAX / 2 {
+            return None;
+        }
+        Some(Self {
+            whole: ticks / parts,
+            remainder: ticks % parts,
+            parts,
+            carried: parts / 2,
+        })
+    }
+
+    /// Goes back to the instant 0.
+    pub(crate) const fn restart(&mut self) {
+        self.carried = self.parts / 2;
+    }
+
+    /// Ticks until the next instant.
+    pub(crate) const fn step(&mut self) -> u64 {
+        self.whole + self.carry()
+    }
+
+    /// The tick, if any, that the next period has beyond the whole ones.
+    #[inline]
+    pub(crate) const fn carry(&mut self) -> u64 {
+        self.carried += self.remainder;
+        if self.carried < self.parts {
+            return 0;
+        }
+        self.carried -= self.parts;
+        1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Grid;
+    use crate::rate::Rate;
+    use proptest::prelude::*;
+
+    fn rate() -> impl Strategy<Value = Rate> {
+        (1..2000_u32, 1..2000_u32).prop_map(|(n, d)| Rate::fraction(n, d))
+    }
+
+    proptest! {
+        #[test]
+        fn every_instant_is_the_nearest_tick(rate in rate(), mega in 1..200_u32, steps in 1..500_u64) {
+            let frequency = Rate::fraction(mega * 1_000_000, 7);
+            let mut grid = Grid::new(rate, frequency).expect("a slow rate");
+            let mut at = 0;
+            for step in 1..=steps {
+                at += grid.step();
+                let parts = u64::from(rate.numerator()) * u64::from(frequency.denominator());
+                let ticks = step * u64::from(rate.denominator()) * u64::from(frequency.numerator());
+                prop_assert_eq!(at, (2 * ticks + parts) / (2 * parts));
+            }
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_counted_is_refused() {
+        assert_eq!(Grid::new(Rate::hz(11), Rate::hz(10)), None);
+        assert!(Grid::new(Rate::hz(10), Rate::hz(10)).is_some());
+        // Two primes, so that nothing cancels.
+        let (rate, frequency) = (4_294_967_291, 4_294_967_279);
+        let rate = Rate::fraction(rate, rate - 2);
+        let frequency = Rate::fraction(frequency, frequency - 3);
+        assert_eq!(Grid::new(rate, frequency), None);
+    }
+}

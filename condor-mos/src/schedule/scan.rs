@@ -1,0 +1,203 @@
+//! [`Scan`]: the next event is computed when it is needed.
+
+use super::{Event, Grid, Schedule};
+use crate::clock::Clock;
+use crate::error::RateError;
+use crate::rate::Rate;
+
+/// Computes every event from the loops' own grids: for sets of rates whose
+/// [`EventTable`](super::EventTable) would not fit, such as 400, 60 and 59.94 Hz.
+///
+/// An event costs a pass over the loops, with divisions nowhere. A changed rate takes effect at the
+/// first event at which no loop is unfinished; the loop is due there when it was due anyway.
+///
+/// ```
+/// use condor_mos::{Clock, Rate, Scan};
+///
+/// const NANOSECONDS: Clock = Clock::of::<u64>(Rate::hz(1_000_000_000));
+/// const VIDEO: Scan<3> = Scan::new(
+///     [Rate::hz(400), Rate::hz(60), Rate::fraction(60_000, 1001)],
+///     NANOSECONDS,
+/// );
+/// # let _ = VIDEO;
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Scan<const L: usize> {
+    clock: Clock,
+    rates: [Rate; L],
+    wanted: Option<[Rate; L]>,
+    ranks: [u8; L],
+    /// By rank, as is what follows.
+    grids: [Grid; L],
+    /// Ticks until each loop is due.
+    remaining: [u64; L],
+}
+
+impl<const L: usize> Scan<L> {
+    /// A schedule of loops with these rates, which may stand in any order.
+    ///
+    /// # Panics
+    /// If a rate has a period of less than one tick of the clock; in a constant, that is an error
+    /// of compilation. For rates from outside there is [`try_new`](Self::try_new).
+    #[must_use]
+    pub const fn new(rates: [Rate; L], clock: Clock) -> Self {
+        match Self::try_new(rates, clock) {
+            Ok(scan) => scan,
+            Err(error) => panic!("{}", error.message()),
+        }
+    }
+
+    /// A schedule of loops with these rates.
+    ///
+    /// # Errors
+    /// [`RateError::TooFast`].
+    pub const fn try_new(rates: [Rate; L], clock: Clock) -> Result<Self, RateError> {
+        const { assert!(L >= 1 && L <= 32, "a schedule is of 1 to 32 loops") };
+        let mut scan = Self {
+            clock,
+            rates,
+            wanted: None,
+            ranks: [0; L],
+            grids: [Grid::NONE; L],
+            remaining: [0; L],
+        };
+        let mut placed = 0;
+        while placed < L {
+            // Insertion from the end: equal rates stay in the order of their numbers.
+            let mut rank = placed;
+            while rank > 0 && rates[placed].is_faster_than(rates[scan.ranks[rank - 1] as usize]) {
+                scan.ranks[rank] = scan.ranks[rank - 1];
+                rank -= 1;
+            }
+            scan.ranks[rank] = placed as u8;
+            placed += 1;
+        }
+        let mut rank = 0;
+        while rank < L {
+            let rate = rates[scan.ranks[rank] as usize];
+            scan.grids[rank] = match Grid::new(rate, clock.frequency()) {
+                Some(grid) => grid,
+                None => {
+                    return Err(RateError::TooFast {
+                        rate,
+                        frequency: clock.frequency(),
+                    });
+                }
+            };
+            rank += 1;
+        }
+        Ok(scan)
+    }
+
+    pub(super) const fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    pub(super) const fn rates(&self) -> &[Rate; L] {
+        &self.rates
+    }
+
+    pub(super) const fn ranks(&self) -> &[u8; L] {
+        &self.ranks
+    }
+
+    /// The event that is due now.
+    pub(super) const fn advance(&mut self) -> Event {
+        let mut ranks = 0;
+        let mut gap = self.clock.longest_gap() as u64;
+        let mut rank = 0;
+        while rank < L {
+            if self.remaining[rank] == 0 {
+                ranks |= 1 << rank;
+                self.remaining[rank] = self.grids[rank].step();
+            }
+            if self.remaining[rank] < gap {
+                gap = self.remaining[rank];
+            }
+            rank += 1;
+        }
+        let mut rank = 0;
+        while rank < L {
+            self.remaining[rank] -= gap;
+            rank += 1;
+        }
+        Event {
+            ranks,
+            gap: gap as u32,
+        }
+    }
+
+    /// Whether every loop is due now.
+    pub(super) const fn is_at_beginning(&self) -> bool {
+        let mut rank = 0;
+        while rank < L && self.remaining[rank] == 0 {
+            rank += 1;
+        }
+        rank == L
+    }
+
+    /// Takes the wanted rates; each loop is due when it was due anyway.
+    fn take_effect(&mut self) {
+        let Some(wanted) = self.wanted.take() else {
+            return;
+        };
+        // They were tried when they were asked for.
+        let Ok(mut changed) = Self::try_new(wanted, self.clock) else {
+            return;
+        };
+        for (rank, &number) in changed.ranks.iter().enumerate() {
+            let before = self.ranks.iter().position(|&other| other == number);
+            let Some(before) = before else { continue };
+            changed.remaining[rank] = self.remaining[before];
+            if changed.rates.get(usize::from(number)) == self.rates.get(usize::from(number)) {
+                changed.grids[rank] = self.grids[before];
+            }
+        }
+        *self = changed;
+    }
+}
+
+impl<const L: usize> Schedule<L> for Scan<L> {
+    fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    fn ranks(&self) -> &[u8; L] {
+        &self.ranks
+    }
+
+    fn rates(&self) -> &[Rate; L] {
+        &self.rates
+    }
+
+    fn restart(&mut self) {
+        if let Ok(fresh) = Self::try_new(self.wanted.unwrap_or(self.rates), self.clock) {
+            *self = fresh;
+        }
+    }
+
+    fn next_event(&mut self, idle: impl FnOnce() -> bool) -> Event {
+        if self.wanted.is_some() && idle() {
+            self.take_effect();
+        }
+        self.advance()
+    }
+
+    fn begin_change(&mut self, number: usize, rate: Rate) -> Result<(), RateError> {
+        let mut wanted = self.wanted.unwrap_or(self.rates);
+        if let Some(place) = wanted.get_mut(number) {
+            *place = rate;
+        }
+        Self::try_new(wanted, self.clock)?;
+        self.wanted = Some(wanted);
+        Ok(())
+    }
+
+    fn continue_change(&mut self) -> Result<bool, RateError> {
+        Ok(true)
+    }
+
+    fn is_changing(&self) -> bool {
+        self.wanted.is_some()
+    }
+}

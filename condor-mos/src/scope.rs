@@ -1,0 +1,71 @@
+//! [`Scope`]: loops that borrow.
+
+use core::cell::Cell;
+use core::marker::PhantomData;
+
+use crate::body::Body;
+use crate::error::LoopError;
+use crate::platform::Platform;
+use crate::process::Overrun;
+use crate::schedule::Schedule;
+use crate::scheduler::{LoopId, Scheduler};
+
+/// Where closures become loops until the end of [`Scheduler::scope`].
+pub struct Scope<'scope, 'env: 'scope, P: Platform, S: Schedule<L>, const L: usize> {
+    scheduler: &'scope Scheduler<P, S, L>,
+    /// A bit for each loop that was assigned here.
+    assigned: Cell<u32>,
+    /// `'scope` neither grows nor shrinks: a closure's borrows live until the scope has ended.
+    invariant: PhantomData<&'scope mut &'scope ()>,
+    env: PhantomData<&'env mut &'env ()>,
+}
+
+impl<'scope, P: Platform, S: Schedule<L>, const L: usize> Scope<'scope, '_, P, S, L> {
+    /// Has a loop run `closure`, and enables it.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`].
+    pub fn assign<F: FnMut() + Send>(
+        &'scope self,
+        id: LoopId,
+        overrun: Overrun,
+        closure: &'scope mut F,
+    ) -> Result<(), LoopError> {
+        self.scheduler
+            .assign_body(id, overrun, Body::of_closure(closure))?;
+        self.assigned
+            .set(self.assigned.get() | 1_u32.unbounded_shl(u32::from(id.0)));
+        Ok(())
+    }
+}
+
+impl<P: Platform, S: Schedule<L>, const L: usize> Scope<'_, '_, P, S, L> {
+    pub(crate) fn run<'env, R>(
+        scheduler: &Scheduler<P, S, L>,
+        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, P, S, L>) -> R,
+    ) -> R {
+        let scope = Scope {
+            scheduler,
+            assigned: Cell::new(0),
+            invariant: PhantomData,
+            env: PhantomData,
+        };
+        let _withdraw = Withdraw {
+            scheduler,
+            assigned: &scope.assigned,
+        };
+        f(&scope)
+    }
+}
+
+/// Disarms a scope's loops, also when it unwinds.
+struct Withdraw<'w, P: Platform, S: Schedule<L>, const L: usize> {
+    scheduler: &'w Scheduler<P, S, L>,
+    assigned: &'w Cell<u32>,
+}
+
+impl<P: Platform, S: Schedule<L>, const L: usize> Drop for Withdraw<'_, P, S, L> {
+    fn drop(&mut self) {
+        self.scheduler.withdraw(self.assigned.get());
+    }
+}

@@ -1,0 +1,71 @@
+//! [`Timer`]: a counter and one compare.
+
+use crate::instant::Instant;
+use crate::rate::Rate;
+
+/// A monotonic counter that raises one interrupt at one instant.
+///
+/// # For users
+/// A [`Scheduler`](crate::Scheduler) and a [`SimpleServo`](crate::SimpleServo) own their timer and call
+/// it; a program calls [`now`](Self::now) at most.
+///
+/// # For implementers
+/// * Arming replaces what was armed before. The hardware must not lose a compare that has just
+///   passed: store it, then read the counter again, and answer [`Armed::Past`] if it is there.
+///   An interrupt may come all the same; the scheduler finds nothing due and ignores it.
+/// * An interrupt may come late or without cause, never early by more than the scheduler can see:
+///   a handler that finds that its instant has not come arms the timer again.
+/// * The interrupt stays pending while it is masked.
+///
+/// The suite of [`conformance`](crate::conformance) checks all of this.
+pub trait Timer {
+    /// What the counter's readings are: `u64`, or [`Wrapping`](crate::Wrapping) for a counter that
+    /// begins anew.
+    type Instant: Instant;
+
+    /// Ticks per second.
+    fn frequency(&self) -> Rate;
+
+    /// The counter.
+    fn now(&self) -> Self::Instant;
+
+    /// Asks for an interrupt at `at`, which is at most half of the counter's range ahead.
+    #[must_use]
+    fn arm(&self, at: Self::Instant) -> Armed;
+
+    /// Asks for no interrupt any more; one may already be pending.
+    fn disarm(&self);
+}
+
+/// Whether a compare was in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Armed {
+    /// The interrupt will come.
+    Ahead,
+    /// The instant has passed; the interrupt may not come.
+    Past,
+}
+
+impl<T: Timer + ?Sized> Timer for &T {
+    type Instant = T::Instant;
+
+    #[inline]
+    fn frequency(&self) -> Rate {
+        T::frequency(self)
+    }
+
+    #[inline]
+    fn now(&self) -> Self::Instant {
+        T::now(self)
+    }
+
+    #[inline]
+    fn arm(&self, at: Self::Instant) -> Armed {
+        T::arm(self, at)
+    }
+
+    #[inline]
+    fn disarm(&self) {
+        T::disarm(self);
+    }
+}
