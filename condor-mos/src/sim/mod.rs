@@ -90,7 +90,15 @@ impl Processor {
             processor: self,
             former,
         };
-        self.work(instant.saturating_sub(self.now()));
+        while self.now() < instant {
+            let next = self.next_interrupt();
+            if next >= instant {
+                self.machine.now.store(instant, Relaxed);
+                return;
+            }
+            self.machine.now.store(next, Relaxed);
+            self.interrupt();
+        }
     }
 
     /// Computes for `ticks`; interrupts that come meanwhile take their time in addition.
