@@ -15,7 +15,7 @@ use crate::timer::{Armed, Timer};
 ///
 /// ```
 /// use condor_mos::sim::Processor;
-/// use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler};
+/// use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, StartError};
 ///
 /// const MICROSECONDS: Rate = Rate::hz(1_000_000);
 /// const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(50)];
@@ -30,9 +30,15 @@ use crate::timer::{Armed, Timer};
 /// scheduler.scope(|scope| {
 ///     scope.assign(LoopId(0), Overrun::Skip, &mut fast_loop)?;
 ///     scope.assign(LoopId(1), Overrun::Skip, &mut slow_loop)?;
-///     scheduler.start()?;
-///     // The background works for a second.
-///     processor.run_until(1_000_000, || scheduler.on_timer());
+///     processor.with_handler(
+///         || scheduler.on_timer(),
+///         || {
+///             scheduler.start()?;
+///             // The background waits for a second.
+///             processor.run_until(1_000_000);
+///             Ok::<_, StartError>(())
+///         },
+///     )?;
 ///     let slow = scheduler.statistics(LoopId(1))?;
 ///     assert_eq!((slow.worst_run, slow.worst_lateness), (6_000, 500));
 ///     Ok::<_, Box<dyn std::error::Error>>(())
@@ -58,7 +64,7 @@ struct Machine {
 
 const NEVER: u64 = u64::MAX;
 
-/// What the timer's interrupt calls; in truth there as long as [`Processor::run_until`] runs.
+/// What the timer's interrupt calls; in truth there as long as [`Processor::with_handler`] runs.
 type Handler = &'static (dyn Fn() + Sync);
 
 impl Processor {
@@ -78,10 +84,10 @@ impl Processor {
         }
     }
 
-    /// Has the background do nothing until `instant`, while the timer's interrupt calls `handler`.
+    /// Runs `program`, while the timer's interrupt calls `handler`.
     ///
-    /// An interrupt at `instant` itself is left for the next call.
-    pub fn run_until(&self, instant: u64, handler: impl Fn() + Sync) {
+    /// Without a handler no interrupt comes.
+    pub fn with_handler<R>(&self, handler: impl Fn() + Sync, program: impl FnOnce() -> R) -> R {
         let handler: &(dyn Fn() + Sync) = &handler;
         // SAFETY: only the lifetime differs, and `_connected` takes the handler away before it goes.
         let handler = unsafe { core::mem::transmute::<&(dyn Fn() + Sync), Handler>(handler) };
@@ -90,20 +96,22 @@ impl Processor {
             processor: self,
             former,
         };
+        program()
+    }
+
+    /// Has the background do nothing until `instant`. An interrupt at `instant` itself is left for
+    /// the next call.
+    pub fn run_until(&self, instant: u64) {
         while self.now() < instant {
-            let next = self.next_interrupt();
-            if next >= instant {
-                self.machine.now.store(instant, Relaxed);
-                return;
+            let interrupt = self.next_interrupt().min(instant);
+            self.machine.now.store(interrupt, Relaxed);
+            if interrupt < instant {
+                self.interrupt();
             }
-            self.machine.now.store(next, Relaxed);
-            self.interrupt();
         }
     }
 
     /// Computes for `ticks`; interrupts that come meanwhile take their time in addition.
-    ///
-    /// Without a handler, see [`run_until`](Self::run_until), no interrupt comes.
     pub fn work(&self, ticks: u64) {
         let mut remaining = ticks;
         loop {
@@ -168,7 +176,7 @@ impl Processor {
     }
 }
 
-/// Takes the handler away when [`Processor::run_until`] ends.
+/// Takes the handler away when [`Processor::with_handler`] ends.
 struct Connected<'p> {
     processor: &'p Processor,
     former: Option<Handler>,
