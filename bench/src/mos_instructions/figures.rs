@@ -39,7 +39,7 @@ impl Lines {
 /// How long after the instant for which the alarm is armed a handler begins with the body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Alarm {
-    /// In ticks, the mean over all distances between the instant and the next instruction.
+    /// In ticks, the mean over the instants at which the fastest loop is due alone.
     late_ticks: f64,
 }
 
@@ -111,11 +111,17 @@ impl Figures {
     /// From the lines of a firmware with three loops.
     ///
     /// # Errors
-    /// A line is missing.
+    /// A line is missing, or the loops did not run at their rates.
     pub(crate) fn of(lines: &Lines, alarm: Alarm) -> Result<Self> {
         let passed = lines.instructions(lines.get("ticks")?)?;
         let taken = passed - lines.get("background_instructions")?;
         let releases = lines.get("releases")?;
+        let seconds = lines.get("ticks")? / lines.get("hertz")?;
+        let due = seconds * lines.get("releases_per_second")?;
+        // The background looks when the slowest loop has run, not at the end of a second.
+        if (releases - due).abs() >= 0.5 {
+            return Err(format!("{releases} releases ran where {due:.2} were due").into());
+        }
         let with_body = taken / releases;
         let late = lines.get("late_ticks_sum")? / lines.get("alone")?;
         Ok(Self {
@@ -163,13 +169,27 @@ mod tests {
     fn figures_are_instructions() -> Result<()> {
         let alarm = Alarm::of(&Lines::parse(CALIBRATION)?)?;
         // 100 releases that take 40 instructions each, 9 of them in the body.
-        let text = "hertz 25000000\nticks 32000\nbackground_instructions 6000\nreleases 100\n\
+        let text = "hertz 25000000\nreleases_per_second 78125\nticks 32000\nbackground_instructions 6000\nreleases 100\n\
             body_instructions 9\nalone 10\nlate_ticks_sum 1902\n";
         let figures = Figures::of(&Lines::parse(text)?, alarm)?;
         assert!((figures.with_body - 40.0).abs() < 0.001, "{figures:?}");
         assert!((figures.per_release - 31.0).abs() < 0.001, "{figures:?}");
         // 190.2 - 30.25 ticks of 3.2 to an instruction.
         assert!((figures.to_body - 50.0).abs() < 0.1, "{figures:?}");
+        Ok(())
+    }
+
+    #[test]
+    fn loops_that_miss_a_release_are_refused() -> Result<()> {
+        let alarm = Alarm::of(&Lines::parse(CALIBRATION)?)?;
+        for (releases, right) in [(549, false), (550, true), (551, false)] {
+            let text = format!(
+                "hertz 25000000\nreleases_per_second 550\nticks 24999932\n\
+                background_instructions 7670429\nreleases {releases}\nbody_instructions 9\n\
+                alone 300\nlate_ticks_sum 151200\n"
+            );
+            assert_eq!(Figures::of(&Lines::parse(&text)?, alarm).is_ok(), right);
+        }
         Ok(())
     }
 

@@ -25,13 +25,13 @@
 //!
 //! # What a firmware has to do
 //!
-//! 1. [`timer::start`], then make an *origin* some milliseconds ahead, and make [`LOOPS`] loops
-//!    of [`PERIODS`] whose releases are at `origin + k * period` for `k` = 0, 1, …. Loop `N` calls
+//! 1. [`timer::stop_at_zero`], then make [`LOOPS`] loops of [`PERIODS`] whose releases are at
+//!    `k * period` for `k` = 0, 1, …; those at 0 may run at once. Loop `N` calls
 //!    [`body::<N>`](body::body) and does nothing else.
 //! 2. Take the time from [`timer::now`], and one-shot alarms from [`timer::arm`] and
 //!    [`timer::acknowledge`] alone. The alarm is [`Interrupt::TIMER0`] at the highest priority;
 //!    [`Interrupt::SPARE0`] and the others have no source and can be pended.
-//! 3. Call [`report::loops`] as the background.
+//! 3. Call [`report::loops`] as the background. It starts the counter and ends QEMU.
 #![no_std]
 
 pub mod background;

@@ -30,16 +30,22 @@ const ALARM_INTERRUPT: u32 = 1 << 3;
 const COUNTER_32_BIT: u32 = 1 << 1;
 const COUNTER_ENABLE: u32 = 1 << 7;
 
-/// Starts the counter, and readies the alarm, which stays silent until it is armed.
-pub fn start() {
+/// Stops both, with the counter at 0: the alarm can be armed, and does not go off.
+pub fn stop_at_zero() {
     write(COUNTER_CONTROL, COUNTER_32_BIT);
     write(COUNTER_LOAD, u32::MAX);
-    write(COUNTER_CONTROL, COUNTER_32_BIT | COUNTER_ENABLE);
+    write(ALARM_CONTROL, 0);
     // With nothing to reload, the alarm stops when it has gone off.
     write(ALARM_RELOAD, 0);
+    write(ALARM_STATUS, 1);
     // With nothing to count either, QEMU would complain.
     write(ALARM_VALUE, u32::MAX);
+}
+
+/// Lets both run.
+pub fn start() {
     write(ALARM_CONTROL, ALARM_ENABLE | ALARM_INTERRUPT);
+    write(COUNTER_CONTROL, COUNTER_32_BIT | COUNTER_ENABLE);
 }
 
 /// The time in ticks since [`start`]; it wraps after 171 s.

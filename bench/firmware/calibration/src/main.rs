@@ -9,7 +9,7 @@ use core::arch::{asm, naked_asm};
 
 use board::background::until;
 use board::body::{self, TRACES, Trace};
-use board::report::line;
+use board::report::{is_shared, line};
 use board::{Interrupt, PERIODS, body_text, switch_off, timer};
 use cortex_m::peripheral::NVIC;
 
@@ -22,8 +22,8 @@ const INTERRUPTS: u32 = 550;
 /// Instructions of [`TIMER0`] besides the body: five, and a return.
 const HANDLER: u32 = body::INSTRUCTIONS + 6;
 
-/// Alarms whose instants lie at all distances from the next instruction.
-const ALARMS: u32 = 400;
+/// Alarms that are looked at.
+const ALARMS: u32 = 300;
 
 /// Nothing that is armed is nearer, or arming would be too late for it.
 const AHEAD: u32 = 2_000;
@@ -50,6 +50,7 @@ unsafe extern "C" fn TIMER0() {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    timer::stop_at_zero();
     timer::start();
     // SAFETY: no lock relies on a priority.
     unsafe { NVIC::unmask(Interrupt::TIMER0) };
@@ -102,9 +103,11 @@ fn handler() {
 fn alarm() {
     let trace: &Trace = &TRACES[0];
     let (mut sum, mut least, mut most) = (0, u32::MAX, 0);
-    let origin = timer::now();
-    for release in 1..=ALARMS {
-        let instant = origin.wrapping_add(release * PERIODS[0]);
+    // The instants of the fastest loop when no other is due, as they lie between instructions.
+    let next = timer::now() / PERIODS[0] + 2;
+    let releases = (next..).filter(|release| !is_shared(*release));
+    for release in releases.take(ALARMS as usize) {
+        let instant = release * PERIODS[0];
         timer::arm(instant);
         until(trace, trace.runs() + 1);
         let late = trace.began().wrapping_sub(instant);

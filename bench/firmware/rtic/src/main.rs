@@ -12,55 +12,49 @@ use cortex_m_rt as _;
 #[rtic::app(device = board, peripherals = false, dispatchers = [SPARE0, SPARE1, SPARE2])]
 mod app {
     use board::body::body;
-    use board::{PERIODS, report, timer};
+    use board::{PERIODS, report};
     use rtic_time::timer_queue::TimerQueueBackend;
 
     use crate::monotonic::Counter;
-
-    /// Ticks until release 0, in which everything is set up.
-    const AHEAD: u32 = PERIODS[0];
 
     #[shared]
     struct Shared {}
 
     #[local]
-    struct Local {
-        origin: u32,
-    }
+    struct Local {}
 
     #[init]
     fn init(mut context: init::Context) -> (Shared, Local) {
-        Counter::start(&mut context.core.NVIC);
-        let origin = timer::now().wrapping_add(AHEAD);
+        Counter::prepare(&mut context.core.NVIC);
         // None is running yet, so none can be refused.
-        let _ = fastest::spawn(origin);
-        let _ = middle::spawn(origin);
-        let _ = slowest::spawn(origin);
-        (Shared {}, Local { origin })
+        let _ = fastest::spawn();
+        let _ = middle::spawn();
+        let _ = slowest::spawn();
+        (Shared {}, Local {})
     }
 
-    #[idle(local = [origin])]
-    fn idle(context: idle::Context) -> ! {
-        report::loops(*context.local.origin)
+    #[idle]
+    fn idle(_: idle::Context) -> ! {
+        report::loops()
     }
 
     #[task(priority = 3)]
-    async fn fastest(_: fastest::Context, origin: u32) {
-        releases::<0>(origin).await;
+    async fn fastest(_: fastest::Context) {
+        releases::<0>().await;
     }
 
     #[task(priority = 2)]
-    async fn middle(_: middle::Context, origin: u32) {
-        releases::<1>(origin).await;
+    async fn middle(_: middle::Context) {
+        releases::<1>().await;
     }
 
     #[task(priority = 1)]
-    async fn slowest(_: slowest::Context, origin: u32) {
-        releases::<2>(origin).await;
+    async fn slowest(_: slowest::Context) {
+        releases::<2>().await;
     }
 
-    async fn releases<const LOOP: usize>(origin: u32) {
-        let mut instant = origin;
+    async fn releases<const LOOP: usize>() {
+        let mut instant = 0_u32;
         loop {
             Counter::timer_queue().delay_until(instant).await;
             body::<LOOP>();

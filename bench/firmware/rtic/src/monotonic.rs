@@ -13,10 +13,10 @@ static QUEUE: TimerQueue<Counter> = TimerQueue::new();
 pub(crate) struct Counter;
 
 impl Counter {
-    /// Starts the counter, and serves the alarm at the highest priority, as the monotonics of
-    /// `rtic-monotonics` do.
-    pub(crate) fn start(nvic: &mut NVIC) {
-        timer::start();
+    /// Sets the counter to 0, and has the alarm served at the highest priority, as the monotonics
+    /// of `rtic-monotonics` do.
+    pub(crate) fn prepare(nvic: &mut NVIC) {
+        timer::stop_at_zero();
         QUEUE.initialize(Self);
         // SAFETY: no lock of this firmware relies on the priority of the alarm.
         unsafe {
