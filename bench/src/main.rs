@@ -1,11 +1,12 @@
 //! Benchmarks of the Condor crates beside their peers, one sub-command for each crate.
 //!
-//! `cargo run --release --manifest-path bench/Cargo.toml -- mbox [--json] [--rounds N] [--quick]`
+//! `cargo run --release --manifest-path bench/Cargo.toml -- COMMAND [--json] [--rounds N] [--quick]`
 
 mod clock;
 mod machine;
 mod mbox;
 mod measure;
+mod mos_instructions;
 mod options;
 
 use std::error::Error;
@@ -24,11 +25,18 @@ struct Command {
     run: fn(&Options) -> Result<Report>,
 }
 
-const COMMANDS: &[Command] = &[Command {
-    name: "mbox",
-    about: "round trips of condor-mbox beside raw atomics, futexes, queues, sockets and iceoryx2",
-    run: mbox::run,
-}];
+const COMMANDS: &[Command] = &[
+    Command {
+        name: "mbox",
+        about: "round trips of condor-mbox beside raw atomics, futexes, queues, sockets and iceoryx2",
+        run: mbox::run,
+    },
+    Command {
+        name: "mos-instructions",
+        about: "instructions of a release on a Cortex-M3 in QEMU, beside RTIC 2",
+        run: mos_instructions::run,
+    },
+];
 
 /// Objects that peers allocate can be placed in shared memory; see [`mbox::arena`].
 #[global_allocator]
@@ -37,7 +45,7 @@ static ALLOCATOR: mbox::arena::Allocator = mbox::arena::Allocator;
 fn print_usage() {
     eprintln!("usage: condor-bench COMMAND {}", options::USAGE);
     for command in COMMANDS {
-        eprintln!("  {:8} {}", command.name, command.about);
+        eprintln!("  {:16} {}", command.name, command.about);
     }
 }
 

@@ -1,4 +1,4 @@
-//! The bare-metal examples, which are built for targets of their own.
+//! The bare-metal examples and the firmwares of the benchmarks, which are built for targets of their own.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,13 @@ use crate::tools::need_target;
 /// Their workspace, relative to the root.
 pub(crate) const WORKSPACE: &str = "examples/bare-metal";
 
-/// One of them.
+/// The workspace of the firmwares whose instructions are counted, relative to the root.
+pub(crate) const BENCH: &str = "bench/firmware";
+
+/// What those are built for.
+pub(crate) const BENCH_TARGET: &str = "thumbv7m-none-eabi";
+
+/// One of the examples.
 pub(crate) struct Firmware {
     pub package: &'static str,
     pub target: &'static str,

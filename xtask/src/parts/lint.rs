@@ -40,11 +40,17 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         );
         command(context, &line).dir(firmware::WORKSPACE).run()?;
     }
+    need_target(context, firmware::BENCH_TARGET)?;
+    let line = format!(
+        "cargo clippy --workspace --target {} -- -D warnings",
+        firmware::BENCH_TARGET
+    );
+    command(context, &line).dir(firmware::BENCH).run()?;
     let mut checked = format!(
         "{} feature sets, {} loom models, {} firmwares",
         FEATURE_SETS.len(),
         models.len(),
-        FIRMWARES.len()
+        FIRMWARES.len() + 1
     );
     for dir in others {
         checked += ", ";

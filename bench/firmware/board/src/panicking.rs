@@ -1,0 +1,11 @@
+//! What happens when a firmware panics: it says so, and QEMU ends with an error.
+
+use core::panic::PanicInfo;
+
+use cortex_m_semihosting::hprintln;
+
+#[panic_handler]
+fn panic(info: &PanicInfo<'_>) -> ! {
+    hprintln!("{}", info);
+    crate::switch_off(false)
+}

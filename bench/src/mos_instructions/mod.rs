@@ -1,0 +1,124 @@
+//! `mos-instructions`: what a release costs on a Cortex-M3, in instructions.
+//!
+//! Three loops at 400, 100 and 50 Hz run for some seconds of virtual time under
+//! `qemu-system-arm -icount`, as firmwares of `bench/firmware` that differ in the scheduler alone.
+//! How instructions are counted is told in `bench/firmware/board/src/lib.rs`. The counts are
+//! exact and the same every time, so there are no rounds and the intervals have no width.
+
+mod figures;
+mod firmware;
+
+use std::fmt::Write as _;
+
+use figures::{Alarm, Figures, Lines, check};
+use firmware::Workspace;
+
+use crate::Result;
+use crate::measure::{Better, Estimate, Goal, Report};
+use crate::options::Options;
+
+/// A firmware that runs the loops.
+struct Contestant {
+    /// What people call the scheduler.
+    name: &'static str,
+    /// The package in `bench/firmware`.
+    package: &'static str,
+}
+
+const OURS: &str = "condor-mos";
+const RTIC: &str = "RTIC 2";
+
+const CONTESTANTS: &[Contestant] = &[Contestant {
+    name: RTIC,
+    package: "rtic-loops",
+}];
+
+const TO_BODY: f64 = 45.0;
+const PER_RELEASE: f64 = 65.0;
+const PER_RELEASE_VS_RTIC: f64 = 0.25;
+
+/// Builds and runs all firmwares, the calibration first.
+///
+/// # Errors
+/// A tool is missing, a firmware does not build or end, or the calibration is off.
+pub(crate) fn run(_: &Options) -> Result<Report> {
+    let workspace = Workspace::build()?;
+    let calibration = Lines::parse(&workspace.run("calibration")?)?;
+    let checked = check(&calibration)?;
+    let alarm = Alarm::of(&calibration)?;
+    let mut rows = Vec::new();
+    for contestant in CONTESTANTS {
+        let lines = Lines::parse(&workspace.run(contestant.package)?)?;
+        rows.push((contestant.name, Figures::of(&lines, alarm)?));
+    }
+    Ok(Report {
+        text: table(&checked, &rows)?,
+        goals: goals(&rows),
+    })
+}
+
+fn table(checked: &str, rows: &[(&str, Figures)]) -> Result<String> {
+    let mut text = String::new();
+    writeln!(text, "calibration: {checked}")?;
+    writeln!(
+        text,
+        "\n{:14} {:>12} {:>12} {:>10} {:>10}",
+        "instructions", "per release", "with body", "to body", "releases"
+    )?;
+    for (name, figures) in rows {
+        writeln!(
+            text,
+            "{name:14} {:12.2} {:12.2} {:10.1} {:10}",
+            figures.per_release, figures.with_body, figures.to_body, figures.releases
+        )?;
+    }
+    Ok(text)
+}
+
+fn goals(rows: &[(&str, Figures)]) -> Vec<Goal> {
+    let find = |name| rows.iter().find(|row| row.0 == name).map(|row| row.1);
+    let (Some(ours), Some(rtic)) = (find(OURS), find(RTIC)) else {
+        return Vec::new();
+    };
+    let goal = |name, value, limit| Goal {
+        name,
+        estimate: Estimate::of([value]),
+        limit,
+        better: Better::Lower,
+    };
+    vec![
+        goal("to_body", ours.to_body, TO_BODY),
+        goal("per_release", ours.per_release, PER_RELEASE),
+        goal(
+            "per_release_vs_rtic",
+            ours.per_release / rtic.per_release,
+            PER_RELEASE_VS_RTIC,
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn goals_compare_with_rtic_of_the_same_run() {
+        let figures = |per_release, to_body| Figures {
+            per_release,
+            with_body: per_release + 9.0,
+            to_body,
+            releases: 550,
+        };
+        let rtic = (RTIC, figures(240.0, 148.0));
+        assert!(goals(&[rtic]).is_empty());
+        let goals = goals(&[rtic, (OURS, figures(60.0, 46.0))]);
+        let values = goals.iter().map(|goal| goal.estimate.value);
+        assert!(values.eq([46.0, 60.0, 0.25]));
+        let verdicts = goals.iter().map(Goal::verdict);
+        assert!(verdicts.eq([
+            crate::measure::Verdict::Short,
+            crate::measure::Verdict::Met,
+            crate::measure::Verdict::Met
+        ]));
+    }
+}
