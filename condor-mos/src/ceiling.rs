@@ -56,7 +56,7 @@ impl<T> CeilingLock<T> {
                 return Err(LockError::Taken);
             }
             let former = scheduler
-                .raise(section, self.users)
+                .lock(section, self.users)
                 .ok_or(LockError::Undeclared)?;
             self.taken.with(section, |taken| *taken = true);
             Ok(former)
@@ -87,6 +87,6 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Drop for Unlock<'_, P, S, L> {
     fn drop(&mut self) {
         critical_section::with(|section| self.taken.with(section, |taken| *taken = false));
         // Loops that became due meanwhile start here.
-        self.scheduler.lower(self.former);
+        self.scheduler.unlock(self.former);
     }
 }

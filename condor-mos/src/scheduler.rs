@@ -91,7 +91,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
                 if schedule != timer {
                     return Err(StartError::Clock { timer, schedule });
                 }
-                if state.due().is_some() {
+                if state.started_due().is_some() {
                     return Err(StartError::Started);
                 }
                 state.start(now);
@@ -153,101 +153,136 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// [`LoopError::NoSuchLoop`].
     pub fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
         let number = Self::number(id)?;
-        let (process, rate, clock) = self.with_state(|state| {
+        let (snapshot, rate, clock) = self.with_state(|state| {
             (
-                state.processes.get(number).copied(),
+                state.snapshot(number),
                 state.schedule.rates().get(number).copied(),
                 state.schedule.clock(),
             )
         });
-        match (process, rate) {
-            (Some(process), Some(rate)) => Ok(Statistics::of(&process, rate, clock.frequency())),
+        match (snapshot, rate) {
+            (Some(snapshot), Some(rate)) => Ok(Statistics::of(&snapshot, rate, clock.frequency())),
             _ => Err(Self::no_such(id)),
         }
     }
 
-    /// The timer's interrupt: releases the loops that are due, and dispatches them.
+    /// The timer's interrupt: releases the loops that are due, and runs them or has them run.
     ///
     /// One that comes early or without cause does no harm.
     #[inline]
     pub fn on_timer(&self) {
-        let ranks = critical_section::with(|section| self.release(section));
-        if ranks != 0 {
-            self.dispatch(ranks);
-        }
+        self.run_from(|section| {
+            let now = self.platform.now();
+            self.release(section, now);
+            self.begin(section, now)
+        });
     }
 
     /// The interrupt of a rank's own vector, on platforms that have those: runs its loop.
     #[inline]
     pub fn on_vector(&self, rank: u32) {
-        while let Some(running) = self.begin(|state, now| state.begin(rank, now)) {
-            self.run(running);
+        self.run_from(|section| {
+            let now = self.platform.now();
+            self.state
+                .with(section, |state| state.begin_unlocked(rank, now))
+        });
+    }
+
+    /// Runs the loop that `begin` gives, and what follows it in the same context.
+    #[inline]
+    fn run_from(&self, begin: impl FnOnce(CriticalSection<'_>) -> Option<Running<P::Instant>>) {
+        let mut next = self.platform.masked(begin);
+        while let Some(running) = next {
+            let end = End {
+                scheduler: self,
+                running,
+            };
+            if let Some(body) = running.body {
+                // SAFETY: the context is there until `withdraw` has seen that the loop is not in
+                // progress, as it is since `begin`; and a loop in progress is not begun again.
+                self.platform.interruptible(|| unsafe { body.call() });
+            }
+            core::mem::forget(end);
+            next = self.platform.masked(|section| self.end(section, running));
         }
     }
 
-    /// Releases what is due, arms the timer for what comes next, and gives the ranks that may
-    /// start.
+    /// Ends a loop, and begins the one that follows in the same context.
     #[inline]
-    fn release(&self, section: CriticalSection<'_>) -> u32 {
-        let Some(due) = self.state.with(section, |state| state.due()) else {
-            return 0;
-        };
-        let ready = || self.state.with(section, |state| state.ready());
-        if !self.platform.now().has_reached(due) && self.platform.arm(due) == Armed::Ahead {
-            return ready();
+    fn end(
+        &self,
+        section: CriticalSection<'_>,
+        running: Running<P::Instant>,
+    ) -> Option<Running<P::Instant>> {
+        let now = self.platform.now();
+        if P::VECTORS && running.is_fastest() {
+            // The timer could not interrupt: what was due meanwhile came before the end.
+            self.release(section, now);
         }
+        self.state.with(section, |state| {
+            let again = state.end(running, now);
+            if !P::VECTORS {
+                return state.begin_fastest(now);
+            }
+            if again {
+                return state.begin_unlocked(running.rank(), now);
+            }
+            None
+        })
+    }
+
+    /// Begins the fastest loop if this context is for it, and pends the vectors of others.
+    #[inline]
+    fn begin(&self, section: CriticalSection<'_>, now: P::Instant) -> Option<Running<P::Instant>> {
+        if !P::VECTORS {
+            return self.state.with(section, |state| state.begin_fastest(now));
+        }
+        let others = self.state.with(section, |state| state.unlocked()) & !1;
+        if others != 0 {
+            self.platform.pend(others);
+        }
+        self.state
+            .with(section, |state| state.begin_unlocked(0, now))
+    }
+
+    /// Releases what is due by `now`, and arms the timer for what comes next.
+    #[inline]
+    fn release(&self, section: CriticalSection<'_>, now: P::Instant) {
+        if !self.state.with(section, |state| state.is_due(now)) {
+            return self.rearm(section);
+        }
+        let due = self.state.with(section, State::pass_event);
+        if self.platform.arm(due) == Armed::Past {
+            self.catch_up(section);
+        }
+    }
+
+    /// The interrupt came early, or without cause.
+    #[cold]
+    fn rearm(&self, section: CriticalSection<'_>) {
+        let due = self.state.with(section, |state| state.started_due());
+        if let Some(due) = due
+            && self.platform.arm(due) == Armed::Past
+        {
+            self.catch_up(section);
+        }
+    }
+
+    /// Passes events that are due already, until one is ahead.
+    #[cold]
+    fn catch_up(&self, section: CriticalSection<'_>) {
         for _ in 0..MOST_EVENTS {
             let due = self.state.with(section, State::pass_event);
             if self.platform.arm(due) == Armed::Ahead {
-                return ready();
+                return;
             }
         }
-        self.pause();
-        ready()
-    }
-
-    /// Events come faster than they can be counted: comes back to them after a while.
-    #[cold]
-    fn pause(&self) {
+        // Events come faster than they can be counted: come back to them after a while.
         let longest = 1 << (<P::Instant as Instant>::BITS.min(32) - 2);
         let mut ticks = 1;
         while self.platform.arm(self.platform.now().after(ticks)) == Armed::Past && ticks < longest
         {
             ticks <<= 1;
-        }
-    }
-
-    #[inline]
-    fn dispatch(&self, ranks: u32) {
-        self.platform.dispatch(ranks, || {
-            while let Some(running) = self.begin(State::begin_fastest) {
-                self.run(running);
-            }
-        });
-    }
-
-    #[inline]
-    fn begin(
-        &self,
-        begin: impl FnOnce(&mut State<S, P::Instant, L>, P::Instant) -> Option<Running<P::Instant>>,
-    ) -> Option<Running<P::Instant>> {
-        critical_section::with(|section| {
-            let now = self.platform.now();
-            self.state.with(section, |state| begin(state, now))
-        })
-    }
-
-    #[inline]
-    fn run(&self, running: Running<P::Instant>) {
-        let body = running.body;
-        let _end = End {
-            scheduler: self,
-            running: Some(running),
-        };
-        if let Some(body) = body {
-            // SAFETY: the context is there until `withdraw` has seen that the loop is not in
-            // progress, as it is since `begin`; and a loop in progress is not begun again.
-            self.platform.interruptible(|| unsafe { body.call() });
         }
     }
 
@@ -259,16 +294,11 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         body: Body,
     ) -> Result<(), LoopError> {
         let number = Self::number(id)?;
-        self.with_state(|state| {
-            let process = state.processes.get_mut(number).ok_or(Self::no_such(id))?;
-            if process.body.is_some() {
-                return Err(LoopError::Taken { id });
-            }
-            process.body = Some(body);
-            process.overrun = overrun;
-            state.enable(number, true);
+        if self.with_state(|state| state.assign(number, overrun, body)) {
             Ok(())
-        })
+        } else {
+            Err(LoopError::Taken { id })
+        }
     }
 
     /// Disables the loops of `ids`, a bit for each, and takes away what they run, once they have
@@ -283,27 +313,37 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
 
     fn set_enabled(&self, id: LoopId, enabled: bool) -> Result<(), LoopError> {
         let number = Self::number(id)?;
-        self.with_state(|state| {
-            let process = state.processes.get(number);
-            if process.is_none_or(|process| process.body.is_none()) {
-                return Err(LoopError::Unassigned { id });
-            }
-            state.enable(number, enabled);
+        if self.with_state(|state| state.enable(number, enabled)) {
             Ok(())
-        })
-    }
-
-    /// Lets only loops run that are faster than all of `users`; see [`State::raise`].
-    pub(crate) fn raise(&self, section: CriticalSection<'_>, users: u32) -> Option<u32> {
-        self.state.with(section, |state| state.raise(users))
-    }
-
-    /// Undoes it.
-    pub(crate) fn lower(&self, former: u32) {
-        let ranks = self.with_state(|state| state.lower(former));
-        if ranks != 0 {
-            self.dispatch(ranks);
+        } else {
+            Err(LoopError::Unassigned { id })
         }
+    }
+
+    /// Lets only loops run that are faster than all of `users`; see [`State::lock`].
+    pub(crate) fn lock(&self, section: CriticalSection<'_>, users: u32) -> Option<u32> {
+        self.state.with(section, |state| state.lock(users))
+    }
+
+    /// Undoes it, and has those run that were kept waiting.
+    pub(crate) fn unlock(&self, former: u32) {
+        if P::VECTORS {
+            let ranks = self.with_state(|state| {
+                state.unlock(former);
+                state.unlocked()
+            });
+            if ranks != 0 {
+                self.platform.pend(ranks);
+            }
+            return;
+        }
+        self.run_from(|section| {
+            let now = self.platform.now();
+            self.state.with(section, |state| {
+                state.unlock(former);
+                state.begin_fastest(now)
+            })
+        });
     }
 
     fn with_state<R>(&self, f: impl FnOnce(&mut State<S, P::Instant, L>) -> R) -> R {
@@ -324,22 +364,16 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     }
 }
 
-/// Ends a loop, also when its body unwinds.
+/// Ends a loop whose body unwinds.
 struct End<'s, P: Platform, S: Schedule<L>, const L: usize> {
     scheduler: &'s Scheduler<P, S, L>,
-    running: Option<Running<P::Instant>>,
+    running: Running<P::Instant>,
 }
 
 impl<P: Platform, S: Schedule<L>, const L: usize> Drop for End<'_, P, S, L> {
-    #[inline]
     fn drop(&mut self) {
-        if let Some(running) = self.running.take() {
-            critical_section::with(|section| {
-                let now = self.scheduler.platform.now();
-                self.scheduler
-                    .state
-                    .with(section, |state| state.end(running, now));
-            });
-        }
+        let now = self.scheduler.platform.now();
+        self.scheduler
+            .with_state(|state| state.end(self.running, now));
     }
 }

@@ -48,8 +48,9 @@ pub trait Schedule<const L: usize>: Sealed {
     /// The next event.
     ///
     /// `idle` is asked, if at all, whether no loop is unfinished at this event. Only then may ranks
-    /// change: never under a loop that is in progress.
-    fn next_event(&mut self, idle: impl FnOnce() -> bool) -> Event;
+    /// change, never under a loop that is in progress; `reorder` is then given, for each new rank,
+    /// the one that its loop had before.
+    fn next_event(&mut self, idle: impl FnOnce() -> bool, reorder: impl FnOnce(&[u8; L])) -> Event;
 
     /// Asks for another rate of a loop. It takes effect, together with all that were asked for
     /// since, after [`continue_change`](Self::continue_change) has said that everything is ready.
@@ -66,4 +67,12 @@ pub trait Schedule<const L: usize>: Sealed {
 
     /// Whether rates that were asked for have not taken effect yet.
     fn is_changing(&self) -> bool;
+}
+
+/// For each rank of `after`, the rank that its loop has in `before`.
+fn former_ranks<const L: usize>(before: &[u8; L], after: &[u8; L]) -> [u8; L] {
+    after.map(|number| {
+        let same = |other: &u8| *other == number;
+        before.iter().position(same).unwrap_or(0) as u8
+    })
 }

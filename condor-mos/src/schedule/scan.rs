@@ -1,6 +1,6 @@
 //! [`Scan`]: the next event is computed when it is needed.
 
-use super::{Event, Grid, Schedule};
+use super::{Event, Grid, Schedule, former_ranks};
 use crate::clock::Clock;
 use crate::error::RateError;
 use crate::rate::Rate;
@@ -137,7 +137,7 @@ impl<const L: usize> Scan<L> {
     }
 
     /// Takes the wanted rates; each loop is due when it was due anyway.
-    fn take_effect(&mut self) {
+    fn take_effect(&mut self, reorder: impl FnOnce(&[u8; L])) {
         let Some(wanted) = self.wanted.take() else {
             return;
         };
@@ -145,15 +145,27 @@ impl<const L: usize> Scan<L> {
         let Ok(mut changed) = Self::try_new(wanted, self.clock) else {
             return;
         };
-        for (rank, &number) in changed.ranks.iter().enumerate() {
-            let before = self.ranks.iter().position(|&other| other == number);
-            let Some(before) = before else { continue };
-            changed.remaining[rank] = self.remaining[before];
-            if changed.rates.get(usize::from(number)) == self.rates.get(usize::from(number)) {
-                changed.grids[rank] = self.grids[before];
+        let former = former_ranks(&self.ranks, &changed.ranks);
+        let numbers = changed.ranks;
+        for (rank, (&before, number)) in former.iter().zip(numbers).enumerate() {
+            let (before, number) = (usize::from(before), usize::from(number));
+            let rate = |scan: &Self| scan.rates.get(number).copied();
+            let same_rate = rate(&changed) == rate(self);
+            if let (Some(place), Some(remaining)) =
+                (changed.remaining.get_mut(rank), self.remaining.get(before))
+            {
+                *place = *remaining;
+            }
+            if let (true, Some(place), Some(grid)) = (
+                same_rate,
+                changed.grids.get_mut(rank),
+                self.grids.get(before),
+            ) {
+                *place = *grid;
             }
         }
         *self = changed;
+        reorder(&former);
     }
 }
 
@@ -171,14 +183,13 @@ impl<const L: usize> Schedule<L> for Scan<L> {
     }
 
     fn restart(&mut self) {
-        if let Ok(fresh) = Self::try_new(self.wanted.unwrap_or(self.rates), self.clock) {
-            *self = fresh;
-        }
+        self.grids.iter_mut().for_each(Grid::restart);
+        self.remaining = [0; L];
     }
 
-    fn next_event(&mut self, idle: impl FnOnce() -> bool) -> Event {
+    fn next_event(&mut self, idle: impl FnOnce() -> bool, reorder: impl FnOnce(&[u8; L])) -> Event {
         if self.wanted.is_some() && idle() {
-            self.take_effect();
+            self.take_effect(reorder);
         }
         self.advance()
     }

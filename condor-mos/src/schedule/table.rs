@@ -1,6 +1,6 @@
 //! [`EventTable`]: every event until the rates repeat, computed beforehand.
 
-use super::{Event, Grid, Scan, Schedule};
+use super::{Event, Grid, Scan, Schedule, former_ranks};
 use crate::clock::Clock;
 use crate::error::RateError;
 use crate::rate::{Rate, greatest_common_divisor};
@@ -136,10 +136,13 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     }
 
     /// Goes to the first entry of a hyperperiod, perhaps one of other rates.
-    fn begin_cycle(&mut self, idle: impl FnOnce() -> bool) {
+    #[cold]
+    fn begin_cycle(&mut self, idle: impl FnOnce() -> bool, reorder: impl FnOnce(&[u8; L])) {
         if self.change == Progress::Ready && idle() {
+            let former = *self.ranks();
             self.active ^= 1;
             self.change = Progress::None;
+            reorder(&former_ranks(&former, self.ranks()));
         }
         self.next = 0;
         self.halves[self.active & 1].carry();
@@ -269,9 +272,9 @@ impl<const L: usize, const E: usize> Schedule<L> for EventTable<L, E> {
     }
 
     #[inline]
-    fn next_event(&mut self, idle: impl FnOnce() -> bool) -> Event {
+    fn next_event(&mut self, idle: impl FnOnce() -> bool, reorder: impl FnOnce(&[u8; L])) -> Event {
         if self.next >= self.half().len {
-            self.begin_cycle(idle);
+            self.begin_cycle(idle, reorder);
         }
         let event = self.half().entries.get(self.next).copied();
         self.next += 1;

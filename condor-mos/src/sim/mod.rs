@@ -226,10 +226,6 @@ impl Timer for Processor {
 }
 
 impl Platform for Processor {
-    fn dispatch(&self, _: u32, run: impl FnOnce()) {
-        run();
-    }
-
     fn interruptible(&self, body: impl FnOnce()) {
         let former = self.machine.enabled.swap(true, Relaxed);
         let _enabled = Enabled {
