@@ -23,7 +23,7 @@ pub enum Overrun {
 /// waits or runs.
 #[derive(Clone, Copy)]
 pub(crate) struct Process<I> {
-    pub(crate) body: Option<Body>,
+    pub(crate) body: Body,
     /// When the release that runs, or runs next, was due.
     pub(crate) due: I,
     pub(crate) worst_lateness: u32,
@@ -40,7 +40,7 @@ pub(crate) struct Process<I> {
 
 impl<I: Instant> Process<I> {
     pub(crate) const NEW: Self = Self {
-        body: None,
+        body: Body::NOTHING,
         due: I::ZERO,
         worst_lateness: 0,
         worst_run: 0,
@@ -86,7 +86,7 @@ impl<I: Instant> Process<I> {
     }
 
     /// The loop starts.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn start(&mut self, now: I) {
         let lateness = now.since(self.due);
         if lateness > self.worst_lateness {
@@ -95,7 +95,7 @@ impl<I: Instant> Process<I> {
     }
 
     /// The loop has finished, after `ticks` of its own.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn finish(&mut self, ticks: u32) {
         self.run = self.run.wrapping_add(1);
         self.total_run = self.total_run.wrapping_add(u64::from(ticks));

@@ -98,7 +98,11 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
                 Ok(())
             })
         })?;
-        self.on_timer();
+        if P::VECTORS {
+            self.platform.pend(1);
+        } else {
+            self.on_timer();
+        }
         Ok(())
     }
 
@@ -169,84 +173,106 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// The timer's interrupt: releases the loops that are due, and runs them or has them run.
     ///
     /// One that comes early or without cause does no harm.
-    #[inline]
+    #[inline(always)]
     pub fn on_timer(&self) {
-        self.run_from(|section| {
-            let now = self.platform.now();
-            self.release(section, now);
-            self.begin(section, now)
-        });
+        if P::VECTORS {
+            let begun = self
+                .platform
+                .masked(|section| self.release_and_pend(section));
+            if let Some(running) = begun
+                && self.run_in_vector(0, running)
+            {
+                self.on_vector(0);
+            }
+        } else {
+            let begun = self.platform.masked(|section| {
+                let now = self.platform.now();
+                self.release(section, now);
+                self.state.with(section, |state| state.begin_fastest(now))
+            });
+            self.run_nested(begun);
+        }
     }
 
     /// The interrupt of a rank's own vector, on platforms that have those: runs its loop.
     #[inline]
     pub fn on_vector(&self, rank: u32) {
-        self.run_from(|section| {
-            let now = self.platform.now();
-            self.state
-                .with(section, |state| state.begin_unlocked(rank, now))
-        });
-    }
-
-    /// Runs the loop that `begin` gives, and what follows it in the same context.
-    #[inline]
-    fn run_from(&self, begin: impl FnOnce(CriticalSection<'_>) -> Option<Running<P::Instant>>) {
-        let mut next = self.platform.masked(begin);
-        while let Some(running) = next {
-            let end = End {
-                scheduler: self,
-                running,
+        loop {
+            let begun = self.platform.masked(|section| {
+                let now = self.platform.now();
+                self.state
+                    .with(section, |state| state.begin_unlocked(rank, now))
+            });
+            let Some(running) = begun else {
+                return;
             };
-            if let Some(body) = running.body {
-                // SAFETY: the context is there until `withdraw` has seen that the loop is not in
-                // progress, as it is since `begin`; and a loop in progress is not begun again.
-                self.platform.interruptible(|| unsafe { body.call() });
+            if !self.run_in_vector(rank, running) {
+                return;
             }
-            core::mem::forget(end);
-            next = self.platform.masked(|section| self.end(section, running));
         }
     }
 
-    /// Ends a loop, and begins the one that follows in the same context.
-    #[inline]
-    fn end(
-        &self,
-        section: CriticalSection<'_>,
-        running: Running<P::Instant>,
-    ) -> Option<Running<P::Instant>> {
+    /// Releases what is due, pends the vectors of loops that can start, and begins the fastest.
+    #[inline(always)]
+    fn release_and_pend(&self, section: CriticalSection<'_>) -> Option<Running<P::Instant>> {
         let now = self.platform.now();
-        if P::VECTORS && running.is_fastest() {
-            // The timer could not interrupt: what was due meanwhile came before the end.
-            self.release(section, now);
-        }
-        self.state.with(section, |state| {
-            let again = state.end(running, now);
-            if !P::VECTORS {
-                return state.begin_fastest(now);
-            }
-            if again {
-                return state.begin_unlocked(running.rank(), now);
-            }
-            None
-        })
-    }
-
-    /// Begins the fastest loop if this context is for it, and pends the vectors of others.
-    #[inline]
-    fn begin(&self, section: CriticalSection<'_>, now: P::Instant) -> Option<Running<P::Instant>> {
-        if !P::VECTORS {
-            return self.state.with(section, |state| state.begin_fastest(now));
-        }
-        let others = self.state.with(section, |state| state.unlocked()) & !1;
+        self.release(section, now);
+        let (first, others) = self.state.with(section, |state| {
+            let others = state.unlocked() & !1;
+            (state.begin_unlocked(0, now), others)
+        });
         if others != 0 {
             self.platform.pend(others);
         }
-        self.state
-            .with(section, |state| state.begin_unlocked(0, now))
+        first
+    }
+
+    /// Runs a loop in its own vector, and says whether it is to run again at once.
+    #[inline(always)]
+    fn run_in_vector(&self, rank: u32, running: Running<P::Instant>) -> bool {
+        self.call(rank, running);
+        self.platform.masked(|section| {
+            let now = self.platform.now();
+            if rank == 0 && self.state.with(section, |state| state.is_due(now)) {
+                // The timer could not interrupt: what was due meanwhile came before the end.
+                self.catch_up(section);
+            }
+            self.state
+                .with(section, |state| state.end(rank, running, now))
+        })
+    }
+
+    /// Runs loops, the fastest first, on the interrupted stack.
+    fn run_nested(&self, begun: Option<(u32, Running<P::Instant>)>) {
+        let mut next = begun;
+        while let Some((rank, running)) = next {
+            self.call(rank, running);
+            next = self.platform.masked(|section| {
+                let now = self.platform.now();
+                self.state.with(section, |state| {
+                    state.end(rank, running, now);
+                    state.begin_fastest(now)
+                })
+            });
+        }
+    }
+
+    #[inline(always)]
+    fn call(&self, rank: u32, running: Running<P::Instant>) {
+        let end = End {
+            scheduler: self,
+            rank,
+            running,
+        };
+        // SAFETY: the context is there until `withdraw` has seen that the loop is not in progress,
+        // as it is since `begin`; and a loop in progress is not begun again.
+        self.platform
+            .interruptible(|| unsafe { running.body.call() });
+        core::mem::forget(end);
     }
 
     /// Releases what is due by `now`, and arms the timer for what comes next.
-    #[inline]
+    #[inline(always)]
     fn release(&self, section: CriticalSection<'_>, now: P::Instant) {
         if !self.state.with(section, |state| state.is_due(now)) {
             return self.rearm(section);
@@ -337,13 +363,12 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
             }
             return;
         }
-        self.run_from(|section| {
-            let now = self.platform.now();
-            self.state.with(section, |state| {
-                state.unlock(former);
-                state.begin_fastest(now)
-            })
+        let now = self.platform.now();
+        let begun = self.with_state(|state| {
+            state.unlock(former);
+            state.begin_fastest(now)
         });
+        self.run_nested(begun);
     }
 
     fn with_state<R>(&self, f: impl FnOnce(&mut State<S, P::Instant, L>) -> R) -> R {
@@ -367,6 +392,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
 /// Ends a loop whose body unwinds.
 struct End<'s, P: Platform, S: Schedule<L>, const L: usize> {
     scheduler: &'s Scheduler<P, S, L>,
+    rank: u32,
     running: Running<P::Instant>,
 }
 
@@ -374,6 +400,6 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Drop for End<'_, P, S, L> {
     fn drop(&mut self) {
         let now = self.scheduler.platform.now();
         self.scheduler
-            .with_state(|state| state.end(self.running, now));
+            .with_state(|state| state.end(self.rank, self.running, now));
     }
 }

@@ -31,24 +31,10 @@ pub(crate) struct State<S, I, const L: usize> {
 #[derive(Clone, Copy)]
 #[must_use]
 pub(crate) struct Running<I> {
-    rank: u32,
     since: I,
     /// What loops had taken then.
     busy: u32,
-    pub(crate) body: Option<Body>,
-}
-
-impl<I> Running<I> {
-    #[inline]
-    pub(crate) const fn rank(&self) -> u32 {
-        self.rank
-    }
-
-    /// Whether it is the one that nothing interrupts.
-    #[inline]
-    pub(crate) const fn is_fastest(&self) -> bool {
-        self.rank == 0
-    }
+    pub(crate) body: Body,
 }
 
 /// A loop's counts at one moment.
@@ -93,13 +79,13 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     }
 
     /// Whether the next event is due by `now`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn is_due(&self, now: I) -> bool {
         now.has_reached(self.due) && self.started
     }
 
     /// Marks the loops of the event that is due as runnable, and gives when the next one is due.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn pass_event(&mut self) -> I {
         let due = self.due;
         let idle = self.unfinished == 0 && self.unlocked == u32::MAX;
@@ -138,7 +124,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     }
 
     /// The ranks that may start now.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn ready(&self) -> u32 {
         let running = self.unfinished & !self.runnable;
         // Those faster than the fastest that runs; all, if none does.
@@ -147,22 +133,24 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     }
 
     /// The ranks that may start now where hardware decides who interrupts whom.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn unlocked(&self) -> u32 {
         self.runnable & self.unlocked
     }
 
-    /// Starts the fastest loop that may start.
-    #[inline]
-    pub(crate) fn begin_fastest(&mut self, now: I) -> Option<Running<I>> {
+    /// Starts the fastest loop that may start, and gives its rank.
+    pub(crate) fn begin_fastest(&mut self, now: I) -> Option<(u32, Running<I>)> {
         match self.ready() {
             0 => None,
-            ready => self.begin(ready.trailing_zeros(), now),
+            ready => {
+                let rank = ready.trailing_zeros();
+                Some((rank, self.begin(rank, now)?))
+            }
         }
     }
 
     /// Starts the loop of a rank, if it is runnable and not locked out.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn begin_unlocked(&mut self, rank: u32, now: I) -> Option<Running<I>> {
         if self.unlocked() & 1_u32.unbounded_shl(rank) == 0 {
             return None;
@@ -170,36 +158,35 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         self.begin(rank, now)
     }
 
-    #[inline]
+    #[inline(always)]
     fn begin(&mut self, rank: u32, now: I) -> Option<Running<I>> {
         let process = self.processes.get_mut(rank as usize)?;
         process.start(now);
         self.runnable &= !(1 << rank);
         Some(Running {
-            rank,
             since: now,
             busy: self.busy,
             body: process.body,
         })
     }
 
-    /// Ends a loop, which is the last one that was started and has not ended; says whether it is
-    /// runnable again.
-    #[inline]
-    pub(crate) fn end(&mut self, running: Running<I>, now: I) -> bool {
+    /// Ends the loop of a rank, which is the last one that was started and has not ended; says whether
+    /// it may start again at once.
+    #[inline(always)]
+    pub(crate) fn end(&mut self, rank: u32, running: Running<I>, now: I) -> bool {
         let nested = self.busy.wrapping_sub(running.busy);
-        let ticks = now.since(running.since).saturating_sub(nested);
+        let ticks = now.since(running.since).wrapping_sub(nested);
         self.busy = self.busy.wrapping_add(ticks);
-        let Some(process) = self.processes.get_mut(running.rank as usize) else {
+        let Some(process) = self.processes.get_mut(rank as usize) else {
             return false;
         };
         process.finish(ticks);
         if process.queued == 0 {
-            self.unfinished &= !(1 << running.rank);
+            self.unfinished &= !(1 << rank);
             return false;
         }
         process.take_queued();
-        self.runnable |= 1 << running.rank;
+        self.runnable |= 1 << rank;
         true
     }
 
@@ -228,8 +215,8 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
             return false;
         };
         match self.processes.get_mut(rank as usize) {
-            Some(process) if process.body.is_none() => {
-                process.body = Some(body);
+            Some(process) if process.body.is_nothing() => {
+                process.body = body;
                 process.overrun = overrun;
             }
             _ => return false,
@@ -245,7 +232,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         let Some(process) = self.processes.get_mut(rank as usize) else {
             return false;
         };
-        if process.body.is_none() {
+        if process.body.is_nothing() {
             return false;
         }
         if enabled {
@@ -274,7 +261,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         }
         for rank in bits(ranks) {
             if let Some(process) = self.processes.get_mut(rank as usize) {
-                process.body = None;
+                process.body = Body::NOTHING;
             }
         }
         true

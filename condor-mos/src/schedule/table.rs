@@ -38,10 +38,12 @@ use crate::rate::{Rate, greatest_common_divisor};
 #[derive(Clone, Copy, Debug)]
 pub struct EventTable<const L: usize, const E: usize> {
     /// The one in use, and the one that is built for other rates.
-    halves: [Half<L, E>; 2],
+    halves: [Half<L>; 2],
+    entries: [[Event; E]; 2],
     active: usize,
-    /// The entry of the next event; as many as there are at the end of the hyperperiod.
+    /// The entry of the next event, counted from the first half's first, and where its hyperperiod ends.
     next: usize,
+    end: usize,
     change: Progress,
 }
 
@@ -56,9 +58,8 @@ enum Progress {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Half<const L: usize, const E: usize> {
+struct Half<const L: usize> {
     plan: Plan<L>,
-    entries: [Event; E],
     len: usize,
     /// The gap of the last entry, if the hyperperiod has no tick carried.
     last_gap: u32,
@@ -99,12 +100,12 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         };
         let mut half = Half {
             plan,
-            entries: [Event { ranks: 0, gap: 0 }; E],
             len: 0,
             last_gap: 0,
         };
+        let mut entries = [Event { ranks: 0, gap: 0 }; E];
         loop {
-            match half.add_event() {
+            match half.add_event(&mut entries) {
                 Ok(true) => break,
                 Ok(false) => {}
                 Err(error) => return Err(error),
@@ -112,9 +113,11 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
         Ok(Self {
             halves: [half; 2],
+            entries: [entries; 2],
             active: 0,
             // The beginning of a hyperperiod carries the first tick.
             next: half.len,
+            end: half.len,
             change: Progress::None,
         })
     }
@@ -123,15 +126,15 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     #[must_use]
     pub const fn events(&self) -> &[Event] {
         let half = &self.halves[self.active];
-        half.entries.split_at(half.len).0
+        self.entries[self.active].split_at(half.len).0
     }
 
     #[inline]
-    fn half(&self) -> &Half<L, E> {
+    fn half(&self) -> &Half<L> {
         &self.halves[self.active & 1]
     }
 
-    fn spare(&mut self) -> &mut Half<L, E> {
+    fn spare(&mut self) -> &mut Half<L> {
         &mut self.halves[self.active & 1 ^ 1]
     }
 
@@ -144,8 +147,18 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
             self.change = Progress::None;
             reorder(&former_ranks(&former, self.ranks()));
         }
-        self.next = 0;
-        self.halves[self.active & 1].carry();
+        let half = &mut self.halves[self.active & 1];
+        self.next = (self.active & 1) * E;
+        self.end = self.next + half.len;
+        // The last gap is that of the hyperperiod which begins.
+        let carried = half.plan.cycle.carry() as u32;
+        let last = self
+            .entries
+            .as_flattened_mut()
+            .get_mut(self.end.wrapping_sub(1));
+        if let Some(last) = last {
+            last.gap = half.last_gap + carried;
+        }
     }
 }
 
@@ -217,9 +230,12 @@ impl<const L: usize> Plan<L> {
     }
 }
 
-impl<const L: usize, const E: usize> Half<L, E> {
+impl<const L: usize> Half<L> {
     /// Adds an entry and says whether it was the last.
-    const fn add_event(&mut self) -> Result<bool, RateError> {
+    const fn add_event<const E: usize>(
+        &mut self,
+        entries: &mut [Event; E],
+    ) -> Result<bool, RateError> {
         let event = self.plan.scan.advance();
         self.plan.missing -= event.ranks.count_ones() as u64;
         if self.len == E {
@@ -231,7 +247,7 @@ impl<const L: usize, const E: usize> Half<L, E> {
                 capacity: E,
             });
         }
-        self.entries[self.len] = event;
+        entries[self.len] = event;
         self.len += 1;
         // What remains after the last release may be too long for one entry.
         if self.plan.missing > 0 || !self.plan.scan.is_at_beginning() {
@@ -240,15 +256,6 @@ impl<const L: usize, const E: usize> Half<L, E> {
         let mut first = self.plan.cycle;
         self.last_gap = event.gap - first.carry() as u32;
         Ok(true)
-    }
-
-    /// Makes the last gap that of the hyperperiod which begins.
-    #[inline]
-    fn carry(&mut self) {
-        let carried = self.plan.cycle.carry() as u32;
-        if let Some(last) = self.entries.get_mut(self.len.wrapping_sub(1)) {
-            last.gap = self.last_gap + carried;
-        }
     }
 }
 
@@ -268,15 +275,15 @@ impl<const L: usize, const E: usize> Schedule<L> for EventTable<L, E> {
 
     fn restart(&mut self) {
         self.halves[self.active & 1].plan.cycle.restart();
-        self.next = self.half().len;
+        self.next = self.end;
     }
 
-    #[inline]
+    #[inline(always)]
     fn next_event(&mut self, idle: impl FnOnce() -> bool, reorder: impl FnOnce(&[u8; L])) -> Event {
-        if self.next >= self.half().len {
+        if self.next >= self.end {
             self.begin_cycle(idle, reorder);
         }
-        let event = self.half().entries.get(self.next).copied();
+        let event = self.entries.as_flattened().get(self.next).copied();
         self.next += 1;
         event.unwrap_or_default()
     }
@@ -302,7 +309,8 @@ impl<const L: usize, const E: usize> Schedule<L> for EventTable<L, E> {
         if self.change != Progress::Building {
             return Ok(true);
         }
-        match self.spare().add_event() {
+        let spare = self.active & 1 ^ 1;
+        match self.halves[spare].add_event(&mut self.entries[spare]) {
             Ok(false) => Ok(false),
             Ok(true) => {
                 self.change = Progress::Ready;

@@ -35,17 +35,17 @@ impl Board {
 impl Timer for Board {
     type Instant = Wrapping<32>;
 
-    #[inline]
+    #[inline(always)]
     fn frequency(&self) -> Rate {
         Rate::hz(timer::HERTZ)
     }
 
-    #[inline]
+    #[inline(always)]
     fn now(&self) -> Wrapping<32> {
         Wrapping::new(timer::now())
     }
 
-    #[inline]
+    #[inline(always)]
     fn arm(&self, at: Wrapping<32>) -> Armed {
         timer::arm(at.count());
         // An instant that has passed is not lost: the alarm goes off at the next tick.
@@ -60,7 +60,7 @@ impl Timer for Board {
 impl Platform for Board {
     const VECTORS: bool = true;
 
-    #[inline]
+    #[inline(always)]
     fn pend(&self, ranks: u32) {
         let vectors =
             (ranks & !1) << Interrupt::SPARE0 as u16 | (ranks & 1) << Interrupt::TIMER0 as u16;
@@ -68,12 +68,12 @@ impl Platform for Board {
         unsafe { (*NVIC::PTR).ispr[0].write(vectors) };
     }
 
-    #[inline]
+    #[inline(always)]
     fn interruptible(&self, body: impl FnOnce()) {
         body();
     }
 
-    #[inline]
+    #[inline(always)]
     fn masked<R>(&self, f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
         let primask: u32;
         // SAFETY: masking is sound anywhere, and nothing moves across the assembly.
