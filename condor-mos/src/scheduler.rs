@@ -179,10 +179,8 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
             let begun = self
                 .platform
                 .masked(|section| self.release_and_pend(section));
-            if let Some(running) = begun
-                && self.run_in_vector(0, running)
-            {
-                self.on_vector(0);
+            if let Some(running) = begun {
+                self.run_in_vector(0, running);
             }
         } else {
             let begun = self.platform.masked(|section| {
@@ -195,20 +193,15 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     }
 
     /// The interrupt of a rank's own vector, on platforms that have those: runs its loop.
-    #[inline]
+    #[inline(always)]
     pub fn on_vector(&self, rank: u32) {
-        loop {
-            let begun = self.platform.masked(|section| {
-                let now = self.platform.now();
-                self.state
-                    .with(section, |state| state.begin_unlocked(rank, now))
-            });
-            let Some(running) = begun else {
-                return;
-            };
-            if !self.run_in_vector(rank, running) {
-                return;
-            }
+        let begun = self.platform.masked(|section| {
+            let now = self.platform.now();
+            self.state
+                .with(section, |state| state.begin_unlocked(rank, now))
+        });
+        if let Some(running) = begun {
+            self.run_in_vector(rank, running);
         }
     }
 
@@ -216,7 +209,38 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     #[inline(always)]
     fn release_and_pend(&self, section: CriticalSection<'_>) -> Option<Running<P::Instant>> {
         let now = self.platform.now();
-        self.release(section, now);
+        if !self.state.with(section, |state| state.is_due(now)) {
+            self.rearm(section);
+            return self.pend_and_begin(section, now);
+        }
+        let (released, due, next) = self.state.with(section, |state| {
+            let (released, due) = state.take_event();
+            (released, due, state.next_due())
+        });
+        if self.platform.arm(next) == Armed::Past {
+            self.state
+                .with(section, |state| state.make_runnable(released, due));
+            self.catch_up(section);
+            return self.pend_and_begin(section, now);
+        }
+        if released & !1 != 0 {
+            self.state
+                .with(section, |state| state.make_runnable(released & !1, due));
+            self.platform.pend(released & !1);
+        }
+        if released & 1 == 0 {
+            return None;
+        }
+        self.state
+            .with(section, |state| state.begin_released(0, due, now))
+    }
+
+    #[cold]
+    fn pend_and_begin(
+        &self,
+        section: CriticalSection<'_>,
+        now: P::Instant,
+    ) -> Option<Running<P::Instant>> {
         let (first, others) = self.state.with(section, |state| {
             let others = state.unlocked() & !1;
             (state.begin_unlocked(0, now), others)
@@ -227,11 +251,11 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         first
     }
 
-    /// Runs a loop in its own vector, and says whether it is to run again at once.
+    /// Runs a loop in its own vector.
     #[inline(always)]
-    fn run_in_vector(&self, rank: u32, running: Running<P::Instant>) -> bool {
+    fn run_in_vector(&self, rank: u32, running: Running<P::Instant>) {
         self.call(rank, running);
-        self.platform.masked(|section| {
+        let again = self.platform.masked(|section| {
             let now = self.platform.now();
             if rank == 0 && self.state.with(section, |state| state.is_due(now)) {
                 // The timer could not interrupt: what was due meanwhile came before the end.
@@ -239,7 +263,10 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
             }
             self.state
                 .with(section, |state| state.end(rank, running, now))
-        })
+        });
+        if again {
+            self.platform.pend(1_u32.unbounded_shl(rank));
+        }
     }
 
     /// Runs loops, the fastest first, on the interrupted stack.

@@ -15,12 +15,14 @@ pub(crate) struct State<S, I, const L: usize> {
     due: I,
     started: bool,
     enabled: u32,
+    /// May start, as far as locks are concerned.
+    unlocked: u32,
+    /// Cannot just start when they are released: those that are disabled or locked out.
+    held: u32,
     /// Released, and not finished.
     unfinished: u32,
     /// Released, and not started.
     runnable: u32,
-    /// May start, as far as locks are concerned.
-    unlocked: u32,
     /// Ticks that loops have taken, each without those that interrupted it; wraps.
     busy: u32,
     /// By rank.
@@ -55,6 +57,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
             unfinished: 0,
             runnable: 0,
             unlocked: u32::MAX,
+            held: u32::MAX,
             busy: 0,
             processes: [Process::NEW; L],
         }
@@ -84,35 +87,72 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         now.has_reached(self.due) && self.started
     }
 
-    /// Marks the loops of the event that is due as runnable, and gives when the next one is due.
+    /// Takes the event that is due: the loops that it releases and may start, and when it was due.
+    ///
+    /// They are unfinished from here on; who takes them begins them or makes them runnable.
     #[inline(always)]
-    pub(crate) fn pass_event(&mut self) -> I {
+    pub(crate) fn take_event(&mut self) -> (u32, I) {
         let due = self.due;
-        let idle = self.unfinished == 0 && self.unlocked == u32::MAX;
-        let (processes, enabled) = (&mut self.processes, &mut self.enabled);
-        let event = self
-            .schedule
-            .next_event(|| idle, |ranks| reorder(processes, enabled, ranks));
+        if self.schedule.is_at_turn() {
+            self.turn();
+        }
+        let event = self.schedule.next_event();
+        self.due = due.after(event.gap);
         let mut released = event.ranks;
-        if released & (self.unfinished | !self.enabled) != 0 {
-            released = self.without_overruns(released);
+        if released & (self.unfinished | self.held) != 0 {
+            released = self.without_overruns(released, due);
         }
         self.unfinished |= released;
+        (released, due)
+    }
+
+    /// Lets loops that were released start when it is their turn.
+    #[inline(always)]
+    pub(crate) fn make_runnable(&mut self, released: u32, due: I) {
         self.runnable |= released;
+        let mut released = released;
         while released != 0 {
             if let Some(process) = self.processes.get_mut(released.trailing_zeros() as usize) {
                 process.due = due;
             }
             released &= released - 1;
         }
-        self.due = due.after(event.gap);
+    }
+
+    /// Passes the event that is due, and gives when the next one is due.
+    pub(crate) fn pass_event(&mut self) -> I {
+        let (released, due) = self.take_event();
+        self.make_runnable(released, due);
         self.due
     }
 
-    /// Those of `ranks` that are free to be released; the others overrun, or are disabled.
+    /// When the next event is due.
+    #[inline(always)]
+    pub(crate) fn next_due(&self) -> I {
+        self.due
+    }
+
+    /// Lets changed rates take effect if they can.
     #[cold]
-    fn without_overruns(&mut self, ranks: u32) -> u32 {
-        let due = self.due;
+    fn turn(&mut self) {
+        let idle = self.unfinished == 0 && self.unlocked == u32::MAX;
+        let Some(former_ranks) = self.schedule.turn(idle) else {
+            return;
+        };
+        let (before, were_enabled) = (self.processes, self.enabled);
+        self.enabled = 0;
+        for (rank, (process, former)) in (0..).zip(self.processes.iter_mut().zip(former_ranks)) {
+            if let Some(moved) = before.get(usize::from(former)) {
+                *process = *moved;
+            }
+            self.enabled |= (were_enabled >> former & 1) << rank;
+        }
+        self.hold();
+    }
+
+    /// Those of `ranks` that may just start; the others overrun, are disabled, or wait for a lock.
+    #[cold]
+    fn without_overruns(&mut self, ranks: u32, due: I) -> u32 {
         for rank in bits(ranks & self.unfinished & self.enabled) {
             if let Some(process) = self.processes.get_mut(rank as usize)
                 && !process.overrun(due)
@@ -120,7 +160,17 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
                 self.enabled &= !(1 << rank);
             }
         }
-        ranks & !self.unfinished & self.enabled
+        self.hold();
+        let released = ranks & !self.unfinished & self.enabled;
+        let locked_out = released & !self.unlocked;
+        self.unfinished |= locked_out;
+        self.make_runnable(locked_out, due);
+        released & !locked_out
+    }
+
+    /// To be called when what `held` depends on has changed.
+    fn hold(&mut self) {
+        self.held = !(self.enabled & self.unlocked);
     }
 
     /// The ranks that may start now.
@@ -156,6 +206,19 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
             return None;
         }
         self.begin(rank, now)
+    }
+
+    /// Starts the loop of a rank that was just released, and not made runnable.
+    #[inline(always)]
+    pub(crate) fn begin_released(&mut self, rank: u32, due: I, now: I) -> Option<Running<I>> {
+        let process = self.processes.get_mut(rank as usize)?;
+        process.due = due;
+        process.start(now);
+        Some(Running {
+            since: now,
+            busy: self.busy,
+            body: process.body,
+        })
     }
 
     #[inline(always)]
@@ -201,12 +264,14 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         }
         let former = self.unlocked;
         self.unlocked &= faster;
+        self.hold();
         Some(former)
     }
 
     /// Undoes [`lock`](Self::lock).
     pub(crate) fn unlock(&mut self, former: u32) {
         self.unlocked = former;
+        self.hold();
     }
 
     /// Gives a loop that has none a body, and enables it; says whether it had none.
@@ -242,6 +307,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
             self.enabled &= !(1 << rank);
             self.forget(1 << rank);
         }
+        self.hold();
         true
     }
 
@@ -255,6 +321,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
             }
         }
         self.enabled &= !ranks;
+        self.hold();
         self.forget(ranks);
         if self.unfinished & ranks != 0 {
             return false;
@@ -296,23 +363,6 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         let same = |other: &u8| usize::from(*other) == number;
         let rank = self.schedule.ranks().iter().position(same)?;
         Some(rank as u32)
-    }
-}
-
-/// Puts loops into the order of other ranks: at each place the rank that it had.
-#[cold]
-fn reorder<I: Instant, const L: usize>(
-    processes: &mut [Process<I>; L],
-    enabled: &mut u32,
-    former_ranks: &[u8; L],
-) {
-    let (before, were_enabled) = (*processes, *enabled);
-    *enabled = 0;
-    for (rank, (process, &former)) in (0..).zip(processes.iter_mut().zip(former_ranks)) {
-        if let Some(moved) = before.get(usize::from(former)) {
-            *process = *moved;
-        }
-        *enabled |= (were_enabled >> former & 1) << rank;
     }
 }
 

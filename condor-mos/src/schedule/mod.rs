@@ -45,12 +45,17 @@ pub trait Schedule<const L: usize>: Sealed {
     /// Goes back to the beginning, where every loop is due.
     fn restart(&mut self);
 
-    /// The next event.
+    /// Whether [`turn`](Self::turn) must be called before the next event.
+    fn is_at_turn(&self) -> bool;
+
+    /// Goes to a place where changed rates may take effect.
     ///
-    /// `idle` is asked, if at all, whether no loop is unfinished at this event. Only then may ranks
-    /// change, never under a loop that is in progress; `reorder` is then given, for each new rank,
-    /// the one that its loop had before.
-    fn next_event(&mut self, idle: impl FnOnce() -> bool, reorder: impl FnOnce(&[u8; L])) -> Event;
+    /// They do if `idle`, that is if no loop is unfinished: ranks are not changed under a loop that is in
+    /// progress. Then the result has, for each new rank, the one that its loop had before.
+    fn turn(&mut self, idle: bool) -> Option<[u8; L]>;
+
+    /// The next event.
+    fn next_event(&mut self) -> Event;
 
     /// Asks for another rate of a loop. It takes effect, together with all that were asked for
     /// since, after [`continue_change`](Self::continue_change) has said that everything is ready.

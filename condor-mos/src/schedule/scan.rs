@@ -137,14 +137,9 @@ impl<const L: usize> Scan<L> {
     }
 
     /// Takes the wanted rates; each loop is due when it was due anyway.
-    fn take_effect(&mut self, reorder: impl FnOnce(&[u8; L])) {
-        let Some(wanted) = self.wanted.take() else {
-            return;
-        };
+    fn take_effect(&mut self) -> Option<[u8; L]> {
         // They were tried when they were asked for.
-        let Ok(mut changed) = Self::try_new(wanted, self.clock) else {
-            return;
-        };
+        let mut changed = Self::try_new(self.wanted.take()?, self.clock).ok()?;
         let former = former_ranks(&self.ranks, &changed.ranks);
         let numbers = changed.ranks;
         for (rank, (&before, number)) in former.iter().zip(numbers).enumerate() {
@@ -165,7 +160,7 @@ impl<const L: usize> Scan<L> {
             }
         }
         *self = changed;
-        reorder(&former);
+        Some(former)
     }
 }
 
@@ -187,10 +182,15 @@ impl<const L: usize> Schedule<L> for Scan<L> {
         self.remaining = [0; L];
     }
 
-    fn next_event(&mut self, idle: impl FnOnce() -> bool, reorder: impl FnOnce(&[u8; L])) -> Event {
-        if self.wanted.is_some() && idle() {
-            self.take_effect(reorder);
-        }
+    fn is_at_turn(&self) -> bool {
+        self.wanted.is_some()
+    }
+
+    fn turn(&mut self, idle: bool) -> Option<[u8; L]> {
+        if idle { self.take_effect() } else { None }
+    }
+
+    fn next_event(&mut self) -> Event {
         self.advance()
     }
 

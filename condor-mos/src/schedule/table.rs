@@ -137,29 +137,6 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     fn spare(&mut self) -> &mut Half<L> {
         &mut self.halves[self.active & 1 ^ 1]
     }
-
-    /// Goes to the first entry of a hyperperiod, perhaps one of other rates.
-    #[cold]
-    fn begin_cycle(&mut self, idle: impl FnOnce() -> bool, reorder: impl FnOnce(&[u8; L])) {
-        if self.change == Progress::Ready && idle() {
-            let former = *self.ranks();
-            self.active ^= 1;
-            self.change = Progress::None;
-            reorder(&former_ranks(&former, self.ranks()));
-        }
-        let half = &mut self.halves[self.active & 1];
-        self.next = (self.active & 1) * E;
-        self.end = self.next + half.len;
-        // The last gap is that of the hyperperiod which begins.
-        let carried = half.plan.cycle.carry() as u32;
-        let last = self
-            .entries
-            .as_flattened_mut()
-            .get_mut(self.end.wrapping_sub(1));
-        if let Some(last) = last {
-            last.gap = half.last_gap + carried;
-        }
-    }
 }
 
 impl<const L: usize> Plan<L> {
@@ -279,10 +256,32 @@ impl<const L: usize, const E: usize> Schedule<L> for EventTable<L, E> {
     }
 
     #[inline(always)]
-    fn next_event(&mut self, idle: impl FnOnce() -> bool, reorder: impl FnOnce(&[u8; L])) -> Event {
-        if self.next >= self.end {
-            self.begin_cycle(idle, reorder);
+    fn is_at_turn(&self) -> bool {
+        self.next >= self.end
+    }
+
+    #[cold]
+    fn turn(&mut self, idle: bool) -> Option<[u8; L]> {
+        let former = *self.ranks();
+        let changes = self.change == Progress::Ready && idle;
+        if changes {
+            self.active ^= 1;
+            self.change = Progress::None;
         }
+        let half = &mut self.halves[self.active & 1];
+        self.next = (self.active & 1) * E;
+        self.end = self.next + half.len;
+        // The last gap is that of the hyperperiod which begins.
+        let carried = half.plan.cycle.carry() as u32;
+        let last = self.end.wrapping_sub(1);
+        if let Some(last) = self.entries.as_flattened_mut().get_mut(last) {
+            last.gap = half.last_gap + carried;
+        }
+        changes.then(|| former_ranks(&former, self.ranks()))
+    }
+
+    #[inline(always)]
+    fn next_event(&mut self) -> Event {
         let event = self.entries.as_flattened().get(self.next).copied();
         self.next += 1;
         event.unwrap_or_default()
