@@ -19,17 +19,22 @@ mod timer;
 mod body;
 mod ceiling;
 mod error;
+#[cfg(all(test, not(condor_loom)))]
+mod injector;
+mod latest;
 mod masked;
 mod process;
 mod scheduler;
 mod scope;
 mod state;
 mod statistics;
+mod sync;
 
 pub use ceiling::CeilingLock;
 pub use clock::Clock;
 pub use error::{LockError, LoopError, RateError, StartError};
 pub use instant::{Instant, Wrapping};
+pub use latest::{Latest, Reader, Writer};
 pub use platform::Platform;
 pub use process::Overrun;
 pub use rate::Rate;

@@ -36,7 +36,7 @@ pub trait Platform: Timer {
     /// to enter and excludes all contexts which that one excludes.
     #[inline]
     fn masked<R>(&self, f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
-        critical_section::with(f)
+        crate::sync::critical_section(f)
     }
 }
 

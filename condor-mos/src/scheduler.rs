@@ -6,7 +6,7 @@ use crate::body::Body;
 use crate::clock::Clock;
 use crate::error::{LoopError, StartError};
 use crate::instant::Instant;
-use crate::masked::Masked;
+use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
 use crate::process::Overrun;
 use crate::rate::Rate;
@@ -14,6 +14,7 @@ use crate::schedule::Schedule;
 use crate::scope::Scope;
 use crate::state::{Running, State};
 use crate::statistics::Statistics;
+use crate::sync::const_unless_loom;
 use crate::timer::Armed;
 
 /// Events that one interrupt catches up with before the background gets a chance.
@@ -39,12 +40,14 @@ pub struct Scheduler<P: Platform, S, const L: usize> {
 }
 
 impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
-    /// A scheduler that is not started, none of whose loops has anything to run.
-    #[must_use]
-    pub const fn new(platform: P, schedule: S) -> Self {
-        Self {
-            platform,
-            state: Masked::new(State::new(schedule)),
+    const_unless_loom! {
+        /// A scheduler that is not started, none of whose loops has anything to run.
+        #[must_use]
+        pub const fn new(platform: P, schedule: S) -> Self {
+            Self {
+                platform,
+                state: Masked::new(State::new(schedule)),
+            }
         }
     }
 
@@ -84,7 +87,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// [`StartError::Started`].
     pub fn start(&self) -> Result<(), StartError> {
         let timer = Clock::of::<P::Instant>(self.platform.frequency());
-        critical_section::with(|section| {
+        section(|section| {
             let now = self.platform.now();
             self.state.with(section, |state| {
                 let schedule = state.schedule.clock();
@@ -108,7 +111,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
 
     /// Ends the schedule: what is in progress finishes, what has not started is skipped.
     pub fn stop(&self) {
-        critical_section::with(|section| {
+        section(|section| {
             self.state.with(section, State::stop);
             self.platform.disarm();
         });
@@ -176,14 +179,12 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     #[inline(always)]
     pub fn on_timer(&self) {
         if P::VECTORS {
-            let begun = self
-                .platform
-                .masked(|section| self.release_and_pend(section));
+            let begun = masked(&self.platform, |section| self.release_and_pend(section));
             if let Some(running) = begun {
                 self.run_in_vector(0, running);
             }
         } else {
-            let begun = self.platform.masked(|section| {
+            let begun = masked(&self.platform, |section| {
                 let now = self.platform.now();
                 self.release(section, now);
                 self.state.with(section, |state| state.begin_fastest(now))
@@ -195,7 +196,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// The interrupt of a rank's own vector, on platforms that have those: runs its loop.
     #[inline(always)]
     pub fn on_vector(&self, rank: u32) {
-        let begun = self.platform.masked(|section| {
+        let begun = masked(&self.platform, |section| {
             let now = self.platform.now();
             self.state
                 .with(section, |state| state.begin_unlocked(rank, now))
@@ -255,7 +256,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     #[inline(always)]
     fn run_in_vector(&self, rank: u32, running: Running<P::Instant>) {
         self.call(rank, running);
-        let again = self.platform.masked(|section| {
+        let again = masked(&self.platform, |section| {
             let now = self.platform.now();
             if rank == 0 && self.state.with(section, |state| state.is_due(now)) {
                 // The timer could not interrupt: what was due meanwhile came before the end.
@@ -274,7 +275,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         let mut next = begun;
         while let Some((rank, running)) = next {
             self.call(rank, running);
-            next = self.platform.masked(|section| {
+            next = masked(&self.platform, |section| {
                 let now = self.platform.now();
                 self.state.with(section, |state| {
                     state.end(rank, running, now);
@@ -398,8 +399,14 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         self.run_nested(begun);
     }
 
+    /// Looks on from outside, for tests.
+    #[cfg(all(test, not(condor_loom)))]
+    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<S, P::Instant, L>) -> R) -> R {
+        self.with_state(|state| f(state))
+    }
+
     fn with_state<R>(&self, f: impl FnOnce(&mut State<S, P::Instant, L>) -> R) -> R {
-        critical_section::with(|section| self.state.with(section, f))
+        section(|section| self.state.with(section, f))
     }
 
     fn number(id: LoopId) -> Result<usize, LoopError> {

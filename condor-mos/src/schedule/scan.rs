@@ -178,6 +178,7 @@ impl<const L: usize> Schedule<L> for Scan<L> {
     }
 
     fn restart(&mut self) {
+        // Wanted rates wait for the first event: here a loop may be in progress.
         self.grids.iter_mut().for_each(Grid::restart);
         self.remaining = [0; L];
     }
