@@ -16,6 +16,7 @@ mod platform;
 mod timer;
 
 // The scheduler.
+mod analysis;
 mod body;
 mod ceiling;
 mod error;
@@ -26,6 +27,7 @@ mod scope;
 mod state;
 mod statistics;
 
+pub use analysis::{Analysis, Load, Response};
 pub use ceiling::CeilingLock;
 pub use clock::Clock;
 pub use error::{LockError, LoopError, RateError, StartError};
