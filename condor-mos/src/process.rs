@@ -108,6 +108,16 @@ impl<I: Instant> Process<I> {
         }
     }
 
+    /// The loop is released from its next instant on, or not any more.
+    pub(crate) fn enable(&mut self, enabled: bool) {
+        self.enabled = enabled;
+        if enabled {
+            self.faulted = false;
+        } else {
+            self.forget();
+        }
+    }
+
     /// Skips what has not started.
     pub(crate) fn forget(&mut self) {
         self.skipped = self.skipped.wrapping_add(self.pending());

@@ -5,7 +5,7 @@ use critical_section::CriticalSection;
 use crate::body::Body;
 use crate::clock::Clock;
 use crate::error::{LoopError, StartError};
-use crate::instant::Instant;
+use crate::events::keep_up;
 use crate::masked::Masked;
 use crate::platform::Platform;
 use crate::process::Overrun;
@@ -14,10 +14,6 @@ use crate::schedule::Schedule;
 use crate::scope::Scope;
 use crate::state::{Running, State};
 use crate::statistics::Statistics;
-use crate::timer::Armed;
-
-/// Events that one interrupt catches up with before the background gets a chance.
-const MOST_EVENTS: u32 = 1024;
 
 /// A loop of a scheduler: the place of its rate in the schedule that the scheduler was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -192,29 +188,10 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         let Some(due) = self.state.with(section, |state| state.due()) else {
             return 0;
         };
-        let ready = || self.state.with(section, |state| state.ready());
-        if !self.platform.now().has_reached(due) && self.platform.arm(due) == Armed::Ahead {
-            return ready();
-        }
-        for _ in 0..MOST_EVENTS {
-            let due = self.state.with(section, State::pass_event);
-            if self.platform.arm(due) == Armed::Ahead {
-                return ready();
-            }
-        }
-        self.pause();
-        ready()
-    }
-
-    /// Events come faster than they can be counted: comes back to them after a while.
-    #[cold]
-    fn pause(&self) {
-        let longest = 1 << (<P::Instant as Instant>::BITS.min(32) - 2);
-        let mut ticks = 1;
-        while self.platform.arm(self.platform.now().after(ticks)) == Armed::Past && ticks < longest
-        {
-            ticks <<= 1;
-        }
+        keep_up(&self.platform, due, || {
+            self.state.with(section, State::pass_event)
+        });
+        self.state.with(section, |state| state.ready())
     }
 
     #[inline]

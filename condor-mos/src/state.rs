@@ -197,11 +197,8 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         let ranks = self.schedule.ranks();
         let rank = ranks.iter().position(|&other| usize::from(other) == number);
         if let (Some(process), Some(rank)) = (self.processes.get_mut(number), rank) {
-            process.enabled = enabled;
-            if enabled {
-                process.faulted = false;
-            } else {
-                process.forget();
+            process.enable(enabled);
+            if !enabled {
                 self.runnable &= !(1 << rank);
             }
         }
