@@ -1,4 +1,19 @@
-//! Servo loops at exact rates, on one stack.
+// The first definition of a link counts: here those of README.md lead to items instead of files.
+//! [scheduler]: Scheduler
+//! [simple]: SimpleServo
+//! [rate]: Rate
+//! [table]: EventTable
+//! [scan]: Scan
+//! [error]: RateError
+//! [id]: LoopId
+//! [lock]: CeilingLock
+//! [overrun]: Overrun
+//! [statistics]: Statistics
+//! [analysis]: Analysis
+//! [timer]: Timer
+//! [platform]: Platform
+//!
+#![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
 // Documents of their own.
