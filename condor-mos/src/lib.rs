@@ -12,6 +12,7 @@
 //! [analysis]: Analysis
 //! [timer]: Timer
 //! [platform]: Platform
+#![cfg_attr(feature = "sim", doc = "[sim]: sim::Processor")]
 //!
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
