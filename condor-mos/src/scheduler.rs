@@ -5,7 +5,7 @@ use critical_section::CriticalSection;
 use crate::body::Body;
 use crate::clock::Clock;
 use crate::error::{LoopError, StartError};
-use crate::instant::Instant;
+use crate::events::catch_up;
 use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
 use crate::process::Overrun;
@@ -16,9 +16,6 @@ use crate::state::{Running, State};
 use crate::statistics::Statistics;
 use crate::sync::const_unless_loom;
 use crate::timer::Armed;
-
-/// Events that one interrupt catches up with before the background gets a chance.
-const MOST_EVENTS: u32 = 1024;
 
 /// A loop of a scheduler: the place of its rate in the schedule that the scheduler was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -325,19 +322,9 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// Passes events that are due already, until one is ahead.
     #[cold]
     fn catch_up(&self, section: CriticalSection<'_>) {
-        for _ in 0..MOST_EVENTS {
-            let due = self.state.with(section, State::pass_event);
-            if self.platform.arm(due) == Armed::Ahead {
-                return;
-            }
-        }
-        // Events come faster than they can be counted: come back to them after a while.
-        let longest = 1 << (<P::Instant as Instant>::BITS.min(32) - 2);
-        let mut ticks = 1;
-        while self.platform.arm(self.platform.now().after(ticks)) == Armed::Past && ticks < longest
-        {
-            ticks <<= 1;
-        }
+        catch_up(&self.platform, || {
+            self.state.with(section, State::pass_event)
+        });
     }
 
     /// Gives a loop that has none a body, and enables it.

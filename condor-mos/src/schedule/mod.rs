@@ -1,6 +1,7 @@
 //! When loops are due: the event table, and the scan where no table fits.
 
 mod grid;
+mod print;
 mod scan;
 mod table;
 
