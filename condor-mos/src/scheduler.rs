@@ -109,6 +109,9 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// Ends the schedule: what is in progress finishes, what has not started is skipped.
     pub fn stop(&self) {
         section(|section| {
+            if P::VECTORS {
+                self.settle(section);
+            }
             self.state.with(section, State::stop);
             self.platform.disarm();
         });
@@ -255,9 +258,9 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         self.call(rank, running);
         let again = masked(&self.platform, |section| {
             let now = self.platform.now();
-            if rank == 0 && self.state.with(section, |state| state.is_due(now)) {
+            if rank == 0 && self.state.with(section, |state| state.is_overdue(now)) {
                 // The timer could not interrupt: what was due meanwhile came before the end.
-                self.catch_up(section);
+                self.catch_up_and_pend(section);
             }
             self.state
                 .with(section, |state| state.end(rank, running, now))
@@ -316,6 +319,16 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
             && self.platform.arm(due) == Armed::Past
         {
             self.catch_up(section);
+        }
+    }
+
+    /// As [`catch_up`](Self::catch_up), in the vector of the fastest loop.
+    #[cold]
+    fn catch_up_and_pend(&self, section: CriticalSection<'_>) {
+        self.catch_up(section);
+        let others = self.state.with(section, |state| state.unlocked()) & !1;
+        if others != 0 {
+            self.platform.pend(others);
         }
     }
 
@@ -389,11 +402,26 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// Looks on from outside, for tests.
     #[cfg(all(test, not(condor_loom)))]
     pub(crate) fn look<R>(&self, f: impl FnOnce(&State<S, P::Instant, L>) -> R) -> R {
-        self.with_state(|state| f(state))
+        section(|section| self.state.with(section, |state| f(state)))
     }
 
     fn with_state<R>(&self, f: impl FnOnce(&mut State<S, P::Instant, L>) -> R) -> R {
-        section(|section| self.state.with(section, f))
+        section(|section| {
+            if P::VECTORS {
+                self.settle(section);
+            }
+            self.state.with(section, f)
+        })
+    }
+
+    /// Passes what was due while the fastest loop runs, where the timer cannot interrupt it.
+    fn settle(&self, section: CriticalSection<'_>) {
+        let now = self.platform.now();
+        let overdue =
+            |state: &mut State<S, P::Instant, L>| state.runs_fastest() && state.is_overdue(now);
+        if self.state.with(section, overdue) {
+            self.catch_up_and_pend(section);
+        }
     }
 
     fn number(id: LoopId) -> Result<usize, LoopError> {

@@ -126,6 +126,17 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         self.due
     }
 
+    /// Whether an event was due before `now`, which is when the fastest loop ends, and could not come.
+    #[inline(always)]
+    pub(crate) fn is_overdue(&self, now: I) -> bool {
+        now.has_reached(self.due.after(1)) && self.started
+    }
+
+    /// Whether the loop runs that nothing interrupts where ranks have vectors.
+    pub(crate) fn runs_fastest(&self) -> bool {
+        self.unfinished & !self.runnable & 1 != 0
+    }
+
     /// When the next event is due.
     #[inline(always)]
     pub(crate) fn next_due(&self) -> I {

@@ -92,6 +92,30 @@ impl Program for Plain {
     }
 }
 
+/// Where the timer cannot interrupt the fastest loop, that outlasts two events.
+struct Slow;
+
+impl Program for Slow {
+    fn explore<P: Simulated, const L: usize>(&self, set: &Set<L>, kind: Kind) -> u64 {
+        for_all_points(kind, |plan| {
+            World::<P, L>::run(
+                set,
+                plan,
+                |world, number| {
+                    if number == L - 1 {
+                        world.outlast_events(2);
+                    }
+                },
+                |world| {
+                    world.ask(Asked::Start);
+                    world.wait_until(END);
+                    world.check_end();
+                },
+            )
+        })
+    }
+}
+
 /// The background disables, enables, stops and starts, once each.
 struct Controlled;
 
@@ -195,6 +219,13 @@ fn loops_that_catch_up() {
         &[Kind::OnTime, Kind::Late],
         Overrun::CatchUp(1),
     );
+}
+
+#[test]
+fn loops_that_outlast_events_in_the_timers_vector() {
+    for overrun in [Overrun::Skip, Overrun::CatchUp(1), Overrun::Fault] {
+        with_all_sets_on::<Vectored>("slow", &Slow, &[Kind::OnTime], overrun);
+    }
 }
 
 #[test]

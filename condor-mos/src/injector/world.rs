@@ -150,6 +150,17 @@ impl<P: Simulated, const L: usize> World<P, L> {
         }
     }
 
+    /// Lets time pass beyond the next events, none of which can come meanwhile.
+    pub(super) fn outlast_events(&self, events: u32) {
+        let processor = self.processor.processor();
+        for _ in 0..events {
+            if let Some(armed) = processor.armed() {
+                let next = self.with_oracle(|oracle| oracle.next_event(armed));
+                processor.skip_to(next);
+            }
+        }
+    }
+
     /// Nothing is unfinished, and nothing was lost.
     pub(super) fn check_end(&self) {
         let now = self.processor.processor().now();

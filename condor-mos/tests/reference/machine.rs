@@ -63,10 +63,6 @@ impl<I: Reading> Timer for Narrow<I> {
 }
 
 impl<I: Reading> Platform for Narrow<I> {
-    fn dispatch(&self, ranks: u32, run: impl FnOnce()) {
-        self.processor.dispatch(ranks, run);
-    }
-
     fn interruptible(&self, body: impl FnOnce()) {
         self.processor.interruptible(body);
     }
@@ -113,10 +109,7 @@ impl<'p, I: Reading, S: Schedule<LOOPS> + Send> Machine<'p, I, S> {
                 let assigned = scope.assign(id(number), program.overruns[number], body);
                 assigned.expect("a loop that is free");
             }
-            processor.with_vectors(
-                |rank| scheduler.on_vector(rank),
-                || processor.with_handler(|| scheduler.on_timer(), || this.background()),
-            );
+            processor.with_handler(|| scheduler.on_timer(), || this.background());
         });
         this.log.into_inner().expect("no panic")
     }
