@@ -101,9 +101,9 @@ impl<const L: usize> Oracle<L> {
 
     /// The first event after `at`.
     pub(super) fn next_event(&self, at: u64) -> u64 {
-        (at + 1..)
+        (at + 1..=at + u64::from(FREQUENCY))
             .find(|&at| (0..L).any(|number| self.is_due(number, at)))
-            .expect("loops are due for ever")
+            .expect("a period is a second at most")
     }
 
     /// At most one section has been left since the last snapshot: what it did is allowed.

@@ -100,7 +100,7 @@ impl<const L: usize> World<L> {
                     || {
                         world
                             .processor
-                            .with_handler(|| scheduler.on_timer(), || background(&world))
+                            .with_handler(|| scheduler.on_timer(), || background(&world));
                     },
                 );
             });

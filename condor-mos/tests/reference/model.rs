@@ -347,7 +347,6 @@ impl<'p> Model<'p> {
 
     fn act(&mut self, action: &Action) {
         match *action {
-            Action::Nothing => {}
             Action::Enable(number) => {
                 self.loops[number].enabled = true;
                 self.loops[number].faulted = false;
@@ -379,8 +378,8 @@ impl<'p> Model<'p> {
             }
             Action::Interrupt => self.interrupt(),
             Action::Hold(ticks) if self.now > self.held_until => self.held_until = self.now + ticks,
-            // What is held back would come later than the counter can tell.
-            Action::Hold(_) => {}
+            // What is held back again would come later than the counter can tell.
+            Action::Nothing | Action::Hold(_) => {}
             Action::Lock(users, ticks) => self.lock(users, ticks),
         }
         self.note(What::Acted);
