@@ -81,8 +81,8 @@ fn a_scope_that_unwinds_disarms_its_loops() {
     let processor = Processor::new(FREQUENCY);
     let scheduler = loops(&processor);
     let caught = catch_unwind(AssertUnwindSafe(|| {
-        let mut runs = vec![0_u32];
-        let mut body = || runs[0] += 1;
+        let mut runs = Box::new(0_u32);
+        let mut body = || *runs += 1;
         scheduler.scope(|scope| {
             scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
             scheduler.start().unwrap();
