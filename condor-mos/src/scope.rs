@@ -11,6 +11,36 @@ use crate::schedule::Schedule;
 use crate::scheduler::{LoopId, Scheduler};
 
 /// Where closures become loops until the end of [`Scheduler::scope`].
+///
+/// A closure, and what it borrows, outlives the scope:
+///
+/// ```compile_fail,E0597
+/// # use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, sim::Processor};
+/// # let hertz = Rate::hz(1000);
+/// # let schedule = Scan::new([Rate::hz(1)], Clock::of::<u64>(hertz));
+/// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
+/// scheduler.scope(|scope| {
+///     let mut runs = 0;
+///     let mut body = || runs += 1;
+///     scope.assign(LoopId(0), Overrun::Skip, &mut body)
+/// });
+/// ```
+///
+/// It is the loop's alone until then:
+///
+/// ```compile_fail,E0503
+/// # use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, sim::Processor};
+/// # let hertz = Rate::hz(1000);
+/// # let schedule = Scan::new([Rate::hz(1)], Clock::of::<u64>(hertz));
+/// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
+/// let mut runs = 0;
+/// let mut body = || runs += 1;
+/// scheduler.scope(|scope| {
+///     scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
+///     assert_eq!(runs, 0);
+///     Ok::<_, condor_mos::LoopError>(())
+/// });
+/// ```
 pub struct Scope<'scope, 'env: 'scope, P: Platform, S: Schedule<L>, const L: usize> {
     scheduler: &'scope Scheduler<P, S, L>,
     /// A bit for each loop that was assigned here.

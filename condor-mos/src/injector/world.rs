@@ -154,7 +154,7 @@ impl<P: Simulated, const L: usize> World<P, L> {
     pub(super) fn outlast_events(&self, events: u32) {
         let processor = self.processor.processor();
         for _ in 0..events {
-            if let Some(armed) = processor.armed() {
+            if let Some(armed) = processor.armed().filter(|_| processor.now() < END) {
                 let next = self.with_oracle(|oracle| oracle.next_event(armed));
                 processor.skip_to(next);
             }

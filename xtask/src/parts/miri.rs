@@ -13,11 +13,18 @@ struct Suite {
     integration_tests: &'static [&'static str],
 }
 
-const SUITES: [Suite; 1] = [Suite {
-    package: "condor-mbox",
-    features: "sim,critical-section-std",
-    integration_tests: &["conformance"],
-}];
+const SUITES: [Suite; 2] = [
+    Suite {
+        package: "condor-mbox",
+        features: "sim,critical-section-std",
+        integration_tests: &["conformance"],
+    },
+    Suite {
+        package: "condor-mos",
+        features: "sim",
+        integration_tests: &["scope", "ceiling", "latest"],
+    },
+];
 
 /// proptest asks for its directory and reads its number of cases from the environment.
 const FLAGS: &str = "-Zmiri-strict-provenance -Zmiri-disable-isolation";
