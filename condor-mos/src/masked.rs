@@ -5,6 +5,7 @@ use core::cell::UnsafeCell;
 use critical_section::CriticalSection;
 
 /// A value that the contexts of one processor share: each use is part of a critical section.
+#[derive(Debug)]
 pub(crate) struct Masked<T>(UnsafeCell<T>);
 
 // SAFETY: the value is reached through `with` alone, one context at a time.

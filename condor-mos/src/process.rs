@@ -28,7 +28,7 @@ impl Overrun {
 }
 
 /// The counts of one loop. Times are in ticks; counts wrap.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Process<I> {
     pub(crate) body: Option<Body>,
     pub(crate) enabled: bool,

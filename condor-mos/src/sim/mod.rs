@@ -3,6 +3,10 @@
 //! Time passes only where a program says so, so every run is the same to the last tick. The
 //! timer's interrupt nests by a call on the interrupted stack, as on RISC-V.
 
+mod wrapping;
+
+pub use wrapping::WrappingProcessor;
+
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

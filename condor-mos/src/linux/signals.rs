@@ -1,0 +1,304 @@
+//! [`Signals`]: loops on the stack of the thread that they interrupt.
+
+use core::ptr;
+
+use super::context::{self, Service};
+use super::error::SignalError;
+use super::posix_timer::{self, PosixTimer};
+use super::time::{self, NANOSECONDS};
+use crate::masked::Masked;
+use crate::platform::Platform;
+use crate::rate::Rate;
+use crate::timer::{Armed, Timer};
+
+/// Not armed, in the words of the kernel.
+const NEVER: u64 = 0;
+
+/// A platform of Linux on which loops run in signal handlers, on one stack, as in interrupts of a
+/// bare processor. A release costs a signal and one system call, and no change of threads.
+///
+/// [`with_handler`](Self::with_handler) says what a program has to promise for it.
+/// [`Threads`](super::Threads) ask for no promise.
+///
+/// The timer is a POSIX timer of `CLOCK_MONOTONIC`, in nanoseconds. It is armed after the fastest
+/// loop has run, which nothing may interrupt anyway, so that loop starts without a system call
+/// before it.
+#[derive(Debug)]
+pub struct Signals {
+    signal: u8,
+    port: Masked<Port>,
+}
+
+#[derive(Debug)]
+struct Port {
+    /// There while a thread is connected, whose number is `owner`.
+    timer: Option<PosixTimer>,
+    owner: u32,
+    /// What the scheduler has armed, and what the kernel has.
+    wanted: u64,
+    set: u64,
+}
+
+impl Signals {
+    /// A platform that uses the signal `SIGRTMIN`.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self::with_signal(0)
+    }
+
+    /// A platform that uses the signal `SIGRTMIN + offset`, where something else uses others.
+    #[must_use]
+    pub const fn with_signal(offset: u8) -> Self {
+        let port = Port {
+            timer: None,
+            owner: 0,
+            wanted: NEVER,
+            set: NEVER,
+        };
+        Self {
+            signal: offset,
+            port: Masked::new(port),
+        }
+    }
+
+    /// Runs `program`, the background, on the calling thread, while the timer's signals interrupt
+    /// it with `handler`, which is to call [`Scheduler::on_timer`](crate::Scheduler::on_timer).
+    ///
+    /// One thread at a time is connected with a platform, and one platform with a thread; other
+    /// threads have other platforms. Other threads may call a scheduler, too, but for its locks,
+    /// which are for its loops and their background. What they set off runs on the connected thread.
+    ///
+    /// A loop that panics ends the program: there is no way to unwind out of an interrupt.
+    /// System calls of the background that the kernel does not restart, such as `nanosleep` and
+    /// `poll`, end early with `EINTR`. `errno` is as it was after a loop.
+    ///
+    /// # Safety
+    /// * What `handler` and the loops call is async-signal-safe: arithmetic, atomics, this
+    ///   crate's calls, system calls that POSIX lists as such. They do not allocate or print, nor
+    ///   wait for a lock that a thread may hold which they have interrupted, as that of `malloc`,
+    ///   of standard output, and any [`std::sync::Mutex`] of the background.
+    /// * The stack of the calling thread has room for all loops at a time: for each, what it needs
+    ///   itself, and 3.5 kB of a signal's frame on `x86_64`, as far as its processor state goes
+    ///   (with AMX 11 kB).
+    /// * Until this returns, the thread switches to no other stack, and does not leave through
+    ///   `longjmp`.
+    ///
+    /// # Errors
+    /// [`SignalError`]; `program` has not run then.
+    pub unsafe fn with_handler<H: Fn() + Sync, R>(
+        &self,
+        handler: H,
+        program: impl FnOnce() -> R,
+    ) -> Result<R, SignalError> {
+        let connected = Connected::new(self, &handler)?;
+        let result = program();
+        drop(connected);
+        Ok(result)
+    }
+
+    fn with_port<R>(&self, f: impl FnOnce(&mut Port) -> R) -> R {
+        critical_section::with(|section| self.port.with(section, f))
+    }
+
+    /// Gives the kernel what was armed in the handler.
+    #[inline]
+    fn flush(&self) {
+        self.with_port(|port| {
+            if port.wanted != port.set {
+                port.set();
+            }
+        });
+    }
+
+    fn is_mine(&self) -> bool {
+        self.with_port(|port| port.owner == context::thread_number())
+    }
+
+    /// After the fastest loop: what has become due during its run finds it unfinished.
+    #[inline]
+    fn pass_missed(&self) {
+        let wanted = self.with_port(|port| port.wanted);
+        if wanted != NEVER && self.now() >= wanted {
+            context::with(context::Context::call_service);
+        }
+    }
+}
+
+impl Default for Signals {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Port {
+    fn set(&mut self) {
+        if let Some(timer) = &self.timer {
+            timer.set(self.wanted);
+            self.set = self.wanted;
+        }
+    }
+}
+
+impl Timer for Signals {
+    type Instant = u64;
+
+    fn frequency(&self) -> Rate {
+        NANOSECONDS
+    }
+
+    #[inline]
+    fn now(&self) -> u64 {
+        time::now()
+    }
+
+    #[inline]
+    fn arm(&self, at: u64) -> Armed {
+        let closed = context::with(context::Context::is_closed);
+        self.with_port(|port| {
+            // The instant 0 would disarm.
+            port.wanted = at.max(1);
+            if !(closed && port.owner == context::thread_number()) {
+                port.set();
+            }
+        });
+        if at > self.now() {
+            Armed::Ahead
+        } else {
+            Armed::Past
+        }
+    }
+
+    fn disarm(&self) {
+        self.with_port(|port| {
+            port.wanted = NEVER;
+            port.set();
+        });
+    }
+}
+
+impl Platform for Signals {
+    #[inline]
+    fn dispatch(&self, ranks: u32, run: impl FnOnce()) {
+        if !self.is_mine() {
+            // A signal at once, in which the connected thread finds what there is to run.
+            self.with_port(|port| {
+                port.wanted = 1;
+                port.set();
+            });
+            return;
+        }
+        context::with(|context| context.set_fastest(ranks & 1 != 0));
+        run();
+    }
+
+    #[inline]
+    fn interruptible(&self, body: impl FnOnce()) {
+        let (closed, fastest) =
+            context::with(|context| (context.is_closed(), context.take_fastest()));
+        if !closed {
+            // Of the background: signals come in anyway.
+            body();
+        } else if fastest {
+            body();
+            self.pass_missed();
+        } else {
+            self.flush();
+            context::with(context::Context::open);
+            body();
+            context::with(context::Context::close);
+        }
+    }
+}
+
+/// What the handler is given: a platform, and the program's part of the handler.
+struct Handler<'h, H> {
+    signals: &'h Signals,
+    handler: &'h H,
+}
+
+impl<H: Fn()> Handler<'_, H> {
+    /// # Safety
+    /// `handler` points to a `Handler<H>`.
+    unsafe fn call(handler: *const ()) {
+        // SAFETY: as the caller promises.
+        let handler = unsafe { &*handler.cast::<Handler<'_, H>>() };
+        (handler.handler)();
+        handler.signals.flush();
+    }
+}
+
+/// Disconnects the thread, also when the program unwinds.
+struct Connected<'h, H> {
+    signals: &'h Signals,
+    was_blocked: bool,
+    signal: i32,
+    /// Pointed to by the thread's service.
+    _handler: Box<Handler<'h, H>>,
+}
+
+impl<'h, H: Fn() + Sync> Connected<'h, H> {
+    fn new(signals: &'h Signals, handler: &'h H) -> Result<Self, SignalError> {
+        let signal = libc::SIGRTMIN() + i32::from(signals.signal);
+        if signal > libc::SIGRTMAX() {
+            return Err(SignalError::NoSuchSignal { signal });
+        }
+        if !critical_section::with(|_| context::with(context::Context::is_held)) {
+            return Err(SignalError::OtherSection);
+        }
+        if context::with(context::Context::has_service) || signals.with_port(|port| port.owner != 0)
+        {
+            return Err(SignalError::Connected);
+        }
+        posix_timer::install(signal, on_signal)?;
+        let timer = PosixTimer::new(signal).map_err(SignalError::Timer)?;
+        let handler = Box::new(Handler { signals, handler });
+        let service = Service {
+            call: Handler::<H>::call,
+            data: ptr::from_ref(&*handler).cast(),
+        };
+        // SAFETY: the timer is not armed yet; `drop` takes the service away before its data.
+        context::with(|context| unsafe { context.set_service(Some(service)) });
+        let was_blocked = posix_timer::set_blocked(signal, false).map_err(SignalError::Timer)?;
+        let connected = Self {
+            signals,
+            was_blocked,
+            signal,
+            _handler: handler,
+        };
+        signals.with_port(|port| {
+            port.timer = Some(timer);
+            port.owner = context::thread_number();
+            // What was armed before anybody was connected.
+            if port.wanted != NEVER {
+                port.set();
+            }
+        });
+        Ok(connected)
+    }
+}
+
+impl<H> Drop for Connected<'_, H> {
+    fn drop(&mut self) {
+        let timer = self.signals.with_port(|port| {
+            port.owner = 0;
+            port.set = NEVER;
+            port.timer.take()
+        });
+        drop(timer);
+        // SAFETY: the timer is gone.
+        context::with(|context| unsafe { context.set_service(None) });
+        if self.was_blocked {
+            let _ = posix_timer::set_blocked(self.signal, true);
+        }
+    }
+}
+
+extern "C" fn on_signal(_: libc::c_int) {
+    // SAFETY: the address of this thread's `errno`, valid as long as the thread.
+    let errno = unsafe { libc::__errno_location() };
+    // SAFETY: as above.
+    let before = unsafe { *errno };
+    context::with(context::Context::on_signal);
+    // SAFETY: as above.
+    unsafe { *errno = before };
+}
