@@ -7,6 +7,8 @@ mod machine;
 mod mbox;
 mod measure;
 mod options;
+mod process;
+mod shuffle;
 
 use std::error::Error;
 use std::process::ExitCode;
