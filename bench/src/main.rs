@@ -1,12 +1,15 @@
 //! Benchmarks of the Condor crates beside their peers, one sub-command for each crate.
 //!
-//! `cargo run --release --manifest-path bench/Cargo.toml -- mbox [--json] [--rounds N] [--quick]`
+//! `cargo run --release --manifest-path bench/Cargo.toml -- mbox|mos [--json] [--rounds N] [--quick]`
 
 mod clock;
 mod machine;
 mod mbox;
 mod measure;
+mod mos;
 mod options;
+mod process;
+mod shuffle;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -24,11 +27,18 @@ struct Command {
     run: fn(&Options) -> Result<Report>,
 }
 
-const COMMANDS: &[Command] = &[Command {
-    name: "mbox",
-    about: "round trips of condor-mbox beside raw atomics, futexes, queues, sockets and iceoryx2",
-    run: mbox::run,
-}];
+const COMMANDS: &[Command] = &[
+    Command {
+        name: "mbox",
+        about: "round trips of condor-mbox beside raw atomics, futexes, queues, sockets and iceoryx2",
+        run: mbox::run,
+    },
+    Command {
+        name: "mos",
+        about: "servo loops of condor-mos beside FIFO threads, sleeps, tokio and embassy",
+        run: mos::run,
+    },
+];
 
 /// Objects that peers allocate can be placed in shared memory; see [`mbox::arena`].
 #[global_allocator]
