@@ -4,7 +4,7 @@
 // Documents of their own.
 #[cfg(feature = "conformance")]
 pub mod conformance;
-#[cfg(all(feature = "linux", target_os = "linux"))]
+#[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
 pub mod linux;
 #[cfg(feature = "sim")]
 pub mod sim;
@@ -23,17 +23,22 @@ mod timer;
 mod body;
 mod ceiling;
 mod error;
+#[cfg(all(test, not(condor_loom)))]
+mod injector;
+mod latest;
 mod masked;
 mod process;
 mod scheduler;
 mod scope;
 mod state;
 mod statistics;
+mod sync;
 
 pub use ceiling::CeilingLock;
 pub use clock::Clock;
 pub use error::{LockError, LoopError, RateError, StartError};
 pub use instant::{Instant, Wrapping};
+pub use latest::{Latest, Reader, Writer};
 pub use platform::Platform;
 pub use process::Overrun;
 pub use rate::Rate;

@@ -6,7 +6,7 @@ use crate::body::Body;
 use crate::clock::Clock;
 use crate::error::{LoopError, StartError};
 use crate::instant::Instant;
-use crate::masked::Masked;
+use crate::masked::{Masked, section};
 use crate::platform::Platform;
 use crate::process::Overrun;
 use crate::rate::Rate;
@@ -14,6 +14,7 @@ use crate::schedule::Schedule;
 use crate::scope::Scope;
 use crate::state::{Running, State};
 use crate::statistics::Statistics;
+use crate::sync::const_unless_loom;
 use crate::timer::Armed;
 
 /// Events that one interrupt catches up with before the background gets a chance.
@@ -39,12 +40,14 @@ pub struct Scheduler<P: Platform, S, const L: usize> {
 }
 
 impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
-    /// A scheduler that is not started, none of whose loops has anything to run.
-    #[must_use]
-    pub const fn new(platform: P, schedule: S) -> Self {
-        Self {
-            platform,
-            state: Masked::new(State::new(schedule)),
+    const_unless_loom! {
+        /// A scheduler that is not started, none of whose loops has anything to run.
+        #[must_use]
+        pub const fn new(platform: P, schedule: S) -> Self {
+            Self {
+                platform,
+                state: Masked::new(State::new(schedule)),
+            }
         }
     }
 
@@ -83,9 +86,22 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// [`StartError::Clock`] if the schedule was made for another clock than the platform's,
     /// [`StartError::Started`].
     pub fn start(&self) -> Result<(), StartError> {
+        self.begin_schedule(None)
+    }
+
+    /// Begins the schedule at an instant, less than half of the counter's range away: all enabled
+    /// loops are due then. So several processors begin together.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn start_at(&self, instant: P::Instant) -> Result<(), StartError> {
+        self.begin_schedule(Some(instant))
+    }
+
+    fn begin_schedule(&self, at: Option<P::Instant>) -> Result<(), StartError> {
         let timer = Clock::of::<P::Instant>(self.platform.frequency());
-        critical_section::with(|section| {
-            let now = self.platform.now();
+        section(|section| {
+            let at = at.unwrap_or_else(|| self.platform.now());
             self.state.with(section, |state| {
                 let schedule = state.schedule.clock();
                 if schedule != timer {
@@ -94,7 +110,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
                 if state.due().is_some() {
                     return Err(StartError::Started);
                 }
-                state.start(now);
+                state.start(at);
                 Ok(())
             })
         })?;
@@ -104,7 +120,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
 
     /// Ends the schedule: what is in progress finishes, what has not started is skipped.
     pub fn stop(&self) {
-        critical_section::with(|section| {
+        section(|section| {
             self.state.with(section, State::stop);
             self.platform.disarm();
         });
@@ -171,7 +187,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// One that comes early or without cause does no harm.
     #[inline]
     pub fn on_timer(&self) {
-        let ranks = critical_section::with(|section| self.release(section));
+        let ranks = section(|section| self.release(section));
         if ranks != 0 {
             self.dispatch(ranks);
         }
@@ -185,25 +201,28 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         }
     }
 
-    /// Releases what is due, arms the timer for what comes next, and gives the ranks that may
-    /// start.
+    /// Releases what is due, arms the timer for what comes next, and gives the ranks that have not
+    /// started.
+    ///
+    /// Also those that may not start yet: their vectors stay pending below the one in progress,
+    /// and nobody else would pend them at its end.
     #[inline]
     fn release(&self, section: CriticalSection<'_>) -> u32 {
         let Some(due) = self.state.with(section, |state| state.due()) else {
             return 0;
         };
-        let ready = || self.state.with(section, |state| state.ready());
+        let runnable = || self.state.with(section, |state| state.runnable());
         if !self.platform.now().has_reached(due) && self.platform.arm(due) == Armed::Ahead {
-            return ready();
+            return runnable();
         }
         for _ in 0..MOST_EVENTS {
             let due = self.state.with(section, State::pass_event);
             if self.platform.arm(due) == Armed::Ahead {
-                return ready();
+                return runnable();
             }
         }
         self.pause();
-        ready()
+        runnable()
     }
 
     /// Events come faster than they can be counted: comes back to them after a while.
@@ -231,7 +250,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         &self,
         begin: impl FnOnce(&mut State<S, P::Instant, L>, P::Instant) -> Option<Running<P::Instant>>,
     ) -> Option<Running<P::Instant>> {
-        critical_section::with(|section| {
+        section(|section| {
             let now = self.platform.now();
             self.state.with(section, |state| begin(state, now))
         })
@@ -306,8 +325,14 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         }
     }
 
+    /// Looks on from outside, for tests.
+    #[cfg(all(test, not(condor_loom)))]
+    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<S, P::Instant, L>) -> R) -> R {
+        self.with_state(|state| f(state))
+    }
+
     fn with_state<R>(&self, f: impl FnOnce(&mut State<S, P::Instant, L>) -> R) -> R {
-        critical_section::with(|section| self.state.with(section, f))
+        section(|section| self.state.with(section, f))
     }
 
     fn number(id: LoopId) -> Result<usize, LoopError> {
@@ -334,7 +359,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Drop for End<'_, P, S, L> {
     #[inline]
     fn drop(&mut self) {
         if let Some(running) = self.running.take() {
-            critical_section::with(|section| {
+            section(|section| {
                 let now = self.scheduler.platform.now();
                 self.scheduler
                     .state

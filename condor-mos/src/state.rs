@@ -101,7 +101,13 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         self.processes.get_mut(number)
     }
 
-    /// The ranks that may start now.
+    /// The ranks that are released and have not started.
+    #[inline]
+    pub(crate) const fn runnable(&self) -> u32 {
+        self.runnable
+    }
+
+    /// Those of them that may start now.
     #[inline]
     pub(crate) fn ready(&self) -> u32 {
         self.runnable & !(u32::MAX.unbounded_shl(self.level))
@@ -124,6 +130,11 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         }
         let number = self.number(rank)?;
         let process = self.processes.get_mut(number)?;
+        // The level keeps a loop in progress from starting on one stack; handlers that are called on
+        // several must not get its context twice either.
+        if process.is_running() {
+            return None;
+        }
         let body = process.body;
         if !process.start(now) {
             self.runnable &= !(1 << rank);
@@ -154,16 +165,21 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     /// Lets only loops start that are faster than all in `users`, a bit for each number; gives the
     /// former level, or `None` if a faster one is in progress.
     pub(crate) fn raise(&mut self, users: u32) -> Option<u32> {
-        let ceiling = self
-            .schedule
-            .ranks()
-            .iter()
-            .position(|&number| users & 1_u32.unbounded_shl(u32::from(number)) != 0)
-            .map_or(L as u32, |rank| rank as u32);
-        if self.level < ceiling {
-            return None;
+        let mut ceiling = 0;
+        for &number in self.schedule.ranks() {
+            if users & 1_u32.unbounded_shl(u32::from(number)) != 0 {
+                break;
+            }
+            // The level does not tell: it may be that of another lock.
+            let process = self.processes.get(usize::from(number))?;
+            if process.is_running() {
+                return None;
+            }
+            ceiling += 1;
         }
-        Some(core::mem::replace(&mut self.level, ceiling))
+        let former = self.level;
+        self.level = former.min(ceiling);
+        Some(former)
     }
 
     /// Undoes [`raise`](Self::raise), and gives the ranks that may start then.

@@ -6,7 +6,7 @@ use super::context::{self, Service};
 use super::error::SignalError;
 use super::posix_timer::{self, PosixTimer};
 use super::time::{self, NANOSECONDS};
-use crate::masked::Masked;
+use crate::masked::{Masked, section};
 use crate::platform::Platform;
 use crate::rate::Rate;
 use crate::timer::{Armed, Timer};
@@ -23,13 +23,11 @@ const NEVER: u64 = 0;
 /// The timer is a POSIX timer of `CLOCK_MONOTONIC`, in nanoseconds. It is armed after the fastest
 /// loop has run, which nothing may interrupt anyway, so that loop starts without a system call
 /// before it.
-#[derive(Debug)]
 pub struct Signals {
     signal: u8,
     port: Masked<Port>,
 }
 
-#[derive(Debug)]
 struct Port {
     /// There while a thread is connected, whose number is `owner`.
     timer: Option<PosixTimer>,
@@ -97,7 +95,7 @@ impl Signals {
     }
 
     fn with_port<R>(&self, f: impl FnOnce(&mut Port) -> R) -> R {
-        critical_section::with(|section| self.port.with(section, f))
+        section(|section| self.port.with(section, f))
     }
 
     /// Gives the kernel what was armed in the handler.
@@ -244,7 +242,7 @@ impl<'h, H: Fn() + Sync> Connected<'h, H> {
         if signal > libc::SIGRTMAX() {
             return Err(SignalError::NoSuchSignal { signal });
         }
-        if !critical_section::with(|_| context::with(context::Context::is_held)) {
+        if !section(|_| context::with(context::Context::is_held)) {
             return Err(SignalError::OtherSection);
         }
         if context::with(context::Context::has_service) || signals.with_port(|port| port.owner != 0)

@@ -178,12 +178,19 @@ impl<const L: usize> Threads<L> {
     /// # Errors
     /// [`StartError::Started`].
     pub fn start(&self) -> Result<(), StartError> {
+        self.start_at(time::now())
+    }
+
+    /// Begins at an instant of `CLOCK_MONOTONIC`, in nanoseconds: all enabled loops are due then.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn start_at(&self, instant: u64) -> Result<(), StartError> {
         let mut started = self.started.lock();
         if core::mem::replace(&mut *started, true) {
             return Err(StartError::Started);
         }
-        let now = time::now();
-        self.each(|state| state.begin(now));
+        self.each(|state| state.begin(instant));
         Ok(())
     }
 

@@ -171,9 +171,9 @@ impl<const L: usize> Schedule<L> for Scan<L> {
     }
 
     fn restart(&mut self) {
-        if let Ok(fresh) = Self::try_new(self.wanted.unwrap_or(self.rates), self.clock) {
-            *self = fresh;
-        }
+        // Wanted rates wait for the first event: here a loop may be in progress.
+        self.grids.iter_mut().for_each(Grid::restart);
+        self.remaining = [0; L];
     }
 
     fn next_event(&mut self, idle: impl FnOnce() -> bool) -> Event {
