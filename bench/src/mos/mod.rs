@@ -5,6 +5,7 @@
 //! control) shows what is chance.
 
 mod background;
+mod condor;
 mod executors;
 mod round;
 mod signals;
@@ -54,6 +55,8 @@ fn entries() -> Vec<Entry> {
     vec![
         fifo("FIFO threads, absolute nanosleep", threads::run_fifo),
         fifo("  the same once more (control)", threads::run_fifo),
+        fifo(OURS_THREADS, condor::run_threads),
+        fifo(OURS_SIGNALS, condor::run_signals),
         fifo("raw signals, one timer", signals::run_one_timer),
         fifo("raw signals, arming first", signals::run_arming_first),
         fifo("raw signals, two timers", signals::run_two_timers),
@@ -63,6 +66,7 @@ fn entries() -> Vec<Entry> {
             "tokio, one thread",
             executors::run_tokio_current_thread::<true>,
         ),
+        other(OURS_SIGNALS, condor::run_signals),
         other("raw signals, two timers", signals::run_two_timers),
         other("thread::sleep for a period", threads::run_sleep),
         other("embassy", executors::run_embassy::<false>),
@@ -122,10 +126,19 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     for (set, played) in SETS.iter().zip(&played) {
         write_table(&mut text, &entries, *set, played)?;
     }
-    Ok(Report {
+    let drift = condor::drift_ticks()?;
+    writeln!(
         text,
-        goals: goals(&entries, &played[GOAL_SET]),
-    })
+        "\nLargest error of a release in 10^6 hyperperiods of virtual time: {drift:.3} ticks"
+    )?;
+    let mut goals = goals(&entries, &played[GOAL_SET]);
+    goals.push(Goal {
+        name: "drift_ticks",
+        estimate: Estimate::of([drift]),
+        limit: 1.0,
+        better: Better::Lower,
+    });
+    Ok(Report { text, goals })
 }
 
 /// The figures of one contestant in every round.
@@ -145,7 +158,7 @@ fn ratio(played: &[Vec<Figures>], index: usize, figure: Figure) -> Estimate {
     )
 }
 
-/// The goals; those whose contestants do not take part are left out.
+/// The goals that are ratios to the baseline.
 fn goals(entries: &[Entry], played: &[Vec<Figures>]) -> Vec<Goal> {
     let goal = |name, ours, figure, limit| {
         let index = entries.iter().position(|entry| entry.name == ours)?;
