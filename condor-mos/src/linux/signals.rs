@@ -14,15 +14,17 @@ use crate::timer::{Armed, Timer};
 /// Not armed, in the words of the kernel.
 const NEVER: u64 = 0;
 
+/// No instant that is ever armed: what the kernel has does not matter.
+const ANOTHER: u64 = u64::MAX;
+
 /// A platform of Linux on which loops run in signal handlers, on one stack, as in interrupts of a
 /// bare processor. A release costs a signal and one system call, and no change of threads.
 ///
 /// [`with_handler`](Self::with_handler) says what a program has to promise for it.
 /// [`Threads`](super::Threads) ask for no promise.
 ///
-/// The timer is a POSIX timer of `CLOCK_MONOTONIC`, in nanoseconds. It is armed after the fastest
-/// loop has run, which nothing may interrupt anyway, so that loop starts without a system call
-/// before it.
+/// The timer counts `CLOCK_MONOTONIC`, in nanoseconds. It is armed after the fastest loop has run,
+/// which nothing may interrupt anyway, so that loop starts without a system call before it.
 pub struct Signals {
     signal: u8,
     port: Masked<Port>,
@@ -30,11 +32,18 @@ pub struct Signals {
 
 struct Port {
     /// There while a thread is connected, whose number is `owner`.
-    timer: Option<PosixTimer>,
+    ///
+    /// Two, so that the kernel finds the next event when it serves one. With a single timer it
+    /// programs the clock device twice for each: to what comes next without us, and again when the
+    /// handler arms. With two, the handler only adds an event behind the next one.
+    timers: Option<[PosixTimer; 2]>,
     owner: u32,
-    /// What the scheduler has armed, and what the kernel has.
+    /// What the scheduler has armed.
     wanted: u64,
-    set: u64,
+    /// What of that the kernel was given last.
+    given: u64,
+    /// When the kernel's timers are, or were, to signal.
+    set: [u64; 2],
 }
 
 impl Signals {
@@ -48,10 +57,11 @@ impl Signals {
     #[must_use]
     pub const fn with_signal(offset: u8) -> Self {
         let port = Port {
-            timer: None,
+            timers: None,
             owner: 0,
             wanted: NEVER,
-            set: NEVER,
+            given: NEVER,
+            set: [NEVER; 2],
         };
         Self {
             signal: offset,
@@ -101,11 +111,7 @@ impl Signals {
     /// Gives the kernel what was armed in the handler.
     #[inline]
     fn flush(&self) {
-        self.with_port(|port| {
-            if port.wanted != port.set {
-                port.set();
-            }
-        });
+        self.with_port(Port::give);
     }
 
     fn is_mine(&self) -> bool {
@@ -129,11 +135,41 @@ impl Default for Signals {
 }
 
 impl Port {
-    fn set(&mut self) {
-        if let Some(timer) = &self.timer {
-            timer.set(self.wanted);
-            self.set = self.wanted;
+    fn set(&mut self, index: usize, at: u64) {
+        if let Some(timers) = &self.timers
+            && self.set[index] != at
+        {
+            timers[index].set(at);
+            self.set[index] = at;
         }
+    }
+
+    /// Has the kernel signal at what is wanted, and at no other time.
+    fn give_alone(&mut self) {
+        self.set[0] = ANOTHER;
+        self.set(0, self.wanted);
+        self.set(1, NEVER);
+        self.given = self.wanted;
+    }
+
+    /// Has the kernel signal at what is wanted, and after it at what will probably be wanted: one
+    /// system call if that was right before.
+    #[inline]
+    fn give(&mut self) {
+        let (wanted, before) = (self.wanted, self.given);
+        if wanted == before {
+            return;
+        }
+        let holder = match self.set.iter().position(|&at| at == wanted) {
+            Some(holder) => holder,
+            None => usize::from(self.set[1] < self.set[0]),
+        };
+        self.set(holder, wanted);
+        let gap = wanted.wrapping_sub(before);
+        let known = before != NEVER && u32::try_from(gap).is_ok();
+        let next = if known { wanted + gap } else { NEVER };
+        self.set(1 - holder, next);
+        self.given = wanted;
     }
 }
 
@@ -156,7 +192,7 @@ impl Timer for Signals {
             // The instant 0 would disarm.
             port.wanted = at.max(1);
             if !(closed && port.owner == context::thread_number()) {
-                port.set();
+                port.give_alone();
             }
         });
         if at > self.now() {
@@ -169,7 +205,7 @@ impl Timer for Signals {
     fn disarm(&self) {
         self.with_port(|port| {
             port.wanted = NEVER;
-            port.set();
+            port.give_alone();
         });
     }
 }
@@ -181,7 +217,7 @@ impl Platform for Signals {
             // A signal at once, in which the connected thread finds what there is to run.
             self.with_port(|port| {
                 port.wanted = 1;
-                port.set();
+                port.give_alone();
             });
             return;
         }
@@ -250,15 +286,15 @@ impl<'h, H: Fn() + Sync> Connected<'h, H> {
             return Err(SignalError::Connected);
         }
         posix_timer::install(signal, on_signal)?;
-        let timer = PosixTimer::new(signal).map_err(SignalError::Timer)?;
+        let timers = [PosixTimer::new(signal)?, PosixTimer::new(signal)?];
         let handler = Box::new(Handler { signals, handler });
         let service = Service {
             call: Handler::<H>::call,
             data: ptr::from_ref(&*handler).cast(),
         };
-        // SAFETY: the timer is not armed yet; `drop` takes the service away before its data.
+        // SAFETY: the timers are not armed yet; `drop` takes the service away before its data.
         context::with(|context| unsafe { context.set_service(Some(service)) });
-        let was_blocked = posix_timer::set_blocked(signal, false).map_err(SignalError::Timer)?;
+        let was_blocked = posix_timer::set_blocked(signal, false)?;
         let connected = Self {
             signals,
             was_blocked,
@@ -266,11 +302,11 @@ impl<'h, H: Fn() + Sync> Connected<'h, H> {
             _handler: handler,
         };
         signals.with_port(|port| {
-            port.timer = Some(timer);
+            port.timers = Some(timers);
             port.owner = context::thread_number();
             // What was armed before anybody was connected.
             if port.wanted != NEVER {
-                port.set();
+                port.give_alone();
             }
         });
         Ok(connected)
@@ -279,13 +315,13 @@ impl<'h, H: Fn() + Sync> Connected<'h, H> {
 
 impl<H> Drop for Connected<'_, H> {
     fn drop(&mut self) {
-        let timer = self.signals.with_port(|port| {
+        let timers = self.signals.with_port(|port| {
             port.owner = 0;
-            port.set = NEVER;
-            port.timer.take()
+            port.set = [NEVER; 2];
+            port.timers.take()
         });
-        drop(timer);
-        // SAFETY: the timer is gone.
+        drop(timers);
+        // SAFETY: the timers are gone.
         context::with(|context| unsafe { context.set_service(None) });
         if self.was_blocked {
             let _ = posix_timer::set_blocked(self.signal, true);
