@@ -6,8 +6,11 @@ mod clock;
 mod machine;
 mod mbox;
 mod measure;
+mod mos;
 mod mos_instructions;
 mod options;
+mod process;
+mod shuffle;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -35,6 +38,11 @@ const COMMANDS: &[Command] = &[
         name: "mos-instructions",
         about: "instructions of a release on a Cortex-M3 in QEMU, beside RTIC 2",
         run: mos_instructions::run,
+    },
+    Command {
+        name: "mos",
+        about: "servo loops of condor-mos beside FIFO threads, sleeps, tokio and embassy",
+        run: mos::run,
     },
 ];
 

@@ -1,7 +1,7 @@
 //! [`Body`]: what a loop runs, without its type.
 
 /// A function and what it is given, by pointer.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Body {
     call: unsafe fn(*mut ()),
     context: *mut (),

@@ -18,6 +18,10 @@
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
 // Documents of their own.
+#[cfg(feature = "conformance")]
+pub mod conformance;
+#[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
+pub mod linux;
 #[cfg(feature = "sim")]
 pub mod sim;
 

@@ -27,10 +27,18 @@ pub trait Platform: Timer {
         let _ = ranks;
     }
 
-    /// Runs the body of a loop so that the timer, and vectors, can interrupt it.
+    /// Whether the caller's stack is that of the loops, if they nest by calls. If not, has their own
+    /// context be interrupted soon.
+    ///
+    /// A processor has one stack, and nothing else.
+    fn is_loops_stack(&self) -> bool {
+        true
+    }
+
+    /// Runs the body of the loop of a rank so that the timer, and vectors, can interrupt it.
     ///
     /// Where ranks have vectors, the call is all.
-    fn interruptible(&self, body: impl FnOnce());
+    fn interruptible(&self, rank: u32, body: impl FnOnce());
 
     /// Runs `f` in a critical section: that of the `critical-section` crate, or one that is quicker
     /// to enter and excludes all contexts which that one excludes.
@@ -49,8 +57,13 @@ impl<P: Platform + ?Sized> Platform for &P {
     }
 
     #[inline]
-    fn interruptible(&self, body: impl FnOnce()) {
-        P::interruptible(self, body);
+    fn is_loops_stack(&self) -> bool {
+        P::is_loops_stack(self)
+    }
+
+    #[inline]
+    fn interruptible(&self, rank: u32, body: impl FnOnce()) {
+        P::interruptible(self, rank, body);
     }
 
     #[inline]

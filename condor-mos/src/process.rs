@@ -21,7 +21,7 @@ pub enum Overrun {
 ///
 /// Releases are not counted: each is counted where it ends up, as run or as skipped, or still
 /// waits or runs.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Process<I> {
     pub(crate) body: Body,
     /// When the release that runs, or runs next, was due.

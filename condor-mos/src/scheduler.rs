@@ -83,9 +83,22 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// [`StartError::Clock`] if the schedule was made for another clock than the platform's,
     /// [`StartError::Started`].
     pub fn start(&self) -> Result<(), StartError> {
+        self.begin_schedule(None)
+    }
+
+    /// Begins the schedule at an instant, less than half of the counter's range away: all enabled
+    /// loops are due then. So several processors begin together.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn start_at(&self, instant: P::Instant) -> Result<(), StartError> {
+        self.begin_schedule(Some(instant))
+    }
+
+    fn begin_schedule(&self, at: Option<P::Instant>) -> Result<(), StartError> {
         let timer = Clock::of::<P::Instant>(self.platform.frequency());
         section(|section| {
-            let now = self.platform.now();
+            let at = at.unwrap_or_else(|| self.platform.now());
             self.state.with(section, |state| {
                 let schedule = state.schedule.clock();
                 if schedule != timer {
@@ -94,7 +107,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
                 if state.started_due().is_some() {
                     return Err(StartError::Started);
                 }
-                state.start(now);
+                state.start(at);
                 Ok(())
             })
         })?;
@@ -187,7 +200,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
             let begun = masked(&self.platform, |section| {
                 let now = self.platform.now();
                 self.release(section, now);
-                self.state.with(section, |state| state.begin_fastest(now))
+                self.begin_fastest(section, now)
             });
             self.run_nested(begun);
         }
@@ -270,6 +283,19 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         }
     }
 
+    /// Starts the fastest loop that may start, if this is the stack for it.
+    #[inline(always)]
+    fn begin_fastest(
+        &self,
+        section: CriticalSection<'_>,
+        now: P::Instant,
+    ) -> Option<(u32, Running<P::Instant>)> {
+        if self.state.with(section, |state| state.ready()) == 0 || !self.platform.is_loops_stack() {
+            return None;
+        }
+        self.state.with(section, |state| state.begin_fastest(now))
+    }
+
     /// Runs loops, the fastest first, on the interrupted stack.
     fn run_nested(&self, begun: Option<(u32, Running<P::Instant>)>) {
         let mut next = begun;
@@ -295,7 +321,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         // SAFETY: the context is there until `withdraw` has seen that the loop is not in progress,
         // as it is since `begin`; and a loop in progress is not begun again.
         self.platform
-            .interruptible(|| unsafe { running.body.call() });
+            .interruptible(rank, || unsafe { running.body.call() });
         core::mem::forget(end);
     }
 
@@ -391,10 +417,10 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
             }
             return;
         }
-        let now = self.platform.now();
-        let begun = self.with_state(|state| {
-            state.unlock(former);
-            state.begin_fastest(now)
+        let begun = section(|section| {
+            let now = self.platform.now();
+            self.state.with(section, |state| state.unlock(former));
+            self.begin_fastest(section, now)
         });
         self.run_nested(begun);
     }

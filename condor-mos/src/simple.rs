@@ -259,6 +259,9 @@ impl<P: Platform> SimpleServo<P> {
 
     #[inline]
     fn begin(&self, section: CriticalSection<'_>, now: P::Instant) -> Option<Running<P::Instant>> {
+        if !self.platform.is_loops_stack() {
+            return None;
+        }
         let body = self
             .state
             .with(section, |state| state.servo_loop.begin(now))?;
@@ -275,7 +278,7 @@ impl<P: Platform> SimpleServo<P> {
         // SAFETY: the context is there until `Withdraw` has seen that the loop is not in progress,
         // as it is since `begin`; and a loop in progress is not begun again.
         self.platform
-            .interruptible(|| unsafe { running.body.call() });
+            .interruptible(0, || unsafe { running.body.call() });
         core::mem::forget(unwound);
         masked(&self.platform, |section| {
             let now = self.platform.now();
@@ -298,7 +301,13 @@ impl<P: Platform> SimpleServo<P> {
     }
 
     fn set_enabled(&self, enabled: bool) -> Result<(), LoopError> {
-        if self.with_state(|state| state.servo_loop.enable(enabled)) {
+        let assigned = self.with_state(|state| {
+            if state.servo_loop.is_assigned() {
+                state.servo_loop.enable(enabled);
+            }
+            state.servo_loop.is_assigned()
+        });
+        if assigned {
             Ok(())
         } else {
             Err(LoopError::Unassigned { id: ID })

@@ -6,7 +6,7 @@ use crate::process::{Overrun, Process};
 use crate::state::Snapshot;
 
 /// A process, and what a scheduler of several keeps of it in its sets of loops.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Single<I> {
     process: Process<I>,
     enabled: bool,
@@ -26,26 +26,42 @@ impl<I: Instant> Single<I> {
 
     /// Gives the loop what it runs and enables it, if it has nothing yet; says whether it had not.
     pub(crate) fn assign(&mut self, overrun: Overrun, body: Body) -> bool {
-        if !self.process.body.is_nothing() {
+        if self.is_assigned() {
             return false;
         }
         self.process.body = body;
-        self.process.overrun = overrun;
-        self.enable(true)
+        self.set_overrun(overrun);
+        self.enable(true);
+        true
     }
 
-    /// Has the loop released, or not any more; says whether it has something to run.
-    pub(crate) fn enable(&mut self, enabled: bool) -> bool {
-        if self.process.body.is_nothing() {
-            return false;
-        }
+    pub(crate) fn set_overrun(&mut self, overrun: Overrun) {
+        self.process.overrun = overrun;
+    }
+
+    /// Whether it was given something to run.
+    pub(crate) fn is_assigned(&self) -> bool {
+        !self.process.body.is_nothing()
+    }
+
+    pub(crate) fn is_enabled(&self) -> bool {
+        self.enabled
+    }
+
+    /// Has the loop released, or not any more.
+    pub(crate) fn enable(&mut self, enabled: bool) {
         self.enabled = enabled;
         if enabled {
             self.process.faulted = false;
         } else {
             self.forget();
         }
-        true
+    }
+
+    /// The loop is not to run any more, because of what it did.
+    pub(crate) fn fault(&mut self) {
+        self.enable(false);
+        self.process.faulted = true;
     }
 
     /// Disables it and takes away what it runs, unless it is in progress; says whether it is not.

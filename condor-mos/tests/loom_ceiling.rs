@@ -30,11 +30,7 @@ impl Timer for Still {
 }
 
 impl Platform for Still {
-    fn dispatch(&self, _: u32, run: impl FnOnce()) {
-        run();
-    }
-
-    fn interruptible(&self, body: impl FnOnce()) {
+    fn interruptible(&self, _: u32, body: impl FnOnce()) {
         body();
     }
 }

@@ -38,7 +38,7 @@ impl Timer for &Slow {
 }
 
 impl Platform for &Slow {
-    fn interruptible(&self, body: impl FnOnce()) {
+    fn interruptible(&self, _: u32, body: impl FnOnce()) {
         body();
     }
 }

@@ -38,8 +38,8 @@ impl Timer for Narrow {
 }
 
 impl Platform for Narrow {
-    fn interruptible(&self, body: impl FnOnce()) {
-        self.0.interruptible(body);
+    fn interruptible(&self, rank: u32, body: impl FnOnce()) {
+        self.0.interruptible(rank, body);
     }
 }
 

@@ -13,7 +13,6 @@ mod interruption;
 mod kernel;
 mod mapping;
 mod ours;
-mod process;
 mod queues;
 mod raw;
 mod round;
@@ -29,6 +28,7 @@ use round::{Figures, Plan};
 use crate::Result;
 use crate::measure::{Better, Estimate, Goal, Report};
 use crate::options::Options;
+use crate::process::CorePair;
 
 const RAW: &str = "raw ping-pong";
 const OURS_SPINNING: &str = "condor-mbox, spinning";
@@ -145,7 +145,7 @@ fn targets() -> Vec<Target> {
 
 /// Runs the sub-command.
 pub(crate) fn run(options: &Options) -> Result<Report> {
-    let cores = process::CorePair::find()?;
+    let cores = CorePair::find()?;
     let (rounds, slices) = if options.quick { (9, 8) } else { (31, 12) };
     let rounds = options.rounds.unwrap_or(rounds);
     let plan = Plan {

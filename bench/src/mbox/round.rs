@@ -11,10 +11,11 @@ use rustix::thread::futex;
 use super::contestant::{Client, Contestant, Cores, Entry, Server, Setup, Values};
 use super::interruption;
 use super::mapping::{LINE_WORDS, Mapping, Place};
-use super::process::{Child, CorePair, pin, wait_for_all};
 use super::samples::{Samples, Slice};
 use crate::Result;
 use crate::clock::Calibration;
+use crate::process::{Child, CorePair, pin, wait_for_all};
+use crate::shuffle::Shuffle;
 
 /// How long a round is.
 #[derive(Clone, Copy, Debug)]
@@ -346,24 +347,5 @@ impl Referee<'_> {
             return self.play(turn);
         }
         Err(format!("{}: no call met a stopped server", turn.entry.name).into())
-    }
-}
-
-/// Permutations that are the same in every run (splitmix64).
-struct Shuffle(u64);
-
-impl Shuffle {
-    fn shuffle<T>(&mut self, items: &mut [T]) {
-        for last in (1..items.len()).rev() {
-            items.swap(last, (self.next() % (last as u64 + 1)) as usize);
-        }
-    }
-
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut mixed = self.0;
-        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ (mixed >> 31)
     }
 }

@@ -4,6 +4,7 @@
 //! by a call on the interrupted stack, as on RISC-V, or by one vector for each rank, as on Cortex-M.
 
 mod drift;
+mod wrapping;
 
 use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -11,6 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::ThreadId;
 
 pub use drift::worst_release_error;
+pub use wrapping::WrappingProcessor;
 
 use crate::platform::Platform;
 use crate::rate::Rate;
@@ -352,7 +354,7 @@ impl Timer for Processor {
 }
 
 impl Platform for Processor {
-    fn interruptible(&self, body: impl FnOnce()) {
+    fn interruptible(&self, _: u32, body: impl FnOnce()) {
         let _enabled = self.enable(true);
         body();
     }
@@ -411,7 +413,7 @@ impl Platform for Vectored {
         self.take_vectors();
     }
 
-    fn interruptible(&self, body: impl FnOnce()) {
+    fn interruptible(&self, _: u32, body: impl FnOnce()) {
         body();
     }
 }

@@ -63,8 +63,8 @@ impl<I: Reading> Timer for Narrow<I> {
 }
 
 impl<I: Reading> Platform for Narrow<I> {
-    fn interruptible(&self, body: impl FnOnce()) {
-        self.processor.interruptible(body);
+    fn interruptible(&self, rank: u32, body: impl FnOnce()) {
+        self.processor.interruptible(rank, body);
     }
 }
 

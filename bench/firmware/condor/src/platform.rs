@@ -69,7 +69,7 @@ impl Platform for Board {
     }
 
     #[inline(always)]
-    fn interruptible(&self, body: impl FnOnce()) {
+    fn interruptible(&self, _: u32, body: impl FnOnce()) {
         body();
     }
 

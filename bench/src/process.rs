@@ -16,16 +16,16 @@ use crate::Result;
 
 /// The two cores of a round.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct CorePair {
+pub(crate) struct CorePair {
     /// The client's, and the server's if both share one.
-    pub(super) first: usize,
+    pub(crate) first: usize,
     /// The server's otherwise.
-    pub(super) second: usize,
+    pub(crate) second: usize,
 }
 
 impl CorePair {
     /// The first two cores that this program may run on.
-    pub(super) fn find() -> Result<Self> {
+    pub(crate) fn find() -> Result<Self> {
         let allowed = sched_getaffinity(None)?;
         let mut cores = (0..CpuSet::MAX_CPU).filter(|core| allowed.is_set(*core));
         match (cores.next(), cores.next()) {
@@ -36,14 +36,14 @@ impl CorePair {
 }
 
 /// Binds the calling thread to a core.
-pub(super) fn pin(core: usize) -> Result<()> {
+pub(crate) fn pin(core: usize) -> Result<()> {
     let mut set = CpuSet::new();
     set.set(core);
     Ok(sched_setaffinity(None, &set)?)
 }
 
 /// A child process; killed when dropped, and by the kernel when its parent dies.
-pub(super) struct Child {
+pub(crate) struct Child {
     name: &'static str,
     pid: Pid,
     handle: OwnedFd,
@@ -56,7 +56,7 @@ impl Child {
     /// # Safety
     /// The calling process must have one thread only: the others would be missing in the child,
     /// with whatever they had locked.
-    pub(super) unsafe fn fork(
+    pub(crate) unsafe fn fork(
         name: &'static str,
         body: impl FnOnce() -> Result<()>,
     ) -> Result<Self> {
@@ -101,7 +101,7 @@ impl Child {
     }
 
     /// The number of the process.
-    pub(super) fn pid(&self) -> Pid {
+    pub(crate) fn pid(&self) -> Pid {
         self.pid
     }
 
@@ -133,7 +133,7 @@ impl Drop for Child {
 ///
 /// # Errors
 /// The first that ends otherwise, or `limit` has passed; then drop the rest.
-pub(super) fn wait_for_all(children: &mut [Child], limit: Duration) -> Result<()> {
+pub(crate) fn wait_for_all(children: &mut [Child], limit: Duration) -> Result<()> {
     let deadline = Instant::now() + limit;
     while children.iter().any(|child| !child.ended) {
         let left = deadline.saturating_duration_since(Instant::now());

@@ -1,0 +1,82 @@
+//! The two backends of condor-mos for Linux, and what its schedules are off in virtual time.
+
+use condor_mos::linux::{CLOCK, RealTime, Signals, Threads};
+use condor_mos::sim::worst_release_error;
+use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler};
+
+use super::turn::{Loop, Turn};
+use crate::Result;
+
+/// No release is skipped: bodies count them.
+const OVERRUN: Overrun = Overrun::CatchUp(u8::MAX);
+
+pub(super) fn run_threads(turn: &'static Turn) -> Result<()> {
+    match turn.loops.as_slice() {
+        [one] => threads(turn, [one]),
+        [one, two, three] => threads(turn, [one, two, three]),
+        loops => Err(format!("no contestant for {} loops", loops.len()).into()),
+    }
+}
+
+pub(super) fn run_signals(turn: &'static Turn) -> Result<()> {
+    match turn.loops.as_slice() {
+        [one] => signals(turn, [one]),
+        [one, two, three] => signals(turn, [one, two, three]),
+        loops => Err(format!("no contestant for {} loops", loops.len()).into()),
+    }
+}
+
+fn threads<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Result<()> {
+    let wishes = RealTime::none().priority(80);
+    let threads = Threads::new(loops.map(rate), wishes)?;
+    let mut bodies = loops.map(body);
+    threads.scope(|scope| {
+        for (id, body) in (0..).map(LoopId).zip(&mut bodies) {
+            scope.assign(id, OVERRUN, body)?;
+        }
+        threads.start_at(turn.start_ns)?;
+        turn.background()
+    })
+}
+
+fn signals<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Result<()> {
+    let table = EventTable::<L, 16>::try_new(loops.map(rate), CLOCK)?;
+    let scheduler = Scheduler::new(Signals::new(), table);
+    let mut bodies = loops.map(body);
+    scheduler.scope(|scope| {
+        for (id, body) in (0..).map(LoopId).zip(&mut bodies) {
+            scope.assign(id, OVERRUN, body)?;
+        }
+        let program = || {
+            scheduler.start_at(turn.start_ns)?;
+            let result = turn.background();
+            scheduler.stop();
+            result
+        };
+        let signals = scheduler.platform();
+        // SAFETY: the loops read the clock and use atomics, on a stack of megabytes.
+        unsafe { signals.with_handler(|| scheduler.on_timer(), program) }?
+    })
+}
+
+fn rate(servo_loop: &Loop) -> Rate {
+    // The periods of the sets are milliseconds.
+    Rate::fraction(1_000_000_000, servo_loop.period_ns as u32)
+}
+
+fn body(servo_loop: &'static Loop) -> impl FnMut() + Send {
+    let mut release = 0;
+    move || {
+        servo_loop.run(release);
+        release += 1;
+    }
+}
+
+/// The largest distance, in ticks, between a release and its exact instant, over 10^6 hyperperiods
+/// of 400, 60 and 7 Hz in ticks that none of them divides.
+pub(super) fn drift_ticks() -> Result<f64> {
+    let clock = Clock::of::<u64>(Rate::fraction(14_318_180, 12));
+    let rates = [Rate::hz(400), Rate::hz(60), Rate::hz(7)];
+    let mut table = EventTable::<3, 512>::try_new(rates, clock)?;
+    Ok(worst_release_error(&mut table, 1_000_000))
+}

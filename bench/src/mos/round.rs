@@ -1,0 +1,100 @@
+//! A round: every contestant once, each in a process of its own.
+
+use std::io::{Read, Write, pipe};
+use std::time::Duration;
+
+use super::system::{Rank, be_fifo};
+use super::turn::{Figures, LoopSet, Turn};
+use crate::Result;
+use crate::clock::Calibration;
+use crate::process::{Child, pin, wait_for_all};
+use crate::shuffle::Shuffle;
+
+/// How background and loops are scheduled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Policy {
+    /// `SCHED_FIFO` where permitted, so that nothing else of the machine comes in between.
+    Fifo,
+    /// `SCHED_OTHER`.
+    Other,
+}
+
+/// A contestant.
+pub(super) struct Entry {
+    /// What the table calls it.
+    pub(super) name: &'static str,
+    /// How background and loops are scheduled.
+    pub(super) policy: Policy,
+    /// Starts the loops of the turn, each of which calls [`Loop::run`](super::turn::Loop::run)
+    /// once a release, and calls [`Turn::background`] on the thread that called.
+    ///
+    /// That thread is bound to the measuring core, and what it starts inherits that. When the
+    /// background has ended this may return while loops still run: the process ends then.
+    pub(super) run: fn(&'static Turn) -> Result<()>,
+}
+
+/// How long a round is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plan {
+    /// How often every contestant has its turn in a round.
+    pub(super) turns: u32,
+    /// The length of a turn.
+    pub(super) length: Duration,
+    /// The core on which everything runs.
+    pub(super) core: usize,
+}
+
+/// A contestant that takes so much longer has gone wrong.
+const GRACE: Duration = Duration::from_secs(10);
+
+/// Plays a round of `set`; gives the figures of every entry.
+///
+/// # Safety
+/// The calling process must have one thread only, since it is forked.
+pub(super) unsafe fn play(
+    entries: &[Entry],
+    set: LoopSet,
+    plan: &Plan,
+    order: &mut Shuffle,
+) -> Result<Vec<Figures>> {
+    let mut indices: Vec<usize> = (0..entries.len()).collect();
+    let mut turns = vec![Vec::new(); entries.len()];
+    for _ in 0..plan.turns {
+        order.shuffle(&mut indices);
+        for &index in &indices {
+            // SAFETY: one thread only, by this function's contract.
+            let figures = unsafe { play_one(&entries[index], set, plan) }
+                .map_err(|error| format!("{}, {}: {error}", entries[index].name, set.name))?;
+            turns[index].push(figures);
+        }
+    }
+    Ok(turns.iter().map(|turns| Figures::median(turns)).collect())
+}
+
+/// Runs one contestant in a child process, and gives its figures.
+///
+/// # Safety
+/// As for [`play`].
+unsafe fn play_one(entry: &Entry, set: LoopSet, plan: &Plan) -> Result<Figures> {
+    let (mut results, mut desk) = pipe()?;
+    // SAFETY: one thread only, by this function's contract.
+    let child = unsafe {
+        Child::fork("contestant", || {
+            pin(plan.core)?;
+            if entry.policy == Policy::Fifo {
+                // Where that is not permitted, the report says so.
+                let _ = be_fifo(Rank::Background);
+            }
+            let calibration = Calibration::begin();
+            let turn: &'static Turn = Box::leak(Box::new(Turn::new(set, plan.length)));
+            (entry.run)(turn)?;
+            let figures = turn.figures(calibration.ns_per_tick())?;
+            Ok(desk.write_all(&figures.bytes())?)
+        })
+    }?;
+    drop(desk);
+    wait_for_all(&mut [child], plan.length + GRACE)?;
+    let mut bytes = [0; Figures::BYTES];
+    results.read_exact(&mut bytes)?;
+    Ok(Figures::from_bytes(&bytes))
+}

@@ -1,0 +1,227 @@
+//! [`RealTime`]: what a program asks of the kernel for its loops, and [`Privileges`]: what it got.
+
+use core::fmt;
+use core::num::NonZeroU64;
+use std::io;
+
+use rustix::io::Errno;
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::thread::{CpuSet, sched_setaffinity, set_current_timer_slack};
+
+/// What to ask of the kernel. Loops run without, too, only later.
+///
+/// ```
+/// use condor_mos::linux::RealTime;
+///
+/// let wishes = RealTime::none().priority(80).pinned_to(1).memory_locked();
+/// println!("{}", wishes.request());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
+pub struct RealTime {
+    priority: Option<u8>,
+    cpu: Option<usize>,
+    lock_memory: bool,
+    slack_ns: Option<NonZeroU64>,
+}
+
+/// `SCHED_FIFO` from priority 80 down, and timers without slack.
+impl Default for RealTime {
+    fn default() -> Self {
+        Self::none().priority(80).timer_slack(NonZeroU64::MIN)
+    }
+}
+
+impl RealTime {
+    /// Nothing.
+    pub const fn none() -> Self {
+        Self {
+            priority: None,
+            cpu: None,
+            lock_memory: false,
+            slack_ns: None,
+        }
+    }
+
+    /// `SCHED_FIFO`: the fastest loop has this priority, 1 to 99, and each slower one the next
+    /// lower (rate-monotonic).
+    pub const fn priority(self, highest: u8) -> Self {
+        Self {
+            priority: Some(highest),
+            ..self
+        }
+    }
+
+    /// All loops on this processor core.
+    pub const fn pinned_to(self, cpu: usize) -> Self {
+        Self {
+            cpu: Some(cpu),
+            ..self
+        }
+    }
+
+    /// The program's memory, present and future, stays in RAM. Where the amount is limited,
+    /// allocations may then fail.
+    pub const fn memory_locked(self) -> Self {
+        Self {
+            lock_memory: true,
+            ..self
+        }
+    }
+
+    /// How late, in nanoseconds, the kernel may wake a loop that is not under `SCHED_FIFO` to
+    /// save an interrupt; its own choice is 50 000.
+    pub const fn timer_slack(self, ns: NonZeroU64) -> Self {
+        Self {
+            slack_ns: Some(ns),
+            ..self
+        }
+    }
+
+    /// Asks for the calling thread: the one whose stack [`Signals`](super::Signals) use.
+    ///
+    /// Under `SCHED_FIFO` its background keeps everything of lower priority from its core.
+    #[must_use]
+    pub fn request(&self) -> Privileges {
+        let mut privileges = self.request_for_process();
+        privileges.add(self.request_for_thread(0, "the thread"));
+        privileges
+    }
+
+    pub(super) fn request_for_process(&self) -> Privileges {
+        let mut privileges = Privileges::default();
+        if self.lock_memory {
+            let locked = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE);
+            privileges.note(Wish::Memory, "memory locked in RAM".into(), locked);
+        }
+        privileges
+    }
+
+    /// Asks for the calling thread, which is that of a loop of this rank.
+    pub(super) fn request_for_thread(&self, rank: usize, who: &str) -> Privileges {
+        let mut privileges = Privileges::default();
+        if let Some(cpu) = self.cpu {
+            let mut cpus = CpuSet::new();
+            let pinned = if cpu < CpuSet::MAX_CPU {
+                cpus.set(cpu);
+                sched_setaffinity(None, &cpus)
+            } else {
+                Err(Errno::INVAL)
+            };
+            privileges.note(Wish::Cpu, format!("{who} on core {cpu}"), pinned);
+        }
+        if let Some(ns) = self.slack_ns {
+            let set = set_current_timer_slack(Some(ns));
+            privileges.note(Wish::Slack, format!("timer slack {ns} ns for {who}"), set);
+        }
+        if let Some(priority) = self.priority_of(rank) {
+            let what = format!("SCHED_FIFO {priority} for {who}");
+            privileges.note(Wish::Priority, what, set_priority(0, priority));
+        }
+        privileges
+    }
+
+    /// The priority of a rank, if one is wished for.
+    pub(super) fn priority_of(&self, rank: usize) -> Option<i32> {
+        let below = i32::try_from(rank).unwrap_or(i32::MAX);
+        let priority = i32::from(self.priority?).saturating_sub(below);
+        Some(priority.max(1))
+    }
+}
+
+/// Puts a thread, 0 for the calling one, under `SCHED_FIFO`.
+pub(super) fn set_priority(thread: i32, priority: i32) -> rustix::io::Result<()> {
+    // SAFETY: all-zero bytes are a valid value of this structure of integers.
+    let mut parameter: libc::sched_param = unsafe { core::mem::zeroed() };
+    parameter.sched_priority = priority;
+    // SAFETY: the structure outlives the call.
+    if unsafe { libc::sched_setscheduler(thread, libc::SCHED_FIFO, &raw const parameter) } == 0 {
+        return Ok(());
+    }
+    let code = io::Error::last_os_error().raw_os_error();
+    Err(Errno::from_raw_os_error(code.unwrap_or(libc::EINVAL)))
+}
+
+/// What was asked for, and what the kernel said; `Display` prints it, with what to do about what
+/// was refused.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Privileges(Vec<Answer>);
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Answer {
+    wish: Wish,
+    what: String,
+    result: Result<(), Errno>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wish {
+    Priority,
+    Cpu,
+    Memory,
+    Slack,
+}
+
+impl Wish {
+    const fn advice(self) -> &'static str {
+        match self {
+            Self::Priority => {
+                "run as root, or `setcap cap_sys_nice+ep` the program, or raise `ulimit -r` \
+                 (rtprio in /etc/security/limits.conf)"
+            }
+            Self::Cpu => "choose a core of `nproc` that the program's cpuset contains",
+            Self::Memory => {
+                "run as root, or `setcap cap_ipc_lock+ep` the program, or raise `ulimit -l` \
+                 (memlock in /etc/security/limits.conf)"
+            }
+            Self::Slack => "the kernel has no prctl(PR_SET_TIMERSLACK)",
+        }
+    }
+}
+
+impl Privileges {
+    /// Whether the kernel has granted all that was asked for.
+    #[must_use]
+    pub fn all_granted(&self) -> bool {
+        self.0.iter().all(|answer| answer.result.is_ok())
+    }
+
+    /// What was refused, and why.
+    pub fn refused(&self) -> impl Iterator<Item = (&str, io::Error)> {
+        self.0.iter().filter_map(|answer| {
+            let error = answer.result.err()?;
+            Some((answer.what.as_str(), error.into()))
+        })
+    }
+
+    pub(super) fn add(&mut self, other: Self) {
+        self.0.extend(other.0);
+    }
+
+    pub(super) fn note_priority(&mut self, what: String, result: Result<(), Errno>) {
+        self.note(Wish::Priority, what, result);
+    }
+
+    fn note(&mut self, wish: Wish, what: String, result: Result<(), Errno>) {
+        self.0.push(Answer { wish, what, result });
+    }
+}
+
+impl fmt::Display for Privileges {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (at, answer) in self.0.iter().enumerate() {
+            let end = if at == 0 { "" } else { "\n" };
+            match answer.result {
+                Ok(()) => write!(f, "{end}granted  {}", answer.what)?,
+                Err(error) => write!(
+                    f,
+                    "{end}refused  {}: {}: {}",
+                    answer.what,
+                    io::Error::from(error),
+                    answer.wish.advice()
+                )?,
+            }
+        }
+        Ok(())
+    }
+}

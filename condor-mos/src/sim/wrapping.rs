@@ -1,0 +1,43 @@
+//! [`WrappingProcessor`]: a simulated processor whose counter begins anew.
+
+use super::Processor;
+use crate::instant::{Instant, Wrapping};
+use crate::platform::Platform;
+use crate::rate::Rate;
+use crate::timer::{Armed, Timer};
+
+/// A [`Processor`] whose timer shows the last `BITS` bits of its counter, as hardware with 16 or 32
+/// bits does.
+#[derive(Clone)]
+pub struct WrappingProcessor<const BITS: u32>(pub Processor);
+
+impl<const BITS: u32> Timer for WrappingProcessor<BITS> {
+    type Instant = Wrapping<BITS>;
+
+    fn frequency(&self) -> Rate {
+        Timer::frequency(&self.0)
+    }
+
+    fn now(&self) -> Wrapping<BITS> {
+        Wrapping::new(self.0.now() as u32)
+    }
+
+    fn arm(&self, at: Wrapping<BITS>) -> Armed {
+        let (now, shown) = (self.0.now(), Timer::now(self));
+        if shown.has_reached(at) {
+            self.0.disarm();
+            return Armed::Past;
+        }
+        self.0.arm(now + u64::from(at.since(shown)))
+    }
+
+    fn disarm(&self) {
+        self.0.disarm();
+    }
+}
+
+impl<const BITS: u32> Platform for WrappingProcessor<BITS> {
+    fn interruptible(&self, rank: u32, body: impl FnOnce()) {
+        self.0.interruptible(rank, body);
+    }
+}
