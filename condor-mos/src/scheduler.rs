@@ -185,25 +185,25 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         }
     }
 
-    /// Releases what is due, arms the timer for what comes next, and gives the ranks that may
-    /// start.
+    /// Releases what is due, arms the timer for what comes next, and gives the ranks that are
+    /// runnable: vectors of slower ones than what is in progress wait in hardware for their turn.
     #[inline]
     fn release(&self, section: CriticalSection<'_>) -> u32 {
         let Some(due) = self.state.with(section, |state| state.due()) else {
             return 0;
         };
-        let ready = || self.state.with(section, |state| state.ready());
+        let runnable = || self.state.with(section, |state| state.runnable());
         if !self.platform.now().has_reached(due) && self.platform.arm(due) == Armed::Ahead {
-            return ready();
+            return runnable();
         }
         for _ in 0..MOST_EVENTS {
             let due = self.state.with(section, State::pass_event);
             if self.platform.arm(due) == Armed::Ahead {
-                return ready();
+                return runnable();
             }
         }
         self.pause();
-        ready()
+        runnable()
     }
 
     /// Events come faster than they can be counted: comes back to them after a while.

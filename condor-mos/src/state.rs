@@ -101,6 +101,12 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         self.processes.get_mut(number)
     }
 
+    /// The ranks that are released and have not started.
+    #[inline]
+    pub(crate) fn runnable(&self) -> u32 {
+        self.runnable
+    }
+
     /// The ranks that may start now.
     #[inline]
     pub(crate) fn ready(&self) -> u32 {
