@@ -2,6 +2,13 @@
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
 // Documents of their own.
+#[cfg(all(feature = "cortex-m", target_arch = "arm", target_os = "none"))]
+pub mod cortex_m;
+#[cfg(all(
+    feature = "riscv",
+    any(target_arch = "riscv32", target_arch = "riscv64")
+))]
+pub mod riscv;
 #[cfg(feature = "sim")]
 pub mod sim;
 
