@@ -28,10 +28,16 @@ struct Contestant {
 const OURS: &str = "condor-mos";
 const RTIC: &str = "RTIC 2";
 
-const CONTESTANTS: &[Contestant] = &[Contestant {
-    name: RTIC,
-    package: "rtic-loops",
-}];
+const CONTESTANTS: &[Contestant] = &[
+    Contestant {
+        name: OURS,
+        package: "condor-loops",
+    },
+    Contestant {
+        name: RTIC,
+        package: "rtic-loops",
+    },
+];
 
 const TO_BODY: f64 = 45.0;
 const PER_RELEASE: f64 = 65.0;
