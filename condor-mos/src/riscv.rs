@@ -33,6 +33,9 @@ const NEVER: u64 = u64::MAX;
 
 /// The timer of one hart, and how its loops nest: `mtime` and the hart's `mtimecmp`.
 ///
+/// After a reset `mtimecmp` may be anything: [`disarm`](Timer::disarm) before the interrupt is
+/// enabled for the first time.
+///
 /// Source: the CLINT of the `SiFive` FU540-C000 manual, chapter 9, which is also the layout of
 /// the ACLINT devices MSWI and MTIMER side by side.
 #[derive(Debug)]
@@ -185,102 +188,94 @@ impl Platform for Clint {
 /// `MPIE` and `MPP` of `mstatus`, which `mret` takes from and any trap changes.
 const PREVIOUS: usize = 1 << 7 | 3 << 11;
 
-/// The floating-point registers, of targets whose calls pass arguments in them.
-#[cfg(target_feature = "f")]
+/// The floating-point registers of harts that have some, which shows at run time alone: a compiler
+/// tells a crate nothing of it.
 mod float {
     use core::arch::naked_asm;
     use core::mem::ManuallyDrop;
 
+    use ::riscv::register::mstatus::{self, FS};
+
     /// Calls `handler`, and leaves the floating-point registers as they were.
     #[inline]
     pub(super) fn preserving<F: FnOnce()>(handler: F) {
-        extern "C" fn call<F: FnOnce()>(handler: *mut ManuallyDrop<F>) {
+        extern "C" fn call<F: FnOnce()>(handler: *mut ()) {
             // SAFETY: `preserving` gives its handler, and does not use it any more.
-            unsafe { ManuallyDrop::take(&mut *handler)() }
+            unsafe { ManuallyDrop::take(&mut *handler.cast::<ManuallyDrop<F>>())() }
+        }
+        if mstatus::read().fs() == FS::Off {
+            return handler();
         }
         let mut handler = ManuallyDrop::new(handler);
-        // SAFETY: a pointer to the handler is what `call::<F>` expects, and both are passed in
-        // integer registers.
-        unsafe {
-            let call: extern "C" fn(*mut ()) =
-                core::mem::transmute(call::<F> as extern "C" fn(*mut ManuallyDrop<F>));
-            with_registers_saved(core::ptr::from_mut(&mut handler).cast(), call);
-        }
-    }
-
-    #[cfg(target_feature = "d")]
-    macro_rules! register {
-        ($store_or_load:literal) => {
-            concat!("f", $store_or_load, "d")
-        };
-    }
-    #[cfg(not(target_feature = "d"))]
-    macro_rules! register {
-        ($store_or_load:literal) => {
-            concat!("f", $store_or_load, "w")
-        };
+        // SAFETY: a pointer to the handler is what `call::<F>` expects, and the unit is on.
+        unsafe { with_registers_saved(core::ptr::from_mut(&mut handler).cast(), call::<F>) };
     }
 
     /// All that a call may change: the callee keeps `fs0` to `fs11` itself.
     macro_rules! each_register {
-        ($store_or_load:literal) => {
+        ($instruction:literal) => {
             concat!(
-                each_register!(@ $store_or_load, "ft0", 0), each_register!(@ $store_or_load, "ft1", 1),
-                each_register!(@ $store_or_load, "ft2", 2), each_register!(@ $store_or_load, "ft3", 3),
-                each_register!(@ $store_or_load, "ft4", 4), each_register!(@ $store_or_load, "ft5", 5),
-                each_register!(@ $store_or_load, "ft6", 6), each_register!(@ $store_or_load, "ft7", 7),
-                each_register!(@ $store_or_load, "ft8", 8), each_register!(@ $store_or_load, "ft9", 9),
-                each_register!(@ $store_or_load, "ft10", 10), each_register!(@ $store_or_load, "ft11", 11),
-                each_register!(@ $store_or_load, "fa0", 12), each_register!(@ $store_or_load, "fa1", 13),
-                each_register!(@ $store_or_load, "fa2", 14), each_register!(@ $store_or_load, "fa3", 15),
-                each_register!(@ $store_or_load, "fa4", 16), each_register!(@ $store_or_load, "fa5", 17),
-                each_register!(@ $store_or_load, "fa6", 18), each_register!(@ $store_or_load, "fa7", 19),
+                ".irp number, 0, 1, 2, 3, 4, 5, 6, 7\n",
+                $instruction,
+                " fa\\number, 8*\\number(sp)\n",
+                $instruction,
+                " ft\\number, 64+8*\\number(sp)\n",
+                ".endr\n",
+                ".irp number, 8, 9, 10, 11\n",
+                $instruction,
+                " ft\\number, 64+8*\\number(sp)\n",
+                ".endr",
             )
         };
-        (@ $store_or_load:literal, $register:literal, $place:literal) => {
-            concat!(register!($store_or_load), " ", $register, ", 8*", $place, "(sp)\n")
+    }
+
+    #[cfg(target_arch = "riscv64")]
+    macro_rules! word {
+        ($instruction:literal) => {
+            concat!($instruction, "d ra, 168(sp)")
+        };
+    }
+    #[cfg(target_arch = "riscv32")]
+    macro_rules! word {
+        ($instruction:literal) => {
+            concat!($instruction, "w ra, 168(sp)")
         };
     }
 
     /// Calls `call(argument)`.
     ///
     /// # Safety
-    /// `call` can be called with this argument.
+    /// `call` can be called with this argument, and floating point is on.
     #[unsafe(naked)]
     unsafe extern "C" fn with_registers_saved(argument: *mut (), call: extern "C" fn(*mut ())) {
-        // Twenty registers, `fcsr`, and the return address, on a stack aligned to 16 bytes.
+        // Twenty registers, `fcsr`, and the return address, on a stack aligned to 16 bytes. Bit 3 of
+        // `misa` says that registers have 64 bits.
         naked_asm!(
+            ".option push",
+            ".option arch, +d",
             "addi sp, sp, -176",
-            each_register!("s"),
+            word!("s"),
             "frcsr t0",
             "sw t0, 160(sp)",
-            ".if {word} == 8",
-            "sd ra, 168(sp)",
-            ".else",
-            "sw ra, 168(sp)",
-            ".endif",
+            "csrr t0, misa",
+            "andi t0, t0, 8",
+            "beqz t0, 2f",
+            each_register!("fsd"),
             "jalr a1",
-            ".if {word} == 8",
-            "ld ra, 168(sp)",
-            ".else",
-            "lw ra, 168(sp)",
-            ".endif",
+            each_register!("fld"),
+            "j 3f",
+            "2:",
+            each_register!("fsw"),
+            "jalr a1",
+            each_register!("flw"),
+            "3:",
             "lw t0, 160(sp)",
             "fscsr t0",
-            each_register!("l"),
+            word!("l"),
             "addi sp, sp, 176",
             "ret",
-            word = const size_of::<usize>(),
+            ".option pop",
         )
-    }
-}
-
-/// There are none.
-#[cfg(not(target_feature = "f"))]
-mod float {
-    #[inline]
-    pub(super) fn preserving(handler: impl FnOnce()) {
-        handler();
     }
 }
 
