@@ -88,6 +88,12 @@ impl<I: Instant> Process<I> {
             .wrapping_sub(self.skipped)
             .wrapping_sub(self.run);
         self.released = self.released.wrapping_add(1);
+        if unfinished == 0 {
+            // Nearly always, so nothing else is looked at.
+            self.oldest = due;
+            self.latest = due;
+            return true;
+        }
         if unfinished > self.overrun.backlog() {
             self.skip();
             return false;

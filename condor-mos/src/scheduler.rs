@@ -178,10 +178,13 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     }
 
     /// The interrupt of a rank's own vector, on platforms that have those: runs its loop.
-    #[inline]
+    // The rank is a constant of each vector: a call would have to look up all that depends on it.
+    #[inline(always)]
     pub fn on_vector(&self, rank: u32) {
         while let Some(running) = self.begin(|state, now| state.begin(rank, now)) {
-            self.run(running);
+            if self.run(running) & 1_u32.unbounded_shl(rank) == 0 {
+                break;
+            }
         }
     }
 
@@ -221,7 +224,9 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     fn dispatch(&self, ranks: u32) {
         self.platform.dispatch(ranks, || {
             while let Some(running) = self.begin(State::begin_fastest) {
-                self.run(running);
+                if self.run(running) == 0 {
+                    break;
+                }
             }
         });
     }
@@ -237,10 +242,11 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         })
     }
 
+    /// Runs a loop that has begun, and gives the ranks that may start when it has ended.
     #[inline]
-    fn run(&self, running: Running<P::Instant>) {
+    fn run(&self, running: Running<P::Instant>) -> u32 {
         let body = running.body;
-        let _end = End {
+        let mut end = End {
             scheduler: self,
             running: Some(running),
         };
@@ -249,6 +255,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
             // progress, as it is since `begin`; and a loop in progress is not begun again.
             self.platform.interruptible(|| unsafe { body.call() });
         }
+        end.end()
     }
 
     /// Gives a loop that has none a body, and enables it.
@@ -330,16 +337,25 @@ struct End<'s, P: Platform, S: Schedule<L>, const L: usize> {
     running: Option<Running<P::Instant>>,
 }
 
+impl<P: Platform, S: Schedule<L>, const L: usize> End<'_, P, S, L> {
+    /// Ends it if it has not ended, and gives the ranks that may start then.
+    #[inline]
+    fn end(&mut self) -> u32 {
+        let Some(running) = self.running.take() else {
+            return 0;
+        };
+        critical_section::with(|section| {
+            let now = self.scheduler.platform.now();
+            self.scheduler
+                .state
+                .with(section, |state| state.end(running, now))
+        })
+    }
+}
+
 impl<P: Platform, S: Schedule<L>, const L: usize> Drop for End<'_, P, S, L> {
     #[inline]
     fn drop(&mut self) {
-        if let Some(running) = self.running.take() {
-            critical_section::with(|section| {
-                let now = self.scheduler.platform.now();
-                self.scheduler
-                    .state
-                    .with(section, |state| state.end(running, now));
-            });
-        }
+        self.end();
     }
 }

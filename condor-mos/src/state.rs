@@ -125,7 +125,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     /// Starts the loop of a rank, if it may start.
     #[inline]
     pub(crate) fn begin(&mut self, rank: u32, now: I) -> Option<Running<I>> {
-        if self.ready() & 1_u32.unbounded_shl(rank) == 0 {
+        if rank >= self.level || self.runnable & 1_u32.unbounded_shl(rank) == 0 {
             return None;
         }
         let number = self.number(rank)?;
@@ -146,15 +146,17 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         Some(running)
     }
 
-    /// Ends a loop, which is the last one that was started and has not ended.
+    /// Ends a loop, which is the last one that was started and has not ended, and gives the ranks
+    /// that may start then.
     #[inline]
-    pub(crate) fn end(&mut self, running: Running<I>, now: I) {
+    pub(crate) fn end(&mut self, running: Running<I>, now: I) -> u32 {
         let ticks = now.since(running.since);
         if let Some(process) = self.processes.get_mut(running.number) {
             process.finish(ticks.saturating_sub(self.nested));
         }
         self.level = running.outer_level;
         self.nested = running.outer_nested.saturating_add(ticks);
+        self.ready()
     }
 
     /// Lets only loops start that are faster than all in `users`, a bit for each number; gives the

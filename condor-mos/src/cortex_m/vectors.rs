@@ -1,5 +1,7 @@
 //! [`Vectors`]: a spare interrupt for each rank.
 
+use core::mem::offset_of;
+
 use ::cortex_m::interrupt::InterruptNumber;
 use ::cortex_m::peripheral::NVIC;
 use ::cortex_m::peripheral::nvic::RegisterBlock;
@@ -30,29 +32,33 @@ pub struct Vectors<T, const L: usize> {
 #[derive(Clone, Copy)]
 struct Vector {
     number: u16,
-    /// Where it is pended.
-    word: u8,
+    /// Where it is pended: a bit of ISPR.
+    register: *const u32,
     bit: u32,
 }
+
+// SAFETY: the register is the core's, and is written by one store.
+unsafe impl Send for Vector {}
+// SAFETY: as above.
+unsafe impl Sync for Vector {}
 
 impl Vector {
     const fn new(number: u16) -> Self {
         Self {
             number,
-            word: (number / 32) as u8,
+            register: NVIC::PTR
+                .cast::<u8>()
+                .wrapping_add(offset_of!(RegisterBlock, ispr) + 4 * (number as usize / 32))
+                .cast(),
             bit: 1 << (number % 32),
         }
     }
 
     #[inline]
     fn pend(self) {
-        // SAFETY: every core has the register block there, and setting bits of ISPR pends
-        // interrupts that are this vector's own.
-        let registers = unsafe { &(*NVIC::PTR).ispr };
-        if let Some(register) = registers.get(usize::from(self.word)) {
-            // SAFETY: as above.
-            unsafe { register.write(self.bit) };
-        }
+        // SAFETY: every core has the registers there, and setting bits of ISPR pends interrupts
+        // that are this vector's own.
+        unsafe { self.register.cast_mut().write_volatile(self.bit) };
     }
 }
 
