@@ -12,6 +12,20 @@ pub(crate) struct Body {
 unsafe impl Send for Body {}
 
 impl Body {
+    /// Of a loop that has none yet: does nothing.
+    pub(crate) const NOTHING: Self = {
+        unsafe fn nothing(_: *mut ()) {}
+        Self {
+            call: nothing,
+            context: core::ptr::null_mut(),
+        }
+    };
+
+    /// Whether it is [`NOTHING`](Self::NOTHING): all others have a context.
+    pub(crate) const fn is_nothing(&self) -> bool {
+        self.context.is_null()
+    }
+
     /// A function that is given `context` for as long as it is called.
     pub(crate) fn of_function<C: Send>(function: fn(&mut C), context: &mut C) -> Self {
         // SAFETY: `&mut C` and `*mut ()` are ABI-compatible, as `C` is `Sized`; whoever calls

@@ -1,12 +1,11 @@
 //! [`CeilingLock`]: data that loops of one processor share.
 
-use core::cell::UnsafeCell;
-
 use crate::error::LockError;
-use crate::masked::Masked;
+use crate::masked::{Masked, section};
 use crate::platform::Platform;
 use crate::schedule::Schedule;
 use crate::scheduler::{LoopId, Scheduler};
+use crate::sync::{UnsafeCell, const_unless_loom};
 
 /// A value shared by some loops and the background: while one of them uses it, none of the others
 /// starts. Faster loops, which do not use it, are not delayed.
@@ -25,19 +24,21 @@ pub struct CeilingLock<T> {
 unsafe impl<T: Send> Sync for CeilingLock<T> {}
 
 impl<T> CeilingLock<T> {
-    /// A lock for the loops of `users`, and the background.
-    #[must_use]
-    pub const fn new(users: &[LoopId], value: T) -> Self {
-        let mut bits = 0;
-        let mut at = 0;
-        while at < users.len() {
-            bits |= 1_u32.unbounded_shl(users[at].0 as u32);
-            at += 1;
-        }
-        Self {
-            users: bits,
-            taken: Masked::new(false),
-            value: UnsafeCell::new(value),
+    const_unless_loom! {
+        /// A lock for the loops of `users`, and the background.
+        #[must_use]
+        pub const fn new(users: &[LoopId], value: T) -> Self {
+            let mut bits = 0;
+            let mut at = 0;
+            while at < users.len() {
+                bits |= 1_u32.unbounded_shl(users[at].0 as u32);
+                at += 1;
+            }
+            Self {
+                users: bits,
+                taken: Masked::new(false),
+                value: UnsafeCell::new(value),
+            }
         }
     }
 
@@ -51,12 +52,12 @@ impl<T> CeilingLock<T> {
         scheduler: &Scheduler<P, S, L>,
         f: impl FnOnce(&mut T) -> R,
     ) -> Result<R, LockError> {
-        let former = critical_section::with(|section| {
+        let former = section(|section| {
             if self.taken.with(section, |taken| *taken) {
                 return Err(LockError::Taken);
             }
             let former = scheduler
-                .raise(section, self.users)
+                .lock(section, self.users)
                 .ok_or(LockError::Undeclared)?;
             self.taken.with(section, |taken| *taken = true);
             Ok(former)
@@ -67,12 +68,13 @@ impl<T> CeilingLock<T> {
             former,
         };
         // SAFETY: `taken` was false and is ours until `_unlock` goes.
-        Ok(f(unsafe { &mut *self.value.get() }))
+        Ok(self.value.with_mut(|value| f(unsafe { &mut *value })))
     }
 
     /// The value, for whoever owns the lock.
     pub fn get_mut(&mut self) -> &mut T {
-        self.value.get_mut()
+        // SAFETY: `&mut self`: nobody else has it.
+        self.value.with_mut(|value| unsafe { &mut *value })
     }
 }
 
@@ -85,8 +87,8 @@ struct Unlock<'l, P: Platform, S: Schedule<L>, const L: usize> {
 
 impl<P: Platform, S: Schedule<L>, const L: usize> Drop for Unlock<'_, P, S, L> {
     fn drop(&mut self) {
-        critical_section::with(|section| self.taken.with(section, |taken| *taken = false));
+        section(|section| self.taken.with(section, |taken| *taken = false));
         // Loops that became due meanwhile start here.
-        self.scheduler.lower(self.former);
+        self.scheduler.unlock(self.former);
     }
 }

@@ -41,11 +41,12 @@ impl Clock {
         self.bits
     }
 
-    /// The longest time, in ticks, between two events: less than half of the counter's range.
+    /// The longest time, in ticks, between two events: less than half of the counter's range, and a
+    /// tick less than a `u32` holds, as a hyperperiod may carry one.
     #[must_use]
     pub const fn longest_gap(self) -> u32 {
         if self.bits > 32 {
-            u32::MAX
+            u32::MAX - 1
         } else {
             u32::MAX >> (33 - self.bits)
         }

@@ -1,10 +1,16 @@
 //! [`Instant`]: points in time as a counter gives them, also one that begins anew.
 
+/// Instants are computed with inside critical sections, where nothing may call back.
+pub trait Sealed {}
+
+impl Sealed for u64 {}
+impl<const BITS: u32> Sealed for Wrapping<BITS> {}
+
 /// A reading of a [`Timer`](crate::Timer)'s counter.
 ///
 /// Implemented by `u64`, for counters that never come to their end, and by [`Wrapping`], for those
 /// that begin anew. Distances are in ticks.
-pub trait Instant: Copy + Send + Sync + 'static {
+pub trait Instant: Sealed + Copy + Send + Sync + 'static {
     /// The counter's bits: what lies half of its range ahead is taken for the past.
     const BITS: u32;
 

@@ -1,4 +1,20 @@
-//! Servo loops at exact rates, on one stack.
+// The first definition of a link counts: here those of README.md lead to items instead of files.
+//! [scheduler]: Scheduler
+//! [simple]: SimpleServo
+//! [rate]: Rate
+//! [table]: EventTable
+//! [scan]: Scan
+//! [error]: RateError
+//! [id]: LoopId
+//! [lock]: CeilingLock
+//! [overrun]: Overrun
+//! [statistics]: Statistics
+//! [analysis]: Analysis
+//! [timer]: Timer
+//! [platform]: Platform
+#![cfg_attr(feature = "sim", doc = "[sim]: sim::Processor")]
+//!
+#![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
 // Documents of their own.
@@ -23,25 +39,36 @@ mod platform;
 mod timer;
 
 // The scheduler.
+mod analysis;
 mod body;
 mod ceiling;
 mod error;
+mod events;
+#[cfg(all(test, not(condor_loom)))]
+mod injector;
+mod latest;
 mod masked;
 mod process;
 mod scheduler;
 mod scope;
+mod simple;
+mod single;
 mod state;
 mod statistics;
+mod sync;
 
+pub use analysis::{Analysis, Load, Response};
 pub use ceiling::CeilingLock;
 pub use clock::Clock;
 pub use error::{LockError, LoopError, RateError, StartError};
 pub use instant::{Instant, Wrapping};
+pub use latest::{Latest, Reader, Writer};
 pub use platform::Platform;
 pub use process::Overrun;
 pub use rate::Rate;
 pub use schedule::{Event, EventTable, Scan, Schedule};
 pub use scheduler::{LoopId, Scheduler};
 pub use scope::Scope;
+pub use simple::SimpleServo;
 pub use statistics::Statistics;
 pub use timer::{Armed, Timer};

@@ -1,5 +1,7 @@
 //! [`Platform`]: how loops come to interrupt each other.
 
+use critical_section::CriticalSection;
+
 use crate::timer::Timer;
 
 /// A [`Timer`], and the way in which its processor nests loops.
@@ -7,32 +9,52 @@ use crate::timer::Timer;
 /// # For implementers
 /// There are two ways, and what runs next is decided elsewhere in both:
 ///
-/// * *By a call on the interrupted stack* (RISC-V, signals, the simulator). The timer's interrupt
-///   calls [`Scheduler::on_timer`](crate::Scheduler::on_timer); [`dispatch`](Self::dispatch) calls `run`, and
-///   [`interruptible`](Self::interruptible) lets the timer interrupt what it calls, with all that an
-///   interrupt destroys saved around it.
-/// * *By one hardware vector for each rank* (the NVIC of Cortex-M, where an interrupt does not
-///   interrupt its own priority). Rank 0 has the highest priority below the timer's.
-///   [`dispatch`](Self::dispatch) pends the vectors of `ranks`, each of which calls
-///   [`Scheduler::on_vector`](crate::Scheduler::on_vector), and [`interruptible`](Self::interruptible) only calls.
+/// * *By a call on the interrupted stack* (RISC-V, signals, the simulator): what is left out below.
+///   The timer's interrupt calls [`Scheduler::on_timer`](crate::Scheduler::on_timer), which calls the
+///   loops through [`interruptible`](Self::interruptible).
+/// * *By hardware vectors* (the NVIC of Cortex-M, where an interrupt does not interrupt its own
+///   priority), one for each rank. That of rank 0 is the timer's: nothing is faster, so the fastest
+///   loop runs where it is released. Each of the others has a vector whose priority is lower than the
+///   one before, and which calls [`Scheduler::on_vector`](crate::Scheduler::on_vector).
 pub trait Platform: Timer {
-    /// Has the loops of `ranks`, a bit for each, run: by `run`, or by their vectors.
-    ///
-    /// Called wherever a loop may have become free to start, interrupts masked or not.
-    fn dispatch(&self, ranks: u32, run: impl FnOnce());
+    /// Whether ranks have vectors.
+    const VECTORS: bool = false;
 
-    /// Runs the body of a loop so that the timer can interrupt it.
+    /// Pends the vectors of `ranks`, a bit for each.
+    ///
+    /// Called, if at all, only where there are [`VECTORS`](Self::VECTORS).
+    fn pend(&self, ranks: u32) {
+        let _ = ranks;
+    }
+
+    /// Runs the body of a loop so that the timer, and vectors, can interrupt it.
+    ///
+    /// Where ranks have vectors, the call is all.
     fn interruptible(&self, body: impl FnOnce());
+
+    /// Runs `f` in a critical section: that of the `critical-section` crate, or one that is quicker
+    /// to enter and excludes all contexts which that one excludes.
+    #[inline]
+    fn masked<R>(&self, f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
+        crate::sync::critical_section(f)
+    }
 }
 
 impl<P: Platform + ?Sized> Platform for &P {
+    const VECTORS: bool = P::VECTORS;
+
     #[inline]
-    fn dispatch(&self, ranks: u32, run: impl FnOnce()) {
-        P::dispatch(self, ranks, run);
+    fn pend(&self, ranks: u32) {
+        P::pend(self, ranks);
     }
 
     #[inline]
     fn interruptible(&self, body: impl FnOnce()) {
         P::interruptible(self, body);
+    }
+
+    #[inline]
+    fn masked<R>(&self, f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
+        P::masked(self, f)
     }
 }

@@ -1,4 +1,4 @@
-//! One servo loop's entry of the process table: its counts, and what an overrun does.
+//! One servo loop's entry of the process table: what it runs, its counts, and what an overrun does.
 
 use crate::body::Body;
 use crate::instant::Instant;
@@ -17,127 +17,85 @@ pub enum Overrun {
     Fault,
 }
 
-impl Overrun {
-    /// How many unfinished releases there may be when another one comes.
-    const fn backlog(self) -> u32 {
-        match self {
-            Self::Skip | Self::Fault => 0,
-            Self::CatchUp(releases) => releases as u32,
-        }
-    }
-}
-
-/// The counts of one loop. Times are in ticks; counts wrap.
+/// One loop. Times are in ticks; counts wrap.
+///
+/// Releases are not counted: each is counted where it ends up, as run or as skipped, or still
+/// waits or runs.
 #[derive(Clone, Copy)]
 pub(crate) struct Process<I> {
-    pub(crate) body: Option<Body>,
-    pub(crate) enabled: bool,
-    pub(crate) faulted: bool,
-    pub(crate) overrun: Overrun,
-    pub(crate) released: u32,
-    pub(crate) skipped: u32,
-    pub(crate) started: u32,
-    pub(crate) run: u32,
+    pub(crate) body: Body,
+    /// When the release that runs, or runs next, was due.
+    pub(crate) due: I,
     pub(crate) worst_lateness: u32,
     pub(crate) worst_run: u32,
+    pub(crate) run: u32,
     pub(crate) total_run: u64,
-    /// When the oldest release that has not started was due, and the latest.
-    oldest: I,
+    /// Releases that wait for the loop to finish an earlier one, and when the latest was due.
+    pub(crate) queued: u32,
     latest: I,
+    pub(crate) skipped: u32,
+    pub(crate) overrun: Overrun,
+    pub(crate) faulted: bool,
 }
 
 impl<I: Instant> Process<I> {
     pub(crate) const NEW: Self = Self {
-        body: None,
-        enabled: false,
-        faulted: false,
-        overrun: Overrun::Skip,
-        released: 0,
-        skipped: 0,
-        started: 0,
-        run: 0,
+        body: Body::NOTHING,
+        due: I::ZERO,
         worst_lateness: 0,
         worst_run: 0,
+        run: 0,
         total_run: 0,
-        oldest: I::ZERO,
+        queued: 0,
         latest: I::ZERO,
+        skipped: 0,
+        overrun: Overrun::Skip,
+        faulted: false,
     };
 
-    /// Releases that have not started.
-    #[inline]
-    pub(crate) const fn pending(&self) -> u32 {
-        self.released
-            .wrapping_sub(self.skipped)
-            .wrapping_sub(self.started)
-    }
-
-    /// Whether the loop is in progress, perhaps interrupted.
-    #[inline]
-    pub(crate) const fn is_running(&self) -> bool {
-        self.started != self.run
-    }
-
-    /// The loop is due; says whether it will run.
-    #[inline]
-    pub(crate) fn release(&mut self, due: I) -> bool {
-        if !self.enabled {
-            return false;
+    /// The loop is due before it has finished; says whether it stays enabled.
+    #[cold]
+    pub(crate) fn overrun(&mut self, due: I) -> bool {
+        match self.overrun {
+            Overrun::CatchUp(most) if self.queued < u32::from(most) => {
+                self.queued += 1;
+                self.latest = due;
+            }
+            Overrun::Skip | Overrun::CatchUp(_) => self.skip(1),
+            Overrun::Fault => {
+                self.skip(1);
+                self.faulted = true;
+                return false;
+            }
         }
-        let unfinished = self
-            .released
-            .wrapping_sub(self.skipped)
-            .wrapping_sub(self.run);
-        self.released = self.released.wrapping_add(1);
-        if unfinished == 0 {
-            // Nearly always, so nothing else is looked at.
-            self.oldest = due;
-            self.latest = due;
-            return true;
-        }
-        if unfinished > self.overrun.backlog() {
-            self.skip();
-            return false;
-        }
-        if self.pending() == 1 {
-            self.oldest = due;
-        }
-        self.latest = due;
         true
     }
 
+    /// Counts releases that will not run.
+    pub(crate) fn skip(&mut self, releases: u32) {
+        self.skipped = self.skipped.wrapping_add(releases);
+    }
+
+    /// The next of the releases that wait takes the place of the one that has finished.
     #[cold]
-    fn skip(&mut self) {
-        self.skipped = self.skipped.wrapping_add(1);
-        if self.overrun == Overrun::Fault {
-            self.faulted = true;
-            self.enabled = false;
-        }
+    pub(crate) fn take_queued(&mut self) {
+        // So many periods lie between the release that has finished and the latest.
+        let period = self.latest.since(self.due) / self.queued.max(1);
+        self.due = self.due.after(period);
+        self.queued -= 1;
     }
 
-    /// Skips what has not started.
-    pub(crate) fn forget(&mut self) {
-        self.skipped = self.skipped.wrapping_add(self.pending());
-    }
-
-    /// The oldest release starts; says whether others wait.
-    #[inline]
-    pub(crate) fn start(&mut self, now: I) -> bool {
-        self.started = self.started.wrapping_add(1);
-        let lateness = now.since(self.oldest);
+    /// The loop starts.
+    #[inline(always)]
+    pub(crate) fn start(&mut self, now: I) {
+        let lateness = now.since(self.due);
         if lateness > self.worst_lateness {
             self.worst_lateness = lateness;
         }
-        let waiting = self.pending();
-        if waiting == 0 {
-            return false;
-        }
-        // So many periods lie between the release that starts and the latest.
-        self.oldest = self.oldest.after(self.latest.since(self.oldest) / waiting);
-        true
     }
 
     /// The loop has finished, after `ticks` of its own.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn finish(&mut self, ticks: u32) {
         self.run = self.run.wrapping_add(1);
         self.total_run = self.total_run.wrapping_add(u64::from(ticks));

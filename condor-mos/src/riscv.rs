@@ -133,11 +133,6 @@ impl Timer for Clint {
 }
 
 impl Platform for Clint {
-    #[inline]
-    fn dispatch(&self, _: u32, run: impl FnOnce()) {
-        run();
-    }
-
     /// Masked interrupts stay masked, except directly in the timer's interrupt: elsewhere somebody
     /// has reason to mask them.
     #[inline]

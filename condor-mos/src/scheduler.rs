@@ -5,8 +5,8 @@ use critical_section::CriticalSection;
 use crate::body::Body;
 use crate::clock::Clock;
 use crate::error::{LoopError, StartError};
-use crate::instant::Instant;
-use crate::masked::Masked;
+use crate::events::catch_up;
+use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
 use crate::process::Overrun;
 use crate::rate::Rate;
@@ -14,10 +14,8 @@ use crate::schedule::Schedule;
 use crate::scope::Scope;
 use crate::state::{Running, State};
 use crate::statistics::Statistics;
+use crate::sync::const_unless_loom;
 use crate::timer::Armed;
-
-/// Events that one interrupt catches up with before the background gets a chance.
-const MOST_EVENTS: u32 = 1024;
 
 /// A loop of a scheduler: the place of its rate in the schedule that the scheduler was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -39,12 +37,14 @@ pub struct Scheduler<P: Platform, S, const L: usize> {
 }
 
 impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
-    /// A scheduler that is not started, none of whose loops has anything to run.
-    #[must_use]
-    pub const fn new(platform: P, schedule: S) -> Self {
-        Self {
-            platform,
-            state: Masked::new(State::new(schedule)),
+    const_unless_loom! {
+        /// A scheduler that is not started, none of whose loops has anything to run.
+        #[must_use]
+        pub const fn new(platform: P, schedule: S) -> Self {
+            Self {
+                platform,
+                state: Masked::new(State::new(schedule)),
+            }
         }
     }
 
@@ -84,27 +84,31 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// [`StartError::Started`].
     pub fn start(&self) -> Result<(), StartError> {
         let timer = Clock::of::<P::Instant>(self.platform.frequency());
-        critical_section::with(|section| {
+        section(|section| {
             let now = self.platform.now();
             self.state.with(section, |state| {
                 let schedule = state.schedule.clock();
                 if schedule != timer {
                     return Err(StartError::Clock { timer, schedule });
                 }
-                if state.due().is_some() {
+                if state.started_due().is_some() {
                     return Err(StartError::Started);
                 }
                 state.start(now);
                 Ok(())
             })
         })?;
-        self.on_timer();
+        if P::VECTORS {
+            self.platform.pend(1);
+        } else {
+            self.on_timer();
+        }
         Ok(())
     }
 
     /// Ends the schedule: what is in progress finishes, what has not started is skipped.
     pub fn stop(&self) {
-        critical_section::with(|section| {
+        section(|section| {
             self.state.with(section, State::stop);
             self.platform.disarm();
         });
@@ -153,109 +157,174 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// [`LoopError::NoSuchLoop`].
     pub fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
         let number = Self::number(id)?;
-        let (process, rate, clock) = self.with_state(|state| {
+        let (snapshot, rate, clock) = self.with_state(|state| {
             (
-                state.processes.get(number).copied(),
+                state.snapshot(number),
                 state.schedule.rates().get(number).copied(),
                 state.schedule.clock(),
             )
         });
-        match (process, rate) {
-            (Some(process), Some(rate)) => Ok(Statistics::of(&process, rate, clock.frequency())),
+        match (snapshot, rate) {
+            (Some(snapshot), Some(rate)) => Ok(Statistics::of(&snapshot, rate, clock.frequency())),
             _ => Err(Self::no_such(id)),
         }
     }
 
-    /// The timer's interrupt: releases the loops that are due, and dispatches them.
+    /// The timer's interrupt: releases the loops that are due, and runs them or has them run.
     ///
     /// One that comes early or without cause does no harm.
-    #[inline]
+    #[inline(always)]
     pub fn on_timer(&self) {
-        let ranks = critical_section::with(|section| self.release(section));
-        if ranks != 0 {
-            self.dispatch(ranks);
+        if P::VECTORS {
+            let begun = masked(&self.platform, |section| self.release_and_pend(section));
+            if let Some(running) = begun {
+                self.run_in_vector(0, running);
+            }
+        } else {
+            let begun = masked(&self.platform, |section| {
+                let now = self.platform.now();
+                self.release(section, now);
+                self.state.with(section, |state| state.begin_fastest(now))
+            });
+            self.run_nested(begun);
         }
     }
 
     /// The interrupt of a rank's own vector, on platforms that have those: runs its loop.
-    // The rank is a constant of each vector: a call would have to look up all that depends on it.
     #[inline(always)]
     pub fn on_vector(&self, rank: u32) {
-        while let Some(running) = self.begin(|state, now| state.begin(rank, now)) {
-            if self.run(running) & 1_u32.unbounded_shl(rank) == 0 {
-                break;
-            }
-        }
-    }
-
-    /// Releases what is due, arms the timer for what comes next, and gives the ranks that are
-    /// runnable: vectors of slower ones than what is in progress wait in hardware for their turn.
-    #[inline]
-    fn release(&self, section: CriticalSection<'_>) -> u32 {
-        let Some(due) = self.state.with(section, |state| state.due()) else {
-            return 0;
-        };
-        let runnable = || self.state.with(section, |state| state.runnable());
-        if !self.platform.now().has_reached(due) && self.platform.arm(due) == Armed::Ahead {
-            return runnable();
-        }
-        for _ in 0..MOST_EVENTS {
-            let due = self.state.with(section, State::pass_event);
-            if self.platform.arm(due) == Armed::Ahead {
-                return runnable();
-            }
-        }
-        self.pause();
-        runnable()
-    }
-
-    /// Events come faster than they can be counted: comes back to them after a while.
-    #[cold]
-    fn pause(&self) {
-        let longest = 1 << (<P::Instant as Instant>::BITS.min(32) - 2);
-        let mut ticks = 1;
-        while self.platform.arm(self.platform.now().after(ticks)) == Armed::Past && ticks < longest
-        {
-            ticks <<= 1;
-        }
-    }
-
-    #[inline]
-    fn dispatch(&self, ranks: u32) {
-        self.platform.dispatch(ranks, || {
-            while let Some(running) = self.begin(State::begin_fastest) {
-                if self.run(running) == 0 {
-                    break;
-                }
-            }
-        });
-    }
-
-    #[inline]
-    fn begin(
-        &self,
-        begin: impl FnOnce(&mut State<S, P::Instant, L>, P::Instant) -> Option<Running<P::Instant>>,
-    ) -> Option<Running<P::Instant>> {
-        critical_section::with(|section| {
+        let begun = masked(&self.platform, |section| {
             let now = self.platform.now();
-            self.state.with(section, |state| begin(state, now))
-        })
+            self.state
+                .with(section, |state| state.begin_unlocked(rank, now))
+        });
+        if let Some(running) = begun {
+            self.run_in_vector(rank, running);
+        }
     }
 
-    /// Runs a loop that has begun, and gives the ranks that may start when it has ended.
-    #[inline]
-    fn run(&self, running: Running<P::Instant>) -> u32 {
-        let body = running.body;
-        let mut end = End {
-            scheduler: self,
-            running: Some(running),
-        };
-        if let Some(body) = body {
-            // SAFETY: the context is there until `withdraw` has seen that the loop is not in
-            // progress, as it is since `begin`; and a loop in progress is not begun again.
-            self.platform.interruptible(|| unsafe { body.call() });
+    /// Releases what is due, pends the vectors of loops that can start, and begins the fastest.
+    #[inline(always)]
+    fn release_and_pend(&self, section: CriticalSection<'_>) -> Option<Running<P::Instant>> {
+        let now = self.platform.now();
+        if !self.state.with(section, |state| state.is_due(now)) {
+            self.rearm(section);
+            return self.pend_and_begin(section, now);
         }
-        end.end()
+        let (released, due, next) = self.state.with(section, |state| {
+            let (released, due) = state.take_event();
+            (released, due, state.next_due())
+        });
+        if self.platform.arm(next) == Armed::Past {
+            self.state
+                .with(section, |state| state.make_runnable(released, due));
+            self.catch_up(section);
+            return self.pend_and_begin(section, now);
+        }
+        if released & !1 != 0 {
+            self.state
+                .with(section, |state| state.make_runnable(released & !1, due));
+            self.platform.pend(released & !1);
+        }
+        if released & 1 == 0 {
+            return None;
+        }
+        self.state
+            .with(section, |state| state.begin_released(0, due, now))
+    }
+
+    #[cold]
+    fn pend_and_begin(
+        &self,
+        section: CriticalSection<'_>,
+        now: P::Instant,
+    ) -> Option<Running<P::Instant>> {
+        let (first, others) = self.state.with(section, |state| {
+            let others = state.unlocked() & !1;
+            (state.begin_unlocked(0, now), others)
+        });
+        if others != 0 {
+            self.platform.pend(others);
+        }
+        first
+    }
+
+    /// Runs a loop in its own vector.
+    #[inline(always)]
+    fn run_in_vector(&self, rank: u32, running: Running<P::Instant>) {
+        self.call(rank, running);
+        let again = masked(&self.platform, |section| {
+            let now = self.platform.now();
+            if rank == 0 && self.state.with(section, |state| state.is_due(now)) {
+                // The timer could not interrupt: what was due meanwhile came before the end.
+                self.catch_up(section);
+            }
+            self.state
+                .with(section, |state| state.end(rank, running, now))
+        });
+        if again {
+            self.platform.pend(1_u32.unbounded_shl(rank));
+        }
+    }
+
+    /// Runs loops, the fastest first, on the interrupted stack.
+    fn run_nested(&self, begun: Option<(u32, Running<P::Instant>)>) {
+        let mut next = begun;
+        while let Some((rank, running)) = next {
+            self.call(rank, running);
+            next = masked(&self.platform, |section| {
+                let now = self.platform.now();
+                self.state.with(section, |state| {
+                    state.end(rank, running, now);
+                    state.begin_fastest(now)
+                })
+            });
+        }
+    }
+
+    #[inline(always)]
+    fn call(&self, rank: u32, running: Running<P::Instant>) {
+        let end = End {
+            scheduler: self,
+            rank,
+            running,
+        };
+        // SAFETY: the context is there until `withdraw` has seen that the loop is not in progress,
+        // as it is since `begin`; and a loop in progress is not begun again.
+        self.platform
+            .interruptible(|| unsafe { running.body.call() });
+        core::mem::forget(end);
+    }
+
+    /// Releases what is due by `now`, and arms the timer for what comes next.
+    #[inline(always)]
+    fn release(&self, section: CriticalSection<'_>, now: P::Instant) {
+        if !self.state.with(section, |state| state.is_due(now)) {
+            return self.rearm(section);
+        }
+        let due = self.state.with(section, State::pass_event);
+        if self.platform.arm(due) == Armed::Past {
+            self.catch_up(section);
+        }
+    }
+
+    /// The interrupt came early, or without cause.
+    #[cold]
+    fn rearm(&self, section: CriticalSection<'_>) {
+        let due = self.state.with(section, |state| state.started_due());
+        if let Some(due) = due
+            && self.platform.arm(due) == Armed::Past
+        {
+            self.catch_up(section);
+        }
+    }
+
+    /// Passes events that are due already, until one is ahead.
+    #[cold]
+    fn catch_up(&self, section: CriticalSection<'_>) {
+        catch_up(&self.platform, || {
+            self.state.with(section, State::pass_event)
+        });
     }
 
     /// Gives a loop that has none a body, and enables it.
@@ -266,16 +335,11 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         body: Body,
     ) -> Result<(), LoopError> {
         let number = Self::number(id)?;
-        self.with_state(|state| {
-            let process = state.processes.get_mut(number).ok_or(Self::no_such(id))?;
-            if process.body.is_some() {
-                return Err(LoopError::Taken { id });
-            }
-            process.body = Some(body);
-            process.overrun = overrun;
-            state.enable(number, true);
+        if self.with_state(|state| state.assign(number, overrun, body)) {
             Ok(())
-        })
+        } else {
+            Err(LoopError::Taken { id })
+        }
     }
 
     /// Disables the loops of `ids`, a bit for each, and takes away what they run, once they have
@@ -290,31 +354,46 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
 
     fn set_enabled(&self, id: LoopId, enabled: bool) -> Result<(), LoopError> {
         let number = Self::number(id)?;
-        self.with_state(|state| {
-            let process = state.processes.get(number);
-            if process.is_none_or(|process| process.body.is_none()) {
-                return Err(LoopError::Unassigned { id });
-            }
-            state.enable(number, enabled);
+        if self.with_state(|state| state.enable(number, enabled)) {
             Ok(())
-        })
-    }
-
-    /// Lets only loops run that are faster than all of `users`; see [`State::raise`].
-    pub(crate) fn raise(&self, section: CriticalSection<'_>, users: u32) -> Option<u32> {
-        self.state.with(section, |state| state.raise(users))
-    }
-
-    /// Undoes it.
-    pub(crate) fn lower(&self, former: u32) {
-        let ranks = self.with_state(|state| state.lower(former));
-        if ranks != 0 {
-            self.dispatch(ranks);
+        } else {
+            Err(LoopError::Unassigned { id })
         }
     }
 
+    /// Lets only loops run that are faster than all of `users`; see [`State::lock`].
+    pub(crate) fn lock(&self, section: CriticalSection<'_>, users: u32) -> Option<u32> {
+        self.state.with(section, |state| state.lock(users))
+    }
+
+    /// Undoes it, and has those run that were kept waiting.
+    pub(crate) fn unlock(&self, former: u32) {
+        if P::VECTORS {
+            let ranks = self.with_state(|state| {
+                state.unlock(former);
+                state.unlocked()
+            });
+            if ranks != 0 {
+                self.platform.pend(ranks);
+            }
+            return;
+        }
+        let now = self.platform.now();
+        let begun = self.with_state(|state| {
+            state.unlock(former);
+            state.begin_fastest(now)
+        });
+        self.run_nested(begun);
+    }
+
+    /// Looks on from outside, for tests.
+    #[cfg(all(test, not(condor_loom)))]
+    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<S, P::Instant, L>) -> R) -> R {
+        self.with_state(|state| f(state))
+    }
+
     fn with_state<R>(&self, f: impl FnOnce(&mut State<S, P::Instant, L>) -> R) -> R {
-        critical_section::with(|section| self.state.with(section, f))
+        section(|section| self.state.with(section, f))
     }
 
     fn number(id: LoopId) -> Result<usize, LoopError> {
@@ -331,31 +410,17 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     }
 }
 
-/// Ends a loop, also when its body unwinds.
+/// Ends a loop whose body unwinds.
 struct End<'s, P: Platform, S: Schedule<L>, const L: usize> {
     scheduler: &'s Scheduler<P, S, L>,
-    running: Option<Running<P::Instant>>,
-}
-
-impl<P: Platform, S: Schedule<L>, const L: usize> End<'_, P, S, L> {
-    /// Ends it if it has not ended, and gives the ranks that may start then.
-    #[inline]
-    fn end(&mut self) -> u32 {
-        let Some(running) = self.running.take() else {
-            return 0;
-        };
-        critical_section::with(|section| {
-            let now = self.scheduler.platform.now();
-            self.scheduler
-                .state
-                .with(section, |state| state.end(running, now))
-        })
-    }
+    rank: u32,
+    running: Running<P::Instant>,
 }
 
 impl<P: Platform, S: Schedule<L>, const L: usize> Drop for End<'_, P, S, L> {
-    #[inline]
     fn drop(&mut self) {
-        self.end();
+        let now = self.scheduler.platform.now();
+        self.scheduler
+            .with_state(|state| state.end(self.rank, self.running, now));
     }
 }

@@ -2,50 +2,64 @@
 
 use crate::body::Body;
 use crate::instant::Instant;
-use crate::process::Process;
+use crate::process::{Overrun, Process};
 use crate::schedule::Schedule;
 
 /// The scheduler's memory: the process table, and where it is in the schedule.
 ///
-/// Every method is one step that nothing may interrupt.
+/// Sets of loops are words with a bit for each rank. Every method is one step that nothing may
+/// interrupt.
 pub(crate) struct State<S, I, const L: usize> {
     pub(crate) schedule: S,
-    /// By number.
-    pub(crate) processes: [Process<I>; L],
     /// When the next event is due.
     due: I,
     started: bool,
-    /// Loops that are released and have not started, by rank.
+    enabled: u32,
+    /// May start, as far as locks are concerned.
+    unlocked: u32,
+    /// Cannot just start when they are released: those that are disabled or locked out.
+    held: u32,
+    /// Released, and not finished.
+    unfinished: u32,
+    /// Released, and not started.
     runnable: u32,
-    /// Only faster loops may start: the rank of what is in progress, a lock's ceiling, or `L` in the
-    /// background.
-    level: u32,
-    /// Ticks that loops have taken since the one in progress started.
-    nested: u32,
+    /// Ticks that loops have taken, each without those that interrupted it; wraps.
+    busy: u32,
+    /// By rank.
+    processes: [Process<I>; L],
 }
 
 /// A loop that has started.
 #[derive(Clone, Copy)]
 #[must_use]
 pub(crate) struct Running<I> {
-    number: usize,
-    pub(crate) body: Option<Body>,
     since: I,
-    /// The level, and the ticks of nested loops, of what it interrupted.
-    outer_level: u32,
-    outer_nested: u32,
+    /// What loops had taken then.
+    busy: u32,
+    pub(crate) body: Body,
+}
+
+/// A loop's counts at one moment.
+pub(crate) struct Snapshot<I> {
+    pub(crate) process: Process<I>,
+    pub(crate) enabled: bool,
+    pub(crate) running: bool,
+    pub(crate) pending: u32,
 }
 
 impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     pub(crate) const fn new(schedule: S) -> Self {
         Self {
             schedule,
-            processes: [Process::NEW; L],
             due: I::ZERO,
             started: false,
+            enabled: 0,
+            unfinished: 0,
             runnable: 0,
-            level: L as u32,
-            nested: 0,
+            unlocked: u32::MAX,
+            held: u32::MAX,
+            busy: 0,
+            processes: [Process::NEW; L],
         }
     }
 
@@ -59,159 +73,307 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     /// Ends it; what is in progress finishes.
     pub(crate) fn stop(&mut self) {
         self.started = false;
-        self.runnable = 0;
-        self.processes.iter_mut().for_each(Process::forget);
+        self.forget(u32::MAX);
     }
 
     /// When the next event is due; `None` while stopped.
-    #[inline]
-    pub(crate) fn due(&self) -> Option<I> {
+    pub(crate) fn started_due(&self) -> Option<I> {
         self.started.then_some(self.due)
     }
 
-    /// Marks the loops of the event that is due as runnable, and gives when the next one is due.
-    #[inline]
-    pub(crate) fn pass_event(&mut self) -> I {
-        let idle = self.runnable == 0 && self.level == L as u32;
-        let event = self.schedule.next_event(|| idle);
+    /// Whether the next event is due by `now`.
+    #[inline(always)]
+    pub(crate) fn is_due(&self, now: I) -> bool {
+        now.has_reached(self.due) && self.started
+    }
+
+    /// Takes the event that is due: the loops that it releases and may start, and when it was due.
+    ///
+    /// They are unfinished from here on; who takes them begins them or makes them runnable.
+    #[inline(always)]
+    pub(crate) fn take_event(&mut self) -> (u32, I) {
         let due = self.due;
-        let mut ranks = event.ranks;
-        while ranks != 0 {
-            let rank = ranks.trailing_zeros();
-            ranks &= ranks - 1;
-            if let Some(process) = self.at_rank(rank)
-                && process.release(due)
-            {
-                self.runnable |= 1 << rank;
-            }
+        if self.schedule.is_at_turn() {
+            self.turn();
         }
+        let event = self.schedule.next_event();
         self.due = due.after(event.gap);
+        let mut released = event.ranks;
+        if released & (self.unfinished | self.held) != 0 {
+            released = self.without_overruns(released, due);
+        }
+        self.unfinished |= released;
+        (released, due)
+    }
+
+    /// Lets loops that were released start when it is their turn.
+    #[inline(always)]
+    pub(crate) fn make_runnable(&mut self, released: u32, due: I) {
+        self.runnable |= released;
+        let mut released = released;
+        while released != 0 {
+            if let Some(process) = self.processes.get_mut(released.trailing_zeros() as usize) {
+                process.due = due;
+            }
+            released &= released - 1;
+        }
+    }
+
+    /// Passes the event that is due, and gives when the next one is due.
+    pub(crate) fn pass_event(&mut self) -> I {
+        let (released, due) = self.take_event();
+        self.make_runnable(released, due);
         self.due
     }
 
-    #[inline]
-    fn number(&self, rank: u32) -> Option<usize> {
-        let number = self.schedule.ranks().get(rank as usize)?;
-        Some(usize::from(*number))
+    /// When the next event is due.
+    #[inline(always)]
+    pub(crate) fn next_due(&self) -> I {
+        self.due
     }
 
-    #[inline]
-    fn at_rank(&mut self, rank: u32) -> Option<&mut Process<I>> {
-        let number = self.number(rank)?;
-        self.processes.get_mut(number)
+    /// Lets changed rates take effect if they can.
+    #[cold]
+    fn turn(&mut self) {
+        let idle = self.unfinished == 0 && self.unlocked == u32::MAX;
+        let Some(former_ranks) = self.schedule.turn(idle) else {
+            return;
+        };
+        let (before, were_enabled) = (self.processes, self.enabled);
+        self.enabled = 0;
+        for (rank, (process, former)) in (0..).zip(self.processes.iter_mut().zip(former_ranks)) {
+            if let Some(moved) = before.get(usize::from(former)) {
+                *process = *moved;
+            }
+            self.enabled |= (were_enabled >> former & 1) << rank;
+        }
+        self.hold();
     }
 
-    /// The ranks that are released and have not started.
-    #[inline]
-    pub(crate) fn runnable(&self) -> u32 {
-        self.runnable
+    /// Those of `ranks` that may just start; the others overrun, are disabled, or wait for a lock.
+    #[cold]
+    fn without_overruns(&mut self, ranks: u32, due: I) -> u32 {
+        for rank in bits(ranks & self.unfinished & self.enabled) {
+            if let Some(process) = self.processes.get_mut(rank as usize)
+                && !process.overrun(due)
+            {
+                self.enabled &= !(1 << rank);
+            }
+        }
+        self.hold();
+        let released = ranks & !self.unfinished & self.enabled;
+        let locked_out = released & !self.unlocked;
+        self.unfinished |= locked_out;
+        self.make_runnable(locked_out, due);
+        released & !locked_out
+    }
+
+    /// To be called when what `held` depends on has changed.
+    fn hold(&mut self) {
+        self.held = !(self.enabled & self.unlocked);
     }
 
     /// The ranks that may start now.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn ready(&self) -> u32 {
-        self.runnable & !(u32::MAX.unbounded_shl(self.level))
+        let running = self.unfinished & !self.runnable;
+        // Those faster than the fastest that runs; all, if none does.
+        let faster = (running & running.wrapping_neg()).wrapping_sub(1);
+        self.runnable & self.unlocked & faster
     }
 
-    /// Starts the fastest loop that may start.
-    #[inline]
-    pub(crate) fn begin_fastest(&mut self, now: I) -> Option<Running<I>> {
+    /// The ranks that may start now where hardware decides who interrupts whom.
+    #[inline(always)]
+    pub(crate) fn unlocked(&self) -> u32 {
+        self.runnable & self.unlocked
+    }
+
+    /// Starts the fastest loop that may start, and gives its rank.
+    pub(crate) fn begin_fastest(&mut self, now: I) -> Option<(u32, Running<I>)> {
         match self.ready() {
             0 => None,
-            ready => self.begin(ready.trailing_zeros(), now),
+            ready => {
+                let rank = ready.trailing_zeros();
+                Some((rank, self.begin(rank, now)?))
+            }
         }
     }
 
-    /// Starts the loop of a rank, if it may start.
-    #[inline]
-    pub(crate) fn begin(&mut self, rank: u32, now: I) -> Option<Running<I>> {
-        if rank >= self.level || self.runnable & 1_u32.unbounded_shl(rank) == 0 {
+    /// Starts the loop of a rank, if it is runnable and not locked out.
+    #[inline(always)]
+    pub(crate) fn begin_unlocked(&mut self, rank: u32, now: I) -> Option<Running<I>> {
+        if self.unlocked() & 1_u32.unbounded_shl(rank) == 0 {
             return None;
         }
-        let number = self.number(rank)?;
-        let process = self.processes.get_mut(number)?;
-        let body = process.body;
-        if !process.start(now) {
-            self.runnable &= !(1 << rank);
-        }
-        let running = Running {
-            number,
-            body,
+        self.begin(rank, now)
+    }
+
+    /// Starts the loop of a rank that was just released, and not made runnable.
+    #[inline(always)]
+    pub(crate) fn begin_released(&mut self, rank: u32, due: I, now: I) -> Option<Running<I>> {
+        let process = self.processes.get_mut(rank as usize)?;
+        process.due = due;
+        process.start(now);
+        Some(Running {
             since: now,
-            outer_level: self.level,
-            outer_nested: self.nested,
+            busy: self.busy,
+            body: process.body,
+        })
+    }
+
+    #[inline(always)]
+    fn begin(&mut self, rank: u32, now: I) -> Option<Running<I>> {
+        let process = self.processes.get_mut(rank as usize)?;
+        process.start(now);
+        self.runnable &= !(1 << rank);
+        Some(Running {
+            since: now,
+            busy: self.busy,
+            body: process.body,
+        })
+    }
+
+    /// Ends the loop of a rank, which is the last one that was started and has not ended; says whether
+    /// it may start again at once.
+    #[inline(always)]
+    pub(crate) fn end(&mut self, rank: u32, running: Running<I>, now: I) -> bool {
+        let nested = self.busy.wrapping_sub(running.busy);
+        let ticks = now.since(running.since).wrapping_sub(nested);
+        self.busy = self.busy.wrapping_add(ticks);
+        let Some(process) = self.processes.get_mut(rank as usize) else {
+            return false;
         };
-        self.level = rank;
-        self.nested = 0;
-        Some(running)
-    }
-
-    /// Ends a loop, which is the last one that was started and has not ended, and gives the ranks
-    /// that may start then.
-    #[inline]
-    pub(crate) fn end(&mut self, running: Running<I>, now: I) -> u32 {
-        let ticks = now.since(running.since);
-        if let Some(process) = self.processes.get_mut(running.number) {
-            process.finish(ticks.saturating_sub(self.nested));
+        process.finish(ticks);
+        if process.queued == 0 {
+            self.unfinished &= !(1 << rank);
+            return false;
         }
-        self.level = running.outer_level;
-        self.nested = running.outer_nested.saturating_add(ticks);
-        self.ready()
+        process.take_queued();
+        self.runnable |= 1 << rank;
+        true
     }
 
-    /// Lets only loops start that are faster than all in `users`, a bit for each number; gives the
-    /// former level, or `None` if a faster one is in progress.
-    pub(crate) fn raise(&mut self, users: u32) -> Option<u32> {
-        let ceiling = self
-            .schedule
-            .ranks()
-            .iter()
-            .position(|&number| users & 1_u32.unbounded_shl(u32::from(number)) != 0)
-            .map_or(L as u32, |rank| rank as u32);
-        if self.level < ceiling {
+    /// Lets only loops start that are faster than all in `users`, a bit for each number; gives what
+    /// might start before, or `None` if a faster one is in progress.
+    pub(crate) fn lock(&mut self, users: u32) -> Option<u32> {
+        let is_user = |number: &u8| users & 1_u32.unbounded_shl(u32::from(*number)) != 0;
+        let ceiling = self.schedule.ranks().iter().position(is_user).unwrap_or(L);
+        let faster = !u32::MAX.unbounded_shl(ceiling as u32);
+        if self.unfinished & !self.runnable & faster != 0 {
             return None;
         }
-        Some(core::mem::replace(&mut self.level, ceiling))
+        let former = self.unlocked;
+        self.unlocked &= faster;
+        self.hold();
+        Some(former)
     }
 
-    /// Undoes [`raise`](Self::raise), and gives the ranks that may start then.
-    pub(crate) fn lower(&mut self, former: u32) -> u32 {
-        self.level = former;
-        self.ready()
+    /// Undoes [`lock`](Self::lock).
+    pub(crate) fn unlock(&mut self, former: u32) {
+        self.unlocked = former;
+        self.hold();
+    }
+
+    /// Gives a loop that has none a body, and enables it; says whether it had none.
+    pub(crate) fn assign(&mut self, number: usize, overrun: Overrun, body: Body) -> bool {
+        let Some(rank) = self.rank(number) else {
+            return false;
+        };
+        match self.processes.get_mut(rank as usize) {
+            Some(process) if process.body.is_nothing() => {
+                process.body = body;
+                process.overrun = overrun;
+            }
+            _ => return false,
+        }
+        self.enable(number, true)
+    }
+
+    /// Has a loop released from its next instant on, or not any more; says whether it has a body.
+    pub(crate) fn enable(&mut self, number: usize, enabled: bool) -> bool {
+        let Some(rank) = self.rank(number) else {
+            return false;
+        };
+        let Some(process) = self.processes.get_mut(rank as usize) else {
+            return false;
+        };
+        if process.body.is_nothing() {
+            return false;
+        }
+        if enabled {
+            process.faulted = false;
+            self.enabled |= 1 << rank;
+        } else {
+            self.enabled &= !(1 << rank);
+            self.forget(1 << rank);
+        }
+        self.hold();
+        true
     }
 
     /// Disables the loops of `numbers`, a bit for each, and takes away their bodies, unless one is in
     /// progress; says whether none is.
     pub(crate) fn withdraw(&mut self, numbers: u32) -> bool {
-        let mine = move |number: usize| numbers & 1_u32.unbounded_shl(number as u32) != 0;
-        (0..L)
-            .filter(|&number| mine(number))
-            .for_each(|number| self.enable(number, false));
-        let in_progress =
-            |(number, process): (usize, &Process<I>)| mine(number) && process.is_running();
-        if self.processes.iter().enumerate().any(in_progress) {
+        let mut ranks = 0;
+        for number in bits(numbers) {
+            if let Some(rank) = self.rank(number as usize) {
+                ranks |= 1 << rank;
+            }
+        }
+        self.enabled &= !ranks;
+        self.hold();
+        self.forget(ranks);
+        if self.unfinished & ranks != 0 {
             return false;
         }
-        for (number, process) in self.processes.iter_mut().enumerate() {
-            if mine(number) {
-                process.body = None;
+        for rank in bits(ranks) {
+            if let Some(process) = self.processes.get_mut(rank as usize) {
+                process.body = Body::NOTHING;
             }
         }
         true
     }
 
-    /// The loop is released from its next instant on, or not any more.
-    pub(crate) fn enable(&mut self, number: usize, enabled: bool) {
-        let ranks = self.schedule.ranks();
-        let rank = ranks.iter().position(|&other| usize::from(other) == number);
-        if let (Some(process), Some(rank)) = (self.processes.get_mut(number), rank) {
-            process.enabled = enabled;
-            if enabled {
-                process.faulted = false;
-            } else {
-                process.forget();
-                self.runnable &= !(1 << rank);
+    /// A loop's counts.
+    pub(crate) fn snapshot(&self, number: usize) -> Option<Snapshot<I>> {
+        let rank = self.rank(number)?;
+        let process = *self.processes.get(rank as usize)?;
+        let runnable = self.runnable >> rank & 1;
+        Some(Snapshot {
+            process,
+            enabled: self.enabled >> rank & 1 != 0,
+            running: (self.unfinished & !self.runnable) >> rank & 1 != 0,
+            pending: runnable + process.queued,
+        })
+    }
+
+    /// Skips what has not started of `ranks`.
+    fn forget(&mut self, ranks: u32) {
+        for (rank, process) in (0..).zip(&mut self.processes) {
+            if ranks >> rank & 1 != 0 {
+                process.skip(process.queued + (self.runnable >> rank & 1));
+                process.queued = 0;
             }
         }
+        self.unfinished &= !(self.runnable & ranks);
+        self.runnable &= !ranks;
     }
+
+    fn rank(&self, number: usize) -> Option<u32> {
+        let same = |other: &u8| usize::from(*other) == number;
+        let rank = self.schedule.ranks().iter().position(same)?;
+        Some(rank as u32)
+    }
+}
+
+/// The numbers of the bits that are set.
+fn bits(mut word: u32) -> impl Iterator<Item = u32> {
+    core::iter::from_fn(move || {
+        if word == 0 {
+            return None;
+        }
+        let bit = word.trailing_zeros();
+        word &= word - 1;
+        Some(bit)
+    })
 }

@@ -3,8 +3,8 @@
 use core::fmt;
 
 use crate::instant::Instant;
-use crate::process::Process;
 use crate::rate::Rate;
+use crate::state::Snapshot;
 
 /// The counts of a loop at one moment: `released = run + skipped + running + pending`.
 ///
@@ -38,17 +38,25 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    pub(crate) fn of<I: Instant>(process: &Process<I>, rate: Rate, frequency: Rate) -> Self {
+    pub(crate) fn of<I: Instant>(snapshot: &Snapshot<I>, rate: Rate, frequency: Rate) -> Self {
+        let Snapshot {
+            process,
+            enabled,
+            running,
+            pending,
+        } = snapshot;
+        let running = u32::from(*running);
+        let released = [process.run, process.skipped, running, *pending];
         Self {
             rate,
             frequency,
-            enabled: process.enabled,
+            enabled: *enabled,
             faulted: process.faulted,
-            released: process.released,
+            released: released.into_iter().fold(0, u32::wrapping_add),
             run: process.run,
             skipped: process.skipped,
-            running: u32::from(process.is_running()),
-            pending: process.pending(),
+            running,
+            pending: *pending,
             worst_lateness: process.worst_lateness,
             worst_run: process.worst_run,
             total_run: process.total_run,

@@ -21,6 +21,8 @@ fn loops_of_ten_and_five_seconds_have_two_entries_as_in_the_memo() {
         table.events(),
         [event(0b11, 5_000_000), event(0b01, 5_000_000)]
     );
+    let printed = format!("```text\n{table}\n```");
+    assert!(include_str!("../README.md").contains(&printed), "{printed}");
 }
 
 #[test]

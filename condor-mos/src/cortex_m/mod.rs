@@ -1,8 +1,8 @@
 //! Cortex-M: loops in interrupt vectors of the NVIC, and the core's own counter as a timer.
 //!
 //! A core of this family does not let an interrupt interrupt its own priority, so loops cannot nest
-//! by a call from the timer's handler. [`Vectors`] gives each rank an interrupt that the chip has
-//! to spare, and makes a [`Platform`](crate::Platform) of any [`Timer`](crate::Timer): one of the
+//! by a call from the timer's handler. [`Vectors`] gives each rank but the fastest, which runs in the
+//! timer's, an interrupt that the chip has to spare, and makes a [`Platform`](crate::Platform) of any [`Timer`](crate::Timer): one of the
 //! chip's, or the one here.
 //!
 //! [`Ticks`] is a timer that every core has: periods of `SysTick`, which are counted without loss.
@@ -11,9 +11,9 @@
 //! the chip's own.
 //!
 //! ```ignore
-//! // 16 MHz, of which SysTick makes 2 kHz; four levels of priority; three interrupts to spare.
-//! static SCHEDULER: Scheduler<Vectors<Ticks, 3>, EventTable<3, 8>, 3> = Scheduler::new(
-//!     Vectors::new(Ticks::new(16_000_000, 8_000), [20, 21, 22], 2),
+//! // 16 MHz, of which SysTick makes 2 kHz; four levels of priority; two interrupts to spare.
+//! static SCHEDULER: Scheduler<Vectors<Ticks, 2>, EventTable<3, 8>, 3> = Scheduler::new(
+//!     Vectors::new(Ticks::new(16_000_000, 8_000), [20, 21], 2),
 //!     EventTable::new([Rate::hz(400), Rate::hz(100), Rate::hz(50)], Ticks::clock(16_000_000, 8_000)),
 //! );
 //!
@@ -26,9 +26,9 @@
 //!
 //! #[interrupt]
 //! fn SPARE_20() {
-//!     SCHEDULER.on_vector(0);
+//!     SCHEDULER.on_vector(1);
 //! }
-//! // And so on for the other two.
+//! // And so on for the other one.
 //! ```
 //!
 //! The crate `cortex-m` has a critical section for cores that are alone in their chip
@@ -38,4 +38,4 @@ mod ticks;
 mod vectors;
 
 pub use ticks::Ticks;
-pub use vectors::Vectors;
+pub use vectors::{Alarm, Vectors};

@@ -2,12 +2,17 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use ::cortex_m::peripheral::{SYST, syst::SystClkSource};
+use ::cortex_m::peripheral::{SCB, SYST, syst::SystClkSource};
+
+use super::Alarm;
 
 use crate::clock::Clock;
 use crate::instant::{Instant, Wrapping};
 use crate::rate::Rate;
 use crate::timer::{Armed, Timer};
+
+/// Whether the counter has reloaded since CSR was read.
+const COUNTFLAG: u32 = 1 << 16;
 
 /// A timer whose ticks are periods of `SysTick`, which every Cortex-M has.
 ///
@@ -22,6 +27,8 @@ pub struct Ticks {
     /// When, if at all, the handler is to say so. Written inside critical sections.
     at: AtomicU32,
     armed: AtomicBool,
+    /// Whether the handler was pended by a program.
+    asked: AtomicBool,
 }
 
 impl Ticks {
@@ -42,6 +49,7 @@ impl Ticks {
             count: AtomicU32::new(0),
             at: AtomicU32::new(0),
             armed: AtomicBool::new(false),
+            asked: AtomicBool::new(false),
         }
     }
 
@@ -68,10 +76,24 @@ impl Ticks {
     #[inline]
     #[must_use]
     pub fn on_tick(&self) -> bool {
-        let count = self.count.load(Ordering::Relaxed).wrapping_add(1);
-        self.count.store(count, Ordering::Relaxed);
+        // SAFETY: the register is the core's; the read clears COUNTFLAG, which is this timer's.
+        let csr = unsafe { (*SYST::PTR).csr.read() };
+        if csr & COUNTFLAG != 0 {
+            let count = self.count.load(Ordering::Relaxed).wrapping_add(1);
+            self.count.store(count, Ordering::Relaxed);
+        }
+        let asked = self.asked.load(Ordering::Relaxed);
+        self.asked.store(false, Ordering::Relaxed);
         let at = Wrapping::<32>::new(self.at.load(Ordering::Relaxed));
-        self.armed.load(Ordering::Relaxed) && Wrapping::new(count).has_reached(at)
+        asked || self.armed.load(Ordering::Relaxed) && self.now().has_reached(at)
+    }
+}
+
+impl Alarm for Ticks {
+    #[inline]
+    fn pend(&self) {
+        self.asked.store(true, Ordering::Relaxed);
+        SCB::set_pendst();
     }
 }
 

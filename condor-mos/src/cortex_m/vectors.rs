@@ -17,14 +17,22 @@ const INTERRUPTS: u16 = if size_of::<RegisterBlock>() > 0x400 {
     32
 };
 
-/// A timer, and for each of `L` ranks an interrupt that no device uses: it is pended when the rank's
-/// loop is to run, and its handler calls [`Scheduler::on_vector`](crate::Scheduler::on_vector).
+/// A timer whose interrupt can be pended.
+pub trait Alarm: Timer {
+    /// Has the timer's handler run, and call [`Scheduler::on_timer`](crate::Scheduler::on_timer).
+    fn pend(&self);
+}
+
+/// A timer, and for each of `N` ranks behind the fastest an interrupt that no device uses: it is
+/// pended when the rank's loop is to run, and its handler calls
+/// [`Scheduler::on_vector`](crate::Scheduler::on_vector).
 ///
-/// The timer's handler calls [`Scheduler::on_timer`](crate::Scheduler::on_timer), at the highest
-/// priority, 0, where the core has it after a reset. Ranks have priorities 1 and on.
-pub struct Vectors<T, const L: usize> {
+/// The timer's handler calls [`Scheduler::on_timer`](crate::Scheduler::on_timer), which runs the
+/// fastest loop, at the highest priority, 0, where the core has it after a reset. The others have
+/// priorities 1 and on.
+pub struct Vectors<T, const N: usize> {
     timer: T,
-    ranks: [Vector; L],
+    ranks: [Vector; N],
     priority_bits: u8,
 }
 
@@ -69,22 +77,22 @@ unsafe impl InterruptNumber for Vector {
     }
 }
 
-impl<T: Timer, const L: usize> Vectors<T, L> {
-    /// The interrupts of the ranks, from the fastest on, by their numbers in the vector table of the
+impl<T: Alarm, const N: usize> Vectors<T, N> {
+    /// The interrupts of the ranks from 1 on, by their numbers in the vector table of the
     /// chip, whose NVIC has `priority_bits` bits of a priority: 2 on Cortex-M0 and M0+.
     ///
     /// # Panics
     /// If there are more ranks than priorities below the timer's, or there is no such interrupt; in
     /// a constant, that is an error of compilation.
     #[must_use]
-    pub const fn new(timer: T, interrupts: [u16; L], priority_bits: u8) -> Self {
+    pub const fn new(timer: T, interrupts: [u16; N], priority_bits: u8) -> Self {
         assert!(
-            priority_bits >= 2 && priority_bits <= 8 && L < 1 << priority_bits,
+            priority_bits >= 2 && priority_bits <= 8 && N < 1 << priority_bits,
             "each rank needs a priority of its own below the timer's"
         );
-        let mut vectors = [Vector::new(0); L];
+        let mut vectors = [Vector::new(0); N];
         let mut rank = 0;
-        while rank < L {
+        while rank < N {
             assert!(interrupts[rank] < INTERRUPTS, "there is no such interrupt");
             vectors[rank] = Vector::new(interrupts[rank]);
             rank += 1;
@@ -123,7 +131,7 @@ impl<T: Timer, const L: usize> Vectors<T, L> {
     }
 }
 
-impl<T: Timer, const L: usize> Timer for Vectors<T, L> {
+impl<T: Alarm, const N: usize> Timer for Vectors<T, N> {
     type Instant = T::Instant;
 
     #[inline]
@@ -147,11 +155,17 @@ impl<T: Timer, const L: usize> Timer for Vectors<T, L> {
     }
 }
 
-impl<T: Timer, const L: usize> Platform for Vectors<T, L> {
+impl<T: Alarm, const N: usize> Platform for Vectors<T, N> {
+    const VECTORS: bool = true;
+
     #[inline]
-    fn dispatch(&self, mut ranks: u32, _: impl FnOnce()) {
-        while let Some(vector) = self.ranks.get(ranks.trailing_zeros() as usize) {
-            ranks &= ranks - 1;
+    fn pend(&self, ranks: u32) {
+        if ranks & 1 != 0 {
+            self.timer.pend();
+        }
+        let mut others = ranks >> 1;
+        while let Some(vector) = self.ranks.get(others.trailing_zeros() as usize) {
+            others &= others - 1;
             vector.pend();
         }
     }

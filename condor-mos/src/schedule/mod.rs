@@ -1,6 +1,7 @@
 //! When loops are due: the event table, and the scan where no table fits.
 
 mod grid;
+mod print;
 mod scan;
 mod table;
 
@@ -45,11 +46,17 @@ pub trait Schedule<const L: usize>: Sealed {
     /// Goes back to the beginning, where every loop is due.
     fn restart(&mut self);
 
-    /// The next event.
+    /// Whether [`turn`](Self::turn) must be called before the next event.
+    fn is_at_turn(&self) -> bool;
+
+    /// Goes to a place where changed rates may take effect.
     ///
-    /// `idle` is asked, if at all, whether no loop is unfinished at this event. Only then may ranks
-    /// change: never under a loop that is in progress.
-    fn next_event(&mut self, idle: impl FnOnce() -> bool) -> Event;
+    /// They do if `idle`, that is if no loop is unfinished: ranks are not changed under a loop that is in
+    /// progress. Then the result has, for each new rank, the one that its loop had before.
+    fn turn(&mut self, idle: bool) -> Option<[u8; L]>;
+
+    /// The next event.
+    fn next_event(&mut self) -> Event;
 
     /// Asks for another rate of a loop. It takes effect, together with all that were asked for
     /// since, after [`continue_change`](Self::continue_change) has said that everything is ready.
@@ -66,4 +73,12 @@ pub trait Schedule<const L: usize>: Sealed {
 
     /// Whether rates that were asked for have not taken effect yet.
     fn is_changing(&self) -> bool;
+}
+
+/// For each rank of `after`, the rank that its loop has in `before`.
+fn former_ranks<const L: usize>(before: &[u8; L], after: &[u8; L]) -> [u8; L] {
+    after.map(|number| {
+        let same = |other: &u8| *other == number;
+        before.iter().position(same).unwrap_or(0) as u8
+    })
 }

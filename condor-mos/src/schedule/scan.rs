@@ -1,6 +1,6 @@
 //! [`Scan`]: the next event is computed when it is needed.
 
-use super::{Event, Grid, Schedule};
+use super::{Event, Grid, Schedule, former_ranks};
 use crate::clock::Clock;
 use crate::error::RateError;
 use crate::rate::Rate;
@@ -158,23 +158,30 @@ impl<const L: usize> Scan<L> {
     }
 
     /// Takes the wanted rates; each loop is due when it was due anyway.
-    fn take_effect(&mut self) {
-        let Some(wanted) = self.wanted.take() else {
-            return;
-        };
+    fn take_effect(&mut self) -> Option<[u8; L]> {
         // They were tried when they were asked for.
-        let Ok(mut changed) = Self::try_new(wanted, self.clock) else {
-            return;
-        };
-        for (rank, &number) in changed.ranks.iter().enumerate() {
-            let before = self.ranks.iter().position(|&other| other == number);
-            let Some(before) = before else { continue };
-            changed.remaining[rank] = self.remaining[before];
-            if changed.rates.get(usize::from(number)) == self.rates.get(usize::from(number)) {
-                changed.grids[rank] = self.grids[before];
+        let mut changed = Self::try_new(self.wanted.take()?, self.clock).ok()?;
+        let former = former_ranks(&self.ranks, &changed.ranks);
+        let numbers = changed.ranks;
+        for (rank, (&before, number)) in former.iter().zip(numbers).enumerate() {
+            let (before, number) = (usize::from(before), usize::from(number));
+            let rate = |scan: &Self| scan.rates.get(number).copied();
+            let same_rate = rate(&changed) == rate(self);
+            if let (Some(place), Some(remaining)) =
+                (changed.remaining.get_mut(rank), self.remaining.get(before))
+            {
+                *place = *remaining;
+            }
+            if let (true, Some(place), Some(grid)) = (
+                same_rate,
+                changed.grids.get_mut(rank),
+                self.grids.get(before),
+            ) {
+                *place = *grid;
             }
         }
         *self = changed;
+        Some(former)
     }
 }
 
@@ -192,15 +199,20 @@ impl<const L: usize> Schedule<L> for Scan<L> {
     }
 
     fn restart(&mut self) {
-        if let Ok(fresh) = Self::try_new(self.wanted.unwrap_or(self.rates), self.clock) {
-            *self = fresh;
-        }
+        // Wanted rates wait for the first event: here a loop may be in progress.
+        self.grids.iter_mut().for_each(Grid::restart);
+        self.remaining = [0; L];
     }
 
-    fn next_event(&mut self, idle: impl FnOnce() -> bool) -> Event {
-        if self.wanted.is_some() && idle() {
-            self.take_effect();
-        }
+    fn is_at_turn(&self) -> bool {
+        self.wanted.is_some()
+    }
+
+    fn turn(&mut self, idle: bool) -> Option<[u8; L]> {
+        if idle { self.take_effect() } else { None }
+    }
+
+    fn next_event(&mut self) -> Event {
         self.advance()
     }
 

@@ -1,6 +1,6 @@
 //! [`EventTable`]: every event until the rates repeat, computed beforehand.
 
-use super::{Event, Grid, Scan, Schedule};
+use super::{Event, Grid, Scan, Schedule, former_ranks};
 use crate::clock::Clock;
 use crate::error::RateError;
 use crate::rate::{Rate, greatest_common_divisor};
@@ -38,10 +38,12 @@ use crate::rate::{Rate, greatest_common_divisor};
 #[derive(Clone, Copy, Debug)]
 pub struct EventTable<const L: usize, const E: usize> {
     /// The one in use, and the one that is built for other rates.
-    halves: [Half<L, E>; 2],
+    halves: [Half<L>; 2],
+    entries: [[Event; E]; 2],
     active: usize,
-    /// The entry of the next event; as many as there are at the end of the hyperperiod.
+    /// The entry of the next event, counted from the first half's first, and where its hyperperiod ends.
     next: usize,
+    end: usize,
     change: Progress,
 }
 
@@ -56,9 +58,8 @@ enum Progress {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Half<const L: usize, const E: usize> {
+struct Half<const L: usize> {
     plan: Plan<L>,
-    entries: [Event; E],
     len: usize,
     /// The gap of the last entry, if the hyperperiod has no tick carried.
     last_gap: u32,
@@ -99,12 +100,12 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         };
         let mut half = Half {
             plan,
-            entries: [Event { ranks: 0, gap: 0 }; E],
             len: 0,
             last_gap: 0,
         };
+        let mut entries = [Event { ranks: 0, gap: 0 }; E];
         loop {
-            match half.add_event() {
+            match half.add_event(&mut entries) {
                 Ok(true) => break,
                 Ok(false) => {}
                 Err(error) => return Err(error),
@@ -112,9 +113,11 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
         Ok(Self {
             halves: [half; 2],
+            entries: [entries; 2],
             active: 0,
             // The beginning of a hyperperiod carries the first tick.
             next: half.len,
+            end: half.len,
             change: Progress::None,
         })
     }
@@ -122,30 +125,21 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// The events of one hyperperiod.
     #[must_use]
     pub const fn events(&self) -> &[Event] {
-        let half = &self.halves[self.active & 1];
-        match half.entries.split_at_checked(half.len) {
+        let active = self.active & 1;
+        let entries = &self.entries[active];
+        match entries.split_at_checked(self.halves[active].len) {
             Some((events, _)) => events,
-            None => &half.entries,
+            None => entries,
         }
     }
 
     #[inline]
-    fn half(&self) -> &Half<L, E> {
+    fn half(&self) -> &Half<L> {
         &self.halves[self.active & 1]
     }
 
-    fn spare(&mut self) -> &mut Half<L, E> {
+    fn spare(&mut self) -> &mut Half<L> {
         &mut self.halves[self.active & 1 ^ 1]
-    }
-
-    /// Goes to the first entry of a hyperperiod, perhaps one of other rates.
-    fn begin_cycle(&mut self, idle: impl FnOnce() -> bool) {
-        if self.change == Progress::Ready && idle() {
-            self.active ^= 1;
-            self.change = Progress::None;
-        }
-        self.next = 0;
-        self.halves[self.active & 1].carry();
     }
 }
 
@@ -225,9 +219,12 @@ impl<const L: usize> Plan<L> {
     }
 }
 
-impl<const L: usize, const E: usize> Half<L, E> {
+impl<const L: usize> Half<L> {
     /// Adds an entry and says whether it was the last.
-    const fn add_event(&mut self) -> Result<bool, RateError> {
+    const fn add_event<const E: usize>(
+        &mut self,
+        entries: &mut [Event; E],
+    ) -> Result<bool, RateError> {
         let event = self.plan.scan.advance();
         self.plan.missing -= event.ranks.count_ones() as u64;
         if self.len >= E {
@@ -238,7 +235,7 @@ impl<const L: usize, const E: usize> Half<L, E> {
                 capacity: E,
             });
         }
-        self.entries[self.len] = event;
+        entries[self.len] = event;
         self.len += 1;
         // What remains after the last release may be too long for one entry.
         if self.plan.missing > 0 || !self.plan.scan.is_at_beginning() {
@@ -247,15 +244,6 @@ impl<const L: usize, const E: usize> Half<L, E> {
         let mut first = self.plan.cycle;
         self.last_gap = event.gap - first.carry() as u32;
         Ok(true)
-    }
-
-    /// Makes the last gap that of the hyperperiod which begins.
-    #[inline]
-    fn carry(&mut self) {
-        let carried = self.plan.cycle.carry() as u32;
-        if let Some(last) = self.entries.get_mut(self.len.wrapping_sub(1)) {
-            last.gap = self.last_gap + carried;
-        }
     }
 }
 
@@ -275,15 +263,37 @@ impl<const L: usize, const E: usize> Schedule<L> for EventTable<L, E> {
 
     fn restart(&mut self) {
         self.halves[self.active & 1].plan.cycle.restart();
-        self.next = self.half().len;
+        self.next = self.end;
     }
 
-    #[inline]
-    fn next_event(&mut self, idle: impl FnOnce() -> bool) -> Event {
-        if self.next >= self.half().len {
-            self.begin_cycle(idle);
+    #[inline(always)]
+    fn is_at_turn(&self) -> bool {
+        self.next >= self.end
+    }
+
+    #[cold]
+    fn turn(&mut self, idle: bool) -> Option<[u8; L]> {
+        let former = *self.ranks();
+        let changes = self.change == Progress::Ready && idle;
+        if changes {
+            self.active ^= 1;
+            self.change = Progress::None;
         }
-        let event = self.half().entries.get(self.next).copied();
+        let half = &mut self.halves[self.active & 1];
+        self.next = (self.active & 1) * E;
+        self.end = self.next + half.len;
+        // The last gap is that of the hyperperiod which begins.
+        let carried = half.plan.cycle.carry() as u32;
+        let last = self.end.wrapping_sub(1);
+        if let Some(last) = self.entries.as_flattened_mut().get_mut(last) {
+            last.gap = half.last_gap + carried;
+        }
+        changes.then(|| former_ranks(&former, self.ranks()))
+    }
+
+    #[inline(always)]
+    fn next_event(&mut self) -> Event {
+        let event = self.entries.as_flattened().get(self.next).copied();
         self.next += 1;
         event.unwrap_or_default()
     }
@@ -309,7 +319,8 @@ impl<const L: usize, const E: usize> Schedule<L> for EventTable<L, E> {
         if self.change != Progress::Building {
             return Ok(true);
         }
-        match self.spare().add_event() {
+        let spare = self.active & 1 ^ 1;
+        match self.halves[spare].add_event(&mut self.entries[spare]) {
             Ok(false) => Ok(false),
             Ok(true) => {
                 self.change = Progress::Ready;

@@ -1,10 +1,16 @@
 //! A processor in virtual time, for tests on any machine with std.
 //!
-//! Time passes only where a program says so, so every run is the same to the last tick. The
-//! timer's interrupt nests by a call on the interrupted stack, as on RISC-V.
+//! Time passes only where a program says so, so every run is the same to the last tick. Loops nest
+//! by a call on the interrupted stack, as on RISC-V, or by one vector for each rank, as on Cortex-M.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+mod drift;
+
+use std::ops::Deref;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::ThreadId;
+
+pub use drift::worst_release_error;
 
 use crate::platform::Platform;
 use crate::rate::Rate;
@@ -58,14 +64,33 @@ struct Machine {
     armed: AtomicU64,
     /// Until when interrupts are held back.
     held_until: AtomicU64,
+    /// Whether the timer may interrupt.
     enabled: AtomicBool,
+    /// Whether the timer's interrupt was pended, due or not.
+    pended: AtomicBool,
     handler: Mutex<Option<Handler>>,
+    /// What vectors of ranks call.
+    vectors: Mutex<Option<Vectors>>,
+    /// Vectors that are pending, by rank, and the priority in progress.
+    pending: AtomicU32,
+    priority: AtomicU32,
 }
 
 const NEVER: u64 = u64::MAX;
 
-/// What the timer's interrupt calls; in truth there as long as [`Processor::with_handler`] runs.
-type Handler = &'static (dyn Fn() + Sync);
+/// The priority of the background.
+const BACKGROUND: u32 = u32::MAX;
+
+/// What interrupts call, in truth there as long as [`Processor::with_handler`] or
+/// [`Processor::with_vectors`] runs; on the thread that does so alone.
+#[derive(Clone, Copy)]
+struct Connected<F: ?Sized + 'static> {
+    thread: ThreadId,
+    call: &'static F,
+}
+
+type Handler = Connected<dyn Fn() + Sync>;
+type Vectors = Connected<dyn Fn(u32) + Sync>;
 
 impl Processor {
     /// A processor at its first tick, whose timer counts with `frequency`.
@@ -77,25 +102,39 @@ impl Processor {
             armed: AtomicU64::new(NEVER),
             held_until: AtomicU64::new(0),
             enabled: AtomicBool::new(true),
+            pended: AtomicBool::new(false),
             handler: Mutex::new(None),
+            vectors: Mutex::new(None),
+            pending: AtomicU32::new(0),
+            priority: AtomicU32::new(BACKGROUND),
         };
         Self {
             machine: Arc::new(machine),
         }
     }
 
-    /// Runs `program`, while the timer's interrupt calls `handler`.
+    /// Runs `program`, while the timer's interrupt calls `handler`, on this thread alone.
     ///
     /// Without a handler no interrupt comes.
     pub fn with_handler<R>(&self, handler: impl Fn() + Sync, program: impl FnOnce() -> R) -> R {
         let handler: &(dyn Fn() + Sync) = &handler;
-        // SAFETY: only the lifetime differs, and `_connected` takes the handler away before it goes.
-        let handler = unsafe { core::mem::transmute::<&(dyn Fn() + Sync), Handler>(handler) };
-        let former = self.handler().replace(handler);
-        let _connected = Connected {
-            processor: self,
-            former,
+        // SAFETY: only the lifetime differs. `_restore` takes the handler away before it goes; a
+        // call of it that is still in progress would be on this thread, and so end before.
+        let call = unsafe {
+            core::mem::transmute::<&(dyn Fn() + Sync), &'static (dyn Fn() + Sync)>(handler)
         };
+        let _restore = Restore::connect(&self.machine.handler, call);
+        program()
+    }
+
+    /// Runs `program`, while the vector of a rank calls `vectors` with it; see [`Vectored`].
+    pub fn with_vectors<R>(&self, vectors: impl Fn(u32) + Sync, program: impl FnOnce() -> R) -> R {
+        let vectors: &(dyn Fn(u32) + Sync) = &vectors;
+        // SAFETY: as in `with_handler`.
+        let call = unsafe {
+            core::mem::transmute::<&(dyn Fn(u32) + Sync), &'static (dyn Fn(u32) + Sync)>(vectors)
+        };
+        let _restore = Restore::connect(&self.machine.vectors, call);
         program()
     }
 
@@ -137,29 +176,83 @@ impl Processor {
 
     /// Calls the handler, as an interrupt without cause does; not while interrupts are disabled.
     pub fn interrupt(&self) {
-        let handler = *self.handler();
-        let Some(handler) = handler else {
+        let Some(handler) = connected(&self.machine.handler) else {
             return;
         };
-        if !self.machine.enabled.swap(false, Relaxed) {
+        if !self.machine.enabled.load(Relaxed) {
             return;
         }
-        let _enabled = Enabled {
-            processor: self,
-            former: true,
-        };
-        self.machine.armed.store(NEVER, Relaxed);
-        handler();
+        loop {
+            {
+                let _disabled = self.enable(false);
+                self.machine.armed.store(NEVER, Relaxed);
+                self.machine.pended.store(false, Relaxed);
+                handler();
+            }
+            if !self.machine.pended.load(Relaxed) {
+                break;
+            }
+        }
+        self.take_vectors();
     }
 
-    fn now(&self) -> u64 {
+    /// Lets time pass until `instant`, and no interrupt come.
+    #[cfg(all(test, not(condor_loom)))]
+    pub(crate) fn skip_to(&self, instant: u64) {
+        self.machine.now.store(instant.max(self.now()), Relaxed);
+    }
+
+    /// Whether the timer can interrupt what is in progress.
+    #[cfg(all(test, not(condor_loom)))]
+    pub(crate) fn is_interruptible(&self) -> bool {
+        self.machine.enabled.load(Relaxed)
+    }
+
+    /// When the timer is armed for.
+    #[cfg(all(test, not(condor_loom)))]
+    pub(crate) fn armed(&self) -> Option<u64> {
+        Some(self.machine.armed.load(Relaxed)).filter(|&armed| armed != NEVER)
+    }
+
+    /// Runs the pending vectors that outrank what is in progress, the fastest first.
+    fn take_vectors(&self) {
+        let machine = &*self.machine;
+        let Some(vectors) = connected(&machine.vectors) else {
+            return;
+        };
+        loop {
+            let pending = machine.pending.load(Relaxed);
+            let rank = pending.trailing_zeros();
+            if pending == 0
+                || rank >= machine.priority.load(Relaxed)
+                || !machine.enabled.load(Relaxed)
+            {
+                return;
+            }
+            machine.pending.fetch_and(!(1 << rank), Relaxed);
+            let _ends = Put {
+                place: &machine.priority,
+                former: machine.priority.swap(rank, Relaxed),
+            };
+            vectors(rank);
+        }
+    }
+
+    fn enable(&self, enabled: bool) -> Enabled<'_> {
+        Enabled {
+            processor: self,
+            former: self.machine.enabled.swap(enabled, Relaxed),
+        }
+    }
+
+    pub(crate) fn now(&self) -> u64 {
         self.machine.now.load(Relaxed)
     }
 
     /// When the next interrupt comes, if nothing changes.
     fn next_interrupt(&self) -> u64 {
         let armed = self.machine.armed.load(Relaxed);
-        let connected = self.handler().is_some();
+        let connected = connected(&self.machine.handler).is_some();
         if armed == NEVER || !connected || !self.machine.enabled.load(Relaxed) {
             return NEVER;
         }
@@ -167,24 +260,57 @@ impl Processor {
             .max(self.machine.held_until.load(Relaxed))
             .max(self.now())
     }
+}
 
-    fn handler(&self) -> MutexGuard<'_, Option<Handler>> {
-        self.machine
-            .handler
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
+/// What is connected, if by this thread.
+fn connected<F: ?Sized>(place: &Mutex<Option<Connected<F>>>) -> Option<&'static F> {
+    let connected = lock(place);
+    let connected = connected.as_ref()?;
+    (connected.thread == this_thread()).then_some(connected.call)
+}
+
+fn this_thread() -> ThreadId {
+    thread_local! {
+        static THIS: ThreadId = std::thread::current().id();
+    }
+    THIS.with(|this| *this)
+}
+
+fn lock<T>(place: &Mutex<T>) -> MutexGuard<'_, T> {
+    place.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Puts back what was connected before.
+struct Restore<'p, F: ?Sized + 'static> {
+    place: &'p Mutex<Option<Connected<F>>>,
+    former: Option<Connected<F>>,
+}
+
+impl<'p, F: ?Sized> Restore<'p, F> {
+    fn connect(place: &'p Mutex<Option<Connected<F>>>, call: &'static F) -> Self {
+        let thread = this_thread();
+        Self {
+            place,
+            former: lock(place).replace(Connected { thread, call }),
+        }
     }
 }
 
-/// Takes the handler away when [`Processor::with_handler`] ends.
-struct Connected<'p> {
-    processor: &'p Processor,
-    former: Option<Handler>,
+impl<F: ?Sized> Drop for Restore<'_, F> {
+    fn drop(&mut self) {
+        *lock(self.place) = self.former.take();
+    }
 }
 
-impl Drop for Connected<'_> {
+/// Puts a priority back as it was.
+struct Put<'p> {
+    place: &'p AtomicU32,
+    former: u32,
+}
+
+impl Drop for Put<'_> {
     fn drop(&mut self) {
-        *self.processor.handler() = self.former;
+        self.place.store(self.former, Relaxed);
     }
 }
 
@@ -226,16 +352,66 @@ impl Timer for Processor {
 }
 
 impl Platform for Processor {
-    fn dispatch(&self, _: u32, run: impl FnOnce()) {
-        run();
+    fn interruptible(&self, body: impl FnOnce()) {
+        let _enabled = self.enable(true);
+        body();
+    }
+}
+
+/// A [`Processor`] with a vector for each rank, as the NVIC of Cortex-M has them: that of rank 0 is
+/// the timer's, and a vector waits until what is in progress ranks lower than it.
+#[derive(Clone)]
+pub struct Vectored(Processor);
+
+impl Vectored {
+    /// Such a processor at its first tick, whose timer counts with `frequency`.
+    #[must_use]
+    pub fn new(frequency: Rate) -> Self {
+        Self(Processor::new(frequency))
+    }
+}
+
+impl Deref for Vectored {
+    type Target = Processor;
+
+    fn deref(&self) -> &Processor {
+        &self.0
+    }
+}
+
+impl Timer for Vectored {
+    type Instant = u64;
+
+    fn frequency(&self) -> Rate {
+        self.0.frequency()
+    }
+
+    fn now(&self) -> u64 {
+        self.0.now()
+    }
+
+    fn arm(&self, at: u64) -> Armed {
+        self.0.arm(at)
+    }
+
+    fn disarm(&self) {
+        self.0.disarm();
+    }
+}
+
+impl Platform for Vectored {
+    const VECTORS: bool = true;
+
+    fn pend(&self, ranks: u32) {
+        self.machine.pending.fetch_or(ranks & !1, Relaxed);
+        if ranks & 1 != 0 {
+            self.machine.pended.store(true, Relaxed);
+            self.interrupt();
+        }
+        self.take_vectors();
     }
 
     fn interruptible(&self, body: impl FnOnce()) {
-        let former = self.machine.enabled.swap(true, Relaxed);
-        let _enabled = Enabled {
-            processor: self,
-            former,
-        };
         body();
     }
 }

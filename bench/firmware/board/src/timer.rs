@@ -84,11 +84,6 @@ pub fn arm(instant: u32) {
     }
 }
 
-/// Lets the alarm not go off any more.
-pub fn stop_alarm() {
-    write(ALARM_VALUE, 0);
-}
-
 /// Withdraws the interrupt of the alarm.
 #[inline(always)]
 pub fn acknowledge() {

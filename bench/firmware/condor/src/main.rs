@@ -1,88 +1,64 @@
-//! The three loops as loops of condor-mos, in an event table, with a vector of the NVIC each.
+//! The three loops of condor-mos, with one vector for each.
 #![no_std]
 #![no_main]
 
-mod counter;
+mod platform;
 
 use board::body::body;
-use board::{Interrupt, LOOPS, NVIC_PRIO_BITS, RATES, report, switch_off};
-use condor_mos::cortex_m::Vectors;
-use condor_mos::{EventTable, LoopId, Overrun, Rate, Scheduler};
-use cortex_m::peripheral::NVIC;
-use counter::{CLOCK, Counter};
+use board::{LOOPS, RATES, report, switch_off, timer};
+use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Wrapping};
+use cortex_m::singleton;
+use platform::Board;
 
-/// Events of a hyperperiod of 20 ms.
-const EVENTS: usize = (RATES[0] / RATES[LOOPS - 1]) as usize;
+const CLOCK: Clock = Clock::of::<Wrapping<32>>(Rate::hz(timer::HERTZ));
+const HERTZ: [Rate; LOOPS] = [Rate::hz(RATES[0]), Rate::hz(RATES[1]), Rate::hz(RATES[2])];
 
-/// What a loop has that has nothing.
-type Nothing = [u8; 0];
+/// Eight events of the fastest loop in a hyperperiod; the others are due with some of them.
+const EVENTS: usize = 8;
 
-static SCHEDULER: Scheduler<Vectors<Counter, LOOPS>, EventTable<LOOPS, EVENTS>, LOOPS> =
-    Scheduler::new(
-        Vectors::new(
-            Counter,
-            [
-                Interrupt::SPARE0 as u16,
-                Interrupt::SPARE1 as u16,
-                Interrupt::SPARE2 as u16,
-            ],
-            NVIC_PRIO_BITS,
-        ),
-        EventTable::new(
-            [Rate::hz(RATES[0]), Rate::hz(RATES[1]), Rate::hz(RATES[2])],
-            CLOCK,
-        ),
-    );
+static SCHEDULER: Scheduler<Board, EventTable<LOOPS, EVENTS>, LOOPS> =
+    Scheduler::new(Board, EventTable::new(HERTZ, CLOCK));
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let Some(mut core) = cortex_m::Peripherals::take() else {
-        switch_off(false);
-    };
-    Counter::prepare();
-    // SAFETY: no lock of this firmware relies on priorities or on disabled interrupts.
-    unsafe {
-        SCHEDULER.platform().enable(&mut core.NVIC);
-        NVIC::unmask(Interrupt::TIMER0);
-    }
-    let assigned =
-        assign(0, |_| body::<0>()) && assign(1, |_| body::<1>()) && assign(2, |_| body::<2>());
-    if !assigned || SCHEDULER.start().is_err() {
+    let started = cortex_m::Peripherals::take().is_some_and(|mut core| {
+        Board::prepare(&mut core.NVIC);
+        start().is_some()
+    });
+    if !started {
         switch_off(false);
     }
     report::loops()
 }
 
-/// Gives a loop its body, which keeps nothing from one run to the next.
-fn assign(number: u8, body: fn(&mut Nothing)) -> bool {
-    SCHEDULER
-        .assign(LoopId(number), Overrun::Skip, body, &mut [])
-        .is_ok()
+fn start() -> Option<()> {
+    let assign = |id, body, context: &'static mut ()| {
+        SCHEDULER
+            .assign(LoopId(id), Overrun::Skip, body, context)
+            .ok()
+    };
+    assign(0, |()| body::<0>(), singleton!(: () = ())?)?;
+    assign(1, |()| body::<1>(), singleton!(: () = ())?)?;
+    assign(2, |()| body::<2>(), singleton!(: () = ())?)?;
+    SCHEDULER.start().ok()
 }
 
-/// The interrupt of the alarm.
+/// The alarm, and the vector of rank 0.
 // SAFETY: the name is that of the interrupt in the vector table, and only the hardware calls it.
 #[unsafe(no_mangle)]
 extern "C" fn TIMER0() {
-    board::timer::acknowledge();
+    timer::acknowledge();
     SCHEDULER.on_timer();
 }
 
-/// The vector of the fastest loop.
-// SAFETY: as above.
-#[unsafe(no_mangle)]
-extern "C" fn SPARE0() {
-    SCHEDULER.on_vector(0);
-}
-
-/// The vector of the second loop.
+/// The vector of rank 1.
 // SAFETY: as above.
 #[unsafe(no_mangle)]
 extern "C" fn SPARE1() {
     SCHEDULER.on_vector(1);
 }
 
-/// The vector of the slowest loop.
+/// The vector of rank 2.
 // SAFETY: as above.
 #[unsafe(no_mangle)]
 extern "C" fn SPARE2() {

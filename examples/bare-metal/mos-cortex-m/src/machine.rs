@@ -27,7 +27,7 @@ pub(crate) fn switch_off(success: bool) -> ! {
     }
 }
 
-/// The first of three interrupts that no device uses: software interrupts of the nRF51.
+/// The first of two interrupts that no device uses: software interrupts of the nRF51.
 pub(crate) const SPARE: u16 = 22;
 
 /// A place of the vector table.
@@ -39,10 +39,9 @@ type Vector = extern "C" fn();
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [Vector; 32] = {
     let mut vectors: [Vector; 32] = [unexpected; 32];
-    let [fastest, middle, slowest] = crate::VECTORS;
-    vectors[SPARE as usize] = fastest;
-    vectors[SPARE as usize + 1] = middle;
-    vectors[SPARE as usize + 2] = slowest;
+    let [middle, slowest] = crate::VECTORS;
+    vectors[SPARE as usize] = middle;
+    vectors[SPARE as usize + 1] = slowest;
     vectors
 };
 

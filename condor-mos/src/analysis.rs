@@ -1,0 +1,338 @@
+//! [`Analysis`]: whether a set of loops can be scheduled, and how late each may end.
+
+use core::fmt;
+
+use crate::rate::Rate;
+use crate::scheduler::LoopId;
+use crate::statistics::Statistics;
+
+/// Steps after which a response is [`Response::Undecided`]. A step passes at least one release of
+/// a faster loop, so that only rates which differ by more than this factor come here.
+const MOST_STEPS: u32 = 1 << 20;
+
+/// What a loop asks of the processor. Times are in ticks of the clock of the analysis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Load {
+    /// How often it runs.
+    pub rate: Rate,
+    /// The longest that it computes, without what interrupts it.
+    pub worst_run: u32,
+    /// The longest that something slower holds it up: for as long as a slower loop or the background
+    /// has a [`CeilingLock`](crate::CeilingLock) of which this loop, or a faster one, is a user, or
+    /// masks interrupts. At most one of them does so, once.
+    pub blocking: u32,
+}
+
+impl Load {
+    /// A loop that computes for at most `worst_run` ticks and is never held up.
+    #[must_use]
+    pub const fn new(rate: Rate, worst_run: u32) -> Self {
+        Self {
+            rate,
+            worst_run,
+            blocking: 0,
+        }
+    }
+
+    /// The same with `blocking` ticks.
+    #[must_use]
+    pub const fn blocked(self, blocking: u32) -> Self {
+        Self { blocking, ..self }
+    }
+
+    /// What a loop was seen to ask for: its worst run so far. Nothing is known of blocking.
+    #[must_use]
+    pub const fn measured(statistics: &Statistics) -> Self {
+        Self::new(statistics.rate, statistics.worst_run)
+    }
+}
+
+/// How long after its release a loop ends, at worst.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Response {
+    /// After so many ticks, which are not more than its period.
+    Within(u64),
+    /// Later than its next release, at least when all loops are due at once.
+    Late,
+    /// Not found in 2^20 steps: the rates differ by more than that, and the processor is as good as
+    /// full.
+    Undecided,
+}
+
+/// The response-time analysis of `L` loops of which a faster one interrupts a slower one: exact for
+/// the given loads, in whole ticks and periods that are fractions.
+///
+/// A loop ends latest when all are due at once (C. L. Liu, J. W. Layland, "Scheduling algorithms for
+/// multiprogramming in a hard-real-time environment", Journal of the ACM 20(1), 1973). Its response
+/// *R* is then the least solution of *R* = *B* + *C* + Σ ⌈*R* / *Tⱼ*⌉ *Cⱼ* over the faster loops *j*
+/// (M. Joseph, P. Pandya, "Finding response times in a real-time system", The Computer Journal 29(5),
+/// 1986), with blocking *B* (N. Audsley, A. Burns, M. Richardson, K. Tindell, A. Wellings, "Applying
+/// new scheduling theory to static priority pre-emptive scheduling", Software Engineering Journal
+/// 8(5), 1993). An overhead counts for the releases of *all* loops, since the timer interrupts
+/// the faster loops for the slower ones, too.
+///
+/// It holds for every overrun policy, and also while loops are disabled.
+///
+/// In a constant, a set that cannot be scheduled is an error of compilation:
+///
+/// ```
+/// use condor_mos::{Analysis, Load, LoopId, Rate, Response};
+///
+/// const MICROSECONDS: Rate = Rate::hz(1_000_000);
+/// const HAND: Analysis<3> = Analysis::new(
+///     MICROSECONDS,
+///     [
+///         Load::new(Rate::hz(400), 900),
+///         Load::new(Rate::hz(100), 2_000),
+///         Load::new(Rate::hz(50), 3_000).blocked(50), // by the background
+///     ],
+/// );
+/// const { assert!(HAND.is_schedulable()) };
+/// assert_eq!(HAND.response(LoopId(2)), Some(Response::Within(8_650)));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Analysis<const L: usize> {
+    frequency: Rate,
+    /// By rank, from the fastest on, as is what follows.
+    numbers: [u8; L],
+    loads: [Load; L],
+    responses: [Response; L],
+}
+
+impl<const L: usize> Analysis<L> {
+    /// The analysis of loops with these loads, in ticks of `frequency`; switching costs nothing.
+    ///
+    /// Declared times in nanoseconds are ticks of `Rate::hz(1_000_000_000)`.
+    #[must_use]
+    pub const fn new(frequency: Rate, loads: [Load; L]) -> Self {
+        Self::with_overhead(frequency, loads, 0)
+    }
+
+    /// The same, where each release costs `overhead` ticks in addition, for the timer's interrupt, the
+    /// start and the end of the loop.
+    #[must_use]
+    pub const fn with_overhead(frequency: Rate, loads: [Load; L], overhead: u32) -> Self {
+        const { assert!(L >= 1 && L <= 32, "an analysis is of 1 to 32 loops") };
+        let mut analysis = Self {
+            frequency,
+            numbers: [0; L],
+            loads,
+            responses: [Response::Late; L],
+        };
+        let mut placed = 0;
+        while placed < L {
+            // The order of a schedule: equal rates stay in the order of their numbers.
+            let load = loads[placed];
+            let mut rank = placed;
+            while rank > 0 && load.rate.is_faster_than(analysis.loads[rank - 1].rate) {
+                analysis.loads[rank] = analysis.loads[rank - 1];
+                analysis.numbers[rank] = analysis.numbers[rank - 1];
+                rank -= 1;
+            }
+            analysis.loads[rank] = load;
+            analysis.numbers[rank] = placed as u8;
+            placed += 1;
+        }
+        let mut rank = 0;
+        while rank < L {
+            analysis.responses[rank] = analysis.respond(rank, overhead);
+            rank += 1;
+        }
+        analysis
+    }
+
+    /// The analysis of what the loops of one scheduler were seen to take, by number. It is as good as
+    /// what has been seen: worst runs that have not happened yet are not in it.
+    #[must_use]
+    pub fn measured(loops: &[Statistics; L]) -> Self {
+        let frequency = loops.first().map_or(Rate::hz(1), |first| first.frequency);
+        Self::new(frequency, loops.each_ref().map(Load::measured))
+    }
+
+    /// Whether every loop ends within its period, always.
+    #[must_use]
+    pub const fn is_schedulable(&self) -> bool {
+        self.first_late().is_none()
+    }
+
+    /// The fastest loop that is not known to end within its period.
+    #[must_use]
+    pub const fn first_late(&self) -> Option<LoopId> {
+        let mut rank = 0;
+        while rank < L {
+            if !matches!(self.responses[rank], Response::Within(_)) {
+                return Some(LoopId(self.numbers[rank]));
+            }
+            rank += 1;
+        }
+        None
+    }
+
+    /// The worst response of a loop; `None` if there is no such loop.
+    #[must_use]
+    pub const fn response(&self, id: LoopId) -> Option<Response> {
+        let mut rank = 0;
+        while rank < L {
+            if self.numbers[rank] == id.0 {
+                return Some(self.responses[rank]);
+            }
+            rank += 1;
+        }
+        None
+    }
+
+    /// The part of the processor that the loops take, without overhead: 1 is all of it.
+    #[must_use]
+    pub fn utilisation(&self) -> f64 {
+        let parts = self
+            .loads
+            .iter()
+            .map(|load| f64::from(load.worst_run) * load.rate.as_hz() / self.frequency.as_hz());
+        parts.sum()
+    }
+
+    /// Solves the equation for the loop at `rank`, from below: all loops are due at once.
+    const fn respond(&self, rank: usize, overhead: u32) -> Response {
+        let own = self.loads[rank];
+        let alone = own.worst_run as u64 + own.blocking as u64;
+        let mut response = 0;
+        let mut step = 0;
+        while step < MOST_STEPS {
+            let mut needed = alone;
+            let mut other = 0;
+            while other < L {
+                let load = self.loads[other];
+                let each = if other < rank { load.worst_run } else { 0 } as u64 + overhead as u64;
+                let time = self.releases(load.rate, response).saturating_mul(each);
+                needed = needed.saturating_add(time);
+                other += 1;
+            }
+            if !self.is_within_period(own.rate, needed) {
+                return Response::Late;
+            }
+            if needed == response {
+                return Response::Within(response);
+            }
+            response = needed;
+            step += 1;
+        }
+        Response::Undecided
+    }
+
+    /// The most releases in `ticks`, of which the first one is at their beginning.
+    ///
+    /// The scheduler rounds an instant t to ⌊t + ½⌋, which lies in a window of whole ticks if
+    /// t lies in a window of the same length half a tick before: as many as with exact instants.
+    const fn releases(&self, rate: Rate, ticks: u64) -> u64 {
+        let (ticks_of, parts) = self.period(rate);
+        let passed = ticks as u128 * parts as u128;
+        // Also one at the beginning of no time at all.
+        match passed.saturating_sub(1).checked_div(ticks_of as u128) {
+            Some(periods) if periods < u64::MAX as u128 => periods as u64 + 1,
+            _ => u64::MAX,
+        }
+    }
+
+    const fn is_within_period(&self, rate: Rate, ticks: u64) -> bool {
+        let (ticks_of, parts) = self.period(rate);
+        ticks as u128 * parts as u128 <= ticks_of as u128
+    }
+
+    /// The period in ticks, as a fraction: a product of two 32-bit numbers is one of 64.
+    const fn period(&self, rate: Rate) -> (u64, u64) {
+        (
+            rate.denominator() as u64 * self.frequency.numerator() as u64,
+            rate.numerator() as u64 * self.frequency.denominator() as u64,
+        )
+    }
+}
+
+/// A table of the loops from the fastest on, and the verdict.
+impl<const L: usize> fmt::Display for Analysis<L> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let microseconds = |ticks: f64| ticks * 1e6 / self.frequency.as_hz();
+        writeln!(
+            f,
+            "{:>14} {:>5} {:>12} {:>12} {:>12} {:>12}",
+            "rate", "loop", "run µs", "blocked µs", "response µs", "period µs"
+        )?;
+        let rows = self.numbers.iter().zip(&self.loads).zip(&self.responses);
+        for ((number, load), response) in rows {
+            write!(
+                f,
+                "{:>14} {number:>5} {:>12.1} {:>12.1} ",
+                load.rate,
+                microseconds(load.worst_run.into()),
+                microseconds(load.blocking.into()),
+            )?;
+            match response {
+                // Below 2^53 ticks nothing is lost.
+                #[allow(clippy::cast_precision_loss)]
+                Response::Within(ticks) => write!(f, "{:>12.1}", microseconds(*ticks as f64))?,
+                Response::Late => write!(f, "{:>12}", "late")?,
+                Response::Undecided => write!(f, "{:>12}", "undecided")?,
+            }
+            writeln!(f, " {:>12.1}", 1e6 / load.rate.as_hz())?;
+        }
+        match self.first_late() {
+            None => write!(f, "schedulable")?,
+            Some(id) => write!(f, "not schedulable, from loop {} on", id.0)?,
+        }
+        write!(f, "; utilisation {:.1} %", 100.0 * self.utilisation())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Analysis, Load, Response};
+    use crate::rate::Rate;
+    use crate::scheduler::LoopId;
+
+    fn responses<const L: usize>(periods_and_runs: [(u32, u32); L]) -> [Option<Response>; L] {
+        let loads =
+            periods_and_runs.map(|(period, run)| Load::new(Rate::every_seconds(period), run));
+        let analysis = Analysis::new(Rate::hz(1), loads);
+        core::array::from_fn(|number| analysis.response(LoopId(number as u8)))
+    }
+
+    /// A. Burns, A. Wellings, "Real-Time Systems and Programming Languages", on response times.
+    #[test]
+    fn the_examples_of_a_textbook_are_met() {
+        let within = |ticks| Some(Response::Within(ticks));
+        assert_eq!(
+            responses([(7, 3), (12, 3), (20, 5)]),
+            [within(3), within(6), within(20)]
+        );
+        assert_eq!(
+            responses([(80, 40), (40, 10), (20, 5)]),
+            [within(80), within(15), within(5)],
+            "a full processor"
+        );
+        assert_eq!(
+            responses([(50, 12), (40, 10), (30, 10)]),
+            [Some(Response::Late), within(20), within(10)],
+        );
+    }
+
+    #[test]
+    fn the_largest_numbers_end() {
+        let fast = Load::new(Rate::hz(u32::MAX), u32::MAX).blocked(u32::MAX);
+        let slow = Load::new(Rate::every_seconds(u32::MAX), u32::MAX);
+        let frequencies = [
+            Rate::hz(1),
+            Rate::hz(u32::MAX),
+            Rate::every_seconds(u32::MAX),
+        ];
+        for frequency in frequencies {
+            let analysis = Analysis::with_overhead(frequency, [slow, fast], u32::MAX);
+            assert_eq!(analysis.first_late(), Some(LoopId(1)));
+            assert_eq!(analysis.response(LoopId(0)), Some(Response::Late));
+        }
+        // A loop that leaves nothing to the next one, which has ages to wait for it.
+        let full = Load::new(Rate::hz(u32::MAX), 1);
+        let analysis = Analysis::new(Rate::hz(u32::MAX), [full, slow]);
+        assert_eq!(analysis.response(LoopId(0)), Some(Response::Within(1)));
+        assert_eq!(analysis.response(LoopId(1)), Some(Response::Undecided));
+        assert!(!analysis.is_schedulable());
+    }
+}

@@ -1,0 +1,24 @@
+//! How a timer's interrupt keeps up with events, and never loses the next one.
+
+use crate::instant::Instant;
+use crate::timer::{Armed, Timer};
+
+/// Events that one interrupt catches up with before the background gets a chance.
+const MOST_EVENTS: u32 = 1024;
+
+/// Passes events, the first of which is due, and arms the timer for the first that is ahead.
+/// `pass_event` gives the instant of the one after.
+#[cold]
+pub(crate) fn catch_up<T: Timer>(timer: &T, mut pass_event: impl FnMut() -> T::Instant) {
+    for _ in 0..MOST_EVENTS {
+        if timer.arm(pass_event()) == Armed::Ahead {
+            return;
+        }
+    }
+    // Events come faster than they can be counted: come back to them after a while.
+    let longest = 1 << (T::Instant::BITS.min(32) - 2);
+    let mut ticks = 1;
+    while timer.arm(timer.now().after(ticks)) == Armed::Past && ticks < longest {
+        ticks <<= 1;
+    }
+}

@@ -1,0 +1,68 @@
+//! Where an interrupt can come: whenever a context of this thread, unmasked, reaches shared state.
+
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+
+thread_local! {
+    static DEPTH: Cell<u32> = const { Cell::new(0) };
+    static ON_POINT: RefCell<Option<Rc<dyn Fn()>>> = const { RefCell::new(None) };
+}
+
+/// Has `on_point` called at every point of `program`.
+pub(super) fn with<R>(on_point: Rc<dyn Fn()>, program: impl FnOnce() -> R) -> R {
+    ON_POINT.set(Some(on_point));
+    let result = program();
+    ON_POINT.set(None);
+    result
+}
+
+/// Runs `f` without points: what looks on from outside.
+pub(super) fn quietly<R>(f: impl FnOnce() -> R) -> R {
+    let on_point = ON_POINT.take();
+    let result = f();
+    ON_POINT.set(on_point);
+    result
+}
+
+/// A point, unless it is masked.
+pub(super) fn point() {
+    if DEPTH.get() == 0
+        && let Some(on_point) = ON_POINT.with_borrow(Clone::clone)
+    {
+        on_point();
+    }
+}
+
+/// A critical section: a point before and one behind, none within.
+pub(crate) struct Section;
+
+impl Section {
+    pub(crate) fn enter() -> Self {
+        point();
+        DEPTH.set(DEPTH.get() + 1);
+        Self
+    }
+}
+
+impl Drop for Section {
+    fn drop(&mut self) {
+        DEPTH.set(DEPTH.get() - 1);
+        point();
+    }
+}
+
+/// An access to shared state. In a section it is no point; a section that is missing shows here.
+pub(crate) struct Access;
+
+impl Access {
+    pub(crate) fn begin() -> Self {
+        point();
+        Self
+    }
+}
+
+impl Drop for Access {
+    fn drop(&mut self) {
+        point();
+    }
+}

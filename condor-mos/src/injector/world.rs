@@ -1,0 +1,223 @@
+//! [`World`]: a set of loops, the processor that they run on, and who watches them.
+
+use std::rc::Rc;
+use std::sync::Mutex;
+
+use super::hook;
+use super::oracle::{Asked, FREQUENCY, Oracle, Snapshot};
+use super::plan::{Kind, Plan};
+use crate::ceiling::CeilingLock;
+use crate::clock::Clock;
+use crate::platform::Platform;
+use crate::process::Overrun;
+use crate::rate::Rate;
+use crate::schedule::EventTable;
+use crate::scheduler::{LoopId, Scheduler};
+use crate::sim::{Processor, Vectored};
+
+/// Entries for rates of 1 to 4 Hz: a hyperperiod of 12 ticks.
+type Table<const L: usize> = EventTable<L, 12>;
+
+/// Two of the hyperperiods.
+pub(super) const END: u64 = 2 * FREQUENCY as u64;
+
+/// A simulated processor, whatever its way to nest.
+pub(super) trait Simulated: Platform<Instant = u64> + Clone + Send + Sync + 'static {
+    /// What people call it.
+    const NESTING: &str;
+
+    fn new(frequency: Rate) -> Self;
+
+    fn processor(&self) -> &Processor;
+}
+
+impl Simulated for Processor {
+    const NESTING: &str = "by call";
+
+    fn new(frequency: Rate) -> Self {
+        Self::new(frequency)
+    }
+
+    fn processor(&self) -> &Processor {
+        self
+    }
+}
+
+impl Simulated for Vectored {
+    const NESTING: &str = "by vectors";
+
+    fn new(frequency: Rate) -> Self {
+        Self::new(frequency)
+    }
+
+    fn processor(&self) -> &Processor {
+        self
+    }
+}
+
+/// What is the same in all runs.
+#[derive(Clone, Copy)]
+pub(super) struct Set<const L: usize> {
+    pub(super) rates: [u32; L],
+    pub(super) overrun: Overrun,
+    table: Table<L>,
+}
+
+impl<const L: usize> Set<L> {
+    pub(super) fn new(rates: [u32; L], overrun: Overrun) -> Self {
+        let clock = Clock::of::<u64>(Rate::hz(FREQUENCY));
+        Self {
+            rates,
+            overrun,
+            table: Table::new(rates.map(Rate::hz), clock),
+        }
+    }
+}
+
+pub(super) struct World<P: Simulated, const L: usize> {
+    processor: P,
+    pub(super) scheduler: Scheduler<P, Table<L>, L>,
+    oracle: Mutex<Oracle<L>>,
+}
+
+impl<P: Simulated, const L: usize> World<P, L> {
+    /// Runs `background` of a fresh world, with `body` in each loop, and the interrupts of `plan`.
+    pub(super) fn run(
+        set: &Set<L>,
+        plan: Plan,
+        body: impl Fn(&Self, usize) + Sync,
+        background: impl FnOnce(&Self),
+    ) -> bool {
+        let frequency = Rate::hz(FREQUENCY);
+        let processor = P::new(frequency);
+        let world = Rc::new(Self {
+            scheduler: Scheduler::new(processor.clone(), set.table),
+            processor,
+            oracle: Mutex::new(Oracle::new(set.rates, set.overrun)),
+        });
+        let plan = Rc::new(plan);
+        let scheduler = &world.scheduler;
+        let this = &*world;
+        let mut bodies: [_; L] = std::array::from_fn(|number| {
+            let body = &body;
+            move || {
+                this.with_oracle(|oracle| oracle.enter(number));
+                body(this, number);
+                this.point();
+                this.with_oracle(|oracle| oracle.leave(number));
+            }
+        });
+        let on_point = {
+            let (world, plan) = (Rc::clone(&world), Rc::clone(&plan));
+            Rc::new(move || world.on_point(&plan))
+        };
+        scheduler.scope(|scope| {
+            for (number, body) in bodies.iter_mut().enumerate() {
+                scope
+                    .assign(LoopId(number as u8), set.overrun, body)
+                    .expect("a loop that is free");
+            }
+            hook::with(on_point, || {
+                world.processor.processor().with_vectors(
+                    |rank| scheduler.on_vector(rank),
+                    || {
+                        world
+                            .processor
+                            .processor()
+                            .with_handler(|| scheduler.on_timer(), || background(&world));
+                    },
+                );
+            });
+        });
+        plan.is_done()
+    }
+
+    /// A point of a program's own.
+    pub(super) fn point(&self) {
+        hook::point();
+        self.with_oracle(|oracle| oracle.nothing_faster_waits());
+    }
+
+    /// The background goes on until all events before `end` are over.
+    pub(super) fn wait_until(&self, end: u64) {
+        self.point();
+        while let Some(armed) = self.processor.processor().armed()
+            && armed < end
+        {
+            self.processor.processor().skip_to(armed);
+            self.processor.processor().interrupt();
+            self.point();
+        }
+    }
+
+    /// Nothing is unfinished, and nothing was lost.
+    pub(super) fn check_end(&self) {
+        let now = self.processor.processor().now();
+        self.with_oracle(|oracle| oracle.all_is_done(now));
+    }
+
+    /// Does what the counts will show.
+    pub(super) fn ask(&self, asked: Asked) {
+        self.with_oracle(|oracle| oracle.asked = asked);
+        let scheduler = &self.scheduler;
+        match asked {
+            Asked::Nothing => {}
+            Asked::Start => scheduler.start().expect("not started"),
+            Asked::Stop => scheduler.stop(),
+            Asked::Enable(number) => scheduler.enable(LoopId(number as u8)).expect("a loop"),
+            Asked::Disable(number) => scheduler.disable(LoopId(number as u8)).expect("a loop"),
+        }
+        self.with_oracle(|oracle| oracle.asked = Asked::Nothing);
+    }
+
+    /// Increments what a lock of `users` holds, with a point before it is written.
+    pub(super) fn increment(
+        &self,
+        lock: &CeilingLock<u32>,
+        users: &[usize],
+        inside: impl FnOnce(),
+    ) {
+        let locked = lock.lock(&self.scheduler, |value| {
+            self.with_oracle(|oracle| oracle.lock(users));
+            let before = *value;
+            self.point();
+            inside();
+            *value = before + 1;
+            self.with_oracle(Oracle::unlock);
+        });
+        locked.expect("a user, and nobody else has it");
+        self.point();
+    }
+
+    fn with_oracle<R>(&self, f: impl FnOnce(&mut Oracle<L>) -> R) -> R {
+        self.look();
+        f(&mut self.oracle.lock().expect("no check has failed"))
+    }
+
+    fn look(&self) {
+        let snapshot = hook::quietly(|| self.scheduler.look(Snapshot::of));
+        let mut oracle = self.oracle.lock().expect("no check has failed");
+        oracle.look(self.processor.processor().now(), &snapshot);
+    }
+
+    fn on_point(&self, plan: &Plan) {
+        self.look();
+        if self.processor.processor().is_interruptible() {
+            plan.point(|kind| self.interrupt(kind));
+        }
+    }
+
+    fn interrupt(&self, kind: Kind) {
+        if let Some(armed) = self.processor.processor().armed() {
+            match kind {
+                Kind::OnTime => self.processor.processor().skip_to(armed),
+                Kind::Late => {
+                    let next = self.with_oracle(|oracle| oracle.next_event(armed));
+                    self.processor.processor().skip_to(next);
+                }
+                Kind::WithoutCause => {}
+            }
+        }
+        self.processor.processor().interrupt();
+    }
+}

@@ -1,0 +1,169 @@
+//! [`Latest`]: the latest value of a loop, for another one.
+
+use crate::sync::{AtomicBool, AtomicU8, Ordering, UnsafeCell, const_unless_loom};
+
+/// Set beside the index in `middle` while the reader has not taken that buffer.
+const FRESH: u8 = 4;
+const INDEX: u8 = 3;
+
+/// A value that one context writes and another one reads, on one processor or on threads: the
+/// reader finds the latest that was complete, whole, and neither ever waits for the other.
+///
+/// Each has a buffer of its own, and hands it in for the third one: the writer when its value is
+/// complete, the reader when that is newer than its own. So a value is never copied, and may be of
+/// any size and any type that is `Send`. A value that the reader does not take in time is
+/// overwritten.
+///
+/// Indices are exchanged atomically; on processors that cannot, within a critical section of a few
+/// instructions.
+///
+/// ```
+/// use condor_mos::Latest;
+///
+/// static TORQUES: Latest<[f32; 3]> = Latest::new([0.0; 3]);
+///
+/// let (mut writer, mut reader) = TORQUES.split().expect("split once");
+/// writer.write([0.1, 0.2, 0.3]);
+/// writer.write([0.4, 0.5, 0.6]);
+/// assert!(reader.is_fresh());
+/// assert_eq!(*reader.read(), [0.4, 0.5, 0.6]);
+/// ```
+pub struct Latest<T> {
+    buffers: [UnsafeCell<T>; 3],
+    /// The buffer that nobody uses, and whether it is newer than the reader's.
+    middle: AtomicU8,
+    /// The writer's buffer, and the reader's.
+    ends: [UnsafeCell<u8>; 2],
+    split: AtomicBool,
+}
+
+// SAFETY: each buffer is reached by the one end that holds its index, and each index of `ends` by
+// its end; there is one `Writer` and one `Reader`, as `split` and `split_mut` see to.
+unsafe impl<T: Send> Sync for Latest<T> {}
+
+impl<T> Latest<T> {
+    const_unless_loom! {
+        /// A cell in which `initial` is read until something is written.
+        #[must_use]
+        pub const fn new(initial: T) -> Self
+        where
+            T: Copy,
+        {
+            Self::with_buffers(initial, initial, initial)
+        }
+    }
+
+    const_unless_loom! {
+        /// A cell in which `initial` is read until something is written, for values that cannot be
+        /// copied: the writer gets `second` and `third` to overwrite.
+        #[must_use]
+        pub const fn with_buffers(initial: T, second: T, third: T) -> Self {
+            Self {
+                buffers: [
+                    UnsafeCell::new(initial),
+                    UnsafeCell::new(second),
+                    UnsafeCell::new(third),
+                ],
+                middle: AtomicU8::new(1),
+                ends: [UnsafeCell::new(2), UnsafeCell::new(0)],
+                split: AtomicBool::new(false),
+            }
+        }
+    }
+
+    /// The two ends, once; `None` if they have been given away before.
+    pub fn split(&self) -> Option<(Writer<'_, T>, Reader<'_, T>)> {
+        // Relaxed: pairs with itself only; what the ends share begins with their first exchange.
+        if self.split.swap(true, Ordering::Relaxed) {
+            return None;
+        }
+        Some((Writer { cell: self }, Reader { cell: self }))
+    }
+
+    /// The two ends for as long as the cell is borrowed. What was latest stays so.
+    pub fn split_mut(&mut self) -> (Writer<'_, T>, Reader<'_, T>) {
+        // `&mut self`: the ends of former calls are gone, and their indices are kept in the cell.
+        (Writer { cell: self }, Reader { cell: self })
+    }
+
+    fn buffer(&self, index: u8) -> &UnsafeCell<T> {
+        let [first, second, third] = &self.buffers;
+        match index & INDEX {
+            0 => first,
+            1 => second,
+            _ => third,
+        }
+    }
+}
+
+/// The end of a [`Latest`] that writes.
+pub struct Writer<'l, T> {
+    cell: &'l Latest<T>,
+}
+
+impl<T> Writer<'_, T> {
+    /// Makes `value` the latest.
+    pub fn write(&mut self, value: T) {
+        *self.buffer() = value;
+        self.publish();
+    }
+
+    /// The value that [`publish`](Self::publish) will make the latest, to be changed in place: an
+    /// old one, no matter which.
+    pub fn buffer(&mut self) -> &mut T {
+        let [back, _] = &self.cell.ends;
+        // SAFETY: the index is the writer's, and so is the buffer until it is published.
+        let index = back.with(|back| unsafe { *back });
+        // SAFETY: as before; `&mut self` keeps it from being published meanwhile.
+        self.cell
+            .buffer(index)
+            .with_mut(|value| unsafe { &mut *value })
+    }
+
+    /// Makes what [`buffer`](Self::buffer) holds the latest value.
+    pub fn publish(&mut self) {
+        let [back, _] = &self.cell.ends;
+        let middle = &self.cell.middle;
+        back.with_mut(|back| {
+            // SAFETY: the index is the writer's.
+            let back = unsafe { &mut *back };
+            // Release: pairs with the reader's exchange, which takes the value. Acquire: pairs with
+            // the reader's exchange, which hands in the buffer that it has finished reading.
+            *back = middle.swap(*back | FRESH, Ordering::AcqRel) & INDEX;
+        });
+    }
+}
+
+/// The end of a [`Latest`] that reads.
+pub struct Reader<'l, T> {
+    cell: &'l Latest<T>,
+}
+
+impl<T> Reader<'_, T> {
+    /// The latest value. It stays as it is until the next call.
+    pub fn read(&mut self) -> &T {
+        let [_, front] = &self.cell.ends;
+        let middle = &self.cell.middle;
+        let fresh = self.is_fresh();
+        let index = front.with_mut(|front| {
+            // SAFETY: the index is the reader's.
+            let front = unsafe { &mut *front };
+            if fresh {
+                // Acquire: pairs with the writer's exchange, which has published the value.
+                // Release: pairs with the writer's exchange, which takes the buffer to overwrite it.
+                *front = middle.swap(*front, Ordering::AcqRel) & INDEX;
+            }
+            *front
+        });
+        // SAFETY: the buffer is the reader's until it is handed in, which takes `&mut self`.
+        self.cell.buffer(index).with(|value| unsafe { &*value })
+    }
+
+    /// Whether [`read`](Self::read) will give a value that it has not given before.
+    #[must_use]
+    pub fn is_fresh(&self) -> bool {
+        // Relaxed: only advises; the exchange that follows is what takes the value. The writer never
+        // takes a fresh mark back.
+        self.cell.middle.load(Ordering::Relaxed) & FRESH != 0
+    }
+}

@@ -1,0 +1,73 @@
+//! Whether a schedule drifts.
+
+use crate::rate::{Rate, greatest_common_divisor};
+use crate::schedule::Schedule;
+
+/// Drives `schedule` from its beginning through `hyperperiods` of its rates, and gives the largest
+/// distance between a release and its exact instant, in ticks; any loop, any time.
+///
+/// The instants are exact fractions, so what this finds is the schedule's and not its own. A grid
+/// that rounds is off by one tick at most, for ever; one that drifts, by more and more.
+///
+/// ```
+/// use condor_mos::sim::worst_release_error;
+/// use condor_mos::{Clock, EventTable, Rate};
+///
+/// // 3 Hz is no whole number of ticks.
+/// let clock = Clock::of::<u64>(Rate::hz(1000));
+/// let mut table = EventTable::<2, 8>::new([Rate::hz(3), Rate::hz(2)], clock);
+/// assert!(worst_release_error(&mut table, 1000) <= 0.5);
+/// ```
+pub fn worst_release_error<S: Schedule<L>, const L: usize>(
+    schedule: &mut S,
+    hyperperiods: u64,
+) -> f64 {
+    schedule.restart();
+    let frequency = schedule.clock().frequency();
+    // Releases since the beginning, and ticks between two of them as a fraction.
+    let mut releases = [0_u64; L];
+    let periods = schedule.rates().map(|rate| {
+        let product = |a: u32, b: u32| u128::from(a) * u128::from(b);
+        (
+            product(rate.denominator(), frequency.numerator()),
+            product(rate.numerator(), frequency.denominator()),
+        )
+    });
+    let end = hyperperiods * releases_of_first(schedule.rates());
+    let (mut now, mut worst) = (0_u64, 0.0_f64);
+    while releases[0] <= end {
+        // No change of rates takes effect.
+        if schedule.is_at_turn() {
+            schedule.turn(false);
+        }
+        let event = schedule.next_event();
+        for (rank, &number) in schedule.ranks().iter().enumerate() {
+            if event.ranks & (1 << rank) == 0 {
+                continue;
+            }
+            let number = usize::from(number);
+            let (ticks, parts) = periods[number];
+            let exact = u128::from(releases[number]) * ticks;
+            let distance = (u128::from(now) * parts).abs_diff(exact);
+            // The difference is exact; a few ticks, and their quotient, need no more than 53 bits.
+            #[allow(clippy::cast_precision_loss)]
+            let distance = distance as f64 / parts as f64;
+            worst = worst.max(distance);
+            releases[number] += 1;
+        }
+        now += u64::from(event.gap);
+    }
+    worst
+}
+
+/// How often the first loop is due in a hyperperiod, the inverse of the rates' greatest common
+/// divisor.
+fn releases_of_first<const L: usize>(rates: &[Rate; L]) -> u64 {
+    let (mut numerator, mut denominator) = (0, 1);
+    for rate in rates {
+        let divisor = greatest_common_divisor(denominator, u64::from(rate.denominator()));
+        denominator = denominator / divisor * u64::from(rate.denominator());
+        numerator = greatest_common_divisor(numerator, u64::from(rate.numerator()));
+    }
+    denominator / u64::from(rates[0].denominator()) * u64::from(rates[0].numerator()) / numerator
+}

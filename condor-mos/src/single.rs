@@ -1,0 +1,115 @@
+//! [`Single`]: a loop that shares its processor's time with no other loop of its scheduler.
+
+use crate::body::Body;
+use crate::instant::Instant;
+use crate::process::{Overrun, Process};
+use crate::state::Snapshot;
+
+/// A process, and what a scheduler of several keeps of it in its sets of loops.
+#[derive(Clone, Copy)]
+pub(crate) struct Single<I> {
+    process: Process<I>,
+    enabled: bool,
+    /// Released, and not finished.
+    unfinished: bool,
+    /// Released, and not started.
+    runnable: bool,
+}
+
+impl<I: Instant> Single<I> {
+    pub(crate) const NEW: Self = Self {
+        process: Process::NEW,
+        enabled: false,
+        unfinished: false,
+        runnable: false,
+    };
+
+    /// Gives the loop what it runs and enables it, if it has nothing yet; says whether it had not.
+    pub(crate) fn assign(&mut self, overrun: Overrun, body: Body) -> bool {
+        if !self.process.body.is_nothing() {
+            return false;
+        }
+        self.process.body = body;
+        self.process.overrun = overrun;
+        self.enable(true)
+    }
+
+    /// Has the loop released, or not any more; says whether it has something to run.
+    pub(crate) fn enable(&mut self, enabled: bool) -> bool {
+        if self.process.body.is_nothing() {
+            return false;
+        }
+        self.enabled = enabled;
+        if enabled {
+            self.process.faulted = false;
+        } else {
+            self.forget();
+        }
+        true
+    }
+
+    /// Disables it and takes away what it runs, unless it is in progress; says whether it is not.
+    pub(crate) fn withdraw(&mut self) -> bool {
+        self.enable(false);
+        if self.unfinished {
+            return false;
+        }
+        self.process.body = Body::NOTHING;
+        true
+    }
+
+    /// The loop is due.
+    #[inline]
+    pub(crate) fn release(&mut self, due: I) {
+        if !self.enabled {
+            return;
+        }
+        if self.unfinished {
+            self.enabled = self.process.overrun(due);
+            return;
+        }
+        self.process.due = due;
+        self.unfinished = true;
+        self.runnable = true;
+    }
+
+    /// Starts the loop if it is released; gives what it runs.
+    #[inline]
+    pub(crate) fn begin(&mut self, now: I) -> Option<Body> {
+        if !self.runnable {
+            return None;
+        }
+        self.runnable = false;
+        self.process.start(now);
+        Some(self.process.body)
+    }
+
+    /// The loop has finished, after `ticks`.
+    #[inline]
+    pub(crate) fn end(&mut self, ticks: u32) {
+        self.process.finish(ticks);
+        self.unfinished = self.process.queued > 0;
+        if self.unfinished {
+            self.process.take_queued();
+            self.runnable = true;
+        }
+    }
+
+    /// Skips what has not started.
+    pub(crate) fn forget(&mut self) {
+        self.process
+            .skip(self.process.queued + u32::from(self.runnable));
+        self.process.queued = 0;
+        self.unfinished &= !self.runnable;
+        self.runnable = false;
+    }
+
+    pub(crate) fn snapshot(&self) -> Snapshot<I> {
+        Snapshot {
+            process: self.process,
+            enabled: self.enabled,
+            running: self.unfinished && !self.runnable,
+            pending: self.process.queued + u32::from(self.runnable),
+        }
+    }
+}
