@@ -20,8 +20,15 @@
 // Documents of their own.
 #[cfg(feature = "conformance")]
 pub mod conformance;
+#[cfg(all(feature = "cortex-m", target_arch = "arm", target_os = "none"))]
+pub mod cortex_m;
 #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
 pub mod linux;
+#[cfg(all(
+    feature = "riscv",
+    any(target_arch = "riscv32", target_arch = "riscv64")
+))]
+pub mod riscv;
 #[cfg(feature = "sim")]
 pub mod sim;
 

@@ -61,10 +61,16 @@ impl Rate {
         if numerator == 0 || denominator == 0 {
             return None;
         }
-        Some(Self {
-            numerator: numerator / divisor,
-            denominator: denominator / divisor,
-        })
+        match (
+            numerator.checked_div(divisor),
+            denominator.checked_div(divisor),
+        ) {
+            (Some(numerator), Some(denominator)) => Some(Self {
+                numerator,
+                denominator,
+            }),
+            _ => None,
+        }
     }
 
     /// How many times in [`denominator`](Self::denominator) seconds.

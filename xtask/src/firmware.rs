@@ -19,6 +19,8 @@ pub(crate) const BENCH_TARGET: &str = "thumbv7m-none-eabi";
 /// One of the examples.
 pub(crate) struct Firmware {
     pub package: &'static str,
+    /// The package of the checks that it makes.
+    pub exercise: &'static str,
     pub target: &'static str,
     /// The program that runs it.
     pub qemu: &'static str,
@@ -28,9 +30,10 @@ pub(crate) struct Firmware {
     pub machine: &'static str,
 }
 
-pub(crate) const FIRMWARES: [Firmware; 2] = [
+pub(crate) const FIRMWARES: [Firmware; 5] = [
     Firmware {
         package: "riscv-virt",
+        exercise: "exercise",
         target: "riscv64gc-unknown-none-elf",
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
@@ -38,10 +41,35 @@ pub(crate) const FIRMWARES: [Firmware; 2] = [
     },
     Firmware {
         package: "cortex-m0",
+        exercise: "exercise",
         target: "thumbv6m-none-eabi",
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         // The board has the chip with 16 KiB of RAM, the firmware wants the one with 32.
+        machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
+    },
+    Firmware {
+        package: "mos-riscv",
+        exercise: "mos-exercise",
+        target: "riscv64gc-unknown-none-elf",
+        qemu: "qemu-system-riscv64",
+        debian: "qemu-system-misc",
+        machine: "-machine virt -bios none -nographic",
+    },
+    Firmware {
+        package: "mos-cortex-m",
+        exercise: "mos-exercise",
+        target: "thumbv7m-none-eabi",
+        qemu: "qemu-system-arm",
+        debian: "qemu-system-arm",
+        machine: "-machine mps2-an385 -nographic -semihosting",
+    },
+    Firmware {
+        package: "mos-cortex-m",
+        exercise: "mos-exercise",
+        target: "thumbv6m-none-eabi",
+        qemu: "qemu-system-arm",
+        debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
     },
 ];

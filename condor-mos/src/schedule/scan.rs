@@ -61,20 +61,24 @@ impl<const L: usize> Scan<L> {
             grids: [Grid::NONE; L],
             remaining: [0; L],
         };
+        // By rank, as is what follows; no index comes out of a table, so that none can be wrong.
+        let mut sorted = rates;
         let mut placed = 0;
         while placed < L {
             // Insertion from the end: equal rates stay in the order of their numbers.
             let mut rank = placed;
-            while rank > 0 && rates[placed].is_faster_than(rates[scan.ranks[rank - 1] as usize]) {
+            while rank > 0 && rates[placed].is_faster_than(sorted[rank - 1]) {
+                sorted[rank] = sorted[rank - 1];
                 scan.ranks[rank] = scan.ranks[rank - 1];
                 rank -= 1;
             }
+            sorted[rank] = rates[placed];
             scan.ranks[rank] = placed as u8;
             placed += 1;
         }
         let mut rank = 0;
         while rank < L {
-            let rate = rates[scan.ranks[rank] as usize];
+            let rate = sorted[rank];
             scan.grids[rank] = match Grid::new(rate, clock.frequency()) {
                 Some(grid) => grid,
                 None => {
@@ -99,6 +103,23 @@ impl<const L: usize> Scan<L> {
 
     pub(super) const fn ranks(&self) -> &[u8; L] {
         &self.ranks
+    }
+
+    /// The rates of the fastest loop and of the slowest.
+    pub(super) const fn extremes(&self) -> [Rate; 2] {
+        let [mut fastest, mut slowest] = [self.rates[0]; 2];
+        let mut number = 1;
+        while number < L {
+            let rate = self.rates[number];
+            if rate.is_faster_than(fastest) {
+                fastest = rate;
+            }
+            if slowest.is_faster_than(rate) {
+                slowest = rate;
+            }
+            number += 1;
+        }
+        [fastest, slowest]
     }
 
     /// The event that is due now.

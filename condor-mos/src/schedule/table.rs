@@ -125,8 +125,12 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// The events of one hyperperiod.
     #[must_use]
     pub const fn events(&self) -> &[Event] {
-        let half = &self.halves[self.active];
-        self.entries[self.active].split_at(half.len).0
+        let active = self.active & 1;
+        let entries = &self.entries[active];
+        match entries.split_at_checked(self.halves[active].len) {
+            Some((events, _)) => events,
+            None => entries,
+        }
     }
 
     #[inline]
@@ -145,7 +149,7 @@ impl<const L: usize> Plan<L> {
             Ok(scan) => scan,
             Err(error) => return Err(error),
         };
-        let fastest = rates[scan.ranks()[0] as usize];
+        let [fastest, _] = scan.extremes();
         // The greatest common divisor, as a fraction.
         let (mut numerator, mut denominator) = (0, 1);
         let mut number = 0;
@@ -158,7 +162,11 @@ impl<const L: usize> Plan<L> {
             };
             let divisor = greatest_common_divisor(denominator, rate.denominator() as u64);
             numerator = greatest_common_divisor(numerator, rate.numerator() as u64);
-            denominator = match (denominator / divisor).checked_mul(rate.denominator() as u64) {
+            let product = match denominator.checked_div(divisor) {
+                Some(quotient) => quotient.checked_mul(rate.denominator() as u64),
+                None => None,
+            };
+            denominator = match product {
                 Some(product) => product,
                 None => return Err(too_many),
             };
@@ -200,8 +208,12 @@ impl<const L: usize> Plan<L> {
 
     /// How often a loop of `rate` is due while one of `numerator` / `denominator` is due once.
     const fn releases(rate: Rate, numerator: u64, denominator: u64) -> Option<u64> {
-        match (denominator / rate.denominator() as u64).checked_mul(rate.numerator() as u64) {
-            Some(product) => Some(product / numerator),
+        let product = match denominator.checked_div(rate.denominator() as u64) {
+            Some(quotient) => quotient.checked_mul(rate.numerator() as u64),
+            None => None,
+        };
+        match product {
+            Some(product) => product.checked_div(numerator),
             None => None,
         }
     }
@@ -215,12 +227,11 @@ impl<const L: usize> Half<L> {
     ) -> Result<bool, RateError> {
         let event = self.plan.scan.advance();
         self.plan.missing -= event.ranks.count_ones() as u64;
-        if self.len == E {
-            let rates = self.plan.scan.rates();
-            let ranks = self.plan.scan.ranks();
+        if self.len >= E {
+            let [fastest, rate] = self.plan.scan.extremes();
             return Err(RateError::TooManyEvents {
-                rate: rates[ranks[L - 1] as usize],
-                fastest: rates[ranks[0] as usize],
+                rate,
+                fastest,
                 capacity: E,
             });
         }

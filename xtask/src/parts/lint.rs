@@ -35,8 +35,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     for firmware in &FIRMWARES {
         need_target(context, firmware.target)?;
         let line = format!(
-            "cargo clippy -p exercise -p {} --target {} --all-features -- -D warnings",
-            firmware.package, firmware.target
+            "cargo clippy -p {} -p {} --target {} --all-features -- -D warnings",
+            firmware.exercise, firmware.package, firmware.target
         );
         command(context, &line).dir(firmware::WORKSPACE).run()?;
     }

@@ -18,7 +18,7 @@ const ON_PURPOSE: &str = "may_panic";
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let mut functions = 0;
     for firmware in &FIRMWARES {
-        let package = firmware.package;
+        let package = format!("{} for {}", firmware.package, firmware.target);
         let control = Image::read(&firmware.build(context, "panicking")?)?;
         let found = control.origins_of(PANICKED)?.unwrap_or_default();
         if !found.iter().any(|origin| origin.what.contains(ON_PURPOSE)) {

@@ -24,10 +24,15 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         let image = firmware.build(context, "conformance,values")?;
         let (output, ended) = emulate(firmware, &image)?;
         match judge(&output, ended) {
-            Ok(passed) => checked.push(format!("{} with {passed} checks", firmware.package)),
+            Ok(passed) => checked.push(format!(
+                "{} for {} with {passed} checks",
+                firmware.package, firmware.target
+            )),
             Err(problem) => {
                 eprintln!("{output}");
-                return Err(format!("{}: {problem}", firmware.package).into());
+                return Err(
+                    format!("{} for {}: {problem}", firmware.package, firmware.target).into(),
+                );
             }
         }
     }

@@ -1,0 +1,130 @@
+//! [`Ticks`]: periods of `SysTick`.
+
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use ::cortex_m::peripheral::{SCB, SYST, syst::SystClkSource};
+
+use super::Alarm;
+
+use crate::clock::Clock;
+use crate::instant::{Instant, Wrapping};
+use crate::rate::Rate;
+use crate::timer::{Armed, Timer};
+
+/// Whether the counter has reloaded since CSR was read.
+const COUNTFLAG: u32 = 1 << 16;
+
+/// A timer whose ticks are periods of `SysTick`, which every Cortex-M has.
+///
+/// The counter reloads itself, so nothing is lost however late its handler runs, up to a whole
+/// period. Releases come at ticks: a tick rate that all loops' rates divide makes them exact. Each
+/// tick is an interrupt, of a few instructions if nothing is due.
+pub struct Ticks {
+    frequency: Rate,
+    cycles: u32,
+    /// Written by the handler of `SysTick` alone. One core: all of its contexts see what was stored.
+    count: AtomicU32,
+    /// When, if at all, the handler is to say so. Written inside critical sections.
+    at: AtomicU32,
+    armed: AtomicBool,
+    /// Whether the handler was pended by a program.
+    asked: AtomicBool,
+}
+
+impl Ticks {
+    /// Ticks of `cycles` core cycles, of which there are `core_hz` a second.
+    ///
+    /// # Panics
+    /// If `cycles` is not 2 to 2^24, or `core_hz` is 0; in a constant, that is an error of
+    /// compilation.
+    #[must_use]
+    pub const fn new(core_hz: u32, cycles: u32) -> Self {
+        assert!(
+            cycles >= 2 && cycles <= 1 << 24,
+            "SysTick counts 2 to 2^24 cycles"
+        );
+        Self {
+            frequency: Rate::fraction(core_hz, cycles),
+            cycles,
+            count: AtomicU32::new(0),
+            at: AtomicU32::new(0),
+            armed: AtomicBool::new(false),
+            asked: AtomicBool::new(false),
+        }
+    }
+
+    /// What a schedule in such ticks is made for.
+    ///
+    /// # Panics
+    /// If one of them is 0, as [`new`](Self::new).
+    #[must_use]
+    pub const fn clock(core_hz: u32, cycles: u32) -> Clock {
+        Clock::of::<Wrapping<32>>(Rate::fraction(core_hz, cycles))
+    }
+
+    /// Has `SysTick` count, and interrupt; before [`Scheduler::start`](crate::Scheduler::start).
+    pub fn begin(&self, mut timer: SYST) {
+        timer.set_clock_source(SystClkSource::Core);
+        timer.set_reload(self.cycles - 1);
+        timer.clear_current();
+        timer.enable_counter();
+        timer.enable_interrupt();
+    }
+
+    /// Counts a tick: the handler of `SysTick` calls this, and
+    /// [`Scheduler::on_timer`](crate::Scheduler::on_timer) if the answer is yes.
+    #[inline]
+    #[must_use]
+    pub fn on_tick(&self) -> bool {
+        // SAFETY: the register is the core's; the read clears COUNTFLAG, which is this timer's.
+        let csr = unsafe { (*SYST::PTR).csr.read() };
+        if csr & COUNTFLAG != 0 {
+            let count = self.count.load(Ordering::Relaxed).wrapping_add(1);
+            self.count.store(count, Ordering::Relaxed);
+        }
+        let asked = self.asked.load(Ordering::Relaxed);
+        self.asked.store(false, Ordering::Relaxed);
+        let at = Wrapping::<32>::new(self.at.load(Ordering::Relaxed));
+        asked || self.armed.load(Ordering::Relaxed) && self.now().has_reached(at)
+    }
+}
+
+impl Alarm for Ticks {
+    #[inline]
+    fn pend(&self) {
+        self.asked.store(true, Ordering::Relaxed);
+        SCB::set_pendst();
+    }
+}
+
+impl Timer for Ticks {
+    type Instant = Wrapping<32>;
+
+    #[inline]
+    fn frequency(&self) -> Rate {
+        self.frequency
+    }
+
+    #[inline]
+    fn now(&self) -> Wrapping<32> {
+        Wrapping::new(self.count.load(Ordering::Relaxed))
+    }
+
+    #[inline]
+    fn arm(&self, at: Wrapping<32>) -> Armed {
+        // Every tick asks whether the instant has come, so none is lost; a tick between the two
+        // stores asks for one that is not armed, or once too often.
+        self.at.store(at.count(), Ordering::Relaxed);
+        self.armed.store(true, Ordering::Relaxed);
+        if self.now().has_reached(at) {
+            Armed::Past
+        } else {
+            Armed::Ahead
+        }
+    }
+
+    #[inline]
+    fn disarm(&self) {
+        self.armed.store(false, Ordering::Relaxed);
+    }
+}

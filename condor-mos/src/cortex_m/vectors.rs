@@ -1,0 +1,178 @@
+//! [`Vectors`]: a spare interrupt for each rank.
+
+use core::mem::offset_of;
+
+use ::cortex_m::interrupt::InterruptNumber;
+use ::cortex_m::peripheral::NVIC;
+use ::cortex_m::peripheral::nvic::RegisterBlock;
+
+use crate::platform::Platform;
+use crate::rate::Rate;
+use crate::timer::{Armed, Timer};
+
+/// How many interrupts there can be: the register block of ARMv6-M ends behind 32 priorities.
+const INTERRUPTS: u16 = if size_of::<RegisterBlock>() > 0x400 {
+    256
+} else {
+    32
+};
+
+/// A timer whose interrupt can be pended.
+pub trait Alarm: Timer {
+    /// Has the timer's handler run, and call [`Scheduler::on_timer`](crate::Scheduler::on_timer).
+    fn pend(&self);
+}
+
+/// A timer, and for each of `N` ranks behind the fastest an interrupt that no device uses: it is
+/// pended when the rank's loop is to run, and its handler calls
+/// [`Scheduler::on_vector`](crate::Scheduler::on_vector).
+///
+/// The timer's handler calls [`Scheduler::on_timer`](crate::Scheduler::on_timer), which runs the
+/// fastest loop, at the highest priority, 0, where the core has it after a reset. The others have
+/// priorities 1 and on.
+pub struct Vectors<T, const N: usize> {
+    timer: T,
+    ranks: [Vector; N],
+    priority_bits: u8,
+}
+
+/// An interrupt of the NVIC.
+#[derive(Clone, Copy)]
+struct Vector {
+    number: u16,
+    /// Where it is pended: a bit of ISPR.
+    register: *const u32,
+    bit: u32,
+}
+
+// SAFETY: the register is the core's, and is written by one store.
+unsafe impl Send for Vector {}
+// SAFETY: as above.
+unsafe impl Sync for Vector {}
+
+impl Vector {
+    const fn new(number: u16) -> Self {
+        Self {
+            number,
+            register: NVIC::PTR
+                .cast::<u8>()
+                .wrapping_add(offset_of!(RegisterBlock, ispr) + 4 * (number as usize / 32))
+                .cast(),
+            bit: 1 << (number % 32),
+        }
+    }
+
+    #[inline]
+    fn pend(self) {
+        // SAFETY: every core has the registers there, and setting bits of ISPR pends interrupts
+        // that are this vector's own.
+        unsafe { self.register.cast_mut().write_volatile(self.bit) };
+    }
+}
+
+// SAFETY: a number of an interrupt that the NVIC has a place for.
+unsafe impl InterruptNumber for Vector {
+    fn number(self) -> u16 {
+        self.number % INTERRUPTS
+    }
+}
+
+impl<T: Alarm, const N: usize> Vectors<T, N> {
+    /// The interrupts of the ranks from 1 on, by their numbers in the vector table of the
+    /// chip, whose NVIC has `priority_bits` bits of a priority: 2 on Cortex-M0 and M0+.
+    ///
+    /// # Panics
+    /// If there are more ranks than priorities below the timer's, or there is no such interrupt; in
+    /// a constant, that is an error of compilation.
+    #[must_use]
+    pub const fn new(timer: T, interrupts: [u16; N], priority_bits: u8) -> Self {
+        assert!(
+            priority_bits >= 2 && priority_bits <= 8 && N < 1 << priority_bits,
+            "each rank needs a priority of its own below the timer's"
+        );
+        let mut vectors = [Vector::new(0); N];
+        let mut rank = 0;
+        while rank < N {
+            assert!(interrupts[rank] < INTERRUPTS, "there is no such interrupt");
+            vectors[rank] = Vector::new(interrupts[rank]);
+            rank += 1;
+        }
+        Self {
+            timer,
+            ranks: vectors,
+            priority_bits,
+        }
+    }
+
+    /// The timer that was given at the beginning.
+    #[must_use]
+    pub const fn timer(&self) -> &T {
+        &self.timer
+    }
+
+    /// Gives the interrupts their priorities and enables them; before
+    /// [`Scheduler::start`](crate::Scheduler::start).
+    ///
+    /// # Safety
+    /// The program has no critical section that relies on priorities or on one of the interrupts
+    /// being disabled.
+    pub unsafe fn enable(&self, nvic: &mut NVIC) {
+        let step = 1 << (8 - self.priority_bits);
+        let mut priority = step;
+        for vector in &self.ranks {
+            // SAFETY: no section relies on priorities or on disabled interrupts, as the caller
+            // promises.
+            unsafe {
+                nvic.set_priority(*vector, priority);
+                NVIC::unmask(*vector);
+            }
+            priority = priority.wrapping_add(step);
+        }
+    }
+}
+
+impl<T: Alarm, const N: usize> Timer for Vectors<T, N> {
+    type Instant = T::Instant;
+
+    #[inline]
+    fn frequency(&self) -> Rate {
+        self.timer.frequency()
+    }
+
+    #[inline]
+    fn now(&self) -> Self::Instant {
+        self.timer.now()
+    }
+
+    #[inline]
+    fn arm(&self, at: Self::Instant) -> Armed {
+        self.timer.arm(at)
+    }
+
+    #[inline]
+    fn disarm(&self) {
+        self.timer.disarm();
+    }
+}
+
+impl<T: Alarm, const N: usize> Platform for Vectors<T, N> {
+    const VECTORS: bool = true;
+
+    #[inline]
+    fn pend(&self, ranks: u32) {
+        if ranks & 1 != 0 {
+            self.timer.pend();
+        }
+        let mut others = ranks >> 1;
+        while let Some(vector) = self.ranks.get(others.trailing_zeros() as usize) {
+            others &= others - 1;
+            vector.pend();
+        }
+    }
+
+    /// The vector's priority lets faster ones in by itself.
+    #[inline]
+    fn interruptible(&self, _: u32, body: impl FnOnce()) {
+        body();
+    }
+}

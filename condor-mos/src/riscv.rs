@@ -1,0 +1,336 @@
+//! Bare-metal RISC-V: the timer of a CLINT, and loops that nest by a call from its interrupt.
+//!
+//! ```ignore
+//! // SAFETY: the board has a CLINT there; this is hart 0, in machine mode.
+//! static SCHEDULER: Scheduler<Clint, EventTable<2, 8>, 2> =
+//!     Scheduler::new(unsafe { Clint::new(0x0200_0000, 0, MTIME) }, TABLE);
+//!
+//! #[riscv_rt::core_interrupt(Interrupt::MachineTimer)]
+//! fn timer() {
+//!     // SAFETY: this is the handler of the machine timer interrupt.
+//!     unsafe { SCHEDULER.platform().on_interrupt(|| SCHEDULER.on_timer()) };
+//! }
+//! ```
+//!
+//! The crate `riscv` has a critical section for programs whose statics are of one hart
+//! (`critical-section-single-hart`); which one to use is the program's choice.
+
+use core::arch::asm;
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use ::riscv::register::mstatus;
+
+use crate::platform::Platform;
+use crate::rate::Rate;
+use crate::timer::{Armed, Timer};
+
+const MTIMECMP: usize = 0x4000;
+const MTIME: usize = 0xbff8;
+/// The bit of `mie` and `mip`.
+const MACHINE_TIMER: usize = 1 << 7;
+/// Nothing is due so late.
+const NEVER: u64 = u64::MAX;
+
+/// The timer of one hart, and how its loops nest: `mtime` and the hart's `mtimecmp`.
+///
+/// After a reset `mtimecmp` may be anything: [`disarm`](Timer::disarm) before the interrupt is
+/// enabled for the first time.
+///
+/// Source: the CLINT of the `SiFive` FU540-C000 manual, chapter 9, which is also the layout of
+/// the ACLINT devices MSWI and MTIMER side by side.
+#[derive(Debug)]
+pub struct Clint {
+    mtime: usize,
+    mtimecmp: usize,
+    frequency: Rate,
+    /// The interrupts, as bits of `mie`, that may interrupt loops which an interrupt has started.
+    nested: usize,
+    /// Whether the hart is in `on_interrupt`, and not in a loop that was called from there. Of this
+    /// hart alone, changed with interrupts masked.
+    in_handler: AtomicBool,
+}
+
+impl Clint {
+    /// The timer of hart `hart`, whose `mtime` counts with `frequency`.
+    ///
+    /// # Safety
+    /// A CLINT lies at address `clint`, and the hart that uses this timer is `hart`, in machine mode,
+    /// and is not kept from its registers by any protection. Nothing else writes its `mtimecmp`.
+    #[must_use]
+    pub const unsafe fn new(clint: usize, hart: u16, frequency: Rate) -> Self {
+        Self {
+            mtime: clint.wrapping_add(MTIME),
+            mtimecmp: clint.wrapping_add(MTIMECMP).wrapping_add(8 * hart as usize),
+            frequency,
+            nested: MACHINE_TIMER,
+            in_handler: AtomicBool::new(false),
+        }
+    }
+
+    /// Lets these interrupts, as bits of `mie`, interrupt loops, too, if they are enabled.
+    ///
+    /// Without this they wait until all loops that the timer's interrupt has started are done. Loops
+    /// that were started by the background are interrupted by whatever it is.
+    #[must_use]
+    pub const fn interrupted_also_by(mut self, interrupts: usize) -> Self {
+        self.nested |= interrupts;
+        self
+    }
+
+    /// What the handler of the machine timer interrupt does, with
+    /// [`Scheduler::on_timer`](crate::Scheduler::on_timer) as `handler`.
+    ///
+    /// It preserves the floating-point registers and `fcsr`, which the usual trap frames do not hold
+    /// (those of `riscv-rt` do not): the interrupted loop's arithmetic is not disturbed by that of
+    /// the loops that run now. The compiler puts no floating point into what only calls this.
+    ///
+    /// # Safety
+    /// * It is called from the handler of the machine timer interrupt, outside of any critical
+    ///   section, with interrupts masked as the hart did it.
+    /// * The trap entry has saved the integer registers that a call may change on the stack that
+    ///   `handler` runs on; it need not have saved `mepc` and `mstatus`.
+    /// * The handler has done no floating-point arithmetic before, and will do none after.
+    /// * If the program is compiled for floating point, `mstatus.FS` is not off.
+    #[inline]
+    pub unsafe fn on_interrupt(&self, handler: impl FnOnce()) {
+        let outer = self.in_handler.load(Ordering::Relaxed);
+        self.in_handler.store(true, Ordering::Relaxed);
+        float::preserving(handler);
+        self.in_handler.store(outer, Ordering::Relaxed);
+    }
+}
+
+impl Timer for Clint {
+    type Instant = u64;
+
+    #[inline]
+    fn frequency(&self) -> Rate {
+        self.frequency
+    }
+
+    #[inline]
+    fn now(&self) -> u64 {
+        // SAFETY: `new`'s caller vouches for the register.
+        unsafe { read_u64(self.mtime) }
+    }
+
+    #[inline]
+    fn arm(&self, at: u64) -> Armed {
+        // SAFETY: `new`'s caller vouches for the register.
+        unsafe { write_u64(self.mtimecmp, at) };
+        if self.now() >= at {
+            Armed::Past
+        } else {
+            Armed::Ahead
+        }
+    }
+
+    #[inline]
+    fn disarm(&self) {
+        // SAFETY: `new`'s caller vouches for the register.
+        unsafe { write_u64(self.mtimecmp, NEVER) };
+    }
+}
+
+impl Platform for Clint {
+    /// Masked interrupts stay masked, except directly in the timer's interrupt: elsewhere somebody
+    /// has reason to mask them.
+    #[inline]
+    fn interruptible(&self, _: u32, body: impl FnOnce()) {
+        if !self.in_handler.load(Ordering::Relaxed) || mstatus::read().mie() {
+            return body();
+        }
+        self.in_handler.store(false, Ordering::Relaxed);
+        let masked = !self.nested;
+        let (mepc, mstatus, held): (usize, usize, usize);
+        // SAFETY: `on_interrupt`'s caller vouches that no critical section is in progress and that
+        // the trap frame is saved; what another trap changes beside it is saved here. No `nomem`:
+        // memory that handlers use is stored before.
+        unsafe {
+            asm!(
+                "csrr {mepc}, mepc",
+                "csrr {mstatus}, mstatus",
+                "csrrc {held}, mie, {masked}",
+                "csrsi mstatus, 8",
+                mepc = out(reg) mepc,
+                mstatus = out(reg) mstatus,
+                held = out(reg) held,
+                masked = in(reg) masked,
+                options(nostack),
+            );
+        }
+        body();
+        // SAFETY: as the trap has left it: interrupts masked, and where and how it returns. FS stays
+        // as it is, since `body` may have dirtied registers.
+        unsafe {
+            asm!(
+                "csrci mstatus, 8",
+                "csrs mie, {held}",
+                "csrw mepc, {mepc}",
+                "csrc mstatus, {all}",
+                "csrs mstatus, {previous}",
+                held = in(reg) held & masked,
+                mepc = in(reg) mepc,
+                all = in(reg) PREVIOUS,
+                previous = in(reg) mstatus & PREVIOUS,
+                options(nostack),
+            );
+        }
+        self.in_handler.store(true, Ordering::Relaxed);
+    }
+}
+
+/// `MPIE` and `MPP` of `mstatus`, which `mret` takes from and any trap changes.
+const PREVIOUS: usize = 1 << 7 | 3 << 11;
+
+/// The floating-point registers of harts that have some, which shows at run time alone: a compiler
+/// tells a crate nothing of it.
+mod float {
+    use core::arch::naked_asm;
+    use core::mem::ManuallyDrop;
+
+    use ::riscv::register::mstatus::{self, FS};
+
+    /// Calls `handler`, and leaves the floating-point registers as they were.
+    #[inline]
+    pub(super) fn preserving<F: FnOnce()>(handler: F) {
+        extern "C" fn call<F: FnOnce()>(handler: *mut ()) {
+            // SAFETY: `preserving` gives its handler, and does not use it any more.
+            unsafe { ManuallyDrop::take(&mut *handler.cast::<ManuallyDrop<F>>())() }
+        }
+        if mstatus::read().fs() == FS::Off {
+            return handler();
+        }
+        let mut handler = ManuallyDrop::new(handler);
+        // SAFETY: a pointer to the handler is what `call::<F>` expects, and the unit is on.
+        unsafe { with_registers_saved(core::ptr::from_mut(&mut handler).cast(), call::<F>) };
+    }
+
+    /// All that a call may change: the callee keeps `fs0` to `fs11` itself.
+    macro_rules! each_register {
+        ($instruction:literal) => {
+            concat!(
+                ".irp number, 0, 1, 2, 3, 4, 5, 6, 7\n",
+                $instruction,
+                " fa\\number, 8*\\number(sp)\n",
+                $instruction,
+                " ft\\number, 64+8*\\number(sp)\n",
+                ".endr\n",
+                ".irp number, 8, 9, 10, 11\n",
+                $instruction,
+                " ft\\number, 64+8*\\number(sp)\n",
+                ".endr",
+            )
+        };
+    }
+
+    #[cfg(target_arch = "riscv64")]
+    macro_rules! word {
+        ($instruction:literal) => {
+            concat!($instruction, "d ra, 168(sp)")
+        };
+    }
+    #[cfg(target_arch = "riscv32")]
+    macro_rules! word {
+        ($instruction:literal) => {
+            concat!($instruction, "w ra, 168(sp)")
+        };
+    }
+
+    /// Calls `call(argument)`.
+    ///
+    /// # Safety
+    /// `call` can be called with this argument, and floating point is on.
+    #[unsafe(naked)]
+    unsafe extern "C" fn with_registers_saved(argument: *mut (), call: extern "C" fn(*mut ())) {
+        // Twenty registers, `fcsr`, and the return address, on a stack aligned to 16 bytes. Bit 3 of
+        // `misa` says that registers have 64 bits.
+        naked_asm!(
+            ".option push",
+            ".option arch, +d",
+            "addi sp, sp, -176",
+            word!("s"),
+            "frcsr t0",
+            "sw t0, 160(sp)",
+            "csrr t0, misa",
+            "andi t0, t0, 8",
+            "beqz t0, 2f",
+            each_register!("fsd"),
+            "jalr a1",
+            each_register!("fld"),
+            "j 3f",
+            "2:",
+            each_register!("fsw"),
+            "jalr a1",
+            each_register!("flw"),
+            "3:",
+            "lw t0, 160(sp)",
+            "fscsr t0",
+            word!("l"),
+            "addi sp, sp, 176",
+            "ret",
+            ".option pop",
+        )
+    }
+}
+
+/// Reads a 64-bit register that may count meanwhile.
+///
+/// # Safety
+/// `address` is that of such a register.
+#[cfg(target_arch = "riscv64")]
+#[inline]
+unsafe fn read_u64(address: usize) -> u64 {
+    // SAFETY: as for this function.
+    unsafe { (address as *const u64).read_volatile() }
+}
+
+/// Writes a 64-bit register.
+///
+/// # Safety
+/// `address` is that of such a register.
+#[cfg(target_arch = "riscv64")]
+#[inline]
+unsafe fn write_u64(address: usize, value: u64) {
+    // SAFETY: as for this function.
+    unsafe { (address as *mut u64).write_volatile(value) };
+}
+
+/// Reads a 64-bit register that may count meanwhile, by halves.
+///
+/// # Safety
+/// `address` is that of such a register.
+#[cfg(target_arch = "riscv32")]
+#[inline]
+unsafe fn read_u64(address: usize) -> u64 {
+    let halves = address as *const u32;
+    loop {
+        // SAFETY: as for this function; the upper half follows the lower one.
+        let (before, low, after) = unsafe {
+            (
+                halves.wrapping_add(1).read_volatile(),
+                halves.read_volatile(),
+                halves.wrapping_add(1).read_volatile(),
+            )
+        };
+        if before == after {
+            return u64::from(after) << 32 | u64::from(low);
+        }
+    }
+}
+
+/// Writes a 64-bit compare register by halves; what it holds in between is never too early.
+///
+/// # Safety
+/// `address` is that of such a register.
+#[cfg(target_arch = "riscv32")]
+#[inline]
+unsafe fn write_u64(address: usize, value: u64) {
+    let halves = address as *mut u32;
+    // SAFETY: as for this function; the upper half follows the lower one.
+    unsafe {
+        halves.wrapping_add(1).write_volatile(u32::MAX);
+        halves.write_volatile(value as u32);
+        halves.wrapping_add(1).write_volatile((value >> 32) as u32);
+    }
+}

@@ -1,0 +1,78 @@
+//! Uses every call of `condor-mos` that runs without an operating system, over any platform.
+//!
+//! The firmware has a [`Tabled`] and a [`Scanned`] scheduler of one platform as statics, calls both
+//! from its interrupts (the one that is not started ignores them), and then [`loops`].
+#![no_std]
+
+mod changes;
+mod nesting;
+mod plans;
+mod sharing;
+mod trace;
+
+use checks::Checks;
+use condor_mos::{Clock, EventTable, Instant, Platform, Rate, Scan, Schedule, Scheduler};
+
+/// How many loops there are.
+pub const LOOPS: usize = 3;
+/// Their rates, the fastest first.
+pub const RATES: [Rate; LOOPS] = [Rate::hz(200), Rate::hz(50), Rate::hz(10)];
+/// Events that a table has place for.
+pub const EVENTS: usize = 24;
+
+/// A scheduler with an event table.
+pub type Tabled<P> = Scheduler<P, EventTable<LOOPS, EVENTS>, LOOPS>;
+/// A scheduler with a scan.
+pub type Scanned<P> = Scheduler<P, Scan<LOOPS>, LOOPS>;
+
+/// A scheduler of the loops for a platform with this clock.
+pub const fn tabled<P: Platform>(platform: P, clock: Clock) -> Tabled<P> {
+    Scheduler::new(platform, EventTable::new(RATES, clock))
+}
+
+/// The same without a table.
+pub const fn scanned<P: Platform>(platform: P, clock: Clock) -> Scanned<P> {
+    Scheduler::new(platform, Scan::new(RATES, clock))
+}
+
+/// Seconds. Nothing here takes as long, unless something is broken.
+const PATIENCE: u32 = 20;
+
+/// Makes all checks.
+pub fn loops<P: Platform + Sync>(
+    checks: &mut Checks<'_>,
+    platform: &P,
+    tabled: &'static Tabled<&'static P>,
+    scanned: &'static Scanned<&'static P>,
+) {
+    checks.group("plans");
+    plans::plans(checks, platform);
+    checks.group("an event table");
+    each(checks, tabled);
+    checks.group("a scan");
+    each(checks, scanned);
+    checks.group("loops for good");
+    plans::for_good(checks, tabled);
+}
+
+fn each<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+    checks: &mut Checks<'_>,
+    scheduler: &Scheduler<P, S, LOOPS>,
+) {
+    nesting::nesting(checks, scheduler);
+    changes::changes(checks, scheduler);
+    sharing::sharing(checks, scheduler);
+}
+
+/// Waits until `done`; says whether it came to that.
+fn await_until<P: Platform>(platform: &P, done: impl Fn() -> bool) -> bool {
+    let frequency = platform.frequency();
+    let second = frequency.numerator() / frequency.denominator().max(1);
+    let begin = platform.now();
+    while !done() {
+        if platform.now().since(begin) >= second.saturating_mul(PATIENCE) {
+            return false;
+        }
+    }
+    true
+}

@@ -1,0 +1,91 @@
+//! What is made before anything runs.
+
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use checks::Checks;
+use condor_mos::{
+    Armed, Clock, EventTable, Instant, LoopError, LoopId, Overrun, Platform, Rate, RateError, Scan,
+    Scheduler, StartError, Wrapping,
+};
+
+use crate::{LOOPS, RATES, Tabled, await_until};
+
+pub(crate) fn plans<P: Platform>(checks: &mut Checks<'_>, platform: &P) {
+    let clock = Clock::of::<P::Instant>(platform.frequency());
+    checks.that(
+        "a rate of nothing is none",
+        Rate::new(core::hint::black_box(0), 1).is_none(),
+    );
+    let [fastest, middle, _] = RATES;
+    checks.that(
+        "rates are ordered",
+        fastest.is_faster_than(middle) && fastest > middle && fastest.as_hz() > middle.as_hz(),
+    );
+    checks.same(
+        "a clock is of a timer",
+        (clock.frequency(), clock.bits()),
+        (platform.frequency(), P::Instant::BITS),
+    );
+    let table = EventTable::<LOOPS, 20>::try_new(RATES, clock);
+    let events = table.map(|table| {
+        table
+            .events()
+            .iter()
+            .map(|event| event.ranks.count_ones())
+            .sum()
+    });
+    checks.same("a table holds all releases", events, Ok(26_u32));
+    let small = EventTable::<LOOPS, 19>::try_new(RATES, clock).err();
+    checks.that(
+        "one that is too small says so",
+        matches!(small, Some(RateError::TooManyEvents { capacity: 19, .. })),
+    );
+    let fast = Scan::try_new([Rate::hz(u32::MAX); LOOPS], clock).err();
+    checks.that(
+        "a rate can be too fast",
+        matches!(fast, Some(RateError::TooFast { .. })),
+    );
+    let other = Clock::of::<Wrapping<16>>(Rate::fraction(12_345, 7));
+    checks.same("a counter has half its range", other.longest_gap(), 0x7fff);
+    if let Ok(scan) = Scan::try_new([Rate::hz(1); LOOPS], other) {
+        let error = Scheduler::new(platform, scan).start();
+        checks.same(
+            "a schedule is of one clock",
+            error,
+            Err(StartError::Clock {
+                timer: clock,
+                schedule: other,
+            }),
+        );
+    }
+    let second = platform.frequency().numerator() / platform.frequency().denominator().max(1);
+    // An interrupt that comes while nothing is started would not go away.
+    let armed = critical_section::with(|_| {
+        let past = platform.arm(platform.now());
+        let ahead = platform.arm(platform.now().after(second.saturating_mul(60)));
+        platform.disarm();
+        [past, ahead]
+    });
+    checks.same(
+        "the present is past, and the future ahead",
+        armed,
+        [Armed::Past, Armed::Ahead],
+    );
+}
+
+/// What a loop has that has nothing.
+type Nothing = [u8; 0];
+
+pub(crate) fn for_good<P: Platform + Sync>(checks: &mut Checks<'_>, scheduler: &Tabled<P>) {
+    static RUNS: AtomicU32 = AtomicU32::new(0);
+    let body: fn(&mut Nothing) = |_| RUNS.store(RUNS.load(Relaxed).wrapping_add(1), Relaxed);
+    let assigned = scheduler.assign(LoopId(0), Overrun::default(), body, &mut []);
+    checks.same("a function becomes a loop", assigned, Ok(()));
+    let again = scheduler.assign(LoopId(0), Overrun::Skip, body, &mut []);
+    let taken = Err(LoopError::Taken { id: LoopId(0) });
+    checks.same("once", again, taken);
+    checks.same("it starts", scheduler.start(), Ok(()));
+    let ran = await_until(scheduler.platform(), || RUNS.load(Relaxed) >= 5);
+    scheduler.stop();
+    checks.that("it runs", ran);
+}

@@ -1,0 +1,77 @@
+//! Data that loops and the background share.
+
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+
+use checks::Checks;
+use condor_mos::{CeilingLock, LockError, LoopId, Overrun, Platform, Schedule, Scheduler};
+
+use crate::{LOOPS, await_until};
+
+const ROUNDS: u32 = 2000;
+
+pub(crate) fn sharing<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+    checks: &mut Checks<'_>,
+    scheduler: &Scheduler<P, S, LOOPS>,
+) {
+    let platform = scheduler.platform();
+    let mut shared = CeilingLock::new(&[LoopId(1), LoopId(2)], [0_u32; 2]);
+    *shared.get_mut() = [1; 2];
+    let shared = &shared;
+    let (by_loops, refused, whole) = (AtomicU32::new(0), AtomicU32::new(0), AtomicBool::new(true));
+    let count_up = || {
+        shared.lock(scheduler, |[first, second]| {
+            if first != second {
+                whole.store(false, Relaxed);
+            }
+            *first = first.wrapping_add(1);
+            // Time for others to come between.
+            core::hint::black_box(compute_for(20));
+            *second = second.wrapping_add(1);
+        })
+    };
+    let by_loop = || {
+        if count_up().is_ok() {
+            critical_section::with(|_| {
+                by_loops.store(by_loops.load(Relaxed).wrapping_add(1), Relaxed);
+            });
+        }
+    };
+    let mut fastest = || {
+        let error = shared.lock(scheduler, |_| ()).err();
+        if matches!(error, Some(LockError::Undeclared | LockError::Taken)) {
+            refused.store(refused.load(Relaxed).wrapping_add(1), Relaxed);
+        }
+    };
+    let (mut middle, mut slowest) = (|| by_loop(), || by_loop());
+    let mut by_background = 0_u32;
+    scheduler.scope(|scope| {
+        let assigned = scope
+            .assign(LoopId(0), Overrun::Skip, &mut fastest)
+            .and_then(|()| scope.assign(LoopId(1), Overrun::Skip, &mut middle))
+            .and_then(|()| scope.assign(LoopId(2), Overrun::Skip, &mut slowest));
+        checks.same("loops share", assigned, Ok(()));
+        checks.same("they start", scheduler.start(), Ok(()));
+        for _ in 0..ROUNDS {
+            by_background += u32::from(count_up().is_ok());
+        }
+        checks.that(
+            "all come to it",
+            await_until(platform, || by_loops.load(Relaxed) >= 10),
+        );
+        scheduler.stop();
+    });
+    checks.same("the background gets it each time", by_background, ROUNDS);
+    checks.that("nobody sees it half changed", whole.load(Relaxed));
+    checks.that("a faster loop is refused", refused.load(Relaxed) > 0);
+    let counted = shared.lock(scheduler, |value| *value);
+    let expected = by_background
+        .wrapping_add(by_loops.load(Relaxed))
+        .wrapping_add(1);
+    checks.same("no count is lost", counted, Ok([expected; 2]));
+    let twice = shared.lock(scheduler, |_| shared.lock(scheduler, |_| ()));
+    checks.same("it is taken once", twice, Ok(Err(LockError::Taken)));
+}
+
+fn compute_for(turns: u32) -> u32 {
+    (0..turns).fold(0, |sum, turn| core::hint::black_box(sum ^ turn))
+}
