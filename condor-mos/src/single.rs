@@ -44,6 +44,7 @@ impl<I: Instant> Single<I> {
         !self.process.body.is_nothing()
     }
 
+    #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
     pub(crate) fn is_enabled(&self) -> bool {
         self.enabled
     }
@@ -59,6 +60,7 @@ impl<I: Instant> Single<I> {
     }
 
     /// The loop is not to run any more, because of what it did.
+    #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
     pub(crate) fn fault(&mut self) {
         self.enable(false);
         self.process.faulted = true;
