@@ -2,8 +2,8 @@
 //!
 //! A core of this family does not let an interrupt interrupt its own priority, so loops cannot nest
 //! by a call from the timer's handler. [`Vectors`] gives each rank but the fastest, which runs in the
-//! timer's, an interrupt that the chip has to spare, and makes a [`Platform`](crate::Platform) of any [`Timer`](crate::Timer): one of the
-//! chip's, or the one here.
+//! timer's, an interrupt that the chip has to spare, and makes a [`Platform`](crate::Platform) of any
+//! [`Alarm`]: a timer of the chip's, or the one here.
 //!
 //! [`Ticks`] is a timer that every core has: periods of `SysTick`, which are counted without loss.
 //! (`SysTick` restarted for each release would lose the cycles between reading and restarting it.)
@@ -19,9 +19,12 @@
 //!
 //! #[exception]
 //! fn SysTick() {
-//!     if SCHEDULER.platform().timer().on_tick() {
-//!         SCHEDULER.on_timer();
-//!     }
+//!     SCHEDULER.platform().timer().on_tick();
+//! }
+//!
+//! #[exception]
+//! fn PendSV() {
+//!     SCHEDULER.on_timer();
 //! }
 //!
 //! #[interrupt]

@@ -2,6 +2,7 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use ::cortex_m::peripheral::scb::SystemHandler;
 use ::cortex_m::peripheral::{SCB, SYST, syst::SystClkSource};
 
 use super::Alarm;
@@ -19,6 +20,9 @@ const COUNTFLAG: u32 = 1 << 16;
 /// The counter reloads itself, so nothing is lost however late its handler runs, up to a whole
 /// period. Releases come at ticks: a tick rate that all loops' rates divide makes them exact. Each
 /// tick is an interrupt, of a few instructions if nothing is due.
+///
+/// Ticks go on while the fastest loop runs, so that loop, and the scheduler's handler, are not in the
+/// handler of `SysTick` but in that of `PendSV`, one priority below.
 pub struct Ticks {
     frequency: Rate,
     cycles: u32,
@@ -27,8 +31,6 @@ pub struct Ticks {
     /// When, if at all, the handler is to say so. Written inside critical sections.
     at: AtomicU32,
     armed: AtomicBool,
-    /// Whether the handler was pended by a program.
-    asked: AtomicBool,
 }
 
 impl Ticks {
@@ -49,7 +51,6 @@ impl Ticks {
             count: AtomicU32::new(0),
             at: AtomicU32::new(0),
             armed: AtomicBool::new(false),
-            asked: AtomicBool::new(false),
         }
     }
 
@@ -71,29 +72,34 @@ impl Ticks {
         timer.enable_interrupt();
     }
 
-    /// Counts a tick: the handler of `SysTick` calls this, and
-    /// [`Scheduler::on_timer`](crate::Scheduler::on_timer) if the answer is yes.
+    /// Counts a tick, and pends `PendSV` if something is due: the handler of `SysTick` calls this, and
+    /// that of `PendSV` calls [`Scheduler::on_timer`](crate::Scheduler::on_timer).
     #[inline]
-    #[must_use]
-    pub fn on_tick(&self) -> bool {
+    pub fn on_tick(&self) {
         // SAFETY: the register is the core's; the read clears COUNTFLAG, which is this timer's.
         let csr = unsafe { (*SYST::PTR).csr.read() };
         if csr & COUNTFLAG != 0 {
             let count = self.count.load(Ordering::Relaxed).wrapping_add(1);
             self.count.store(count, Ordering::Relaxed);
         }
-        let asked = self.asked.load(Ordering::Relaxed);
-        self.asked.store(false, Ordering::Relaxed);
         let at = Wrapping::<32>::new(self.at.load(Ordering::Relaxed));
-        asked || self.armed.load(Ordering::Relaxed) && self.now().has_reached(at)
+        if self.armed.load(Ordering::Relaxed) && self.now().has_reached(at) {
+            SCB::set_pendsv();
+        }
     }
 }
 
 impl Alarm for Ticks {
+    const LEVELS: u8 = 2;
+
     #[inline]
     fn pend(&self) {
-        self.asked.store(true, Ordering::Relaxed);
-        SCB::set_pendst();
+        SCB::set_pendsv();
+    }
+
+    unsafe fn set_priorities(&self, scb: &mut SCB, step: u8) {
+        // SAFETY: as the caller promises.
+        unsafe { scb.set_priority(SystemHandler::PendSV, step) };
     }
 }
 

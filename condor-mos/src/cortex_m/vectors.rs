@@ -3,8 +3,8 @@
 use core::mem::offset_of;
 
 use ::cortex_m::interrupt::InterruptNumber;
-use ::cortex_m::peripheral::NVIC;
 use ::cortex_m::peripheral::nvic::RegisterBlock;
+use ::cortex_m::peripheral::{NVIC, SCB};
 
 use crate::platform::Platform;
 use crate::rate::Rate;
@@ -19,8 +19,21 @@ const INTERRUPTS: u16 = if size_of::<RegisterBlock>() > 0x400 {
 
 /// A timer whose interrupt can be pended.
 pub trait Alarm: Timer {
-    /// Has the timer's handler run, and call [`Scheduler::on_timer`](crate::Scheduler::on_timer).
+    /// How many priorities, from the highest, 0, on, the timer takes. The last of them is that of the
+    /// handler that calls [`Scheduler::on_timer`](crate::Scheduler::on_timer).
+    const LEVELS: u8 = 1;
+
+    /// Has that handler run, whether or not something is due.
     fn pend(&self);
+
+    /// Gives the timer's handlers their priorities, if they are not 0, where the core has them after a
+    /// reset; `step` is the distance from one priority to the next.
+    ///
+    /// # Safety
+    /// The program has no critical section that relies on priorities.
+    unsafe fn set_priorities(&self, scb: &mut SCB, step: u8) {
+        let _ = (scb, step);
+    }
 }
 
 /// A timer, and for each of `N` ranks behind the fastest an interrupt that no device uses: it is
@@ -28,8 +41,7 @@ pub trait Alarm: Timer {
 /// [`Scheduler::on_vector`](crate::Scheduler::on_vector).
 ///
 /// The timer's handler calls [`Scheduler::on_timer`](crate::Scheduler::on_timer), which runs the
-/// fastest loop, at the highest priority, 0, where the core has it after a reset. The others have
-/// priorities 1 and on.
+/// fastest loop. The others have the priorities below [the timer's](Alarm::LEVELS).
 pub struct Vectors<T, const N: usize> {
     timer: T,
     ranks: [Vector; N],
@@ -87,7 +99,9 @@ impl<T: Alarm, const N: usize> Vectors<T, N> {
     #[must_use]
     pub const fn new(timer: T, interrupts: [u16; N], priority_bits: u8) -> Self {
         assert!(
-            priority_bits >= 2 && priority_bits <= 8 && N < 1 << priority_bits,
+            priority_bits >= 2
+                && priority_bits <= 8
+                && N + T::LEVELS as usize <= 1 << priority_bits,
             "each rank needs a priority of its own below the timer's"
         );
         let mut vectors = [Vector::new(0); N];
@@ -116,9 +130,11 @@ impl<T: Alarm, const N: usize> Vectors<T, N> {
     /// # Safety
     /// The program has no critical section that relies on priorities or on one of the interrupts
     /// being disabled.
-    pub unsafe fn enable(&self, nvic: &mut NVIC) {
-        let step = 1 << (8 - self.priority_bits);
-        let mut priority = step;
+    pub unsafe fn enable(&self, nvic: &mut NVIC, scb: &mut SCB) {
+        let step = 1_u8 << (8 - self.priority_bits);
+        // SAFETY: no section relies on priorities, as the caller promises.
+        unsafe { self.timer.set_priorities(scb, step) };
+        let mut priority = step.wrapping_mul(T::LEVELS);
         for vector in &self.ranks {
             // SAFETY: no section relies on priorities or on disabled interrupts, as the caller
             // promises.

@@ -37,7 +37,7 @@ fn main() -> ! {
         switch_off(false);
     };
     // SAFETY: no critical section relies on priorities, or on one of these interrupts.
-    unsafe { PLATFORM.enable(&mut core.NVIC) };
+    unsafe { PLATFORM.enable(&mut core.NVIC, &mut core.SCB) };
     PLATFORM.timer().begin(core.SYST);
     let mut checks = Checks::new(&print);
     mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED);
@@ -47,11 +47,14 @@ fn main() -> ! {
 
 #[exception]
 fn SysTick() {
-    if PLATFORM.timer().on_tick() {
-        // The one that is not started ignores it.
-        TABLED.on_timer();
-        SCANNED.on_timer();
-    }
+    PLATFORM.timer().on_tick();
+}
+
+#[exception]
+fn PendSV() {
+    // The one that is not started ignores it.
+    TABLED.on_timer();
+    SCANNED.on_timer();
 }
 
 /// The vectors of the ranks behind the fastest.
