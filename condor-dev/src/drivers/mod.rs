@@ -1,0 +1,5 @@
+//! The drivers that ship.
+
+mod adc;
+
+pub use adc::Adc16;
