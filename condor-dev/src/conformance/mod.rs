@@ -1,0 +1,1 @@
+//! The suites that a backend of ones own calls from one test.
