@@ -2,7 +2,11 @@
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
 // Documents of their own.
+#[cfg(feature = "conformance")]
+pub mod conformance;
 pub mod drivers;
+#[cfg(feature = "riscv")]
+pub mod riscv;
 #[doc(hidden)]
 pub mod set;
 #[cfg(feature = "sim")]
@@ -10,7 +14,24 @@ pub mod sim;
 
 // The machine.
 mod bus;
+#[cfg(any(
+    all(
+        feature = "riscv",
+        any(target_arch = "riscv32", target_arch = "riscv64")
+    ),
+    all(
+        feature = "linux",
+        target_os = "linux",
+        any(
+            target_arch = "x86_64",
+            target_arch = "aarch64",
+            target_arch = "riscv64"
+        )
+    )
+))]
+mod guarded;
 mod interrupt;
+mod mmio;
 
 // The switch.
 mod device;
@@ -26,6 +47,7 @@ pub use dispatch::InterruptCounts;
 pub use driver::{Attention, DeviceError, Driver};
 pub use fd::{Fd, FdError, Mode};
 pub use interrupt::{InterruptController, Level, NoInterrupts, Vector};
+pub use mmio::{Mmio, MmioError};
 pub use set::{DeviceSet, Has};
 pub use switch::{IoError, OpenError, Switch};
 pub use unit::{Place, Presence, Unit};
