@@ -1,1 +1,7 @@
 //! The suites that a backend of one's own calls from one test, or from a firmware.
+//!
+//! Each function runs the checks of one trait and ends at the first that fails.
+
+mod interrupt_controller;
+
+pub use interrupt_controller::{ControllerFailure, interrupt_controller};
