@@ -5,6 +5,16 @@
 #[cfg(feature = "conformance")]
 pub mod conformance;
 pub mod drivers;
+#[cfg(all(
+    feature = "linux",
+    target_os = "linux",
+    any(
+        target_arch = "x86_64",
+        target_arch = "aarch64",
+        target_arch = "riscv64"
+    )
+))]
+pub mod linux;
 #[cfg(feature = "riscv")]
 pub mod riscv;
 #[doc(hidden)]
