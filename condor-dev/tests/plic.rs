@@ -50,7 +50,9 @@ impl PlicModel {
         self.forward();
         let best = (1..=SOURCES)
             .filter(|&source| {
-                self.pending[source] && self.is_enabled(context, source) && self.priority[source] > 0
+                self.pending[source]
+                    && self.is_enabled(context, source)
+                    && self.priority[source] > 0
             })
             .max_by_key(|&source| (self.priority[source], core::cmp::Reverse(source)));
         let Some(source) = best else { return 0 };

@@ -192,8 +192,8 @@ impl LinuxBus {
             .checked_add(len as u64)
             .filter(|&end| i64::try_from(end).is_ok() && base.checked_add(len - 1).is_some())
             .ok_or_else(too_large)?;
-        let bytes = usize::try_from((skip + len as u64).div_ceil(page) * page)
-            .map_err(|_| too_large())?;
+        let bytes =
+            usize::try_from((skip + len as u64).div_ceil(page) * page).map_err(|_| too_large())?;
         let stat = rustix::fs::fstat(&file).map_err(system("examine the file"))?;
         let found = u64::try_from(stat.st_size).unwrap_or(0);
         if FileType::from_raw_mode(stat.st_mode) == FileType::RegularFile && found < end {
@@ -207,10 +207,9 @@ impl LinuxBus {
         let (nowhere, start) = (ptr::null_mut(), offset - skip);
         // SAFETY: without FIXED the kernel chooses addresses that nothing else uses, and no reference
         // to them is ever made.
-        let pages = unsafe {
-            rustix::mm::mmap(nowhere, bytes, protection, MapFlags::SHARED, &file, start)
-        }
-        .map_err(system("map the file"))?;
+        let pages =
+            unsafe { rustix::mm::mmap(nowhere, bytes, protection, MapFlags::SHARED, &file, start) }
+                .map_err(system("map the file"))?;
         let address = NonZeroUsize::new(pages.expose_provenance()).ok_or_else(too_large)?;
         let mapping = Mapping {
             pages: address,

@@ -46,7 +46,13 @@ impl<B: Bus> Plic<B> {
     /// One hart alone uses the context, and each has one of its own: the words of a context
     /// are changed in critical sections of that hart.
     #[must_use]
-    pub fn new(bus: B, base: usize, context: Context, sources: u16, highest: Level) -> Option<Self> {
+    pub fn new(
+        bus: B,
+        base: usize,
+        context: Context,
+        sources: u16,
+        highest: Level,
+    ) -> Option<Self> {
         if sources >= MOST_SOURCES || context.0 >= MOST_CONTEXTS || highest.0 == 0 {
             return None;
         }
