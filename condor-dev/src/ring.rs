@@ -59,13 +59,13 @@ impl<const N: usize> Ring<N> {
     /// Claims the end to write; `None` while somebody has it.
     #[inline]
     pub fn writer(&self) -> Option<Writer<'_, N>> {
-        claim(&self.writing).then_some(Writer(self))
+        claim(&self.writing).then(|| Writer(self))
     }
 
     /// Claims the end to read; `None` while somebody has it.
     #[inline]
     pub fn reader(&self) -> Option<Reader<'_, N>> {
-        claim(&self.reading).then_some(Reader(self))
+        claim(&self.reading).then(|| Reader(self))
     }
 
     /// How many bytes there are to read, at this moment.

@@ -62,10 +62,11 @@ proptest! {
 #[test]
 fn an_end_belongs_to_one_at_a_time() {
     let ring = Ring::<4>::new();
-    let writer = ring.writer();
-    assert!(writer.is_some() && ring.writer().is_none());
-    let reader = ring.reader();
-    assert!(reader.is_some() && ring.reader().is_none());
-    drop((writer, reader));
+    let ends = (ring.writer(), ring.reader());
+    assert!(ends.0.is_some() && ends.1.is_some());
+    for _ in 0..2 {
+        assert!(ring.writer().is_none() && ring.reader().is_none());
+    }
+    drop(ends);
     assert!(ring.writer().is_some() && ring.reader().is_some());
 }

@@ -3,9 +3,17 @@
 
 mod adc;
 mod controller;
+mod dac;
+mod encoder;
+mod mpp;
+mod uart;
 
 pub use adc::AdcModel;
 pub use controller::Controller;
+pub use dac::DacModel;
+pub use encoder::EncoderModel;
+pub use mpp::MppModel;
+pub use uart::{LineFault, UartModel};
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
