@@ -1,11 +1,11 @@
 //! [`DeviceSet`]: the devices that a program was built for.
 
 #[doc(hidden)]
-pub use core::sync::atomic::AtomicU8;
+pub use crate::dispatch::Line;
 
 use crate::driver::Driver;
 use crate::fd::Entry;
-use crate::interrupt::Vector;
+use crate::interrupt::{Level, Vector};
 use crate::unit::{Place, Unit};
 
 /// The boards that may exist, kind by kind; [`device_switch!`](crate::device_switch) writes it.
@@ -18,8 +18,9 @@ pub trait DeviceSet: Sync {
     /// The boards that interrupt, in the order of their vectors.
     const CHAIN: &'static [Link];
 
-    /// With whom of each vector's boards polling begins; as long as [`CHAIN`](Self::CHAIN).
-    fn turns(&self) -> &[AtomicU8];
+    /// What the entry of interrupts notes of each vector, at the place of its first board in
+    /// [`CHAIN`](Self::CHAIN), which is as long.
+    fn lines(&self) -> &[Line];
 
     /// Shows one board to `visitor`, with its type; `None` if there is no such board.
     fn visit<V: Visitor>(&self, kind: u8, board: u8, visitor: V) -> Option<V::Output>;
@@ -74,7 +75,8 @@ pub const fn links(kinds: &[(&str, &[Place])]) -> usize {
     count
 }
 
-/// The places that interrupt, in the order of their vectors. Nothing may be named twice.
+/// The places that interrupt, in the order of their vectors. Nothing may be named twice, and a vector
+/// has one level.
 ///
 /// # Panics
 /// If something is: the set does not compile.
@@ -111,7 +113,11 @@ pub const fn chain<const N: usize>(kinds: &[(&str, &[Place])]) -> [Link; N] {
                 !comes_before(place, kinds, kind, board),
                 "two boards have one address"
             );
-            if let Some((vector, _)) = place.interrupt() {
+            if let Some((vector, level)) = place.interrupt() {
+                assert!(
+                    !differs_in_level(vector, level, kinds),
+                    "two boards of one vector have different levels"
+                );
                 // Insertion from the end: boards of one vector stay in their order.
                 let mut at = count;
                 while at > 0 && chain[at - 1].vector.0 > vector.0 {
@@ -150,6 +156,26 @@ const fn comes_before(place: Place, kinds: &[(&str, &[Place])], kind: usize, boa
             other += 1;
         }
         other_kind += 1;
+    }
+    false
+}
+
+/// Whether a board interrupts with `vector`, but not at `level`.
+const fn differs_in_level(vector: Vector, level: Level, kinds: &[(&str, &[Place])]) -> bool {
+    let mut kind = 0;
+    while kind < kinds.len() {
+        let places = kinds[kind].1;
+        let mut board = 0;
+        while board < places.len() {
+            if let Some((other, its)) = places[board].interrupt()
+                && other.0 == vector.0
+                && its.0 != level.0
+            {
+                return true;
+            }
+            board += 1;
+        }
+        kind += 1;
     }
     false
 }
@@ -194,6 +220,21 @@ const fn equal(a: &str, b: &str) -> bool {
 /// }
 /// static DEVICES: Twice = Twice::new();
 /// ```
+///
+/// Nor do boards that share a vector at different levels:
+///
+/// ```compile_fail
+/// # use condor_dev::{Place, device_switch, drivers::Adc16};
+/// device_switch! {
+///     struct Uneven {
+///         adc: Adc16 = [
+///             Place::at(0x1000).interrupting(64, 3),
+///             Place::at(0x2000).interrupting(64, 4),
+///         ],
+///     }
+/// }
+/// static DEVICES: Uneven = Uneven::new();
+/// ```
 #[macro_export]
 macro_rules! device_switch {
     (
@@ -205,7 +246,7 @@ macro_rules! device_switch {
         $(#[$attribute])*
         $visibility struct $set {
             $($device: [$crate::Unit<$driver>; <[$crate::Place]>::len(&[$($place),+])],)+
-            turns: [$crate::set::AtomicU8; Self::LINKS.len()],
+            lines: [$crate::set::Line; Self::LINKS.len()],
         }
 
         impl $set {
@@ -220,7 +261,7 @@ macro_rules! device_switch {
             $visibility const fn new() -> Self {
                 Self {
                     $($device: [$($crate::Unit::new($place)),+],)+
-                    turns: [const { $crate::set::AtomicU8::new(0) }; Self::LINKS.len()],
+                    lines: [const { $crate::set::Line::new() }; Self::LINKS.len()],
                 }
             }
         }
@@ -231,8 +272,8 @@ macro_rules! device_switch {
             ];
             const CHAIN: &'static [$crate::set::Link] = &Self::LINKS;
 
-            fn turns(&self) -> &[$crate::set::AtomicU8] {
-                &self.turns
+            fn lines(&self) -> &[$crate::set::Line] {
+                &self.lines
             }
 
             #[inline(always)]

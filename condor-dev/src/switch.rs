@@ -134,13 +134,18 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
     }
 
-    /// Looks for every possible board, initialises those that are there, and lets their vectors
-    /// interrupt; what was found, [`inventory`](Self::inventory) tells.
+    /// Looks for every possible board, initialises those that are there, and then lets the vectors of
+    /// those present interrupt; what was found, [`inventory`](Self::inventory) tells.
     ///
-    /// Boards that are present already are left alone.
+    /// Boards that are present already are left alone; a vector of theirs that was
+    /// [disabled](Self::stuck) may interrupt again.
     pub fn start(&self) {
         for (kind, board) in Self::boards() {
-            self.devices.visit(kind, board, Start(self));
+            self.devices.visit(kind, board, Start(&self.bus));
+        }
+        // Until its last board is initialised, a shared vector may interrupt with none asking.
+        for (kind, board) in Self::boards() {
+            self.devices.visit(kind, board, Enable(&self.controller));
         }
     }
 
@@ -295,26 +300,36 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     }
 }
 
-struct Start<'s, B, C, S, const F: usize>(&'s Switch<B, C, S, F>);
+struct Start<'s, B>(&'s B);
 
-impl<B: Bus, C: InterruptController, S, const F: usize> Visitor for Start<'_, B, C, S, F> {
+impl<B: Bus> Visitor for Start<'_, B> {
     type Output = ();
 
     fn board<D: Driver>(self, unit: &Unit<D>) {
         if unit.presence() == Presence::Present {
             return;
         }
-        let registers = Registers::new(&self.0.bus, unit.place.base());
-        let presence = if !D::probe(registers) {
+        let registers = Registers::new(self.0, unit.place.base());
+        unit.set_presence(if !D::probe(registers) {
             Presence::Absent
         } else if unit.driver.init(registers).is_ok() {
             Presence::Present
         } else {
             Presence::Failed
-        };
-        unit.set_presence(presence);
-        if let (Presence::Present, Some((vector, level))) = (presence, unit.place.interrupt()) {
-            self.0.controller.enable(vector, level);
+        });
+    }
+}
+
+struct Enable<'s, C>(&'s C);
+
+impl<C: InterruptController> Visitor for Enable<'_, C> {
+    type Output = ();
+
+    fn board<D: Driver>(self, unit: &Unit<D>) {
+        if let (Presence::Present, Some((vector, level))) =
+            (unit.presence(), unit.place.interrupt())
+        {
+            self.0.enable(vector, level);
         }
     }
 }
