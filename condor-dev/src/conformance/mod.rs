@@ -2,6 +2,8 @@
 //!
 //! Each function runs the checks of one trait and ends at the first that fails.
 
+mod bus;
 mod interrupt_controller;
 
+pub use bus::{Access, BusFailure, Ground, bus};
 pub use interrupt_controller::{ControllerFailure, interrupt_controller};

@@ -13,11 +13,24 @@ struct Suite {
     integration_tests: &'static [&'static str],
 }
 
-const SUITES: [Suite; 1] = [Suite {
-    package: "condor-mbox",
-    features: "sim,critical-section-std",
-    integration_tests: &["conformance"],
-}];
+const SUITES: [Suite; 2] = [
+    Suite {
+        package: "condor-dev",
+        features: "sim,conformance",
+        integration_tests: &[
+            "switch",
+            "drivers",
+            "ring",
+            "buses_conform",
+            "controllers_conform",
+        ],
+    },
+    Suite {
+        package: "condor-mbox",
+        features: "sim,critical-section-std",
+        integration_tests: &["conformance"],
+    },
+];
 
 /// proptest asks for its directory and reads its number of cases from the environment.
 const FLAGS: &str = "-Zmiri-strict-provenance -Zmiri-disable-isolation";

@@ -13,7 +13,10 @@ const TARGETS: [&str; 4] = [
 ];
 
 /// The libraries that run without an operating system, with each set of features to build.
-const LIBRARIES: [(&str, &[&str]); 1] = [("condor-mbox", &["", "conformance", "riscv"])];
+const LIBRARIES: [(&str, &[&str]); 2] = [
+    ("condor-dev", &["", "conformance", "riscv"]),
+    ("condor-mbox", &["", "conformance", "riscv"]),
+];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let mut targets = String::new();
