@@ -64,6 +64,23 @@ fn each_width_is_read_as_it_was_written() {
     assert_eq!(kind(buses.read32(0x200)), BusErrorKind::OutOfRange);
 }
 
+#[cfg(feature = "conformance")]
+#[test]
+fn conforms() {
+    use condor_dev::conformance::{Ground, bus as suite};
+
+    let (file, bus) = mapped(Access::ReadWrite);
+    file.set_len(0x1000).unwrap();
+    let ground = |memory, absent| Ground {
+        memory,
+        absent: Some(absent),
+        refuses_misaligned: true,
+    };
+    suite(&bus, ground(BASE + 0x10, BASE + 0x2000)).unwrap();
+    suite(&bus, ground(BASE, BASE + BYTES)).unwrap();
+    suite(&[bus], ground(BASE + 0xff8, BASE - 8)).unwrap();
+}
+
 #[test]
 fn what_was_truncated_is_lost_and_the_rest_is_not() {
     let (file, bus) = mapped(Access::ReadWrite);

@@ -1,11 +1,14 @@
-//! The suite for interrupt controllers, on the lines of two boards.
+//! The suites, on memory and on the lines of two boards.
 
 use core::cell::Cell;
 
 use checks::Checks;
+use condor_dev::conformance::{self, Ground};
 use condor_dev::riscv::{GuardedMmio, Plic};
-use condor_dev::{Bus as _, InterruptController, Level, Vector, conformance};
+use condor_dev::{Bus as _, InterruptController, Level, Vector};
+use dev_exercise::BASE;
 
+use crate::MEMORY;
 use crate::machine::{BUS, UART, UART_VECTOR};
 
 const UART_ENABLE: usize = UART + 1;
@@ -17,6 +20,19 @@ const CLOCK_VECTOR: u16 = 11;
 const ALARM_LOW: usize = CLOCK + 0x08;
 const ALARM_HIGH: usize = CLOCK + 0x0c;
 const CLOCK_ENABLE: usize = CLOCK + 0x10;
+
+/// Checks the guarded accesses, on memory.
+pub(crate) fn bus(checks: &mut Checks<'_>) {
+    // SAFETY: `trap` asks `on_fault`.
+    let bus = unsafe { GuardedMmio::new(MEMORY.bus()) };
+    let ground = Ground {
+        memory: BASE + 0x500,
+        absent: Some(BASE - 8),
+        refuses_misaligned: true,
+    };
+    let verdict = conformance::bus(&bus, ground);
+    checks.same("it keeps the promises of buses", verdict, Ok(()));
+}
 
 /// Checks the PLIC, which claims for the suite alone: nothing interrupts yet.
 pub(crate) fn plic(checks: &mut Checks<'_>, plic: &Plic<GuardedMmio>) {

@@ -59,6 +59,8 @@ extern "C" fn main() {
     let exercised = dev_exercise::everything(&mut checks, &EXERCISED, MEMORY.bus());
     checks.same("memory answers as boards do", exercised, Ok(()));
     checks.group("a bus whose faults are caught");
+    #[cfg(feature = "conformance")]
+    conformance::bus(&mut checks);
     faults(&mut checks);
     checks.group("a PLIC");
     let plic = plic();
