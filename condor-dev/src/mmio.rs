@@ -159,6 +159,24 @@ mod tests {
         assert_eq!(bus.read32(0x1008), Ok(0));
     }
 
+    #[cfg(feature = "conformance")]
+    #[test]
+    fn conforms() {
+        use crate::conformance::{Ground, bus as suite};
+
+        let mut memory = [0_u64; 2];
+        // SAFETY: the array is aligned and reached through the bus alone until it is gone.
+        let bus = unsafe { Mmio::translated(memory.as_mut_ptr().cast(), 0x1000, 16) };
+        for memory in [0x1000, 0x1008] {
+            let ground = Ground {
+                memory,
+                absent: Some(0x1010),
+                refuses_misaligned: true,
+            };
+            suite(&bus, ground).unwrap();
+        }
+    }
+
     #[test]
     fn what_is_outside_or_misaligned_is_not_accessed() {
         // SAFETY: nothing is accessed.

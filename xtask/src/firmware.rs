@@ -22,7 +22,7 @@ pub(crate) struct Firmware {
     pub machine: &'static str,
 }
 
-pub(crate) const FIRMWARES: [Firmware; 2] = [
+pub(crate) const FIRMWARES: [Firmware; 4] = [
     Firmware {
         package: "riscv-virt",
         target: "riscv64gc-unknown-none-elf",
@@ -36,6 +36,21 @@ pub(crate) const FIRMWARES: [Firmware; 2] = [
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         // The board has the chip with 16 KiB of RAM, the firmware wants the one with 32.
+        machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
+    },
+    Firmware {
+        package: "dev-riscv",
+        target: "riscv64gc-unknown-none-elf",
+        qemu: "qemu-system-riscv64",
+        debian: "qemu-system-misc",
+        // What it receives are bytes of any value, none of which is a command to QEMU.
+        machine: "-machine virt -bios none -display none -monitor none -serial stdio",
+    },
+    Firmware {
+        package: "dev-cortex-m",
+        target: "thumbv6m-none-eabi",
+        qemu: "qemu-system-arm",
+        debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
     },
 ];

@@ -204,12 +204,13 @@ impl LinuxBus {
             Access::ReadOnly => ProtFlags::READ,
             Access::ReadWrite => ProtFlags::READ | ProtFlags::WRITE,
         };
-        let (nowhere, start) = (ptr::null_mut(), offset - skip);
+        let (anywhere, first) = (ptr::null_mut(), offset - skip);
         // SAFETY: without FIXED the kernel chooses addresses that nothing else uses, and no reference
         // to them is ever made.
-        let pages =
-            unsafe { rustix::mm::mmap(nowhere, bytes, protection, MapFlags::SHARED, &file, start) }
-                .map_err(system("map the file"))?;
+        let pages = unsafe {
+            rustix::mm::mmap(anywhere, bytes, protection, MapFlags::SHARED, &file, first)
+        }
+        .map_err(system("map the file"))?;
         let address = NonZeroUsize::new(pages.expose_provenance()).ok_or_else(too_large)?;
         let mapping = Mapping {
             pages: address,

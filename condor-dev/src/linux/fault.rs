@@ -57,22 +57,23 @@ fn set_action(action: &libc::sigaction) -> Result<(), i32> {
     }
 }
 
-/// The address of the instruction that a signal interrupted.
-fn instruction(context: &mut libc::ucontext_t) -> &mut RegisterWord {
-    #[cfg(target_arch = "x86_64")]
-    return &mut context.uc_mcontext.gregs[libc::REG_RIP as usize];
-    #[cfg(target_arch = "aarch64")]
-    return &mut context.uc_mcontext.pc;
-    #[cfg(target_arch = "riscv64")]
-    return &mut context.uc_mcontext.__gregs[libc::REG_PC as usize];
+/// Where the program is when the handler returns.
+#[cfg(target_arch = "x86_64")]
+fn instruction(context: &mut libc::ucontext_t) -> &mut libc::greg_t {
+    &mut context.uc_mcontext.gregs[libc::REG_RIP as usize]
 }
 
-#[cfg(target_arch = "x86_64")]
-type RegisterWord = libc::greg_t;
+/// Where the program is when the handler returns.
 #[cfg(target_arch = "aarch64")]
-type RegisterWord = libc::c_ulonglong;
+fn instruction(context: &mut libc::ucontext_t) -> &mut libc::c_ulonglong {
+    &mut context.uc_mcontext.pc
+}
+
+/// Where the program is when the handler returns.
 #[cfg(target_arch = "riscv64")]
-type RegisterWord = libc::c_ulong;
+fn instruction(context: &mut libc::ucontext_t) -> &mut libc::c_ulong {
+    &mut context.uc_mcontext.__gregs[libc::REG_PC as usize]
+}
 
 extern "C" fn on_bus_error(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
     // SAFETY: the kernel gives a valid `siginfo_t` to a handler with SA_SIGINFO.
@@ -84,8 +85,9 @@ extern "C" fn on_bus_error(signal: c_int, info: *mut libc::siginfo_t, context: *
     let interrupted = unsafe { context.cast::<libc::ucontext_t>().as_mut() };
     if let (false, Some(interrupted)) = (sent, interrupted) {
         let instruction = instruction(interrupted);
-        if let Some(end) = resume(*instruction as usize) {
-            *instruction = end as RegisterWord;
+        let address = usize::try_from(*instruction).unwrap_or_default();
+        if let Some(Ok(end)) = resume(address).map(TryFrom::try_from) {
+            *instruction = end;
             return;
         }
     }

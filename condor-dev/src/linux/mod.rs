@@ -17,7 +17,7 @@
 //! Who installs one later must likewise pass on what does not concern him. A thread that
 //! blocks SIGBUS is killed by the kernel if it touches memory that has vanished.
 //!
-//! Accesses are functions of their own in assembly, for x86-64, AArch64 and 64-bit RISC-V. There is
+//! Accesses are functions of their own in assembly, for x86-64, `AArch64` and 64-bit RISC-V. There is
 //! no such module for other processors.
 //!
 //! # Real time

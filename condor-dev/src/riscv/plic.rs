@@ -19,7 +19,19 @@ const MOST_CONTEXTS: u16 = 15_872;
 /// One target of a PLIC's interrupts: usually a hart in one of its modes. Which number it has, the
 /// machine's device tree says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Context(pub u16);
+pub struct Context(u16);
+
+impl Context {
+    /// The context of a number; `None` if no PLIC has that many.
+    #[must_use]
+    pub const fn new(number: u16) -> Option<Self> {
+        if number < MOST_CONTEXTS {
+            Some(Self(number))
+        } else {
+            None
+        }
+    }
+}
 
 /// The PLIC of RISC-V machines, as one context sees it; vectors are its sources, levels its
 /// priorities.
@@ -40,29 +52,25 @@ pub struct Plic<B> {
 }
 
 impl<B: Bus> Plic<B> {
-    /// The PLIC at `base` with sources 1 to `sources` and priorities up to `highest`; `None` if the
-    /// specification allows no such PLIC, or has no such context.
+    /// The PLIC at `base`, with sources 1 to `sources`, of which there are no more than 1023, and
+    /// priorities up to `highest`.
     ///
     /// One hart alone uses the context, and each has one of its own: the words of a context
     /// are changed in critical sections of that hart.
     #[must_use]
-    pub fn new(
-        bus: B,
-        base: usize,
-        context: Context,
-        sources: u16,
-        highest: Level,
-    ) -> Option<Self> {
-        if sources >= MOST_SOURCES || context.0 >= MOST_CONTEXTS || highest.0 == 0 {
-            return None;
-        }
-        Some(Self {
+    pub const fn new(bus: B, base: usize, context: Context, sources: u16, highest: Level) -> Self {
+        let sources = if sources < MOST_SOURCES {
+            sources
+        } else {
+            MOST_SOURCES - 1
+        };
+        Self {
             bus,
             base,
             context,
             sources,
             highest,
-        })
+        }
     }
 
     /// Disables all sources of the context, whatever ran before, and lets all levels through.

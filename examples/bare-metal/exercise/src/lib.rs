@@ -5,7 +5,6 @@
 //! the follower's `data`. Both are [residents](Resident) with the same vectors.
 #![no_std]
 
-mod checks;
 #[cfg(feature = "conformance")]
 mod conformance;
 mod follower;
@@ -15,7 +14,7 @@ mod messages;
 mod resident;
 mod states;
 
-pub use checks::Checks;
+pub use ::checks::Checks;
 #[cfg(feature = "conformance")]
 pub use conformance::{doorbell, window};
 pub use follower::{Order, turn};

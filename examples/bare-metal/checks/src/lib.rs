@@ -1,4 +1,5 @@
 //! [`Checks`]: a line for every check, and their count.
+#![no_std]
 
 use core::fmt::{self, Write as _};
 
