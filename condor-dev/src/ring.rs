@@ -58,18 +58,21 @@ impl<const N: usize> Ring<N> {
 
     /// Claims the end to write; `None` while somebody has it.
     #[inline]
+    #[must_use]
     pub fn writer(&self) -> Option<Writer<'_, N>> {
         claim(&self.writing).then(|| Writer(self))
     }
 
     /// Claims the end to read; `None` while somebody has it.
     #[inline]
+    #[must_use]
     pub fn reader(&self) -> Option<Reader<'_, N>> {
         claim(&self.reading).then(|| Reader(self))
     }
 
     /// How many bytes there are to read, at this moment.
     #[inline]
+    #[must_use]
     pub fn len(&self) -> usize {
         // In this order, and pairing with the stores of the ends: what was read had been written
         // before. What is written between the two loads may be more than there is room for.
@@ -80,12 +83,14 @@ impl<const N: usize> Ring<N> {
 
     /// Whether there is nothing to read, at this moment.
     #[inline]
+    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// Whether there is no room, at this moment.
     #[inline]
+    #[must_use]
     pub fn is_full(&self) -> bool {
         self.len() == N
     }

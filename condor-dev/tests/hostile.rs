@@ -16,7 +16,7 @@ fn drivers_bear_any_board() {
     let default = ProptestConfig::default();
     let chosen = std::env::var_os("PROPTEST_CASES").is_some();
     let config = ProptestConfig {
-        cases: if chosen { default.cases } else { 2_000 },
+        cases: if chosen { default.cases } else { 1_000 },
         failure_persistence: None,
         max_shrink_time: 60_000,
         ..default
