@@ -1,5 +1,7 @@
-//! What the fuzz targets share with the property tests of `condor-mbox`: scenarios out of bytes.
+//! What the fuzz targets share with the property tests of the crates: scenarios out of bytes.
 
+#[path = "../../condor-dev/tests/hostile/mod.rs"]
+mod devices;
 mod progress;
 #[path = "../../condor-mbox/tests/hostile/mod.rs"]
 mod scenario;
@@ -18,4 +20,12 @@ pub fn hostile_mailbox(bytes: &[u8]) {
 /// If one of them broke a promise.
 pub fn regions(bytes: &[u8]) {
     progress::report("regions", scenario::regions::run(bytes));
+}
+
+/// Drivers bear boards whose registers say anything, a bus that fails anywhere, and any interrupts.
+///
+/// # Panics
+/// If one of them broke a promise.
+pub fn drivers(bytes: &[u8]) {
+    devices::run(bytes);
 }

@@ -30,7 +30,7 @@ pub(crate) struct Firmware {
     pub machine: &'static str,
 }
 
-pub(crate) const FIRMWARES: [Firmware; 5] = [
+pub(crate) const FIRMWARES: [Firmware; 7] = [
     Firmware {
         package: "riscv-virt",
         exercise: "exercise",
@@ -46,6 +46,23 @@ pub(crate) const FIRMWARES: [Firmware; 5] = [
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         // The board has the chip with 16 KiB of RAM, the firmware wants the one with 32.
+        machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
+    },
+    Firmware {
+        package: "dev-riscv",
+        exercise: "dev-exercise",
+        target: "riscv64gc-unknown-none-elf",
+        qemu: "qemu-system-riscv64",
+        debian: "qemu-system-misc",
+        // What it receives are bytes of any value, none of which is a command to QEMU.
+        machine: "-machine virt -bios none -display none -monitor none -serial stdio",
+    },
+    Firmware {
+        package: "dev-cortex-m",
+        exercise: "dev-exercise",
+        target: "thumbv6m-none-eabi",
+        qemu: "qemu-system-arm",
+        debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
     },
     Firmware {

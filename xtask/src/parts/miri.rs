@@ -13,7 +13,18 @@ struct Suite {
     integration_tests: &'static [&'static str],
 }
 
-const SUITES: [Suite; 2] = [
+const SUITES: [Suite; 3] = [
+    Suite {
+        package: "condor-dev",
+        features: "sim,conformance",
+        integration_tests: &[
+            "switch",
+            "drivers",
+            "ring",
+            "buses_conform",
+            "controllers_conform",
+        ],
+    },
     Suite {
         package: "condor-mbox",
         features: "sim,critical-section-std",

@@ -13,7 +13,8 @@ const TARGETS: [&str; 4] = [
 ];
 
 /// The libraries that run without an operating system, with each set of features to build.
-const LIBRARIES: [(&str, &[&str]); 2] = [
+const LIBRARIES: [(&str, &[&str]); 3] = [
+    ("condor-dev", &["", "conformance", "riscv"]),
     ("condor-mbox", &["", "conformance", "riscv"]),
     ("condor-mos", &["", "cortex-m", "riscv"]),
 ];

@@ -1,6 +1,8 @@
 //! The firmwares end QEMU by themselves; one that hangs is stopped, by the id of its process.
+//!
+//! A line `echo` with a number asks for so many bytes, of which the firmware gives each back.
 
-use std::io::Read as _;
+use std::io::{BufRead, BufReader, Read as _, Write};
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -51,19 +53,18 @@ fn emulate(firmware: &Firmware, image: &Path) -> Result<(String, Option<ExitStat
         .args(firmware.machine.split_whitespace())
         .arg("-kernel")
         .arg(image)
-        .stdin(Stdio::null())
+        .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
         .map_err(|error| format!("{} could not be started: {error}", firmware.qemu))?;
-    let mut output = child.stdout.take().ok_or("QEMU has no output")?;
+    let output = child.stdout.take().ok_or("QEMU has no output")?;
+    let input = child.stdin.take().ok_or("QEMU has no input")?;
     let (send, ended) = mpsc::channel();
     let reader = thread::spawn(move || {
-        let mut bytes = Vec::new();
-        // What was read before an error is worth showing.
-        let _ = output.read_to_end(&mut bytes);
+        let printed = listen(BufReader::new(output), input);
         // Nobody waits any more if the limit has passed.
         let _ = send.send(());
-        String::from_utf8_lossy(&bytes).into_owned()
+        printed
     });
     let in_time = ended.recv_timeout(LIMIT) != Err(RecvTimeoutError::Timeout);
     if !in_time {
@@ -72,6 +73,77 @@ fn emulate(firmware: &Firmware, image: &Path) -> Result<(String, Option<ExitStat
     let status = child.wait()?;
     let printed = reader.join().map_err(|_| "the output cannot be read")?;
     Ok((printed, in_time.then_some(status)))
+}
+
+/// What the firmware prints until it ends, with a verdict in place of what it echoes.
+fn listen(mut output: impl BufRead, mut input: impl Write + Send) -> String {
+    let (mut printed, mut line) = (Vec::new(), Vec::new());
+    let mut failed = false;
+    // What was read before an error is worth showing.
+    while output
+        .read_until(b'\n', &mut line)
+        .is_ok_and(|read| read > 0)
+    {
+        if let Some(count) = echo_wanted(&line) {
+            let verdict = match exchange(count, &mut output, &mut input) {
+                Ok(()) => format!("  ok      {count} bytes came back\n"),
+                Err(problem) => format!("  FAILED  {problem}\n"),
+            };
+            failed |= verdict.contains("FAILED");
+            line = verdict.into_bytes();
+        }
+        printed.append(&mut line);
+    }
+    if failed {
+        printed.extend(b"0 passed, 1 failed\n");
+    }
+    String::from_utf8_lossy(&printed).into_owned()
+}
+
+/// How many bytes a line asks for.
+fn echo_wanted(line: &[u8]) -> Option<usize> {
+    let line = std::str::from_utf8(line).ok()?;
+    line.trim_end().strip_prefix("echo ")?.parse().ok()
+}
+
+/// Sends bytes, and sees that they come back.
+fn exchange(
+    count: usize,
+    output: &mut impl BufRead,
+    input: &mut (impl Write + Send),
+) -> Result<()> {
+    let bytes: Vec<u8> = noise().take(count).collect();
+    let mut back = Vec::with_capacity(count);
+    thread::scope(|scope| {
+        let sender = scope.spawn(|| input.write_all(&bytes).and_then(|()| input.flush()));
+        let received = output.take(count as u64).read_to_end(&mut back);
+        // If the firmware has ended, the pipe is broken.
+        let sent = sender.join().map_err(|_| "the sender panicked")?;
+        received?;
+        sent?;
+        Ok::<(), Box<dyn std::error::Error>>(())
+    })?;
+    match bytes
+        .iter()
+        .zip(&back)
+        .position(|(sent, came)| sent != came)
+    {
+        Some(at) => Err(format!("byte {at} of {count} came back as another").into()),
+        None if back.len() < count => {
+            Err(format!("{} of {count} bytes came back", back.len()).into())
+        }
+        None => Ok(()),
+    }
+}
+
+/// Bytes of all values in no order (xorshift; Marsaglia, 2003).
+fn noise() -> impl Iterator<Item = u8> {
+    let step = |state: &u32| {
+        let state = state ^ state << 13;
+        let state = state ^ state >> 17;
+        Some(state ^ state << 5)
+    };
+    std::iter::successors(Some(0x9e37_79b9), step).map(|state| (state >> 24) as u8)
 }
 
 /// The number of checks that passed, if all did and the firmware said so itself.
@@ -95,7 +167,29 @@ mod tests {
     use std::os::unix::process::ExitStatusExt as _;
     use std::process::ExitStatus;
 
-    use super::judge;
+    use super::{judge, listen, noise};
+
+    /// A firmware that has been listened to before it was spoken to: it knows the noise.
+    fn echoing(count: usize, spoil: impl FnOnce(&mut Vec<u8>)) -> (String, Vec<u8>) {
+        let mut bytes: Vec<u8> = noise().take(count).collect();
+        spoil(&mut bytes);
+        let mut output = format!("echo {count}\n").into_bytes();
+        output.extend(bytes);
+        output.extend(b"1 passed, 0 failed\n");
+        let mut sent = Vec::new();
+        (listen(&output[..], &mut sent), sent)
+    }
+
+    #[test]
+    fn every_byte_must_come_back() {
+        let (printed, sent) = echoing(1000, |_| {});
+        assert_eq!(sent, noise().take(1000).collect::<Vec<_>>());
+        assert!(printed.ends_with("bytes came back\n1 passed, 0 failed\n"));
+        let other = |bytes: &mut Vec<u8>| bytes[500] ^= 1;
+        assert!(echoing(1000, other).0.contains("byte 500"));
+        let lost = |bytes: &mut Vec<u8>| bytes.truncate(999);
+        assert!(echoing(1000, lost).0.ends_with("0 passed, 1 failed\n"));
+    }
 
     #[test]
     fn believes_the_last_line_and_the_status_only_together() {

@@ -1,0 +1,156 @@
+//! A bus for new hardware: boards behind a serial bridge, reached by an unchanged driver.
+//!
+//! `cargo run -p condor-dev --example new_bus`
+
+use std::cell::RefCell;
+use std::error::Error;
+
+use condor_dev::conformance::{self, Ground};
+use condor_dev::drivers::Adc16;
+use condor_dev::{Bus, BusError, BusErrorKind, Mode, NoInterrupts, Place, Switch, device_switch};
+
+/// Boards behind a bridge. A request is a command (1, 2 or 4 bytes, 0x80 to write), the address
+/// and a value; an answer is a status and a value.
+struct Bridge<L>(L);
+
+/// The bridge's status, where it is not 0.
+#[derive(Debug)]
+struct BridgeError(u8);
+
+impl BusError for BridgeError {
+    fn kind(&self) -> BusErrorKind {
+        match self.0 {
+            1 => BusErrorKind::Misaligned,
+            2 => BusErrorKind::NoAnswer,
+            _ => BusErrorKind::Lost,
+        }
+    }
+}
+
+impl<L: Link> Bridge<L> {
+    fn request(&self, command: u8, address: usize, value: u32) -> Result<u32, BridgeError> {
+        let address = u32::try_from(address).map_err(|_| BridgeError(2))?;
+        let mut request = [command; 9];
+        request[1..5].copy_from_slice(&address.to_le_bytes());
+        request[5..].copy_from_slice(&value.to_le_bytes());
+        match self.0.transfer(request) {
+            [0, value @ ..] => Ok(u32::from_le_bytes(value)),
+            [status, ..] => Err(BridgeError(status)),
+        }
+    }
+}
+
+impl<L: Link> Bus for Bridge<L> {
+    type Error = BridgeError;
+
+    fn read8(&self, address: usize) -> Result<u8, BridgeError> {
+        Ok(self.request(1, address, 0)? as u8)
+    }
+
+    fn read16(&self, address: usize) -> Result<u16, BridgeError> {
+        Ok(self.request(2, address, 0)? as u16)
+    }
+
+    fn read32(&self, address: usize) -> Result<u32, BridgeError> {
+        self.request(4, address, 0)
+    }
+
+    fn write8(&self, address: usize, value: u8) -> Result<(), BridgeError> {
+        self.request(0x81, address, value.into()).map(drop)
+    }
+
+    fn write16(&self, address: usize, value: u16) -> Result<(), BridgeError> {
+        self.request(0x82, address, value.into()).map(drop)
+    }
+
+    fn write32(&self, address: usize, value: u32) -> Result<(), BridgeError> {
+        self.request(0x84, address, value).map(drop)
+    }
+}
+
+// Here ends what a user writes; what follows stands in for the hardware and is the program.
+
+/// Something that sends a request of nine bytes to the bridge, and gives its answer of five.
+trait Link {
+    fn transfer(&self, request: [u8; 9]) -> [u8; 5];
+}
+
+/// The far end of the link: an analog-to-digital board at 0x100, and memory from 0x200 to 0x240.
+struct FarEnd(RefCell<[u8; 0x240]>);
+
+impl FarEnd {
+    fn new() -> Self {
+        let mut bytes = [0; 0x240];
+        bytes[0x100..0x102].copy_from_slice(&0xadc0_u16.to_ne_bytes());
+        let values = (0_i16..).map(|channel| 1000 - 250 * channel);
+        for (register, value) in bytes[0x120..0x140].chunks_exact_mut(2).zip(values) {
+            register.copy_from_slice(&value.to_ne_bytes());
+        }
+        Self(RefCell::new(bytes))
+    }
+}
+
+impl Link for FarEnd {
+    fn transfer(&self, [command, request @ ..]: [u8; 9]) -> [u8; 5] {
+        let [a, b, c, d, value @ ..] = request;
+        let (address, width) = (
+            u32::from_le_bytes([a, b, c, d]) as usize,
+            usize::from(command & 7),
+        );
+        let present = (0x100..0x140).contains(&address) || (0x200..0x240).contains(&address);
+        if !address.is_multiple_of(width) {
+            return [1, 0, 0, 0, 0];
+        }
+        if !present {
+            return [2, 0, 0, 0, 0];
+        }
+        let mut bytes = self.0.borrow_mut();
+        let place = &mut bytes[address..address + width];
+        let value = u32::from_le_bytes(value);
+        if command & 0x80 != 0 {
+            match width {
+                1 => place[0] = value as u8,
+                2 => place.copy_from_slice(&(value as u16).to_ne_bytes()),
+                _ => place.copy_from_slice(&value.to_ne_bytes()),
+            }
+        }
+        let found = match *place {
+            [byte] => byte.into(),
+            [a, b] => u16::from_ne_bytes([a, b]).into(),
+            [a, b, c, d] => u32::from_ne_bytes([a, b, c, d]),
+            _ => 0,
+        };
+        let [a, b, c, d] = found.to_le_bytes();
+        [0, a, b, c, d]
+    }
+}
+
+device_switch! {
+    struct Boards {
+        adc: Adc16 = [Place::at(0x100), Place::at(0x180)],
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let bridge = Bridge(FarEnd::new());
+    let ground = Ground {
+        memory: 0x200,
+        absent: Some(0x240),
+        refuses_misaligned: true,
+    };
+    conformance::bus(&bridge, ground)?;
+    println!("the bridge conforms to what a bus promises");
+
+    let switch = Switch::<_, _, _, 4>::new(bridge, NoInterrupts, Boards::new());
+    switch.start();
+    print!("{}", switch.inventory());
+    let fd = switch
+        .open(":adc", 0, Mode::READ)
+        .map_err(|error| error.to_string())?;
+    let adc = switch.device::<Adc16>(fd)?;
+    let mut channels = [0; Adc16::CHANNELS];
+    adc.scan(&mut channels)
+        .map_err(|error| format!("{error:?}"))?;
+    println!("channels {channels:?}");
+    Ok(())
+}

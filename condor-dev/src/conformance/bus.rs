@@ -1,0 +1,225 @@
+//! The checks of [`Bus`].
+
+use crate::bus::{Bus, BusError, BusErrorKind, Width};
+
+/// Where a bus can be tried.
+#[derive(Clone, Copy, Debug)]
+pub struct Ground {
+    /// The address, a multiple of 8, of eight bytes that keep what is written to them.
+    pub memory: usize,
+    /// The address, a multiple of 8, of eight bytes where nothing answers, if the bus can know that.
+    pub absent: Option<usize>,
+    /// Whether the bus refuses misaligned accesses; one whose error is
+    /// [`Infallible`](core::convert::Infallible) cannot.
+    pub refuses_misaligned: bool,
+}
+
+/// An access of the suite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// A read.
+    Read,
+    /// A write of this value.
+    Write(u32),
+    /// [`Bus::answers`], whose answer is 1 for yes.
+    Answers,
+}
+
+/// A check that a bus failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{check}: {access:x?} of {width:?} at {address:#x} gave {found:x?}, expected {expected:x?}"
+)]
+pub struct BusFailure {
+    /// The promise that is broken.
+    pub check: &'static str,
+    /// The access that showed it.
+    pub access: Access,
+    /// Its width.
+    pub width: Width,
+    /// Its address.
+    pub address: usize,
+    /// What it gave: a value (zero for a write), or a kind of error.
+    pub found: Result<u32, BusErrorKind>,
+    /// What it should have given; of several errors that would do, one.
+    pub expected: Result<u32, BusErrorKind>,
+}
+
+const WIDTHS: [Width; 3] = [Width::Bits8, Width::Bits16, Width::Bits32];
+const BACKGROUND: [u32; 2] = [0x0123_4567, 0x89ab_cdef];
+
+/// Checks a bus on `ground`, whose memory is lost.
+///
+/// # Errors
+/// The first check that fails.
+pub fn bus<B: Bus>(bus: &B, ground: Ground) -> Result<(), BusFailure> {
+    let suite = Suite { bus, ground };
+    suite.values_are_kept()?;
+    suite.neighbours_are_left_alone()?;
+    suite.widths_agree()?;
+    if ground.refuses_misaligned {
+        suite.misaligned_accesses_are_refused()?;
+    }
+    if let Some(absent) = ground.absent {
+        suite.nothing_answers(absent)?;
+    }
+    Ok(())
+}
+
+struct Suite<'b, B> {
+    bus: &'b B,
+    ground: Ground,
+}
+
+impl<B: Bus> Suite<'_, B> {
+    fn values_are_kept(&self) -> Result<(), BusFailure> {
+        let check = "what is written is read back, also after looking whether something answers";
+        for width in WIDTHS {
+            let mask = u32::MAX >> (32 - 8 * width.bytes());
+            for offset in (0..8).step_by(width.bytes()) {
+                for pattern in [0, u32::MAX, 0x8182_8384, 0x1020_4080] {
+                    let value = pattern & mask;
+                    self.expect(check, Access::Write(value), width, offset, Ok(0))?;
+                    self.expect(check, Access::Answers, width, offset, Ok(1))?;
+                    self.expect(check, Access::Read, width, offset, Ok(value))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn neighbours_are_left_alone(&self) -> Result<(), BusFailure> {
+        let check = "a write changes its own bytes and no other";
+        for width in WIDTHS {
+            for offset in (0..8).step_by(width.bytes()) {
+                let mut bytes = self.lay_background(check)?;
+                self.expect(check, Access::Write(0), width, offset, Ok(0))?;
+                for byte in bytes.iter_mut().skip(offset).take(width.bytes()) {
+                    *byte = 0;
+                }
+                self.expect_bytes(check, bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn widths_agree(&self) -> Result<(), BusFailure> {
+        let check = "accesses of all widths see the same memory, in the processor's byte order";
+        let bytes = self.lay_background(check)?;
+        self.expect_bytes(check, bytes)?;
+        let (pairs, _) = bytes.as_chunks::<2>();
+        for (offset, pair) in (0..).step_by(2).zip(pairs) {
+            let value = u16::from_ne_bytes(*pair).into();
+            self.expect(check, Access::Read, Width::Bits16, offset, Ok(value))?;
+        }
+        Ok(())
+    }
+
+    fn misaligned_accesses_are_refused(&self) -> Result<(), BusFailure> {
+        let check = "a misaligned access is refused as such, and changes nothing";
+        let bytes = self.lay_background(check)?;
+        let refused = Err(BusErrorKind::Misaligned);
+        for (width, offset) in [
+            (Width::Bits16, 1),
+            (Width::Bits16, 3),
+            (Width::Bits32, 1),
+            (Width::Bits32, 2),
+            (Width::Bits32, 3),
+        ] {
+            self.expect(check, Access::Read, width, offset, refused)?;
+            self.expect(check, Access::Write(0), width, offset, refused)?;
+            self.expect(check, Access::Answers, width, offset, Ok(0))?;
+        }
+        self.expect_bytes(check, bytes)
+    }
+
+    fn nothing_answers(&self, absent: usize) -> Result<(), BusFailure> {
+        let check = "an access to what is not there is an error";
+        for width in WIDTHS {
+            for offset in (0..8).step_by(width.bytes()) {
+                let address = absent.wrapping_add(offset);
+                for access in [Access::Read, Access::Write(0), Access::Answers] {
+                    let found = self.make(access, width, address);
+                    let as_it_should = match (access, found) {
+                        (Access::Answers, found) => found == Ok(0),
+                        (_, found) => matches!(
+                            found,
+                            Err(BusErrorKind::NoAnswer
+                                | BusErrorKind::OutOfRange
+                                | BusErrorKind::Lost)
+                        ),
+                    };
+                    if !as_it_should {
+                        return Err(BusFailure {
+                            check,
+                            access,
+                            width,
+                            address,
+                            found,
+                            expected: match access {
+                                Access::Answers => Ok(0),
+                                _ => Err(BusErrorKind::NoAnswer),
+                            },
+                        });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Fills the memory, and gives its bytes.
+    fn lay_background(&self, check: &'static str) -> Result<[u8; 8], BusFailure> {
+        let mut bytes = [0; 8];
+        let (words, _) = bytes.as_chunks_mut::<4>();
+        for ((offset, value), word) in (0..).step_by(4).zip(BACKGROUND).zip(words) {
+            self.expect(check, Access::Write(value), Width::Bits32, offset, Ok(0))?;
+            *word = value.to_ne_bytes();
+        }
+        Ok(bytes)
+    }
+
+    fn expect_bytes(&self, check: &'static str, bytes: [u8; 8]) -> Result<(), BusFailure> {
+        for (offset, byte) in bytes.into_iter().enumerate() {
+            self.expect(check, Access::Read, Width::Bits8, offset, Ok(byte.into()))?;
+        }
+        Ok(())
+    }
+
+    fn expect(
+        &self,
+        check: &'static str,
+        access: Access,
+        width: Width,
+        offset: usize,
+        expected: Result<u32, BusErrorKind>,
+    ) -> Result<(), BusFailure> {
+        let address = self.ground.memory.wrapping_add(offset);
+        let found = self.make(access, width, address);
+        if found == expected {
+            return Ok(());
+        }
+        Err(BusFailure {
+            check,
+            access,
+            width,
+            address,
+            found,
+            expected,
+        })
+    }
+
+    fn make(&self, access: Access, width: Width, address: usize) -> Result<u32, BusErrorKind> {
+        let bus = self.bus;
+        let result = match (access, width) {
+            (Access::Read, Width::Bits8) => bus.read8(address).map(u32::from),
+            (Access::Read, Width::Bits16) => bus.read16(address).map(u32::from),
+            (Access::Read, Width::Bits32) => bus.read32(address),
+            (Access::Write(value), Width::Bits8) => bus.write8(address, value as u8).map(|()| 0),
+            (Access::Write(value), Width::Bits16) => bus.write16(address, value as u16).map(|()| 0),
+            (Access::Write(value), Width::Bits32) => bus.write32(address, value).map(|()| 0),
+            (Access::Answers, width) => Ok(bus.answers(address, width).into()),
+        };
+        result.map_err(|error| error.kind())
+    }
+}

@@ -1,0 +1,182 @@
+//! The checks of [`InterruptController`].
+
+use crate::interrupt::{InterruptController, Level, Vector};
+
+/// A check that a controller failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{check}: `claim` gave {found:?}, expected {expected:?}")]
+pub struct ControllerFailure {
+    /// The promise that is broken.
+    pub check: &'static str,
+    /// What was claimed.
+    pub found: Option<Vector>,
+    /// What should have been.
+    pub expected: Option<Vector>,
+}
+
+const LOW: Level = Level(1);
+const HIGH: Level = Level(2);
+
+/// Checks a controller with two lines of level-triggered interrupts, of which nobody else makes use,
+/// and which are low and disabled; so they are left if all is well.
+///
+/// `set` raises a line (`true`) or lowers it, as its board does, and returns after the controller
+/// has seen that. `nobody` is a vector that the controller does not have. The controller must tell
+/// levels 1 and 2 apart.
+///
+/// # Errors
+/// The first check that fails.
+pub fn interrupt_controller<C: InterruptController>(
+    controller: &C,
+    lines: [Vector; 2],
+    nobody: Vector,
+    set: impl FnMut(Vector, bool),
+) -> Result<(), ControllerFailure> {
+    let [one, other] = lines;
+    let mut bench = Bench { controller, set };
+    bench.gives("nothing is pending at first", None)?;
+    bench.single(one)?;
+    bench.single(other)?;
+    bench.disabled_in_service(one)?;
+    bench.levels(one, other)?;
+    bench.levels(other, one)?;
+    bench.both_in_service(one, other)?;
+    bench.unknown(one, nobody)
+}
+
+struct Bench<'c, C, F> {
+    controller: &'c C,
+    set: F,
+}
+
+impl<C: InterruptController, F: FnMut(Vector, bool)> Bench<'_, C, F> {
+    fn gives(
+        &self,
+        check: &'static str,
+        expected: Option<Vector>,
+    ) -> Result<(), ControllerFailure> {
+        let found = self.controller.claim();
+        if found == expected {
+            return Ok(());
+        }
+        Err(ControllerFailure {
+            check,
+            found,
+            expected,
+        })
+    }
+
+    /// Ends what was claimed of a line that is served now.
+    fn serve(&mut self, line: Vector) -> Result<(), ControllerFailure> {
+        (self.set)(line, false);
+        self.controller.complete(line);
+        self.gives("a line that was served is not pending", None)
+    }
+
+    fn single(&mut self, line: Vector) -> Result<(), ControllerFailure> {
+        let controller = self.controller;
+        (self.set)(line, true);
+        self.gives("a disabled vector is not claimed", None)?;
+        controller.enable(line, Level(0));
+        self.gives("level 0 never interrupts", None)?;
+        controller.enable(line, LOW);
+        self.gives(
+            "what was asked for meanwhile is pending when it is enabled",
+            Some(line),
+        )?;
+        self.gives("what is in service is not claimed again", None)?;
+        controller.enable(line, HIGH);
+        self.gives("nor when it is enabled anew", None)?;
+        controller.complete(line);
+        self.gives(
+            "a line that still asks is pending after `complete`",
+            Some(line),
+        )?;
+        self.serve(line)?;
+        (self.set)(line, true);
+        self.gives("a line that asks again is pending", Some(line))?;
+        self.serve(line)?;
+        controller.disable(line);
+        (self.set)(line, true);
+        self.gives("a vector disabled again is not claimed", None)?;
+        controller.enable(line, LOW);
+        self.gives("and is pending when enabled again", Some(line))?;
+        self.serve(line)?;
+        controller.disable(line);
+        Ok(())
+    }
+
+    fn disabled_in_service(&mut self, line: Vector) -> Result<(), ControllerFailure> {
+        let controller = self.controller;
+        controller.enable(line, LOW);
+        (self.set)(line, true);
+        self.gives("a line that asks is pending", Some(line))?;
+        controller.disable(line);
+        controller.complete(line);
+        self.gives("what was disabled in service is not claimed after it", None)?;
+        controller.enable(line, LOW);
+        self.gives(
+            "what was disabled in service interrupts when enabled again",
+            Some(line),
+        )?;
+        self.serve(line)?;
+        controller.disable(line);
+        Ok(())
+    }
+
+    fn levels(&mut self, urgent: Vector, other: Vector) -> Result<(), ControllerFailure> {
+        let controller = self.controller;
+        controller.enable(other, LOW);
+        controller.enable(urgent, HIGH);
+        (self.set)(other, true);
+        (self.set)(urgent, true);
+        self.gives("the highest level comes first", Some(urgent))?;
+        (self.set)(urgent, false);
+        controller.complete(urgent);
+        self.gives("then the next", Some(other))?;
+        self.serve(other)?;
+        controller.disable(urgent);
+        controller.disable(other);
+        Ok(())
+    }
+
+    fn both_in_service(&mut self, one: Vector, other: Vector) -> Result<(), ControllerFailure> {
+        let controller = self.controller;
+        controller.enable(one, HIGH);
+        controller.enable(other, LOW);
+        (self.set)(one, true);
+        self.gives("a line that asks is pending", Some(one))?;
+        (self.set)(other, true);
+        self.gives(
+            "another can be claimed while one is in service",
+            Some(other),
+        )?;
+        self.gives("neither is claimed twice", None)?;
+        (self.set)(one, false);
+        controller.complete(one);
+        self.gives("completing one does not complete the other", None)?;
+        self.serve(other)?;
+        controller.disable(one);
+        controller.disable(other);
+        Ok(())
+    }
+
+    fn unknown(&mut self, line: Vector, nobody: Vector) -> Result<(), ControllerFailure> {
+        let controller = self.controller;
+        controller.enable(nobody, HIGH);
+        self.gives("a vector that there is not is never pending", None)?;
+        controller.enable(line, LOW);
+        (self.set)(line, true);
+        controller.complete(nobody);
+        controller.disable(nobody);
+        self.gives(
+            "a vector that there is not changes nothing for others",
+            Some(line),
+        )?;
+        controller.complete(nobody);
+        self.gives("nor does it complete them", None)?;
+        self.serve(line)?;
+        controller.disable(line);
+        Ok(())
+    }
+}

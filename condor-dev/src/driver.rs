@@ -1,0 +1,139 @@
+//! [`Driver`]: what one kind of board can do.
+
+use crate::bus::{Bus, Registers};
+
+/// A kind of board, and the state of one of its boards.
+///
+/// # For users
+/// Programs name drivers in a [`device_switch!`](crate::device_switch) and reach them through its
+/// file descriptors; see [`Switch`](crate::Switch). What is peculiar to a board, its driver offers to
+/// [`Device`](crate::Device)`<'_, B, Self>` as methods of its own.
+///
+/// # For implementers
+/// A value is one board, with its buffer (memo, section 3.1): it lives in a `static`, and background,
+/// servo loops and interrupts reach it at the same time through `&self`. The interrupt's half and
+/// the other one share the buffer by atomics, so that neither ever waits for the other. No
+/// call waits for the board: what cannot be done now is [`DeviceError::WouldBlock`].
+pub trait Driver: Sync + Sized + 'static {
+    /// The name to open it by, without the colon.
+    const NAME: &'static str;
+
+    /// A board that has not been initialised.
+    const NEW: Self;
+
+    /// Whether it can be opened for reading.
+    const READS: bool;
+
+    /// Whether it can be opened for writing.
+    const WRITES: bool;
+
+    /// Whether the board is there, before anything else is done to it.
+    fn probe<B: Bus>(registers: Registers<'_, B>) -> bool;
+
+    /// Brings the board, whatever it did before, into a known state that does not interrupt.
+    ///
+    /// # Errors
+    /// The bus's: then the board is not used.
+    fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error>;
+
+    /// The board is opened, by nobody before: from here on it may interrupt.
+    ///
+    /// # Errors
+    /// The bus's: then it is not open.
+    fn open<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        let _ = registers;
+        Ok(())
+    }
+
+    /// Nobody has the board open any more: it must not interrupt.
+    ///
+    /// # Errors
+    /// The bus's.
+    fn close<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        let _ = registers;
+        Ok(())
+    }
+
+    /// Reads at least one byte into `into`, which is not empty, and says how many.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    fn read<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        into: &mut [u8],
+    ) -> Result<usize, DeviceError<B::Error>>;
+
+    /// Writes at least one byte of `from`, which is not empty, and says how many.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    fn write<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        from: &[u8],
+    ) -> Result<usize, DeviceError<B::Error>>;
+
+    /// Whether all that was written has left for the world outside.
+    ///
+    /// # Errors
+    /// The bus's.
+    fn is_flushed<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        let _ = registers;
+        Ok(true)
+    }
+
+    /// Whether [`read`](Self::read) would read something.
+    ///
+    /// # Errors
+    /// The bus's.
+    fn read_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error>;
+
+    /// Whether [`write`](Self::write) would write something.
+    ///
+    /// # Errors
+    /// The bus's.
+    fn write_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error>;
+
+    /// The board's vector interrupted: serves the board, if it was this one.
+    ///
+    /// # Errors
+    /// The bus's: the board is taken for one that did not interrupt.
+    fn interrupt<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Attention, B::Error> {
+        let _ = registers;
+        Ok(Attention::NotMine)
+    }
+}
+
+/// Whether a board had asked for the interrupt that it was polled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attention {
+    /// It had, and has been served.
+    Mine,
+    /// It had not.
+    NotMine,
+}
+
+/// Why a transfer moved nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceError<E> {
+    /// The board has nothing to read, or no room, at this moment.
+    WouldBlock,
+    /// The board does not transfer this many bytes at a time, or in its present configuration.
+    Length {
+        /// What it was asked for.
+        bytes: usize,
+        /// What it moves at once: a multiple of this.
+        unit: usize,
+    },
+    /// The board reported an error of its own: overrun, framing; bits as its driver documents.
+    Device(u8),
+    /// The bus.
+    Bus(E),
+}
+
+impl<E> From<E> for DeviceError<E> {
+    fn from(error: E) -> Self {
+        Self::Bus(error)
+    }
+}

@@ -1,0 +1,186 @@
+//! [`Adc16`]: a 16-channel analog-to-digital board.
+
+use crate::bus::{Bus, Registers, Width};
+use crate::device::Device;
+use crate::driver::{DeviceError, Driver};
+use crate::sync::{AtomicU8, Ordering::Relaxed, masked};
+
+/// A board with sixteen analog inputs, each converted to 16 bits.
+///
+/// | offset | width | access | register |
+/// |---|---|---|---|
+/// | 0x00 | 16 | read | identification, 0xadc0 |
+/// | 0x02 | 16 | both | control: what starts a conversion of all channels; 0 all the time, 1 a write to 0x04, 2 the trigger line |
+/// | 0x04 | 16 | write | any value starts a conversion, if control is 1 |
+/// | 0x06 | 16 | read | status: bit 0 a conversion has been completed since the last one was started |
+/// | 0x20 + 2·*n* | 16 | read | the latest conversion of channel *n*, two's complement |
+///
+/// `read` gives the channels in order, two bytes each, in the byte order of the processor; it has
+/// nothing to give between the start of a conversion and its end. A board is opened converting all
+/// the time.
+#[derive(Debug)]
+pub struct Adc16 {
+    trigger: AtomicU8,
+}
+
+/// What starts a conversion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Trigger {
+    /// The end of the one before.
+    Continuous = 0,
+    /// [`start`](Device::start).
+    Command = 1,
+    /// The board's trigger line.
+    External = 2,
+}
+
+const IDENTIFICATION: u16 = 0xadc0;
+const COMPLETED: u16 = 1 << 0;
+
+mod offset {
+    pub(super) const IDENTIFICATION: usize = 0x00;
+    pub(super) const CONTROL: usize = 0x02;
+    pub(super) const START: usize = 0x04;
+    pub(super) const STATUS: usize = 0x06;
+    pub(super) const CHANNELS: usize = 0x20;
+}
+
+impl Adc16 {
+    /// Channels of a board.
+    pub const CHANNELS: usize = 16;
+
+    const fn channel(number: usize) -> usize {
+        offset::CHANNELS + 2 * number
+    }
+
+    fn set_trigger<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        trigger: Trigger,
+    ) -> Result<(), B::Error> {
+        masked(|| {
+            registers.write16(offset::CONTROL, trigger as u16)?;
+            self.trigger.store(trigger as u8, Relaxed);
+            Ok(())
+        })
+    }
+
+    fn is_ready<B: Bus>(registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        Ok(registers.read16(offset::STATUS)? & COMPLETED != 0)
+    }
+}
+
+impl Driver for Adc16 {
+    const NAME: &'static str = "adc";
+    const NEW: Self = Self {
+        trigger: AtomicU8::new(Trigger::Continuous as u8),
+    };
+    const READS: bool = true;
+    const WRITES: bool = false;
+
+    fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
+        registers.answers(offset::IDENTIFICATION, Width::Bits16)
+            && registers
+                .read16(offset::IDENTIFICATION)
+                .is_ok_and(|found| found == IDENTIFICATION)
+    }
+
+    fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        self.set_trigger(registers, Trigger::Continuous)
+    }
+
+    fn open<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        self.set_trigger(registers, Trigger::Continuous)
+    }
+
+    fn read<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        into: &mut [u8],
+    ) -> Result<usize, DeviceError<B::Error>> {
+        let (pairs, _) = into.as_chunks_mut::<2>();
+        if pairs.is_empty() {
+            return Err(DeviceError::Length {
+                bytes: into.len(),
+                unit: 2,
+            });
+        }
+        if !self.read_ready(registers)? {
+            return Err(DeviceError::WouldBlock);
+        }
+        let mut read = 0;
+        for (channel, pair) in pairs.iter_mut().take(Self::CHANNELS).enumerate() {
+            *pair = registers.read16(Self::channel(channel))?.to_ne_bytes();
+            read += 2;
+        }
+        Ok(read)
+    }
+
+    fn write<B: Bus>(
+        &self,
+        _: Registers<'_, B>,
+        from: &[u8],
+    ) -> Result<usize, DeviceError<B::Error>> {
+        Err(DeviceError::Length {
+            bytes: from.len(),
+            unit: 0,
+        })
+    }
+
+    fn read_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        if self.trigger.load(Relaxed) == Trigger::Continuous as u8 {
+            return Ok(true);
+        }
+        Self::is_ready(registers)
+    }
+
+    fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
+        Ok(false)
+    }
+}
+
+impl<B: Bus, const F: usize> Device<'_, B, Adc16, F> {
+    /// The latest conversions of the first channels, as many as `into` has room for; says how many.
+    ///
+    /// # Errors
+    /// The bus's.
+    #[inline]
+    pub fn scan(&self, into: &mut [i16]) -> Result<usize, B::Error> {
+        let mut scanned = 0;
+        for (channel, value) in into.iter_mut().take(Adc16::CHANNELS).enumerate() {
+            *value = self
+                .registers
+                .read16(Adc16::channel(channel))?
+                .cast_signed();
+            scanned += 1;
+        }
+        Ok(scanned)
+    }
+
+    /// Chooses what starts a conversion.
+    ///
+    /// # Errors
+    /// The bus's: then what did before still does.
+    pub fn set_trigger(&self, trigger: Trigger) -> Result<(), B::Error> {
+        self.unit.set_trigger(self.registers, trigger)
+    }
+
+    /// Starts a conversion of all channels; [`Trigger::Command`] has been chosen.
+    ///
+    /// # Errors
+    /// The bus's.
+    #[inline]
+    pub fn start(&self) -> Result<(), B::Error> {
+        self.registers.write16(offset::START, 1)
+    }
+
+    /// Whether a conversion has been completed since one was last started.
+    ///
+    /// # Errors
+    /// The bus's.
+    #[inline]
+    pub fn is_ready(&self) -> Result<bool, B::Error> {
+        Adc16::is_ready(self.registers)
+    }
+}

@@ -1,0 +1,313 @@
+//! Every access that a driver makes, to what its halves share or to the bus, is interrupted in
+//! turn: by its board, or by a faster loop that uses the same board.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::{Arc, Mutex};
+
+use super::{Encoder8, Mpp, Uart16550};
+use crate::bus::{Bus, Registers};
+use crate::driver::Driver;
+use crate::sim::{self, EncoderModel, LineFault, Model, MppModel, SimBusError, UartModel};
+use crate::sync::interrupted::{access, comes_in};
+
+type Serial = Uart16550<1, 8>;
+
+/// A bus before each of whose accesses the interrupt may come.
+struct Interrupted(sim::Bus);
+
+macro_rules! interrupted {
+    ($($method:ident($($value:ident: $kind:ty)?) -> $result:ty;)*) => {
+        $(
+            fn $method(&self, address: usize $(, $value: $kind)?) -> Result<$result, SimBusError> {
+                access();
+                self.0.$method(address $(, $value)?)
+            }
+        )*
+    };
+}
+
+impl Bus for Interrupted {
+    type Error = SimBusError;
+
+    interrupted! {
+        read8() -> u8;
+        read16() -> u16;
+        read32() -> u32;
+        write8(value: u8) -> ();
+        write16(value: u16) -> ();
+        write32(value: u32) -> ();
+    }
+}
+
+/// A board that the programs of one processor use, and what they have done.
+struct World<D, M> {
+    bus: Interrupted,
+    board: Arc<Mutex<M>>,
+    driver: D,
+    accepted: RefCell<Vec<u8>>,
+    read: RefCell<Vec<u8>>,
+    sent: RefCell<Vec<u8>>,
+    received: RefCell<Vec<u8>>,
+}
+
+impl<D: Driver, M: Model + Default + 'static> World<D, M> {
+    fn new() -> Self {
+        let bus = Interrupted(sim::Bus::new());
+        let world = Self {
+            board: bus.0.insert(0, M::default()),
+            bus,
+            driver: D::NEW,
+            accepted: RefCell::default(),
+            read: RefCell::default(),
+            sent: RefCell::default(),
+            received: RefCell::default(),
+        };
+        world.driver.init(world.registers()).unwrap();
+        world.driver.open(world.registers()).unwrap();
+        world
+    }
+
+    fn registers(&self) -> Registers<'_, Interrupted> {
+        Registers::new(&self.bus, 0)
+    }
+
+    fn write(&self, bytes: &[u8]) {
+        // What interrupts this call accepts its bytes before, or after, all of them.
+        if let Ok(count) = self.driver.write(self.registers(), bytes) {
+            self.accepted.borrow_mut().extend(&bytes[..count]);
+        }
+    }
+
+    fn read(&self, most: usize) {
+        let mut bytes = [0; 8];
+        if let Ok(count) = self.driver.read(self.registers(), &mut bytes[..most]) {
+            self.read.borrow_mut().extend(&bytes[..count]);
+        }
+    }
+
+    /// The board interrupts, if it asks to.
+    fn interrupt(&self) {
+        if self.board.lock().unwrap().interrupts() {
+            self.driver.interrupt(self.registers()).unwrap();
+        }
+    }
+}
+
+impl World<Serial, UartModel> {
+    fn receive(&self, bytes: impl IntoIterator<Item = u8>) {
+        let mut board = self.board.lock().unwrap();
+        for byte in bytes {
+            if board.receive(byte, LineFault::None) {
+                self.received.borrow_mut().push(byte);
+            }
+        }
+    }
+
+    fn transmit(&self) {
+        let mut board = self.board.lock().unwrap();
+        while let Some(byte) = board.transmit() {
+            self.sent.borrow_mut().push(byte);
+        }
+    }
+
+    /// With some bytes on their way in all buffers.
+    fn busy() -> Self {
+        let world = Self::new();
+        world.receive(1..4);
+        world.write(&[101, 102, 103]);
+        world.interrupt();
+        world.receive(4..6);
+        world.write(&[104, 105]);
+        world
+    }
+
+    /// All that was accepted is sent and all that came is read, with nothing but interrupts.
+    fn check(&self) {
+        for _ in 0..8 {
+            self.interrupt();
+            self.transmit();
+            self.read(8);
+        }
+        assert_eq!(sorted(&self.sent), sorted(&self.accepted));
+        assert_eq!(sorted(&self.read), sorted(&self.received));
+        assert!(!self.board.lock().unwrap().interrupts());
+    }
+
+    /// A faster loop that uses the port.
+    fn loop_runs(&self) {
+        self.read(2);
+        self.write(&[110]);
+        self.receive([10]);
+    }
+}
+
+/// Loops that interrupt each other note what they did in another order than they did it.
+fn sorted(bytes: &RefCell<Vec<u8>>) -> Vec<u8> {
+    let mut bytes = bytes.borrow().clone();
+    bytes.sort_unstable();
+    bytes
+}
+
+fn everywhere<W: 'static>(
+    world: impl Fn() -> W,
+    routine: impl Fn(&W) + Clone + 'static,
+    operation: impl Fn(&W),
+    check: impl Fn(&W),
+) {
+    for k in 1.. {
+        let world = Rc::new(world());
+        let seen = Rc::clone(&world);
+        let routine = routine.clone();
+        let came = comes_in(k, Rc::new(move || routine(&seen)), || operation(&world));
+        check(&world);
+        if !came {
+            assert!(k > 4, "an operation makes some accesses");
+            return;
+        }
+    }
+}
+
+/// Both orders of two uses of a busy serial port.
+fn serial(one: fn(&World<Serial, UartModel>), other: fn(&World<Serial, UartModel>)) {
+    everywhere(World::busy, one, other, World::check);
+    everywhere(World::busy, other, one, World::check);
+}
+
+#[test]
+fn a_serial_port_is_read_while_it_interrupts() {
+    serial(World::interrupt, |world| world.read(8));
+}
+
+#[test]
+fn a_serial_port_is_written_while_it_interrupts() {
+    serial(World::interrupt, |world| world.write(&[120, 121, 122]));
+}
+
+#[test]
+fn a_serial_port_is_written_after_all_was_sent() {
+    serial(
+        |world| {
+            world.transmit();
+            world.interrupt();
+        },
+        |world| {
+            world.transmit();
+            world.interrupt();
+            world.transmit();
+            world.interrupt();
+            world.write(&[120]);
+        },
+    );
+}
+
+#[test]
+fn a_serial_port_is_shared_by_loops() {
+    serial(World::loop_runs, |world| world.read(3));
+    serial(World::loop_runs, |world| world.write(&[120, 121]));
+    serial(World::loop_runs, World::interrupt);
+}
+
+#[test]
+fn a_full_serial_port_is_emptied_while_it_interrupts() {
+    let full = || {
+        let world = World::busy();
+        for _ in 0..3 {
+            world.receive(10..20);
+            world.interrupt();
+        }
+        world
+    };
+    everywhere(full, World::interrupt, |world| world.read(8), World::check);
+}
+
+#[test]
+fn a_serial_port_recovers_from_an_error_of_the_bus_at_any_access() {
+    for failing in 0.. {
+        let world = World::busy();
+        world.transmit();
+        world.bus.0.fail_after(failing);
+        let before = world.bus.0.accesses();
+        for _ in 0..2 {
+            world.write(&[120]);
+            if world.board.lock().unwrap().interrupts() {
+                // It may fail; the board goes on interrupting, or has been asked again.
+                let _ = world.driver.interrupt(world.registers());
+            }
+            world.transmit();
+            world.read(8);
+        }
+        if world.bus.0.accesses() - before <= failing {
+            assert!(failing > 10);
+            return;
+        }
+        // A call of any kind takes up what failed.
+        let _ = world.driver.is_flushed(world.registers());
+        world.check();
+    }
+}
+
+#[test]
+fn a_parallel_port_is_read_and_configured_while_it_interrupts() {
+    type Port = World<Mpp, MppModel>;
+    let busy = || {
+        let world = Port::new();
+        for byte in 0..4 {
+            assert!(world.board.lock().unwrap().strobe_in(byte));
+            world.received.borrow_mut().push(byte);
+        }
+        world.driver.interrupt(world.registers()).unwrap();
+        for byte in 4..8 {
+            assert!(world.board.lock().unwrap().strobe_in(byte));
+            world.received.borrow_mut().push(byte);
+        }
+        world
+    };
+    let check = |world: &Port| {
+        world.interrupt();
+        world.read(8);
+        world.read(8);
+        assert_eq!(sorted(&world.read), sorted(&world.received));
+        world
+            .sent
+            .borrow_mut()
+            .extend(&world.board.lock().unwrap().strobed);
+        assert_eq!(sorted(&world.sent), sorted(&world.accepted));
+        assert!(!world.board.lock().unwrap().interrupts());
+    };
+    let read = |world: &Port| world.read(3);
+    let write = |world: &Port| world.write(&[50, 51]);
+    let reconfigure = |world: &Port| {
+        for raw in [true, false] {
+            world.driver.set_raw(world.registers(), raw).unwrap();
+        }
+    };
+    everywhere(busy, Port::interrupt, read, check);
+    everywhere(busy, Port::interrupt, write, check);
+    everywhere(busy, Port::interrupt, reconfigure, check);
+    everywhere(busy, read, Port::interrupt, check);
+    everywhere(busy, write, Port::interrupt, check);
+    everywhere(busy, reconfigure, Port::interrupt, check);
+    everywhere(busy, read, read, check);
+    everywhere(busy, write, write, check);
+    everywhere(busy, read, write, check);
+    everywhere(busy, write, read, check);
+}
+
+#[test]
+fn a_scan_of_counters_is_of_one_instant() {
+    type Counters = World<Encoder8, EncoderModel>;
+    let scan = |world: &Counters| {
+        let mut bytes = [0; 32];
+        world.driver.read(world.registers(), &mut bytes).unwrap();
+        let (counts, _) = bytes.as_chunks::<4>();
+        assert!(counts.iter().all(|count| count == &counts[0]), "{counts:?}");
+    };
+    let turn_and_scan = move |world: &Counters| {
+        for number in 0..8 {
+            world.board.lock().unwrap().turn(number, 1);
+        }
+        scan(world);
+    };
+    everywhere(Counters::new, turn_and_scan, scan, scan);
+}

@@ -1,0 +1,67 @@
+//! [`Kept`]: a register that both halves of a driver write. [`Count`]: a number that both count up.
+
+use crate::sync::{AtomicU32, Ordering::Relaxed, masked};
+
+/// Not the value of any register of 16 bits.
+const UNKNOWN: u32 = u32::MAX;
+
+/// What a register was last written with, for one whose value follows from the driver's state.
+///
+/// Either half brings it up to date after changing that state. Deciding and writing are one
+/// critical section: otherwise a context that was interrupted in between would write what the one
+/// that interrupted it had put right.
+#[derive(Debug)]
+pub(super) struct Kept(AtomicU32);
+
+impl Kept {
+    pub(super) const fn new() -> Self {
+        Self(AtomicU32::new(UNKNOWN))
+    }
+
+    /// Writes what is `wanted` if the register has something else; says whether it had. A write that
+    /// failed is made again by the next call.
+    pub(super) fn update<E>(
+        &self,
+        wanted: impl FnOnce() -> u16,
+        write: impl FnOnce(u16) -> Result<(), E>,
+    ) -> Result<bool, E> {
+        masked(|| {
+            let wanted = wanted();
+            if self.0.load(Relaxed) == u32::from(wanted) {
+                return Ok(false);
+            }
+            self.forget();
+            write(wanted)?;
+            self.0.store(wanted.into(), Relaxed);
+            Ok(true)
+        })
+    }
+
+    /// The register may have any value.
+    pub(super) fn forget(&self) {
+        self.0.store(UNKNOWN, Relaxed);
+    }
+}
+
+/// A number that several contexts count up; wraps.
+#[derive(Debug)]
+pub(super) struct Count(AtomicU32);
+
+impl Count {
+    pub(super) const fn new() -> Self {
+        Self(AtomicU32::new(0))
+    }
+
+    /// Counts one more, and gives the new number.
+    pub(super) fn add(&self) -> u32 {
+        masked(|| {
+            let next = self.get().wrapping_add(1);
+            self.0.store(next, Relaxed);
+            next
+        })
+    }
+
+    pub(super) fn get(&self) -> u32 {
+        self.0.load(Relaxed)
+    }
+}

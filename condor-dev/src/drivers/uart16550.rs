@@ -1,0 +1,409 @@
+//! [`Uart16550`]: the serial port of PCs and of most boards since.
+
+use core::num::NonZeroU16;
+
+use uart_16550::spec::registers::{FCR, FifoTriggerLevel, IER, ISR, LCR, LSR, MCR, offsets};
+
+use super::register::{Count, Kept};
+use crate::bus::{Bus, Registers, Width};
+use crate::device::Device;
+use crate::driver::{Attention, DeviceError, Driver};
+use crate::ring::Ring;
+use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
+
+/// A 16550, whose registers are `STRIDE` bytes apart (1 or 4, accessed as bytes), with a buffer of
+/// `BUFFER` bytes each way.
+///
+/// The registers are those of the National Semiconductor PC16550D (data sheet of 1995). A set knows
+/// the one with stride 4 as `uart4`.
+///
+/// `read` and `write` move bytes from and to the buffers, which the interrupt's half empties into the
+/// board and fills from it, a FIFO of 16 at a time; on an 8250 without FIFOs, byte by byte. While the
+/// receive buffer is full, the driver leaves bytes in the FIFO and has the board not interrupt
+/// for them. A byte that `write` accepted is sent, also across errors of the bus and across a close;
+/// one that cannot be handed over at the moment is tried again by the next call of any kind, of
+/// which [`is_flushed`](crate::Switch::is_flushed) tells whether there is an error. A byte that the
+/// board received is read once, whatever its errors; they are counted, see
+/// [`line_errors`](Device::line_errors). What was not read when the port is opened is forgotten.
+///
+/// `init` sets 8 bits, no parity and one stop bit, and leaves the speed as it is, for that depends
+/// on the board's clock: see [`configure`](Device::configure).
+#[derive(Debug)]
+pub struct Uart16550<const STRIDE: usize = 1, const BUFFER: usize = 256> {
+    received: Ring<BUFFER>,
+    to_send: Ring<BUFFER>,
+    interrupts: Kept,
+    line: Kept,
+    format: AtomicU8,
+    open: AtomicBool,
+    /// The board may have forgotten that it was to tell when it can send: told so, it says it again.
+    stalled: AtomicBool,
+    /// Bytes that an empty transmitter takes.
+    fifo: AtomicU8,
+    overruns: Count,
+    parity: Count,
+    framing: Count,
+    breaks: Count,
+}
+
+/// How a character is sent: data, parity and stop bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Format(LCR);
+
+impl Format {
+    /// Eight data bits, no parity, one stop bit.
+    pub const EIGHT_BITS: Self = Self(LCR::WORD_LENGTH0.union(LCR::WORD_LENGTH1));
+    /// Seven data bits, no parity, one stop bit.
+    pub const SEVEN_BITS: Self = Self(LCR::WORD_LENGTH1);
+
+    /// The same with an odd number of ones.
+    #[must_use]
+    pub const fn odd(self) -> Self {
+        Self(self.0.difference(LCR::PARITY1).union(LCR::PARITY0))
+    }
+
+    /// The same with an even number of ones.
+    #[must_use]
+    pub const fn even(self) -> Self {
+        Self(self.0.union(LCR::PARITY0).union(LCR::PARITY1))
+    }
+
+    /// The same with two stop bits.
+    #[must_use]
+    pub const fn two_stop_bits(self) -> Self {
+        Self(self.0.union(LCR::MORE_STOP_BITS))
+    }
+}
+
+/// What went wrong on the line. Counts wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineErrors {
+    /// How often, not how many, bytes came that the board had no room for.
+    pub overruns: u32,
+    /// Bytes whose parity was wrong.
+    pub parity: u32,
+    /// Bytes without a stop bit.
+    pub framing: u32,
+    /// Times that the line was held low; each also reads as a zero.
+    pub breaks: u32,
+}
+
+/// Bytes that one interrupt takes from the board; it interrupts again for more.
+const AT_ONCE: usize = 64;
+/// Reasons that one interrupt is served for; the board interrupts again for more.
+const ROUNDS: u32 = 4;
+
+/// How the FIFOs are run: an interrupt for 8 received bytes, or for fewer that wait for 4 characters.
+const FIFOS: FCR = FCR::FIFO_ENABLE.set_fifo_trigger_level(FifoTriggerLevel::Eight);
+
+impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
+    const STRIDE_IS_KNOWN: () = assert!(STRIDE == 1 || STRIDE == 4, "the stride is 1 or 4 bytes");
+
+    #[inline(always)]
+    fn get<B: Bus>(registers: Registers<'_, B>, register: usize) -> Result<u8, B::Error> {
+        let () = Self::STRIDE_IS_KNOWN;
+        registers.read8(register * STRIDE)
+    }
+
+    #[inline(always)]
+    fn put<B: Bus>(
+        registers: Registers<'_, B>,
+        register: usize,
+        value: u8,
+    ) -> Result<(), B::Error> {
+        registers.write8(register * STRIDE, value)
+    }
+
+    /// Gives the first two registers back their meaning, if setting the speed was broken off.
+    fn restore_line<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        let write = |value: u16| Self::put(registers, offsets::LCR, value as u8);
+        let wanted = || self.format.load(Relaxed).into();
+        self.line.update(wanted, write).map(drop)
+    }
+
+    /// Brings the enabled interrupts in line with the buffers; says whether they were not.
+    fn settle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        let wanted = |sends: bool| {
+            let mut wanted = IER::empty();
+            let open = self.open.load(Relaxed);
+            wanted.set(IER::DATA_READY, open && !self.received.is_full());
+            wanted.set(IER::THR_EMPTY, open && sends && !self.to_send.is_empty());
+            u16::from(wanted.bits())
+        };
+        let write = |value: u16| Self::put(registers, offsets::IER, value as u8);
+        self.restore_line(registers)?;
+        masked(|| {
+            if self.stalled.load(Relaxed) {
+                self.interrupts.update(|| wanted(false), write)?;
+                self.stalled.store(false, Relaxed);
+            }
+            self.interrupts.update(|| wanted(true), write)
+        })
+    }
+
+    /// Reads the line status, which forgets its errors: they are counted here.
+    fn line_status<B: Bus>(&self, registers: Registers<'_, B>) -> Result<LSR, B::Error> {
+        let status = LSR::from_bits_retain(Self::get(registers, offsets::LSR)?);
+        for (error, count) in [
+            (LSR::OVERRUN_ERROR, &self.overruns),
+            (LSR::PARITY_ERROR, &self.parity),
+            (LSR::FRAMING_ERROR, &self.framing),
+            (LSR::BREAK_INTERRUPT, &self.breaks),
+        ] {
+            if status.contains(error) {
+                count.add();
+            }
+        }
+        Ok(status)
+    }
+
+    /// Moves bytes both ways, and says whether there was anything to do.
+    fn serve<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        self.restore_line(registers)?;
+        let received = self.receive(registers);
+        let sent = self.send(registers);
+        let settled = self.settle(registers);
+        Ok(received? | sent? | settled?)
+    }
+
+    /// Serves the board for as long as it says that it interrupts.
+    fn attend<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Attention, B::Error> {
+        let mut attention = Attention::NotMine;
+        for _ in 0..ROUNDS {
+            let reason = ISR::from_bits_retain(Self::get(registers, offsets::ISR)?);
+            // A board that goes on interrupting though nothing is to be done does not get attention.
+            if !reason.has_pending_interrupt() || !self.serve(registers)? {
+                break;
+            }
+            attention = Attention::Mine;
+        }
+        Ok(attention)
+    }
+
+    fn receive<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        let Some(mut writer) = self.received.writer() else {
+            // The context that this one interrupted is about to do it.
+            return Ok(false);
+        };
+        let mut some = false;
+        for _ in 0..writer.room().min(AT_ONCE) {
+            if !self.line_status(registers)?.contains(LSR::DATA_READY) {
+                break;
+            }
+            writer.push(Self::get(registers, offsets::DATA)?);
+            some = true;
+        }
+        Ok(some)
+    }
+
+    fn send<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        let Some(mut reader) = self.to_send.reader() else {
+            return Ok(false);
+        };
+        if reader.peek().is_none() || !self.line_status(registers)?.contains(LSR::THR_EMPTY) {
+            return Ok(false);
+        }
+        let mut some = false;
+        for _ in 0..self.fifo.load(Relaxed) {
+            let Some(byte) = reader.peek() else {
+                break;
+            };
+            Self::put(registers, offsets::DATA, byte)?;
+            reader.skip();
+            some = true;
+        }
+        Ok(some)
+    }
+
+    fn configure<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        divisor: NonZeroU16,
+        format: Format,
+    ) -> Result<(), B::Error> {
+        let [low, high] = divisor.get().to_le_bytes();
+        let with_divisor = format.0 | LCR::DLAB;
+        // While the divisor is reached, received bytes are not.
+        masked(|| {
+            self.format.store(format.0.bits(), Relaxed);
+            self.line.forget();
+            let set = Self::put(registers, offsets::LCR, with_divisor.bits())
+                .and_then(|()| Self::put(registers, offsets::DLL, low))
+                .and_then(|()| Self::put(registers, offsets::DLM, high));
+            let restored = self.restore_line(registers);
+            set.and(restored)
+        })
+    }
+}
+
+impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFFER> {
+    const NAME: &'static str = if STRIDE == 4 { "uart4" } else { "uart" };
+    const NEW: Self = Self {
+        received: Ring::new(),
+        to_send: Ring::new(),
+        interrupts: Kept::new(),
+        line: Kept::new(),
+        format: AtomicU8::new(Format::EIGHT_BITS.0.bits()),
+        open: AtomicBool::new(false),
+        stalled: AtomicBool::new(false),
+        fifo: AtomicU8::new(1),
+        overruns: Count::new(),
+        parity: Count::new(),
+        framing: Count::new(),
+        breaks: Count::new(),
+    };
+    const READS: bool = true;
+    const WRITES: bool = true;
+
+    /// Looks at bits that always read as zero, and then whether the scratch register keeps what is
+    /// written to it.
+    fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
+        let looks_like_it = || {
+            let modem = Self::get(registers, offsets::MCR)?;
+            let line = LCR::from_bits_retain(Self::get(registers, offsets::LCR)?);
+            let enabled = Self::get(registers, offsets::IER)?;
+            let plain = modem & 0xc0 == 0 && (enabled & 0xf0 == 0 || line.contains(LCR::DLAB));
+            if !plain {
+                return Ok(false);
+            }
+            let scratch = Self::get(registers, offsets::SPR)?;
+            let mut kept = true;
+            for pattern in [0x5a, 0xa5] {
+                Self::put(registers, offsets::SPR, pattern)?;
+                kept &= Self::get(registers, offsets::SPR)? == pattern;
+            }
+            Self::put(registers, offsets::SPR, scratch)?;
+            Ok::<bool, B::Error>(kept)
+        };
+        registers.answers(offsets::LSR * STRIDE, Width::Bits8) && looks_like_it().unwrap_or(false)
+    }
+
+    fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        self.open.store(false, Relaxed);
+        self.format.store(Format::EIGHT_BITS.0.bits(), Relaxed);
+        self.line.forget();
+        self.interrupts.forget();
+        self.settle(registers)?;
+        let clear = FIFOS | FCR::RX_FIFO_RESET | FCR::TX_FIFO_RESET;
+        Self::put(registers, offsets::FCR, clear.bits())?;
+        let found = ISR::from_bits_retain(Self::get(registers, offsets::ISR)?);
+        let has_fifos = found.contains(ISR::FIFOS_ENABLED0 | ISR::FIFOS_ENABLED1);
+        self.fifo.store(if has_fifos { 16 } else { 1 }, Relaxed);
+        // The last of these lets the interrupt out of the board, where it is wired as in a PC.
+        let ready = MCR::DTR | MCR::RTS | MCR::OUT_2_INT_ENABLE;
+        Self::put(registers, offsets::MCR, ready.bits())
+    }
+
+    fn open<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        Self::put(registers, offsets::FCR, (FIFOS | FCR::RX_FIFO_RESET).bits())?;
+        if let Some(mut reader) = self.received.reader() {
+            reader.clear();
+        }
+        self.open.store(true, Relaxed);
+        let settled = self.settle(registers);
+        if settled.is_err() {
+            self.open.store(false, Relaxed);
+        }
+        settled.map(drop)
+    }
+
+    fn close<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        self.open.store(false, Relaxed);
+        self.settle(registers).map(drop)
+    }
+
+    fn read<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        into: &mut [u8],
+    ) -> Result<usize, DeviceError<B::Error>> {
+        let mut reader = self.received.reader().ok_or(DeviceError::WouldBlock)?;
+        let count = reader.read(into);
+        let settled = self.settle(registers);
+        if count == 0 {
+            settled?;
+            return Err(DeviceError::WouldBlock);
+        }
+        // An error of the bus is for the next call to find: these bytes have been taken out.
+        Ok(count)
+    }
+
+    fn write<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        from: &[u8],
+    ) -> Result<usize, DeviceError<B::Error>> {
+        let mut writer = self.to_send.writer().ok_or(DeviceError::WouldBlock)?;
+        let count = writer.write(from);
+        let settled = self.settle(registers);
+        if count == 0 {
+            settled?;
+            return Err(DeviceError::WouldBlock);
+        }
+        // As in `read`: these bytes have been accepted.
+        Ok(count)
+    }
+
+    fn is_flushed<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        self.settle(registers)?;
+        Ok(self.to_send.is_empty()
+            && self
+                .line_status(registers)?
+                .contains(LSR::TRANSMITTER_EMPTY))
+    }
+
+    fn read_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        self.settle(registers)?;
+        Ok(!self.received.is_empty())
+    }
+
+    fn write_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        self.settle(registers)?;
+        Ok(!self.to_send.is_full())
+    }
+
+    fn interrupt<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Attention, B::Error> {
+        let attention = self.attend(registers);
+        if attention.is_err() {
+            // The board said that it can send, and does not say so twice.
+            self.stalled.store(true, Relaxed);
+            // If this fails, too, the next call of any kind tries again.
+            let _ = self.settle(registers);
+        }
+        attention
+    }
+}
+
+impl<B: Bus, const STRIDE: usize, const BUFFER: usize, const F: usize>
+    Device<'_, B, Uart16550<STRIDE, BUFFER>, F>
+{
+    /// Sets the speed, to the board's clock divided by 16 × `divisor`, and the format. What is being
+    /// sent or received meanwhile is garbled.
+    ///
+    /// # Errors
+    /// The bus's: then the speed is unknown, and to be set again.
+    pub fn configure(&self, divisor: NonZeroU16, format: Format) -> Result<(), B::Error> {
+        self.unit.configure(self.registers, divisor, format)
+    }
+
+    /// What went wrong on the line so far.
+    #[must_use]
+    pub fn line_errors(&self) -> LineErrors {
+        let unit = self.unit;
+        LineErrors {
+            overruns: unit.overruns.get(),
+            parity: unit.parity.get(),
+            framing: unit.framing.get(),
+            breaks: unit.breaks.get(),
+        }
+    }
+
+    /// Does what the interrupt would do, for a board that does not interrupt, or whose vector has
+    /// been disabled.
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn poll(&self) -> Result<(), B::Error> {
+        masked(|| self.unit.serve(self.registers)).map(drop)
+    }
+}

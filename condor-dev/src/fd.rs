@@ -1,0 +1,271 @@
+//! [`Fd`]: a small number for something open, and the table that knows what it is.
+
+use core::fmt;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use bitflags::bitflags;
+
+bitflags! {
+    /// How a device is opened.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Mode: u8 {
+        /// For reading.
+        const READ = 1;
+        /// For writing.
+        const WRITE = 2;
+        /// By nobody else at the same time.
+        const EXCLUSIVE = 4;
+    }
+}
+
+/// A file descriptor: a place in the switch's table, and how often that place was used before, so
+/// that a closed descriptor is never taken for a new one.
+///
+/// A place's count begins anew after 65 536 opens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Fd {
+    index: u16,
+    generation: u16,
+}
+
+impl Fd {
+    /// The small number: the place in the table.
+    #[must_use]
+    pub const fn number(self) -> u16 {
+        self.index
+    }
+
+    /// How often the place was used before.
+    #[must_use]
+    pub const fn generation(self) -> u16 {
+        self.generation
+    }
+}
+
+impl fmt::Display for Fd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}", self.index, self.generation)
+    }
+}
+
+/// What is wrong with a descriptor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FdError {
+    /// It never came from this switch.
+    #[error("{fd} is not a descriptor: there are {count}")]
+    NoSuchFd {
+        /// The descriptor.
+        fd: Fd,
+        /// Places in the table.
+        count: usize,
+    },
+    /// It has been closed.
+    #[error("{fd} has been closed")]
+    Closed {
+        /// The descriptor.
+        fd: Fd,
+    },
+    /// It has been closed, and its place is another one's now.
+    #[error("{fd} has been closed, and its number belongs to another one since")]
+    Stale {
+        /// The descriptor.
+        fd: Fd,
+    },
+    /// It is not open for reading, or not for writing.
+    #[error("{fd} is not open for {wanted:?}, but for {opened:?}")]
+    Direction {
+        /// The descriptor.
+        fd: Fd,
+        /// What it was used for.
+        wanted: Mode,
+        /// What it was opened for.
+        opened: Mode,
+    },
+    /// It is not of the device that was asked for.
+    #[error("{fd} is not of device {wanted}")]
+    WrongType {
+        /// The descriptor.
+        fd: Fd,
+        /// The device.
+        wanted: &'static str,
+    },
+    /// It cannot be closed: somebody holds its device.
+    #[error("{fd} cannot be closed: its device is in use")]
+    InUse {
+        /// The descriptor.
+        fd: Fd,
+    },
+}
+
+/// What a place of the table holds, in one word: generation, kind, board, whether it is open, and how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Entry(u32);
+
+const OPEN: u32 = 1 << 3;
+
+impl Entry {
+    /// Kinds of devices, and boards of a kind, that an entry can tell apart.
+    pub(crate) const MOST: usize = 64;
+
+    const fn new(generation: u16, kind: u8, board: u8, mode: Mode) -> Self {
+        let device = (kind as u32) << 10 | (board as u32) << 4;
+        Self((generation as u32) << 16 | device | OPEN | mode.bits() as u32)
+    }
+
+    const fn generation(self) -> u16 {
+        (self.0 >> 16) as u16
+    }
+
+    pub(crate) const fn kind(self) -> u8 {
+        (self.0 >> 10 & 0x3f) as u8
+    }
+
+    pub(crate) const fn board(self) -> u8 {
+        (self.0 >> 4 & 0x3f) as u8
+    }
+
+    const fn mode(self) -> Mode {
+        Mode::from_bits_truncate(self.0 as u8 & 7)
+    }
+}
+
+/// The `F` descriptors of a switch.
+///
+/// A use is one load and two comparisons; opening and closing are critical sections of the switch.
+pub(crate) struct FdTable<const F: usize> {
+    entries: [AtomicU32; F],
+    /// How many hold the device of each descriptor.
+    holders: [AtomicU32; F],
+}
+
+impl<const F: usize> FdTable<F> {
+    pub(crate) const fn new() -> Self {
+        const {
+            assert!(
+                F <= u16::MAX as usize,
+                "a descriptor has 16 bits for its number"
+            );
+        };
+        Self {
+            entries: [const { AtomicU32::new(0) }; F],
+            holders: [const { AtomicU32::new(0) }; F],
+        }
+    }
+
+    /// Takes a free place, in a critical section.
+    pub(crate) fn insert(&self, kind: u8, board: u8, mode: Mode) -> Option<Fd> {
+        for (index, place) in self.entries.iter().enumerate() {
+            let entry = Entry(place.load(Ordering::Relaxed));
+            if entry.0 & OPEN == 0 {
+                let generation = entry.generation();
+                // Release: pairs with the Acquire load in `get`; the device has been opened.
+                place.store(
+                    Entry::new(generation, kind, board, mode).0,
+                    Ordering::Release,
+                );
+                return Some(Fd {
+                    index: index as u16,
+                    generation,
+                });
+            }
+        }
+        None
+    }
+
+    /// What `fd` is open for, if it is open for `wanted`.
+    #[inline(always)]
+    pub(crate) fn get(&self, fd: Fd, wanted: Mode) -> Result<Entry, FdError> {
+        if let Some(place) = self.entries.get(usize::from(fd.index)) {
+            // Acquire: pairs with the Release store in `insert`.
+            let entry = Entry(place.load(Ordering::Acquire));
+            let needed = u32::from(fd.generation) << 16 | OPEN | u32::from(wanted.bits());
+            if entry.0 & (0xffff_0000 | OPEN | u32::from(wanted.bits())) == needed {
+                return Ok(entry);
+            }
+        }
+        Err(self.misuse(fd, wanted))
+    }
+
+    /// Gives a place back, in a critical section.
+    pub(crate) fn remove(&self, fd: Fd) -> Result<Entry, FdError> {
+        let entry = self.get(fd, Mode::empty())?;
+        let index = usize::from(fd.index);
+        if let (Some(place), Some(holders)) = (self.entries.get(index), self.holders.get(index)) {
+            if holders.load(Ordering::Relaxed) != 0 {
+                return Err(FdError::InUse { fd });
+            }
+            let next = u32::from(fd.generation.wrapping_add(1)) << 16;
+            place.store(next, Ordering::Release);
+        }
+        Ok(entry)
+    }
+
+    /// Counts one who holds the device of `fd`, in a critical section; `-1` as `step` takes him back.
+    pub(crate) fn hold(&self, fd: Fd, step: i32) {
+        if let Some(holders) = self.holders.get(usize::from(fd.index)) {
+            let count = holders.load(Ordering::Relaxed).wrapping_add_signed(step);
+            holders.store(count, Ordering::Relaxed);
+        }
+    }
+
+    #[cold]
+    fn misuse(&self, fd: Fd, wanted: Mode) -> FdError {
+        let Some(place) = self.entries.get(usize::from(fd.index)) else {
+            return FdError::NoSuchFd { fd, count: F };
+        };
+        let entry = Entry(place.load(Ordering::Acquire));
+        if entry.generation() == fd.generation && entry.0 & OPEN != 0 {
+            return FdError::Direction {
+                fd,
+                wanted,
+                opened: entry.mode(),
+            };
+        }
+        if entry.generation() == fd.generation.wrapping_add(1) && entry.0 & OPEN == 0 {
+            return FdError::Closed { fd };
+        }
+        FdError::Stale { fd }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Fd, FdError, FdTable, Mode};
+
+    #[test]
+    fn every_misuse_has_its_error() {
+        let table = FdTable::<2>::new();
+        let fd = table.insert(63, 62, Mode::READ).unwrap();
+        let entry = table.get(fd, Mode::READ).unwrap();
+        assert_eq!((entry.kind(), entry.board()), (63, 62));
+        assert_eq!(
+            table.get(fd, Mode::WRITE),
+            Err(FdError::Direction {
+                fd,
+                wanted: Mode::WRITE,
+                opened: Mode::READ
+            })
+        );
+        table.hold(fd, 1);
+        assert_eq!(table.remove(fd), Err(FdError::InUse { fd }));
+        table.hold(fd, -1);
+        table.remove(fd).unwrap();
+        assert_eq!(table.get(fd, Mode::READ), Err(FdError::Closed { fd }));
+        let again = table.insert(0, 0, Mode::READ).unwrap();
+        assert_eq!((again.number(), again.generation()), (0, 1));
+        assert_eq!(table.remove(fd), Err(FdError::Stale { fd }));
+        let foreign = Fd {
+            index: 2,
+            generation: 0,
+        };
+        assert_eq!(
+            table.get(foreign, Mode::READ),
+            Err(FdError::NoSuchFd {
+                fd: foreign,
+                count: 2
+            })
+        );
+        assert!(table.insert(0, 0, Mode::WRITE).is_some());
+        assert!(table.insert(0, 0, Mode::WRITE).is_none());
+    }
+}

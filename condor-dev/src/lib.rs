@@ -1,0 +1,68 @@
+//! The static device switch.
+#![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
+
+// Documents of their own.
+#[cfg(feature = "conformance")]
+pub mod conformance;
+// Loom's atomics cannot be made in constants, as drivers are: its models are of what drivers share.
+#[cfg(not(condor_loom))]
+pub mod drivers;
+#[cfg(all(
+    feature = "linux",
+    target_os = "linux",
+    any(
+        target_arch = "x86_64",
+        target_arch = "aarch64",
+        target_arch = "riscv64"
+    )
+))]
+pub mod linux;
+#[cfg(feature = "riscv")]
+pub mod riscv;
+#[doc(hidden)]
+pub mod set;
+#[cfg(all(feature = "sim", not(condor_loom)))]
+pub mod sim;
+
+// The machine.
+mod bus;
+#[cfg(any(
+    all(
+        feature = "riscv",
+        any(target_arch = "riscv32", target_arch = "riscv64")
+    ),
+    all(
+        feature = "linux",
+        target_os = "linux",
+        any(
+            target_arch = "x86_64",
+            target_arch = "aarch64",
+            target_arch = "riscv64"
+        )
+    )
+))]
+mod guarded;
+mod interrupt;
+mod mmio;
+
+// The switch.
+mod device;
+mod dispatch;
+mod driver;
+mod fd;
+mod ring;
+mod switch;
+mod sync;
+mod unit;
+
+pub use bus::{Bus, BusError, BusErrorKind, Registers, Width};
+pub use device::Device;
+pub use dispatch::InterruptCounts;
+pub use driver::{Attention, DeviceError, Driver};
+pub use fd::{Fd, FdError, Mode};
+pub use interrupt::{InterruptController, Level, NoInterrupts, Vector};
+pub use mmio::{Mmio, MmioError};
+pub use ring::{Reader, Ring, Writer};
+pub use set::{DeviceSet, Has};
+pub use switch::{IoError, OpenError, Switch};
+pub use unit::{Place, Presence, Unit};

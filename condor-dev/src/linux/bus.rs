@@ -1,0 +1,395 @@
+//! [`LinuxBus`]: registers behind a mapping.
+
+use core::ffi::c_void;
+use core::num::NonZeroUsize;
+use core::ptr;
+use std::fs::File;
+use std::io;
+use std::os::fd::AsFd;
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::Path;
+use std::sync::Arc;
+
+use rustix::fs::{FileType, OFlags};
+use rustix::mm::{MapFlags, ProtFlags};
+
+use super::fault;
+use crate::bus::{Bus, BusErrorKind};
+use crate::guarded::Register;
+use crate::mmio::{Mmio, MmioError};
+
+/// What a mapping allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Reads only; the file need only be open for reading.
+    ReadOnly,
+    /// Reads and writes; the file must be open for both.
+    ReadWrite,
+}
+
+/// A mapping that could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MapError {
+    /// The bus address and the offset in the file must be multiples of four, and there must be something.
+    #[error("{len:#x} bytes of registers at offset {offset:#x} cannot be at address {base:#x}")]
+    Misaligned {
+        /// Where they begin in the file, in bytes.
+        offset: u64,
+        /// Their first bus address.
+        base: usize,
+        /// How many bytes they take.
+        len: usize,
+    },
+    /// The range ends beyond this machine's addresses.
+    #[error("{len:#x} bytes at offset {offset:#x} are too many for this machine")]
+    TooLarge {
+        /// Where they begin in the file, in bytes.
+        offset: u64,
+        /// How many bytes they take.
+        len: usize,
+    },
+    /// The file ends before the range does.
+    #[error("the registers need a file of {needed:#x} bytes, but it has {found:#x}")]
+    TooShort {
+        /// Where the range ends, in bytes from the beginning of the file.
+        needed: u64,
+        /// The size of the file, in bytes.
+        found: u64,
+    },
+    /// A call to the system failed.
+    #[error("cannot {doing}: {source}")]
+    System {
+        /// What was tried.
+        doing: &'static str,
+        /// The system's answer.
+        source: io::Error,
+    },
+}
+
+fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> MapError {
+    move |source| MapError::System {
+        doing,
+        source: source.into(),
+    }
+}
+
+/// A range of bus addresses that a file or a device answers, mapped into this process.
+///
+/// Clones are the same mapping; it is unmapped with the last of them. Each access is one
+/// load or store of its width. What does not answer is
+/// [`Lost`](BusErrorKind::Lost) if the file or device was there once, and
+/// [`NoAnswer`](BusErrorKind::NoAnswer) for physical addresses. What was truncated *within* the last
+/// page of a file reads as zeros, because that is what the kernel gives.
+///
+/// ```
+/// use condor_dev::Bus;
+/// use condor_dev::linux::{Access, LinuxBus};
+///
+/// let file = tempfile::tempfile()?;
+/// file.set_len(0x1000)?;
+/// let bus = LinuxBus::map(&file, 0, 0xee00_0000, 0x1000, Access::ReadWrite)?;
+/// bus.write16(0xee00_0020, 0xadc0)?;
+/// assert_eq!(bus.read16(0xee00_0020)?, 0xadc0);
+///
+/// file.set_len(0)?;
+/// assert!(bus.read16(0xee00_0020).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct LinuxBus {
+    registers: Mmio,
+    access: Access,
+    /// What a bus error means.
+    silence: BusErrorKind,
+    /// Keeps `registers` mapped.
+    _mapping: Arc<Mapping>,
+}
+
+/// Whole pages that are mapped until this is dropped.
+#[derive(Debug)]
+struct Mapping {
+    pages: NonZeroUsize,
+    len: usize,
+}
+
+impl Drop for Mapping {
+    fn drop(&mut self) {
+        let pages = ptr::with_exposed_provenance_mut::<c_void>(self.pages.get());
+        // SAFETY: `LinuxBus::map_pages` mapped exactly these pages, and the last bus that could
+        // reach them is being dropped.
+        let _ = unsafe { rustix::mm::munmap(pages, self.len) };
+    }
+}
+
+impl LinuxBus {
+    /// Maps `len` bytes of `file` from `offset` on, as the bus addresses from `base` on.
+    ///
+    /// Anything that can be mapped will do: a file or a memfd that others map, too, or a device.
+    /// The offset need not begin a page.
+    ///
+    /// # Errors
+    /// Offset or base are not multiples of four; the range is too large; a regular file ends
+    /// before it does; the system refuses.
+    pub fn map(
+        file: impl AsFd,
+        offset: u64,
+        base: usize,
+        len: usize,
+        access: Access,
+    ) -> Result<Self, MapError> {
+        Self::map_pages(file, offset, base, len, access, BusErrorKind::Lost)
+    }
+
+    /// Maps the physical addresses from `base` on, by `/dev/mem`.
+    ///
+    /// # Errors
+    /// As for [`map`](Self::map); usually only root may, and the kernel may refuse memory that
+    /// is its own.
+    pub fn physical(base: usize, len: usize, access: Access) -> Result<Self, MapError> {
+        // Without O_SYNC, some processors would cache the registers.
+        let opened = File::options()
+            .read(true)
+            .write(access == Access::ReadWrite)
+            .custom_flags(OFlags::SYNC.bits().cast_signed())
+            .open("/dev/mem");
+        let file = opened.map_err(system("open /dev/mem"))?;
+        Self::map_pages(file, base as u64, base, len, access, BusErrorKind::NoAnswer)
+    }
+
+    /// Maps one of the memories of device `/dev/uio{device}`, at its physical address.
+    ///
+    /// Address, size and place are taken from `/sys/class/uio/uio{device}/maps/map{map}`.
+    ///
+    /// # Errors
+    /// The device or the memory does not exist, may not be opened, or as for [`map`](Self::map).
+    pub fn uio(device: u32, map: u32, access: Access) -> Result<Self, MapError> {
+        let described = format!("/sys/class/uio/uio{device}/maps/map{map}");
+        let UioMemory { offset, base, len } = UioMemory::read(Path::new(&described), map)?;
+        let opened = File::options()
+            .read(true)
+            .write(access == Access::ReadWrite)
+            .open(format!("/dev/uio{device}"));
+        let file = opened.map_err(system("open the UIO device"))?;
+        Self::map(file, offset, base, len, access)
+    }
+
+    fn map_pages(
+        file: impl AsFd,
+        offset: u64,
+        base: usize,
+        len: usize,
+        access: Access,
+        silence: BusErrorKind,
+    ) -> Result<Self, MapError> {
+        if len == 0 || !offset.is_multiple_of(4) || !base.is_multiple_of(4) {
+            return Err(MapError::Misaligned { offset, base, len });
+        }
+        let too_large = || MapError::TooLarge { offset, len };
+        let page = rustix::param::page_size() as u64;
+        let skip = offset % page;
+        let end = offset
+            .checked_add(len as u64)
+            .filter(|&end| i64::try_from(end).is_ok() && base.checked_add(len - 1).is_some())
+            .ok_or_else(too_large)?;
+        let bytes =
+            usize::try_from((skip + len as u64).div_ceil(page) * page).map_err(|_| too_large())?;
+        let stat = rustix::fs::fstat(&file).map_err(system("examine the file"))?;
+        let found = u64::try_from(stat.st_size).unwrap_or(0);
+        if FileType::from_raw_mode(stat.st_mode) == FileType::RegularFile && found < end {
+            return Err(MapError::TooShort { needed: end, found });
+        }
+        fault::install().map_err(system("handle SIGBUS"))?;
+        let protection = match access {
+            Access::ReadOnly => ProtFlags::READ,
+            Access::ReadWrite => ProtFlags::READ | ProtFlags::WRITE,
+        };
+        let (anywhere, first) = (ptr::null_mut(), offset - skip);
+        // SAFETY: without FIXED the kernel chooses addresses that nothing else uses, and no reference
+        // to them is ever made.
+        let pages = unsafe {
+            rustix::mm::mmap(anywhere, bytes, protection, MapFlags::SHARED, &file, first)
+        }
+        .map_err(system("map the file"))?;
+        let address = NonZeroUsize::new(pages.expose_provenance()).ok_or_else(too_large)?;
+        let mapping = Mapping {
+            pages: address,
+            len: bytes,
+        };
+        let memory = pages.cast::<u8>().wrapping_add(skip as usize);
+        // SAFETY: the `len` bytes lie in the mapping, which `_mapping` keeps, and are aligned as
+        // `offset` and `base` are. They are no memory of Rust's; what a device does on a write, who may
+        // open it answers for. All accesses are guarded.
+        let registers = unsafe { Mmio::translated(memory, base, len) };
+        Ok(Self {
+            registers,
+            access,
+            silence,
+            _mapping: Arc::new(mapping),
+        })
+    }
+
+    /// Whether writes are possible.
+    #[must_use]
+    pub fn access(&self) -> Access {
+        self.access
+    }
+
+    #[cold]
+    fn silent(&self, address: usize) -> MmioError {
+        MmioError {
+            address,
+            kind: self.silence,
+        }
+    }
+
+    #[inline(always)]
+    fn read<T: Register>(&self, address: usize) -> Result<T, MmioError> {
+        let register = self.registers.register::<T>(address)?;
+        // SAFETY: it is aligned and in the mapping, which may be read; the handler of `fault` is
+        // installed.
+        unsafe { T::load(register) }.ok_or_else(|| self.silent(address))
+    }
+
+    #[inline(always)]
+    fn write<T: Register>(&self, address: usize, value: T) -> Result<(), MmioError> {
+        let register = self.registers.register::<T>(address)?;
+        if self.access == Access::ReadOnly {
+            let kind = BusErrorKind::ReadOnly;
+            return Err(MmioError { address, kind });
+        }
+        // SAFETY: it is aligned and in the mapping, which may be written; the handler of `fault` is
+        // installed.
+        unsafe { T::store(register, value) }.ok_or_else(|| self.silent(address))
+    }
+}
+
+impl Bus for LinuxBus {
+    type Error = MmioError;
+
+    #[inline]
+    fn read8(&self, address: usize) -> Result<u8, MmioError> {
+        self.read(address)
+    }
+
+    #[inline]
+    fn read16(&self, address: usize) -> Result<u16, MmioError> {
+        self.read(address)
+    }
+
+    #[inline]
+    fn read32(&self, address: usize) -> Result<u32, MmioError> {
+        self.read(address)
+    }
+
+    #[inline]
+    fn write8(&self, address: usize, value: u8) -> Result<(), MmioError> {
+        self.write(address, value)
+    }
+
+    #[inline]
+    fn write16(&self, address: usize, value: u16) -> Result<(), MmioError> {
+        self.write(address, value)
+    }
+
+    #[inline]
+    fn write32(&self, address: usize, value: u32) -> Result<(), MmioError> {
+        self.write(address, value)
+    }
+}
+
+macro_rules! by_the_first_in_range {
+    ($($method:ident($($value:ident: $kind:ty)?) -> $result:ty;)*) => {
+        $(
+            fn $method(&self, address: usize $(, $value: $kind)?) -> Result<$result, MmioError> {
+                let mut answer = Err(MmioError { address, kind: BusErrorKind::OutOfRange });
+                for bus in self {
+                    answer = bus.$method(address $(, $value)?);
+                    if !matches!(answer, Err(MmioError { kind: BusErrorKind::OutOfRange, .. })) {
+                        break;
+                    }
+                }
+                answer
+            }
+        )*
+    };
+}
+
+/// Several ranges as one bus: each address is the first's that has it.
+impl<const N: usize> Bus for [LinuxBus; N] {
+    type Error = MmioError;
+
+    by_the_first_in_range! {
+        read8() -> u8;
+        read16() -> u16;
+        read32() -> u32;
+        write8(value: u8) -> ();
+        write16(value: u16) -> ();
+        write32(value: u32) -> ();
+    }
+}
+
+/// A memory of a UIO device.
+#[derive(Debug, PartialEq, Eq)]
+struct UioMemory {
+    /// For `mmap`: the number of the memory in pages, and where it begins within one.
+    offset: u64,
+    base: usize,
+    len: usize,
+}
+
+impl UioMemory {
+    /// Reads its directory in sysfs.
+    fn read(described: &Path, map: u32) -> Result<Self, MapError> {
+        let number = |name: &str| -> Result<u64, MapError> {
+            let fail = system("read the description of the UIO device");
+            let text = match std::fs::read_to_string(described.join(name)) {
+                Ok(text) => text,
+                Err(error) => return Err(fail(error)),
+            };
+            u64::from_str_radix(text.trim().trim_start_matches("0x"), 16)
+                .map_err(|bad| fail(io::Error::new(io::ErrorKind::InvalidData, bad)))
+        };
+        let (address, size, within) = (number("addr")?, number("size")?, number("offset")?);
+        let page = rustix::param::page_size() as u64;
+        let offset = u64::from(map) * page + within % page;
+        // What `addr` names is the page-aligned beginning in newer kernels, the memory itself in
+        // older ones; the offset within a page is the same either way.
+        let base = address - address % page + within % page;
+        match (usize::try_from(base), usize::try_from(size)) {
+            (Ok(base), Ok(len)) => Ok(Self { offset, base, len }),
+            _ => Err(MapError::TooLarge {
+                offset,
+                len: usize::MAX,
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_description_of_a_uio_device_gives_the_range() {
+        let page = rustix::param::page_size() as u64;
+        let directory = tempfile::tempdir().expect("a temporary directory");
+        let describe = |address: &str, size: &str, offset: &str| {
+            for (name, text) in [("addr", address), ("size", size), ("offset", offset)] {
+                std::fs::write(directory.path().join(name), text).expect("it is written");
+            }
+            UioMemory::read(directory.path(), 2)
+        };
+        let expected = UioMemory {
+            offset: 2 * page + 0x10,
+            base: 0xfe00_0010,
+            len: 0x1000,
+        };
+        let found = describe("0xfe000000\n", "0x0000000000001000\n", "0x10\n");
+        assert_eq!(found.expect("it is well-formed"), expected);
+        let older = describe("0xfe000010\n", "0x1000\n", "0x10\n");
+        assert_eq!(older.expect("it is well-formed"), expected);
+        let error = describe("none\n", "0x1\n", "0x0\n").expect_err("it is no number");
+        assert!(matches!(error, MapError::System { .. }), "{error}");
+    }
+}

@@ -1,0 +1,204 @@
+//! [`UioInterrupts`]: interrupts from the descriptors of UIO devices.
+
+use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+
+use crate::interrupt::{InterruptController, Level, Vector};
+
+/// The interrupts of UIO devices, each a vector of its own.
+///
+/// The kernel masks a device's interrupt when it comes; it is let in again by
+/// [`complete`](InterruptController::complete). A thread of the program is the
+/// interrupted side:
+///
+/// ```no_run
+/// # use condor_dev::{InterruptController, Vector};
+/// # use condor_dev::linux::UioInterrupts;
+/// # use std::time::{Duration, Instant};
+/// let device = std::fs::File::options().read(true).write(true).open("/dev/uio0")?;
+/// let interrupts = UioInterrupts::new([(Vector(64), device.into())])?;
+/// # let switch = condor_dev::Switch::<condor_dev::Mmio, _, Nothing, 1>::new(bus(), &interrupts, Nothing);
+/// # struct Nothing;
+/// # impl condor_dev::DeviceSet for Nothing {
+/// #     const KINDS: &'static [(&'static str, u8)] = &[];
+/// #     const CHAIN: &'static [condor_dev::set::Link] = &[];
+/// #     fn lines(&self) -> &[condor_dev::set::Line] { &[] }
+/// #     fn visit<V: condor_dev::set::Visitor>(&self, _: u8, _: u8, _: V) -> Option<V::Output> { None }
+/// # }
+/// # fn bus() -> condor_dev::Mmio { unimplemented!() }
+/// while interrupts.wait(Instant::now() + Duration::from_secs(1))? {
+///     switch.on_interrupt();
+/// }
+/// # Ok::<(), std::io::Error>(())
+/// ```
+///
+/// A device that vanished interrupts no more, see [`is_lost`](Self::is_lost).
+#[derive(Debug)]
+pub struct UioInterrupts {
+    lines: Vec<Line>,
+}
+
+#[derive(Debug)]
+struct Line {
+    vector: Vector,
+    device: OwnedFd,
+    /// 0 while it is disabled.
+    level: AtomicU8,
+    /// Claimed and not completed.
+    claimed: AtomicBool,
+    lost: AtomicBool,
+}
+
+impl UioInterrupts {
+    /// The interrupts of `devices`, all disabled. Each is a `/dev/uio`*n*, opened for reading
+    /// and writing, of which this makes every read non-blocking.
+    ///
+    /// # Errors
+    /// The system refuses to.
+    pub fn new(devices: impl IntoIterator<Item = (Vector, OwnedFd)>) -> io::Result<Self> {
+        let lines = devices.into_iter().map(|(vector, device)| {
+            rustix::io::ioctl_fionbio(&device, true)?;
+            let line = Line {
+                vector,
+                device,
+                level: AtomicU8::new(0),
+                claimed: AtomicBool::new(false),
+                lost: AtomicBool::new(false),
+            };
+            line.allow(false);
+            Ok(line)
+        });
+        Ok(Self {
+            lines: lines.collect::<io::Result<_>>()?,
+        })
+    }
+
+    /// Waits until an enabled vector is pending, or `deadline` has passed; says whether one is.
+    ///
+    /// # Errors
+    /// The system's, except for interruptions by signals.
+    pub fn wait(&self, deadline: Instant) -> io::Result<bool> {
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if self.poll(left)?.is_some() {
+                return Ok(true);
+            }
+            if left.is_zero() {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// Whether the device of a vector has failed: it will not interrupt again.
+    #[must_use]
+    pub fn is_lost(&self, vector: Vector) -> bool {
+        self.line(vector)
+            .is_some_and(|line| line.lost.load(Ordering::Relaxed))
+    }
+
+    fn line(&self, vector: Vector) -> Option<&Line> {
+        self.lines.iter().find(|line| line.vector == vector)
+    }
+
+    /// The most urgent line that has something to read, after `patience` at most.
+    fn poll(&self, patience: Duration) -> io::Result<Option<&Line>> {
+        let open: Vec<&Line> = self.lines.iter().filter(|line| line.is_open()).collect();
+        let mut fds: Vec<_> = open
+            .iter()
+            .map(|line| PollFd::new(&line.device, PollFlags::IN))
+            .collect();
+        let patience = Timespec::try_from(patience).ok();
+        match poll(&mut fds, patience.as_ref()) {
+            Ok(_) => {}
+            Err(Errno::INTR) => return Ok(None),
+            Err(error) => return Err(error.into()),
+        }
+        let ready = fds.iter().zip(&open);
+        let ready = ready.filter(|(fd, _)| !fd.revents().is_empty());
+        // Of one level, the first.
+        let urgent = ready.rev().max_by_key(|(_, line)| line.level());
+        Ok(urgent.map(|(_, line)| *line))
+    }
+}
+
+impl Line {
+    fn level(&self) -> Level {
+        Level(self.level.load(Ordering::Relaxed))
+    }
+
+    fn is_open(&self) -> bool {
+        self.level().0 > 0
+            && !self.claimed.load(Ordering::Relaxed)
+            && !self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Tells the kernel whether the interrupt may come.
+    fn allow(&self, allowed: bool) {
+        // A driver without this control leaves its interrupt alone, and need not be told.
+        let _ = rustix::io::write(self.device.as_fd(), &i32::from(allowed).to_ne_bytes());
+    }
+
+    /// Takes what is pending; says whether there was something.
+    fn take(&self) -> bool {
+        let mut count = [0; 4];
+        loop {
+            match rustix::io::read(&self.device, &mut count) {
+                Ok(4) => return true,
+                Err(Errno::INTR) => {}
+                // Another thread was quicker.
+                Err(Errno::AGAIN) => return false,
+                Ok(_) | Err(_) => {
+                    self.lost.store(true, Ordering::Relaxed);
+                    return false;
+                }
+            }
+        }
+    }
+}
+
+impl InterruptController for UioInterrupts {
+    fn enable(&self, vector: Vector, level: Level) {
+        if let Some(line) = self.line(vector) {
+            line.level.store(level.0, Ordering::Relaxed);
+            // What is being served is let in by `complete`.
+            if !line.claimed.load(Ordering::Relaxed) {
+                line.allow(level.0 > 0);
+            }
+        }
+    }
+
+    fn disable(&self, vector: Vector) {
+        if let Some(line) = self.line(vector) {
+            line.level.store(0, Ordering::Relaxed);
+            line.allow(false);
+        }
+    }
+
+    fn claim(&self) -> Option<Vector> {
+        loop {
+            let line = self.poll(Duration::ZERO).ok()??;
+            // One of several threads takes it; the Acquire pairs with the Release in `complete`.
+            if line.claimed.swap(true, Ordering::Acquire) {
+                continue;
+            }
+            if line.take() {
+                return Some(line.vector);
+            }
+            line.claimed.store(false, Ordering::Release);
+        }
+    }
+
+    fn complete(&self, vector: Vector) {
+        if let Some(line) = self.line(vector) {
+            line.claimed.store(false, Ordering::Release);
+            if line.level().0 > 0 {
+                line.allow(true);
+            }
+        }
+    }
+}

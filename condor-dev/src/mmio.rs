@@ -1,0 +1,192 @@
+//! [`Mmio`]: registers in the address space of the processor.
+
+use crate::bus::{Bus, BusError, BusErrorKind};
+
+/// An access to memory-mapped registers that was refused, or that nothing answered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("bus error at {address:#x}: {kind:?}")]
+pub struct MmioError {
+    /// Where, as the program named it.
+    pub address: usize,
+    /// What.
+    pub kind: BusErrorKind,
+}
+
+impl BusError for MmioError {
+    fn kind(&self) -> BusErrorKind {
+        self.kind
+    }
+}
+
+/// A range of addresses that boards answer: one volatile access for each of a driver's.
+///
+/// What lies outside of the range, or is misaligned, is refused without being accessed. Inside
+/// of it, an address that nothing answers gives what the processor makes of it: some read ones,
+/// others trap. A RISC-V processor that traps is survived by
+/// [`GuardedMmio`](crate::riscv::GuardedMmio), so that start-up can look for boards.
+///
+/// Accesses are in program order as the processor sees them; that the boards see them so, the
+/// range must be device memory of the processor (strongly ordered I/O on RISC-V, Device memory
+/// on Arm), as it is where registers are.
+#[derive(Clone, Copy, Debug)]
+pub struct Mmio {
+    /// Where `first` is reached.
+    memory: *mut u8,
+    first: usize,
+    len: usize,
+}
+
+// SAFETY: a range of addresses belongs to no thread; the constructors' callers vouch for accesses
+// at any time.
+unsafe impl Send for Mmio {}
+// SAFETY: as for `Send`.
+unsafe impl Sync for Mmio {}
+
+impl Mmio {
+    /// The `len` bytes of addresses from `first` on, at the same addresses of the bus.
+    ///
+    /// # Safety
+    ///
+    /// As long as the bus or a copy of it is used:
+    ///
+    /// * none of the range is memory that Rust knows of: no variable, stack or heap;
+    /// * every aligned access of 8, 16 and 32 bits in it may be made at any time: where nothing
+    ///   answers, the processor reads something and ignores writes, or it has the
+    ///   access [guarded](crate::riscv::GuardedMmio);
+    /// * no write in it has a device change such memory, by DMA for example, except where what
+    ///   gave the device its addresses vouches for them.
+    #[must_use]
+    pub const unsafe fn new(first: usize, len: usize) -> Self {
+        // SAFETY: as for this function.
+        unsafe { Self::translated(first as *mut u8, first, len) }
+    }
+
+    /// The `len` bytes at `memory`, as the bus addresses from `first` on: where a board's address
+    /// and the processor's differ.
+    ///
+    /// # Safety
+    ///
+    /// As for [`new`](Self::new), for the `len` bytes at `memory`, which is aligned to four bytes
+    /// as `first` is. They may also be an allocation that is reached through pointers only.
+    #[must_use]
+    pub const unsafe fn translated(memory: *mut u8, first: usize, len: usize) -> Self {
+        Self { memory, first, len }
+    }
+
+    /// Where the register `T` at a bus address is reached: inside the range, and aligned.
+    #[inline(always)]
+    pub(crate) fn register<T>(&self, address: usize) -> Result<*mut T, MmioError> {
+        let refused = |kind| MmioError { address, kind };
+        if !address.is_multiple_of(size_of::<T>()) {
+            return Err(refused(BusErrorKind::Misaligned));
+        }
+        let offset = address.wrapping_sub(self.first);
+        if offset >= self.len || self.len - offset < size_of::<T>() {
+            return Err(refused(BusErrorKind::OutOfRange));
+        }
+        Ok(self.memory.wrapping_add(offset).cast())
+    }
+
+    #[inline(always)]
+    fn read<T: Copy>(&self, address: usize) -> Result<T, MmioError> {
+        let register = self.register::<T>(address)?;
+        // SAFETY: it is aligned and in the range for which the constructor's caller vouches.
+        Ok(unsafe { register.read_volatile() })
+    }
+
+    #[inline(always)]
+    fn write<T: Copy>(&self, address: usize, value: T) -> Result<(), MmioError> {
+        let register = self.register::<T>(address)?;
+        // SAFETY: it is aligned and in the range for which the constructor's caller vouches.
+        unsafe { register.write_volatile(value) };
+        Ok(())
+    }
+}
+
+impl Bus for Mmio {
+    type Error = MmioError;
+
+    #[inline(always)]
+    fn read8(&self, address: usize) -> Result<u8, MmioError> {
+        self.read(address)
+    }
+
+    #[inline(always)]
+    fn read16(&self, address: usize) -> Result<u16, MmioError> {
+        self.read(address)
+    }
+
+    #[inline(always)]
+    fn read32(&self, address: usize) -> Result<u32, MmioError> {
+        self.read(address)
+    }
+
+    #[inline(always)]
+    fn write8(&self, address: usize, value: u8) -> Result<(), MmioError> {
+        self.write(address, value)
+    }
+
+    #[inline(always)]
+    fn write16(&self, address: usize, value: u16) -> Result<(), MmioError> {
+        self.write(address, value)
+    }
+
+    #[inline(always)]
+    fn write32(&self, address: usize, value: u32) -> Result<(), MmioError> {
+        self.write(address, value)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Mmio;
+    use crate::bus::{Bus, BusErrorKind};
+
+    #[test]
+    fn each_access_is_made_in_its_width_at_its_place() {
+        let mut memory = [0_u32; 4];
+        // SAFETY: the array is aligned and reached through the bus alone until it is gone.
+        let bus = unsafe { Mmio::translated(memory.as_mut_ptr().cast(), 0x1000, 16) };
+        bus.write32(0x1004, 0x0403_0201).unwrap();
+        bus.write8(0x1005, 0xff).unwrap();
+        bus.write16(0x1006, 0xaabb).unwrap();
+        assert_eq!(bus.read8(0x1006), Ok(0xaabb_u16.to_ne_bytes()[0]));
+        assert_eq!(bus.read16(0x1006), Ok(0xaabb));
+        let [first, ..] = 0x0403_0201_u32.to_ne_bytes();
+        let bytes = [bus.read8(0x1004), bus.read8(0x1005)];
+        assert_eq!(bytes, [Ok(first), Ok(0xff)]);
+        assert_eq!(bus.read32(0x1000), Ok(0));
+        assert_eq!(bus.read32(0x1008), Ok(0));
+    }
+
+    #[cfg(feature = "conformance")]
+    #[test]
+    fn conforms() {
+        use crate::conformance::{Ground, bus as suite};
+
+        let mut memory = [0_u64; 2];
+        // SAFETY: the array is aligned and reached through the bus alone until it is gone.
+        let bus = unsafe { Mmio::translated(memory.as_mut_ptr().cast(), 0x1000, 16) };
+        for memory in [0x1000, 0x1008] {
+            let ground = Ground {
+                memory,
+                absent: Some(0x1010),
+                refuses_misaligned: true,
+            };
+            suite(&bus, ground).unwrap();
+        }
+    }
+
+    #[test]
+    fn what_is_outside_or_misaligned_is_not_accessed() {
+        // SAFETY: nothing is accessed.
+        let bus = unsafe { Mmio::translated(core::ptr::dangling_mut::<u32>().cast(), 0x1000, 2) };
+        let kind = |result: Result<(), super::MmioError>| result.unwrap_err().kind;
+        assert_eq!(kind(bus.write32(0x1000, 0)), BusErrorKind::OutOfRange);
+        assert_eq!(kind(bus.write8(0xfff, 0)), BusErrorKind::OutOfRange);
+        assert_eq!(kind(bus.write8(0x1002, 0)), BusErrorKind::OutOfRange);
+        assert_eq!(kind(bus.write8(usize::MAX, 0)), BusErrorKind::OutOfRange);
+        assert_eq!(kind(bus.write16(0x1001, 0)), BusErrorKind::Misaligned);
+        assert_eq!(kind(bus.write32(0x1002, 0)), BusErrorKind::Misaligned);
+    }
+}

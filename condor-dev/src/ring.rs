@@ -1,0 +1,329 @@
+//! [`Ring`]: bytes between the interrupt's half of a driver and the other half.
+
+use crate::sync::{AtomicBool, AtomicU8, AtomicU32, Ordering, masked};
+
+/// A queue of `N` bytes with one end to write and one to read, both reached through `&self`: the
+/// memo's device-specific buffer (section 3.1). `N` is a power of two.
+///
+/// An end belongs to whoever has claimed it, until it is dropped; to anybody else meanwhile, who can
+/// only be a context that interrupted the holder or runs beside it, it is not there. So neither
+/// end ever waits, whoever interrupts whom. Loads and stores of atomics are all it needs, and a
+/// critical section of two accesses to claim an end.
+///
+/// (`heapless::spsc` splits into its ends by `&mut`, which a driver in a `static` does not have.)
+#[derive(Debug)]
+pub struct Ring<const N: usize> {
+    bytes: [AtomicU8; N],
+    /// Bytes ever written, and bytes ever read, both wrapping; their difference is never above `N`.
+    written: AtomicU32,
+    read: AtomicU32,
+    writing: AtomicBool,
+    reading: AtomicBool,
+}
+
+impl<const N: usize> Ring<N> {
+    const MASK: u32 = {
+        assert!(
+            N.is_power_of_two() && N <= 1 << 30,
+            "a ring's size is a power of two"
+        );
+        N as u32 - 1
+    };
+
+    /// An empty ring.
+    #[cfg(not(condor_loom))]
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            bytes: [const { AtomicU8::new(0) }; N],
+            written: AtomicU32::new(0),
+            read: AtomicU32::new(0),
+            writing: AtomicBool::new(false),
+            reading: AtomicBool::new(false),
+        }
+    }
+
+    /// An empty ring.
+    #[cfg(condor_loom)]
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            bytes: core::array::from_fn(|_| AtomicU8::new(0)),
+            written: AtomicU32::new(0),
+            read: AtomicU32::new(0),
+            writing: AtomicBool::new(false),
+            reading: AtomicBool::new(false),
+        }
+    }
+
+    /// Claims the end to write; `None` while somebody has it.
+    #[inline]
+    #[must_use]
+    pub fn writer(&self) -> Option<Writer<'_, N>> {
+        claim(&self.writing).then(|| Writer(self))
+    }
+
+    /// Claims the end to read; `None` while somebody has it.
+    #[inline]
+    #[must_use]
+    pub fn reader(&self) -> Option<Reader<'_, N>> {
+        claim(&self.reading).then(|| Reader(self))
+    }
+
+    /// How many bytes there are to read, at this moment.
+    #[inline]
+    #[must_use]
+    pub fn len(&self) -> usize {
+        // In this order, and pairing with the stores of the ends: what was read had been written
+        // before. What is written between the two loads may be more than there is room for.
+        let read = self.read.load(Ordering::Acquire);
+        let written = self.written.load(Ordering::Acquire);
+        (written.wrapping_sub(read) as usize).min(N)
+    }
+
+    /// Whether there is nothing to read, at this moment.
+    #[inline]
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether there is no room, at this moment.
+    #[inline]
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.len() == N
+    }
+
+    fn byte(&self, position: u32) -> Option<&AtomicU8> {
+        self.bytes.get((position & Self::MASK) as usize)
+    }
+}
+
+impl<const N: usize> Default for Ring<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Takes an end that is free.
+fn claim(taken: &AtomicBool) -> bool {
+    masked(|| {
+        // Acquire: pairs with the Release store in the `drop` of the end; what its last holder did
+        // to the ring comes before what this one does.
+        let free = !taken.load(Ordering::Acquire);
+        if free {
+            // Relaxed: the critical section orders claims among themselves.
+            taken.store(true, Ordering::Relaxed);
+        }
+        free
+    })
+}
+
+/// The end of a [`Ring`] that writes.
+#[derive(Debug)]
+pub struct Writer<'r, const N: usize>(&'r Ring<N>);
+
+impl<const N: usize> Writer<'_, N> {
+    /// Bytes that there is room for.
+    #[inline]
+    #[must_use]
+    pub fn room(&self) -> usize {
+        N - self.0.len()
+    }
+
+    /// Writes a byte; says whether there was room.
+    #[inline]
+    pub fn push(&mut self, byte: u8) -> bool {
+        self.write(&[byte]) == 1
+    }
+
+    /// Writes as many bytes as there is room for, and says how many. They can be read all at once.
+    #[inline]
+    pub fn write(&mut self, from: &[u8]) -> usize {
+        let ring = self.0;
+        // Relaxed: this end is the only one that stores it.
+        let written = ring.written.load(Ordering::Relaxed);
+        // Acquire: pairs with the Release store in `Reader::advance`; the bytes there were taken out.
+        let read = ring.read.load(Ordering::Acquire);
+        let room = N.saturating_sub(written.wrapping_sub(read) as usize);
+        let mut position = written;
+        for &byte in from.iter().take(room) {
+            if let Some(place) = ring.byte(position) {
+                place.store(byte, Ordering::Relaxed);
+            }
+            position = position.wrapping_add(1);
+        }
+        // Release: pairs with the Acquire load in `Reader`; the bytes are there.
+        ring.written.store(position, Ordering::Release);
+        position.wrapping_sub(written) as usize
+    }
+}
+
+impl<const N: usize> Drop for Writer<'_, N> {
+    fn drop(&mut self) {
+        // Release: pairs with the Acquire load in `claim`.
+        self.0.writing.store(false, Ordering::Release);
+    }
+}
+
+/// The end of a [`Ring`] that reads.
+#[derive(Debug)]
+pub struct Reader<'r, const N: usize>(&'r Ring<N>);
+
+impl<const N: usize> Reader<'_, N> {
+    /// The next byte, which stays.
+    #[inline]
+    #[must_use]
+    pub fn peek(&self) -> Option<u8> {
+        let mut byte = [0];
+        (self.copy(&mut byte) == 1).then_some(byte[0])
+    }
+
+    /// Takes out the byte that [`peek`](Self::peek) gave.
+    #[inline]
+    pub fn skip(&mut self) {
+        if !self.0.is_empty() {
+            self.advance(1);
+        }
+    }
+
+    /// Takes out as many bytes as there are and `into` has room for, and says how many.
+    #[inline]
+    pub fn read(&mut self, into: &mut [u8]) -> usize {
+        let count = self.copy(into);
+        self.advance(count as u32);
+        count
+    }
+
+    /// Takes out all bytes that there are.
+    pub fn clear(&mut self) {
+        self.advance(self.0.len() as u32);
+    }
+
+    fn copy(&self, into: &mut [u8]) -> usize {
+        let ring = self.0;
+        // Relaxed: this end is the only one that stores it.
+        let read = ring.read.load(Ordering::Relaxed);
+        // Acquire: pairs with the Release store in `Writer::write`; the bytes are there.
+        let written = ring.written.load(Ordering::Acquire);
+        let count = (written.wrapping_sub(read) as usize).min(into.len());
+        let mut position = read;
+        for byte in into.iter_mut().take(count) {
+            if let Some(place) = ring.byte(position) {
+                *byte = place.load(Ordering::Relaxed);
+            }
+            position = position.wrapping_add(1);
+        }
+        count
+    }
+
+    fn advance(&mut self, count: u32) {
+        let read = self.0.read.load(Ordering::Relaxed);
+        // Release: pairs with the Acquire load in `Writer::write`; the bytes have been taken out.
+        self.0
+            .read
+            .store(read.wrapping_add(count), Ordering::Release);
+    }
+}
+
+impl<const N: usize> Drop for Reader<'_, N> {
+    fn drop(&mut self) {
+        // Release: pairs with the Acquire load in `claim`.
+        self.0.reading.store(false, Ordering::Release);
+    }
+}
+
+#[cfg(all(test, not(condor_loom)))]
+mod tests {
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
+    use super::Ring;
+    use crate::sync::interrupted;
+
+    /// Interrupts `operation` with `routine` at each of its accesses in turn, and then checks.
+    fn everywhere<W: 'static>(
+        world: impl Fn() -> W,
+        routine: impl Fn(&W) + Clone + 'static,
+        operation: impl Fn(&W),
+        check: impl Fn(&W),
+    ) {
+        for k in 1.. {
+            let world = Rc::new(world());
+            let seen = Rc::clone(&world);
+            let routine = routine.clone();
+            let came = interrupted::comes_in(k, Rc::new(move || routine(&seen)), || {
+                operation(&world);
+            });
+            check(&world);
+            if !came {
+                assert!(k > 4, "an operation makes some accesses");
+                return;
+            }
+        }
+    }
+
+    /// A ring, what was accepted into it, and what was taken out.
+    struct World(Ring<4>, RefCell<Vec<u8>>, RefCell<Vec<u8>>);
+
+    impl World {
+        /// With two bytes in it, having gone round once.
+        fn new() -> Self {
+            let this = Self(Ring::new(), RefCell::default(), RefCell::default());
+            this.write(&[1, 2, 3]);
+            this.read(3);
+            this.write(&[4, 5]);
+            this
+        }
+
+        fn write(&self, bytes: &[u8]) {
+            if let Some(mut writer) = self.0.writer() {
+                let count = writer.write(bytes);
+                self.1.borrow_mut().extend(&bytes[..count]);
+            }
+        }
+
+        fn read(&self, most: usize) {
+            if let Some(mut reader) = self.0.reader() {
+                let mut bytes = [0; 4];
+                let count = reader.read(&mut bytes[..most]);
+                self.2.borrow_mut().extend(&bytes[..count]);
+            }
+        }
+
+        fn check(&self) {
+            self.read(4);
+            assert_eq!(self.1, self.2);
+            // Both ends are free again.
+            self.write(&[9]);
+            self.read(1);
+            assert_eq!(self.2.borrow().last(), Some(&9));
+        }
+    }
+
+    #[test]
+    fn a_reader_is_interrupted_by_a_writer() {
+        let write = |world: &World| world.write(&[6, 7, 8]);
+        everywhere(World::new, write, |world| world.read(3), World::check);
+    }
+
+    #[test]
+    fn a_writer_is_interrupted_by_a_reader() {
+        let read = |world: &World| world.read(2);
+        let write = |world: &World| world.write(&[6, 7, 8]);
+        everywhere(World::new, read, write, World::check);
+    }
+
+    #[test]
+    fn a_reader_is_interrupted_by_a_reader() {
+        let read = |world: &World| world.read(1);
+        everywhere(World::new, read, |world| world.read(2), World::check);
+    }
+
+    #[test]
+    fn a_writer_is_interrupted_by_a_writer() {
+        let write = |world: &World| world.write(&[7]);
+        everywhere(World::new, write, |world| world.write(&[6]), World::check);
+    }
+}

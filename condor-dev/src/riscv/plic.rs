@@ -1,0 +1,174 @@
+//! [`Plic`]: the platform-level interrupt controller.
+
+use crate::bus::{Bus, Registers};
+use crate::interrupt::{InterruptController, Level, Vector};
+
+const PRIORITY: usize = 0;
+const ENABLE: usize = 0x2000;
+const ENABLE_STRIDE: usize = 0x80;
+const CONTEXT: usize = 0x20_0000;
+const CONTEXT_STRIDE: usize = 0x1000;
+const THRESHOLD: usize = 0;
+const CLAIM: usize = 4;
+
+/// Sources that a PLIC can have, the number 0 included, which is none.
+const MOST_SOURCES: u16 = 1024;
+/// Contexts for which there are registers.
+const MOST_CONTEXTS: u16 = 15_872;
+
+/// One target of a PLIC's interrupts: usually a hart in one of its modes. Which number it has, the
+/// machine's device tree says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Context(u16);
+
+impl Context {
+    /// The context of a number; `None` if no PLIC has that many.
+    #[must_use]
+    pub const fn new(number: u16) -> Option<Self> {
+        if number < MOST_CONTEXTS {
+            Some(Self(number))
+        } else {
+            None
+        }
+    }
+}
+
+/// The PLIC of RISC-V machines, as one context sees it; vectors are its sources, levels its
+/// priorities.
+///
+/// A level above the highest priority is the highest. Priorities belong to a source, not to a
+/// context: who enables a source that another context has enabled, too, changes its level for both.
+///
+/// What the bus does not answer, is as if the PLIC had no interrupt.
+///
+/// Source: RISC-V Platform-Level Interrupt Controller Specification 1.0.0.
+#[derive(Debug)]
+pub struct Plic<B> {
+    bus: B,
+    base: usize,
+    context: Context,
+    sources: u16,
+    highest: Level,
+}
+
+impl<B: Bus> Plic<B> {
+    /// The PLIC at `base`, with sources 1 to `sources`, of which there are no more than 1023, and
+    /// priorities up to `highest`.
+    ///
+    /// One hart alone uses the context, and each has one of its own: the words of a context
+    /// are changed in critical sections of that hart.
+    #[must_use]
+    pub const fn new(bus: B, base: usize, context: Context, sources: u16, highest: Level) -> Self {
+        let sources = if sources < MOST_SOURCES {
+            sources
+        } else {
+            MOST_SOURCES - 1
+        };
+        Self {
+            bus,
+            base,
+            context,
+            sources,
+            highest,
+        }
+    }
+
+    /// Disables all sources of the context, whatever ran before, and lets all levels through.
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn reset(&self) -> Result<(), B::Error> {
+        for word in 0..=usize::from(self.sources / 32) {
+            self.registers().write32(self.enable_word(word), 0)?;
+        }
+        self.set_threshold(Level(0))
+    }
+
+    /// Lets through only what is more urgent than `level`.
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn set_threshold(&self, level: Level) -> Result<(), B::Error> {
+        let level = level.min(self.highest);
+        self.registers()
+            .write32(self.of_context(THRESHOLD), level.0.into())
+    }
+
+    fn registers(&self) -> Registers<'_, B> {
+        Registers::new(&self.bus, self.base)
+    }
+
+    fn enable_word(&self, word: usize) -> usize {
+        ENABLE + ENABLE_STRIDE * usize::from(self.context.0) + 4 * word
+    }
+
+    fn of_context(&self, register: usize) -> usize {
+        CONTEXT + CONTEXT_STRIDE * usize::from(self.context.0) + register
+    }
+
+    fn is_source(&self, vector: Vector) -> bool {
+        (1..=self.sources).contains(&vector.0)
+    }
+
+    /// Enables or disables, in a critical section; says whether it was enabled.
+    fn switch(&self, vector: Vector, on: bool) -> Result<bool, B::Error> {
+        let word = self.enable_word(usize::from(vector.0 / 32));
+        let bit = 1_u32 << (vector.0 % 32);
+        let before = self.registers().read32(word)?;
+        let after = if on { before | bit } else { before & !bit };
+        if after != before {
+            self.registers().write32(word, after)?;
+        }
+        Ok(before & bit != 0)
+    }
+
+    fn try_complete(&self, vector: Vector) -> Result<(), B::Error> {
+        // The PLIC ignores the completion of a source that is not enabled, and would never
+        // let it interrupt again.
+        let enabled = self.switch(vector, true)?;
+        let completed = self
+            .registers()
+            .write32(self.of_context(CLAIM), vector.0.into());
+        if !enabled {
+            self.switch(vector, false)?;
+        }
+        completed
+    }
+}
+
+impl<B: Bus> InterruptController for Plic<B> {
+    fn enable(&self, vector: Vector, level: Level) {
+        if !self.is_source(vector) {
+            return;
+        }
+        let level = level.min(self.highest);
+        let priority = PRIORITY + 4 * usize::from(vector.0);
+        critical_section::with(|_| {
+            // A PLIC that does not answer has no interrupts to let through.
+            let _ = self.registers().write32(priority, level.0.into());
+            let _ = self.switch(vector, true);
+        });
+    }
+
+    fn disable(&self, vector: Vector) {
+        if self.is_source(vector) {
+            // As above.
+            let _ = critical_section::with(|_| self.switch(vector, false));
+        }
+    }
+
+    fn claim(&self) -> Option<Vector> {
+        let claimed = self.registers().read32(self.of_context(CLAIM)).ok()?;
+        u16::try_from(claimed)
+            .ok()
+            .filter(|&source| source != 0)
+            .map(Vector)
+    }
+
+    fn complete(&self, vector: Vector) {
+        if self.is_source(vector) {
+            // As above.
+            let _ = critical_section::with(|_| self.try_complete(vector));
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! [`Controller`]: the interrupts of simulated boards.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use super::{Model, lock};
+use crate::interrupt::{InterruptController, Level, Vector};
+
+/// An interrupt controller whose lines are the boards' own requests, or a test's; its clones are the
+/// same one.
+#[derive(Clone, Default)]
+pub struct Controller {
+    inside: Arc<Mutex<Inside>>,
+}
+
+#[derive(Default)]
+struct Inside {
+    enabled: BTreeMap<Vector, Level>,
+    boards: Vec<(Vector, Arc<Mutex<dyn Model>>)>,
+    /// Lines that a test holds up.
+    raised: BTreeMap<Vector, bool>,
+    /// Claimed and not completed.
+    claimed: Vec<Vector>,
+}
+
+impl Inside {
+    fn is_pending(&self, vector: Vector) -> bool {
+        let asked = |(line, board): &(Vector, Arc<Mutex<dyn Model>>)| {
+            *line == vector && lock(board).interrupts()
+        };
+        self.raised.get(&vector) == Some(&true) || self.boards.iter().any(asked)
+    }
+}
+
+impl Controller {
+    /// A controller without lines.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Connects a board's request to a vector.
+    pub fn connect<M: Model + 'static>(&self, vector: Vector, board: Arc<Mutex<M>>) {
+        self.inside().boards.push((vector, board));
+    }
+
+    /// Raises a line, or lowers it, whatever the boards ask for.
+    pub fn set(&self, vector: Vector, raised: bool) {
+        self.inside().raised.insert(vector, raised);
+    }
+
+    /// Whether [`claim`](InterruptController::claim) would give something.
+    #[must_use]
+    pub fn is_pending(&self) -> bool {
+        self.most_urgent().is_some()
+    }
+
+    /// Whether a vector may interrupt.
+    #[must_use]
+    pub fn is_enabled(&self, vector: Vector) -> bool {
+        self.inside().enabled.contains_key(&vector)
+    }
+
+    fn most_urgent(&self) -> Option<Vector> {
+        let inside = self.inside();
+        let pending = inside.enabled.iter().filter(|&(vector, level)| {
+            level.0 > 0 && !inside.claimed.contains(vector) && inside.is_pending(*vector)
+        });
+        // Of one level, the lowest vector.
+        pending
+            .max_by_key(|&(vector, level)| (*level, core::cmp::Reverse(*vector)))
+            .map(|(vector, _)| *vector)
+    }
+
+    fn inside(&self) -> MutexGuard<'_, Inside> {
+        lock(&self.inside)
+    }
+}
+
+impl InterruptController for Controller {
+    fn enable(&self, vector: Vector, level: Level) {
+        self.inside().enabled.insert(vector, level);
+    }
+
+    fn disable(&self, vector: Vector) {
+        self.inside().enabled.remove(&vector);
+    }
+
+    fn claim(&self) -> Option<Vector> {
+        let vector = self.most_urgent()?;
+        self.inside().claimed.push(vector);
+        Some(vector)
+    }
+
+    fn complete(&self, vector: Vector) {
+        self.inside().claimed.retain(|&claimed| claimed != vector);
+    }
+}

@@ -1,0 +1,184 @@
+//! A bus in memory: boards as models of their registers, with injected faults, for tests on any
+//! machine with std.
+
+mod adc;
+mod controller;
+mod dac;
+mod encoder;
+mod mpp;
+mod uart;
+
+pub use adc::AdcModel;
+pub use controller::Controller;
+pub use dac::DacModel;
+pub use encoder::EncoderModel;
+pub use mpp::MppModel;
+pub use uart::{LineFault, UartModel};
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::bus::{self, BusError, BusErrorKind, Width};
+
+/// The registers of a board, and what happens when they are read and written.
+///
+/// Offsets are below the model's [`size`](Self::size) and multiples of the access's width.
+pub trait Model: Send {
+    /// Bytes that the board takes on the bus.
+    fn size(&self) -> usize;
+
+    /// Reads a register; `None` is a bus error.
+    fn read(&mut self, offset: usize, width: Width) -> Option<u32>;
+
+    /// Writes a register; `None` is a bus error.
+    fn write(&mut self, offset: usize, width: Width, value: u32) -> Option<()>;
+
+    /// Whether the board asks for its interrupt.
+    fn interrupts(&self) -> bool {
+        false
+    }
+}
+
+/// An error of the simulated bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("bus error at {address:#x}: {kind:?}")]
+pub struct SimBusError {
+    /// Where.
+    pub address: usize,
+    /// What.
+    pub kind: BusErrorKind,
+}
+
+impl BusError for SimBusError {
+    fn kind(&self) -> BusErrorKind {
+        self.kind
+    }
+}
+
+/// A bus with models on it; its clones are the same one.
+#[derive(Clone, Default)]
+pub struct Bus {
+    inside: Arc<Mutex<Inside>>,
+}
+
+#[derive(Default)]
+struct Inside {
+    /// By base address.
+    boards: BTreeMap<usize, Arc<Mutex<dyn Model>>>,
+    /// Accesses until one fails, for each fault that is to come.
+    faults: Vec<u64>,
+    accesses: u64,
+}
+
+impl Bus {
+    /// A bus without boards: every access is a bus error.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Puts a board on the bus, in place of any at the same address; gives a handle to what is
+    /// outside of the board.
+    pub fn insert<M: Model + 'static>(&self, base: usize, model: M) -> Arc<Mutex<M>> {
+        let model = Arc::new(Mutex::new(model));
+        self.inside().boards.insert(base, model.clone());
+        model
+    }
+
+    /// Takes the board at `base` away; accesses to it are bus errors from now on.
+    pub fn remove(&self, base: usize) {
+        self.inside().boards.remove(&base);
+    }
+
+    /// Has the access after `accesses` others fail, though a board is there.
+    pub fn fail_after(&self, accesses: u64) {
+        let mut inside = self.inside();
+        let at = inside.accesses + accesses;
+        inside.faults.push(at);
+    }
+
+    /// How many accesses there were.
+    #[must_use]
+    pub fn accesses(&self) -> u64 {
+        self.inside().accesses
+    }
+
+    fn inside(&self) -> MutexGuard<'_, Inside> {
+        lock(&self.inside)
+    }
+
+    fn access<R>(
+        &self,
+        address: usize,
+        width: Width,
+        access: impl FnOnce(&mut dyn Model, usize) -> Option<R>,
+    ) -> Result<R, SimBusError> {
+        let error = |kind| SimBusError { address, kind };
+        if !address.is_multiple_of(width.bytes()) {
+            return Err(error(BusErrorKind::Misaligned));
+        }
+        let board = {
+            let mut inside = self.inside();
+            let now = inside.accesses;
+            inside.accesses += 1;
+            let before = inside.faults.len();
+            inside.faults.retain(|&fault| fault != now);
+            if inside.faults.len() != before {
+                return Err(error(BusErrorKind::NoAnswer));
+            }
+            let found = inside.boards.range(..=address).next_back();
+            found.map(|(&base, model)| (base, model.clone()))
+        };
+        let Some((base, model)) = board else {
+            return Err(error(BusErrorKind::NoAnswer));
+        };
+        let mut model = lock(&model);
+        if address - base + width.bytes() > model.size() {
+            return Err(error(BusErrorKind::NoAnswer));
+        }
+        access(&mut *model, address - base).ok_or(error(BusErrorKind::NoAnswer))
+    }
+
+    fn read(&self, address: usize, width: Width) -> Result<u32, SimBusError> {
+        self.access(address, width, |model, offset| model.read(offset, width))
+    }
+
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), SimBusError> {
+        self.access(address, width, |model, offset| {
+            model.write(offset, width, value)
+        })
+    }
+}
+
+/// A model that panicked in a test is as good as before.
+pub(crate) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl bus::Bus for Bus {
+    type Error = SimBusError;
+
+    fn read8(&self, address: usize) -> Result<u8, SimBusError> {
+        self.read(address, Width::Bits8).map(|value| value as u8)
+    }
+
+    fn read16(&self, address: usize) -> Result<u16, SimBusError> {
+        self.read(address, Width::Bits16).map(|value| value as u16)
+    }
+
+    fn read32(&self, address: usize) -> Result<u32, SimBusError> {
+        self.read(address, Width::Bits32)
+    }
+
+    fn write8(&self, address: usize, value: u8) -> Result<(), SimBusError> {
+        self.write(address, Width::Bits8, value.into())
+    }
+
+    fn write16(&self, address: usize, value: u16) -> Result<(), SimBusError> {
+        self.write(address, Width::Bits16, value.into())
+    }
+
+    fn write32(&self, address: usize, value: u32) -> Result<(), SimBusError> {
+        self.write(address, Width::Bits32, value)
+    }
+}

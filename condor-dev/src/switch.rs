@@ -1,0 +1,497 @@
+//! [`Switch`]: from names to boards, and from descriptors to their drivers.
+
+use core::fmt;
+
+use crate::bus::{Bus, BusError, BusErrorKind, Registers};
+use crate::device::Device;
+use crate::driver::{DeviceError, Driver};
+use crate::fd::{Entry, Fd, FdError, FdTable, Mode};
+use crate::interrupt::InterruptController;
+use crate::set::{DeviceSet, Has, Visitor};
+use crate::unit::{Presence, Unit};
+
+/// The device switch of one processor (memo, section 3.1): the devices of a set `S`, on a bus `B`,
+/// interrupting through `C`, with up to `F` descriptors open at a time.
+///
+/// Nothing is allocated, and every driver is called directly. A switch usually is a `static`.
+pub struct Switch<B, C, S, const F: usize> {
+    pub(crate) bus: B,
+    pub(crate) controller: C,
+    pub(crate) devices: S,
+    pub(crate) fds: FdTable<F>,
+    pub(crate) interrupts: crate::dispatch::Interrupts,
+}
+
+/// Why a device cannot be opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OpenError<'n> {
+    /// The program was built without such a device.
+    #[error("there is no device {name}")]
+    NoSuchDevice {
+        /// What was asked for.
+        name: &'n str,
+    },
+    /// The program was built for fewer boards of it.
+    #[error("there is no {name} board {board}: there may be {boards}")]
+    NoSuchBoard {
+        /// The device.
+        name: &'n str,
+        /// What was asked for.
+        board: u8,
+        /// How many there may be.
+        boards: u8,
+    },
+    /// Start-up has not looked for it, did not find it, or could not initialise it.
+    #[error("{name} board {board} is {presence:?}")]
+    NotPresent {
+        /// The device.
+        name: &'n str,
+        /// Which one.
+        board: u8,
+        /// What start-up found.
+        presence: Presence,
+    },
+    /// The device cannot be read, or not be written, or neither was asked for.
+    #[error("{name} cannot be opened for {mode:?}")]
+    Direction {
+        /// The device.
+        name: &'n str,
+        /// What it was to be opened for.
+        mode: Mode,
+    },
+    /// Somebody has it open who does not share it, or who would have to.
+    #[error("{name} board {board} is open, and not to be shared")]
+    Busy {
+        /// The device.
+        name: &'n str,
+        /// Which one.
+        board: u8,
+    },
+    /// All descriptors are open.
+    #[error("all {count} descriptors are open")]
+    TooMany {
+        /// How many there are.
+        count: usize,
+    },
+    /// The board did not answer.
+    #[error("{name} board {board}: bus error {kind:?}")]
+    Bus {
+        /// The device.
+        name: &'n str,
+        /// Which one.
+        board: u8,
+        /// What the bus said.
+        kind: BusErrorKind,
+    },
+}
+
+/// Why a transfer through a descriptor moved nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum IoError<E> {
+    /// The descriptor.
+    #[error(transparent)]
+    Fd(#[from] FdError),
+    /// The device has nothing to read, or no room, at this moment.
+    #[error("the device is not ready")]
+    WouldBlock,
+    /// The device does not transfer this many bytes at a time.
+    #[error("{bytes} bytes, where the device moves a multiple of {unit} at a time")]
+    Length {
+        /// What it was asked for.
+        bytes: usize,
+        /// What it moves.
+        unit: usize,
+    },
+    /// The device reported an error of its own.
+    #[error("the device reports error {0:#04x}")]
+    Device(u8),
+    /// The bus.
+    #[error("bus error: {0:?}")]
+    Bus(E),
+}
+
+impl<E> From<DeviceError<E>> for IoError<E> {
+    fn from(error: DeviceError<E>) -> Self {
+        match error {
+            DeviceError::WouldBlock => Self::WouldBlock,
+            DeviceError::Length { bytes, unit } => Self::Length { bytes, unit },
+            DeviceError::Device(bits) => Self::Device(bits),
+            DeviceError::Bus(error) => Self::Bus(error),
+        }
+    }
+}
+
+impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, S, F> {
+    /// A switch that has not started.
+    #[must_use]
+    pub const fn new(bus: B, controller: C, devices: S) -> Self {
+        Self {
+            bus,
+            controller,
+            devices,
+            fds: FdTable::new(),
+            interrupts: crate::dispatch::Interrupts::new(),
+        }
+    }
+
+    /// Looks for every possible board, initialises those that are there, and then lets the vectors of
+    /// those present interrupt; what was found, [`inventory`](Self::inventory) tells.
+    ///
+    /// Boards that are present already are left alone; a vector of theirs that was
+    /// [disabled](Self::stuck) may interrupt again.
+    pub fn start(&self) {
+        for (kind, board) in Self::boards() {
+            self.devices.visit(kind, board, Start(&self.bus));
+        }
+        // Until its last board is initialised, a shared vector may interrupt with none asking.
+        for (kind, board) in Self::boards() {
+            self.devices.visit(kind, board, Enable(&self.controller));
+        }
+    }
+
+    /// Opens a board of a device by its name, which may begin with a colon as in the memo.
+    ///
+    /// # Errors
+    /// [`OpenError`].
+    pub fn open<'n>(&self, name: &'n str, board: u8, mode: Mode) -> Result<Fd, OpenError<'n>> {
+        let plain = name.strip_prefix(':').unwrap_or(name);
+        let found = (0_u8..)
+            .zip(S::KINDS)
+            .find(|(_, (known, _))| *known == plain);
+        let Some((kind, &(_, boards))) = found else {
+            return Err(OpenError::NoSuchDevice { name });
+        };
+        let open = Open {
+            switch: self,
+            name,
+            kind,
+            board,
+            mode,
+        };
+        self.devices
+            .visit(kind, board, open)
+            .unwrap_or(Err(OpenError::NoSuchBoard {
+                name,
+                board,
+                boards,
+            }))
+    }
+
+    /// Reads at least one byte, and says how many; does not wait. No bytes into an empty buffer.
+    ///
+    /// # Errors
+    /// [`IoError`].
+    #[inline]
+    pub fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<B::Error>> {
+        let entry = self.fds.get(fd, Mode::READ)?;
+        if into.is_empty() {
+            return Ok(0);
+        }
+        let read = Read {
+            bus: &self.bus,
+            into,
+        };
+        Ok(self.visit(fd, entry, read)??)
+    }
+
+    /// Writes at least one byte, and says how many; does not wait. No bytes of an empty buffer.
+    ///
+    /// # Errors
+    /// [`IoError`].
+    #[inline]
+    pub fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<B::Error>> {
+        let entry = self.fds.get(fd, Mode::WRITE)?;
+        if from.is_empty() {
+            return Ok(0);
+        }
+        let write = Write {
+            bus: &self.bus,
+            from,
+        };
+        Ok(self.visit(fd, entry, write)??)
+    }
+
+    /// Whether [`read`](Self::read) would read something.
+    ///
+    /// # Errors
+    /// [`IoError::Fd`], [`IoError::Bus`].
+    pub fn read_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
+        let entry = self.fds.get(fd, Mode::READ)?;
+        self.visit(fd, entry, Ready(&self.bus, Question::Read))?
+            .map_err(IoError::Bus)
+    }
+
+    /// Whether [`write`](Self::write) would write something.
+    ///
+    /// # Errors
+    /// As [`read_ready`](Self::read_ready).
+    pub fn write_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
+        let entry = self.fds.get(fd, Mode::WRITE)?;
+        self.visit(fd, entry, Ready(&self.bus, Question::Write))?
+            .map_err(IoError::Bus)
+    }
+
+    /// Whether all that was written has left.
+    ///
+    /// # Errors
+    /// As [`read_ready`](Self::read_ready).
+    pub fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
+        let entry = self.fds.get(fd, Mode::WRITE)?;
+        self.visit(fd, entry, Ready(&self.bus, Question::Flushed))?
+            .map_err(IoError::Bus)
+    }
+
+    /// Closes a descriptor. With the last one of a board, the board is closed.
+    ///
+    /// # Errors
+    /// [`IoError::Fd`]; [`IoError::Bus`] from the board, whose descriptor is closed all the same.
+    pub fn close(&self, fd: Fd) -> Result<(), IoError<B::Error>> {
+        let entry = critical_section::with(|_| self.fds.remove(fd))?;
+        self.visit(fd, entry, Close(&self.bus))?
+            .map_err(IoError::Bus)
+    }
+
+    /// The device of a descriptor with its type, for the calls that are peculiar to it: the
+    /// descriptor is checked here, and then no more.
+    ///
+    /// While it is held, the descriptor cannot be closed.
+    ///
+    /// # Errors
+    /// [`FdError`].
+    pub fn device<D: Driver>(&self, fd: Fd) -> Result<Device<'_, B, D, F>, FdError>
+    where
+        S: Has<D>,
+    {
+        critical_section::with(|_| {
+            let entry = self.fds.get(fd, Mode::empty())?;
+            let wrong = FdError::WrongType {
+                fd,
+                wanted: D::NAME,
+            };
+            if entry.kind() != S::KIND {
+                return Err(wrong);
+            }
+            let unit = self
+                .devices
+                .units()
+                .get(usize::from(entry.board()))
+                .ok_or(wrong)?;
+            self.fds.hold(fd, 1);
+            Ok(Device::new(unit, &self.bus, &self.fds, fd))
+        })
+    }
+
+    /// What start-up found, to be printed.
+    pub fn inventory(&self) -> impl fmt::Display + '_ {
+        Inventory(self)
+    }
+
+    pub(crate) fn boards() -> impl Iterator<Item = (u8, u8)> {
+        let kinds = (0_u8..).zip(S::KINDS);
+        kinds.flat_map(|(kind, &(_, boards))| (0..boards).map(move |board| (kind, board)))
+    }
+
+    #[inline(always)]
+    fn visit<V: Visitor>(&self, fd: Fd, entry: Entry, visitor: V) -> Result<V::Output, FdError> {
+        // Every entry was made from a board that there is.
+        self.devices
+            .visit(entry.kind(), entry.board(), visitor)
+            .ok_or(FdError::Stale { fd })
+    }
+}
+
+struct Start<'s, B>(&'s B);
+
+impl<B: Bus> Visitor for Start<'_, B> {
+    type Output = ();
+
+    fn board<D: Driver>(self, unit: &Unit<D>) {
+        if unit.presence() == Presence::Present {
+            return;
+        }
+        let registers = Registers::new(self.0, unit.place.base());
+        unit.set_presence(if !D::probe(registers) {
+            Presence::Absent
+        } else if unit.driver.init(registers).is_ok() {
+            Presence::Present
+        } else {
+            Presence::Failed
+        });
+    }
+}
+
+struct Enable<'s, C>(&'s C);
+
+impl<C: InterruptController> Visitor for Enable<'_, C> {
+    type Output = ();
+
+    fn board<D: Driver>(self, unit: &Unit<D>) {
+        if let (Presence::Present, Some((vector, level))) =
+            (unit.presence(), unit.place.interrupt())
+        {
+            self.0.enable(vector, level);
+        }
+    }
+}
+
+struct Open<'s, 'n, B, C, S, const F: usize> {
+    switch: &'s Switch<B, C, S, F>,
+    name: &'n str,
+    kind: u8,
+    board: u8,
+    mode: Mode,
+}
+
+impl<'n, B: Bus, C, S, const F: usize> Visitor for Open<'_, 'n, B, C, S, F> {
+    type Output = Result<Fd, OpenError<'n>>;
+
+    fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
+        let Self {
+            name, board, mode, ..
+        } = self;
+        let presence = unit.presence();
+        if presence != Presence::Present {
+            return Err(OpenError::NotPresent {
+                name,
+                board,
+                presence,
+            });
+        }
+        let direction = mode & (Mode::READ | Mode::WRITE);
+        let wrong =
+            (mode.contains(Mode::READ) && !D::READS) || (mode.contains(Mode::WRITE) && !D::WRITES);
+        if direction.is_empty() || wrong {
+            return Err(OpenError::Direction { name, mode });
+        }
+        critical_section::with(|_| {
+            let exclusive = mode.contains(Mode::EXCLUSIVE);
+            let Some(first) = unit.count_open(exclusive) else {
+                return Err(OpenError::Busy { name, board });
+            };
+            let fds = &self.switch.fds;
+            let Some(fd) = fds.insert(self.kind, board, mode) else {
+                unit.count_close();
+                return Err(OpenError::TooMany { count: F });
+            };
+            let registers = Registers::new(&self.switch.bus, unit.place.base());
+            if first && let Err(error) = unit.driver.open(registers) {
+                unit.count_close();
+                // Nobody knows the descriptor yet.
+                let _ = fds.remove(fd);
+                return Err(OpenError::Bus {
+                    name,
+                    board,
+                    kind: error.kind(),
+                });
+            }
+            Ok(fd)
+        })
+    }
+}
+
+struct Read<'s, B> {
+    bus: &'s B,
+    into: &'s mut [u8],
+}
+
+impl<B: Bus> Visitor for Read<'_, B> {
+    type Output = Result<usize, DeviceError<B::Error>>;
+
+    #[inline(always)]
+    fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
+        let registers = Registers::new(self.bus, unit.place.base());
+        unit.driver.read(registers, self.into)
+    }
+}
+
+struct Write<'s, B> {
+    bus: &'s B,
+    from: &'s [u8],
+}
+
+impl<B: Bus> Visitor for Write<'_, B> {
+    type Output = Result<usize, DeviceError<B::Error>>;
+
+    #[inline(always)]
+    fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
+        let registers = Registers::new(self.bus, unit.place.base());
+        unit.driver.write(registers, self.from)
+    }
+}
+
+struct Ready<'s, B>(&'s B, Question);
+
+enum Question {
+    Read,
+    Write,
+    Flushed,
+}
+
+impl<B: Bus> Visitor for Ready<'_, B> {
+    type Output = Result<bool, B::Error>;
+
+    fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
+        let registers = Registers::new(self.0, unit.place.base());
+        match self.1 {
+            Question::Read => unit.driver.read_ready(registers),
+            Question::Write => unit.driver.write_ready(registers),
+            Question::Flushed => unit.driver.is_flushed(registers),
+        }
+    }
+}
+
+struct Close<'s, B>(&'s B);
+
+impl<B: Bus> Visitor for Close<'_, B> {
+    type Output = Result<(), B::Error>;
+
+    fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
+        critical_section::with(|_| {
+            if unit.count_close() {
+                unit.driver.close(Registers::new(self.0, unit.place.base()))
+            } else {
+                Ok(())
+            }
+        })
+    }
+}
+
+struct Inventory<'s, B, C, S, const F: usize>(&'s Switch<B, C, S, F>);
+
+impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> fmt::Display
+    for Inventory<'_, B, C, S, F>
+{
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{:8} {:>5} {:>12} {:>6} {:>5}  found",
+            "device", "board", "address", "vector", "level"
+        )?;
+        for (kind, board) in Switch::<B, C, S, F>::boards() {
+            self.0
+                .devices
+                .visit(kind, board, Row { f, board })
+                .transpose()?;
+        }
+        Ok(())
+    }
+}
+
+struct Row<'r, 'f> {
+    f: &'r mut fmt::Formatter<'f>,
+    board: u8,
+}
+
+impl Visitor for Row<'_, '_> {
+    type Output = fmt::Result;
+
+    fn board<D: Driver>(self, unit: &Unit<D>) -> fmt::Result {
+        let Self { f, board } = self;
+        write!(f, "{:8} {board:>5} {:>#12x} ", D::NAME, unit.place.base())?;
+        match unit.place.interrupt() {
+            Some((vector, level)) => write!(f, "{:>6} {:>5}", vector.0, level.0)?,
+            None => write!(f, "{:>6} {:>5}", "-", "-")?,
+        }
+        writeln!(f, "  {:?}", unit.presence())
+    }
+}

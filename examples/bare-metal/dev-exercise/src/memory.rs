@@ -1,0 +1,32 @@
+//! [`Memory`]: where registers would be.
+
+use core::cell::UnsafeCell;
+
+use condor_dev::Mmio;
+
+/// The bus address of the first board.
+pub const BASE: usize = 0xee00_0000;
+const WORDS: usize = 0x180;
+
+/// Memory that answers as a bus.
+#[repr(transparent)]
+pub struct Memory(UnsafeCell<[u32; WORDS]>);
+
+// SAFETY: it is reached by volatile accesses of buses alone, in contexts of one processor.
+unsafe impl Sync for Memory {}
+
+impl Memory {
+    /// Zeros.
+    #[must_use]
+    #[allow(clippy::new_without_default, reason = "it is for statics")]
+    pub const fn new() -> Self {
+        Self(UnsafeCell::new([0; WORDS]))
+    }
+
+    /// The bus addresses from [`BASE`] on.
+    #[must_use]
+    pub const fn bus(&'static self) -> Mmio {
+        // SAFETY: the memory is aligned to words, lives for ever and has no references into it.
+        unsafe { Mmio::translated(self.0.get().cast(), BASE, 4 * WORDS) }
+    }
+}

@@ -1,0 +1,91 @@
+//! Gives back what comes, interrupt-driven.
+
+use checks::Checks;
+use condor_dev::{Fd, IoError, MmioError, Mode};
+use riscv::register::mstatus;
+
+use crate::{Serial, System};
+
+/// How many bytes; the text says the same.
+const BYTES: usize = 1 << 20;
+const INVITATION: &[u8] = b"echo 1048576\n";
+
+/// Invites whoever is at the other end of the serial port to send, and echoes it. The driver's buffers
+/// are filled and emptied by interrupts alone.
+pub(crate) fn echo(checks: &mut Checks<'_>, system: &System) {
+    let Ok(fd) = system.open(":uart", 0, Mode::READ | Mode::WRITE | Mode::EXCLUSIVE) else {
+        return checks.that("the serial port is opened", false);
+    };
+    let invited = write_all(system, fd, INVITATION);
+    let echoed = invited.and_then(|()| echo_bytes(system, fd));
+    let flushed = flush(system, fd);
+    checks.same("a megabyte is echoed", echoed, Ok(()));
+    checks.same("all of it is sent", flushed, Ok(()));
+    if let Ok(uart) = system.device::<Serial>(fd) {
+        checks.same("no byte ran over", uart.line_errors().overruns, 0);
+    }
+    let counts = system.interrupt_counts();
+    // The board has a FIFO of 16 each way.
+    checks.that(
+        "interrupts have moved all of it",
+        counts.served as usize >= BYTES / 64,
+    );
+    // QEMU 7.2's PLIC also notes what a board asks while it is served, which is nobody's afterwards.
+    checks.same("no interrupt was spurious", counts.spurious, 0);
+    checks.same("no vector was stuck", counts.stuck, 0);
+    checks.same("the port is closed", system.close(fd), Ok(()));
+}
+
+type Outcome = Result<(), IoError<MmioError>>;
+
+fn echo_bytes(system: &System, fd: Fd) -> Outcome {
+    let mut buffer = [0; 128];
+    let mut left = BYTES;
+    while left > 0 {
+        let most = left.min(buffer.len());
+        let (into, _) = buffer.split_at_mut(most);
+        match system.read(fd, into) {
+            Ok(count) => {
+                write_all(system, fd, into.get(..count).unwrap_or_default())?;
+                left = left.saturating_sub(count);
+            }
+            Err(IoError::WouldBlock) => sleep_until(|| system.read_ready(fd))?,
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+fn write_all(system: &System, fd: Fd, mut from: &[u8]) -> Outcome {
+    while !from.is_empty() {
+        match system.write(fd, from) {
+            Ok(count) => from = from.get(count..).unwrap_or_default(),
+            Err(IoError::WouldBlock) => sleep_until(|| system.write_ready(fd))?,
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+fn flush(system: &System, fd: Fd) -> Outcome {
+    while !system.is_flushed(fd)? {}
+    Ok(())
+}
+
+/// Sleeps until an interrupt has made something so. Who started the machine ends it if none comes.
+fn sleep_until(ready: impl Fn() -> Result<bool, IoError<MmioError>>) -> Outcome {
+    loop {
+        // An interrupt after the question wakes up `wfi`, masked or not.
+        // SAFETY: masking breaks nobody's section, and none is in progress here.
+        unsafe { mstatus::clear_mie() };
+        let answer = ready();
+        if answer == Ok(false) {
+            riscv::asm::wfi();
+        }
+        // SAFETY: as above.
+        unsafe { mstatus::set_mie() };
+        if answer? {
+            return Ok(());
+        }
+    }
+}
