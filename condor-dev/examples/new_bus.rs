@@ -11,11 +11,6 @@ use condor_dev::{
     Bus, BusError, BusErrorKind, Mode, NoInterrupts, Place, Switch, Width, device_switch,
 };
 
-/// Something that sends a request of nine bytes to the bridge, and gives its answer of five.
-trait Link {
-    fn transfer(&self, request: [u8; 9]) -> [u8; 5];
-}
-
 /// Boards behind a bridge. A request is a command (1, 2 or 4 bytes, 0x80 to write), the address
 /// and a value; an answer is a status and a value.
 struct Bridge<L>(L);
@@ -76,6 +71,11 @@ impl<L: Link> Bus for Bridge<L> {
 }
 
 // Here ends what a user writes; what follows stands in for the hardware and is the program.
+
+/// Something that sends a request of nine bytes to the bridge, and gives its answer of five.
+trait Link {
+    fn transfer(&self, request: [u8; 9]) -> [u8; 5];
+}
 
 /// The far end of the link: an analog-to-digital board at 0x100, and memory from 0x200 to 0x240.
 struct FarEnd(RefCell<[u8; 0x240]>);

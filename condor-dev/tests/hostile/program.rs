@@ -1,6 +1,7 @@
 //! A program that opens, uses and closes everything, as the bytes say.
 
 use std::num::NonZeroU16;
+use std::rc::Rc;
 
 use condor_dev::drivers::{Adc16, Dac16, Encoder8, Format, Mpp, Trigger};
 use condor_dev::sim::{LineFault, Model};
@@ -10,7 +11,6 @@ use super::Tally;
 use super::boards::{BOTH, Boards, Machine, Serial, Serial4, outside};
 use super::bus::{HostileBus, HostileController, Script};
 use super::journal::PORTS;
-use std::rc::Rc;
 
 /// Accesses of one call, with every board in the way that there is: 40 interrupts of two boards, of 4
 /// reasons each with 64 bytes, two accesses a byte, and some more.
@@ -93,9 +93,9 @@ impl Program {
                 let (_, fd) = self.open.remove(usize::from(step >> 4) % self.open.len());
                 let _ = self.switch.close(fd);
             }
-            4..=6 => self.with_open(step, |this, device, fd| this.read(device, fd)),
-            7..=9 => self.with_open(step, |this, device, fd| this.write(device, fd)),
-            10 => self.with_open(step, |this, device, fd| this.peculiar(device, fd)),
+            4..=6 => self.with_open(step, Self::read),
+            7..=9 => self.with_open(step, Self::write),
+            10 => self.with_open(step, Self::peculiar),
             11 => self.with_open(step, |this, _, fd| {
                 let _ = this.switch.read_ready(fd);
                 let _ = this.switch.write_ready(fd);
