@@ -7,9 +7,7 @@ use std::error::Error;
 
 use condor_dev::conformance::{self, Ground};
 use condor_dev::drivers::Adc16;
-use condor_dev::{
-    Bus, BusError, BusErrorKind, Mode, NoInterrupts, Place, Switch, Width, device_switch,
-};
+use condor_dev::{Bus, BusError, BusErrorKind, Mode, NoInterrupts, Place, Switch, device_switch};
 
 /// Boards behind a bridge. A request is a command (1, 2 or 4 bytes, 0x80 to write), the address
 /// and a value; an answer is a status and a value.
@@ -84,8 +82,8 @@ impl FarEnd {
     fn new() -> Self {
         let mut bytes = [0; 0x240];
         bytes[0x100..0x102].copy_from_slice(&0xadc0_u16.to_ne_bytes());
-        for (channel, register) in bytes[0x120..0x140].chunks_exact_mut(2).enumerate() {
-            let value = 1000 - 250 * channel as i16;
+        let values = (0_i16..).map(|channel| 1000 - 250 * channel);
+        for (register, value) in bytes[0x120..0x140].chunks_exact_mut(2).zip(values) {
             register.copy_from_slice(&value.to_ne_bytes());
         }
         Self(RefCell::new(bytes))
@@ -141,10 +139,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         refuses_misaligned: true,
     };
     conformance::bus(&bridge, ground)?;
-    println!(
-        "the bridge is a bus; {:?}",
-        bridge.answers(0x240, Width::Bits8)
-    );
+    println!("the bridge conforms to what a bus promises");
 
     let switch = Switch::<_, _, _, 4>::new(bridge, NoInterrupts, Boards::new());
     switch.start();

@@ -92,7 +92,10 @@ fn outputs_change_together_and_rest_when_closed() {
     let fd = machine.open("dac", Mode::WRITE);
     assert!(outside(&machine.dac).is_connected());
     let dac = machine.switch.device::<Dac16>(fd).unwrap();
-    let all: [i16; 16] = std::array::from_fn(|channel| channel as i16 - 8);
+    let mut all = [0_i16; 16];
+    all.iter_mut()
+        .zip(-8..)
+        .for_each(|(value, number)| *value = number);
     dac.write_all(&all).unwrap();
     assert_eq!(outputs(), all);
     dac.write_channels(14, &[100, 101]).unwrap();
