@@ -23,7 +23,7 @@ impl BusError for MmioError {
 /// What lies outside of the range, or is misaligned, is refused without being accessed. Inside
 /// of it, an address that nothing answers gives what the processor makes of it: some read ones,
 /// others trap. A RISC-V processor that traps is survived by
-/// [`GuardedMmio`](crate::riscv::GuardedMmio), so that start-up can look for boards.
+/// `riscv::GuardedMmio`, so that start-up can look for boards.
 ///
 /// Accesses are in program order as the processor sees them; that the boards see them so, the
 /// range must be device memory of the processor (strongly ordered I/O on RISC-V, Device memory
@@ -52,7 +52,7 @@ impl Mmio {
     /// * none of the range is memory that Rust knows of: no variable, stack or heap;
     /// * every aligned access of 8, 16 and 32 bits in it may be made at any time: where nothing
     ///   answers, the processor reads something and ignores writes, or it has the
-    ///   access [guarded](crate::riscv::GuardedMmio);
+    ///   access guarded (`riscv::GuardedMmio`);
     /// * no write in it has a device change such memory, by DMA for example, except where what
     ///   gave the device its addresses vouches for them.
     #[must_use]

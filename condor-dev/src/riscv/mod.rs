@@ -1,4 +1,5 @@
-//! Bare-metal RISC-V: interrupts from a PLIC, and registers whose absence is survived.
+//! Bare-metal RISC-V: interrupts from a PLIC, and, for these processors alone, registers whose absence
+//! is survived (`GuardedMmio`).
 
 mod plic;
 

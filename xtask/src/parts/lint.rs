@@ -35,7 +35,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     for firmware in &FIRMWARES {
         need_target(context, firmware.target)?;
         let line = format!(
-            "cargo clippy -p {} -p {} --target {} --all-features -- -D warnings",
+            "cargo clippy -p checks -p {} -p {} --target {} --all-features -- -D warnings",
             firmware.exercise, firmware.package, firmware.target
         );
         command(context, &line).dir(firmware::WORKSPACE).run()?;

@@ -50,7 +50,7 @@ static EXERCISED: Devices<NoInterrupts> = Switch::new(MEMORY.bus(), NoInterrupts
 /// Accesses that nothing answered.
 static FAULTS: AtomicU32 = AtomicU32::new(0);
 
-const EXTERNAL_INTERRUPT: usize = 1 << (usize::BITS - 1) | 11;
+const EXTERNAL_INTERRUPT: usize = 1 << (usize::BITS - 1) | 0xb;
 
 /// Where the hart comes from `start.s`.
 #[unsafe(no_mangle)]

@@ -1,0 +1,187 @@
+//! Every access of the entry, to what it notes or to the boards, is interrupted in turn by vectors of
+//! a higher level, which come in by the same entry.
+
+use core::cell::{Cell, RefCell};
+use core::convert::Infallible;
+use std::rc::Rc;
+
+use crate::bus::{Bus, Registers};
+use crate::driver::{Attention, DeviceError, Driver};
+use crate::interrupt::{InterruptController, Level, Vector};
+use crate::switch::Switch;
+use crate::sync::interrupted::{access, comes_in};
+use crate::unit::Place;
+
+/// A board that is one register: how often it asks. Writing serves it once.
+struct Bell;
+
+impl Driver for Bell {
+    const NAME: &'static str = "bell";
+    const NEW: Self = Self;
+    const READS: bool = true;
+    const WRITES: bool = false;
+
+    fn probe<B: Bus>(_: Registers<'_, B>) -> bool {
+        true
+    }
+
+    fn init<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
+        Ok(())
+    }
+
+    fn read<B: Bus>(
+        &self,
+        _: Registers<'_, B>,
+        _: &mut [u8],
+    ) -> Result<usize, DeviceError<B::Error>> {
+        Err(DeviceError::WouldBlock)
+    }
+
+    fn write<B: Bus>(&self, _: Registers<'_, B>, _: &[u8]) -> Result<usize, DeviceError<B::Error>> {
+        Err(DeviceError::WouldBlock)
+    }
+
+    fn read_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
+        Ok(false)
+    }
+
+    fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
+        Ok(false)
+    }
+
+    fn interrupt<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Attention, B::Error> {
+        if registers.read8(0)? == 0 {
+            return Ok(Attention::NotMine);
+        }
+        registers.write8(0, 0)?;
+        Ok(Attention::Mine)
+    }
+}
+
+#[derive(Default)]
+struct Asks([Cell<u8>; 3]);
+
+impl Bus for Asks {
+    type Error = Infallible;
+
+    fn read8(&self, address: usize) -> Result<u8, Infallible> {
+        access();
+        Ok(self.0[address].get())
+    }
+
+    fn read16(&self, _: usize) -> Result<u16, Infallible> {
+        unreachable!("it has bytes")
+    }
+
+    fn read32(&self, _: usize) -> Result<u32, Infallible> {
+        unreachable!("it has bytes")
+    }
+
+    fn write8(&self, address: usize, _: u8) -> Result<(), Infallible> {
+        access();
+        self.0[address].set(self.0[address].get() - 1);
+        Ok(())
+    }
+
+    fn write16(&self, _: usize, _: u16) -> Result<(), Infallible> {
+        unreachable!("it has bytes")
+    }
+
+    fn write32(&self, _: usize, _: u32) -> Result<(), Infallible> {
+        unreachable!("it has bytes")
+    }
+}
+
+/// Gives each vector that was put in once, and not while it is in service.
+#[derive(Default)]
+struct Queue {
+    pending: RefCell<Vec<Vector>>,
+    in_service: RefCell<Vec<Vector>>,
+}
+
+impl InterruptController for Queue {
+    fn enable(&self, _: Vector, _: Level) {}
+
+    fn disable(&self, vector: Vector) {
+        panic!("{vector:?} is not stuck");
+    }
+
+    fn claim(&self) -> Option<Vector> {
+        access();
+        let mut pending = self.pending.borrow_mut();
+        let mut in_service = self.in_service.borrow_mut();
+        let at = pending
+            .iter()
+            .position(|vector| !in_service.contains(vector))?;
+        let vector = pending.remove(at);
+        in_service.push(vector);
+        Some(vector)
+    }
+
+    fn complete(&self, vector: Vector) {
+        access();
+        self.in_service
+            .borrow_mut()
+            .retain(|&other| other != vector);
+    }
+}
+
+const SHARED: Vector = Vector(10);
+const URGENT: Vector = Vector(20);
+const STRANGERS: [Vector; 2] = [Vector(50), Vector(51)];
+
+crate::device_switch! {
+    struct Bells {
+        bell: Bell = [
+            Place::at(0).interrupting(10, 1),
+            Place::at(1).interrupting(10, 1),
+            Place::at(2).interrupting(20, 2),
+        ],
+    }
+}
+
+type World = Switch<Asks, Queue, Bells, 1>;
+
+fn ask(world: &World, board: usize) {
+    let asks = &world.bus.0[board];
+    asks.set(asks.get() + 1);
+}
+
+fn pend(world: &World, vectors: [Vector; 2]) {
+    world.controller.pending.borrow_mut().extend(vectors);
+}
+
+#[test]
+fn nothing_is_lost_or_counted_wrongly_when_entries_nest() {
+    let mut k = 0;
+    loop {
+        k += 1;
+        let world = Rc::new(World::new(Asks::default(), Queue::default(), Bells::new()));
+        world.start();
+        let [first, second] = STRANGERS;
+        ask(&world, 0);
+        pend(&world, [first, SHARED]);
+        let inner = world.clone();
+        let interrupt = move || {
+            ask(&inner, 1);
+            ask(&inner, 2);
+            pend(&inner, [second, URGENT]);
+            pend(&inner, [SHARED, second]);
+            inner.on_interrupt();
+        };
+        let came = comes_in(k, Rc::new(interrupt), || world.on_interrupt());
+        if !came {
+            break;
+        }
+        assert!(world.bus.0.iter().all(|asks| asks.get() == 0), "{k}");
+        let counts = world.interrupt_counts();
+        assert_eq!(counts.stuck, 0, "{k}");
+        // Before the first claim, the inner entry takes all there is.
+        assert_eq!(counts.spurious, u32::from(k == 1), "{k}");
+        assert_eq!(counts.served + counts.unclaimed, 3, "{k}");
+        let mut named: Vec<_> = world.unhandled().collect();
+        named.sort_unstable();
+        assert_eq!(named, [(first, 1), (second, 2)], "{k}");
+    }
+    assert!(k > 15, "{k}");
+}
