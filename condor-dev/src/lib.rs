@@ -17,6 +17,7 @@ mod device;
 mod dispatch;
 mod driver;
 mod fd;
+mod stream;
 mod switch;
 mod unit;
 
@@ -27,5 +28,6 @@ pub use driver::{Attention, DeviceError, Driver};
 pub use fd::{Fd, FdError, Mode};
 pub use interrupt::{InterruptController, Level, NoInterrupts, Vector};
 pub use set::{DeviceSet, Has};
+pub use stream::{Descriptors, Looks, Stream, StreamError, Timeout, Wait};
 pub use switch::{IoError, OpenError, Switch};
 pub use unit::{Place, Presence, Unit};
