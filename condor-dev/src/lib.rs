@@ -7,6 +7,7 @@ pub mod drivers;
 pub mod set;
 #[cfg(feature = "sim")]
 pub mod sim;
+pub mod stdio;
 
 // The machine.
 mod bus;
