@@ -97,35 +97,51 @@ pub enum FdError {
     },
 }
 
-/// What a place of the table holds, in one word: generation, kind, board, whether it is open, and how.
+/// What a place of the table holds, in one word, from the top: kind, board, whether it is open, how,
+/// and generation. What a descriptor is compared with is at the bottom, and the kind, which comes
+/// first on the way to a driver, is one shift away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Entry(u32);
 
-const OPEN: u32 = 1 << 3;
+const OPEN: u32 = 1 << 19;
+const MODE: u32 = 16;
+const BOARD: u32 = 20;
+const KIND: u32 = 26;
+const GENERATION: u16 = 0xffff;
 
 impl Entry {
     /// Kinds of devices, and boards of a kind, that an entry can tell apart.
     pub(crate) const MOST: usize = 64;
 
     const fn new(generation: u16, kind: u8, board: u8, mode: Mode) -> Self {
-        let device = (kind as u32) << 10 | (board as u32) << 4;
-        Self((generation as u32) << 16 | device | OPEN | mode.bits() as u32)
+        let device = (kind as u32) << KIND | ((board & 0x3f) as u32) << BOARD;
+        Self(device | Self::wanted(generation, mode))
+    }
+
+    /// What all entries of a generation have that are open, and for `mode`.
+    const fn wanted(generation: u16, mode: Mode) -> u32 {
+        OPEN | (mode.bits() as u32) << MODE | generation as u32
+    }
+
+    /// An entry that is not open.
+    const fn closed(generation: u16) -> Self {
+        Self(generation as u32)
     }
 
     const fn generation(self) -> u16 {
-        (self.0 >> 16) as u16
+        self.0 as u16
     }
 
     pub(crate) const fn kind(self) -> u8 {
-        (self.0 >> 10 & 0x3f) as u8
+        (self.0 >> KIND) as u8
     }
 
     pub(crate) const fn board(self) -> u8 {
-        (self.0 >> 4 & 0x3f) as u8
+        (self.0 >> BOARD & 0x3f) as u8
     }
 
     const fn mode(self) -> Mode {
-        Mode::from_bits_truncate(self.0 as u8 & 7)
+        Mode::from_bits_truncate((self.0 >> MODE & 7) as u8)
     }
 }
 
@@ -178,8 +194,8 @@ impl<const F: usize> FdTable<F> {
         if let Some(place) = self.entries.get(usize::from(fd.index)) {
             // Acquire: pairs with the Release store in `insert`.
             let entry = Entry(place.load(Ordering::Acquire));
-            let needed = u32::from(fd.generation) << 16 | OPEN | u32::from(wanted.bits());
-            if entry.0 & (0xffff_0000 | OPEN | u32::from(wanted.bits())) == needed {
+            let mask = Entry::wanted(GENERATION, wanted);
+            if entry.0 & mask == Entry::wanted(fd.generation, wanted) {
                 return Ok(entry);
             }
         }
@@ -194,8 +210,8 @@ impl<const F: usize> FdTable<F> {
             if holders.load(Ordering::Relaxed) != 0 {
                 return Err(FdError::InUse { fd });
             }
-            let next = u32::from(fd.generation.wrapping_add(1)) << 16;
-            place.store(next, Ordering::Release);
+            let next = Entry::closed(fd.generation.wrapping_add(1));
+            place.store(next.0, Ordering::Release);
         }
         Ok(entry)
     }
