@@ -55,7 +55,11 @@ pub(super) struct DynSwitch {
     boards: [&'static dyn AnyBoard; 8],
 }
 
-const OPEN: u32 = 1 << 3;
+const OPEN: u32 = 1 << 19;
+
+fn wanted(generation: u16, mode: Mode) -> u32 {
+    OPEN | u32::from(mode.bits()) << 16 | u32::from(generation)
+}
 
 impl DynSwitch {
     /// All boards of the benchmark, the port as the last one.
@@ -77,7 +81,7 @@ impl DynSwitch {
 
     /// Makes `fd` a descriptor of the port.
     pub(super) fn open(&self, fd: Fd, mode: Mode) {
-        let entry = u32::from(fd.generation()) << 16 | 7 << 4 | OPEN | u32::from(mode.bits());
+        let entry = 7 << 20 | wanted(fd.generation(), mode);
         self.entries[usize::from(fd.number())].store(entry, Ordering::Release);
     }
 
@@ -91,17 +95,16 @@ impl DynSwitch {
         if from.is_empty() {
             return Ok(0);
         }
-        let board = self.boards.get((entry >> 4 & 0xfff) as usize);
+        let board = self.boards.get((entry >> 20) as usize);
         let board = board.ok_or(FdError::Stale { fd })?;
         Ok(board.write(from)?)
     }
 
     #[inline(always)]
-    fn check(&self, fd: Fd, wanted: Mode) -> std::result::Result<u32, FdError> {
+    fn check(&self, fd: Fd, mode: Mode) -> std::result::Result<u32, FdError> {
         if let Some(place) = self.entries.get(usize::from(fd.number())) {
             let entry = place.load(Ordering::Acquire);
-            let mask = OPEN | u32::from(wanted.bits());
-            if entry & (0xffff_0000 | mask) == u32::from(fd.generation()) << 16 | mask {
+            if entry & wanted(0xffff, mode) == wanted(fd.generation(), mode) {
                 return Ok(entry);
             }
         }
