@@ -1,6 +1,6 @@
 //! Benchmarks of the Condor crates beside their peers, one sub-command for each crate.
 //!
-//! `cargo run --release --manifest-path bench/Cargo.toml -- mbox [--json] [--rounds N] [--quick]`
+//! `cargo run --release --manifest-path bench/Cargo.toml -- COMMAND [--json] [--rounds N] [--quick]`
 
 mod clock;
 mod dev;

@@ -181,7 +181,7 @@ impl Naive {
             let mut open = self.given.iter().filter(|given| given.open);
             open.any(|given| given.fd.number() == number)
         };
-        (0..).find(|number| !taken(*number)).unwrap()
+        (0..FDS as u16).find(|number| !taken(*number)).unwrap()
     }
 
     fn check(&self, index: usize, wanted: Mode) -> Result<Given, FdError> {

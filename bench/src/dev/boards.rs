@@ -32,7 +32,7 @@ impl Memory {
         Self(UnsafeCell::new([0; SIZE]))
     }
 
-    #[inline(always)]
+    #[inline]
     fn place<T>(&self, address: usize) -> Result<*mut T, Nothing> {
         if !address.is_multiple_of(size_of::<T>()) {
             return Err(Nothing(BusErrorKind::Misaligned));
@@ -48,14 +48,14 @@ impl Memory {
 macro_rules! accesses {
     ($($read:ident, $write:ident: $kind:ty;)*) => {
         $(
-            #[inline(always)]
+            #[inline]
             fn $read(&self, address: usize) -> Result<$kind, Nothing> {
                 let place = self.place::<$kind>(address)?;
                 // SAFETY: `place` checked it, and nobody else accesses it.
                 Ok(unsafe { place.read_volatile() })
             }
 
-            #[inline(always)]
+            #[inline]
             fn $write(&self, address: usize, value: $kind) -> Result<(), Nothing> {
                 let place = self.place::<$kind>(address)?;
                 // SAFETY: as above.
@@ -161,7 +161,7 @@ pub(super) type BenchSwitch = Switch<Memory, NoInterrupts, Boards, 8>;
 pub(super) type PortDevice<'s> = Device<'s, Memory, Port, 8>;
 
 /// One write of sixteen bits, which is peculiar to the port.
-#[inline(always)]
+#[inline]
 pub(super) fn set<B: Bus>(registers: Registers<'_, B>, value: u16) -> Result<(), B::Error> {
     registers.write16(0x22, value)
 }

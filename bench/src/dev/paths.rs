@@ -22,55 +22,58 @@ const BUFFER: usize = 256;
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn condor_path_direct(board: &Board<Port>, bytes: &[u8]) -> bool {
+extern "Rust" fn condor_path_direct(board: &Board<Port>, bytes: &[u8]) -> bool {
     matches!(board.driver.write(board.registers, bytes), Ok(2))
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn condor_path_fd(switch: &BenchSwitch, fd: Fd, bytes: &[u8]) -> bool {
+extern "Rust" fn condor_path_fd(switch: &BenchSwitch, fd: Fd, bytes: &[u8]) -> bool {
     matches!(switch.write(fd, bytes), Ok(2))
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn condor_path_dyn(switch: &DynSwitch, fd: Fd, bytes: &[u8]) -> bool {
+extern "Rust" fn condor_path_dyn(switch: &DynSwitch, fd: Fd, bytes: &[u8]) -> bool {
     matches!(switch.write(fd, bytes), Ok(2))
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn condor_path_vm_device(manager: &IoManager, address: u64, bytes: &[u8]) -> bool {
+extern "Rust" fn condor_path_vm_device(manager: &IoManager, address: u64, bytes: &[u8]) -> bool {
     manager.mmio_write(MmioAddress(address), bytes).is_ok()
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn condor_path_direct16(board: &Board<Port>, value: u16) -> bool {
+extern "Rust" fn condor_path_direct16(board: &Board<Port>, value: u16) -> bool {
     set(board.registers, value).is_ok()
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn condor_path_typed(port: &PortDevice<'_>, value: u16) -> bool {
+extern "Rust" fn condor_path_typed(port: &PortDevice<'_>, value: u16) -> bool {
     set(port.registers, value).is_ok()
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn condor_path_putc(writer: &mut stdio::BufWriter<Sink, BUFFER>, byte: u8) -> bool {
+extern "Rust" fn condor_path_putc(writer: &mut stdio::BufWriter<Sink, BUFFER>, byte: u8) -> bool {
     writer.put(byte).is_ok()
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn condor_path_std_buf_writer(writer: &mut std::io::BufWriter<Sink>, byte: u8) -> bool {
+extern "Rust" fn condor_path_std_buf_writer(
+    writer: &mut std::io::BufWriter<Sink>,
+    byte: u8,
+) -> bool {
     writer.write_all(&[byte]).is_ok()
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn condor_path_output(output: &stdio::Output<Sink, BUFFER>, bytes: &[u8]) -> bool {
+extern "Rust" fn condor_path_output(output: &stdio::Output<Sink, BUFFER>, bytes: &[u8]) -> bool {
     output.write(bytes).is_ok()
 }
 

@@ -69,13 +69,15 @@ impl DynSwitch {
                 Box::leak(Box::new(Board::<D>::new(bus, base)))
             })
         }
-        let [a, b] = boards::<condor_dev::drivers::Adc16>(bus, 0);
-        let [c, d] = boards::<Lamps>(bus, 0x200);
-        let [e, f] = boards::<Counter>(bus, 0x400);
-        let [g, h] = boards::<Port>(bus, port - 0x100);
+        let kinds = [
+            boards::<condor_dev::drivers::Adc16>(bus, 0),
+            boards::<Lamps>(bus, 0x200),
+            boards::<Counter>(bus, 0x400),
+            boards::<Port>(bus, port - 0x100),
+        ];
         Self {
             entries: Default::default(),
-            boards: [a, b, c, d, e, f, g, h],
+            boards: std::array::from_fn(|slot| kinds[slot / 2][slot % 2]),
         }
     }
 
@@ -85,7 +87,7 @@ impl DynSwitch {
         self.entries[usize::from(fd.number())].store(entry, Ordering::Release);
     }
 
-    #[inline(always)]
+    #[inline]
     pub(super) fn write(
         &self,
         fd: Fd,
@@ -100,7 +102,7 @@ impl DynSwitch {
         Ok(board.write(from)?)
     }
 
-    #[inline(always)]
+    #[inline]
     fn check(&self, fd: Fd, mode: Mode) -> std::result::Result<u32, FdError> {
         if let Some(place) = self.entries.get(usize::from(fd.number())) {
             let entry = place.load(Ordering::Acquire);

@@ -9,7 +9,10 @@ use proptest::prelude::*;
 /// What one call does: move at most so many bytes, or fail. At the script's end all succeeds.
 pub(crate) type Script = VecDeque<Option<usize>>;
 
-#[allow(dead_code, reason = "not all tests that share this module draw their scripts")]
+#[allow(
+    dead_code,
+    reason = "not all tests that share this module draw their scripts"
+)]
 pub(crate) fn script() -> impl Strategy<Value = Script> {
     let call = prop_oneof![3 => (1..12_usize).prop_map(Some), 1 => Just(None)];
     prop::collection::vec(call, 0..40).prop_map(VecDeque::from)
