@@ -10,6 +10,8 @@ use flaky::{Flaky, script};
 use proptest::prelude::*;
 
 const N: usize = 8;
+/// Miri is some hundred times slower than the machine.
+const MANY: usize = if cfg!(miri) { 8 } else { 40 };
 
 #[derive(Clone, Debug)]
 enum Step {
@@ -24,7 +26,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         (0..10_usize).prop_map(Step::Fill),
         (0..6_u8).prop_map(Step::Until),
     ];
-    prop::collection::vec(step, 0..30)
+    prop::collection::vec(step, 0..MANY)
 }
 
 fn kind<T>(result: io::Result<T>) -> Result<T, ErrorKind> {
@@ -37,7 +39,7 @@ fn kind<T>(result: io::Result<T>) -> Result<T, ErrorKind> {
 proptest! {
     #[test]
     fn it_reads_as_std_does(
-        bytes in prop::collection::vec(0..6_u8, 0..120),
+        bytes in prop::collection::vec(0..6_u8, 0..3 * MANY),
         script in script(),
         steps in steps(),
     ) {
@@ -84,9 +86,9 @@ proptest! {
 
     #[test]
     fn pieces_are_the_input_however_small_the_memory(
-        bytes in prop::collection::vec(0..6_u8, 0..120),
+        bytes in prop::collection::vec(0..6_u8, 0..3 * MANY),
         script in script(),
-        sizes in prop::collection::vec(1..20_usize, 1..20),
+        sizes in prop::collection::vec(1..20_usize, 1..MANY),
     ) {
         let mut reader = BufReader::<_, N>::new(Flaky::new(script, bytes.clone()));
         let mut read = Vec::<u8>::new();

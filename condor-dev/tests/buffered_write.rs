@@ -10,6 +10,8 @@ use flaky::{Flaky, Script, script};
 use proptest::prelude::*;
 
 const N: usize = 8;
+/// Miri is some hundred times slower than the machine.
+const MANY: usize = if cfg!(miri) { 8 } else { 40 };
 
 #[derive(Clone, Debug)]
 enum Step {
@@ -39,7 +41,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         1 => Just(Step::Flush),
         1 => buffering().prop_map(Step::Set),
     ];
-    prop::collection::vec(step, 0..40)
+    prop::collection::vec(step, 0..MANY)
 }
 
 /// What the writer has, and what is held.
@@ -111,7 +113,7 @@ proptest! {
     #[test]
     fn the_same_arrives_as_with_std(
         script in script(),
-        texts in prop::collection::vec(text(), 0..20),
+        texts in prop::collection::vec(text(), 0..MANY / 2),
     ) {
         for buffering in [Buffering::Line, Buffering::Block] {
             let flaky = || Flaky::new(script.clone(), Vec::new());
@@ -140,7 +142,7 @@ proptest! {
     }
 
     #[test]
-    fn lines_arrive_no_later_than_with_std(texts in prop::collection::vec(text(), 0..20)) {
+    fn lines_arrive_no_later_than_with_std(texts in prop::collection::vec(text(), 0..MANY / 2)) {
         let flaky = || Flaky::new(reliable(), Vec::new());
         let mut ours = BufWriter::<_, N>::new(flaky(), Buffering::Line);
         let mut stds = io::LineWriter::with_capacity(N, flaky());

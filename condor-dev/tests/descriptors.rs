@@ -121,7 +121,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         1 => which().prop_map(Step::HoldLatch),
         1 => Just(Step::Drop),
     ];
-    prop::collection::vec(step, 0..60)
+    prop::collection::vec(step, 0..if cfg!(miri) { 12 } else { 60 })
 }
 
 /// One descriptor that was given out.

@@ -15,7 +15,7 @@ pub(crate) type Script = VecDeque<Option<usize>>;
 )]
 pub(crate) fn script() -> impl Strategy<Value = Script> {
     let call = prop_oneof![3 => (1..12_usize).prop_map(Some), 1 => Just(None)];
-    prop::collection::vec(call, 0..40).prop_map(VecDeque::from)
+    prop::collection::vec(call, 0..if cfg!(miri) { 8 } else { 40 }).prop_map(VecDeque::from)
 }
 
 #[derive(Debug, Default)]
