@@ -3,6 +3,7 @@
 //! `cargo run --release --manifest-path bench/Cargo.toml -- COMMAND [--json] [--rounds N] [--quick]`
 
 mod clock;
+mod dev;
 mod machine;
 mod mbox;
 mod measure;
@@ -29,6 +30,11 @@ struct Command {
 }
 
 const COMMANDS: &[Command] = &[
+    Command {
+        name: "dev",
+        about: "instructions of a device's write by condor-dev, trait objects, vm-device, write(2)",
+        run: dev::run,
+    },
     Command {
         name: "mbox",
         about: "round trips of condor-mbox beside raw atomics, futexes, queues, sockets and iceoryx2",
@@ -57,8 +63,27 @@ fn print_usage() {
     }
 }
 
+/// What the program does when `dev` runs it under callgrind.
+fn go_down_one_path(mut arguments: impl Iterator<Item = String>) -> ExitCode {
+    let name = arguments.next();
+    let calls = arguments.next().and_then(|text| text.parse().ok());
+    let (Some(name), Some(calls)) = (name, calls) else {
+        return ExitCode::from(2);
+    };
+    match dev::go(&name, calls) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
 fn main() -> ExitCode {
-    let mut arguments = std::env::args().skip(1);
+    let mut arguments = std::env::args().skip(1).peekable();
+    if arguments.next_if(|name| name == dev::PATH).is_some() {
+        return go_down_one_path(arguments);
+    }
     let command = arguments
         .next()
         .and_then(|name| COMMANDS.iter().find(|command| command.name == name));

@@ -97,35 +97,46 @@ pub enum FdError {
     },
 }
 
-/// What a place of the table holds, in one word: generation, kind, board, whether it is open, and how.
+/// What a place of the table holds, in one word, from the top: slot, whether it is open, how, and
+/// generation. What a descriptor is compared with is at the bottom, and the slot, which leads to the
+/// driver, is one shift away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Entry(u32);
 
-const OPEN: u32 = 1 << 3;
+const GENERATION: u16 = 0xffff;
+const MODE: u32 = 16;
+const OPEN: u32 = 1 << 19;
+const SLOT: u32 = 20;
 
 impl Entry {
-    /// Kinds of devices, and boards of a kind, that an entry can tell apart.
+    /// Kinds of devices, and boards of a kind, of which an entry can tell all apart.
     pub(crate) const MOST: usize = 64;
 
-    const fn new(generation: u16, kind: u8, board: u8, mode: Mode) -> Self {
-        let device = (kind as u32) << 10 | (board as u32) << 4;
-        Self((generation as u32) << 16 | device | OPEN | mode.bits() as u32)
+    const fn new(generation: u16, slot: u16, mode: Mode) -> Self {
+        Self((slot as u32) << SLOT | Self::wanted(generation, mode))
+    }
+
+    /// What all entries of a generation have that are open, and for `mode`.
+    const fn wanted(generation: u16, mode: Mode) -> u32 {
+        OPEN | (mode.bits() as u32) << MODE | generation as u32
+    }
+
+    /// An entry that is not open.
+    const fn closed(generation: u16) -> Self {
+        Self(generation as u32)
     }
 
     const fn generation(self) -> u16 {
-        (self.0 >> 16) as u16
+        self.0 as u16
     }
 
-    pub(crate) const fn kind(self) -> u8 {
-        (self.0 >> 10 & 0x3f) as u8
-    }
-
-    pub(crate) const fn board(self) -> u8 {
-        (self.0 >> 4 & 0x3f) as u8
+    /// The number of the board among all boards of the set.
+    pub(crate) const fn slot(self) -> u16 {
+        (self.0 >> SLOT) as u16
     }
 
     const fn mode(self) -> Mode {
-        Mode::from_bits_truncate(self.0 as u8 & 7)
+        Mode::from_bits_truncate((self.0 >> MODE & 7) as u8)
     }
 }
 
@@ -153,16 +164,13 @@ impl<const F: usize> FdTable<F> {
     }
 
     /// Takes a free place, in a critical section.
-    pub(crate) fn insert(&self, kind: u8, board: u8, mode: Mode) -> Option<Fd> {
+    pub(crate) fn insert(&self, slot: u16, mode: Mode) -> Option<Fd> {
         for (index, place) in self.entries.iter().enumerate() {
             let entry = Entry(place.load(Ordering::Relaxed));
             if entry.0 & OPEN == 0 {
                 let generation = entry.generation();
                 // Release: pairs with the Acquire load in `get`; the device has been opened.
-                place.store(
-                    Entry::new(generation, kind, board, mode).0,
-                    Ordering::Release,
-                );
+                place.store(Entry::new(generation, slot, mode).0, Ordering::Release);
                 return Some(Fd {
                     index: index as u16,
                     generation,
@@ -178,8 +186,8 @@ impl<const F: usize> FdTable<F> {
         if let Some(place) = self.entries.get(usize::from(fd.index)) {
             // Acquire: pairs with the Release store in `insert`.
             let entry = Entry(place.load(Ordering::Acquire));
-            let needed = u32::from(fd.generation) << 16 | OPEN | u32::from(wanted.bits());
-            if entry.0 & (0xffff_0000 | OPEN | u32::from(wanted.bits())) == needed {
+            let mask = Entry::wanted(GENERATION, wanted);
+            if entry.0 & mask == Entry::wanted(fd.generation, wanted) {
                 return Ok(entry);
             }
         }
@@ -194,8 +202,8 @@ impl<const F: usize> FdTable<F> {
             if holders.load(Ordering::Relaxed) != 0 {
                 return Err(FdError::InUse { fd });
             }
-            let next = u32::from(fd.generation.wrapping_add(1)) << 16;
-            place.store(next, Ordering::Release);
+            let next = Entry::closed(fd.generation.wrapping_add(1));
+            place.store(next.0, Ordering::Release);
         }
         Ok(entry)
     }
@@ -235,9 +243,9 @@ mod tests {
     #[test]
     fn every_misuse_has_its_error() {
         let table = FdTable::<2>::new();
-        let fd = table.insert(63, 62, Mode::READ).unwrap();
+        let fd = table.insert(4095, Mode::READ).unwrap();
         let entry = table.get(fd, Mode::READ).unwrap();
-        assert_eq!((entry.kind(), entry.board()), (63, 62));
+        assert_eq!(entry.slot(), 4095);
         assert_eq!(
             table.get(fd, Mode::WRITE),
             Err(FdError::Direction {
@@ -251,7 +259,7 @@ mod tests {
         table.hold(fd, -1);
         table.remove(fd).unwrap();
         assert_eq!(table.get(fd, Mode::READ), Err(FdError::Closed { fd }));
-        let again = table.insert(0, 0, Mode::READ).unwrap();
+        let again = table.insert(0, Mode::READ).unwrap();
         assert_eq!((again.number(), again.generation()), (0, 1));
         assert_eq!(table.remove(fd), Err(FdError::Stale { fd }));
         let foreign = Fd {
@@ -265,7 +273,7 @@ mod tests {
                 count: 2
             })
         );
-        assert!(table.insert(0, 0, Mode::WRITE).is_some());
-        assert!(table.insert(0, 0, Mode::WRITE).is_none());
+        assert!(table.insert(0, Mode::WRITE).is_some());
+        assert!(table.insert(0, Mode::WRITE).is_none());
     }
 }

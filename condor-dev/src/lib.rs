@@ -23,6 +23,7 @@ pub mod riscv;
 pub mod set;
 #[cfg(all(feature = "sim", not(condor_loom)))]
 pub mod sim;
+pub mod stdio;
 
 // The machine.
 mod bus;
@@ -51,6 +52,7 @@ mod dispatch;
 mod driver;
 mod fd;
 mod ring;
+mod stream;
 mod switch;
 mod sync;
 mod unit;
@@ -64,5 +66,6 @@ pub use interrupt::{InterruptController, Level, NoInterrupts, Vector};
 pub use mmio::{Mmio, MmioError};
 pub use ring::{Reader, Ring, Writer};
 pub use set::{DeviceSet, Has};
+pub use stream::{Descriptors, Looks, Stream, StreamError, Timeout, Wait};
 pub use switch::{IoError, OpenError, Switch};
 pub use unit::{Place, Presence, Unit};

@@ -24,6 +24,48 @@ pub trait DeviceSet: Sync {
 
     /// Shows one board to `visitor`, with its type; `None` if there is no such board.
     fn visit<V: Visitor>(&self, kind: u8, board: u8, visitor: V) -> Option<V::Output>;
+
+    /// The same, where the boards of all kinds are numbered on: the way of every transfer, in
+    /// which there is one number to compare.
+    fn visit_slot<V: Visitor>(&self, slot: u16, visitor: V) -> Option<V::Output>;
+}
+
+/// The slot of the first board of a kind; of the end, for the number after the last kind.
+#[doc(hidden)]
+#[must_use]
+pub const fn first_slot(kinds: &[(&str, u8)], kind: u8) -> u16 {
+    let mut slot = 0;
+    let mut before = 0;
+    while before < kind as usize && before < kinds.len() {
+        slot += kinds[before].1 as u16;
+        before += 1;
+    }
+    slot
+}
+
+/// The quarter of the kinds that a kind is in.
+#[doc(hidden)]
+#[must_use]
+pub const fn quarter(kinds: &[(&str, u8)], kind: u8) -> usize {
+    4 * kind as usize / kinds.len()
+}
+
+/// The first slots of the second, third and last quarter of the kinds.
+#[doc(hidden)]
+#[must_use]
+pub const fn quarters(kinds: &[(&str, u8)]) -> [u16; 3] {
+    let mut first = [0; 3];
+    let mut kind = 0;
+    while kind < kinds.len() {
+        let mut later = quarter(kinds, kind as u8);
+        // Where its quarter ends at the earliest, all later ones begin.
+        while later < 3 {
+            first[later] = first_slot(kinds, kind as u8 + 1);
+            later += 1;
+        }
+        kind += 1;
+    }
+    first
 }
 
 /// The boards of one driver in a set.
@@ -253,6 +295,9 @@ macro_rules! device_switch {
             const PLACES: &'static [(&'static str, &'static [$crate::Place])] = &[
                 $((<$driver as $crate::Driver>::NAME, &[$($place),+]),)+
             ];
+            const NAMES: &'static [(&'static str, u8)] = &[
+                $((<$driver as $crate::Driver>::NAME, <[$crate::Place]>::len(&[$($place),+]) as u8),)+
+            ];
             const LINKS: [$crate::set::Link; $crate::set::links(Self::PLACES)] =
                 $crate::set::chain(Self::PLACES);
 
@@ -267,9 +312,7 @@ macro_rules! device_switch {
         }
 
         impl $crate::set::DeviceSet for $set {
-            const KINDS: &'static [(&'static str, u8)] = &[
-                $((<$driver as $crate::Driver>::NAME, <[$crate::Place]>::len(&[$($place),+]) as u8),)+
-            ];
+            const KINDS: &'static [(&'static str, u8)] = Self::NAMES;
             const CHAIN: &'static [$crate::set::Link] = &Self::LINKS;
 
             fn lines(&self) -> &[$crate::set::Line] {
@@ -291,10 +334,45 @@ macro_rules! device_switch {
                 )+
                 None
             }
+
+            #[inline(always)]
+            fn visit_slot<V: $crate::set::Visitor>(
+                &self,
+                slot: u16,
+                visitor: V,
+            ) -> Option<V::Output> {
+                // Quartered first, so that the last kind is not much dearer than the first.
+                const QUARTERS: [u16; 3] = $crate::set::quarters(<$set>::NAMES);
+                if slot < QUARTERS[1] {
+                    if slot < QUARTERS[0] {
+                        $crate::device_switch!(@chain self $set 0 slot visitor $($device: $driver,)+)
+                    } else {
+                        $crate::device_switch!(@chain self $set 1 slot visitor $($device: $driver,)+)
+                    }
+                } else if slot < QUARTERS[2] {
+                    $crate::device_switch!(@chain self $set 2 slot visitor $($device: $driver,)+)
+                } else {
+                    $crate::device_switch!(@chain self $set 3 slot visitor $($device: $driver,)+)
+                }
+            }
         }
 
         $crate::device_switch!(@kinds $set [] $($device: $driver,)+);
     };
+    // The kinds of one quarter, in turn; the others are gone when the program is compiled.
+    (@chain $self:ident $set:ident $quarter:literal $slot:ident $visitor:ident
+        $($device:ident: $driver:ty,)+) => {{
+        $({
+            const KIND: u8 = <$set as $crate::set::Has<$driver>>::KIND;
+            const FIRST: u16 = $crate::set::first_slot(<$set>::NAMES, KIND);
+            const END: u16 = $crate::set::first_slot(<$set>::NAMES, KIND + 1);
+            if const { $crate::set::quarter(<$set>::NAMES, KIND) == $quarter } && $slot < END {
+                let unit = $self.$device.get(usize::from($slot.wrapping_sub(FIRST)));
+                return unit.map(|unit| $visitor.board(unit));
+            }
+        })+
+        None
+    }};
     (@kinds $set:ident [$($before:ident)*] $device:ident: $driver:ty, $($rest:tt)*) => {
         impl $crate::set::Has<$driver> for $set {
             const KIND: u8 = $crate::device_switch!(@count $($before)*);

@@ -7,7 +7,7 @@ use crate::device::Device;
 use crate::driver::{DeviceError, Driver};
 use crate::fd::{Entry, Fd, FdError, FdTable, Mode};
 use crate::interrupt::InterruptController;
-use crate::set::{DeviceSet, Has, Visitor};
+use crate::set::{DeviceSet, Has, Visitor, first_slot};
 use crate::unit::{Presence, Unit};
 
 /// The device switch of one processor (memo, section 3.1): the devices of a set `S`, on a bus `B`,
@@ -164,8 +164,8 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         let open = Open {
             switch: self,
             name,
-            kind,
             board,
+            slot: first_slot(S::KINDS, kind) + u16::from(board),
             mode,
         };
         self.devices
@@ -191,7 +191,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             bus: &self.bus,
             into,
         };
-        Ok(self.visit(fd, entry, read)??)
+        self.visit(fd, entry, read)?
     }
 
     /// Writes at least one byte, and says how many; does not wait. No bytes of an empty buffer.
@@ -208,7 +208,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             bus: &self.bus,
             from,
         };
-        Ok(self.visit(fd, entry, write)??)
+        self.visit(fd, entry, write)?
     }
 
     /// Whether [`read`](Self::read) would read something.
@@ -268,14 +268,10 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
                 fd,
                 wanted: D::NAME,
             };
-            if entry.kind() != S::KIND {
-                return Err(wrong);
-            }
-            let unit = self
-                .devices
-                .units()
-                .get(usize::from(entry.board()))
-                .ok_or(wrong)?;
+            let first = const { first_slot(S::KINDS, S::KIND) };
+            let board = entry.slot().wrapping_sub(first);
+            let unit = self.devices.units().get(usize::from(board));
+            let unit = unit.ok_or(wrong)?;
             self.fds.hold(fd, 1);
             Ok(Device::new(unit, &self.bus, &self.fds, fd))
         })
@@ -295,7 +291,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     fn visit<V: Visitor>(&self, fd: Fd, entry: Entry, visitor: V) -> Result<V::Output, FdError> {
         // Every entry was made from a board that there is.
         self.devices
-            .visit(entry.kind(), entry.board(), visitor)
+            .visit_slot(entry.slot(), visitor)
             .ok_or(FdError::Stale { fd })
     }
 }
@@ -337,8 +333,8 @@ impl<C: InterruptController> Visitor for Enable<'_, C> {
 struct Open<'s, 'n, B, C, S, const F: usize> {
     switch: &'s Switch<B, C, S, F>,
     name: &'n str,
-    kind: u8,
     board: u8,
+    slot: u16,
     mode: Mode,
 }
 
@@ -369,7 +365,7 @@ impl<'n, B: Bus, C, S, const F: usize> Visitor for Open<'_, 'n, B, C, S, F> {
                 return Err(OpenError::Busy { name, board });
             };
             let fds = &self.switch.fds;
-            let Some(fd) = fds.insert(self.kind, board, mode) else {
+            let Some(fd) = fds.insert(self.slot, mode) else {
                 unit.count_close();
                 return Err(OpenError::TooMany { count: F });
             };
@@ -395,12 +391,12 @@ struct Read<'s, B> {
 }
 
 impl<B: Bus> Visitor for Read<'_, B> {
-    type Output = Result<usize, DeviceError<B::Error>>;
+    type Output = Result<usize, IoError<B::Error>>;
 
     #[inline(always)]
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
         let registers = Registers::new(self.bus, unit.place.base());
-        unit.driver.read(registers, self.into)
+        Ok(unit.driver.read(registers, self.into)?)
     }
 }
 
@@ -410,12 +406,12 @@ struct Write<'s, B> {
 }
 
 impl<B: Bus> Visitor for Write<'_, B> {
-    type Output = Result<usize, DeviceError<B::Error>>;
+    type Output = Result<usize, IoError<B::Error>>;
 
     #[inline(always)]
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
         let registers = Registers::new(self.bus, unit.place.base());
-        unit.driver.write(registers, self.from)
+        Ok(unit.driver.write(registers, self.from)?)
     }
 }
 

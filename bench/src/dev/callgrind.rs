@@ -1,0 +1,54 @@
+//! Counting the instructions of one function of this program.
+
+use std::env;
+use std::fs;
+use std::process::Command;
+
+use crate::Result;
+
+/// How often a path is gone: some buffers full, and enough to divide what is done once.
+const CALLS: usize = 4096;
+
+/// Instructions of a call of path `name`, on average.
+///
+/// # Errors
+/// valgrind is missing or fails, or counted nothing.
+pub(super) fn instructions(name: &str) -> Result<f64> {
+    let directory = tempfile::tempdir()?;
+    let file = directory.path().join("callgrind.out");
+    let output = Command::new("valgrind")
+        .args(["--tool=callgrind", "--collect-atstart=no"])
+        .arg(format!("--toggle-collect=condor_path_{name}"))
+        .arg(format!("--callgrind-out-file={}", file.display()))
+        .arg(env::current_exe()?)
+        .args([super::PATH, name, &CALLS.to_string()])
+        .output()
+        .map_err(|error| {
+            format!("valgrind does not run ({error}): on Debian, `apt-get install valgrind`")
+        })?;
+    if !output.status.success() {
+        let message = String::from_utf8_lossy(&output.stderr);
+        return Err(format!("callgrind of {name}: {}\n{message}", output.status).into());
+    }
+    let total = total(&fs::read_to_string(file)?).filter(|total| *total > 0);
+    let total = total.ok_or(format!("callgrind saw nothing of {name}"))?;
+    Ok(total as f64 / CALLS as f64)
+}
+
+/// The instructions of a whole output of callgrind.
+fn total(output: &str) -> Option<u64> {
+    let line = |name| output.lines().find_map(|line| line.strip_prefix(name));
+    line("totals:").or(line("summary:"))?.trim().parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::total;
+
+    #[test]
+    fn the_total_is_found() {
+        let output = "version: 1\nevents: Ir\nsummary: 81920\n\nfn=(1) main\n12 3\n";
+        assert_eq!(total(output), Some(81_920));
+        assert_eq!(total("version: 1\n"), None);
+    }
+}

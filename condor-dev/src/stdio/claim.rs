@@ -1,0 +1,104 @@
+//! [`Claim`]: a value that one context at a time has, and for which nobody waits.
+
+use core::cell::UnsafeCell;
+use core::ops::{Deref, DerefMut};
+use core::sync::atomic::{AtomicBool, Ordering};
+
+/// A value in a `static` that is claimed, used and given back; who comes meanwhile goes away.
+pub(super) struct Claim<T> {
+    claimed: AtomicBool,
+    value: UnsafeCell<T>,
+}
+
+// SAFETY: a reference to the value is made by `Claimed` alone, of which `claim` lets one exist.
+unsafe impl<T: Send> Sync for Claim<T> {}
+
+impl<T> Claim<T> {
+    pub(super) const fn new(value: T) -> Self {
+        Self {
+            claimed: AtomicBool::new(false),
+            value: UnsafeCell::new(value),
+        }
+    }
+
+    /// The value, unless somebody has it.
+    pub(super) fn claim(&self) -> Option<Claimed<'_, T>> {
+        let free = critical_section::with(|_| {
+            // Acquire: pairs with the Release store of `Claimed::drop`. In a critical section
+            // nobody comes between load and store, on processors without compare-and-swap too.
+            let free = !self.claimed.load(Ordering::Acquire);
+            if free {
+                self.claimed.store(true, Ordering::Relaxed);
+            }
+            free
+        });
+        // Made only if it is free: even one that is dropped at once gives the value back.
+        free.then(|| Claimed { claim: self })
+    }
+}
+
+/// The claimed value; given back when dropped.
+pub(super) struct Claimed<'c, T> {
+    claim: &'c Claim<T>,
+}
+
+impl<T> Deref for Claimed<'_, T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        // SAFETY: `claim` made this the only `Claimed` until it is dropped.
+        unsafe { &*self.claim.value.get() }
+    }
+}
+
+impl<T> DerefMut for Claimed<'_, T> {
+    fn deref_mut(&mut self) -> &mut T {
+        // SAFETY: as above; and `self` is borrowed as long as the reference lives.
+        unsafe { &mut *self.claim.value.get() }
+    }
+}
+
+impl<T> Drop for Claimed<'_, T> {
+    fn drop(&mut self) {
+        // Release: pairs with the Acquire load in `claim`.
+        self.claim.claimed.store(false, Ordering::Release);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Claim;
+
+    #[test]
+    fn a_value_is_claimed_once_at_a_time() {
+        let claim = Claim::new(1);
+        let mut first = claim.claim().unwrap();
+        *first += 1;
+        for _ in 0..2 {
+            assert!(claim.claim().is_none());
+        }
+        drop(first);
+        assert_eq!(*claim.claim().unwrap(), 2);
+    }
+
+    #[test]
+    fn threads_do_not_share_it() {
+        const ROUNDS: u32 = if cfg!(miri) { 50 } else { 5_000 };
+        let claim = Claim::new(0_u32);
+        let count = || {
+            let mut counted = 0;
+            for _ in 0..ROUNDS {
+                if let Some(mut value) = claim.claim() {
+                    *value += 1;
+                    counted += 1;
+                }
+            }
+            counted
+        };
+        let counted: u32 = std::thread::scope(|scope| {
+            let other = scope.spawn(count);
+            count() + other.join().unwrap()
+        });
+        assert_eq!(*claim.claim().unwrap(), counted);
+    }
+}

@@ -1,0 +1,65 @@
+//! Buffered input and output over whatever implements `embedded-io`: devices through a
+//! [`Stream`](crate::Stream), terminals, files (memo, section 3.1).
+//!
+//! * [`BufReader`] and [`BufWriter`] belong to one context, like any value. [`ReadLine`] reads lines
+//!   and pieces into the caller's memory.
+//! * [`Output`] and [`Input`] are shared: a `static` each, installed once as the program's standard
+//!   output and input with [`set_output`] and [`set_input`]. [`print!`](crate::print!) and
+//!   [`println!`](crate::println!) write to the former and may wait for it,
+//!   [`post!`](crate::post!) and [`postln!`](crate::postln!) never do.
+//!
+//! ```
+//! use condor_dev::stdio::{self, Buffering, Output};
+//! # struct Console;
+//! # impl embedded_io::ErrorType for Console { type Error = core::convert::Infallible; }
+//! # impl embedded_io::Write for Console {
+//! #     fn write(&mut self, from: &[u8]) -> Result<usize, Self::Error> { Ok(from.len()) }
+//! #     fn flush(&mut self) -> Result<(), Self::Error> { Ok(()) }
+//! # }
+//!
+//! static OUTPUT: Output<Console, 256> = Output::new(Buffering::Line);
+//!
+//! // At start-up, with a `Stream` of an open descriptor for example:
+//! OUTPUT.open(Console).ok().unwrap();
+//! stdio::set_output(&OUTPUT).unwrap();
+//!
+//! // In the background:
+//! condor_dev::println!("joint {} is at {:.3} rad", 3, 0.25);
+//! // In a servo loop or an interrupt's handler:
+//! condor_dev::postln!("joint {} is at its end", 3);
+//! stdio::flush().unwrap();
+//! assert_eq!(stdio::lost(), 0);
+//! ```
+//!
+//! # Which context prints
+//!
+//! What is printed goes into the output's ring, 16 bytes at most in one critical section, and from
+//! there to its writer. The writer is claimed for that, 64 bytes at a time; nobody ever waits for
+//! the claim, so nothing deadlocks.
+//!
+//! | where | `print!` | `post!` |
+//! |---|---|---|
+//! | background | fills the ring; empties it at the end of a line, or as the [`Buffering`] says, and when it is full, waiting as long as the writer does | fills the ring; what finds no room is lost |
+//! | loop or handler, the interrupted context not writing | as in the background: do not, unless the writer does not wait | the same |
+//! | loop or handler, in the middle of the interrupted context's writing | as `post!`; the interrupted context then writes it, too | the same |
+//!
+//! A print that interrupts another one stands in its middle, between two pieces of at most 16
+//! bytes; none of either is lost or doubled by that. A byte is lost only if the ring is full and
+//! the writer fails, is somebody else's at the time, or must not be waited for. Each is counted
+//! once, in [`lost`].
+
+mod claim;
+mod input;
+mod output;
+mod read;
+mod ring;
+mod standard;
+mod write;
+
+pub use input::{Input, InputError, StandardInput};
+pub use output::{Output, OutputError, StandardOutput};
+pub use read::{BufReader, End, LineError, ReadLine, Taken, UntilError};
+pub use standard::{
+    AlreadySet, Stdin, Stdout, flush, lost, post, print, set_input, set_output, stdin, stdout,
+};
+pub use write::{BufWriter, Buffering, WriteError};

@@ -1,0 +1,183 @@
+//! [`Ring`]: what has been printed and not yet written.
+
+use core::cell::RefCell;
+
+use critical_section::Mutex;
+
+/// Bytes that one critical section moves at most, so that interrupts wait for some ten
+/// instructions each.
+const PIECE: usize = 16;
+
+/// Up to `N` bytes in order, for all contexts at once, and how many found no room.
+pub(super) struct Ring<const N: usize>(Mutex<RefCell<Inside<N>>>);
+
+struct Inside<const N: usize> {
+    bytes: [u8; N],
+    first: usize,
+    held: usize,
+    lost: u32,
+}
+
+impl<const N: usize> Ring<N> {
+    pub(super) const fn new() -> Self {
+        Self(Mutex::new(RefCell::new(Inside {
+            bytes: [0; N],
+            first: 0,
+            held: 0,
+            lost: 0,
+        })))
+    }
+
+    /// Bytes inside.
+    pub(super) fn held(&self) -> usize {
+        self.with(|inside| inside.held)
+    }
+
+    /// Bytes that were given up; the count wraps.
+    pub(super) fn lost(&self) -> u32 {
+        self.with(|inside| inside.lost)
+    }
+
+    /// Puts in as much as there is room for, and says how much that was.
+    pub(super) fn push(&self, bytes: &[u8]) -> usize {
+        let mut pushed = 0;
+        for piece in bytes.chunks(PIECE) {
+            let some = self.with(|inside| inside.push(piece));
+            pushed += some;
+            if some < piece.len() {
+                break;
+            }
+        }
+        pushed
+    }
+
+    /// Puts in what there is room for, and counts the rest as lost.
+    pub(super) fn push_or_lose(&self, bytes: &[u8]) {
+        for piece in bytes.chunks(PIECE) {
+            self.with(|inside| {
+                let some = inside.push(piece);
+                inside.lost = inside.lost.wrapping_add((piece.len() - some) as u32);
+            });
+        }
+    }
+
+    /// Copies the first bytes, and says how many; they stay.
+    pub(super) fn peek(&self, into: &mut [u8]) -> usize {
+        let mut peeked = 0;
+        for piece in into.chunks_mut(PIECE) {
+            let some = self.with(|inside| inside.peek(peeked, piece));
+            peeked += some;
+            if some < piece.len() {
+                break;
+            }
+        }
+        peeked
+    }
+
+    /// Takes out the first `count` bytes.
+    pub(super) fn consume(&self, count: usize) {
+        self.with(|inside| {
+            let count = count.min(inside.held);
+            inside.held -= count;
+            inside.first = wrapped::<N>(inside.first + count);
+        });
+    }
+
+    fn with<R: Default>(&self, f: impl FnOnce(&mut Inside<N>) -> R) -> R {
+        critical_section::with(|section| {
+            // Nothing that is called inside comes back here, so it never is borrowed.
+            let inside = self.0.borrow(section).try_borrow_mut();
+            inside.map_or_else(|_| R::default(), |mut inside| f(&mut inside))
+        })
+    }
+}
+
+impl<const N: usize> Inside<N> {
+    fn push(&mut self, piece: &[u8]) -> usize {
+        let count = piece.len().min(N - self.held.min(N));
+        let begin = self.first + self.held;
+        for (at, byte) in piece.iter().take(count).enumerate() {
+            if let Some(place) = self.bytes.get_mut(wrapped::<N>(begin + at)) {
+                *place = *byte;
+            }
+        }
+        self.held += count;
+        count
+    }
+
+    fn peek(&self, skipped: usize, into: &mut [u8]) -> usize {
+        let count = into.len().min(self.held.saturating_sub(skipped));
+        let begin = self.first + skipped;
+        for (at, place) in into.iter_mut().take(count).enumerate() {
+            if let Some(byte) = self.bytes.get(wrapped::<N>(begin + at)) {
+                *place = *byte;
+            }
+        }
+        count
+    }
+}
+
+/// A position below 2 `N` as a place; many processors have no division.
+const fn wrapped<const N: usize>(position: usize) -> usize {
+    if position < N { position } else { position - N }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+
+    use proptest::prelude::*;
+
+    use super::Ring;
+
+    #[derive(Clone, Debug)]
+    enum Step {
+        Push(Vec<u8>),
+        Lose(Vec<u8>),
+        Take(usize),
+    }
+
+    fn steps() -> impl Strategy<Value = Vec<Step>> {
+        let bytes = || prop::collection::vec(any::<u8>(), 0..40);
+        let step = prop_oneof![
+            bytes().prop_map(Step::Push),
+            bytes().prop_map(Step::Lose),
+            (0..60_usize).prop_map(Step::Take),
+        ];
+        prop::collection::vec(step, 0..30)
+    }
+
+    proptest! {
+        #[test]
+        fn a_ring_is_a_bounded_queue(steps in steps()) {
+            let ring = Ring::<37>::new();
+            let (mut model, mut lost) = (VecDeque::new(), 0);
+            for step in steps {
+                match step {
+                    Step::Push(bytes) => {
+                        let fits = bytes.len().min(37 - model.len());
+                        prop_assert_eq!(ring.push(&bytes), fits);
+                        model.extend(&bytes[..fits]);
+                    }
+                    Step::Lose(bytes) => {
+                        ring.push_or_lose(&bytes);
+                        let fits = bytes.len().min(37 - model.len());
+                        model.extend(&bytes[..fits]);
+                        lost += bytes.len() - fits;
+                    }
+                    Step::Take(count) => {
+                        let mut into = vec![0; count];
+                        let peeked = ring.peek(&mut into);
+                        prop_assert_eq!(peeked, count.min(model.len()));
+                        let expected: Vec<u8> = model.iter().take(count).copied().collect();
+                        prop_assert_eq!(&into[..peeked], &expected);
+                        ring.consume(peeked);
+                        model.drain(..peeked);
+                    }
+                }
+                prop_assert_eq!(ring.held(), model.len());
+                prop_assert_eq!(ring.lost() as usize, lost);
+            }
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! [`BufWriter`]: writing in pieces.
+
+use core::fmt::Debug;
+
+use embedded_io::{ErrorKind, ErrorType, Write, WriteReady};
+
+/// When what is written leaves a buffer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Buffering {
+    /// At once.
+    None,
+    /// With every newline, and when the buffer is full.
+    #[default]
+    Line,
+    /// When the buffer is full.
+    Block,
+}
+
+/// Why not all was written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum WriteError<E> {
+    /// The writer failed.
+    #[error("{error}; {held} bytes are still held")]
+    Writer {
+        /// Its error.
+        error: E,
+        /// Bytes that were taken before and are still in the buffer; of what the failing call was
+        /// given, none was taken.
+        held: usize,
+    },
+    /// The writer took nothing and gave no reason, which `embedded-io` forbids.
+    #[error("the writer takes nothing; {held} bytes are still held")]
+    Zero {
+        /// As above.
+        held: usize,
+    },
+}
+
+impl<E: embedded_io::Error> embedded_io::Error for WriteError<E> {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Writer { error, .. } => error.kind(),
+            Self::Zero { .. } => ErrorKind::WriteZero,
+        }
+    }
+}
+
+/// Writes to `W` in pieces of up to `N` bytes; [`Buffering`] says when.
+///
+/// Nothing is lost on an error: a call that fails has taken nothing, and what calls before it have
+/// taken and `W` has not stays in the buffer, in order, until a later call gets rid of it. A call
+/// that has taken a line but cannot pass it on succeeds; the next one tries first, and says why not.
+///
+/// Dropping it drops what is [held](Self::held), since writing could fail or wait: flush before.
+#[derive(Debug)]
+pub struct BufWriter<W, const N: usize> {
+    writer: W,
+    buffer: [u8; N],
+    held: usize,
+    /// Up to where [`put`](Self::put) fills the buffer by itself: not at all if a line is owed.
+    quick: usize,
+    /// The byte that `put` does not take by itself, or none.
+    newline: u16,
+    buffering: Buffering,
+}
+
+const NO_BYTE: u16 = 0x100;
+
+impl<W, const N: usize> BufWriter<W, N> {
+    /// A writer with an empty buffer.
+    #[must_use]
+    pub const fn new(writer: W, buffering: Buffering) -> Self {
+        let mut new = Self {
+            writer,
+            buffer: [0; N],
+            held: 0,
+            quick: 0,
+            newline: NO_BYTE,
+            buffering,
+        };
+        new.set_buffering(buffering);
+        new
+    }
+
+    /// Writes otherwise from now on. What is held stays until the next call.
+    pub const fn set_buffering(&mut self, buffering: Buffering) {
+        self.buffering = buffering;
+        self.quick = self.limit();
+        self.newline = match buffering {
+            Buffering::Line => b'\n' as u16,
+            Buffering::None | Buffering::Block => NO_BYTE,
+        };
+    }
+
+    /// What was taken and not yet written.
+    #[must_use]
+    pub fn held(&self) -> &[u8] {
+        self.buffer.get(..self.held).unwrap_or_default()
+    }
+
+    /// What it writes to.
+    #[must_use]
+    pub const fn writer(&self) -> &W {
+        &self.writer
+    }
+
+    /// What it writes to; what is written there comes before what is [held](Self::held).
+    pub const fn writer_mut(&mut self) -> &mut W {
+        &mut self.writer
+    }
+
+    /// What it wrote to; what is [held](Self::held) is gone.
+    pub fn into_inner(self) -> W {
+        self.writer
+    }
+
+    /// Bytes that it holds at most.
+    const fn limit(&self) -> usize {
+        match self.buffering {
+            Buffering::None => 0,
+            Buffering::Line | Buffering::Block => N,
+        }
+    }
+}
+
+impl<W: Write, const N: usize> BufWriter<W, N> {
+    /// Writes one byte: the memo's and C's `putc`.
+    ///
+    /// # Errors
+    /// As [`write`](Write::write).
+    #[inline]
+    pub fn put(&mut self, byte: u8) -> Result<(), WriteError<W::Error>> {
+        if self.held < self.quick
+            && u16::from(byte) != self.newline
+            && let Some(place) = self.buffer.get_mut(self.held)
+        {
+            *place = byte;
+            self.held += 1;
+            return Ok(());
+        }
+        self.put_slowly(byte)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn put_slowly(&mut self, byte: u8) -> Result<(), WriteError<W::Error>> {
+        self.write(&[byte]).map(|_| ())
+    }
+
+    /// Passes on all that is held.
+    fn drain(&mut self) -> Result<(), WriteError<W::Error>> {
+        let mut written = 0;
+        let failure = loop {
+            let rest = self.buffer.get(written..self.held).unwrap_or_default();
+            if rest.is_empty() {
+                break None;
+            }
+            match self.writer.write(rest) {
+                Ok(0) => break Some(None),
+                Ok(some) => written += some.min(rest.len()),
+                Err(error) => break Some(Some(error)),
+            }
+        };
+        let Some(error) = failure else {
+            self.held = 0;
+            self.quick = self.limit();
+            return Ok(());
+        };
+        for at in written..self.held {
+            let byte = self.buffer.get(at).copied().unwrap_or_default();
+            if let Some(place) = self.buffer.get_mut(at - written) {
+                *place = byte;
+            }
+        }
+        self.held -= written;
+        Err(self.failed(error))
+    }
+
+    /// Writes past the buffer, which is empty.
+    fn write_through(&mut self, from: &[u8]) -> Result<usize, WriteError<W::Error>> {
+        match self.writer.write(from) {
+            Ok(0) => Err(self.failed(None)),
+            Ok(some) => Ok(some.min(from.len())),
+            Err(error) => Err(self.failed(Some(error))),
+        }
+    }
+
+    fn failed(&self, error: Option<W::Error>) -> WriteError<W::Error> {
+        let held = self.held;
+        match error {
+            Some(error) => WriteError::Writer { error, held },
+            None => WriteError::Zero { held },
+        }
+    }
+}
+
+impl<W: ErrorType, const N: usize> ErrorType for BufWriter<W, N> {
+    type Error = WriteError<W::Error>;
+}
+
+impl<W: Write, const N: usize> Write for BufWriter<W, N> {
+    fn write(&mut self, from: &[u8]) -> Result<usize, Self::Error> {
+        if from.is_empty() {
+            return Ok(0);
+        }
+        let limit = self.limit();
+        let owes_a_line = self.quick < limit;
+        if owes_a_line || from.len() > limit.saturating_sub(self.held) {
+            self.drain()?;
+        }
+        if from.len() >= limit {
+            return self.write_through(from);
+        }
+        for (place, byte) in self.buffer.iter_mut().skip(self.held).zip(from) {
+            *place = *byte;
+        }
+        self.held += from.len();
+        if self.buffering == Buffering::Line && from.contains(&b'\n') {
+            self.quick = 0;
+            // All of `from` is taken: whatever goes wrong, the next call meets again.
+            let _ = self.drain();
+        }
+        Ok(from.len())
+    }
+
+    fn flush(&mut self) -> Result<(), Self::Error> {
+        self.drain()?;
+        self.writer
+            .flush()
+            .map_err(|error| self.failed(Some(error)))
+    }
+}
+
+impl<W: Write + WriteReady, const N: usize> WriteReady for BufWriter<W, N> {
+    fn write_ready(&mut self) -> Result<bool, Self::Error> {
+        if self.held < self.quick {
+            return Ok(true);
+        }
+        self.writer
+            .write_ready()
+            .map_err(|error| self.failed(Some(error)))
+    }
+}

@@ -1,0 +1,295 @@
+//! [`Stream`]: a descriptor with the traits of `embedded-io`, whose reads and writes wait, but never
+//! for ever.
+
+use core::fmt;
+use core::hint::spin_loop;
+
+use embedded_io::{ErrorKind, ErrorType, Read, ReadReady, Write, WriteReady};
+
+use crate::bus::{Bus, BusError, BusErrorKind};
+use crate::fd::{Fd, FdError};
+use crate::interrupt::InterruptController;
+use crate::set::DeviceSet;
+use crate::switch::{IoError, Switch};
+
+/// What a [`Stream`] needs of a switch: its transfers, without the types it is made of.
+///
+/// # For users
+/// `&dyn Descriptors<Error = …>` names a switch where its type would be too long.
+///
+/// # For implementers
+/// [`Switch`] is the implementation; a program writes another one for descriptors of its own, or
+/// around a switch. No call waits, and none moves no bytes without an error unless the buffer is
+/// empty.
+pub trait Descriptors {
+    /// The bus's error.
+    type Error: BusError;
+
+    /// [`Switch::read`].
+    ///
+    /// # Errors
+    /// [`IoError`].
+    fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<Self::Error>>;
+
+    /// [`Switch::write`].
+    ///
+    /// # Errors
+    /// [`IoError`].
+    fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<Self::Error>>;
+
+    /// [`Switch::read_ready`].
+    ///
+    /// # Errors
+    /// [`IoError`].
+    fn read_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
+
+    /// [`Switch::write_ready`].
+    ///
+    /// # Errors
+    /// [`IoError`].
+    fn write_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
+
+    /// [`Switch::is_flushed`].
+    ///
+    /// # Errors
+    /// [`IoError`].
+    fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
+}
+
+macro_rules! descriptors {
+    ([$($generics:tt)*] $this:ty, $error:ty, $inside:ty) => {
+        impl<$($generics)*> Descriptors for $this {
+            type Error = $error;
+
+            #[inline]
+            fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<$error>> {
+                <$inside>::read(self, fd, into)
+            }
+
+            #[inline]
+            fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<$error>> {
+                <$inside>::write(self, fd, from)
+            }
+
+            fn read_ready(&self, fd: Fd) -> Result<bool, IoError<$error>> {
+                <$inside>::read_ready(self, fd)
+            }
+
+            fn write_ready(&self, fd: Fd) -> Result<bool, IoError<$error>> {
+                <$inside>::write_ready(self, fd)
+            }
+
+            fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<$error>> {
+                <$inside>::is_flushed(self, fd)
+            }
+        }
+    };
+}
+
+descriptors!([B: Bus, C: InterruptController, S: DeviceSet, const F: usize]
+    Switch<B, C, S, F>, B::Error, Switch<B, C, S, F>);
+descriptors!([D: Descriptors + ?Sized] &D, D::Error, D);
+
+/// How long, and how, to wait for a device that is not ready.
+///
+/// # For users
+/// [`Looks`] needs no clock, [`Timeout`] has a deadline in the ticks of one. A closure serves as
+/// well: `|looks| looks < 100`, or one that sleeps until an interrupt.
+///
+/// # For implementers
+/// Every wait must end. It begins with a call for which `looks` is 1.
+pub trait Wait {
+    /// The device was not ready for the `looks`th time of one call; whether to look again.
+    fn again(&mut self, looks: u32) -> bool;
+}
+
+impl<F: FnMut(u32) -> bool> Wait for F {
+    #[inline]
+    fn again(&mut self, looks: u32) -> bool {
+        self(looks)
+    }
+}
+
+/// Looks at a device so many times and then gives up; once, if it is 0. For programs without a
+/// clock, and, with 0, for contexts that must not wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Looks(pub u32);
+
+impl Wait for Looks {
+    #[inline]
+    fn again(&mut self, looks: u32) -> bool {
+        spin_loop();
+        looks < self.0
+    }
+}
+
+/// Looks at a device until so many ticks of a clock have passed since the first look of a call.
+///
+/// The clock is a function of a count that never runs backwards, and that may wrap as a `u32` does:
+/// a wait must then be looked at once in 2³² ticks to end in time.
+#[derive(Clone, Copy, Debug)]
+pub struct Timeout<C> {
+    clock: C,
+    ticks: u32,
+    began: u32,
+}
+
+impl<C: FnMut() -> u32> Timeout<C> {
+    /// Waits of up to `ticks` of `clock`.
+    pub const fn new(clock: C, ticks: u32) -> Self {
+        Self {
+            clock,
+            ticks,
+            began: 0,
+        }
+    }
+}
+
+impl<C: FnMut() -> u32> Wait for Timeout<C> {
+    fn again(&mut self, looks: u32) -> bool {
+        spin_loop();
+        let now = (self.clock)();
+        if looks == 1 {
+            self.began = now;
+        }
+        now.wrapping_sub(self.began) < self.ticks
+    }
+}
+
+/// Why a stream did not do what it was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StreamError<E: fmt::Debug> {
+    /// The device was not ready for as long as the stream [waits](Wait). Nothing was moved.
+    #[error("the device was not ready in time")]
+    TimedOut,
+    /// The switch, the device or the bus; never [`IoError::WouldBlock`].
+    #[error(transparent)]
+    Io(#[from] IoError<E>),
+}
+
+impl<E: BusError> embedded_io::Error for StreamError<E> {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::TimedOut => ErrorKind::TimedOut,
+            Self::Io(error) => error.kind(),
+        }
+    }
+}
+
+impl<E: BusError> embedded_io::Error for IoError<E> {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Fd(FdError::Direction { .. }) => ErrorKind::PermissionDenied,
+            Self::Fd(FdError::Closed { .. } | FdError::Stale { .. }) => ErrorKind::NotConnected,
+            Self::Fd(FdError::NoSuchFd { .. } | FdError::WrongType { .. })
+            | Self::Length { .. } => ErrorKind::InvalidInput,
+            // What a look that is not followed by another one found.
+            Self::WouldBlock => ErrorKind::TimedOut,
+            Self::Fd(FdError::InUse { .. }) | Self::Device(_) => ErrorKind::Other,
+            Self::Bus(error) => match error.kind() {
+                BusErrorKind::NoAnswer => ErrorKind::NotConnected,
+                BusErrorKind::Misaligned | BusErrorKind::OutOfRange => ErrorKind::InvalidInput,
+                BusErrorKind::ReadOnly => ErrorKind::PermissionDenied,
+                BusErrorKind::Lost => ErrorKind::ConnectionAborted,
+            },
+        }
+    }
+}
+
+/// A descriptor of a switch as `embedded-io` sees it: reads, writes and flushes wait for the device
+/// as long as `W` says, and then fail with [`StreamError::TimedOut`].
+///
+/// A deadline is one of a call: `write_all` begins it anew whenever the device has taken something.
+/// Readiness never waits.
+///
+/// A stream does not own its descriptor, which is a plain number: several streams may use one, and
+/// dropping them closes nothing. Whoever opened it closes it with [`Switch::close`]; from then on
+/// its streams fail with [`FdError::Closed`].
+#[derive(Debug)]
+pub struct Stream<'s, S: ?Sized, W> {
+    switch: &'s S,
+    fd: Fd,
+    wait: W,
+}
+
+impl<S: ?Sized, W: Clone> Clone for Stream<'_, S, W> {
+    fn clone(&self) -> Self {
+        Self {
+            wait: self.wait.clone(),
+            ..*self
+        }
+    }
+}
+
+impl<'s, S: Descriptors + ?Sized, W: Wait> Stream<'s, S, W> {
+    /// A stream of `fd`, whose reads and writes wait as `wait` says.
+    pub const fn new(switch: &'s S, fd: Fd, wait: W) -> Self {
+        Self { switch, fd, wait }
+    }
+
+    /// The descriptor.
+    #[must_use]
+    pub const fn fd(&self) -> Fd {
+        self.fd
+    }
+
+    /// Tries until something is moved, or the wait is over.
+    #[inline]
+    fn moved(
+        &mut self,
+        mut attempt: impl FnMut(&S, Fd) -> Result<usize, IoError<S::Error>>,
+    ) -> Result<usize, StreamError<S::Error>> {
+        let mut looks = 0_u32;
+        loop {
+            match attempt(self.switch, self.fd) {
+                // A driver that took nothing was not ready: `Ok(0)` would be taken for the end.
+                Ok(0) | Err(IoError::WouldBlock) => {}
+                Ok(bytes) => return Ok(bytes),
+                Err(error) => return Err(error.into()),
+            }
+            looks = looks.saturating_add(1);
+            if !self.wait.again(looks) {
+                return Err(StreamError::TimedOut);
+            }
+        }
+    }
+}
+
+impl<S: Descriptors + ?Sized, W> ErrorType for Stream<'_, S, W> {
+    type Error = StreamError<S::Error>;
+}
+
+impl<S: Descriptors + ?Sized, W: Wait> Read for Stream<'_, S, W> {
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, Self::Error> {
+        if into.is_empty() {
+            return Ok(0);
+        }
+        self.moved(|switch, fd| switch.read(fd, into))
+    }
+}
+
+impl<S: Descriptors + ?Sized, W: Wait> Write for Stream<'_, S, W> {
+    fn write(&mut self, from: &[u8]) -> Result<usize, Self::Error> {
+        if from.is_empty() {
+            return Ok(0);
+        }
+        self.moved(|switch, fd| switch.write(fd, from))
+    }
+
+    fn flush(&mut self) -> Result<(), Self::Error> {
+        let flushed = self.moved(|switch, fd| switch.is_flushed(fd).map(usize::from));
+        flushed.map(|_| ())
+    }
+}
+
+impl<S: Descriptors + ?Sized, W> ReadReady for Stream<'_, S, W> {
+    fn read_ready(&mut self) -> Result<bool, Self::Error> {
+        Ok(self.switch.read_ready(self.fd)?)
+    }
+}
+
+impl<S: Descriptors + ?Sized, W> WriteReady for Stream<'_, S, W> {
+    fn write_ready(&mut self) -> Result<bool, Self::Error> {
+        Ok(self.switch.write_ready(self.fd)?)
+    }
+}
