@@ -20,12 +20,9 @@ type TestSwitch = Switch<Bus, NoInterrupts, Boards, 2>;
 
 fn started() -> (Bus, TestSwitch, Fd) {
     let bus = Bus::new();
-    bus.insert(
-        0x1000,
-        AdcModel {
-            channels: [0x1234; 16],
-        },
-    );
+    let mut adc = AdcModel::default();
+    adc.channels = [0x1234; 16];
+    bus.insert(0x1000, adc);
     let switch = Switch::new(bus.clone(), NoInterrupts, Boards::new());
     switch.start();
     let fd = switch.open("adc", 0, Mode::READ).unwrap();

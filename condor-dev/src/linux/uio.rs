@@ -22,14 +22,12 @@ use crate::interrupt::{InterruptController, Level, Vector};
 /// # use std::time::{Duration, Instant};
 /// let device = std::fs::File::options().read(true).write(true).open("/dev/uio0")?;
 /// let interrupts = UioInterrupts::new([(Vector(64), device.into())])?;
-/// # let switch = condor_dev::Switch::<condor_dev::Mmio, _, Nothing, 1>::new(bus(), &interrupts, Nothing);
-/// # struct Nothing;
-/// # impl condor_dev::DeviceSet for Nothing {
-/// #     const KINDS: &'static [(&'static str, u8)] = &[];
-/// #     const CHAIN: &'static [condor_dev::set::Link] = &[];
-/// #     fn lines(&self) -> &[condor_dev::set::Line] { &[] }
-/// #     fn visit<V: condor_dev::set::Visitor>(&self, _: u8, _: u8, _: V) -> Option<V::Output> { None }
+/// # condor_dev::device_switch! {
+/// #     struct Boards {
+/// #         adc: condor_dev::drivers::Adc16 = [condor_dev::Place::at(0x1000).interrupting(64, 1)],
+/// #     }
 /// # }
+/// # let switch = condor_dev::Switch::<_, _, _, 1>::new(bus(), &interrupts, Boards::new());
 /// # fn bus() -> condor_dev::Mmio { unimplemented!() }
 /// while interrupts.wait(Instant::now() + Duration::from_secs(1))? {
 ///     switch.on_interrupt();
