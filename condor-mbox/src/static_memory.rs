@@ -98,19 +98,13 @@ impl MemoryWindow for StaticWindow<'_> {
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         let word = self.word(offset)?;
         // Pairs with whichever `store` the user of the window names.
-        Ok(u32::from_le(match order {
-            LoadOrder::Relaxed => word.load(Ordering::Relaxed),
-            LoadOrder::Acquire => word.load(Ordering::Acquire),
-        }))
+        Ok(u32::from_le(word.load(order.into())))
     }
 
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         let word = self.word(offset)?;
         // Pairs with whichever `load` the user of the window names.
-        match order {
-            StoreOrder::Relaxed => word.store(value.to_le(), Ordering::Relaxed),
-            StoreOrder::Release => word.store(value.to_le(), Ordering::Release),
-        }
+        word.store(value.to_le(), order.into());
         Ok(())
     }
 
