@@ -240,6 +240,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Whether every listener in the set `listeners` has taken what request `sequence` overwrites.
+    #[cold]
     pub(super) fn listeners_keep_up(
         &self,
         peer: &Peer<'_, W, N>,
@@ -294,6 +295,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         Ok(())
     }
 
+    #[cold]
     pub(super) fn wake_listeners(&self, listeners: u32) {
         for listener in self
             .peers()
