@@ -518,7 +518,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
         self.publish_by(&peer, kind, message.data, limit).map(drop)
     }
 
-    #[inline(always)]
+    // Off the stack while the reply is waited for, and others are served.
+    #[inline(never)]
     fn open_before(
         &self,
         message: Message,

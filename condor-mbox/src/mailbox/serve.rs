@@ -149,7 +149,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         peer: &Peer<'_, W, N>,
         deadline: Instant,
     ) -> Result<Option<Vector>, Error> {
-        match self.exclusion.with(|| self.take_alone(peer)) {
+        match self.take(peer) {
             Ok(Some(taken)) => self.run(peer, taken, deadline).map(Some),
             Ok(None) => Ok(None),
             Err(error) => self.fatal(error).map(|()| None),
@@ -188,6 +188,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             Error::Window { processor, .. } if processor == self.me => Err(error),
             _ => Ok(()),
         }
+    }
+
+    // Off the stack when the handler runs.
+    #[inline(never)]
+    fn take(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
+        self.exclusion.with(|| self.take_alone(peer))
     }
 
     /// Reading the slot and moving the cursor are one section: a request is taken once.
@@ -275,7 +281,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     /// Counts a handled request and replies, if a reply is wanted and its sender still lives the
     /// life in which it asked.
-    #[inline(always)]
+    // Not on the stack while the handler runs.
+    #[inline(never)]
     fn finish(
         &self,
         peer: &Peer<'_, W, N>,
