@@ -71,7 +71,7 @@ pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 pub use static_memory::{StaticMemory, StaticWindow};
 pub use time::{Clock, Instant};
 pub use window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-    check_access, check_word,
+    CompareExchange, LoadOrder, LoadStep, MemoryWindow, StoreOrder, StoreStep, WindowError,
+    WindowErrorKind, check_access, check_words,
 };
 pub use windows::Windows;

@@ -3,8 +3,7 @@
 use crate::error::{Error, LayoutField, Object};
 use crate::id::Processor;
 use crate::layout::{self, entry, header};
-use crate::sync::{Ordering, fence};
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
+use crate::window::{LoadOrder, LoadStep, MemoryWindow, StoreOrder, StoreStep, WindowError};
 
 /// The `mail` of `owner` in a system of `N` processors.
 ///
@@ -106,40 +105,59 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     /// The sequence alone does not tell one entry from another: in the next epoch it comes again.
     #[inline(always)]
     pub(crate) fn get(&self, at: u32, sequence: u32) -> Result<Option<Entry>, Error> {
-        // Acquire: pairs with the Release store of the epoch in `put`, so that the sequence below is
-        // not that of an entry of a former epoch.
-        let epoch = self.load(at + entry::EPOCH, LoadOrder::Acquire)?;
-        if !self.carries(at, sequence)? {
-            return Ok(None);
-        }
-        let value = self.load(at + entry::VALUE, LoadOrder::Relaxed)?;
-        let kind = self.load(at + entry::KIND, LoadOrder::Relaxed)?;
-        // Pairs with the Release fence of `put`: if a word of a later entry was read above, the
-        // loads below find the epoch and the sequence that `put` had stored before it. If it is the
-        // same sequence of a still later epoch, its Acquire load lets that epoch be seen.
-        fence(Ordering::Acquire);
-        let same = self.carries(at, sequence)?
-            && self.load(at + entry::EPOCH, LoadOrder::Relaxed)? == epoch;
+        let step = |at: u32, order| LoadStep {
+            word: at / 4,
+            order,
+            value: 0,
+        };
+        let mut steps = [
+            // Acquire: pairs with the Release store of the epoch in `put`, so that the sequence below
+            // is not that of an entry of a former epoch.
+            step(entry::EPOCH, LoadOrder::Acquire),
+            // Acquire: pairs with the Release store of the sequence in `put`.
+            step(entry::SEQUENCE, LoadOrder::Acquire),
+            // Acquire: pairs with the Release stores of these words in `put`: if a word of a later
+            // entry is read here, the loads below find the epoch and the sequence that `put` had
+            // stored before it. If it is the same sequence of a still later epoch, its Acquire load
+            // lets that epoch be seen.
+            step(entry::VALUE, LoadOrder::Acquire),
+            step(entry::KIND, LoadOrder::Acquire),
+            step(entry::SEQUENCE, LoadOrder::Acquire),
+            step(entry::EPOCH, LoadOrder::Relaxed),
+        ];
+        self.window
+            .load_steps(at, &mut steps)
+            .map_err(|error| self.refused(&error))?;
+        let [epoch, found, value, kind, found_again, epoch_again] = steps.map(|step| step.value);
+        let same = found == sequence && found_again == sequence && epoch_again == epoch;
         Ok(same.then_some(Entry { value, epoch, kind }))
     }
 
     /// Writes the entry at `at`; whoever finds `sequence` there finds the whole entry.
     #[inline(always)]
     pub(crate) fn put(&self, at: u32, sequence: u32, new: Entry) -> Result<(), Error> {
-        // The number before `sequence` belongs to another slot, so nobody looks for it here.
-        self.store(
-            at + entry::SEQUENCE,
-            sequence.wrapping_sub(1),
-            StoreOrder::Relaxed,
-        )?;
-        // Release: pairs with the Acquire load of the epoch in `get`.
-        self.store(at + entry::EPOCH, new.epoch, StoreOrder::Release)?;
-        // Pairs with the Acquire fence of `get`.
-        fence(Ordering::Release);
-        self.store(at + entry::VALUE, new.value, StoreOrder::Relaxed)?;
-        self.store(at + entry::KIND, new.kind, StoreOrder::Relaxed)?;
-        // Release: pairs with the Acquire load of `carries`.
-        self.store(at + entry::SEQUENCE, sequence, StoreOrder::Release)
+        let step = |at: u32, value, order| StoreStep {
+            word: at / 4,
+            order,
+            value,
+        };
+        let steps = [
+            // The number before `sequence` belongs to another slot, so nobody looks for it here.
+            step(
+                entry::SEQUENCE,
+                sequence.wrapping_sub(1),
+                StoreOrder::Relaxed,
+            ),
+            // Release, here and below: pairs with the Acquire load of the same word in `get`.
+            step(entry::EPOCH, new.epoch, StoreOrder::Release),
+            step(entry::VALUE, new.value, StoreOrder::Release),
+            step(entry::KIND, new.kind, StoreOrder::Release),
+            // This one also with that in `carries`.
+            step(entry::SEQUENCE, sequence, StoreOrder::Release),
+        ];
+        self.window
+            .store_steps(at, &steps)
+            .map_err(|error| self.refused(&error))
     }
 
     /// Whether this `mail` is laid out as this build expects.

@@ -1,7 +1,7 @@
 //! [`StaticMemory`]: a window onto memory that is simply there, for bare metal.
 
 use crate::region::AccessError;
-use crate::sync::{AtomicU32, Ordering};
+use crate::sync::AtomicU32;
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind, check_access};
 
 /// A block of `WORDS` words that several harts, or interrupts and background, share.
@@ -98,19 +98,13 @@ impl MemoryWindow for StaticWindow<'_> {
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         let word = self.word(offset)?;
         // Pairs with whichever `store` the user of the window names.
-        Ok(u32::from_le(match order {
-            LoadOrder::Relaxed => word.load(Ordering::Relaxed),
-            LoadOrder::Acquire => word.load(Ordering::Acquire),
-        }))
+        Ok(u32::from_le(word.load(order.into())))
     }
 
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         let word = self.word(offset)?;
         // Pairs with whichever `load` the user of the window names.
-        match order {
-            StoreOrder::Relaxed => word.store(value.to_le(), Ordering::Relaxed),
-            StoreOrder::Release => word.store(value.to_le(), Ordering::Release),
-        }
+        word.store(value.to_le(), order.into());
         Ok(())
     }
 
@@ -122,6 +116,7 @@ impl MemoryWindow for StaticWindow<'_> {
 #[cfg(target_has_atomic = "32")]
 impl crate::window::CompareExchange for StaticWindow<'_> {
     fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, AccessError> {
+        use crate::sync::Ordering;
         // Pairs with the same operation and with loads and stores of the word elsewhere.
         let (Ok(found) | Err(found)) = self.word(offset)?.compare_exchange(
             current.to_le(),

@@ -2,6 +2,7 @@
 
 use core::fmt::Debug;
 use core::ops::Deref;
+use core::sync::atomic::Ordering;
 
 /// The order of a load relative to the accesses around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +20,48 @@ pub enum StoreOrder {
     Relaxed,
     /// Everything before this store is seen by whoever reads the word with `Acquire`.
     Release,
+}
+
+impl From<LoadOrder> for Ordering {
+    #[inline]
+    fn from(order: LoadOrder) -> Self {
+        match order {
+            LoadOrder::Relaxed => Self::Relaxed,
+            LoadOrder::Acquire => Self::Acquire,
+        }
+    }
+}
+
+impl From<StoreOrder> for Ordering {
+    #[inline]
+    fn from(order: StoreOrder) -> Self {
+        match order {
+            StoreOrder::Relaxed => Self::Relaxed,
+            StoreOrder::Release => Self::Release,
+        }
+    }
+}
+
+/// One load of [`MemoryWindow::load_steps`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LoadStep {
+    /// Which of the four words: 0 to 3, else modulo 4.
+    pub word: u32,
+    /// The order of the load.
+    pub order: LoadOrder,
+    /// What was found.
+    pub value: u32,
+}
+
+/// One store of [`MemoryWindow::store_steps`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StoreStep {
+    /// Which of the four words: 0 to 3, else modulo 4.
+    pub word: u32,
+    /// The order of the store.
+    pub order: StoreOrder,
+    /// What is stored.
+    pub value: u32,
 }
 
 /// What is wrong with an access, for code that is generic over windows.
@@ -82,6 +125,37 @@ pub trait MemoryWindow {
     /// # Errors
     /// See the table above.
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Self::Error>;
+
+    /// Reads words of the four at `offset`, one after the other, each as [`load`](Self::load)
+    /// would, and puts them into `steps`.
+    ///
+    /// For implementers: override it, and [`store_steps`](Self::store_steps), where one look at
+    /// whether the memory is there will do for all of them. A message is a few of these.
+    ///
+    /// # Errors
+    /// As `load` of all four words; the values in `steps` are then nothing to go by.
+    #[inline(always)]
+    fn load_steps(&self, offset: u32, steps: &mut [LoadStep]) -> Result<(), Self::Error> {
+        self.check(offset, 16)?;
+        for step in steps {
+            step.value = self.load(nth_word(offset, step.word), step.order)?;
+        }
+        Ok(())
+    }
+
+    /// Writes words of the four at `offset`, one after the other, each as [`store`](Self::store)
+    /// would.
+    ///
+    /// # Errors
+    /// As `store` of all four words; after `Lost` some may have been written.
+    #[inline(always)]
+    fn store_steps(&self, offset: u32, steps: &[StoreStep]) -> Result<(), Self::Error> {
+        self.check(offset, 16)?;
+        for step in steps {
+            self.store(nth_word(offset, step.word), step.value, step.order)?;
+        }
+        Ok(())
+    }
 
     /// The error for an access of `len` bytes at `offset`, if it is misaligned or not inside.
     ///
@@ -156,12 +230,21 @@ impl<T: Deref<Target: MemoryWindow>> MemoryWindow for T {
         (**self).size()
     }
 
+    #[inline(always)]
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, Self::Error> {
         (**self).load(offset, order)
     }
 
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Self::Error> {
         (**self).store(offset, value, order)
+    }
+
+    fn load_steps(&self, offset: u32, steps: &mut [LoadStep]) -> Result<(), Self::Error> {
+        (**self).load_steps(offset, steps)
+    }
+
+    fn store_steps(&self, offset: u32, steps: &[StoreStep]) -> Result<(), Self::Error> {
+        (**self).store_steps(offset, steps)
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), Self::Error> {
@@ -183,6 +266,11 @@ impl<T: Deref<Target: CompareExchange>> CompareExchange for T {
     }
 }
 
+/// The offset of the word of a step.
+const fn nth_word(offset: u32, word: u32) -> u32 {
+    offset.wrapping_add(4 * (word % 4))
+}
+
 /// The kind of error for an access of `len` bytes at `offset` of a window of `size` bytes.
 ///
 /// Backends build [`MemoryWindow::check`] on it.
@@ -199,25 +287,25 @@ pub const fn check_access(size: u32, offset: u32, len: usize) -> Result<(), Wind
     }
 }
 
-/// The kind of error for an access to the word at `offset` of a window of `size` bytes, a multiple
-/// of four.
+/// The kind of error for an access to `words` words at `offset` of a window of `size` bytes, both
+/// sizes multiples of four, and at least one word.
 ///
-/// Says the same as [`check_access`] of four bytes, in a single comparison.
+/// Says the same as [`check_access`] of so many bytes, in a single comparison.
 ///
 /// # Errors
 /// `Misaligned` or `OutOfBounds`.
 #[inline(always)]
-pub const fn check_word(size: u32, offset: u32) -> Result<(), WindowErrorKind> {
+pub const fn check_words(size: u32, offset: u32, words: u32) -> Result<(), WindowErrorKind> {
     // Rotated, a misaligned offset is larger than the number of words of any window.
-    if offset.rotate_right(2) < size / 4 {
+    if offset.rotate_right(2) as u64 + words as u64 <= (size / 4) as u64 {
         Ok(())
     } else {
-        refused_word(offset)
+        refused_words(offset)
     }
 }
 
 #[cold]
-const fn refused_word(offset: u32) -> Result<(), WindowErrorKind> {
+const fn refused_words(offset: u32) -> Result<(), WindowErrorKind> {
     Err(if offset.is_multiple_of(4) {
         WindowErrorKind::OutOfBounds
     } else {
@@ -227,7 +315,7 @@ const fn refused_word(offset: u32) -> Result<(), WindowErrorKind> {
 
 #[cfg(test)]
 mod tests {
-    use super::{check_access, check_word};
+    use super::{check_access, check_words};
 
     #[test]
     fn a_word_is_four_bytes() {
@@ -238,12 +326,13 @@ mod tests {
                 .chain(near(1 << 30))
                 .chain(near(1 << 31))
             {
-                let word = check_word(size, offset);
-                assert_eq!(
-                    word,
-                    check_access(size, offset, 4),
-                    "{offset:#x} of {size:#x}"
-                );
+                for words in [1, 2, 4] {
+                    assert_eq!(
+                        check_words(size, offset, words),
+                        check_access(size, offset, 4 * words as usize),
+                        "{words} at {offset:#x} of {size:#x}"
+                    );
+                }
             }
         }
     }

@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use condor_mbox::conformance;
 use condor_mbox::{
-    Clock, Doorbell, Instant, LoadOrder, MemoryWindow, Processor, StoreOrder, WindowErrorKind,
+    Clock, Doorbell, Instant, LoadOrder, LoadStep, MemoryWindow, Processor, StoreOrder, StoreStep,
+    WindowErrorKind,
 };
 
 use memory::{Memory, MemoryError};
@@ -183,6 +184,9 @@ enum Fault {
     CopiesBeforeItChecks,
     AcceptsMisaligned,
     WrapsAround,
+    SkipsSteps,
+    ReversesSteps,
+    ChecksNoSteps,
     RefusesNothingReadOnly,
 }
 
@@ -214,6 +218,23 @@ impl MemoryWindow for Faulty {
             return Err(MemoryError(WindowErrorKind::ReadOnly));
         }
         self.0.store(offset, value, order)
+    }
+
+    fn load_steps(&self, offset: u32, steps: &mut [LoadStep]) -> Result<(), MemoryError> {
+        if self.1 == Fault::ReversesSteps {
+            for step in steps.iter_mut() {
+                step.word = 3 - step.word;
+            }
+        }
+        self.0.load_steps(offset, steps)
+    }
+
+    fn store_steps(&self, offset: u32, steps: &[StoreStep]) -> Result<(), MemoryError> {
+        match self.1 {
+            Fault::SkipsSteps => self.0.store_steps(offset, &steps[..1]),
+            Fault::ChecksNoSteps => self.0.store_steps(offset.min(self.size() - 16) & !3, steps),
+            _ => self.0.store_steps(offset, steps),
+        }
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), MemoryError> {
@@ -258,6 +279,12 @@ fn what_a_wrong_window_breaks_is_named() {
         ),
         (Fault::AcceptsMisaligned, "a misaligned load is refused"),
         (Fault::WrapsAround, "a load outside is refused"),
+        (Fault::SkipsSteps, "a step stores its own word"),
+        (Fault::ReversesSteps, "a step loads its own word"),
+        (
+            Fault::ChecksNoSteps,
+            "steps outside or misaligned are refused",
+        ),
     ] {
         let failure = conformance::window(&Faulty(Memory::new(64), fault)).unwrap_err();
         assert_eq!(failure.check, check, "{failure}");

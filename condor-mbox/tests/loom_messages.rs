@@ -1,8 +1,8 @@
 //! Loom on whole mailboxes: messages, replies and sleeping.
 //!
-//! The bound stands at each model. Measured, release build, two busy cores: streams 198 to 8755
-//! executions, 0.1 to 7 s; calls 1257 to 15 114, 0.8 to 12 s; nested calls 2998 to 16 495, 2 to
-//! 12 s; two contexts 38 829, 26 s; time-out against reply 1047, 1 s.
+//! The bound stands at each model. Measured, release build, two busy cores: streams 1236 to 14 872
+//! executions, 2 to 38 s; calls 2005 to 11 777, 2 to 16 s; nested calls 1317 to 8137, 3 to 14 s; two
+//! contexts 32 119, 14 s; time-out against reply 50 696, 74 s.
 #![cfg(condor_loom)]
 
 mod loom_model;

@@ -1,7 +1,7 @@
 //! Loom on lives: a processor restarts while the other one sends, calls or serves.
 //!
-//! The bound stands at each model. Measured, release build: 8488 to 14 503 executions, 7 to 12 s
-//! each, 49 s for all five.
+//! The bound stands at each model. Measured, release build: 7612 to 82 302 executions, 2 to 26 s
+//! each, 59 s for all five.
 #![cfg(condor_loom)]
 
 mod loom_model;

@@ -1,11 +1,15 @@
 //! Messages with and without reply, on the simulated backend in virtual time.
 
+use std::cell::Cell;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use condor_mbox::sim::{Mailbox, System};
-use condor_mbox::{Call, Error, PeerState, Processor, Progress, Vector};
+use condor_mbox::sim::{Mailbox, SimDoorbell, System};
+use condor_mbox::{
+    Call, Clock, CriticalSection, Doorbell, Error, Instant, PeerState, Processor, Progress, Vector,
+    Waiting,
+};
 
 const A: Processor = Processor(0);
 const B: Processor = Processor(1);
@@ -237,23 +241,67 @@ fn what_was_sent_before_leaving_arrives() {
     assert_eq!(SEEN.load(Ordering::Relaxed), 21);
 }
 
+/// A doorbell at one of whose readings of the clock something happens.
+struct AtReading<F> {
+    bell: SimDoorbell,
+    left: Cell<u32>,
+    happens: F,
+}
+
+impl<F: Fn()> Clock for AtReading<F> {
+    fn now(&self) -> Instant {
+        if self.left.replace(self.left.get().saturating_sub(1)) == 1 {
+            (self.happens)();
+        }
+        self.bell.now()
+    }
+}
+
+impl<F: Fn()> Doorbell for AtReading<F> {
+    type Seen = u64;
+
+    fn ring(&self, processor: Processor) {
+        self.bell.ring(processor);
+    }
+
+    fn prepare(&self) -> u64 {
+        self.bell.prepare()
+    }
+
+    fn wait(&self, seen: u64, until: Instant) {
+        self.bell.wait(seen, until);
+    }
+}
+
 #[test]
 fn a_sleeper_serves_everything_before_it_sleeps() {
-    static SERVED: AtomicU32 = AtomicU32::new(0);
-    fn count(_: &Call<'_>) -> u32 {
-        SERVED.fetch_add(1, Ordering::Relaxed)
+    // Before the first look of a wait, and between that and the look before the sleep.
+    for reading in [1, 2] {
+        let served = AtomicU32::new(0);
+        let count = |_: &Call<'_>| served.fetch_add(1, Ordering::Relaxed);
+        let system = System::<3>::in_virtual_time(4096);
+        let mut b = system.mailbox(B).unwrap();
+        let mut c = system.mailbox(Processor(2)).unwrap();
+        b.join().unwrap();
+        c.join().unwrap();
+        let bell = AtReading {
+            bell: system.doorbell(A),
+            left: Cell::new(0),
+            // Nobody is rung for these: A does not sleep yet.
+            happens: || (0..5).for_each(|_| c.try_send(A, V, 0).unwrap()),
+        };
+        let mut a = condor_mbox::Mailbox::new(A, system.windows(A), bell, CriticalSection).unwrap();
+        a.set_waiting(Waiting::Sleep);
+        a.set_vector(V, &count, "count").unwrap();
+        a.join().unwrap();
+        for mailbox in [&b, &c] {
+            mailbox.service(SECOND).unwrap();
+        }
+        a.service(SECOND).unwrap();
+        a.doorbell().left.set(reading);
+        // This wait is shorter than the naps of a sleeper.
+        let short = Duration::from_micros(100);
+        assert!(a.send_with_reply(B, V, 0, short).is_err());
+        assert_eq!(served.load(Ordering::Relaxed), 5, "reading {reading}");
     }
-    let (system, mut a, b) = pair_of::<3>();
-    a.set_vector(V, &count, "count").unwrap();
-    let mut c = system.mailbox(Processor(2)).unwrap();
-    c.join().unwrap();
-    a.service(SECOND).unwrap();
-    b.service(SECOND).unwrap();
-    for _ in 0..5 {
-        c.try_send(A, V, 0).unwrap();
-    }
-    // Nobody rings for them any more; this wait is shorter than the naps of a sleeper.
-    let short = Duration::from_micros(100);
-    assert!(a.send_with_reply(B, V, 0, short).is_err());
-    assert_eq!(SERVED.load(Ordering::Relaxed), 5);
 }

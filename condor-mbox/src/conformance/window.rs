@@ -1,6 +1,8 @@
 //! The checks of [`MemoryWindow`] and [`CompareExchange`].
 
-use crate::window::{CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError};
+use crate::window::{
+    CompareExchange, LoadOrder, LoadStep, MemoryWindow, StoreOrder, StoreStep, WindowError,
+};
 
 use super::limits::{
     MISALIGNED, OUT_OF_BOUNDS, READ_ONLY, alignment, alignment_of_loads, bounds, bounds_of_loads,
@@ -27,6 +29,7 @@ pub fn window<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     empty(window)?;
     words(window)?;
     orders(window)?;
+    steps(window)?;
     bytes(window)?;
     refused_copies(window)
 }
@@ -230,6 +233,79 @@ fn orders<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
                 .map_err(|error| error.kind());
             expect("every order is taken", 0, 4, found, Ok(word))?;
         }
+    }
+    Ok(())
+}
+
+fn steps<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
+    let store_at = |offset, steps: &[StoreStep]| {
+        let outcome = window.store_steps(offset, steps);
+        outcome.map(|()| 0).map_err(|error| error.kind())
+    };
+    let stores = [
+        (3, StoreOrder::Relaxed, 7),
+        (0, StoreOrder::Release, pattern(0)),
+        (3, StoreOrder::Release, pattern(3)),
+    ]
+    .map(|(word, order, value)| StoreStep { word, order, value });
+    let mut loads = [2, 3, 0].map(|word| LoadStep {
+        word,
+        order: LoadOrder::Acquire,
+        value: 0,
+    });
+    for offset in [0, window.size().wrapping_sub(16)] {
+        let at = |word: u32| offset.wrapping_add(4 * word);
+        for word in 0..4 {
+            done(
+                "a store is done",
+                at(word),
+                4,
+                store(window, at(word), word),
+            )?;
+        }
+        let outcome = store_at(offset, &stores);
+        expect("stores in steps are done", offset, 16, outcome, Ok(0))?;
+        for (word, value) in [(0, pattern(0)), (1, 1), (2, 2), (3, pattern(3))] {
+            let found = load(window, at(word));
+            expect("a step stores its own word", at(word), 4, found, Ok(value))?;
+        }
+        let loaded = window.load_steps(offset, &mut loads);
+        let loaded = loaded.map(|()| 0).map_err(|error| error.kind());
+        expect("loads in steps are done", offset, 16, loaded, Ok(0))?;
+        for (step, value) in loads.iter().zip([2, pattern(3), pattern(0)]) {
+            let found = Ok(step.value);
+            expect(
+                "a step loads its own word",
+                at(step.word),
+                4,
+                found,
+                Ok(value),
+            )?;
+        }
+    }
+    for (offset, refusal) in [
+        (window.size().wrapping_sub(12), OUT_OF_BOUNDS),
+        (window.size(), OUT_OF_BOUNDS),
+        (!3, OUT_OF_BOUNDS),
+        (2, MISALIGNED),
+    ] {
+        let outcome = store_at(offset, &stores[1..2]);
+        expect(
+            "steps outside or misaligned are refused",
+            offset,
+            16,
+            outcome,
+            refusal,
+        )?;
+        let loaded = window.load_steps(offset, &mut loads[2..]);
+        let loaded = loaded.map(|()| 0).map_err(|error| error.kind());
+        expect(
+            "steps outside or misaligned are refused",
+            offset,
+            16,
+            loaded,
+            refusal,
+        )?;
     }
     Ok(())
 }

@@ -14,8 +14,8 @@ use rustix::mm::{MapFlags, ProtFlags};
 
 use super::fault::{self, GuardError, Guarded};
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-    check_access, check_word,
+    CompareExchange, LoadOrder, LoadStep, MemoryWindow, StoreOrder, StoreStep, WindowError,
+    WindowErrorKind, check_access, check_words,
 };
 
 /// What a mapping allows.
@@ -302,23 +302,29 @@ impl LinuxWindow {
     }
 
     /// The word at `offset`, for one access, or for the kernel's use of it as a futex.
+    #[inline(always)]
+    pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, LinuxWindowError> {
+        self.words::<1>(offset).map(|[word]| word)
+    }
+
+    /// The words from `offset` on.
     ///
     /// Words hold little-endian values. A window that is mapped read-only gives words that must
     /// not be stored to: the caller has asked `check_store`.
     #[inline(always)]
-    pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, LinuxWindowError> {
-        if let Err(kind) = check_word(self.size, offset) {
-            return Err(self.refused(kind, offset, 4));
+    fn words<const K: usize>(&self, offset: u32) -> Result<&[AtomicU32; K], LinuxWindowError> {
+        if let Err(kind) = check_words(self.size, offset, K as u32) {
+            return Err(self.refused(kind, offset, 4 * K));
         }
-        // SAFETY: the word is inside the mapping and aligned, as `check_word` found and as pages are;
-        // `_mapping` keeps it mapped as long as `self`. All accesses of this process go through
-        // such words; peers and the handler of `fault` may change it at any time, as atomics
+        // SAFETY: the words are inside the mapping and aligned, as `check_words` found and as pages
+        // are; `_mapping` keeps it mapped as long as `self`. All accesses of this process go through
+        // such words; peers and the handler of `fault` may change them at any time, as atomics
         // may be changed. An atomic load with at most Acquire order of a word of four bytes is
         // sound in read-only memory.
         Ok(unsafe {
             self.base
                 .byte_add(offset as usize)
-                .cast::<AtomicU32>()
+                .cast::<[AtomicU32; K]>()
                 .as_ref()
         })
     }
@@ -374,14 +380,32 @@ impl MemoryWindow for LinuxWindow {
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), LinuxWindowError> {
         let word = self.word(offset)?;
         self.check_store(offset, 4)?;
-        let order = match order {
-            StoreOrder::Relaxed => Ordering::Relaxed,
-            StoreOrder::Release => Ordering::Release,
-        };
         // The order is the caller's; a store that another thread's fault swallowed may be
         // reported by the next access only.
-        word.store(value.to_le(), order);
+        word.store(value.to_le(), order.into());
         self.check_lost(offset, 4)
+    }
+
+    #[inline(always)]
+    fn load_steps(&self, offset: u32, steps: &mut [LoadStep]) -> Result<(), LinuxWindowError> {
+        let words = self.words::<4>(offset)?;
+        for step in steps {
+            // As in `load`.
+            let value = words[(step.word % 4) as usize].load(Ordering::Acquire);
+            step.value = u32::from_le(value);
+        }
+        self.check_lost(offset, 16)
+    }
+
+    #[inline(always)]
+    fn store_steps(&self, offset: u32, steps: &[StoreStep]) -> Result<(), LinuxWindowError> {
+        let words = self.words::<4>(offset)?;
+        self.check_store(offset, 16)?;
+        for step in steps {
+            words[(step.word % 4) as usize].store(step.value.to_le(), step.order.into());
+        }
+        // As in `store`.
+        self.check_lost(offset, 16)
     }
 
     #[inline]

@@ -225,6 +225,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Sets or clears the bit of a listener in our header.
+    #[cold]
     pub(super) fn admit_listener(&self, listener: Processor, admit: bool) -> Result<(), Error> {
         let own = self.own()?;
         self.exclusion.with(|| {
@@ -240,6 +241,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Whether every listener in the set `listeners` has taken what request `sequence` overwrites.
+    #[cold]
     pub(super) fn listeners_keep_up(
         &self,
         peer: &Peer<'_, W, N>,
@@ -294,6 +296,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         Ok(())
     }
 
+    #[cold]
     pub(super) fn wake_listeners(&self, listeners: u32) {
         for listener in self
             .peers()
@@ -305,6 +308,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Runs our handler for one message to the number listened to, if there is a new one.
+    // Few listen, and all serve: out of the frame of `serve_one`.
+    #[inline(never)]
     pub(super) fn hear(&self, deadline: Instant) -> Result<Option<Vector>, Error> {
         let Some(to) = self.listens_to() else {
             return Ok(None);
@@ -324,6 +329,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         Ok(None)
     }
 
+    // Off the stack when the handler runs.
+    #[inline(never)]
     fn hear_from(
         &self,
         holder: &Peer<'_, W, N>,

@@ -122,55 +122,69 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Waits for the reply to a request that has been sent.
+    #[inline(always)]
     fn wait_for_reply(&self, pending: &Pending, limit: Limit) -> Result<u32, Error> {
-        let Pending {
-            to, vector, life, ..
-        } = *pending;
+        let Pending { to, life, .. } = *pending;
         let peer = self.peer(to)?;
         let watch = (to != self.me).then_some(Watch { peer: to, life });
-        let end = self.wait(limit, watch, |_| self.reply(&peer, pending));
-        let progress = || self.progress(&peer, pending);
-        let error = match end {
-            Ok(End::Came(value)) => return Ok(value),
+        match self.wait(limit, watch, |_| self.reply(&peer, pending)) {
+            Ok(End::Came(value)) => Ok(value),
+            end => Err(self.no_reply(&peer, pending, &end)),
+        }
+    }
+
+    /// Why there is no reply.
+    #[cold]
+    fn no_reply(
+        &self,
+        peer: &Peer<'_, W, N>,
+        pending: &Pending,
+        end: &Result<End<u32>, Error>,
+    ) -> Error {
+        let Pending { to, vector, .. } = *pending;
+        self.count_failure(kind::CALL, vector);
+        let progress = self.progress(peer, pending);
+        match end {
             // The reply came, and says that there is no value; or memory is gone.
-            Err(error) => error,
-            Ok(End::Expired { stalled: false }) => Error::TimedOut {
-                to,
-                vector,
-                progress: progress(),
-            },
+            Err(error) => *error,
             Ok(End::Expired { stalled: true }) => Error::Stalled {
                 to,
                 vector,
-                progress: progress(),
+                progress,
             },
-            Ok(End::Died) => Error::PeerDied {
+            Ok(End::Expired { .. } | End::Came(_)) => Error::TimedOut {
                 to,
-                progress: progress(),
+                vector,
+                progress,
             },
-            Ok(End::Left) => Error::PeerLeft {
-                to,
-                progress: progress(),
-            },
-            Ok(End::Restarted) => Error::PeerRestarted {
-                to,
-                progress: progress(),
-            },
-        };
-        self.count_failure(kind::CALL, vector);
-        Err(error)
+            Ok(End::Died) => Error::PeerDied { to, progress },
+            Ok(End::Left) => Error::PeerLeft { to, progress },
+            Ok(End::Restarted) => Error::PeerRestarted { to, progress },
+        }
     }
 
     /// The reply to `pending`, if it has come; frees its cell.
     #[inline(always)]
     fn reply(&self, peer: &Peer<'_, W, N>, pending: &Pending) -> Result<Option<u32>, Error> {
         let at = Mail::<W, N>::cell(self.me, pending.cell);
-        let Some(reply) = peer.mail.get(at, pending.sequence)? else {
-            return Ok(None);
-        };
-        if reply.epoch != pending.epoch {
-            return Ok(None);
+        if peer.mail.carries(at, pending.sequence)? {
+            self.take_reply(peer, pending, at)
+        } else {
+            Ok(None)
         }
+    }
+
+    /// Reads the reply to `pending`, whose sequence has been seen, from the cell at `at`.
+    fn take_reply(
+        &self,
+        peer: &Peer<'_, W, N>,
+        pending: &Pending,
+        at: u32,
+    ) -> Result<Option<u32>, Error> {
+        let reply = match peer.mail.get(at, pending.sequence)? {
+            Some(reply) if reply.epoch == pending.epoch => reply,
+            _ => return Ok(None),
+        };
         self.exclusion.with(|| {
             // Requests are taken in order: this one and all before it have been.
             if peer.pair.epoch_out.get() == pending.epoch {
@@ -178,33 +192,40 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             }
             peer.pair.release(pending.cell, pending.epoch);
         });
-        let Pending { to, vector, .. } = *pending;
         match reply.kind {
             status::DONE => Ok(Some(reply.value)),
-            status::NO_HANDLER => Err(Error::NoHandler { to, vector }),
-            status::HANDLER_FAILED => Err(Error::HandlerFailed { to, vector }),
-            found => Err(Error::Protocol {
-                peer: to,
-                word: ProtocolWord::ReplyStatus,
-                found,
-            }),
+            status => Err(without_value(pending, status)),
         }
     }
 
     /// Publishes a request, waiting for a slot, and says how long its sender may wait then.
+    #[inline(always)]
     fn publish_by(
         &self,
         peer: &Peer<'_, W, N>,
         kind: u32,
         data: u32,
-        mut limit: Limit,
+        limit: Limit,
     ) -> Result<(Pending, Limit), Error> {
         let vector = self.check(kind)?;
         // Mostly there is a slot, and the clock need not be read.
-        let mut refusal = match self.publish(peer, kind, data, false)? {
-            Ok(pending) => return Ok((pending, limit)),
-            Err(refusal) => refusal,
-        };
+        match self.publish(peer, kind, data, false)? {
+            Ok(pending) => Ok((pending, limit)),
+            Err(refusal) => self.publish_late(peer, vector, kind, data, limit, refusal),
+        }
+    }
+
+    /// Does so after the first `refusal`.
+    #[cold]
+    fn publish_late(
+        &self,
+        peer: &Peer<'_, W, N>,
+        vector: Vector,
+        kind: u32,
+        data: u32,
+        mut limit: Limit,
+        mut refusal: Refusal,
+    ) -> Result<(Pending, Limit), Error> {
         let begun = self.doorbell.now();
         limit.enclosing = begun.after(limit.timeout).min(limit.enclosing);
         // Listeners are waited for half of the time: whoever falls behind, on purpose or not,
@@ -234,10 +255,12 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let error = match end {
             Ok(End::Came(pending)) => return Ok((pending, limit)),
             // Listeners are waited for once; from here on those that are behind are left behind.
-            Ok(_) if refusal == Refusal::Listeners => match self.publish(peer, kind, data, true)? {
-                Ok(pending) => return Ok((pending, limit)),
-                Err(refusal) => refusal.error(to),
-            },
+            Ok(_) if refusal == Refusal::Listeners => {
+                match self.publish(peer, kind, data, true)? {
+                    Ok(pending) => return Ok((pending, limit)),
+                    Err(refusal) => refusal.error(to),
+                }
+            }
             Ok(End::Expired { stalled: true }) if peer.has_joined()? => Error::Stalled {
                 to,
                 vector,
@@ -288,6 +311,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     /// Reserving the slot and publishing it are one section: no context of this processor can
     /// publish a later request before an earlier one.
+    #[inline(always)]
     fn publish_alone(
         &self,
         peer: &Peer<'_, W, N>,
@@ -355,6 +379,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Reads how many requests the receiver has taken; why `sequence` has no slot, if it has none.
+    #[inline(never)]
     fn refresh_taken(
         &self,
         peer: &Peer<'_, W, N>,
@@ -383,12 +408,20 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// A reply cell that no call owns, or whose late reply has come.
+    #[inline(always)]
     fn reserve_cell(&self, peer: &Peer<'_, W, N>) -> Result<Option<u32>, Error> {
-        let pair = peer.pair;
-        let free = pair.busy.get().trailing_ones();
+        let free = peer.pair.busy.get().trailing_ones();
         if free < SLOTS {
-            return Ok(Some(free));
+            Ok(Some(free))
+        } else {
+            self.reclaim_cell(peer)
         }
+    }
+
+    /// A reply cell whose late reply has come.
+    #[cold]
+    fn reclaim_cell(&self, peer: &Peer<'_, W, N>) -> Result<Option<u32>, Error> {
+        let pair = peer.pair;
         for (cell, owner) in (0..SLOTS).zip(&pair.owner) {
             let late = Mail::<W, N>::cell(self.me, cell);
             if pair.abandoned.get() & 1 << cell != 0
@@ -442,6 +475,21 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 }
 
+/// The error for a reply that is no value.
+#[cold]
+fn without_value(pending: &Pending, status: u32) -> Error {
+    let Pending { to, vector, .. } = *pending;
+    match status {
+        status::NO_HANDLER => Error::NoHandler { to, vector },
+        status::HANDLER_FAILED => Error::HandlerFailed { to, vector },
+        found => Error::Protocol {
+            peer: to,
+            word: ProtocolWord::ReplyStatus,
+            found,
+        },
+    }
+}
+
 impl Refusal {
     fn error(self, to: Processor) -> Error {
         match self {
@@ -470,6 +518,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
         self.publish_by(&peer, kind, message.data, limit).map(drop)
     }
 
+    // Off the stack while the reply is waited for, and others are served.
+    #[inline(never)]
     fn open_before(
         &self,
         message: Message,
@@ -483,6 +533,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Messenger
         Ok((pending, limit.enclosing))
     }
 
+    #[inline(always)]
     fn wait_before(
         &self,
         pending: &Pending,

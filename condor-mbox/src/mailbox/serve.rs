@@ -100,37 +100,80 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Beats the heart, notices who came and went, and serves one request, if there is one; gives
     /// the vector whose handler ran.
     pub(super) fn serve_one(&self, deadline: Instant) -> Result<Option<Vector>, Error> {
-        let beat = self.beats.get().wrapping_add(1);
-        self.beats.set(beat);
-        self.own()?
-            .store(header::HEARTBEAT, beat, StoreOrder::Relaxed)?;
-        let mut number = self.turn.get();
-        for _ in 0..N {
-            let peer = self.peer(Processor(number as u8))?;
-            number = if number + 1 < N as u32 { number + 1 } else { 0 };
-            let taken = self.notice(&peer).and_then(|()| self.take(&peer));
-            match taken {
-                Ok(Some(taken)) => {
-                    self.turn.set(number);
-                    return self.run(&peer, taken, deadline).map(Some);
-                }
-                Ok(None) => {}
-                Err(error) => self.fatal(error)?,
+        self.attend()?;
+        for number in self.in_turn() {
+            let peer = self.peer(number)?;
+            if self
+                .next_carries(&peer)
+                .or_else(|error| self.fatal(error).map(|()| false))?
+                && let Some(vector) = self.serve_next_of(&peer, deadline)?
+            {
+                return Ok(Some(vector));
             }
         }
         self.hear(deadline)
     }
 
-    /// Whether some ring seems to hold a request: one load for each.
-    pub(super) fn glance(&self) -> Result<bool, Error> {
+    /// As `serve_one`, beginning with `sender`, whose ring seems to hold a request; all else waits
+    /// until that has been answered.
+    #[inline(always)]
+    pub(super) fn serve_first(
+        &self,
+        sender: Processor,
+        deadline: Instant,
+    ) -> Result<Option<Vector>, Error> {
+        match self.serve_next_of(&self.peer(sender)?, deadline)? {
+            None => self.serve_one(deadline),
+            served => self.attend().map(|()| served),
+        }
+    }
+
+    /// Beats the heart, and notices who came and went.
+    fn attend(&self) -> Result<(), Error> {
+        let beat = self.beats.get().wrapping_add(1);
+        self.beats.set(beat);
+        self.own()?
+            .store(header::HEARTBEAT, beat, StoreOrder::Relaxed)?;
         for peer in self.peers() {
-            match self.next_carries(&peer) {
+            self.notice(&peer).or_else(|error| self.fatal(error))?;
+        }
+        Ok(())
+    }
+
+    /// Serves the next request of `peer`, if it is there.
+    ///
+    /// A life of `peer` that has not been noticed is no harm: its requests have another epoch.
+    #[inline(never)]
+    fn serve_next_of(
+        &self,
+        peer: &Peer<'_, W, N>,
+        deadline: Instant,
+    ) -> Result<Option<Vector>, Error> {
+        match self.take(peer) {
+            Ok(Some(taken)) => self.run(peer, taken, deadline).map(Some),
+            Ok(None) => Ok(None),
+            Err(error) => self.fatal(error).map(|()| None),
+        }
+    }
+
+    /// Whose ring seems to hold a request: one load for each.
+    #[inline(always)]
+    pub(super) fn glance(&self) -> Result<Option<Processor>, Error> {
+        for number in self.in_turn() {
+            match self.next_carries(&self.peer(number)?) {
                 Ok(false) => {}
-                Ok(true) => return Ok(true),
+                Ok(true) => return Ok(Some(number)),
                 Err(error) => self.fatal(error)?,
             }
         }
-        Ok(false)
+        Ok(None)
+    }
+
+    /// Everybody, beginning after who was served last.
+    #[inline(always)]
+    fn in_turn(&self) -> impl Iterator<Item = Processor> {
+        let first = self.turn.get() as u8;
+        (first..N as u8).chain(0..first).map(Processor)
     }
 
     #[inline(always)]
@@ -147,14 +190,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
     }
 
+    // Off the stack when the handler runs.
+    #[inline(never)]
     fn take(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
-        if !self.next_carries(peer)? {
-            return Ok(None);
-        }
         self.exclusion.with(|| self.take_alone(peer))
     }
 
     /// Reading the slot and moving the cursor are one section: a request is taken once.
+    #[inline(always)]
     fn take_alone(&self, peer: &Peer<'_, W, N>) -> Result<Option<Taken>, Error> {
         let pair = peer.pair;
         let depth = self.depth.get();
@@ -180,6 +223,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             StoreOrder::Release,
         )?;
         self.depth.set(depth + 1);
+        let next = u32::from(peer.number.0) + 1;
+        self.turn.set(if next < N as u32 { next } else { 0 });
         let life = pair.life.get();
         Ok(Some(Taken {
             sender: peer.number,
@@ -190,6 +235,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }))
     }
 
+    #[inline(always)]
     fn run(&self, peer: &Peer<'_, W, N>, taken: Taken, deadline: Instant) -> Result<Vector, Error> {
         let Entry { value, kind, .. } = taken.entry;
         let vector = Vector(kind.to_le_bytes()[0]);
@@ -200,7 +246,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let mut finish = Finish {
             mailbox: self,
             peer,
-            taken,
+            taken: &taken,
             outcome: (status::HANDLER_FAILED, 0),
         };
         finish.outcome = match kind & 0xff00 {
@@ -225,16 +271,22 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             }
             _ => (status::NO_HANDLER, 0),
         };
-        let handled = finish.outcome.0 == status::DONE;
+        // `drop` is for handlers that panic, and out of the way. Errors are dropped as there.
+        let outcome = finish.outcome;
+        core::mem::forget(finish);
+        let _ = self.finish(peer, &taken, outcome);
+        let handled = outcome.0 == status::DONE;
         Ok(if handled { vector } else { NO_VECTOR })
     }
 
     /// Counts a handled request and replies, if a reply is wanted and its sender still lives the
     /// life in which it asked.
+    // Not on the stack while the handler runs.
+    #[inline(never)]
     fn finish(
         &self,
         peer: &Peer<'_, W, N>,
-        taken: Taken,
+        taken: &Taken,
         outcome: (u32, u32),
     ) -> Result<(), Error> {
         let Entry { kind, epoch, .. } = taken.entry;
@@ -296,13 +348,14 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 struct Finish<'f, 'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> {
     mailbox: &'f Mailbox<'v, W, D, X, N>,
     peer: &'f Peer<'f, W, N>,
-    taken: Taken,
+    taken: &'f Taken,
     outcome: (u32, u32),
 }
 
 impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
     for Finish<'_, '_, W, D, X, N>
 {
+    #[cold]
     fn drop(&mut self) {
         // A sender whose memory is gone cannot wait for its reply; ours is noticed at the next look.
         let _ = self.mailbox.finish(self.peer, self.taken, self.outcome);

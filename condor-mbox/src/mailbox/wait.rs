@@ -22,7 +22,7 @@ const NAP: Duration = Duration::from_millis(10);
 
 /// How many rings are glanced at between two readings of the clock while spinning: a fraction of a
 /// microsecond.
-const GLANCES: usize = if cfg!(condor_loom) { 0 } else { 128 };
+const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
 
 /// How a mailbox waits.
 ///
@@ -78,8 +78,8 @@ pub(super) struct Watch {
 enum Glimpse<T> {
     /// What is waited for.
     Found(T),
-    /// A request to be served, it seems.
-    Request,
+    /// A request of this processor, it seems.
+    Request(Processor),
     Nothing,
 }
 
@@ -134,17 +134,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         watch: Option<Watch>,
         mut look: impl FnMut(bool) -> Result<Option<T>, Error>,
     ) -> Result<End<T>, Error> {
-        if let Some(found) = look(false)? {
-            return Ok(End::Came(found));
-        }
-        // A quick answer costs no reading of the clock. Who waits for requests reads it first: it
-        // is where the handler's time begins.
-        if watch.is_some()
-            && self.waiting != Waiting::Sleep
-            && let Glimpse::Found(found) = self.burst(&mut look)?
-        {
-            return Ok(End::Came(found));
-        }
+        // Before the first look: a handler's time begins here, and whoever has just sent a request
+        // has nothing to see yet.
         let mut now = self.doorbell.now();
         let deadline = now.after(limit.timeout).min(limit.enclosing);
         let mut spin_until = self.spin_end(now);
@@ -153,19 +144,17 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         let mut first_beat = None;
         let mut rings = None;
         loop {
-            let served = self.serve_one(deadline)?;
+            let served = match self.burst(now < spin_until, &mut look)? {
+                Glimpse::Found(found) => return Ok(End::Came(found)),
+                Glimpse::Request(sender) => self.serve_first(sender, deadline)?,
+                Glimpse::Nothing => self.serve_one(deadline)?,
+            };
             let begun = core::mem::replace(&mut now, self.doorbell.now());
             if let Some(vector) = served {
                 self.note_time(vector, now.ns_since(begun))?;
                 spin_until = self.spin_end(now);
-            }
-            if now < spin_until {
-                match self.burst(&mut look)? {
-                    Glimpse::Found(found) => return Ok(End::Came(found)),
-                    Glimpse::Request if now < deadline && (watch.is_none() || now < ask_at) => {
-                        continue;
-                    }
-                    Glimpse::Request | Glimpse::Nothing => {}
+                if now < deadline && (watch.is_none() || now < ask_at) {
+                    continue;
                 }
             }
             if let Some(found) = look(true)? {
@@ -224,24 +213,36 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
     }
 
-    /// Glances at the rings many times, for a fraction of a microsecond.
+    /// Looks once and, while `spinning`, glances at the rings and looks again for a fraction of a
+    /// microsecond.
     ///
     /// Most of the time of a spin is spent here, so what comes is seen at once; the reading of
     /// the clock between two bursts gives way to the core's other threads.
     #[inline(always)]
     fn burst<T>(
         &self,
+        spinning: bool,
         look: &mut impl FnMut(bool) -> Result<Option<T>, Error>,
     ) -> Result<Glimpse<T>, Error> {
-        for _ in 0..const { GLANCES.div_ceil(N) } {
+        let mut left = if spinning {
+            const { GLANCES.div_ceil(N) }
+        } else {
+            0
+        };
+        loop {
             if let Some(found) = look(false)? {
                 return Ok(Glimpse::Found(found));
             }
-            if self.glance()? {
-                return Ok(Glimpse::Request);
+            if left == 0 {
+                return Ok(Glimpse::Nothing);
             }
+            left -= 1;
+            if let Some(sender) = self.glance()? {
+                return Ok(Glimpse::Request(sender));
+            }
+            // Whoever looks all the time keeps taking the line from who is about to write it.
+            core::hint::spin_loop();
         }
-        Ok(Glimpse::Nothing)
     }
 
     fn spin_end(&self, now: Instant) -> Instant {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::sync::{AtomicU32, Ordering};
 use crate::window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-    check_access, check_word,
+    check_access, check_words,
 };
 
 /// A window onto memory of this process; clones show the same memory.
@@ -59,7 +59,7 @@ impl SimWindow {
     }
 
     fn word(&self, offset: u32, writes: bool) -> Result<&AtomicU32, SimWindowError> {
-        let kind = if let Err(kind) = check_word(self.size(), offset) {
+        let kind = if let Err(kind) = check_words(self.size(), offset, 1) {
             kind
         } else if self.lost.load(std::sync::atomic::Ordering::Relaxed) {
             WindowErrorKind::Lost
@@ -68,7 +68,7 @@ impl SimWindow {
         } else {
             // Without a reference to all words: Miri would note each of them at every access.
             let first = Arc::as_ptr(&self.words).cast::<AtomicU32>();
-            // SAFETY: `check_word` found the word inside the window, whose memory this `Arc` keeps.
+            // SAFETY: `check_words` found the word inside the window, whose memory this `Arc` keeps.
             return Ok(unsafe { &*first.add(offset as usize / 4) });
         };
         Err(SimWindowError {
@@ -87,19 +87,11 @@ impl MemoryWindow for SimWindow {
     }
 
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
-        let order = match order {
-            LoadOrder::Relaxed => Ordering::Relaxed,
-            LoadOrder::Acquire => Ordering::Acquire,
-        };
-        Ok(self.word(offset, false)?.load(order))
+        Ok(self.word(offset, false)?.load(order.into()))
     }
 
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
-        let order = match order {
-            StoreOrder::Relaxed => Ordering::Relaxed,
-            StoreOrder::Release => Ordering::Release,
-        };
-        self.word(offset, true)?.store(value, order);
+        self.word(offset, true)?.store(value, order.into());
         Ok(())
     }
 

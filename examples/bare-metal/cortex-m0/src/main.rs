@@ -101,7 +101,7 @@ fn exchange(
 ) {
     let leader = Runnable { mailbox, resident };
     running(&leader, || {
-        exercise::messages(checks, mailbox, resident);
+        exercise::messages(checks, mailbox, resident, 2);
         exercise::memory(checks, mailbox, &locks::All);
     });
 }

@@ -2,7 +2,7 @@
 
 use condor_mbox::{
     AccessError, Clock, Doorbell, Exclusion, Lives, LockError, MemoryWindow, Owner, Place,
-    Published, ReadError, Region, SpinLock, TestAndSet, WindowErrorKind, check_access, check_word,
+    Published, ReadError, Region, SpinLock, TestAndSet, WindowErrorKind, check_access, check_words,
 };
 
 use crate::map::{MAP, Sample};
@@ -191,7 +191,7 @@ fn regions<W: MemoryWindow + Clone>(checks: &mut Checks<'_>, ram: &Region<W>) {
     );
     checks.same(
         "so is a word outside",
-        check_word(ram.size(), ram.size()),
+        check_words(ram.size(), ram.size(), 1),
         Err(WindowErrorKind::OutOfBounds),
     );
     checks.same(

@@ -13,11 +13,15 @@ use crate::map::{MAP, WORDS_BYTES};
 use crate::resident::{ANSWER, IN_ORDER, NEST, NOBODY, NOTE, READ, Resident, SUM, Terms};
 use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
 
-/// The leader's messages to a follower that serves.
+/// The most stack that a level of nesting takes.
+const LEVEL_BYTES: usize = 1024;
+
+/// The leader's messages to a follower that serves; `ends` of the two share the leader's stack.
 pub fn messages<W, D, X>(
     checks: &mut Checks<'_>,
     mailbox: &Mbox<'_, W, D, X>,
     resident: &Resident<W>,
+    ends: usize,
 ) where
     W: MemoryWindow,
     D: Doorbell,
@@ -26,6 +30,7 @@ pub fn messages<W, D, X>(
     flat(checks, mailbox);
     order(checks, mailbox);
     nested(checks, mailbox, resident);
+    stack(checks, resident, ends);
     to_oneself(checks, mailbox, resident);
     tickets(checks, mailbox);
     refused(checks, mailbox);
@@ -101,6 +106,15 @@ where
     );
     let come = served_until(mailbox, || resident.notes.load(Relaxed) >= 3);
     checks.that("what it sent comes", come);
+}
+
+/// Between two handlers of the leader there is one of the other end, if it shares the stack.
+fn stack<W>(checks: &mut Checks<'_>, resident: &Resident<W>, ends: usize) {
+    let bytes = resident.level.load(Relaxed);
+    checks.that(
+        "a level of nesting takes little stack",
+        bytes > 0 && bytes <= ends.saturating_mul(LEVEL_BYTES),
+    );
 }
 
 fn to_oneself<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, resident: &Resident<W>)

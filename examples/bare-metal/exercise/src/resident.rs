@@ -1,6 +1,7 @@
 //! What each of the two processors has: its vectors and what they do.
 
-use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::ptr;
+use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
 use core::time::Duration;
 
 use condor_mbox::{
@@ -41,6 +42,10 @@ pub struct Resident<W> {
     pub(crate) noted: AtomicU32,
     pub(crate) notes: AtomicU32,
     ticks: AtomicU32,
+    /// Where on the stack the innermost handler of `NEST` runs; 0 if none does.
+    innermost: AtomicUsize,
+    /// The most bytes of stack between two of them.
+    pub(crate) level: AtomicUsize,
     /// Messages to the number listened to that were heard here.
     pub(crate) heard: AtomicU32,
 }
@@ -66,6 +71,7 @@ where
     let in_order = |call: &Call<'_>| resident.in_order(call);
     let sum = |call: &Call<'_>| resident.sum(call);
     let note = |call: &Call<'_>| resident.note(call);
+    let nest = |call: &Call<'_>| resident.nest(call);
     let tick = |_: &Call<'_>| {
         count(&resident.ticks);
         0
@@ -106,6 +112,8 @@ impl<W: MemoryWindow> Resident<W> {
             noted: AtomicU32::new(0),
             notes: AtomicU32::new(0),
             ticks: AtomicU32::new(0),
+            innermost: AtomicUsize::new(0),
+            level: AtomicUsize::new(0),
             heard: AtomicU32::new(0),
         })
     }
@@ -143,6 +151,27 @@ impl<W: MemoryWindow> Resident<W> {
         })
     }
 
+    /// Each end asks the other for one less until nothing is left, or the stack allows no more.
+    fn nest(&self, call: &Call<'_>) -> u32 {
+        let Some(less) = call.data().checked_sub(1) else {
+            return 0;
+        };
+        let (outer, here) = (self.innermost.load(Relaxed), ptr::from_ref(call).addr());
+        if outer != 0 {
+            let level = outer.saturating_sub(here);
+            self.level
+                .store(self.level.load(Relaxed).max(level), Relaxed);
+        }
+        self.innermost.store(here, Relaxed);
+        let reply = call.send_with_reply(call.sender(), NEST, less, PATIENCE);
+        self.innermost.store(outer, Relaxed);
+        match reply {
+            Ok(depth) => depth.saturating_add(1),
+            Err(Error::TooDeep { depth: MAX_DEPTH }) => 1000,
+            Err(_) => u32::MAX,
+        }
+    }
+
     fn note(&self, call: &Call<'_>) -> u32 {
         self.noted.store(call.data(), Relaxed);
         count(&self.notes);
@@ -153,18 +182,6 @@ impl<W: MemoryWindow> Resident<W> {
 /// The handlers of one vector do not interrupt each other here: no indivisible addition.
 fn count(counter: &AtomicU32) {
     counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
-}
-
-/// Each end asks the other for one less until nothing is left, or the stack allows no more.
-fn nest(call: &Call<'_>) -> u32 {
-    let Some(less) = call.data().checked_sub(1) else {
-        return 0;
-    };
-    match call.send_with_reply(call.sender(), NEST, less, PATIENCE) {
-        Ok(depth) => depth.saturating_add(1),
-        Err(Error::TooDeep { depth: MAX_DEPTH }) => 1000,
-        Err(_) => u32::MAX,
-    }
 }
 
 /// Gives how many of the ways went well: 4.

@@ -84,10 +84,10 @@ fn lead(checks: &mut Checks<'_>, bell: &'static Bell) {
             bell.ring(FOLLOWER);
             exercise::first_life(checks, mailbox, windows(), (bell, CriticalSection));
             checks.group("serving while waiting");
-            exercise::messages(checks, mailbox, resident);
+            exercise::messages(checks, mailbox, resident, 1);
             checks.group("polling");
             exercise::give(checks, mailbox, Order::Poll);
-            exercise::messages(checks, mailbox, resident);
+            exercise::messages(checks, mailbox, resident, 1);
             exercise::memory(checks, mailbox, &locks::All);
             checks.group("states");
             exercise::give(checks, mailbox, Order::Serve);
@@ -98,7 +98,7 @@ fn lead(checks: &mut Checks<'_>, bell: &'static Bell) {
             let computed = compute();
             served_by_interrupt(mailbox, || {
                 background(checks, bell, resident, computed);
-                exercise::messages(checks, mailbox, resident);
+                exercise::messages(checks, mailbox, resident, 1);
                 exercise::memory(checks, mailbox, &locks::All);
             });
             checks.same(
