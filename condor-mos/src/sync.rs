@@ -53,7 +53,9 @@ macro_rules! const_unless_loom {
         $(#[$attribute])*
         $visibility const fn $($rest)*
 
+        // What is `const` elsewhere cannot convert by `From`.
         #[cfg(condor_loom)]
+        #[allow(clippy::cast_lossless)]
         $(#[$attribute])*
         $visibility fn $($rest)*
     };

@@ -25,7 +25,7 @@ fn polled(last: u32, reads: u32) {
         let cell: &'static Latest<Value> = Box::leak(Box::new(Latest::new(value(0))));
         let (mut writer, mut reader) = cell.split().expect("the first");
         assert!(cell.split().is_none());
-        let writes = loom::thread::spawn(move || {
+        let publishing = loom::thread::spawn(move || {
             for number in 1..=last {
                 writer.write(value(number));
             }
@@ -34,7 +34,7 @@ fn polled(last: u32, reads: u32) {
         for _ in 0..reads {
             since = read(&mut reader, since);
         }
-        writes.join().expect("no panic");
+        publishing.join().expect("no panic");
         assert_eq!(read(&mut reader, since), last);
         assert!(!reader.is_fresh());
     });
