@@ -35,19 +35,19 @@ fn with_all_sets_on<P: Simulated>(
     for &kind in kinds {
         for rates in sets_of::<1>(fastest) {
             sets += 1;
-            runs += program.explore::<P, _>(&Set::new(rates, overrun), kind);
+            runs += program.explore::<P, 1>(&Set::new(rates, overrun), kind);
         }
         for rates in sets_of::<2>(fastest).filter(|_| loops >= 2) {
             sets += 1;
-            runs += program.explore::<P, _>(&Set::new(rates, overrun), kind);
+            runs += program.explore::<P, 2>(&Set::new(rates, overrun), kind);
         }
         for rates in sets_of::<3>(fastest).filter(|_| loops >= 3) {
             sets += 1;
-            runs += program.explore::<P, _>(&Set::new(rates, overrun), kind);
+            runs += program.explore::<P, 3>(&Set::new(rates, overrun), kind);
         }
         for rates in sets_of::<4>(fastest).filter(|_| loops >= 4) {
             sets += 1;
-            runs += program.explore::<P, _>(&Set::new(rates, overrun), kind);
+            runs += program.explore::<P, 4>(&Set::new(rates, overrun), kind);
         }
     }
     let (seconds, nesting) = (begun.elapsed().as_secs_f32(), P::NESTING);
