@@ -44,7 +44,7 @@ pub struct Resident<W> {
     ticks: AtomicU32,
     /// Where on the stack the innermost handler of `NEST` runs; 0 if none does.
     innermost: AtomicUsize,
-    /// The most bytes of stack between two of them.
+    /// The fewest bytes of stack between two of them: an interrupt in between takes its own besides.
     pub(crate) level: AtomicUsize,
     /// Messages to the number listened to that were heard here.
     pub(crate) heard: AtomicU32,
@@ -113,7 +113,7 @@ impl<W: MemoryWindow> Resident<W> {
             notes: AtomicU32::new(0),
             ticks: AtomicU32::new(0),
             innermost: AtomicUsize::new(0),
-            level: AtomicUsize::new(0),
+            level: AtomicUsize::new(usize::MAX),
             heard: AtomicU32::new(0),
         })
     }
@@ -160,7 +160,7 @@ impl<W: MemoryWindow> Resident<W> {
         if outer != 0 {
             let level = outer.saturating_sub(here);
             self.level
-                .store(self.level.load(Relaxed).max(level), Relaxed);
+                .store(self.level.load(Relaxed).min(level), Relaxed);
         }
         self.innermost.store(here, Relaxed);
         let reply = call.send_with_reply(call.sender(), NEST, less, PATIENCE);
