@@ -1,4 +1,25 @@
-//! The static device switch.
+// The first definition of a link counts: here those of README.md lead to items instead of files.
+#![cfg_attr(not(condor_loom), doc = "[mpp]: drivers::Mpp")]
+#![cfg_attr(not(condor_loom), doc = "[adc]: drivers::Adc16")]
+#![cfg_attr(not(condor_loom), doc = "[dac]: drivers::Dac16")]
+#![cfg_attr(not(condor_loom), doc = "[encoder]: drivers::Encoder8")]
+#![cfg_attr(not(condor_loom), doc = "[uart]: drivers::Uart16550")]
+//! [presence]: Presence
+//! [fd]: Fd
+//! [open]: OpenError
+//! [fderror]: FdError
+//! [io]: IoError
+//! [device]: Device
+//! [stream]: Stream
+//! [stdio]: mod@stdio
+//! [switch]: Switch::on_interrupt
+//! [ring]: Ring
+//! [mmio]: Mmio
+//! [bus]: Bus
+//! [controller]: InterruptController
+//! [driver]: Driver
+//!
+#![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
 // Documents of their own.
