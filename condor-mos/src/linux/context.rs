@@ -74,6 +74,7 @@ impl Context {
     }
 
     /// Enters a critical section; false if the thread is in one.
+    #[cfg(feature = "critical-section-linux")]
     #[inline]
     pub(super) fn hold(&self) -> bool {
         if self.held.load(Ordering::Relaxed) {
@@ -85,6 +86,7 @@ impl Context {
     }
 
     /// Leaves the outermost critical section, and does what a signal has asked for meanwhile.
+    #[cfg(feature = "critical-section-linux")]
     #[inline]
     pub(super) fn let_go(&self) {
         compiler_fence(Ordering::SeqCst);
