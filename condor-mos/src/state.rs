@@ -268,8 +268,9 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     /// might start before, or `None` if a faster one is in progress.
     pub(crate) fn lock(&mut self, users: u32) -> Option<u32> {
         let is_user = |number: &u8| users & 1_u32.unbounded_shl(u32::from(*number)) != 0;
-        let ceiling = self.schedule.ranks().iter().position(is_user).unwrap_or(L);
-        let faster = !u32::MAX.unbounded_shl(ceiling as u32);
+        let fastest = self.schedule.ranks().iter().position(is_user);
+        // A lock that no loop uses keeps none from starting.
+        let faster = fastest.map_or(u32::MAX, |rank| !u32::MAX.unbounded_shl(rank as u32));
         if self.unfinished & !self.runnable & faster != 0 {
             return None;
         }
