@@ -255,14 +255,17 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         section: CriticalSection<'_>,
         now: P::Instant,
     ) -> Option<Running<P::Instant>> {
-        let (first, others) = self.state.with(section, |state| {
-            let others = state.unlocked() & !1;
-            (state.begin_unlocked(0, now), others)
-        });
+        self.pend_others(section);
+        self.state
+            .with(section, |state| state.begin_unlocked(0, now))
+    }
+
+    /// Pends the vectors of all loops that can start but the fastest, whose vector is the caller's.
+    fn pend_others(&self, section: CriticalSection<'_>) {
+        let others = self.state.with(section, |state| state.unlocked()) & !1;
         if others != 0 {
             self.platform.pend(others);
         }
-        first
     }
 
     /// Runs a loop in its own vector.
@@ -352,10 +355,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     #[cold]
     fn catch_up_and_pend(&self, section: CriticalSection<'_>) {
         self.catch_up(section);
-        let others = self.state.with(section, |state| state.unlocked()) & !1;
-        if others != 0 {
-            self.platform.pend(others);
-        }
+        self.pend_others(section);
     }
 
     /// Passes events that are due already, until one is ahead.

@@ -224,19 +224,20 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     pub(crate) fn begin_released(&mut self, rank: u32, due: I, now: I) -> Option<Running<I>> {
         let process = self.processes.get_mut(rank as usize)?;
         process.due = due;
-        process.start(now);
-        Some(Running {
-            since: now,
-            busy: self.busy,
-            body: process.body,
-        })
+        self.run(rank, now)
     }
 
     #[inline(always)]
     fn begin(&mut self, rank: u32, now: I) -> Option<Running<I>> {
+        self.runnable &= !(1 << rank);
+        self.run(rank, now)
+    }
+
+    /// The loop of a rank is in progress from `now` on.
+    #[inline(always)]
+    fn run(&mut self, rank: u32, now: I) -> Option<Running<I>> {
         let process = self.processes.get_mut(rank as usize)?;
         process.start(now);
-        self.runnable &= !(1 << rank);
         Some(Running {
             since: now,
             busy: self.busy,
