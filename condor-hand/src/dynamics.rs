@@ -1,0 +1,44 @@
+//! The torques that a motion takes, and the motion that torques cause.
+//!
+//! Gravity is an argument, in the axes of the palm, m/s²: for a palm in any orientation, and for a
+//! palm that is accelerated by `a` the caller passes `g - a`.
+
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use crate::Real;
+
+/// The rigid-body dynamics of a serial mechanism of N joints, without friction and armature.
+///
+/// Finite arguments give finite answers; no method panics.
+pub trait Dynamics<T: Real, const N: usize> {
+    /// The torques (N m) that give the accelerations `qdd` (rad/s²) at the positions `q` (rad) and
+    /// rates `qd` (rad/s).
+    fn inverse_dynamics(
+        &self,
+        q: &SVector<T, N>,
+        qd: &SVector<T, N>,
+        qdd: &SVector<T, N>,
+        gravity: &Vector3<T>,
+    ) -> SVector<T, N>;
+
+    /// The torques that hold the rates constant: gravity, Coriolis and centrifugal torques, N m.
+    fn bias(&self, q: &SVector<T, N>, qd: &SVector<T, N>, gravity: &Vector3<T>) -> SVector<T, N>;
+
+    /// The torques that hold the joints still, N m.
+    fn gravity_torque(&self, q: &SVector<T, N>, gravity: &Vector3<T>) -> SVector<T, N>;
+
+    /// The mass matrix: symmetric, kg m².
+    fn mass_matrix(&self, q: &SVector<T, N>) -> SMatrix<T, N, N>;
+
+    /// The accelerations (rad/s²) that the torques cause, with the inertia of the drives
+    /// (`armature`, kg m²) added to the diagonal of the mass matrix. `None` where that matrix is
+    /// not positive definite.
+    fn forward_dynamics(
+        &self,
+        q: &SVector<T, N>,
+        qd: &SVector<T, N>,
+        torque: &SVector<T, N>,
+        gravity: &Vector3<T>,
+        armature: &SVector<T, N>,
+    ) -> Option<SVector<T, N>>;
+}

@@ -1,0 +1,23 @@
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(any(feature = "std", test)), no_std)]
+#![allow(
+    clippy::many_single_char_names,
+    clippy::similar_names,
+    reason = "equations are in the symbols of their sources"
+)]
+#![allow(
+    clippy::float_cmp,
+    reason = "zero is a value that people write, and the same input gives the same bits"
+)]
+
+// Numbers.
+pub mod math;
+mod pose;
+
+// The laws of a finger.
+pub mod dynamics;
+pub mod kinematics;
+pub mod tendon;
+
+pub use math::Real;
+pub use pose::Pose;

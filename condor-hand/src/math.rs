@@ -1,0 +1,275 @@
+//! Elementary functions that give the same bits on every target.
+//!
+//! Transcendental functions come from `libm`, also where the standard library has its own. Minimum,
+//! maximum and clamp are selections, so that zeros of either sign and NaN have one answer: a NaN
+//! never leaves [`clamp`].
+
+use nalgebra::RealField;
+
+/// A floating-point number of the controller: `f64`, or `f32` where a processor has only that.
+pub trait Real: RealField + Copy + sealed::Functions {
+    /// The nearest number of this type.
+    fn of(value: f64) -> Self;
+
+    /// The same number, as far as 64 bits go.
+    fn to_f64(self) -> f64;
+}
+
+mod sealed {
+    /// What differs between the two types.
+    pub trait Functions: Sized {
+        fn sin_cos_(self) -> (Self, Self);
+        fn tan_(self) -> Self;
+        fn atan2_(self, x: Self) -> Self;
+        fn acos_(self) -> Self;
+        fn sqrt_(self) -> Self;
+        fn cbrt_(self) -> Self;
+        fn exp_(self) -> Self;
+        fn tanh_(self) -> Self;
+        fn round_(self) -> Self;
+        fn abs_(self) -> Self;
+        fn finite_(self) -> bool;
+    }
+}
+
+macro_rules! real {
+    ($type:ty, $sincos:ident, $tan:ident, $atan2:ident, $acos:ident, $sqrt:ident, $cbrt:ident,
+     $exp:ident, $tanh:ident, $round:ident, $abs:ident, $from:expr) => {
+        impl Real for $type {
+            #[inline(always)]
+            fn of(value: f64) -> Self {
+                $from(value)
+            }
+
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+        }
+
+        impl sealed::Functions for $type {
+            #[inline(always)]
+            fn sin_cos_(self) -> (Self, Self) {
+                libm::$sincos(self)
+            }
+            #[inline(always)]
+            fn tan_(self) -> Self {
+                libm::$tan(self)
+            }
+            #[inline(always)]
+            fn atan2_(self, x: Self) -> Self {
+                libm::$atan2(self, x)
+            }
+            #[inline(always)]
+            fn acos_(self) -> Self {
+                libm::$acos(self)
+            }
+            #[inline(always)]
+            fn sqrt_(self) -> Self {
+                libm::$sqrt(self)
+            }
+            #[inline(always)]
+            fn cbrt_(self) -> Self {
+                libm::$cbrt(self)
+            }
+            #[inline(always)]
+            fn exp_(self) -> Self {
+                libm::$exp(self)
+            }
+            #[inline(always)]
+            fn tanh_(self) -> Self {
+                libm::$tanh(self)
+            }
+            #[inline(always)]
+            fn round_(self) -> Self {
+                libm::$round(self)
+            }
+            #[inline(always)]
+            fn abs_(self) -> Self {
+                libm::$abs(self)
+            }
+            #[inline(always)]
+            fn finite_(self) -> bool {
+                <$type>::is_finite(self)
+            }
+        }
+    };
+}
+
+real!(
+    f64,
+    sincos,
+    tan,
+    atan2,
+    acos,
+    sqrt,
+    cbrt,
+    exp,
+    tanh,
+    round,
+    fabs,
+    core::convert::identity
+);
+real!(
+    f32,
+    sincosf,
+    tanf,
+    atan2f,
+    acosf,
+    sqrtf,
+    cbrtf,
+    expf,
+    tanhf,
+    roundf,
+    fabsf,
+    |value| value as f32
+);
+
+/// A constant in the type of the caller.
+#[inline(always)]
+#[must_use]
+pub fn real<T: Real>(value: f64) -> T {
+    T::of(value)
+}
+
+/// Sine and cosine of an angle in radians.
+#[inline(always)]
+#[must_use]
+pub fn sin_cos<T: Real>(angle: T) -> (T, T) {
+    angle.sin_cos_()
+}
+
+/// Tangent of an angle in radians.
+#[inline(always)]
+#[must_use]
+pub fn tan<T: Real>(angle: T) -> T {
+    angle.tan_()
+}
+
+/// The angle of the point (x, y), in radians.
+#[inline(always)]
+#[must_use]
+pub fn atan2<T: Real>(y: T, x: T) -> T {
+    y.atan2_(x)
+}
+
+/// The angle in 0..=pi whose cosine this is; the argument is clamped to -1..=1.
+#[inline(always)]
+#[must_use]
+pub fn acos<T: Real>(cosine: T) -> T {
+    clamp(cosine, -T::one(), T::one()).acos_()
+}
+
+/// The square root; zero for what is below zero, and for NaN.
+#[inline(always)]
+#[must_use]
+pub fn sqrt<T: Real>(x: T) -> T {
+    max(x, T::zero()).sqrt_()
+}
+
+/// The cube root.
+#[inline(always)]
+#[must_use]
+pub fn cbrt<T: Real>(x: T) -> T {
+    x.cbrt_()
+}
+
+/// The square root of x² + y², without care for overflow.
+#[inline(always)]
+#[must_use]
+pub fn hypot<T: Real>(x: T, y: T) -> T {
+    sqrt(x * x + y * y)
+}
+
+/// The exponential function.
+#[inline(always)]
+#[must_use]
+pub fn exp<T: Real>(x: T) -> T {
+    x.exp_()
+}
+
+/// The hyperbolic tangent.
+#[inline(always)]
+#[must_use]
+pub fn tanh<T: Real>(x: T) -> T {
+    x.tanh_()
+}
+
+/// The nearest integer, halves away from zero.
+#[inline(always)]
+#[must_use]
+pub fn round<T: Real>(x: T) -> T {
+    x.round_()
+}
+
+/// The absolute value.
+#[inline(always)]
+#[must_use]
+pub fn abs<T: Real>(x: T) -> T {
+    x.abs_()
+}
+
+/// Neither infinite nor NaN.
+#[inline(always)]
+#[must_use]
+pub fn is_finite<T: Real>(x: T) -> bool {
+    x.finite_()
+}
+
+/// `x` if it is below `y`, else `y`: `y` for a NaN `x`, and for two zeros.
+#[inline(always)]
+#[must_use]
+pub fn min<T: Real>(x: T, y: T) -> T {
+    if x < y { x } else { y }
+}
+
+/// `x` if it is above `y`, else `y`: `y` for a NaN `x`, and for two zeros.
+#[inline(always)]
+#[must_use]
+pub fn max<T: Real>(x: T, y: T) -> T {
+    if x > y { x } else { y }
+}
+
+/// `x` within `low..=high`; `low` for a NaN, and wherever `low` is not below `high`.
+#[inline(always)]
+#[must_use]
+pub fn clamp<T: Real>(x: T, low: T, high: T) -> T {
+    max(min(x, high), low)
+}
+
+/// The angle in -pi..=pi that differs by whole turns.
+#[inline]
+#[must_use]
+pub fn wrap<T: Real>(angle: T) -> T {
+    if -T::pi() <= angle && angle <= T::pi() {
+        return angle;
+    }
+    let (sine, cosine) = sin_cos(angle);
+    atan2(sine, cosine)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_nan_never_leaves_clamp() {
+        assert_eq!(clamp(f64::NAN, -1.0, 2.0), -1.0);
+        assert_eq!(clamp(f64::INFINITY, -1.0, 2.0), 2.0);
+        assert_eq!(clamp(f64::NEG_INFINITY, -1.0, 2.0), -1.0);
+    }
+
+    #[test]
+    fn the_second_of_two_zeros_is_taken() {
+        assert!(max(-0.0_f64, 0.0).is_sign_positive());
+        assert!(max(0.0_f64, -0.0).is_sign_negative());
+        assert!(min(-0.0_f64, 0.0).is_sign_positive());
+    }
+
+    #[test]
+    fn wrapping_keeps_what_is_within_half_a_turn() {
+        assert_eq!(wrap(3.0_f64), 3.0);
+        assert!((wrap(7.0_f64) - (7.0 - core::f64::consts::TAU)).abs() < 1e-15);
+        assert!((wrap(-7.0_f64) - (core::f64::consts::TAU - 7.0)).abs() < 1e-15);
+    }
+}

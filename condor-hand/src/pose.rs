@@ -1,0 +1,50 @@
+use nalgebra::{Matrix3, Vector3};
+
+use crate::Real;
+
+/// Where a frame is: its axes as columns of a rotation, and its origin in metres, both in the
+/// frame around it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose<T: Real = f64> {
+    /// The axes of the frame, as columns.
+    pub rotation: Matrix3<T>,
+    /// The origin of the frame, m.
+    pub position: Vector3<T>,
+}
+
+impl<T: Real> Pose<T> {
+    /// The frame around it itself.
+    #[must_use]
+    pub fn identity() -> Self {
+        Self {
+            rotation: Matrix3::identity(),
+            position: Vector3::zeros(),
+        }
+    }
+
+    /// A frame that is only shifted.
+    #[must_use]
+    pub fn at(x: T, y: T, z: T) -> Self {
+        Self {
+            rotation: Matrix3::identity(),
+            position: Vector3::new(x, y, z),
+        }
+    }
+
+    /// The point of the frame, in the frame around it.
+    #[inline(always)]
+    #[must_use]
+    pub fn transform(&self, point: &Vector3<T>) -> Vector3<T> {
+        self.position + self.rotation * point
+    }
+
+    /// A frame within this one, in the frame around this one.
+    #[inline(always)]
+    #[must_use]
+    pub fn then(&self, inner: &Self) -> Self {
+        Self {
+            rotation: self.rotation * inner.rotation,
+            position: self.transform(&inner.position),
+        }
+    }
+}

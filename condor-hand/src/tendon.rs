@@ -1,0 +1,7 @@
+//! From torques of joints to tensions of antagonistic tendons, and to the commands of actuators.
+
+mod arms;
+mod pair;
+
+pub use arms::{ArmError, MomentArms};
+pub use pair::{Pair, Pairs};

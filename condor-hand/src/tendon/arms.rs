@@ -1,0 +1,125 @@
+use nalgebra::SVector;
+use thiserror::Error;
+
+use super::{Pair, Pairs};
+use crate::math::{Real, is_finite};
+
+/// The moment arms of the tendons of one finger: the matrix P of `torque = P tension`, whose
+/// tendons cross the joints proximal to their own.
+///
+/// Row j has the arms at joint j of the tendons of joint k, `k >= j`: metres, positive where the
+/// tendon pulls joint j to positive angles. The matrix is block upper triangular, and the own arms
+/// are `+r` of the flexor and `-r` of the extensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MomentArms<T: Real, const N: usize> {
+    rows: [Pairs<T, N>; N],
+}
+
+/// Arms that no finger can have.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ArmError {
+    /// A joint whose own tendons do not pull it to both sides.
+    #[error(
+        "the tendons of joint {joint} have arms {flexor} m and {extensor} m at it; \
+         the flexor's must be positive and the extensor's negative"
+    )]
+    Own {
+        /// The joint, from 0.
+        joint: usize,
+        /// The arm of its flexor, m.
+        flexor: f64,
+        /// The arm of its extensor, m.
+        extensor: f64,
+    },
+    /// A tendon that crosses a joint beyond its own.
+    #[error(
+        "a tendon of joint {tendon} has the arm {arm} m at joint {joint}, which is distal to it"
+    )]
+    NotTriangular {
+        /// The joint that the tendon belongs to, from 0.
+        tendon: usize,
+        /// The joint that it crosses, from 0.
+        joint: usize,
+        /// The arm, m.
+        arm: f64,
+    },
+    /// An arm that is no finite number.
+    #[error("a tendon of joint {tendon} has the arm {arm} m at joint {joint}")]
+    NotFinite {
+        /// The joint that the tendon belongs to, from 0.
+        tendon: usize,
+        /// The joint that it crosses, from 0.
+        joint: usize,
+        /// The arm, m.
+        arm: f64,
+    },
+}
+
+impl<T: Real, const N: usize> MomentArms<T, N> {
+    /// Arms from rows: `rows[j][k]` are the arms at joint j of the two tendons of joint k.
+    ///
+    /// # Errors
+    ///
+    /// The first arm that makes the matrix not invertible by back-substitution.
+    pub fn new(rows: [Pairs<T, N>; N]) -> Result<Self, ArmError> {
+        for (joint, row) in rows.iter().enumerate() {
+            for (tendon, pair) in row.iter().enumerate() {
+                for arm in [pair.flexor, pair.extensor] {
+                    if !is_finite(arm) {
+                        let arm = arm.to_f64();
+                        return Err(ArmError::NotFinite { tendon, joint, arm });
+                    }
+                    if tendon < joint && arm != T::zero() {
+                        let arm = arm.to_f64();
+                        return Err(ArmError::NotTriangular { tendon, joint, arm });
+                    }
+                }
+                if tendon == joint && !(pair.flexor > T::zero() && pair.extensor < T::zero()) {
+                    return Err(ArmError::Own {
+                        joint,
+                        flexor: pair.flexor.to_f64(),
+                        extensor: pair.extensor.to_f64(),
+                    });
+                }
+            }
+        }
+        Ok(Self { rows })
+    }
+
+    /// The arms at one joint, of the tendons of each joint.
+    #[inline(always)]
+    #[must_use]
+    pub fn rows(&self) -> &[Pairs<T, N>; N] {
+        &self.rows
+    }
+
+    /// The torques of tensions: `P f`, N m.
+    #[inline]
+    #[must_use]
+    pub fn torque(&self, tensions: &Pairs<T, N>) -> SVector<T, N> {
+        SVector::from_fn(|joint, _| {
+            let mut torque = T::zero();
+            if let Some(row) = self.rows.get(joint) {
+                for (arm, tension) in row.iter().zip(tensions).skip(joint) {
+                    torque += arm.flexor * tension.flexor + arm.extensor * tension.extensor;
+                }
+            }
+            torque
+        })
+    }
+
+    /// The rates of the lengths of the tendons: `-Pᵀ qd`, m/s; a shortening flexor flexes.
+    #[inline]
+    #[must_use]
+    pub fn length_rates(&self, qd: &SVector<T, N>) -> Pairs<T, N> {
+        let mut rates = [Pair::both(T::zero()); N];
+        for (row, &rate) in self.rows.iter().zip(qd.iter()) {
+            for (length, arm) in rates.iter_mut().zip(row) {
+                length.flexor -= arm.flexor * rate;
+                length.extensor -= arm.extensor * rate;
+            }
+        }
+        rates
+    }
+}
