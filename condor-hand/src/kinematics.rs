@@ -2,6 +2,12 @@
 //!
 //! All vectors are in the axes of the palm; a tip is a point of the last link.
 
+mod chain;
+mod finger;
+
+pub use chain::{Body, Chain, Joint, Motion};
+pub use finger::{PlanarFinger, Rod};
+
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::{Pose, Real};
@@ -19,8 +25,8 @@ pub type Jacobian<T, const N: usize> = SMatrix<T, 6, N>;
 ///
 /// # For implementers
 ///
-/// Two ship: `Chain` for any mechanism, and the closed form
-/// `PlanarFinger`. `kinematics` gives exactly the pose of `tip`.
+/// Two ship: [`Chain`] for any mechanism, and the closed form
+/// [`PlanarFinger`]. `kinematics` gives exactly the pose of `tip`.
 pub trait Kinematics<T: Real, const N: usize> {
     /// The frame at the tip, in the palm.
     fn tip(&self, q: &SVector<T, N>) -> Pose<T>;

@@ -1,0 +1,60 @@
+use nalgebra::{Matrix3, Vector3};
+
+use crate::{Pose, Real};
+
+/// How the frame of a link moves against the one before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion<T: Real = f64> {
+    /// Rotates about this unit axis, rad.
+    Revolute(Vector3<T>),
+    /// Slides along this unit axis, m.
+    Prismatic(Vector3<T>),
+    /// Does not move: the place of a joint that this mechanism does not have. Its column of a
+    /// Jacobian is zero.
+    Fixed,
+}
+
+/// A joint and where it sits on the link before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint<T: Real = f64> {
+    /// The frame of the link at the joint's zero, in the frame of the link before it.
+    pub placement: Pose<T>,
+    /// How it moves from there; the axis is in the frame of the link.
+    pub motion: Motion<T>,
+}
+
+/// A rigid body, in the frame of its link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body<T: Real = f64> {
+    /// Mass, kg.
+    pub mass: T,
+    /// Centre of mass, m.
+    pub center: Vector3<T>,
+    /// Inertia about the centre of mass in the axes of the link, kg m².
+    pub inertia: Matrix3<T>,
+}
+
+/// Any serial mechanism of N joints: the product of constant placements and of one motion each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chain<T: Real, const N: usize> {
+    /// The base of the mechanism in the palm.
+    pub base: Pose<T>,
+    /// The joints, proximal first.
+    pub joints: [Joint<T>; N],
+    /// The bodies that the joints move, of zero mass where only kinematics is asked for.
+    pub bodies: [Body<T>; N],
+    /// The tip, a point of the last link, m.
+    pub tip: Vector3<T>,
+}
+
+impl<T: Real> Body<T> {
+    /// No mass at all.
+    #[must_use]
+    pub fn massless() -> Self {
+        Self {
+            mass: T::zero(),
+            center: Vector3::zeros(),
+            inertia: Matrix3::zeros(),
+        }
+    }
+}
