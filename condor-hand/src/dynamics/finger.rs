@@ -104,8 +104,10 @@ struct Pull<T> {
 impl<T: Real> Posture<T> {
     #[inline(always)]
     fn of(q: &Vector4<T>) -> Self {
-        let second = q.y + q.z;
-        let [first, second, third] = [q.y, second, second + q.w].map(sin_cos);
+        // By addition theorems: the sum of two angles could overflow.
+        let first = sin_cos(q.y);
+        let second = sum(first, sin_cos(q.z));
+        let third = sum(second, sin_cos(q.w));
         Self {
             turn: sin_cos(q.x),
             sine: [first.0, second.0, third.0],
@@ -123,6 +125,12 @@ impl<T: Real> Posture<T> {
             axial: g.z,
         }
     }
+}
+
+/// Sine and cosine of the sum of two angles, of which those are given.
+#[inline(always)]
+fn sum<T: Real>((s, c): (T, T), (sine, cosine): (T, T)) -> (T, T) {
+    (s * cosine + c * sine, c * cosine - s * sine)
 }
 
 impl<T: Real> PlanarFinger<T> {
