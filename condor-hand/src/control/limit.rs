@@ -1,6 +1,6 @@
 use thiserror::Error;
 
-use crate::math::{Real, abs, clamp, is_finite, max, min, real, sqrt};
+use crate::math::{Real, abs, clamp, is_finite, max, min, real, round, sqrt};
 
 /// A limiter that cannot be.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -138,9 +138,9 @@ impl<T: Real> MotionLimiter<T> {
 
     /// The position at the next sample.
     ///
-    /// Braking by `a` in each period `h`, from the velocity `v = n a h` of this sample, goes
-    /// `a h² n (n + 1) / 2 = v² / 2a + v h / 2` until it stands: the velocity is the one that uses
-    /// up the distance, or the one that arrives with this sample.
+    /// Braking by `c` of velocity in each of n periods `h`, to `v - (n - 1) c <= c` in the last, goes
+    /// `n h (v - c (n - 1) / 2)`: the velocity of this sample is the one that uses up the distance
+    /// with the least n.
     #[inline]
     pub fn update(&mut self, target: T) -> T {
         if is_finite(target) {
@@ -155,13 +155,17 @@ impl<T: Real> MotionLimiter<T> {
         let change = self.max_acceleration * self.period;
         let distance = self.target - self.position;
         let length = abs(distance);
-        let half = change * real(0.5);
-        let braking = sqrt(half * half + real::<T>(2.0) * self.max_acceleration * length) - half;
-        let speed = min(min(braking, length / self.period), self.max_velocity);
+        let arrival = length / self.period;
+        let (one, half) = (T::one(), real::<T>(0.5));
+        // The root of n (n + 1) / 2 = distance / (c h), rounded up.
+        let root = (sqrt(one + real::<T>(8.0) * arrival / change) - one) * half;
+        let periods = max(round(root + half), one);
+        let braking = arrival / periods + change * (periods - one) * half;
+        let speed = min(braking, self.max_velocity);
         let wanted = if distance < T::zero() { -speed } else { speed };
         let velocity = clamp(wanted, self.velocity - change, self.velocity + change);
         // What has been reached is reached: a rounded step would leave a rest to run after.
-        let arrives = velocity == wanted && speed == length / self.period;
+        let arrives = velocity == wanted && speed == arrival;
         self.velocity = max(min(velocity, self.max_velocity), -self.max_velocity);
         self.position = if arrives {
             self.target
