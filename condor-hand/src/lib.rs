@@ -14,6 +14,9 @@
 pub mod math;
 mod pose;
 
+// The laws of control, useful without a hand.
+pub mod control;
+
 // The laws of a finger.
 pub mod dynamics;
 pub mod kinematics;
