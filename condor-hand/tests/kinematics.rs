@@ -406,6 +406,8 @@ fn anything() -> impl Strategy<Value = f64> {
 }
 
 proptest! {
+    #![proptest_config(support::runs())]
+
     #[test]
     fn the_closed_form_is_the_chain(finger in finger(), q in angles::<4>()) {
         let chain = finger.chain();
