@@ -17,8 +17,8 @@ use crate::Real;
 /// The rigid-body dynamics of a serial mechanism of N joints, without friction and armature, which
 /// are those of a [`Drive`].
 ///
-/// Where a joint slides, read m for rad, N for N m and kg for kg m². Finite arguments, of rates so
-/// far that their squares are finite, give finite answers; no method panics.
+/// Where a joint slides, read m for rad, N for N m and kg for kg m². Finite arguments give finite
+/// answers, unless they are so large that a product overflows; no method panics.
 pub trait Dynamics<T: Real, const N: usize> {
     /// The torques (N m) that give the accelerations `qdd` (rad/s²) at the positions `q` (rad) and
     /// rates `qd` (rad/s).
@@ -41,7 +41,8 @@ pub trait Dynamics<T: Real, const N: usize> {
 
     /// The accelerations (rad/s²) that the torques cause, with the inertia of the drives
     /// (`armature`, kg m²) added to the diagonal of the mass matrix. `None` where that matrix is
-    /// not positive definite.
+    /// not positive definite, and where an acceleration is no finite number: a NaN among the
+    /// arguments does not leave here.
     fn forward_dynamics(
         &self,
         q: &SVector<T, N>,

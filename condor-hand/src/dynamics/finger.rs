@@ -3,7 +3,7 @@ use nalgebra::{Matrix4, SVector, Vector3, Vector4};
 use super::Dynamics;
 use crate::Real;
 use crate::kinematics::PlanarFinger;
-use crate::math::{real, sin_cos};
+use crate::math::{is_finite, real, sin_cos};
 
 /// In closed form, with the four sines and cosines of one posture.
 ///
@@ -78,12 +78,9 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
         bend.d += armature.z;
         bend.f += armature.w;
         let bent = bend.solve(&Vector3::new(free.y, free.z, free.w))?;
-        // No order for a NaN, which is not positive either.
-        if turn > T::zero() {
-            Some(Vector4::new(free.x / turn, bent.x, bent.y, bent.z))
-        } else {
-            None
-        }
+        let accelerations = Vector4::new(free.x / turn, bent.x, bent.y, bent.z);
+        let finite = accelerations.iter().all(|&qdd| is_finite(qdd));
+        (turn > T::zero() && finite).then_some(accelerations)
     }
 }
 
