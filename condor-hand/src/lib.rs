@@ -22,5 +22,8 @@ pub mod dynamics;
 pub mod kinematics;
 pub mod tendon;
 
+// The motion of joints.
+pub mod trajectory;
+
 pub use math::Real;
 pub use pose::Pose;
