@@ -19,5 +19,8 @@ pub mod dynamics;
 pub mod kinematics;
 pub mod tendon;
 
+// What differs from hand to hand.
+pub mod config;
+
 pub use math::Real;
 pub use pose::Pose;
