@@ -11,10 +11,10 @@ use std::string::String;
 
 use serde::Deserialize;
 
-use super::Hand;
 use super::check::Path;
+use super::{Hand, PROCESSORS};
 use problem::Fault;
-use tree::Node;
+use tree::{Node, Value};
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Reads a hand from TOML and checks it.
@@ -44,6 +44,7 @@ fn read<const FINGERS: usize, const JOINTS: usize>(
 ) -> Result<Hand<FINGERS, JOINTS>, Fault> {
     let mut tree = Node::parse(text)?;
     defaults::fill(&mut tree)?;
+    room::<FINGERS, JOINTS>(&tree)?;
     let hand = Hand::deserialize(&tree)?;
     let mut path = Path::new();
     hand.examine(&mut path).map_err(|mistake| Fault {
@@ -51,4 +52,37 @@ fn read<const FINGERS: usize, const JOINTS: usize>(
         problem: Problem::Mistake(mistake),
     })?;
     Ok(hand)
+}
+
+/// Lists that the type has no room for; what is no list is told about later.
+fn room<const FINGERS: usize, const JOINTS: usize>(tree: &Node) -> Result<(), Fault> {
+    list(tree, "processors", "processors", PROCESSORS)?;
+    if let Some(table) = tree.get("table") {
+        list(table, "axes", "axes", 3)?;
+    }
+    for finger in list(tree, "fingers", "fingers", FINGERS)? {
+        for joint in list(finger, "joints", "joints in a finger", JOINTS)? {
+            list(joint, "crosses", "crossed joints", JOINTS)?;
+        }
+    }
+    Ok(())
+}
+
+fn list<'a>(
+    node: &'a Node,
+    key: &str,
+    of: &'static str,
+    most: usize,
+) -> Result<&'a [Node], Fault> {
+    let Some(Value::List(list)) = node.get(key).map(|node| &node.value) else {
+        return Ok(&[]);
+    };
+    let Some(surplus) = list.get(most) else {
+        return Ok(list);
+    };
+    let count = list.len();
+    Err(Fault {
+        span: Some(surplus.span.clone()),
+        problem: Problem::TooMany { of, count, most },
+    })
 }

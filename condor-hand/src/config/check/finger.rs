@@ -199,9 +199,13 @@ fn joint<const F: usize, const J: usize>(
     converters(examiner, root, "", (&joint.adc, position), None)?;
     tendon(examiner, root, "flexor", &joint.flexor, rate_hz)?;
     tendon(examiner, root, "extensor", &joint.extensor, rate_hz)?;
+    // Antagonists with different limits need tensions that both can have.
+    let (flexor, extensor) = (&joint.flexor, &joint.extensor);
+    let limit = ("extensor.max_n", extensor.max_n);
+    examiner.below(root, "flexor", ("min_n", flexor.min_n), limit)?;
+    let limit = ("flexor.max_n", flexor.max_n);
+    examiner.below(root, "extensor", ("min_n", extensor.min_n), limit)?;
     let (least, largest) = joint.tension_range();
-    // Antagonists with different limits need some that both can have.
-    examiner.below(root, "extensor", ("min_n", least), ("flexor.max_n", largest))?;
     match joint.rectification {
         Rectification::Hard => Ok(()),
         Rectification::Mean { co_contraction_n: mean } => {

@@ -1,16 +1,20 @@
 //! Where a value comes from that a joint or a finger leaves out.
 
+use core::ops::Range;
 use std::string::String;
 use std::vec::Vec;
 
 use super::problem::{Fault, Problem};
-use super::tree::{Node, Value};
+use super::tree::{FilledIn, Node, Value};
 
 /// The defaults of the joints of a finger, or of all fingers.
 const JOINT_DEFAULTS: &str = "joint_defaults";
 
 /// The finger from which another takes what it leaves out.
 const LIKE: &str = "like";
+
+/// What a finger does not take from the one that it is like.
+const CHANNEL: &str = "channel";
 
 /// Keys whose tables have one key that chooses: two choices do not mix.
 const CHOICES: [&str; 5] = ["form", "motion", "rectification", "rotation", "shape"];
@@ -41,7 +45,9 @@ pub(super) fn fill(tree: &mut Node) -> Result<(), Fault> {
         if let Some(defaults) = &general {
             each_joint(finger, |joint| joint.add(defaults));
         }
-        above.push(finger.clone());
+        let mut model = finger.clone();
+        model.disconnect();
+        above.push(model);
     }
     Ok(())
 }
@@ -71,9 +77,14 @@ fn find<'a>(above: &'a [Node], like: &Node) -> Result<&'a Node, Fault> {
             expected: "the name of a finger".into(),
         }));
     };
-    let named = |finger: &&Node| matches!(finger.get("name").map(|node| &node.value), Some(Value::Text(other)) if other == name);
-    let name = String::from(name);
-    above.iter().find(named).ok_or_else(|| fault(Problem::LikeNothing { name }))
+    let finger = above.iter().find(|finger| {
+        let other = finger.get("name").map(|node| &node.value);
+        matches!(other, Some(Value::Text(other)) if other == name)
+    });
+    finger.ok_or_else(|| {
+        let name = String::from(name);
+        fault(Problem::LikeNothing { name })
+    })
 }
 
 fn each_joint(finger: &mut Node, mut change: impl FnMut(&mut Node)) {
@@ -92,8 +103,41 @@ impl Node {
             match own.iter_mut().find(|(other, _)| other.name == key.name) {
                 Some((_, node)) if CHOICES.contains(&key.name.as_str()) => node.add_choice(default),
                 Some((_, node)) => node.add(default),
-                None => own.push((key.clone(), default.clone())),
+                None => {
+                    let mut filled = default.clone();
+                    let (span, way) = match &self.filled_in {
+                        Some(outer) => (&outer.span, outer.way.as_str()),
+                        None => (&self.span, ""),
+                    };
+                    filled.fill_in(span, way, &key.name);
+                    own.push((key.clone(), filled));
+                }
             }
+        }
+    }
+
+    /// Says that this stands in another table than that of its text: what it lacks is lacking there.
+    fn fill_in(&mut self, span: &Range<usize>, way: &str, name: &str) {
+        let Value::Table(entries) = &mut self.value else {
+            return;
+        };
+        let way = if way.is_empty() { name.into() } else { std::format!("{way}.{name}") };
+        for (key, node) in entries {
+            node.fill_in(span, &way, &key.name);
+        }
+        let span = span.clone();
+        self.filled_in = Some(FilledIn { span, way });
+    }
+
+    /// Removes every `channel`: no two joints share one.
+    fn disconnect(&mut self) {
+        match &mut self.value {
+            Value::Table(entries) => {
+                entries.retain(|(key, _)| key.name != CHANNEL);
+                entries.iter_mut().for_each(|(_, node)| node.disconnect());
+            }
+            Value::List(list) => list.iter_mut().for_each(Self::disconnect),
+            _ => {}
         }
     }
 

@@ -7,11 +7,15 @@ use std::string::{String, ToString};
 use serde::de;
 use thiserror::Error;
 
+use super::tree::Node;
 use crate::config::Mistake;
 
 /// A text that says no hand.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[error("{file}:{line}:{column}: {problem}\n    {text}")]
+#[error(
+    "{file}:{line}:{column}: {problem}{}{text}",
+    if text.is_empty() { "" } else { "\n    " }
+)]
 #[non_exhaustive]
 pub struct TextError {
     /// The name of the file.
@@ -71,12 +75,22 @@ pub enum Problem {
         expected: String,
     },
     /// A list or a name of the wrong length.
-    #[error("a length of {length} is not that of {expected}")]
+    #[error("the length {length} is not that of {expected}")]
     Length {
-        /// The length; of a list that is too long, that at which it was too long.
+        /// The length.
         length: usize,
         /// What has which length.
         expected: String,
+    },
+    /// More entries in a list than the program has room for.
+    #[error("there are {count} {of}; this program has room for {most}")]
+    TooMany {
+        /// Of what.
+        of: &'static str,
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        most: usize,
     },
     /// A finger like one that is not above it.
     #[error("no finger `{name}` stands above this one")]
@@ -119,6 +133,17 @@ impl Fault {
     /// The place, where none nearer to the problem was known.
     pub(super) fn within(mut self, span: &Range<usize>) -> Self {
         self.span.get_or_insert_with(|| span.clone());
+        self
+    }
+
+    /// A key that a table of defaults lacks is one that the table lacks which took the defaults.
+    pub(super) fn lacking(mut self, node: &Node) -> Self {
+        if let (None, Problem::MissingKey { key }, Some(filled_in)) =
+            (&self.span, &mut self.problem, &node.filled_in)
+        {
+            *key = std::format!("{}.{key}", filled_in.way);
+            self.span = Some(filled_in.span.clone());
+        }
         self
     }
 
@@ -166,7 +191,14 @@ impl de::Error for Fault {
     }
 
     fn invalid_type(found: de::Unexpected<'_>, expected: &dyn de::Expected) -> Self {
-        let (found, expected) = (found.to_string(), expected.to_string());
+        let found = found.to_string();
+        let expected = match expected.to_string().as_str() {
+            "f64" => "a number".into(),
+            "u8" => std::format!("a whole number from 0 to {}", u8::MAX),
+            "u16" => std::format!("a whole number from 0 to {}", u16::MAX),
+            "u32" => std::format!("a whole number from 0 to {}", u32::MAX),
+            other => other.into(),
+        };
         Problem::Unsuitable { found, expected }.into()
     }
 

@@ -62,7 +62,7 @@ impl<'de> de::Deserializer<'de> for &'de Node {
             }
             .into()),
         };
-        value.map_err(|fault| fault.within(&self.span))
+        value.map_err(|fault| fault.lacking(self).within(&self.span))
     }
 
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {

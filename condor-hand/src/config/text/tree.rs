@@ -14,6 +14,16 @@ use super::problem::{Fault, Problem};
 pub(super) struct Node {
     pub(super) span: Range<usize>,
     pub(super) value: Value,
+    /// Where a key belongs that is missing here, if this is a table of defaults.
+    pub(super) filled_in: Option<FilledIn>,
+}
+
+/// The table that a table of defaults was filled in.
+#[derive(Clone, Debug)]
+pub(super) struct FilledIn {
+    pub(super) span: Range<usize>,
+    /// The keys from there to the table of defaults.
+    pub(super) way: String,
 }
 
 /// A key and where it stands.
@@ -57,7 +67,15 @@ impl Node {
         // In the order of the file, so that its first problem is the one that is told.
         entries.sort_by_key(|(key, _)| key.span.start);
         let value = Value::Table(entries);
-        Ok(Self { span, value })
+        Ok(Self::new(span, value))
+    }
+
+    fn new(span: Range<usize>, value: Value) -> Self {
+        Self {
+            span,
+            value,
+            filled_in: None,
+        }
     }
 
     fn node(node: &Spanned<DeValue<'_>>) -> Result<Self, Fault> {
@@ -86,7 +104,7 @@ impl Node {
             }
             DeValue::Table(table) => return Self::table(table, span),
         };
-        Ok(Self { span, value })
+        Ok(Self::new(span, value))
     }
 
     pub(super) fn get(&self, name: &str) -> Option<&Self> {
