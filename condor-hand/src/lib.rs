@@ -22,8 +22,12 @@ pub mod dynamics;
 pub mod kinematics;
 pub mod tendon;
 
-// The motion of joints.
+// The servos of a finger, and the motion that they follow.
+pub mod servo;
 pub mod trajectory;
+
+// What differs from hand to hand.
+pub mod config;
 
 pub use math::Real;
 pub use pose::Pose;
