@@ -23,6 +23,7 @@ pub mod kinematics;
 pub mod tendon;
 
 // The servos of a finger, and the motion that they follow.
+pub mod controller;
 pub mod servo;
 pub mod trajectory;
 

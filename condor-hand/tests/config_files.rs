@@ -18,9 +18,8 @@ const TEXT: &str = include_str!("../hands/utah-mit.toml");
 
 static UTAH: LazyLock<Utah> = LazyLock::new(|| Hand::from_toml(TEXT, "utah-mit.toml").unwrap());
 
-static TRIPOD: LazyLock<Tripod> = LazyLock::new(|| {
-    Hand::from_toml(include_str!("hands/tripod.toml"), "tripod.toml").unwrap()
-});
+static TRIPOD: LazyLock<Tripod> =
+    LazyLock::new(|| Hand::from_toml(include_str!("hands/tripod.toml"), "tripod.toml").unwrap());
 
 fn image<const F: usize, const J: usize>(hand: &Hand<F, J>) -> Vec<u8> {
     let mut buffer = vec![0; 1 << 16];
@@ -35,7 +34,11 @@ fn text_and_image_give_the_same_hand() {
     assert_eq!(Hand::from_toml(&text, "printed").unwrap(), *UTAH, "{text}");
     assert_eq!(Utah::from_image(&image(&*UTAH)).unwrap(), *UTAH);
     let text = TRIPOD.to_toml().unwrap();
-    assert_eq!(Hand::from_toml(&text, "printed").unwrap(), *TRIPOD, "{text}");
+    assert_eq!(
+        Hand::from_toml(&text, "printed").unwrap(),
+        *TRIPOD,
+        "{text}"
+    );
     assert_eq!(Tripod::from_image(&image(&*TRIPOD)).unwrap(), *TRIPOD);
 }
 
@@ -46,11 +49,19 @@ fn an_image_does_not_depend_on_the_room_of_the_program() {
     assert_eq!(self::image(&roomy), image);
     assert_eq!(
         Hand::<2, 3>::from_image(&image),
-        Err(ImageError::Capacity { of: "fingers", needed: 3, capacity: 2 })
+        Err(ImageError::Capacity {
+            of: "fingers",
+            needed: 3,
+            capacity: 2
+        })
     );
     assert_eq!(
         Hand::<3, 2>::from_image(&image),
-        Err(ImageError::Capacity { of: "joints in a finger", needed: 3, capacity: 2 })
+        Err(ImageError::Capacity {
+            of: "joints in a finger",
+            needed: 3,
+            capacity: 2
+        })
     );
 }
 
@@ -73,27 +84,48 @@ fn what_is_wrong_with_an_image_is_said() {
     let len = good.len();
     assert_eq!(
         Tripod::from_image(&good[..len - 1]),
-        Err(ImageError::Truncated { needed: len, len: len - 1 })
+        Err(ImageError::Truncated {
+            needed: len,
+            len: len - 1
+        })
     );
-    assert_eq!(Tripod::from_image(&[]), Err(ImageError::Truncated { needed: 20, len: 0 }));
+    assert_eq!(
+        Tripod::from_image(&[]),
+        Err(ImageError::Truncated { needed: 20, len: 0 })
+    );
     let mut long = good.clone();
     long.push(0);
     assert_eq!(
         Tripod::from_image(&long),
-        Err(ImageError::TooLong { needed: len, len: len + 1 })
+        Err(ImageError::TooLong {
+            needed: len,
+            len: len + 1
+        })
     );
     let mut other = good.clone();
     other[0] = b'X';
-    assert_eq!(Tripod::from_image(&other), Err(ImageError::Magic { found: *b"XNDH" }));
+    assert_eq!(
+        Tripod::from_image(&other),
+        Err(ImageError::Magic { found: *b"XNDH" })
+    );
     let mut other = good.clone();
     other[4] = 2;
-    assert_eq!(Tripod::from_image(&other), Err(ImageError::Version { found: 2 }));
+    assert_eq!(
+        Tripod::from_image(&other),
+        Err(ImageError::Version { found: 2 })
+    );
     for byte in 6..len {
         let mut other = good.clone();
         other[byte] ^= 1;
         let error = Tripod::from_image(&other).unwrap_err();
-        let lengths = matches!(error, ImageError::Truncated { .. } | ImageError::TooLong { .. });
-        assert!(lengths || matches!(error, ImageError::Checksum { .. }), "{byte}: {error}");
+        let lengths = matches!(
+            error,
+            ImageError::Truncated { .. } | ImageError::TooLong { .. }
+        );
+        assert!(
+            lengths || matches!(error, ImageError::Checksum { .. }),
+            "{byte}: {error}"
+        );
     }
 }
 
@@ -121,7 +153,10 @@ fn a_mistake_under_the_right_checksum_is_found() {
     seal(&mut bytes);
     let error = Tripod::from_image(&bytes).unwrap_err();
     assert!(
-        matches!(error, ImageError::Mistake(Mistake::NotPositive { value: -0.02, .. })),
+        matches!(
+            error,
+            ImageError::Mistake(Mistake::NotPositive { value: -0.02, .. })
+        ),
         "{error}"
     );
     let mut bytes = before;
@@ -136,12 +171,21 @@ fn a_hand_without_fingers_or_processors_is_none() {
     hand.fingers.clear();
     let error = hand.check().unwrap_err();
     assert_eq!(error.to_string(), "`fingers` of the hand is empty");
-    assert_eq!(hand.to_image(&mut [0; 4096]), Err(ImageError::Mistake(error)));
+    assert_eq!(
+        hand.to_image(&mut [0; 4096]),
+        Err(ImageError::Mistake(error))
+    );
     hand.processors.clear();
-    assert_eq!(hand.check().unwrap_err().to_string(), "`processors` of the hand is empty");
+    assert_eq!(
+        hand.check().unwrap_err().to_string(),
+        "`processors` of the hand is empty"
+    );
     let mut hand = UTAH.clone();
     hand.table.as_mut().unwrap().axes.clear();
-    assert_eq!(hand.check().unwrap_err().to_string(), "`table.axes` of the hand is empty");
+    assert_eq!(
+        hand.check().unwrap_err().to_string(),
+        "`table.axes` of the hand is empty"
+    );
 }
 
 /// The text of the hand with other boards, channels and processors: nothing else is edited.
@@ -274,18 +318,30 @@ proptest! {
 fn hands() -> impl Strategy<Value = Utah> {
     let rectification = prop_oneof![
         Just(Rectification::Hard),
-        (4.0..130.0).prop_map(|n| Rectification::Mean { co_contraction_n: n }),
+        (4.0..130.0).prop_map(|n| Rectification::Mean {
+            co_contraction_n: n
+        }),
         (0.1..100.0).prop_map(|n| Rectification::Smooth { softness_n: n }),
     ];
     let rotation = prop_oneof![
         Just(Rotation::None),
         prop::array::uniform3(-10.0..10.0).prop_map(Rotation::Rpy),
-        (-10.0..10.0).prop_map(|angle| Rotation::Axis { axis: [0.6, 0.0, -0.8], angle }),
+        (-10.0..10.0).prop_map(|angle| Rotation::Axis {
+            axis: [0.6, 0.0, -0.8],
+            angle
+        }),
     ];
     let numbers = vec(1e-6..1.0, 8);
     let cutoff = proptest::option::of(1e-3..199.0);
-    (rectification, rotation, numbers, cutoff, "[a-z \"\\\\=#é]{1,7}", 0..5_usize).prop_map(
-        |(rectification, rotation, numbers, cutoff, name, kept)| {
+    (
+        rectification,
+        rotation,
+        numbers,
+        cutoff,
+        "[a-z \"\\\\=#é]{1,7}",
+        0..5_usize,
+    )
+        .prop_map(|(rectification, rotation, numbers, cutoff, name, kept)| {
             let mut hand = UTAH.clone();
             hand.gravity[1] = -numbers[0] * 1e300;
             hand.contact = None;
@@ -312,6 +368,5 @@ fn hands() -> impl Strategy<Value = Utah> {
                 finger.joints[3].crosses.truncate(kept.min(2));
             }
             hand
-        },
-    )
+        })
 }

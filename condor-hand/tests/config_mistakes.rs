@@ -19,7 +19,11 @@ fn check(file: &str, from: &str, to: &str, expected: &str) {
     assert_eq!(error.to_string(), expected);
     let line = text.lines().nth(error.line - 1).unwrap();
     let found: String = line.chars().skip(error.column - 1).collect();
-    assert!(found.starts_with(&error.text), "`{}` is not at the front of `{found}`", error.text);
+    assert!(
+        found.starts_with(&error.text),
+        "`{}` is not at the front of `{found}`",
+        error.text
+    );
 }
 
 macro_rules! cases {

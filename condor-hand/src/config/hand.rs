@@ -22,6 +22,9 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     pub servo_hz: u32,
     /// The rate of the trajectories, and of a master that names no other, Hz.
     pub trajectory_hz: u32,
+    /// How long a step of tensions takes that a change of mode or gains would make at once, s.
+    #[serde(default = "transition_s")]
+    pub transition_s: f64,
     /// Gravity in the axes of the palm, m/s².
     pub gravity: [f64; 3],
     /// When a controller gives up, and how.
@@ -34,6 +37,11 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     pub table: Option<Table>,
     /// The fingers.
     pub fingers: Vec<Finger<JOINTS>, FINGERS>,
+}
+
+/// A tenth of a second.
+fn transition_s() -> f64 {
+    0.1
 }
 
 /// A control processor.

@@ -68,12 +68,7 @@ fn room<const FINGERS: usize, const JOINTS: usize>(tree: &Node) -> Result<(), Fa
     Ok(())
 }
 
-fn list<'a>(
-    node: &'a Node,
-    key: &str,
-    of: &'static str,
-    most: usize,
-) -> Result<&'a [Node], Fault> {
+fn list<'a>(node: &'a Node, key: &str, of: &'static str, most: usize) -> Result<&'a [Node], Fault> {
     let Some(Value::List(list)) = node.get(key).map(|node| &node.value) else {
         return Ok(&[]);
     };

@@ -121,6 +121,18 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         &self.mechanism
     }
 
+    /// The moment arms of its tendons.
+    #[must_use]
+    pub fn arms(&self) -> &MomentArms<T, N> {
+        &self.arms
+    }
+
+    /// The target of a joint; `None` for a joint that the finger does not have.
+    #[must_use]
+    pub fn target(&self, joint: usize) -> Option<Target<T>> {
+        self.joints.get(joint).map(|servo| servo.target)
+    }
+
     /// The mode of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn mode(&self, joint: usize) -> Option<Mode> {
@@ -134,10 +146,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     ///
     /// A target that the joint cannot have; it keeps the one that it has.
     pub fn set_target(&mut self, joint: usize, target: Target<T>) -> Result<(), SettingError> {
-        let servo = self.joints.get_mut(joint).ok_or(SettingError::NoJoint {
-            joint,
-            joints: N,
-        })?;
+        let servo = self
+            .joints
+            .get_mut(joint)
+            .ok_or(SettingError::NoJoint { joint, joints: N })?;
         servo.check(joint, &target)?;
         self.changed |= target.mode() != servo.target.mode();
         servo.take(target);
@@ -174,10 +186,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     ///
     /// Gains that no joint can have; it keeps the ones that it has.
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<T>) -> Result<(), SettingError> {
-        let servo = self.joints.get_mut(joint).ok_or(SettingError::NoJoint {
-            joint,
-            joints: N,
-        })?;
+        let servo = self
+            .joints
+            .get_mut(joint)
+            .ok_or(SettingError::NoJoint { joint, joints: N })?;
         servo.set_gains(joint, gains)?;
         self.changed = true;
         Ok(())
@@ -191,9 +203,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
         let torque = self.torques(&position, &velocity, &tension, gravity);
         let given = core::array::from_fn(|joint| self.joints.get(joint)?.given_tensions());
-        let allocated = self
-            .arms
-            .allocate_around(&torque, &self.allocation, &given);
+        let allocated = self.arms.allocate_around(&torque, &self.allocation, &given);
         let desired = self.smooth(allocated.tensions);
         self.desired = desired;
 
@@ -234,7 +244,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             }
         }
         let mut position = sensed.position;
-        let mut velocity = SVector::zeros();
+        let mut velocity = SVector::<T, N>::zeros();
         let mut tension = sensed.tension;
         for (((servo, position), velocity), last) in self
             .joints
@@ -294,7 +304,11 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         };
         let inverse = if self.joints.iter().any(|servo| follows(servo, false)) {
             let acceleration = SVector::from_fn(|joint, _| {
-                let of_joint = (self.joints.get(joint), position.get(joint), velocity.get(joint));
+                let of_joint = (
+                    self.joints.get(joint),
+                    position.get(joint),
+                    velocity.get(joint),
+                );
                 match of_joint {
                     (Some(servo), Some(&position), Some(&velocity)) => {
                         servo.acceleration(position, velocity)
@@ -321,9 +335,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         let friction = self.drive.torque(&asked);
         let measured = self.arms.torque(tension);
 
-        let mut torque = SVector::zeros();
+        let mut torque = SVector::<T, N>::zeros();
         for (joint, (torque, servo)) in torque.iter_mut().zip(&mut self.joints).enumerate() {
-            let of = |vector: &SVector<T, N>| vector.get(joint).copied().unwrap_or(T::zero());
+            let of = |vector: &SVector<T, N>| vector.get(joint).map_or(T::zero(), |&value| value);
             *torque = servo.torque(&Felt {
                 position: of(position),
                 rate: of(velocity),

@@ -74,10 +74,7 @@ impl<T: Real> JointServo<T> {
             position_filter: low_pass(settings.position_cutoff_hz)?,
             velocity: Derivative::new(settings.velocity_cutoff_hz, sample_hz).map_err(filter)?,
             stop: settings.stop,
-            torque: (
-                own.extensor * (max_n - min_n),
-                own.flexor * (max_n - min_n),
-            ),
+            torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
             tension: (min_n, max_n),
             integrator: settings.gains.integrator(joint)?,
             period: T::one() / sample_hz,
@@ -142,9 +139,11 @@ impl<T: Real> JointServo<T> {
             Mode::Tension => Target::Tension(tension),
             Mode::Torque => Target::Torque(torque),
             Mode::Grasp => Target::Grasp(torque),
-            Mode::Position => {
-                Target::Position(SetPoint::rest(clamp(position, self.stop.low, self.stop.high)))
-            }
+            Mode::Position => Target::Position(SetPoint::rest(clamp(
+                position,
+                self.stop.low,
+                self.stop.high,
+            ))),
         }
     }
 
@@ -169,7 +168,8 @@ impl<T: Real> JointServo<T> {
                 let w = T::two_pi() * bandwidth_hz;
                 let error = set_point.position - position;
                 let error_rate = set_point.velocity - rate;
-                set_point.acceleration + w * (real::<T>(2.0) * damping_ratio * error_rate + w * error)
+                set_point.acceleration
+                    + w * (real::<T>(2.0) * damping_ratio * error_rate + w * error)
             }
             _ => T::zero(),
         }

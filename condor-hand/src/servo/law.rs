@@ -48,9 +48,15 @@ impl<T: Real> SoftStop<T> {
     pub fn torque(&self, position: T, rate: T) -> T {
         let (low, high) = (self.low + self.zone, self.high - self.zone);
         if position < low {
-            max(self.stiffness * (low - position) - self.damping * rate, T::zero())
+            max(
+                self.stiffness * (low - position) - self.damping * rate,
+                T::zero(),
+            )
         } else if position > high {
-            min(self.stiffness * (high - position) - self.damping * rate, T::zero())
+            min(
+                self.stiffness * (high - position) - self.damping * rate,
+                T::zero(),
+            )
         } else {
             T::zero()
         }

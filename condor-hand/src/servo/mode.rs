@@ -1,6 +1,6 @@
+use crate::Real;
 use crate::tendon::Pair;
 use crate::trajectory::SetPoint;
-use crate::Real;
 
 /// What the servo of a joint does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

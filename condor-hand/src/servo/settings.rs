@@ -4,7 +4,7 @@ use super::{PositionLaw, SoftStop};
 use crate::control::{FilterError, PidError};
 use crate::dynamics::Drive;
 use crate::math::{Real, is_finite};
-use crate::tendon::{Allocation, AllocationError, Pair, TensionError, TensionGains};
+use crate::tendon::{Allocation, AllocationError, Pair, TensionGains, TensionServoError};
 
 /// What can be tuned while a joint runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +59,9 @@ pub enum SettingError {
         /// How many there are.
         joints: usize,
     },
+    /// A finger that rests after a fault, or is on its way to rest.
+    #[error("the finger rests after a fault, which must be cleared first")]
+    AfterFault,
     /// A number that is not finite, or negative where that makes no sense.
     #[error("joint {joint} cannot have {value} as {what}")]
     Value {
@@ -143,7 +146,7 @@ pub enum SettingError {
         /// The joint, from 0.
         joint: usize,
         /// What is wrong.
-        error: TensionError,
+        error: TensionServoError,
     },
 }
 
@@ -188,7 +191,11 @@ impl<T: Real> SoftStop<T> {
             ("lower limit, rad", self.low, self.high >= self.low),
             ("upper limit, rad", self.high, true),
             ("zone of a stop, rad", self.zone, self.zone >= T::zero()),
-            ("stiffness of a stop", self.stiffness, self.stiffness >= T::zero()),
+            (
+                "stiffness of a stop",
+                self.stiffness,
+                self.stiffness >= T::zero(),
+            ),
             ("damping of a stop", self.damping, self.damping >= T::zero()),
         ];
         for (what, value, sensible) in named {

@@ -151,6 +151,20 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         torque: &SVector<T, N>,
         allocation: &[Allocation<T>; N],
     ) -> Allocated<T, N> {
+        self.allocate_around(torque, allocation, &[None; N])
+    }
+
+    /// The same, around joints whose tensions are given, N: their torque is what comes of it, and
+    /// the joints proximal to them reckon with it.
+    ///
+    /// Given tensions are taken within the limits of their joint; a NaN is the minimum.
+    #[inline]
+    pub fn allocate_around(
+        &self,
+        torque: &SVector<T, N>,
+        allocation: &[Allocation<T>; N],
+        given: &[Option<Pair<T>>; N],
+    ) -> Allocated<T, N> {
         const { assert!(N <= 32, "a joint is a bit of 32") };
         let mut allocated = Allocated {
             tensions: [Pair::both(T::zero()); N],
@@ -158,6 +172,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
             saturated: 0,
             not_finite: 0,
         };
+        let mut fixed = 0;
         for joint in (0..N).rev() {
             let (Some(row), Some(reciprocal), Some(allocation), Some(&torque)) = (
                 self.rows().get(joint),
@@ -175,6 +190,13 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
             let mut net = torque - low * (own.flexor + own.extensor);
             for (arm, tension) in row.iter().zip(&allocated.tensions).skip(joint + 1).rev() {
                 net -= arm.flexor * tension.flexor + arm.extensor * tension.extensor;
+            }
+            if let Some(&Some(pair)) = given.get(joint) {
+                if let Some(tension) = allocated.tensions.get_mut(joint) {
+                    *tension = pair.map(|tension| clamp(tension, low, high));
+                }
+                fixed |= 1 << joint;
+                continue;
             }
             let u = allocation.rectification.agonist(net, low, own);
             let mut pair = Pair {
@@ -202,18 +224,21 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         }
         if allocated.not_finite != 0 {
             self.at_rest(&mut allocated, torque, allocation);
-        } else if allocated.saturated != 0 {
-            self.reckon(&mut allocated);
+        } else {
+            let joints = allocated.saturated | fixed;
+            if joints != 0 {
+                self.reckon(&mut allocated, joints);
+            }
         }
         allocated
     }
 
-    /// Says what the saturated joints do have.
+    /// Says what torques some joints do have: the saturated ones, and those of given tensions.
     #[cold]
-    fn reckon(&self, allocated: &mut Allocated<T, N>) {
+    fn reckon(&self, allocated: &mut Allocated<T, N>, joints: u32) {
         let made = self.torque(&allocated.tensions);
         for (joint, (torque, &made)) in allocated.torque.iter_mut().zip(&made).enumerate() {
-            if allocated.saturated & 1 << joint != 0 {
+            if joints & 1 << joint != 0 {
                 *torque = made;
             }
         }

@@ -162,6 +162,28 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         Ok(())
     }
 
+    /// Lets a joint that is elsewhere join the motion of the ticks: from this state on it closes
+    /// what is between the two, within its own bounds.
+    ///
+    /// # Errors
+    ///
+    /// A state that is not finite or too far away; then the joint stays where it is.
+    pub fn join(&mut self, joint: usize, now: &SetPoint<T>) -> Result<(), SetPointError> {
+        let Some(onto) = self.joints.get(joint).map(|joint| self.base(joint)) else {
+            return Ok(());
+        };
+        let Some(moved) = self.joints.get_mut(joint) else {
+            return Ok(());
+        };
+        moved
+            .bridge(now, &onto)
+            .map_err(|_| SetPointError::NotFinite {
+                joint,
+                position: now.position.to_f64(),
+                velocity: now.velocity.to_f64(),
+            })
+    }
+
     /// The set-points one servo period later.
     pub fn step(&mut self) -> [SetPoint<T>; J] {
         if self.step < self.length {

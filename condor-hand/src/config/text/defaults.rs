@@ -121,7 +121,11 @@ impl Node {
         let Value::Table(entries) = &mut self.value else {
             return;
         };
-        let way = if way.is_empty() { name.into() } else { std::format!("{way}.{name}") };
+        let way = if way.is_empty() {
+            name.into()
+        } else {
+            std::format!("{way}.{name}")
+        };
         for (key, node) in entries {
             node.fill_in(span, &way, &key.name);
         }
@@ -144,7 +148,9 @@ impl Node {
     /// `add`, unless the choices differ.
     fn add_choice(&mut self, defaults: &Self) {
         if let (Value::Table(own), Value::Table(others)) = (&self.value, &defaults.value)
-            && own.iter().all(|(key, _)| others.iter().any(|(other, _)| other.name == key.name))
+            && own
+                .iter()
+                .all(|(key, _)| others.iter().any(|(other, _)| other.name == key.name))
         {
             self.add(defaults);
         }

@@ -151,7 +151,9 @@ impl Fault {
         let span = self.span.unwrap_or(0..0);
         let before = text.get(..span.start).unwrap_or(text);
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
-        let offending = text.get(span.start..span.end.max(span.start)).unwrap_or_default();
+        let offending = text
+            .get(span.start..span.end.max(span.start))
+            .unwrap_or_default();
         TextError {
             file: file.into(),
             line: before.matches('\n').count() + 1,
@@ -164,7 +166,10 @@ impl Fault {
 
 impl From<Problem> for Fault {
     fn from(problem: Problem) -> Self {
-        Self { span: None, problem }
+        Self {
+            span: None,
+            problem,
+        }
     }
 }
 
@@ -178,7 +183,9 @@ impl core::error::Error for Fault {}
 
 /// The word that differs least, if it differs little.
 fn nearest(word: &str, known: &[&'static str]) -> Option<&'static str> {
-    let distances = known.iter().map(|&other| (strsim::osa_distance(word, other), other));
+    let distances = known
+        .iter()
+        .map(|&other| (strsim::osa_distance(word, other), other));
     let (distance, nearest) = distances.min()?;
     let tolerance = word.chars().count().div_ceil(3);
     (distance <= tolerance).then_some(nearest)

@@ -112,7 +112,9 @@ impl Node {
             return None;
         };
         let mut entries = entries.iter();
-        entries.find(|(key, _)| key.name == name).map(|(_, node)| node)
+        entries
+            .find(|(key, _)| key.name == name)
+            .map(|(_, node)| node)
     }
 
     pub(super) fn get_mut(&mut self, name: &str) -> Option<&mut Self> {
@@ -120,7 +122,9 @@ impl Node {
             return None;
         };
         let mut entries = entries.iter_mut();
-        entries.find(|(key, _)| key.name == name).map(|(_, node)| node)
+        entries
+            .find(|(key, _)| key.name == name)
+            .map(|(_, node)| node)
     }
 
     /// Takes an entry out of a table.
