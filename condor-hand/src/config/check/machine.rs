@@ -46,6 +46,7 @@ pub(super) fn constants<const F: usize, const J: usize>(
 ) -> Result<(), Mistake> {
     let hand = examiner.hand;
     examiner.name(Root::Hand, &hand.name, core::iter::empty())?;
+    examiner.number(Root::Hand, "transition_s", hand.transition_s, Bound::Above0)?;
     let faults = &hand.faults;
     let rows = [
         ("safe_s", faults.safe_s, Bound::Above0),
