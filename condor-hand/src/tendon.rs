@@ -3,6 +3,7 @@
 mod allocation;
 mod arms;
 mod calibration;
+pub mod fault;
 mod pair;
 mod servo;
 
