@@ -19,5 +19,8 @@ pub mod dynamics;
 pub mod kinematics;
 pub mod tendon;
 
+// The laws of several fingers.
+pub mod grasp;
+
 pub use math::Real;
 pub use pose::Pose;
