@@ -4,9 +4,13 @@
 
 mod chain;
 mod finger;
+mod null;
+mod planar;
+mod product;
 
-pub use chain::{Body, Chain, Joint, Motion};
+pub use chain::{Body, Chain, ChainError, Joint, Motion, Part};
 pub use finger::{PlanarFinger, Rod};
+pub use planar::NotPlanar;
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
