@@ -40,7 +40,10 @@ impl<T: Real> SqueezeRange<T> {
 }
 
 fn positive<T: Real>(coefficient: T) -> Result<T, GraspError> {
-    if coefficient > T::zero() && is_finite(coefficient) {
+    // The discriminant of a squeeze has its fourth power.
+    let square = coefficient * coefficient;
+    let fourth = square * square;
+    if coefficient > T::zero() && fourth > T::zero() && is_finite(fourth * real(1e6)) {
         return Ok(coefficient);
     }
     let value = coefficient.to_f64();
@@ -150,6 +153,10 @@ impl<T: Real> Friction<T> {
         let nonzero = |unit| if unit > T::zero() { unit } else { T::one() };
         let (load, reach) = (nonzero(load), nonzero(reach));
         let unit = load / reach;
+        if !(unit > T::zero() && is_finite(unit) && is_finite(load)) {
+            let quantity = Quantity::Force;
+            return Err(GraspError::TooLarge { quantity });
+        }
 
         let mut range = Interval {
             low: T::zero(),
@@ -188,6 +195,8 @@ impl<T: Real> Friction<T> {
             return Err(GraspError::TooLarge { quantity });
         }
         let greatest = range.high.map(|high| high * unit);
+        // What is beyond the range of numbers is no bound.
+        let greatest = greatest.filter(|&greatest| is_finite(greatest));
         Ok(SqueezeRange { least, greatest })
     }
 

@@ -1,4 +1,4 @@
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix6, Vector3, Vector6};
 
 use super::{GraspError, Twist, Wrench};
 use crate::math::{Real, abs, is_finite, max, real, sqrt};
@@ -77,11 +77,14 @@ impl<T: Real> SpatialGain<T> {
     #[inline]
     #[must_use]
     pub fn times(&self, twist: &Twist<T>) -> Wrench<T> {
-        let part = |row: usize, column: usize| self.matrix.fixed_view::<3, 3>(row, column);
-        Wrench {
-            force: part(0, 0) * twist.linear + part(0, 3) * twist.angular,
-            moment: part(3, 0) * twist.linear + part(3, 3) * twist.angular,
+        let mut wrench = Wrench::zero();
+        let (columns, _) = self.matrix.as_slice().as_chunks::<6>();
+        let axes = twist.linear.iter().chain(twist.angular.iter());
+        for (&[x, y, z, a, b, c], &along) in columns.iter().zip(axes) {
+            wrench.force += Vector3::new(x * along, y * along, z * along);
+            wrench.moment += Vector3::new(a * along, b * along, c * along);
         }
+        wrench
     }
 }
 

@@ -82,7 +82,12 @@ impl<T: Real, const N: usize> FingerState<T, N> {
     /// The torques by which the finger exerts a force on the object, N m.
     #[inline]
     fn torque(&self, force: &Vector3<T>) -> SVector<T, N> {
-        self.jacobian.fixed_rows::<3>(0).tr_mul(force)
+        let mut torque = SVector::<T, N>::zeros();
+        let (columns, _) = self.jacobian.as_slice().as_chunks::<6>();
+        for (torque, [x, y, z, ..]) in torque.iter_mut().zip(columns) {
+            *torque = *x * force.x + *y * force.y + *z * force.z;
+        }
+        torque
     }
 }
 

@@ -1,5 +1,6 @@
 use nalgebra::Vector3;
 
+use super::wrench::finite;
 use super::{Contacts, GraspError};
 use crate::math::{Real, is_finite, sqrt};
 
@@ -22,11 +23,11 @@ impl<T: Real, const M: usize> Normals<T, M> {
             let greatest = normal.amax();
             let scaled = *normal / greatest;
             let length = sqrt(scaled.norm_squared());
-            if !(greatest > T::zero() && is_finite(greatest) && is_finite(length)) {
-                return Err(GraspError::Normal {
-                    contact,
-                    length: normal.amax().to_f64(),
-                });
+            if !(finite(normal) && finite(&scaled) && length > T::zero()) {
+                let sum = normal.x + normal.y + normal.z;
+                let length = if is_finite(sum) { greatest } else { sum };
+                let length = length.to_f64();
+                return Err(GraspError::Normal { contact, length });
             }
             *normal = scaled / length;
         }

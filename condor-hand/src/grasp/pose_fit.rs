@@ -4,7 +4,7 @@ use super::contacts::{check, share, sum, values};
 use super::quaternion::Rotation;
 use super::wrench::finite;
 use super::{Contacts, GraspError, Quantity, Twist};
-use crate::math::{Real, abs, is_finite, max, real};
+use crate::math::{Real, abs, is_finite, real, sqrt};
 
 /// Newton's steps to the greatest eigenvalue: two or three for a rigid object, more only where two
 /// eigenvalues nearly meet.
@@ -127,7 +127,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
                 (most, best) = (size, *row);
             }
         }
-        let least = max(real(1e-12), T::default_epsilon() * real(64.0));
+        // A double root is found to the square root of rounding only.
+        let least = sqrt(T::default_epsilon()) * real(64.0);
         if trace > least {
             let [w, x, y, z] = best;
             return Ok(Rotation::normalized(w, Vector3::new(x, y, z)));
