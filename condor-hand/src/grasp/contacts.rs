@@ -104,7 +104,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// [`NotFinite`](GraspError::NotFinite), [`Coincident`](GraspError::Coincident) if all contacts
     /// are one point, and for three or more [`NearCollinear`](GraspError::NearCollinear) if they lie
     /// on a line.
-    #[inline]
+    #[inline(always)]
     pub fn new(points: [Vector3<T>; M]) -> Result<Self, GraspError> {
         let centroid = sum(&points) * share::<T, M>();
         let arms = points.map(|point| point - centroid);
@@ -139,7 +139,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
                 inverse,
                 trace,
             }),
-            None => Err(explain(&points, &inertia)),
+            None => Err(explain(&points)),
         }
     }
 
@@ -180,7 +180,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// [`WrenchNotFinite`](GraspError::WrenchNotFinite); for one contact
     /// [`MomentAtOneContact`](GraspError::MomentAtOneContact) unless the wrench is a force through it;
     /// [`TooLarge`](GraspError::TooLarge). What two contacts cannot make is in the answer.
-    #[inline]
+    #[inline(always)]
     pub fn forces(
         &self,
         wrench: &Wrench<T>,
@@ -304,12 +304,10 @@ fn not_finite<T: Real>(wrench: &Wrench<T>, about: &Vector3<T>) -> GraspError {
     }
 }
 
-/// Why there is no inverse.
+/// Why there is no inverse. It computes the inertia again, so that where there is one it stays in
+/// registers.
 #[cold]
-fn explain<T: Real, const M: usize>(
-    points: &[Vector3<T>; M],
-    inertia: &Symmetric<T>,
-) -> GraspError {
+fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
     if M == 0 {
         let (contacts, least) = (M, 1);
         return GraspError::TooFewContacts { contacts, least };
@@ -317,10 +315,14 @@ fn explain<T: Real, const M: usize>(
     if let Err(error) = check(points, Quantity::Tip) {
         return error;
     }
+    let centroid = sum(points) * share::<T, M>();
+    let mut inertia = Symmetric::zero();
+    for point in points {
+        inertia.add_point(&(point - centroid));
+    }
     let trace = inertia.trace();
     let third = trace * real(1.0 / 3.0);
     let cube = third * third * third;
-    let centroid = sum(points) * share::<T, M>();
     if !is_finite(cube) || !is_finite(centroid.norm_squared()) {
         let quantity = Quantity::Tip;
         return GraspError::TooLarge { quantity };

@@ -151,9 +151,9 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         for (finger, state) in fingers.iter().enumerate() {
             state.check(finger)?;
         }
-        let tips = fingers.map(|finger| finger.tip);
+        let tips = fingers.each_ref().map(|finger| finger.tip);
         Contacts::new(tips)?;
-        let posture = fingers.map(|finger| finger.q);
+        let posture = fingers.each_ref().map(|finger| finger.q);
         Ok(Self {
             tuning,
             desired: tips,
@@ -233,9 +233,9 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
             state.check(finger)?;
         }
         let tuning = &self.tuning;
-        let contacts = Contacts::new(fingers.map(|finger| finger.tip))?;
+        let contacts = Contacts::new(fingers.each_ref().map(|finger| finger.tip))?;
         let deviation = self.deviation(&contacts)?;
-        let velocities = fingers.map(|finger| finger.velocity);
+        let velocities = fingers.each_ref().map(|finger| finger.velocity);
         let velocity = contacts.object_motion(&velocities, &tuning.center)?;
 
         let spring = tuning.stiffness.times(&deviation);
@@ -272,7 +272,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         let margins = tuning
             .friction
             .margins(&normals, &forces, &[T::zero(); M])?;
-        self.present = fingers.map(|finger| finger.q);
+        self.present = fingers.each_ref().map(|finger| finger.q);
         Ok(GraspOutput {
             torques,
             deviation,

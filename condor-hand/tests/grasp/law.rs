@@ -215,7 +215,7 @@ fn the_squeeze_gives_way_to_a_torque_limit_and_the_wrench_does_not() {
         }
     }
     let (load, full) = (bare.torques[finger][joint], free.torques[finger][joint]);
-    let limit = (load + full) / 2.0;
+    let limit = f64::midpoint(load, full);
     tuning.squeeze = Squeeze::equal(1.5).unwrap();
     if full > load {
         tuning.limits[finger].high[joint] = limit;

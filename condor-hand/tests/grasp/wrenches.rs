@@ -27,10 +27,10 @@ pub(crate) fn tip_motions<const M: usize>(
 }
 
 pub(crate) fn wrench(numbers: &[f64; 6]) -> Wrench {
-    let [a, b, c, d, e, f] = *numbers;
+    let (force, moment) = numbers.split_at(3);
     Wrench {
-        force: Vector3::new(a, b, c),
-        moment: Vector3::new(d, e, f),
+        force: Vector3::from_column_slice(force),
+        moment: Vector3::from_column_slice(moment),
     }
 }
 
