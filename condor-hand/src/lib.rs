@@ -22,6 +22,9 @@ pub mod dynamics;
 pub mod kinematics;
 pub mod tendon;
 
+// The laws of several fingers.
+pub mod grasp;
+
 // The servos of a finger, and the motion that they follow.
 pub mod controller;
 pub mod servo;
