@@ -1,7 +1,12 @@
 //! The hands that ship say what they should, and become the mechanisms that they describe.
 #![cfg(feature = "text")]
+#![allow(
+    clippy::float_cmp,
+    reason = "a number of the file is the number of the hand, to the last bit"
+)]
 
-use condor_hand::config::{Form, Hand, Processor, ProcessorKind};
+use condor_hand::config::{Form, Hand, Output, Processor, ProcessorKind};
+use condor_hand::math::{sin_cos, sqrt};
 use condor_hand::tendon::Pair;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
@@ -54,7 +59,10 @@ fn the_utah_hand_is_that_of_the_reference_data() {
             assert_eq!(limits.high[joint], number(&geometry["qmax"][joint]));
             let body = planar.bodies[joint];
             assert_eq!(body.mass, number(&geometry["mass"][joint]));
-            assert_eq!(Vector3::new(body.center, 0.0, 0.0), vector(&geometry["com"][joint]));
+            assert_eq!(
+                Vector3::new(body.center, 0.0, 0.0),
+                vector(&geometry["com"][joint])
+            );
             let inertia = matrix(&geometry["inertia_about_com"][joint]);
             let error = Matrix3::from_diagonal(&body.inertia) - inertia;
             assert!(error.norm() < 1e-12 * inertia.norm(), "{inertia}");
@@ -72,11 +80,20 @@ fn a_planar_finger_is_the_same_chain() {
         assert_eq!(chain.tip, vector(&geometry["tip"]));
         for joint in 0..4 {
             let placed = chain.joints[joint];
-            assert_eq!(placed.placement.position, vector(&geometry["offsets"][joint]));
+            assert_eq!(
+                placed.placement.position,
+                vector(&geometry["offsets"][joint])
+            );
             assert_eq!(placed.placement.rotation, Matrix3::identity());
             let axis = vector(&geometry["axes"][joint]);
-            assert_eq!(placed.motion, condor_hand::kinematics::Motion::Revolute(axis));
-            assert_eq!(chain.bodies[joint].inertia.diagonal(), planar.bodies[joint].inertia);
+            assert_eq!(
+                placed.motion,
+                condor_hand::kinematics::Motion::Revolute(axis)
+            );
+            assert_eq!(
+                chain.bodies[joint].inertia.diagonal(),
+                planar.bodies[joint].inertia
+            );
             assert_eq!(chain.bodies[joint].center.x, planar.bodies[joint].center);
         }
     }
@@ -85,13 +102,17 @@ fn a_planar_finger_is_the_same_chain() {
 #[test]
 fn the_moment_arms_are_those_of_the_reference_data() {
     let geometry = geometry();
-    for (hand, name) in [(utah(), "P_sym"), (asym(), "P_asym")] {
+    for (hand, name) in [(Box::new(utah()), "P_sym"), (Box::new(asym()), "P_asym")] {
         for finger in &hand.fingers {
             let arms = finger.moment_arms().unwrap();
             for (joint, row) in arms.rows().iter().enumerate() {
                 for (tendon, pair) in row.iter().enumerate() {
                     let expected = &geometry[name][joint];
-                    assert_eq!(pair.flexor, number(&expected[2 * tendon]), "{joint} {tendon}");
+                    assert_eq!(
+                        pair.flexor,
+                        number(&expected[2 * tendon]),
+                        "{joint} {tendon}"
+                    );
                     assert_eq!(pair.extensor, number(&expected[2 * tendon + 1]));
                 }
             }
@@ -112,7 +133,10 @@ fn the_processors_are_those_of_the_memo() {
     assert_eq!(indices(1), [0, 1]);
     assert_eq!(indices(2), [2, 3]);
     assert!(indices(0).is_empty() && indices(3).is_empty());
-    let rates = hand.processors.iter().map(|processor| hand.rate_hz(processor));
+    let rates = hand
+        .processors
+        .iter()
+        .map(|processor| hand.rate_hz(processor));
     assert_eq!(rates.collect::<Vec<_>>(), [50, 400, 400, 400]);
     // 400 Hz times 150 µs and eight joints of 200 µs.
     assert!((hand.load(hand.processor(1).unwrap()) - 0.7).abs() < 1e-12);
@@ -126,7 +150,7 @@ fn every_channel_leads_to_its_wire_and_back() {
     for (channel, wire) in utah.wires() {
         assert_eq!(utah.wire(channel), Some(wire));
         let input = utah.input(wire).unwrap();
-        let output = utah.output(wire).map(|output| output.channel());
+        let output = utah.output(wire).map(Output::channel);
         assert!(channel == input.channel() || Some(channel) == output);
     }
     assert_eq!(tripod.wires().count(), 9 * 5);
@@ -137,13 +161,19 @@ fn a_hand_of_another_kind_is_described_too() {
     let hand = tripod::<3, 3>();
     let finger = &hand.fingers[1];
     assert!(finger.planar().is_none());
-    assert!(matches!(finger.form, Form::Chain { tip: [0.02, 0.0, 0.0] }));
+    assert!(matches!(
+        finger.form,
+        Form::Chain {
+            tip: [0.02, 0.0, 0.0]
+        }
+    ));
     let chain = finger.chain();
-    let (sine, cosine) = (0.75_f64.sqrt(), -0.5);
+    let (sine, cosine) = (sqrt(0.75), -0.5);
     let turn = Matrix3::new(cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0);
     assert!((chain.base.rotation - turn).norm() < 1e-15);
+    let (sine, cosine) = sin_cos(0.1);
     let roll = chain.joints[1].placement.rotation;
-    assert!((roll * Vector3::y() - Vector3::new(0.0, 0.1_f64.cos(), 0.1_f64.sin())).norm() < 1e-15);
+    assert!((roll * Vector3::y() - Vector3::new(0.0, cosine, sine)).norm() < 1e-15);
     assert_eq!(
         chain.joints[2].motion,
         condor_hand::kinematics::Motion::Prismatic(Vector3::x())
@@ -152,14 +182,23 @@ fn a_hand_of_another_kind_is_described_too() {
     assert_eq!(chain.bodies[0].inertia[(2, 1)], -1e-7);
     assert_eq!(chain.bodies[2].mass, 0.0);
     assert_eq!(finger.joints[2].tension_range(), (1.0, 30.0));
-    let servo = hand.processors.iter().find(|entry| entry.kind == ProcessorKind::Servo).unwrap();
+    let servo = hand
+        .processors
+        .iter()
+        .find(|entry| entry.kind == ProcessorKind::Servo)
+        .unwrap();
     assert_eq!(hand.rate_hz(servo), 2000);
     assert_eq!(hand.fingers_on(7).count(), 3);
     let arms = finger.moment_arms().unwrap();
     assert_eq!(arms.rows()[0][1], Pair::both(0.001));
     let extensor = finger.joints[0].extensor;
-    assert_eq!([0.0, 30.0, 40.0, 99.0].map(|n| extensor.dac.counts(n)), [1000, 250, 0, 0]);
+    assert_eq!(
+        [0.0, 30.0, 40.0, 99.0].map(|n| extensor.dac.counts(n)),
+        [1000, 250, 0, 0]
+    );
     assert!((extensor.adc.value(30_000) - 30.0).abs() < 1e-12);
+    assert_eq!(extensor.dac.counts(f64::NAN), 1000);
+    assert_eq!(extensor.dac.counts(f64::INFINITY), 0);
 }
 
 #[test]
@@ -179,7 +218,13 @@ fn room_to_spare_changes_nothing() {
         for joint in 0..3 {
             assert_eq!(few.rows()[joint], many.rows()[joint][..3]);
         }
-        assert_eq!(many.rows()[4][4], Pair { flexor: 1.0, extensor: -1.0 });
+        assert_eq!(
+            many.rows()[4][4],
+            Pair {
+                flexor: 1.0,
+                extensor: -1.0
+            }
+        );
     }
 }
 
@@ -188,5 +233,8 @@ fn a_processor_without_a_rate_has_that_of_its_kind() {
     let mut hand = utah();
     hand.servo_hz = 800;
     let rate = |processor: &Processor| hand.rate_hz(processor);
-    assert_eq!(hand.processors.iter().map(rate).collect::<Vec<_>>(), [50, 800, 800, 800]);
+    assert_eq!(
+        hand.processors.iter().map(rate).collect::<Vec<_>>(),
+        [50, 800, 800, 800]
+    );
 }

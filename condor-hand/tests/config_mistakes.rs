@@ -3,7 +3,7 @@
 //! A case is a file that ships with one edit: the text of its first occurrence, and what replaces it.
 #![cfg(feature = "text")]
 
-use condor_hand::config::{Hand, Mistake, Problem};
+use condor_hand::config::Hand;
 
 const UTAH: &str = include_str!("../hands/utah-mit.toml");
 const TRIPOD: &str = include_str!("hands/tripod.toml");
@@ -19,7 +19,11 @@ fn check(file: &str, from: &str, to: &str, expected: &str) {
     assert_eq!(error.to_string(), expected);
     let line = text.lines().nth(error.line - 1).unwrap();
     let found: String = line.chars().skip(error.column - 1).collect();
-    assert!(found.starts_with(&error.text), "`{}` is not at the front of `{found}`", error.text);
+    assert!(
+        found.starts_with(&error.text),
+        "`{}` is not at the front of `{found}`",
+        error.text
+    );
 }
 
 macro_rules! cases {

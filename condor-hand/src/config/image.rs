@@ -134,7 +134,28 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         let Some((header, body)) = image.split_first_chunk::<HEADER>() else {
             return Err(truncated(HEADER));
         };
-        let [a, b, c, d, v0, v1, f0, f1, j0, j1, p0, p1, l0, l1, l2, l3, s0, s1, s2, s3] = *header;
+        let [
+            a,
+            b,
+            c,
+            d,
+            v0,
+            v1,
+            f0,
+            f1,
+            j0,
+            j1,
+            p0,
+            p1,
+            l0,
+            l1,
+            l2,
+            l3,
+            s0,
+            s1,
+            s2,
+            s3,
+        ] = *header;
         let found = [a, b, c, d];
         if found != MAGIC {
             return Err(ImageError::Magic { found });
@@ -144,7 +165,9 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             return Err(ImageError::Version { found });
         }
         let needed = u32::from_le_bytes([l0, l1, l2, l3]);
-        let needed = usize::try_from(needed).unwrap_or(usize::MAX).saturating_add(HEADER);
+        let needed = usize::try_from(needed)
+            .unwrap_or(usize::MAX)
+            .saturating_add(HEADER);
         if len < needed {
             return Err(truncated(needed));
         }
@@ -184,8 +207,12 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// The least capacities for this hand: fingers, joints of one finger, processors.
     fn counts(&self) -> [u16; 3] {
         let joints = self.fingers.iter().map(|finger| finger.joints.len()).max();
-        [self.fingers.len(), joints.unwrap_or(0), self.processors.len()]
-            .map(|count| u16::try_from(count).unwrap_or(u16::MAX))
+        [
+            self.fingers.len(),
+            joints.unwrap_or(0),
+            self.processors.len(),
+        ]
+        .map(|count| u16::try_from(count).unwrap_or(u16::MAX))
     }
 }
 

@@ -223,7 +223,9 @@ pub enum Mistake {
         first: u8,
     },
     /// A rate that is no multiple of that of the trajectories.
-    #[error("{place} is {rate_hz}, which is no multiple of {trajectory_hz}, the trajectories' rate")]
+    #[error(
+        "{place} is {rate_hz}, which is no multiple of {trajectory_hz}, the trajectories' rate"
+    )]
     Rate {
         /// Which rate.
         place: Place,

@@ -31,7 +31,9 @@ impl Rotation {
     pub fn matrix(&self) -> Matrix3<f64> {
         match *self {
             Self::None => Matrix3::identity(),
-            Self::Rows([[a, b, c], [d, e, f], [g, h, i]]) => Matrix3::new(a, b, c, d, e, f, g, h, i),
+            Self::Rows([[a, b, c], [d, e, f], [g, h, i]]) => {
+                Matrix3::new(a, b, c, d, e, f, g, h, i)
+            }
             Self::Rpy([roll, pitch, yaw]) => {
                 about(&Vector3::z(), yaw) * about(&Vector3::y(), pitch) * about(&Vector3::x(), roll)
             }

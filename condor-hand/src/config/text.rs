@@ -47,10 +47,8 @@ fn read<const FINGERS: usize, const JOINTS: usize>(
     room::<FINGERS, JOINTS>(&tree)?;
     let hand = Hand::deserialize(&tree)?;
     let mut path = Path::new();
-    hand.examine(&mut path).map_err(|mistake| Fault {
-        span: Some(tree.nearest(&path).span.clone()),
-        problem: Problem::Mistake(mistake),
-    })?;
+    hand.examine(&mut path)
+        .map_err(|mistake| Fault::at(&tree.nearest(&path).span, Problem::Mistake(mistake)))?;
     Ok(hand)
 }
 
@@ -68,12 +66,7 @@ fn room<const FINGERS: usize, const JOINTS: usize>(tree: &Node) -> Result<(), Fa
     Ok(())
 }
 
-fn list<'a>(
-    node: &'a Node,
-    key: &str,
-    of: &'static str,
-    most: usize,
-) -> Result<&'a [Node], Fault> {
+fn list<'a>(node: &'a Node, key: &str, of: &'static str, most: usize) -> Result<&'a [Node], Fault> {
     let Some(Value::List(list)) = node.get(key).map(|node| &node.value) else {
         return Ok(&[]);
     };
@@ -81,8 +74,8 @@ fn list<'a>(
         return Ok(list);
     };
     let count = list.len();
-    Err(Fault {
-        span: Some(surplus.span.clone()),
-        problem: Problem::TooMany { of, count, most },
-    })
+    Err(Fault::at(
+        &surplus.span,
+        Problem::TooMany { of, count, most },
+    ))
 }

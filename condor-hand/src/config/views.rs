@@ -29,7 +29,9 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// The processor of this number.
     #[must_use]
     pub fn processor(&self, number: u8) -> Option<&Processor> {
-        self.processors.iter().find(|processor| processor.number == number)
+        self.processors
+            .iter()
+            .find(|processor| processor.number == number)
     }
 
     /// How often the loop of a processor runs, Hz.
@@ -53,8 +55,12 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     pub fn load(&self, processor: &Processor) -> f64 {
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
         let axes = self.table.iter().flat_map(|table| &table.axes);
-        let served = joints.filter(|joint| joint.processor == processor.number).count()
-            + axes.filter(|axis| axis.processor == processor.number).count();
+        let served = joints
+            .filter(|joint| joint.processor == processor.number)
+            .count()
+            + axes
+                .filter(|axis| axis.processor == processor.number)
+                .count();
         let served = u32::try_from(served).unwrap_or(u32::MAX);
         let time_us = processor.loop_us + f64::from(served) * processor.joint_us;
         f64::from(self.rate_hz(processor)) * time_us * 1e-6
@@ -76,7 +82,10 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
                 ]
             })
         });
-        let axes = self.table.iter().flat_map(|table| table.axes.iter().enumerate());
+        let axes = self
+            .table
+            .iter()
+            .flat_map(|table| table.axes.iter().enumerate());
         joints.chain(axes.flat_map(|(axis, entry)| {
             [
                 (entry.adc.channel(), Wire::Axis { axis }),
@@ -89,7 +98,9 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     #[must_use]
     pub fn wire(&self, channel: Channel) -> Option<Wire> {
         let mut wires = self.wires();
-        wires.find(|(other, _)| *other == channel).map(|(_, wire)| wire)
+        wires
+            .find(|(other, _)| *other == channel)
+            .map(|(_, wire)| wire)
     }
 
     /// The A/D channel and calibration of a wire.
@@ -228,7 +239,11 @@ impl<const JOINTS: usize> Finger<JOINTS> {
                 *body = joint.rigid_body();
                 *place = match self.form {
                     Form::Planar { lengths } => {
-                        let axis = if index == 0 { Vector3::z() } else { Vector3::y() };
+                        let axis = if index == 0 {
+                            Vector3::z()
+                        } else {
+                            Vector3::y()
+                        };
                         let placement = Pose::at(start, 0.0, 0.0);
                         start = lengths.get(index).copied().unwrap_or(0.0);
                         kinematics::Joint {
@@ -241,7 +256,9 @@ impl<const JOINTS: usize> Finger<JOINTS> {
             }
         }
         let tip = match self.form {
-            Form::Planar { lengths: [.., last] } => Vector3::new(last, 0.0, 0.0),
+            Form::Planar {
+                lengths: [.., last],
+            } => Vector3::new(last, 0.0, 0.0),
             Form::Chain { tip } => Vector3::from(tip),
         };
         Chain {
@@ -265,7 +282,8 @@ impl<const JOINTS: usize> Joint<JOINTS> {
 
     /// The body of the link, of no mass where there is none.
     fn rigid_body(&self) -> kinematics::Body {
-        self.body.map_or_else(kinematics::Body::massless, |body| body.rigid_body())
+        self.body
+            .map_or_else(kinematics::Body::massless, |body| body.rigid_body())
     }
 
     /// How the joint sits on the link before it; fixed without a mount.
@@ -294,7 +312,9 @@ impl Body {
             inertia: match self.shape {
                 Shape::Cuboid([x, y, z]) => {
                     let (x, y, z) = (x * x, y * y, z * z);
-                    Matrix3::from_diagonal(&(Vector3::new(y + z, x + z, x + y) * self.mass_kg / 12.0))
+                    Matrix3::from_diagonal(
+                        &(Vector3::new(y + z, x + z, x + y) * self.mass_kg / 12.0),
+                    )
                 }
                 Shape::Inertia {
                     moments: [xx, yy, zz],

@@ -23,7 +23,11 @@ pub(super) fn examine<const F: usize, const J: usize>(
     };
     let root = Root::Finger(index);
     let fingers = &examiner.hand.fingers;
-    examiner.name(root, &finger.name, fingers.iter().take(index).map(|finger| &finger.name))?;
+    examiner.name(
+        root,
+        &finger.name,
+        fingers.iter().take(index).map(|finger| &finger.name),
+    )?;
     rotation(examiner, root, "base.rotation", &finger.base.rotation)?;
     let Some(first) = finger.joints.first() else {
         let place = examiner.wrong(root, "joints");
@@ -57,7 +61,9 @@ fn form<const F: usize, const J: usize>(
     finger: &Finger<J>,
 ) -> Result<(), Mistake> {
     let planar = match finger.form {
-        Form::Planar { lengths: [l0, l1, l2, l3] } => {
+        Form::Planar {
+            lengths: [l0, l1, l2, l3],
+        } => {
             let rows = [
                 ("lengths[0]", l0, Bound::AtLeast(0.0)),
                 ("lengths[1]", l1, Bound::Above0),
@@ -89,8 +95,12 @@ fn form<const F: usize, const J: usize>(
             Some(mount) => {
                 rotation(examiner, root, "mount.rotation", &mount.rotation)?;
                 match mount.motion {
-                    Motion::Revolute(axis) => unit(examiner, root, "mount.motion.revolute", axis)?,
-                    Motion::Prismatic(axis) => unit(examiner, root, "mount.motion.prismatic", axis)?,
+                    Motion::Revolute(axis) => {
+                        unit(examiner, root, "mount.motion.revolute", axis)?;
+                    }
+                    Motion::Prismatic(axis) => {
+                        unit(examiner, root, "mount.motion.prismatic", axis)?;
+                    }
                 }
             }
             None => {}
@@ -172,7 +182,11 @@ fn joint<const F: usize, const J: usize>(
         ("servo.kp", servo.kp, Bound::AtLeast(0.0)),
         ("servo.kv", servo.kv, Bound::AtLeast(0.0)),
         ("servo.ki", servo.ki, Bound::AtLeast(0.0)),
-        ("servo.integral_max", servo.integral_max, Bound::AtLeast(0.0)),
+        (
+            "servo.integral_max",
+            servo.integral_max,
+            Bound::AtLeast(0.0),
+        ),
         ("servo.bandwidth_hz", servo.bandwidth_hz, Bound::Above0),
         ("servo.zeta", servo.zeta, Bound::AtLeast(0.0)),
         ("servo.k_tau", servo.k_tau, Bound::AtLeast(0.0)),
@@ -183,7 +197,11 @@ fn joint<const F: usize, const J: usize>(
         ("friction.armature", friction.armature, Bound::AtLeast(0.0)),
         ("friction.viscous", friction.viscous, Bound::AtLeast(0.0)),
         ("friction.coulomb", friction.coulomb, Bound::AtLeast(0.0)),
-        ("friction.coulomb_rate", friction.coulomb_rate, Bound::AtLeast(0.0)),
+        (
+            "friction.coulomb_rate",
+            friction.coulomb_rate,
+            Bound::AtLeast(0.0),
+        ),
         ("friction.tendon", friction.tendon, Bound::AtLeast(0.0)),
     ];
     examiner.numbers(root, "", rows)?;
@@ -194,7 +212,12 @@ fn joint<const F: usize, const J: usize>(
     if let Some(cutoff_hz) = servo.position_cutoff_hz {
         examiner.cutoff(root, "servo.position_cutoff_hz", cutoff_hz, rate_hz)?;
     }
-    examiner.cutoff(root, "servo.velocity_cutoff_hz", servo.velocity_cutoff_hz, rate_hz)?;
+    examiner.cutoff(
+        root,
+        "servo.velocity_cutoff_hz",
+        servo.velocity_cutoff_hz,
+        rate_hz,
+    )?;
     let position = [joint.limits.low, joint.limits.high];
     converters(examiner, root, "", (&joint.adc, position), None)?;
     tendon(examiner, root, "flexor", &joint.flexor, rate_hz)?;
@@ -208,12 +231,16 @@ fn joint<const F: usize, const J: usize>(
     let (least, largest) = joint.tension_range();
     match joint.rectification {
         Rectification::Hard => Ok(()),
-        Rectification::Mean { co_contraction_n: mean } => {
+        Rectification::Mean {
+            co_contraction_n: mean,
+        } => {
             let field = "rectification.mean.co_contraction_n";
             examiner.number(root, field, mean, Bound::AtLeast(least))?;
             examiner.number(root, field, mean, Bound::AtMost(largest))
         }
-        Rectification::Smooth { softness_n: softness } => {
+        Rectification::Smooth {
+            softness_n: softness,
+        } => {
             let field = "rectification.smooth.softness_n";
             examiner.number(root, field, softness, Bound::Above0)?;
             examiner.number(root, field, softness, Bound::AtMost(largest - least))
@@ -248,7 +275,13 @@ fn tendon<const F: usize, const J: usize>(
     }
     let seen = [tendon.slack_n, tendon.break_n];
     let made = [0.0, tendon.max_n];
-    converters(examiner, root, table, (&tendon.adc, seen), Some((&tendon.dac, made)))
+    converters(
+        examiner,
+        root,
+        table,
+        (&tendon.adc, seen),
+        Some((&tendon.dac, made)),
+    )
 }
 
 /// Each converter must have counts for the values between two.
@@ -260,12 +293,24 @@ pub(super) fn converters<const F: usize, const J: usize>(
     dac: Option<(&Output, [f64; 2])>,
 ) -> Result<(), Mistake> {
     let seen = seen.map(|value| (value, adc.counts(value)));
-    converter(examiner, root, &join(table, "adc"), (adc.bits, adc.gain, adc.full_scale()), seen)?;
+    converter(
+        examiner,
+        root,
+        &join(table, "adc"),
+        (adc.bits, adc.gain, adc.full_scale()),
+        seen,
+    )?;
     let Some((dac, made)) = dac else {
         return Ok(());
     };
     let made = made.map(|value| (value, dac.gain * value + dac.offset));
-    converter(examiner, root, &join(table, "dac"), (dac.bits, dac.gain, dac.full_scale()), made)
+    converter(
+        examiner,
+        root,
+        &join(table, "dac"),
+        (dac.bits, dac.gain, dac.full_scale()),
+        made,
+    )
 }
 
 fn converter<const F: usize, const J: usize>(
@@ -315,7 +360,13 @@ fn crossings<const F: usize, const J: usize>(
         let mistake = match finger.joints.iter().position(|other| other.name == crossed) {
             None => Mistake::CrossesNothing { owner, crossed },
             Some(place) if place >= index => Mistake::CrossesDistal { owner, crossed },
-            Some(_) if joint.crosses.iter().take(number).any(|other| other.joint == crossed) => {
+            Some(_)
+                if joint
+                    .crosses
+                    .iter()
+                    .take(number)
+                    .any(|other| other.joint == crossed) =>
+            {
                 Mistake::CrossesTwice { owner, crossed }
             }
             Some(_) => continue,
@@ -341,13 +392,13 @@ fn arms<const F: usize, const J: usize>(
         Err(ArmError::Own { joint, flexor, .. }) if flexor <= 0.0 => {
             Err(wrong(examiner, joint, "flexor.arm_m", flexor))
         }
-        Err(ArmError::Own { joint, extensor, .. }) => {
-            Err(wrong(examiner, joint, "extensor.arm_m", extensor))
-        }
+        Err(ArmError::Own {
+            joint, extensor, ..
+        }) => Err(wrong(examiner, joint, "extensor.arm_m", extensor)),
         // Both are ruled out before: crossings are proximal, and all numbers finite.
-        Err(ArmError::NotTriangular { tendon, arm, .. } | ArmError::NotFinite { tendon, arm, .. }) => {
-            Err(wrong(examiner, tendon, "crosses", arm))
-        }
+        Err(
+            ArmError::NotTriangular { tendon, arm, .. } | ArmError::NotFinite { tendon, arm, .. },
+        ) => Err(wrong(examiner, tendon, "crosses", arm)),
     }
 }
 
@@ -375,7 +426,9 @@ fn rotation<const F: usize, const J: usize>(
     }
     let matrix = rotation.matrix();
     let products = matrix.transpose() * matrix - Matrix3::identity();
-    let error = products.iter().fold(0.0, |worst, &entry| max(abs(entry), worst));
+    let error = products
+        .iter()
+        .fold(0.0, |worst, &entry| max(abs(entry), worst));
     let determinant = matrix.determinant();
     if error <= ORTHONORMAL && determinant > 0.0 {
         return Ok(());

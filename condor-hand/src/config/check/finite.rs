@@ -102,7 +102,11 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
     }
 
     fn serialize_f64(self, value: f64) -> Result<(), NotFinite> {
-        if is_finite(value) { Ok(()) } else { Err(NotFinite(value)) }
+        if is_finite(value) {
+            Ok(())
+        } else {
+            Err(NotFinite(value))
+        }
     }
 
     fn serialize_none(self) -> Result<(), NotFinite> {
@@ -145,11 +149,17 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
     }
 
     fn serialize_seq(self, _: Option<usize>) -> Result<Entries<'w, 'p>, NotFinite> {
-        Ok(Entries { walk: self, next: 0 })
+        Ok(Entries {
+            walk: self,
+            next: 0,
+        })
     }
 
     fn serialize_tuple(self, _: usize) -> Result<Entries<'w, 'p>, NotFinite> {
-        Ok(Entries { walk: self, next: 0 })
+        Ok(Entries {
+            walk: self,
+            next: 0,
+        })
     }
 
     fn serialize_tuple_struct(
@@ -157,7 +167,10 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
         _: &'static str,
         _: usize,
     ) -> Result<Entries<'w, 'p>, NotFinite> {
-        Ok(Entries { walk: self, next: 0 })
+        Ok(Entries {
+            walk: self,
+            next: 0,
+        })
     }
 
     fn serialize_tuple_variant(
@@ -167,7 +180,10 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
         _: &'static str,
         _: usize,
     ) -> Result<Entries<'w, 'p>, NotFinite> {
-        Ok(Entries { walk: self, next: 0 })
+        Ok(Entries {
+            walk: self,
+            next: 0,
+        })
     }
 
     fn serialize_map(self, _: Option<usize>) -> Result<Self::SerializeMap, NotFinite> {

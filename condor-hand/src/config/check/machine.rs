@@ -50,12 +50,28 @@ pub(super) fn constants<const F: usize, const J: usize>(
     let rows = [
         ("safe_s", faults.safe_s, Bound::Above0),
         ("stale_s", faults.stale_s, Bound::Above0),
-        ("tension_samples", faults.tension_samples.into(), Bound::Above0),
-        ("sensor_samples", faults.sensor_samples.into(), Bound::Above0),
+        (
+            "tension_samples",
+            faults.tension_samples.into(),
+            Bound::Above0,
+        ),
+        (
+            "sensor_samples",
+            faults.sensor_samples.into(),
+            Bound::Above0,
+        ),
         ("tracking_rad", faults.tracking_rad, Bound::Above0),
-        ("tracking_samples", faults.tracking_samples.into(), Bound::Above0),
+        (
+            "tracking_samples",
+            faults.tracking_samples.into(),
+            Bound::Above0,
+        ),
         ("overtravel_rad", faults.overtravel_rad, Bound::AtLeast(0.0)),
-        ("missed_deadlines", faults.missed_deadlines.into(), Bound::Above0),
+        (
+            "missed_deadlines",
+            faults.missed_deadlines.into(),
+            Bound::Above0,
+        ),
     ];
     examiner.numbers(Root::Hand, "faults", rows)?;
     if let Some(contact) = &hand.contact {
@@ -80,7 +96,12 @@ pub(super) fn processors<const F: usize, const J: usize>(
     for (index, processor) in hand.processors.iter().enumerate() {
         let root = Root::Processor(index);
         let number = processor.number;
-        if hand.processors.iter().take(index).any(|other| other.number == number) {
+        if hand
+            .processors
+            .iter()
+            .take(index)
+            .any(|other| other.number == number)
+        {
             examiner.wrong(root, "number");
             return Err(Mistake::SameProcessor { number });
         }
@@ -158,10 +179,19 @@ fn axis<const F: usize, const J: usize>(
         ("servo.kp", axis.servo.kp, Bound::AtLeast(0.0)),
         ("servo.kv", axis.servo.kv, Bound::AtLeast(0.0)),
         ("servo.ki", axis.servo.ki, Bound::AtLeast(0.0)),
-        ("servo.integral_max", axis.servo.integral_max, Bound::AtLeast(0.0)),
+        (
+            "servo.integral_max",
+            axis.servo.integral_max,
+            Bound::AtLeast(0.0),
+        ),
     ];
     examiner.numbers(root, "", rows)?;
-    examiner.cutoff(root, "servo.velocity_cutoff_hz", axis.servo.velocity_cutoff_hz, rate_hz)?;
+    examiner.cutoff(
+        root,
+        "servo.velocity_cutoff_hz",
+        axis.servo.velocity_cutoff_hz,
+        rate_hz,
+    )?;
     converters(
         examiner,
         root,
@@ -216,11 +246,7 @@ fn root_of(channel: Channel, wire: Wire) -> (Root, &'static str) {
     }
 }
 
-fn end<const F: usize, const J: usize>(
-    hand: &Hand<F, J>,
-    channel: Channel,
-    wire: Wire,
-) -> WireEnd {
+fn end<const F: usize, const J: usize>(hand: &Hand<F, J>, channel: Channel, wire: Wire) -> WireEnd {
     let (root, field) = root_of(channel, wire);
     let part = match (wire, field) {
         (Wire::Flexor { .. }, _) => WirePart::Flexor,

@@ -40,7 +40,11 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
     pub(super) fn wrong(&mut self, root: Root, field: &str) -> Place {
         self.path.clear();
         // A way longer than the path leads to what is around the value.
-        let _ = write!(self.path, "{root}{}{field}", if root == Root::Hand { "" } else { "." });
+        let _ = write!(
+            self.path,
+            "{root}{}{field}",
+            if root == Root::Hand { "" } else { "." }
+        );
         place(self.hand, root, field)
     }
 
@@ -65,7 +69,11 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
             }
             Bound::AtLeast(least) if value < least => {
                 let place = self.wrong(root, field);
-                Err(Mistake::TooSmall { place, value, least })
+                Err(Mistake::TooSmall {
+                    place,
+                    value,
+                    least,
+                })
             }
             Bound::AtMost(most) if value > most => {
                 let place = self.wrong(root, field);
@@ -148,7 +156,11 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
 /// The way to a field within a table.
 pub(super) fn join(table: &str, field: &str) -> Field {
     let mut whole = Field::new();
-    let dot = if table.is_empty() || field.is_empty() { "" } else { "." };
+    let dot = if table.is_empty() || field.is_empty() {
+        ""
+    } else {
+        "."
+    };
     // What does not fit leads to the table.
     let _ = whole.push_str(table);
     let _ = whole.push_str(dot);

@@ -56,21 +56,16 @@ fn table(node: Node) -> Result<Node, Fault> {
     if matches!(node.value, Value::Table(_)) {
         return Ok(node);
     }
-    Err(Fault {
-        span: Some(node.span),
-        problem: Problem::Unsuitable {
-            found: "a value".into(),
-            expected: "a table of defaults".into(),
-        },
-    })
+    let problem = Problem::Unsuitable {
+        found: "a value".into(),
+        expected: "a table of defaults".into(),
+    };
+    Err(Fault::at(&node.span, problem))
 }
 
 /// The finger above that `like` names.
 fn find<'a>(above: &'a [Node], like: &Node) -> Result<&'a Node, Fault> {
-    let fault = |problem| Fault {
-        span: Some(like.span.clone()),
-        problem,
-    };
+    let fault = |problem| Fault::at(&like.span, problem);
     let Value::Text(name) = &like.value else {
         return Err(fault(Problem::Unsuitable {
             found: "a value".into(),
@@ -121,7 +116,11 @@ impl Node {
         let Value::Table(entries) = &mut self.value else {
             return;
         };
-        let way = if way.is_empty() { name.into() } else { std::format!("{way}.{name}") };
+        let way = if way.is_empty() {
+            name.into()
+        } else {
+            std::format!("{way}.{name}")
+        };
         for (key, node) in entries {
             node.fill_in(span, &way, &key.name);
         }
@@ -134,7 +133,9 @@ impl Node {
         match &mut self.value {
             Value::Table(entries) => {
                 entries.retain(|(key, _)| key.name != CHANNEL);
-                entries.iter_mut().for_each(|(_, node)| node.disconnect());
+                for (_, node) in entries {
+                    node.disconnect();
+                }
             }
             Value::List(list) => list.iter_mut().for_each(Self::disconnect),
             _ => {}
@@ -144,7 +145,9 @@ impl Node {
     /// `add`, unless the choices differ.
     fn add_choice(&mut self, defaults: &Self) {
         if let (Value::Table(own), Value::Table(others)) = (&self.value, &defaults.value)
-            && own.iter().all(|(key, _)| others.iter().any(|(other, _)| other.name == key.name))
+            && own
+                .iter()
+                .all(|(key, _)| others.iter().any(|(other, _)| other.name == key.name))
         {
             self.add(defaults);
         }

@@ -27,7 +27,9 @@ impl<'de> de::Deserializer<'de> for &'de Key {
     type Error = Fault;
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
-        visitor.visit_borrowed_str(&self.name).map_err(|fault: Fault| fault.within(&self.span))
+        visitor
+            .visit_borrowed_str(&self.name)
+            .map_err(|fault: Fault| fault.within(&self.span))
     }
 
     forward_to_deserialize_any! {
@@ -110,10 +112,7 @@ impl<'de> de::EnumAccess<'de> for Choice<'de> {
     type Error = Fault;
     type Variant = Self;
 
-    fn variant_seed<V: de::DeserializeSeed<'de>>(
-        self,
-        seed: V,
-    ) -> Result<(V::Value, Self), Fault> {
+    fn variant_seed<V: de::DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, Self), Fault> {
         Ok((seed.deserialize(self.key)?, self))
     }
 }
@@ -122,19 +121,14 @@ impl<'de> de::VariantAccess<'de> for Choice<'de> {
     type Error = Fault;
 
     fn unit_variant(self) -> Result<(), Fault> {
-        Err(Fault {
-            span: Some(self.key.span.clone()),
-            problem: Problem::Unsuitable {
-                found: "a table".into(),
-                expected: std::format!("the word \"{}\"", self.key.name),
-            },
-        })
+        let problem = Problem::Unsuitable {
+            found: "a table".into(),
+            expected: std::format!("the word \"{}\"", self.key.name),
+        };
+        Err(Fault::at(&self.key.span, problem))
     }
 
-    fn newtype_variant_seed<T: de::DeserializeSeed<'de>>(
-        self,
-        seed: T,
-    ) -> Result<T::Value, Fault> {
+    fn newtype_variant_seed<T: de::DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Fault> {
         seed.deserialize(self.node)
     }
 
