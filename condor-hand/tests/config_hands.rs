@@ -5,7 +5,7 @@
     reason = "a number of the file is the number of the hand, to the last bit"
 )]
 
-use condor_hand::config::{Form, Hand, Output, Processor, ProcessorKind};
+use condor_hand::config::{Form, Hand, Output, Processor, ProcessorKind, Rectification};
 use condor_hand::math::{sin_cos, sqrt};
 use condor_hand::tendon::Pair;
 use nalgebra::{Matrix3, Vector3};
@@ -182,6 +182,14 @@ fn a_hand_of_another_kind_is_described_too() {
     assert_eq!(chain.bodies[0].inertia[(2, 1)], -1e-7);
     assert_eq!(chain.bodies[2].mass, 0.0);
     assert_eq!(finger.joints[2].tension_range(), (1.0, 30.0));
+    // From the finger that it is like, before what all joints have; the choices do not mix.
+    let mean = Rectification::Mean {
+        co_contraction_n: 5.0,
+    };
+    assert_eq!(finger.joints[2].rectification, mean);
+    assert_eq!(finger.joints[1].rectification, Rectification::Hard);
+    let nail = &finger.joints[2].adc;
+    assert_eq!((nail.channel, nail.bits, nail.gain), (15, 16, 1e-6));
     let servo = hand
         .processors
         .iter()
@@ -237,4 +245,16 @@ fn a_processor_without_a_rate_has_that_of_its_kind() {
         hand.processors.iter().map(rate).collect::<Vec<_>>(),
         [50, 800, 800, 800]
     );
+}
+
+#[test]
+fn a_choice_replaces_another_one_whole() {
+    let name = "name = \"middle\"\nlimits";
+    assert!(UTAH.contains(name));
+    let own = "name = \"middle\"\nrectification = { mean = { co_contraction_n = 9.0 } }\nlimits";
+    let hand = Hand::<4, 4>::from_toml(&UTAH.replace(name, own), "edited").unwrap();
+    let mean = Rectification::Mean {
+        co_contraction_n: 9.0,
+    };
+    assert_eq!(hand.fingers[0].joints[2].rectification, mean);
 }
