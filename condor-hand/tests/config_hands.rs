@@ -1,7 +1,12 @@
 //! The hands that ship say what they should, and become the mechanisms that they describe.
 #![cfg(feature = "text")]
+#![allow(
+    clippy::float_cmp,
+    reason = "a number of the file is the number of the hand, to the last bit"
+)]
 
-use condor_hand::config::{Form, Hand, Processor, ProcessorKind};
+use condor_hand::config::{Form, Hand, Output, Processor, ProcessorKind, Rectification};
+use condor_hand::math::{sin_cos, sqrt};
 use condor_hand::tendon::Pair;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
@@ -97,7 +102,7 @@ fn a_planar_finger_is_the_same_chain() {
 #[test]
 fn the_moment_arms_are_those_of_the_reference_data() {
     let geometry = geometry();
-    for (hand, name) in [(utah(), "P_sym"), (asym(), "P_asym")] {
+    for (hand, name) in [(Box::new(utah()), "P_sym"), (Box::new(asym()), "P_asym")] {
         for finger in &hand.fingers {
             let arms = finger.moment_arms().unwrap();
             for (joint, row) in arms.rows().iter().enumerate() {
@@ -145,7 +150,7 @@ fn every_channel_leads_to_its_wire_and_back() {
     for (channel, wire) in utah.wires() {
         assert_eq!(utah.wire(channel), Some(wire));
         let input = utah.input(wire).unwrap();
-        let output = utah.output(wire).map(|output| output.channel());
+        let output = utah.output(wire).map(Output::channel);
         assert!(channel == input.channel() || Some(channel) == output);
     }
     assert_eq!(tripod.wires().count(), 9 * 5);
@@ -163,11 +168,12 @@ fn a_hand_of_another_kind_is_described_too() {
         }
     ));
     let chain = finger.chain();
-    let (sine, cosine) = (0.75_f64.sqrt(), -0.5);
+    let (sine, cosine) = (sqrt(0.75), -0.5);
     let turn = Matrix3::new(cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0);
     assert!((chain.base.rotation - turn).norm() < 1e-15);
+    let (sine, cosine) = sin_cos(0.1);
     let roll = chain.joints[1].placement.rotation;
-    assert!((roll * Vector3::y() - Vector3::new(0.0, 0.1_f64.cos(), 0.1_f64.sin())).norm() < 1e-15);
+    assert!((roll * Vector3::y() - Vector3::new(0.0, cosine, sine)).norm() < 1e-15);
     assert_eq!(
         chain.joints[2].motion,
         condor_hand::kinematics::Motion::Prismatic(Vector3::x())
@@ -176,6 +182,14 @@ fn a_hand_of_another_kind_is_described_too() {
     assert_eq!(chain.bodies[0].inertia[(2, 1)], -1e-7);
     assert_eq!(chain.bodies[2].mass, 0.0);
     assert_eq!(finger.joints[2].tension_range(), (1.0, 30.0));
+    // From the finger that it is like, before what all joints have; the choices do not mix.
+    let mean = Rectification::Mean {
+        co_contraction_n: 5.0,
+    };
+    assert_eq!(finger.joints[2].rectification, mean);
+    assert_eq!(finger.joints[1].rectification, Rectification::Hard);
+    let nail = &finger.joints[2].adc;
+    assert_eq!((nail.channel, nail.bits, nail.gain), (15, 16, 1e-6));
     let servo = hand
         .processors
         .iter()
@@ -191,6 +205,8 @@ fn a_hand_of_another_kind_is_described_too() {
         [1000, 250, 0, 0]
     );
     assert!((extensor.adc.value(30_000) - 30.0).abs() < 1e-12);
+    assert_eq!(extensor.dac.counts(f64::NAN), 1000);
+    assert_eq!(extensor.dac.counts(f64::INFINITY), 0);
 }
 
 #[test]
@@ -229,4 +245,16 @@ fn a_processor_without_a_rate_has_that_of_its_kind() {
         hand.processors.iter().map(rate).collect::<Vec<_>>(),
         [50, 800, 800, 800]
     );
+}
+
+#[test]
+fn a_choice_replaces_another_one_whole() {
+    let name = "name = \"middle\"\nlimits";
+    assert!(UTAH.contains(name));
+    let own = "name = \"middle\"\nrectification = { mean = { co_contraction_n = 9.0 } }\nlimits";
+    let hand = Hand::<4, 4>::from_toml(&UTAH.replace(name, own), "edited").unwrap();
+    let mean = Rectification::Mean {
+        co_contraction_n: 9.0,
+    };
+    assert_eq!(hand.fingers[0].joints[2].rectification, mean);
 }

@@ -3,7 +3,7 @@
 //! A case is a file that ships with one edit: the text of its first occurrence, and what replaces it.
 #![cfg(feature = "text")]
 
-use condor_hand::config::{Hand, Mistake, Problem};
+use condor_hand::config::Hand;
 
 const UTAH: &str = include_str!("../hands/utah-mit.toml");
 const TRIPOD: &str = include_str!("hands/tripod.toml");

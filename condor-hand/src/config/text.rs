@@ -47,10 +47,8 @@ fn read<const FINGERS: usize, const JOINTS: usize>(
     room::<FINGERS, JOINTS>(&tree)?;
     let hand = Hand::deserialize(&tree)?;
     let mut path = Path::new();
-    hand.examine(&mut path).map_err(|mistake| Fault {
-        span: Some(tree.nearest(&path).span.clone()),
-        problem: Problem::Mistake(mistake),
-    })?;
+    hand.examine(&mut path)
+        .map_err(|mistake| Fault::at(&tree.nearest(&path).span, Problem::Mistake(mistake)))?;
     Ok(hand)
 }
 
@@ -76,8 +74,8 @@ fn list<'a>(node: &'a Node, key: &str, of: &'static str, most: usize) -> Result<
         return Ok(list);
     };
     let count = list.len();
-    Err(Fault {
-        span: Some(surplus.span.clone()),
-        problem: Problem::TooMany { of, count, most },
-    })
+    Err(Fault::at(
+        &surplus.span,
+        Problem::TooMany { of, count, most },
+    ))
 }

@@ -128,11 +128,13 @@ impl Output {
         }
     }
 
-    /// The counts that make a value, within what the converter has.
+    /// The counts that make a value, within what the converter has; for a NaN, those of zero, since
+    /// zero counts may be all that the drive can do.
     #[inline]
     #[must_use]
     pub fn counts(&self, value: f64) -> u32 {
         use crate::math::{clamp, round};
+        let value = if value.is_nan() { 0.0 } else { value };
         let counts = round(self.gain * value + self.offset);
         #[allow(clippy::cast_sign_loss, reason = "clamped to what is not negative")]
         let counts = clamp(counts, 0.0, f64::from(self.full_scale())) as u32;

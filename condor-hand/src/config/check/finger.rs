@@ -95,9 +95,11 @@ fn form<const F: usize, const J: usize>(
             Some(mount) => {
                 rotation(examiner, root, "mount.rotation", &mount.rotation)?;
                 match mount.motion {
-                    Motion::Revolute(axis) => unit(examiner, root, "mount.motion.revolute", axis)?,
+                    Motion::Revolute(axis) => {
+                        unit(examiner, root, "mount.motion.revolute", axis)?;
+                    }
                     Motion::Prismatic(axis) => {
-                        unit(examiner, root, "mount.motion.prismatic", axis)?
+                        unit(examiner, root, "mount.motion.prismatic", axis)?;
                     }
                 }
             }

@@ -56,21 +56,16 @@ fn table(node: Node) -> Result<Node, Fault> {
     if matches!(node.value, Value::Table(_)) {
         return Ok(node);
     }
-    Err(Fault {
-        span: Some(node.span),
-        problem: Problem::Unsuitable {
-            found: "a value".into(),
-            expected: "a table of defaults".into(),
-        },
-    })
+    let problem = Problem::Unsuitable {
+        found: "a value".into(),
+        expected: "a table of defaults".into(),
+    };
+    Err(Fault::at(&node.span, problem))
 }
 
 /// The finger above that `like` names.
 fn find<'a>(above: &'a [Node], like: &Node) -> Result<&'a Node, Fault> {
-    let fault = |problem| Fault {
-        span: Some(like.span.clone()),
-        problem,
-    };
+    let fault = |problem| Fault::at(&like.span, problem);
     let Value::Text(name) = &like.value else {
         return Err(fault(Problem::Unsuitable {
             found: "a value".into(),
@@ -138,7 +133,9 @@ impl Node {
         match &mut self.value {
             Value::Table(entries) => {
                 entries.retain(|(key, _)| key.name != CHANNEL);
-                entries.iter_mut().for_each(|(_, node)| node.disconnect());
+                for (_, node) in entries {
+                    node.disconnect();
+                }
             }
             Value::List(list) => list.iter_mut().for_each(Self::disconnect),
             _ => {}

@@ -2,6 +2,7 @@
 
 use core::fmt;
 use core::ops::Range;
+use std::boxed::Box;
 use std::string::{String, ToString};
 
 use serde::de;
@@ -27,7 +28,7 @@ pub struct TextError {
     /// The offending text, as far as it is on that line.
     pub text: String,
     /// What is wrong, and what would be right.
-    pub problem: Problem,
+    pub problem: Box<Problem>,
 }
 
 /// What is wrong with a text.
@@ -41,7 +42,7 @@ pub enum Problem {
         message: String,
     },
     /// A key that means nothing there.
-    #[error("there is no key `{key}` here; {}", Choice { nearest, known })]
+    #[error("there is no key `{key}` here; {}", Choice { nearest: *nearest, known })]
     UnknownKey {
         /// The key.
         key: String,
@@ -51,7 +52,7 @@ pub enum Problem {
         known: &'static [&'static str],
     },
     /// A word that means nothing there.
-    #[error("`{word}` is none of the choices here; {}", Choice { nearest, known })]
+    #[error("`{word}` is none of the choices here; {}", Choice { nearest: *nearest, known })]
     UnknownWord {
         /// The word.
         word: String,
@@ -105,7 +106,7 @@ pub enum Problem {
 
 /// What a person may have meant.
 struct Choice<'a> {
-    nearest: &'a Option<&'static str>,
+    nearest: Option<&'static str>,
     known: &'a [&'static str],
 }
 
@@ -126,10 +127,14 @@ impl fmt::Display for Choice<'_> {
 #[derive(Debug)]
 pub(super) struct Fault {
     pub(super) span: Option<Range<usize>>,
-    pub(super) problem: Problem,
+    pub(super) problem: Box<Problem>,
 }
 
 impl Fault {
+    pub(super) fn at(span: &Range<usize>, problem: Problem) -> Self {
+        Self::from(problem).within(span)
+    }
+
     /// The place, where none nearer to the problem was known.
     pub(super) fn within(mut self, span: &Range<usize>) -> Self {
         self.span.get_or_insert_with(|| span.clone());
@@ -139,7 +144,7 @@ impl Fault {
     /// A key that a table of defaults lacks is one that the table lacks which took the defaults.
     pub(super) fn lacking(mut self, node: &Node) -> Self {
         if let (None, Problem::MissingKey { key }, Some(filled_in)) =
-            (&self.span, &mut self.problem, &node.filled_in)
+            (&self.span, self.problem.as_mut(), &node.filled_in)
         {
             *key = std::format!("{}.{key}", filled_in.way);
             self.span = Some(filled_in.span.clone());
@@ -168,7 +173,7 @@ impl From<Problem> for Fault {
     fn from(problem: Problem) -> Self {
         Self {
             span: None,
-            problem,
+            problem: Box::new(problem),
         }
     }
 }
@@ -187,7 +192,7 @@ fn nearest(word: &str, known: &[&'static str]) -> Option<&'static str> {
         .iter()
         .map(|&other| (strsim::osa_distance(word, other), other));
     let (distance, nearest) = distances.min()?;
-    let tolerance = word.chars().count().div_ceil(3);
+    let tolerance = word.chars().count().div_ceil(2);
     (distance <= tolerance).then_some(nearest)
 }
 

@@ -121,13 +121,11 @@ impl<'de> de::VariantAccess<'de> for Choice<'de> {
     type Error = Fault;
 
     fn unit_variant(self) -> Result<(), Fault> {
-        Err(Fault {
-            span: Some(self.key.span.clone()),
-            problem: Problem::Unsuitable {
-                found: "a table".into(),
-                expected: std::format!("the word \"{}\"", self.key.name),
-            },
-        })
+        let problem = Problem::Unsuitable {
+            found: "a table".into(),
+            expected: std::format!("the word \"{}\"", self.key.name),
+        };
+        Err(Fault::at(&self.key.span, problem))
     }
 
     fn newtype_variant_seed<T: de::DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Fault> {

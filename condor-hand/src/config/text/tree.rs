@@ -47,11 +47,10 @@ pub(super) enum Value {
 
 impl Node {
     pub(super) fn parse(text: &str) -> Result<Self, Fault> {
-        let table = DeTable::parse(text).map_err(|error| Fault {
-            span: error.span(),
-            problem: Problem::Syntax {
-                message: error.message().into(),
-            },
+        let table = DeTable::parse(text).map_err(|error| {
+            let message = error.message().into();
+            let span = error.span().unwrap_or_default();
+            Fault::at(&span, Problem::Syntax { message })
         })?;
         let span = table.span();
         Self::table(table.get_ref(), span)
@@ -62,7 +61,7 @@ impl Node {
         for (key, value) in table {
             let name = String::from(key.get_ref().as_ref());
             let span = key.span();
-            entries.push((Key { span, name }, Self::node(value)?));
+            entries.push((Key { span, name }, Self::from_value(value)?));
         }
         // In the order of the file, so that its first problem is the one that is told.
         entries.sort_by_key(|(key, _)| key.span.start);
@@ -78,14 +77,11 @@ impl Node {
         }
     }
 
-    fn node(node: &Spanned<DeValue<'_>>) -> Result<Self, Fault> {
+    fn from_value(node: &Spanned<DeValue<'_>>) -> Result<Self, Fault> {
         let span = node.span();
-        let unsuitable = |found: &str| Fault {
-            span: Some(node.span()),
-            problem: Problem::Unsuitable {
-                found: found.into(),
-                expected: "a number of 64 bits".into(),
-            },
+        let unsuitable = |found: &str| {
+            let (found, expected) = (found.into(), "a number of 64 bits".into());
+            Fault::at(&node.span(), Problem::Unsuitable { found, expected })
         };
         let value = match node.get_ref() {
             DeValue::String(text) => Value::Text(text.as_ref().into()),
@@ -99,9 +95,11 @@ impl Node {
             }
             DeValue::Boolean(value) => Value::Bool(*value),
             DeValue::Datetime(_) => Value::Time,
-            DeValue::Array(list) => {
-                Value::List(list.iter().map(Self::node).collect::<Result<_, _>>()?)
-            }
+            DeValue::Array(list) => Value::List(
+                list.iter()
+                    .map(Self::from_value)
+                    .collect::<Result<_, _>>()?,
+            ),
             DeValue::Table(table) => return Self::table(table, span),
         };
         Ok(Self::new(span, value))
