@@ -20,8 +20,8 @@ pub struct SearchOptions<T: Real = f64> {
 /// mechanism, found from `start`.
 ///
 /// Damped least squares (Levenberg-Marquardt: Wampler, "Manipulator inverse kinematic solutions
-/// based on vector formulations and damped least-squares methods", 1986); joints at a limit that
-/// would leave it stand still. The search goes downhill only: it may end in a hollow from which
+/// based on vector formulations and damped least-squares methods", 1986); joints that would
+/// leave their limits stop there. The search goes downhill only: it may end in a hollow from which
 /// another start escapes.
 ///
 /// # Errors
@@ -66,7 +66,8 @@ pub fn search<T: Real, const N: usize>(
     })
 }
 
-/// The posture after one step, in which joints at a limit do not push against it.
+/// The posture after one step: joints that would leave their limits stop there, and the others go
+/// the rest of the way.
 fn step<T: Real, const N: usize>(
     jacobian: &SMatrix<T, 3, N>,
     error: &Vector3<T>,
@@ -75,24 +76,30 @@ fn step<T: Real, const N: usize>(
     limits: &JointLimits<T, N>,
 ) -> SVector<T, N> {
     let mut free = *jacobian;
-    let mut step = SVector::zeros();
-    // Each pass holds another joint, or is the last.
+    let mut rest = *error;
+    let mut stopped = *q;
+    let mut next = *q;
+    // Each pass stops another joint, or is the last.
     for _ in 0..=N {
-        step = damped(&free, error, damping).unwrap_or_else(SVector::zeros);
-        let mut held = false;
-        let bounds = limits.lower().iter().zip(limits.upper().iter());
-        let joints = q.iter().zip(step.iter()).zip(bounds);
-        for (mut column, ((&q, &step), (&lower, &upper))) in free.column_iter_mut().zip(joints) {
-            if (q <= lower && step < T::zero()) || (q >= upper && step > T::zero()) {
-                column.fill(T::zero());
-                held = true;
-            }
-        }
-        if !held {
+        let Some(step) = damped(&free, &rest, damping) else {
+            break;
+        };
+        next = stopped + step;
+        let within = limits.clamp(&next);
+        if within == next {
             break;
         }
+        let columns = free.column_iter_mut().zip(stopped.iter_mut());
+        for ((mut column, stopped), (&next, &within)) in columns.zip(next.iter().zip(within.iter()))
+        {
+            if next != within {
+                rest -= &column * (within - *stopped);
+                column.fill(T::zero());
+                *stopped = within;
+            }
+        }
     }
-    limits.clamp(&(q + step))
+    limits.clamp(&next)
 }
 
 fn length<T: Real>(vector: &Vector3<T>) -> T {
