@@ -78,9 +78,11 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
         bend.d += armature.z;
         bend.f += armature.w;
         let bent = bend.solve(&Vector3::new(free.y, free.z, free.w))?;
-        let accelerations = Vector4::new(free.x / turn, bent.x, bent.y, bent.z);
-        let finite = accelerations.iter().all(|&qdd| is_finite(qdd));
-        (turn > T::zero() && finite).then_some(accelerations)
+        let turned = free.x / turn;
+        // One test for all four: the difference is zero, or NaN if one of them is not finite.
+        let finite =
+            is_finite(turned - turned + (bent.x - bent.x) + (bent.y - bent.y) + (bent.z - bent.z));
+        (turn > T::zero() && finite).then_some(Vector4::new(turned, bent.x, bent.y, bent.z))
     }
 }
 
