@@ -78,11 +78,10 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
         bend.d += armature.z;
         bend.f += armature.w;
         let bent = bend.solve(&Vector3::new(free.y, free.z, free.w))?;
-        let turned = free.x / turn;
-        // One test for all four: the difference is zero, or NaN if one of them is not finite.
-        let finite =
-            is_finite(turned - turned + (bent.x - bent.x) + (bent.y - bent.y) + (bent.z - bent.z));
-        (turn > T::zero() && finite).then_some(Vector4::new(turned, bent.x, bent.y, bent.z))
+        let accelerations = Vector4::new(free.x / turn, bent.x, bent.y, bent.z);
+        // Zero times each: the sum is NaN if one of them is not finite.
+        let finite = is_finite((accelerations * T::zero()).sum());
+        (turn > T::zero() && finite).then_some(accelerations)
     }
 }
 
