@@ -79,7 +79,8 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
         bend.f += armature.w;
         let bent = bend.solve(&Vector3::new(free.y, free.z, free.w))?;
         let accelerations = Vector4::new(free.x / turn, bent.x, bent.y, bent.z);
-        let finite = accelerations.iter().all(|&qdd| is_finite(qdd));
+        // Zero times each: the sum is NaN if one of them is not finite.
+        let finite = is_finite((accelerations * T::zero()).sum());
         (turn > T::zero() && finite).then_some(accelerations)
     }
 }
