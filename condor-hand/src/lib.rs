@@ -19,5 +19,9 @@ pub mod dynamics;
 pub mod kinematics;
 pub mod tendon;
 
+// A hand to try them on.
+#[cfg(feature = "sim")]
+pub mod plant;
+
 pub use math::Real;
 pub use pose::Pose;
