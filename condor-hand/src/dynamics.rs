@@ -3,6 +3,10 @@
 //! Gravity is an argument, in the axes of the palm, m/s²: for a palm in any orientation, and for a
 //! palm that is accelerated by `a` the caller passes `g - a`.
 
+mod chain;
+mod finger;
+mod ldl;
+
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::Real;
