@@ -10,8 +10,8 @@
 //! vectors are in the axes of the palm.
 //!
 //! Motion is integrated semi-implicitly: forces at the present state give new rates, with friction
-//! taken at the new rates, and the new rates give new positions. This is what MuJoCo's integrator
-//! `implicitfast` does with joints that have only viscous friction; with [`Drive::Euler`] a finger
+//! taken at the new rates, and the new rates give new positions. This is what the `MuJoCo` integrator
+//! `implicitfast` does with joints that have only viscous friction; with [`DriveKind::Euler`] a finger
 //! follows that program to rounding. Steps of 0.1 ms bear contacts of 1e5 N/m.
 //!
 //! Not modelled: what the fingers do to the table, rolling friction, tips that touch each other.

@@ -169,8 +169,7 @@ impl Contact {
         velocity: &Vector3<f64>,
         dt: f64,
     ) -> Vector3<f64> {
-        // Also where the depth is not a number.
-        if !(overlap.depth > 0.0) {
+        if overlap.depth <= 0.0 {
             *self = Self::none();
             return self.force;
         }

@@ -16,7 +16,7 @@ pub struct Drive {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveKind {
     /// First order, `f' = (command - f) / tau`, by Euler's forward method: the tension before an
-    /// update acts during the update, as in MuJoCo's filtered actuators. Stable for steps below
+    /// update acts during the update, as in the filtered actuators of `MuJoCo`. Stable for steps below
     /// `2 tau`.
     Euler {
         /// tau, s.

@@ -1,5 +1,5 @@
 /// Random numbers that follow from a seed: xoshiro256++ (Blackman and Vigna 2019), its state filled
-/// by SplitMix64.
+/// by `SplitMix64`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Noise {
     state: [u64; 4],
