@@ -1,5 +1,3 @@
-use core::array;
-
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::{Dynamics, ldl};
@@ -20,34 +18,7 @@ impl<T: Real, const N: usize> Dynamics<T, N> for Chain<T, N> {
         qdd: &SVector<T, N>,
         gravity: &Vector3<T>,
     ) -> SVector<T, N> {
-        // A base that is accelerated upwards feels the same as one in the field.
-        let mut rate = Vector3::zeros();
-        let mut acceleration = Vector3::zeros();
-        let mut linear = -self.base.rotation.tr_mul(gravity);
-        let loads: [Load<T>; N] = array::from_fn(|i| {
-            let (link, body) = (Link::of(&self.joints[i], q[i]), &self.bodies[i]);
-            let Pose { rotation, position } = &link.pose;
-            let carried = linear + acceleration.cross(position) + rate.cross(&rate.cross(position));
-            let turned = rotation.tr_mul(&rate);
-            let turning = link.turns * qd[i];
-            rate = turned + turning;
-            acceleration =
-                rotation.tr_mul(&acceleration) + link.turns * qdd[i] + turned.cross(&turning);
-            let sliding = rate.cross(&(link.slides * qd[i]));
-            linear = rotation.tr_mul(&carried) + link.slides * qdd[i] + sliding + sliding;
-            Load::of(link, body, &rate, &acceleration, &linear)
-        });
-
-        let mut torque = SVector::<T, N>::zeros();
-        let mut force = Vector3::zeros();
-        let mut moment = Vector3::zeros();
-        for (load, torque) in loads.iter().zip(torque.iter_mut()).rev() {
-            force += load.force;
-            moment += load.moment;
-            *torque = load.link.turns.dot(&moment) + load.link.slides.dot(&force);
-            (force, moment) = load.link.wrench_before(&force, &moment);
-        }
-        torque
+        self.torque(&self.links(q), qd, qdd, gravity)
     }
 
     fn bias(&self, q: &SVector<T, N>, qd: &SVector<T, N>, gravity: &Vector3<T>) -> SVector<T, N> {
@@ -59,24 +30,7 @@ impl<T: Real, const N: usize> Dynamics<T, N> for Chain<T, N> {
     }
 
     fn mass_matrix(&self, q: &SVector<T, N>) -> SMatrix<T, N, N> {
-        let links: [Link<T>; N] = array::from_fn(|i| Link::of(&self.joints[i], q[i]));
-        let mut composite = Composite::nothing();
-        let mut mass = SMatrix::zeros();
-        for i in (0..N).rev() {
-            composite.add(&self.bodies[i]);
-            let link = &links[i];
-            // The wrench that gives the unit acceleration to this joint and all beyond it.
-            let (mut force, mut moment) = composite.wrench(&link.turns, &link.slides);
-            mass[(i, i)] = link.turns.dot(&moment) + link.slides.dot(&force);
-            for j in (0..i).rev() {
-                (force, moment) = links[j + 1].wrench_before(&force, &moment);
-                let coupled = links[j].turns.dot(&moment) + links[j].slides.dot(&force);
-                mass[(i, j)] = coupled;
-                mass[(j, i)] = coupled;
-            }
-            composite = composite.before(link);
-        }
-        mass
+        self.mass(&self.links(q))
     }
 
     fn forward_dynamics(
@@ -87,8 +41,9 @@ impl<T: Real, const N: usize> Dynamics<T, N> for Chain<T, N> {
         gravity: &Vector3<T>,
         armature: &SVector<T, N>,
     ) -> Option<SVector<T, N>> {
-        let mut free = torque - self.bias(q, qd, gravity);
-        let mut mass = self.mass_matrix(q);
+        let links = self.links(q);
+        let mut free = torque - self.torque(&links, qd, &SVector::zeros(), gravity);
+        let mut mass = self.mass(&links);
         for (i, joint) in self.joints.iter().enumerate() {
             if joint.motion == Motion::Fixed {
                 mass[(i, i)] = T::one();
@@ -101,7 +56,81 @@ impl<T: Real, const N: usize> Dynamics<T, N> for Chain<T, N> {
     }
 }
 
+impl<T: Real, const N: usize> Chain<T, N> {
+    #[inline(always)]
+    fn links(&self, q: &SVector<T, N>) -> [Link<T>; N] {
+        let mut links = [Link::none(); N];
+        for ((link, joint), &q) in links.iter_mut().zip(&self.joints).zip(q.iter()) {
+            *link = Link::of(joint, q);
+        }
+        links
+    }
+
+    /// Newton and Euler, outwards for the accelerations and inwards for the torques.
+    fn torque(
+        &self,
+        links: &[Link<T>; N],
+        qd: &SVector<T, N>,
+        qdd: &SVector<T, N>,
+        gravity: &Vector3<T>,
+    ) -> SVector<T, N> {
+        // A base that is accelerated upwards feels the same as one in the field.
+        let mut linear = -self.base.rotation.tr_mul(gravity);
+        let mut rate = Vector3::zeros();
+        let mut acceleration = Vector3::zeros();
+        let mut loads = [(Vector3::zeros(), Vector3::zeros()); N];
+        for (i, load) in loads.iter_mut().enumerate() {
+            let Link {
+                pose,
+                turns,
+                slides,
+            } = &links[i];
+            let Pose { rotation, position } = pose;
+            let carried = linear + acceleration.cross(position) + rate.cross(&rate.cross(position));
+            let turned = rotation.tr_mul(&rate);
+            let turning = turns * qd[i];
+            rate = turned + turning;
+            acceleration = rotation.tr_mul(&acceleration) + turns * qdd[i] + turned.cross(&turning);
+            let sliding = rate.cross(&(slides * qd[i]));
+            linear = rotation.tr_mul(&carried) + slides * qdd[i] + sliding + sliding;
+            *load = load_of(&self.bodies[i], &rate, &acceleration, &linear);
+        }
+
+        let mut torque = SVector::<T, N>::zeros();
+        let mut force = Vector3::zeros();
+        let mut moment = Vector3::zeros();
+        for ((link, load), torque) in links.iter().zip(&loads).zip(torque.iter_mut()).rev() {
+            force += load.0;
+            moment += load.1;
+            *torque = link.torque(&force, &moment);
+            (force, moment) = link.wrench_before(&force, &moment);
+        }
+        torque
+    }
+
+    fn mass(&self, links: &[Link<T>; N]) -> SMatrix<T, N, N> {
+        let mut composite = Composite::nothing();
+        let mut mass = SMatrix::zeros();
+        for i in (0..N).rev() {
+            composite.add(&self.bodies[i]);
+            let link = &links[i];
+            // The wrench that gives the unit acceleration to this joint and all beyond it.
+            let (mut force, mut moment) = composite.wrench(&link.turns, &link.slides);
+            mass[(i, i)] = link.torque(&force, &moment);
+            for j in (0..i).rev() {
+                (force, moment) = links[j + 1].wrench_before(&force, &moment);
+                let coupled = links[j].torque(&force, &moment);
+                mass[(i, j)] = coupled;
+                mass[(j, i)] = coupled;
+            }
+            composite = composite.before(link);
+        }
+        mass
+    }
+}
+
 /// A link at a position of its joint.
+#[derive(Clone, Copy)]
 struct Link<T: Real> {
     /// In the frame of the link before it.
     pose: Pose<T>,
@@ -112,6 +141,16 @@ struct Link<T: Real> {
 }
 
 impl<T: Real> Link<T> {
+    /// On the link before it, and fixed.
+    #[inline(always)]
+    fn none() -> Self {
+        Self {
+            pose: Pose::identity(),
+            turns: Vector3::zeros(),
+            slides: Vector3::zeros(),
+        }
+    }
+
     #[inline(always)]
     fn of(joint: &Joint<T>, q: T) -> Self {
         let Pose { rotation, position } = &joint.placement;
@@ -136,6 +175,12 @@ impl<T: Real> Link<T> {
         }
     }
 
+    /// What the joint takes of a force and a moment about the origin of this link: N m, or N.
+    #[inline(always)]
+    fn torque(&self, force: &Vector3<T>, moment: &Vector3<T>) -> T {
+        self.turns.dot(moment) + self.slides.dot(force)
+    }
+
     /// A force and a moment about the origin of this link, as the link before it has them.
     #[inline(always)]
     fn wrench_before(&self, force: &Vector3<T>, moment: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
@@ -155,32 +200,19 @@ fn turn<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {
         + axis * axis.transpose() * (T::one() - cosine)
 }
 
-/// What moves one body: a force, and a moment about the origin of its link.
-struct Load<T: Real> {
-    link: Link<T>,
-    force: Vector3<T>,
-    moment: Vector3<T>,
-}
-
-impl<T: Real> Load<T> {
-    #[inline(always)]
-    fn of(
-        link: Link<T>,
-        body: &Body<T>,
-        rate: &Vector3<T>,
-        acceleration: &Vector3<T>,
-        linear: &Vector3<T>,
-    ) -> Self {
-        let center = &body.center;
-        let at_center = linear + acceleration.cross(center) + rate.cross(&rate.cross(center));
-        let force = at_center * body.mass;
-        let spin = body.inertia * acceleration + rate.cross(&(body.inertia * rate));
-        Self {
-            link,
-            force,
-            moment: spin + center.cross(&force),
-        }
-    }
+/// The force, and the moment about the origin of its link, that move a body.
+#[inline(always)]
+fn load_of<T: Real>(
+    body: &Body<T>,
+    rate: &Vector3<T>,
+    acceleration: &Vector3<T>,
+    linear: &Vector3<T>,
+) -> (Vector3<T>, Vector3<T>) {
+    let center = &body.center;
+    let at_center = linear + acceleration.cross(center) + rate.cross(&rate.cross(center));
+    let force = at_center * body.mass;
+    let spin = body.inertia * acceleration + rate.cross(&(body.inertia * rate));
+    (force, spin + center.cross(&force))
 }
 
 /// Bodies that move as one, in the frame of a link.

@@ -3,7 +3,7 @@ use nalgebra::{Matrix4, SVector, Vector3, Vector4};
 use super::Dynamics;
 use crate::Real;
 use crate::kinematics::PlanarFinger;
-use crate::math::{real, sin_cos};
+use crate::math::{is_finite, real, sin_cos};
 
 /// In closed form, with the four sines and cosines of one posture.
 ///
@@ -78,12 +78,9 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
         bend.d += armature.z;
         bend.f += armature.w;
         let bent = bend.solve(&Vector3::new(free.y, free.z, free.w))?;
-        // No order for a NaN, which is not positive either.
-        if turn > T::zero() {
-            Some(Vector4::new(free.x / turn, bent.x, bent.y, bent.z))
-        } else {
-            None
-        }
+        let accelerations = Vector4::new(free.x / turn, bent.x, bent.y, bent.z);
+        let finite = accelerations.iter().all(|&qdd| is_finite(qdd));
+        (turn > T::zero() && finite).then_some(accelerations)
     }
 }
 
@@ -104,8 +101,10 @@ struct Pull<T> {
 impl<T: Real> Posture<T> {
     #[inline(always)]
     fn of(q: &Vector4<T>) -> Self {
-        let second = q.y + q.z;
-        let [first, second, third] = [q.y, second, second + q.w].map(sin_cos);
+        // By addition theorems: the sum of two angles could overflow.
+        let first = sin_cos(q.y);
+        let second = sum(first, sin_cos(q.z));
+        let third = sum(second, sin_cos(q.w));
         Self {
             turn: sin_cos(q.x),
             sine: [first.0, second.0, third.0],
@@ -123,6 +122,12 @@ impl<T: Real> Posture<T> {
             axial: g.z,
         }
     }
+}
+
+/// Sine and cosine of the sum of two angles, of which those are given.
+#[inline(always)]
+fn sum<T: Real>((s, c): (T, T), (sine, cosine): (T, T)) -> (T, T) {
+    (s * cosine + c * sine, c * cosine - s * sine)
 }
 
 impl<T: Real> PlanarFinger<T> {

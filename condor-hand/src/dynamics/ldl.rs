@@ -1,9 +1,10 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::Real;
+use crate::math::is_finite;
 
 /// The `x` of `a x = b` for a symmetric positive definite `a`, of which only the lower triangle is
-/// read; `None` where it is not positive definite.
+/// read; `None` where it is not positive definite, or the answer is not finite.
 ///
 /// `LDLᵀ` without square roots: Golub and Van Loan, *Matrix Computations*, 4th ed., §4.1.2.
 pub(super) fn solve<T: Real, const N: usize>(
@@ -48,7 +49,7 @@ pub(super) fn solve<T: Real, const N: usize>(
             x[i] -= known;
         }
     }
-    Some(x)
+    x.iter().all(|&x| is_finite(x)).then_some(x)
 }
 
 #[cfg(test)]

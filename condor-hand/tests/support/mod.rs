@@ -8,6 +8,7 @@ use condor_hand::kinematics::{Body, Chain, Joint, Motion, PlanarFinger, Rod};
 use condor_hand::tendon::{MomentArms, Pair};
 use condor_hand::{Pose, Real};
 use nalgebra::{Matrix3, SVector, Vector3};
+use proptest::test_runner::Config as ProptestConfig;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
@@ -46,6 +47,14 @@ struct Base {
     #[serde(rename = "R")]
     rotation: [[f64; 3]; 3],
     p: [f64; 3],
+}
+
+/// How proptest runs: a failure prints its input, and leaves no file.
+pub(crate) fn runs() -> ProptestConfig {
+    ProptestConfig {
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
 }
 
 /// A file of `tests/reference`, by name.
