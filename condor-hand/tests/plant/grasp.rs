@@ -2,7 +2,7 @@
 
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::{Kinematics, PlanarFinger};
-use condor_hand::plant::{Finger, FingerParameters, Hand, JointParameters, Object};
+use condor_hand::plant::{Contact, Finger, FingerParameters, Hand, JointParameters, Object};
 use condor_hand::plant::{ObjectParameters, Wrench};
 use condor_hand::tendon::{Pair, Pairs};
 use nalgebra::{SVector, Vector3, Vector4};
@@ -96,9 +96,10 @@ fn a_ball_in_three_fingers_feels_their_stiffness_and_stays() {
     for (finger, commands) in hand.fingers_mut().iter_mut().zip(commands) {
         finger.reset(start(), commands).unwrap();
     }
-    let mut run = |push: Vector3<f64>, seconds: f64| {
-        let moment = Vector3::zeros();
-        let force = push;
+    // Three equal springs make none turn that is pushed at their middle.
+    let middle = tips.iter().sum::<Vector3<f64>>() / 3.0 - center;
+    let mut run = |force: Vector3<f64>, seconds: f64| {
+        let moment = middle.cross(&force);
         hand.push_object(Wrench { force, moment }).unwrap();
         let end = hand.time_s() + seconds;
         while hand.time_s() < end {
@@ -107,9 +108,9 @@ fn a_ball_in_three_fingers_feels_their_stiffness_and_stays() {
             hand.step(&commands).unwrap();
         }
         let contacts = hand.object_contacts();
-        assert!(contacts.iter().all(|contact| contact.is_touching()));
+        assert!(contacts.iter().all(Contact::is_touching));
         assert!(contacts.iter().all(|contact| !contact.is_sliding()));
-        hand.object().unwrap().pose().position
+        hand.object().unwrap().pose().transform(&middle)
     };
     // Its weight is held all the time.
     run(Vector3::zeros(), 1.0);
@@ -120,7 +121,10 @@ fn a_ball_in_three_fingers_feels_their_stiffness_and_stays() {
         let minus = run(-push, 1.0);
         let apparent = 0.2 / (plus - minus)[axis];
         let ratio = apparent / (3.0 * STIFFNESS);
-        println!("axis {axis}: {ratio}");
+        println!(
+            "axis {axis}: {ratio} {:e}",
+            (run(-push, 1.0) - minus).norm()
+        );
         assert!((ratio - 1.0).abs() < 0.01, "axis {axis}: {ratio}");
         let later = run(-push, 1.0);
         assert!((later - minus).norm() < 1e-6, "{later} after {minus}");
