@@ -33,5 +33,9 @@ pub mod trajectory;
 // What differs from hand to hand.
 pub mod config;
 
+// A hand to try them on.
+#[cfg(feature = "sim")]
+pub mod plant;
+
 pub use math::Real;
 pub use pose::Pose;
