@@ -1,4 +1,4 @@
-//! Against SciPy's splines and Ruckig's durations.
+//! Against `SciPy`'s splines and Ruckig's durations.
 
 use condor_hand::trajectory::{Bounds, Polynomial, Segments, SetPoint, Spline};
 use serde_json::Value;
@@ -30,9 +30,11 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(number).collect()
 }
 
+type Column = fn(SetPoint<f64>) -> f64;
+
 /// Errors are relative to the greatest value of the column: derivatives of a spline reach hundreds.
 fn compare(name: &str, times: &[f64], expected: &Value, at: impl Fn(f64) -> SetPoint<f64>) {
-    let columns: [(&str, fn(SetPoint<f64>) -> f64); 3] = [
+    let columns: [(&str, Column); 3] = [
         ("x", |point| point.position),
         ("v", |point| point.velocity),
         ("a", |point| point.acceleration),
