@@ -128,9 +128,14 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// The first set-point that is not finite or too far to go to; then it is as if none had come.
     pub fn tick(&mut self, points: &[SetPoint<T>; J]) -> Result<(), SetPointError> {
         let tick = self.seconds(self.substeps);
-        let (early, late) = (self.length - self.step, self.late > 0);
-        // A master that is far ahead is followed in two ticks, not in more.
-        let length = (early + self.substeps).min(2 * self.substeps);
+        let early = self.length - self.step;
+        // After a burst of ticks only the newest says where to be.
+        let off = self.late > 0 || early > self.substeps;
+        let length = if off {
+            self.substeps
+        } else {
+            early + self.substeps
+        };
         let mut joints = self.joints.clone();
         for (number, (joint, point)) in joints.iter_mut().zip(points).enumerate() {
             let error = || SetPointError::NotFinite {
@@ -138,7 +143,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
                 position: point.position.to_f64(),
                 velocity: point.velocity.to_f64(),
             };
-            let from = if late {
+            let from = if off {
                 let now = self.moving(joint);
                 let line = SetPoint {
                     position: point.position - point.velocity * tick,

@@ -9,6 +9,8 @@ use crate::math::{Real, abs, clamp, is_finite, real};
 pub struct Polynomial<T: Real> {
     coefficients: [T; 6],
     duration: T,
+    /// Position and velocity at the end, to the last digit.
+    end: (T, T),
 }
 
 impl<T: Real> Polynomial<T> {
@@ -28,7 +30,7 @@ impl<T: Real> Polynomial<T> {
         let zero = T::zero();
         let c2 = real::<T>(3.0) * dx - real::<T>(2.0) * w0 - w1;
         let c3 = w0 + w1 - real::<T>(2.0) * dx;
-        Self::checked([start.position, w0, c2, c3, zero, zero], duration)
+        Self::checked([start.position, w0, c2, c3, zero, zero], duration, end)
     }
 
     /// The quintic polynomial: positions, velocities and accelerations at both ends. Of all motions
@@ -51,7 +53,7 @@ impl<T: Real> Polynomial<T> {
         let c3 = (k(20.0) * dx - (k(8.0) * w1 + k(12.0) * w0) - (k(3.0) * b0 - b1)) * half;
         let c4 = (k(14.0) * w1 + k(16.0) * w0 - k(30.0) * dx + (k(3.0) * b0 - k(2.0) * b1)) * half;
         let c5 = (k(12.0) * dx - k(6.0) * (w1 + w0) + (b1 - b0)) * half;
-        Self::checked([start.position, w0, b0 * half, c3, c4, c5], duration)
+        Self::checked([start.position, w0, b0 * half, c3, c4, c5], duration, end)
     }
 
     /// From rest to rest with the least squared jerk, the profile of human reaches: T. Flash and
@@ -64,7 +66,7 @@ impl<T: Real> Polynomial<T> {
         Self::quintic(&SetPoint::rest(start), &SetPoint::rest(end), duration)
     }
 
-    fn checked(coefficients: [T; 6], duration: T) -> Result<Self, ProfileError> {
+    fn checked(coefficients: [T; 6], duration: T, end: &SetPoint<T>) -> Result<Self, ProfileError> {
         if !(duration > T::zero()) {
             let duration = duration.to_f64();
             return Err(ProfileError::Duration { duration });
@@ -81,6 +83,7 @@ impl<T: Real> Polynomial<T> {
         Ok(Self {
             coefficients,
             duration,
+            end: (end.position, end.velocity),
         })
     }
 
@@ -94,7 +97,11 @@ impl<T: Real> Polynomial<T> {
     #[inline]
     #[must_use]
     pub fn at(&self, t: T) -> SetPoint<T> {
-        self.point(clamp(t / self.duration, T::zero(), T::one()))
+        let mut point = self.point(clamp(t / self.duration, T::zero(), T::one()));
+        if t >= self.duration {
+            (point.position, point.velocity) = self.end;
+        }
+        point
     }
 
     fn point(&self, s: T) -> SetPoint<T> {

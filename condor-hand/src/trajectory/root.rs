@@ -102,7 +102,7 @@ mod tests {
         // (s - 0.1)(s - 0.4)(s - 0.5)(s - 0.9)
         let c = [0.018, -0.281, 1.19, -1.9, 1.0, 0.0];
         let found = sign_changes(&c, 4);
-        for (zero, expected) in found.iter().zip([0.1, 0.4, 0.5, 0.9]) {
+        for (zero, expected) in found.iter().zip([0.1_f64, 0.4, 0.5, 0.9]) {
             assert!((zero - expected).abs() < 1e-12, "{found:?}");
         }
         assert_eq!(found.len(), 4);

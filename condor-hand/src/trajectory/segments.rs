@@ -336,7 +336,16 @@ impl<T: Real> Segments<T> {
             acceleration: piece.acceleration * along,
             jerk: piece.jerk * along,
         });
-        if !(is_finite(duration) && pieces.iter().all(|piece| is_finite(piece.duration))) {
+        // Terms whose sum is finite leave every state on the way finite.
+        let (mut state, mut sum) = (*start, duration);
+        for piece in &pieces {
+            let t = piece.duration;
+            let change = abs(piece.acceleration) + abs(piece.jerk) * t;
+            let rate = abs(state.velocity) + change * t;
+            sum += change + rate + abs(state.position) + rate * t;
+            state = piece.end(&state);
+        }
+        if !is_finite(sum) {
             return Err(ProfileError::NotFinite);
         }
         Ok(Self {
