@@ -3,13 +3,22 @@
 //! Gravity is an argument, in the axes of the palm, m/s²: for a palm in any orientation, and for a
 //! palm that is accelerated by `a` the caller passes `g - a`.
 
+mod chain;
+mod drive;
+mod finger;
+mod ldl;
+
+pub use drive::{Drive, tendon_friction};
+
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::Real;
 
-/// The rigid-body dynamics of a serial mechanism of N joints, without friction and armature.
+/// The rigid-body dynamics of a serial mechanism of N joints, without friction and armature, which
+/// are those of a [`Drive`].
 ///
-/// Finite arguments give finite answers; no method panics.
+/// Where a joint slides, read m for rad, N for N m and kg for kg m². Finite arguments give finite
+/// answers, unless they are so large that a product overflows; no method panics.
 pub trait Dynamics<T: Real, const N: usize> {
     /// The torques (N m) that give the accelerations `qdd` (rad/s²) at the positions `q` (rad) and
     /// rates `qd` (rad/s).
@@ -32,7 +41,8 @@ pub trait Dynamics<T: Real, const N: usize> {
 
     /// The accelerations (rad/s²) that the torques cause, with the inertia of the drives
     /// (`armature`, kg m²) added to the diagonal of the mass matrix. `None` where that matrix is
-    /// not positive definite.
+    /// not positive definite, and where an acceleration is no finite number: a NaN among the
+    /// arguments does not leave here.
     fn forward_dynamics(
         &self,
         q: &SVector<T, N>,

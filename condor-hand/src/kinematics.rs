@@ -4,9 +4,21 @@
 
 mod chain;
 mod finger;
+mod inverse;
+mod limits;
+mod null;
+mod planar;
+mod product;
+mod rates;
+mod search;
 
-pub use chain::{Body, Chain, Joint, Motion};
+pub use chain::{Body, Chain, ChainError, Joint, Motion, Part};
 pub use finger::{PlanarFinger, Rod};
+pub use inverse::{Branches, InverseError, Reach, Redundancy};
+pub use limits::{JointLimits, LimitsError};
+pub use planar::NotPlanar;
+pub use rates::{damped_rates, joint_rates, manipulability, singular_values};
+pub use search::{SearchOptions, search};
 
 use nalgebra::{SMatrix, SVector, Vector3};
 

@@ -14,10 +14,28 @@
 pub mod math;
 mod pose;
 
+// The laws of control, useful without a hand.
+pub mod control;
+
 // The laws of a finger.
 pub mod dynamics;
 pub mod kinematics;
 pub mod tendon;
+
+// The laws of several fingers.
+pub mod grasp;
+
+// The servos of a finger, and the motion that they follow.
+pub mod controller;
+pub mod servo;
+pub mod trajectory;
+
+// What differs from hand to hand.
+pub mod config;
+
+// A hand to try them on.
+#[cfg(feature = "sim")]
+pub mod plant;
 
 pub use math::Real;
 pub use pose::Pose;

@@ -234,7 +234,7 @@ pub fn max<T: Real>(x: T, y: T) -> T {
 #[inline(always)]
 #[must_use]
 pub fn clamp<T: Real>(x: T, low: T, high: T) -> T {
-    max(min(x, high), low)
+    max(min(high, x), low)
 }
 
 /// The angle in -pi..=pi that differs by whole turns.

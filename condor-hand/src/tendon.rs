@@ -1,7 +1,14 @@
 //! From torques of joints to tensions of antagonistic tendons, and to the commands of actuators.
 
+mod allocation;
 mod arms;
+mod calibration;
+pub mod fault;
 mod pair;
+mod servo;
 
+pub use allocation::{Allocated, Allocation, AllocationError, Rectification};
 pub use arms::{ArmError, MomentArms};
+pub use calibration::{Calibration, CalibrationError, Output};
 pub use pair::{Pair, Pairs};
+pub use servo::{TensionGains, TensionServo, TensionServoError};

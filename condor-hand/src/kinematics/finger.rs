@@ -1,6 +1,8 @@
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
-use crate::{Pose, Real};
+use super::{Body, Chain, ChainError, Jacobian, Joint, Kinematics, Motion};
+use crate::Pose;
+use crate::math::{Real, is_finite, sin_cos, sqrt};
 
 /// A finger of four joints in closed form: the first turns the finger about the z axis of its
 /// base, the others bend it in one plane, about parallel axes.
@@ -8,6 +10,16 @@ use crate::{Pose, Real};
 /// In the frame of the base the straight finger lies along x, and the three flexion axes along y.
 /// Positive angles turn x to y, and x to -z. The links are straight; the body of each has its centre
 /// of mass on the link and its principal axes along it.
+///
+/// # Equations
+///
+/// With the absolute angles `a1 = q1`, `a2 = a1 + q2` and `a3 = a2 + q3` of the links in their
+/// plane, the tip lies beyond the axis of joint k by `X_k = Σ l_j cos a_j` along the finger and by
+/// `Z_k = Σ l_j sin a_j` down (to -z), both over `j = k..=3`. In the frame of the base, with
+/// `r = l0 + X_1`, the radial axis `e = (cos q0, sin q0, 0)`, the flexion axis
+/// `y' = (-sin q0, cos q0, 0)` and z, the tip is at `r e - Z_1 z`; joint 0 moves it along `r y'` and
+/// turns it about z; joint k moves it along `-Z_k e - X_k z` and turns it about y'. They follow from
+/// the product of placements that [`Chain`] forms, with all axes written out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarFinger<T: Real = f64> {
     /// The base in the palm: its origin is on the first axis, at the height of the second.
@@ -28,4 +40,180 @@ pub struct Rod<T: Real = f64> {
     /// Moments of inertia about the centre of mass: along x (the link), y (the flexion axis) and z,
     /// kg m².
     pub inertia: Vector3<T>,
+}
+
+/// The finger in one posture, in its own plane.
+#[derive(Clone, Copy)]
+struct Posture<T: Real> {
+    /// Sine and cosine of the first angle.
+    turn: (T, T),
+    /// Sine and cosine of the absolute angle of the last link.
+    last: (T, T),
+    /// The tip beyond each flexion axis, along the finger, m.
+    along: [T; 3],
+    /// The tip below each flexion axis, m.
+    down: [T; 3],
+    /// From the first axis to the tip, along the finger, m.
+    radius: T,
+}
+
+/// The axes of the plane of the finger, in the palm.
+#[derive(Clone, Copy)]
+struct Axes<T: Real> {
+    radial: Vector3<T>,
+    flexion: Vector3<T>,
+    up: Vector3<T>,
+}
+
+impl<T: Real> PlanarFinger<T> {
+    /// The angle in its plane of the last link against the straight finger, rad: positive where
+    /// the finger is flexed.
+    #[inline]
+    #[must_use]
+    pub fn pitch(q: &SVector<T, 4>) -> T {
+        q.y + q.z + q.w
+    }
+
+    /// The same mechanism as a product of placements.
+    #[must_use]
+    pub fn chain(&self) -> Chain<T, 4> {
+        let [l0, l1, l2, l3] = self.lengths;
+        let joint = |offset, axis| Joint {
+            placement: Pose::at(offset, T::zero(), T::zero()),
+            motion: Motion::Revolute(axis),
+        };
+        Chain {
+            base: self.base,
+            joints: [
+                joint(T::zero(), Vector3::z()),
+                joint(l0, Vector3::y()),
+                joint(l1, Vector3::y()),
+                joint(l2, Vector3::y()),
+            ],
+            bodies: self.bodies.map(|rod| Body {
+                mass: rod.mass,
+                center: Vector3::new(rod.center, T::zero(), T::zero()),
+                inertia: Matrix3::from_diagonal(&rod.inertia),
+            }),
+            tip: Vector3::new(l3, T::zero(), T::zero()),
+        }
+    }
+
+    /// Whether the numbers are those of a mechanism, as [`Chain::check`].
+    ///
+    /// # Errors
+    ///
+    /// The first number that is none.
+    pub fn check(&self) -> Result<(), ChainError> {
+        self.chain().check()
+    }
+
+    // Sines and cosines of the sums by addition theorems: for no finite angle does a sum overflow
+    // or lose the smaller angle.
+    #[inline(always)]
+    fn posture(&self, q: &SVector<T, 4>) -> Posture<T> {
+        let [l0, l1, l2, l3] = self.lengths;
+        let (s1, c1) = sin_cos(q.y);
+        let (s2, c2) = turned((s1, c1), sin_cos(q.z));
+        let (s3, c3) = turned((s2, c2), sin_cos(q.w));
+        let (x3, z3) = (l3 * c3, l3 * s3);
+        let (x2, z2) = (x3 + l2 * c2, z3 + l2 * s2);
+        let (x1, z1) = (x2 + l1 * c1, z2 + l1 * s1);
+        Posture {
+            turn: sin_cos(q.x),
+            last: (s3, c3),
+            along: [x1, x2, x3],
+            down: [z1, z2, z3],
+            radius: l0 + x1,
+        }
+    }
+
+    #[inline(always)]
+    fn axes(&self, turn: (T, T)) -> Axes<T> {
+        let rotation = &self.base.rotation;
+        let (s0, c0) = turn;
+        let (x, y, up) = (
+            rotation.fixed_columns::<1>(0),
+            rotation.fixed_columns::<1>(1),
+            rotation.fixed_columns::<1>(2).into_owned(),
+        );
+        Axes {
+            radial: x * c0 + y * s0,
+            flexion: y * c0 - x * s0,
+            up,
+        }
+    }
+
+    #[inline(always)]
+    fn tip_of(&self, posture: &Posture<T>, axes: &Axes<T>) -> Pose<T> {
+        let (s3, c3) = posture.last;
+        let [down, _, _] = posture.down;
+        Pose {
+            rotation: Matrix3::from_columns(&[
+                axes.radial * c3 - axes.up * s3,
+                axes.flexion,
+                axes.radial * s3 + axes.up * c3,
+            ]),
+            position: self.base.position + axes.radial * posture.radius - axes.up * down,
+        }
+    }
+}
+
+/// Sine and cosine of the sum of two angles.
+#[inline(always)]
+fn turned<T: Real>((s, c): (T, T), (by_s, by_c): (T, T)) -> (T, T) {
+    (s * by_c + c * by_s, c * by_c - s * by_s)
+}
+
+/// The closed form: four sines and cosines for the tip and its Jacobian.
+impl<T: Real> Kinematics<T, 4> for PlanarFinger<T> {
+    #[inline]
+    fn tip(&self, q: &SVector<T, 4>) -> Pose<T> {
+        let posture = self.posture(q);
+        self.tip_of(&posture, &self.axes(posture.turn))
+    }
+
+    #[inline]
+    fn kinematics(&self, q: &SVector<T, 4>) -> (Pose<T>, Jacobian<T, 4>) {
+        let posture = self.posture(q);
+        let axes = self.axes(posture.turn);
+        let column = |linear: Vector3<T>, angular: Vector3<T>| {
+            Vector6::new(
+                linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
+            )
+        };
+        let flexion = |down: T, along: T| {
+            let linear = -(axes.radial * down + axes.up * along);
+            column(linear, axes.flexion)
+        };
+        let [x1, x2, x3] = posture.along;
+        let [z1, z2, z3] = posture.down;
+        let jacobian = Jacobian::from_columns(&[
+            column(axes.flexion * posture.radius, axes.up),
+            flexion(z1, x1),
+            flexion(z2, x2),
+            flexion(z3, x3),
+        ]);
+        (self.tip_of(&posture, &axes), jacobian)
+    }
+
+    /// The cross product of the rows X and Z: `(0, X2 Z3 - X3 Z2, X3 Z1 - X1 Z3, X1 Z2 - X2 Z1)`,
+    /// of unit length; joint 1 flexes where joint 3 is flexed. There is none where the finger is
+    /// straight, so that the rows are parallel, and another where the tip is on the first axis.
+    fn self_motion(&self, q: &SVector<T, 4>) -> Option<SVector<T, 4>> {
+        let posture = self.posture(q);
+        let along = Vector3::from(posture.along);
+        let down = Vector3::from(posture.down);
+        let normal = along.cross(&down);
+        let size = along.norm_squared() + down.norm_squared();
+        let square = normal.norm_squared();
+        // Within √ε of either singularity, in proportion, what remains is rounding.
+        let least = size * T::default_epsilon();
+        if !(square > least * size && posture.radius * posture.radius > least && is_finite(square))
+        {
+            return None;
+        }
+        let unit = normal / sqrt(square);
+        Some(SVector::from([T::zero(), unit.x, unit.y, unit.z]))
+    }
 }

@@ -13,6 +13,8 @@ use crate::math::{Real, is_finite};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MomentArms<T: Real, const N: usize> {
     rows: [Pairs<T, N>; N],
+    /// Of each joint's own tendons, so that the servo divides once and not in each tick.
+    reciprocals: Pairs<T, N>,
 }
 
 /// Arms that no finger can have.
@@ -63,7 +65,8 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     ///
     /// The first arm that makes the matrix not invertible by back-substitution.
     pub fn new(rows: [Pairs<T, N>; N]) -> Result<Self, ArmError> {
-        for (joint, row) in rows.iter().enumerate() {
+        let mut reciprocals = [Pair::both(T::zero()); N];
+        for (joint, (row, reciprocal)) in rows.iter().zip(&mut reciprocals).enumerate() {
             for (tendon, pair) in row.iter().enumerate() {
                 for arm in [pair.flexor, pair.extensor] {
                     if !is_finite(arm) {
@@ -75,16 +78,22 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
                         return Err(ArmError::NotTriangular { tendon, joint, arm });
                     }
                 }
-                if tendon == joint && !(pair.flexor > T::zero() && pair.extensor < T::zero()) {
-                    return Err(ArmError::Own {
-                        joint,
-                        flexor: pair.flexor.to_f64(),
-                        extensor: pair.extensor.to_f64(),
-                    });
+                if tendon == joint {
+                    *reciprocal = pair.map(|arm| T::one() / arm);
+                    // The reciprocal of a denormal arm overflows.
+                    let invertible = is_finite(reciprocal.flexor) && is_finite(reciprocal.extensor);
+                    let opposed = pair.flexor > T::zero() && pair.extensor < T::zero();
+                    if !(invertible && opposed) {
+                        return Err(ArmError::Own {
+                            joint,
+                            flexor: pair.flexor.to_f64(),
+                            extensor: pair.extensor.to_f64(),
+                        });
+                    }
                 }
             }
         }
-        Ok(Self { rows })
+        Ok(Self { rows, reciprocals })
     }
 
     /// The arms at one joint, of the tendons of each joint.
@@ -92,6 +101,12 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     #[must_use]
     pub fn rows(&self) -> &[Pairs<T, N>; N] {
         &self.rows
+    }
+
+    /// One over each joint's own arms, 1/m.
+    #[inline(always)]
+    pub(super) fn reciprocals(&self) -> &Pairs<T, N> {
+        &self.reciprocals
     }
 
     /// The torques of tensions: `P f`, N m.

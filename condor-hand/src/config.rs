@@ -1,0 +1,102 @@
+//! One file that says everything about a hand.
+//!
+//! The file says which joints a processor serves, which A/D and D/A channels belong to a joint, and
+//! every number that a controller uses. A wire that moves to another connector is an edit of the
+//! file; no program is changed, and none is compiled again. That there is one such central file is
+//! from section 4.2 of A. I. Memo 977.
+//!
+//! # For a controller
+//!
+//! The host turns the text into an image, and a processor loads the image, or has it linked in: it
+//! parses no text and allocates nothing. Both readers check all that [`Mistake`] knows.
+//!
+//! ```
+//! # #[cfg(feature = "text")] {
+//! use condor_hand::config::Hand;
+//!
+//! type UtahMit = Hand<4, 4>;
+//!
+//! // On the host:
+//! let text = include_str!("../hands/utah-mit.toml");
+//! let hand = UtahMit::from_toml(text, "utah-mit.toml").unwrap();
+//! let mut image = [0; 16384];
+//! let len = hand.to_image(&mut image).unwrap();
+//!
+//! // On a processor:
+//! let hand = UtahMit::from_image(&image[..len]).unwrap();
+//! for (index, finger) in hand.fingers_on(2) {
+//!     let arms = finger.moment_arms().unwrap();
+//!     println!("finger {index} is the {}: {:?}", finger.name, arms.rows()[3]);
+//! }
+//! # }
+//! ```
+//!
+//! # For people: the file
+//!
+//! The file is TOML; the fields of [`Hand`] are its keys. Units are SI and radians, and a key whose
+//! unit is another one ends in it. `hands/utah-mit.toml` in this package is a whole hand, whose
+//! comments say which numbers are published and which are assumed.
+//!
+//! | table | is |
+//! |---|---|
+//! | the file itself | [`Hand`]: name, rates, gravity |
+//! | `[faults]`, `[contact]` | [`FaultPolicy`], [`Contact`] |
+//! | `[[processors]]` | [`Processor`]: number, kind, rate, and how long its work takes |
+//! | `[[table.axes]]` | [`Axis`] of the table that carries the hand, if there is one |
+//! | `[[fingers]]` | [`Finger`]: name, base, form |
+//! | `[[fingers.joints]]` | [`Joint`]: proximal first; its processor, sensor, servo, tendons and link |
+//! | `flexor`, `extensor` of a joint | [`Tendon`]: sensor, output, arm, tensions, gains |
+//! | `crosses` of a joint | [`Crossing`]: a proximal joint that its tendons have arms at too |
+//! | `adc`, `dac` | [`Input`] and [`Output`]: board, channel and calibration |
+//!
+//! A choice is a word or a table with one key: `rectification = "hard"`, or
+//! `rectification = { smooth = { softness_n = 3.0 } }`. So are a [`Form`], a [`Rotation`],
+//! a [`Motion`] and a [`Shape`].
+//!
+//! Joints need not repeat themselves. What a joint leaves out is taken from `joint_defaults` of its
+//! finger, then from the joint in the same place of the finger that its finger is `like`, and then
+//! from `joint_defaults` of the file. Tables are completed key by key; lists, and tables that
+//! choose something else, stay as they are. A finger that is `like` one above it takes
+//! everything else from there too, but for its name and the channels, which no two have in common.
+//!
+//! An error says where it is and what would be right:
+//!
+//! ```
+//! # #[cfg(feature = "text")] {
+//! # use condor_hand::config::Hand;
+//! let text = "name = \"mine\"\nservo_rate_hz = 400\n";
+//! let error = Hand::<4, 4>::from_toml(text, "mine.toml").unwrap_err();
+//! assert_eq!((error.line, error.column), (2, 1));
+//! println!("{error}");
+//! # }
+//! ```
+
+mod check;
+mod finger;
+mod hand;
+mod image;
+mod mistake;
+mod rotation;
+#[cfg(feature = "text")]
+mod text;
+mod views;
+mod wiring;
+
+pub use finger::{
+    Body, Crossing, Finger, Form, Friction, Joint, JointServo, Motion, Mount, Placement,
+    Rectification, ServoLaw, Shape, SoftStop, Tendon, TensionGains,
+};
+pub use hand::{
+    Axis, AxisServo, Contact, FaultPolicy, Hand, Limits, PROCESSORS, Processor, ProcessorKind,
+    Table,
+};
+pub use image::ImageError;
+pub use mistake::{Field, Mistake, Owner, Place, WireEnd, WirePart};
+pub use rotation::Rotation;
+#[cfg(feature = "text")]
+pub use text::{Problem, TextError};
+pub use views::FingerLimits;
+pub use wiring::{Channel, Converter, Input, Output, Wire};
+
+/// What a hand, a finger, a joint or an axis is called: at most 15 bytes.
+pub type Name = heapless::String<15, u8>;

@@ -1,0 +1,457 @@
+//! Rules of fingers, joints and tendons.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::machine::processor;
+use super::place::{Bound, Examiner, Root, join, owner};
+use crate::config::{
+    Body, Finger, Form, Input, Joint, Limits, Mistake, Motion, Output, ProcessorKind,
+    Rectification, Rotation, Shape, Tendon,
+};
+use crate::math::{abs, is_finite, max, sqrt};
+use crate::tendon::ArmError;
+
+/// How far an entry of an orthonormal matrix may be off: people write ten digits.
+const ORTHONORMAL: f64 = 1e-9;
+
+pub(super) fn examine<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    index: usize,
+) -> Result<(), Mistake> {
+    let Some(finger) = examiner.hand.fingers.get(index) else {
+        return Ok(());
+    };
+    let root = Root::Finger(index);
+    let fingers = &examiner.hand.fingers;
+    examiner.name(
+        root,
+        &finger.name,
+        fingers.iter().take(index).map(|finger| &finger.name),
+    )?;
+    rotation(examiner, root, "base.rotation", &finger.base.rotation)?;
+    let Some(first) = finger.joints.first() else {
+        let place = examiner.wrong(root, "joints");
+        return Err(Mistake::Empty { place });
+    };
+    form(examiner, index, finger)?;
+    for (number, joint) in finger.joints.iter().enumerate() {
+        let root = Root::Joint(index, number);
+        let earlier = finger.joints.iter().take(number);
+        examiner.name(root, &joint.name, earlier.map(|joint| &joint.name))?;
+        let served = processor(examiner, root, joint.processor, ProcessorKind::Servo)?;
+        let rate_hz = examiner.hand.rate_hz(served);
+        if joint.processor != first.processor {
+            examiner.wrong(root, "processor");
+            return Err(Mistake::SplitFinger {
+                owner: owner(examiner.hand, root),
+                number: joint.processor,
+                first: first.processor,
+            });
+        }
+        self::joint(examiner, root, joint, rate_hz)?;
+        crossings(examiner, root, finger, number)?;
+    }
+    arms(examiner, index, finger)
+}
+
+/// What the mechanism of the finger asks of its joints.
+fn form<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    index: usize,
+    finger: &Finger<J>,
+) -> Result<(), Mistake> {
+    let planar = match finger.form {
+        Form::Planar {
+            lengths: [l0, l1, l2, l3],
+        } => {
+            let rows = [
+                ("lengths[0]", l0, Bound::AtLeast(0.0)),
+                ("lengths[1]", l1, Bound::Above0),
+                ("lengths[2]", l2, Bound::Above0),
+                ("lengths[3]", l3, Bound::Above0),
+            ];
+            examiner.numbers(Root::Finger(index), "form.planar", rows)?;
+            let joints = finger.joints.len();
+            if joints != 4 {
+                let owner = examiner.wrong_whole(Root::Finger(index));
+                return Err(Mistake::PlanarJoints { owner, joints });
+            }
+            true
+        }
+        Form::Chain { .. } => false,
+    };
+    for (number, joint) in finger.joints.iter().enumerate() {
+        let root = Root::Joint(index, number);
+        match &joint.mount {
+            Some(_) if planar => {
+                examiner.wrong(root, "mount");
+                let owner = owner(examiner.hand, root);
+                return Err(Mistake::NeedlessMount { owner });
+            }
+            None if !planar => {
+                let owner = examiner.wrong_whole(root);
+                return Err(Mistake::NoMount { owner });
+            }
+            Some(mount) => {
+                rotation(examiner, root, "mount.rotation", &mount.rotation)?;
+                match mount.motion {
+                    Motion::Revolute(axis) => {
+                        unit(examiner, root, "mount.motion.revolute", axis)?;
+                    }
+                    Motion::Prismatic(axis) => {
+                        unit(examiner, root, "mount.motion.prismatic", axis)?;
+                    }
+                }
+            }
+            None => {}
+        }
+        if let Some(body) = &joint.body {
+            self::body(examiner, root, body, planar)?;
+        }
+    }
+    Ok(())
+}
+
+fn body<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    body: &Body,
+    planar: bool,
+) -> Result<(), Mistake> {
+    examiner.number(root, "body.mass_kg", body.mass_kg, Bound::Above0)?;
+    let shape = match body.shape {
+        Shape::Cuboid([x, y, z]) => {
+            let rows = [
+                ("cuboid[0]", x, Bound::Above0),
+                ("cuboid[1]", y, Bound::Above0),
+                ("cuboid[2]", z, Bound::Above0),
+            ];
+            examiner.numbers(root, "body.shape", rows)?;
+            "body.shape.cuboid"
+        }
+        Shape::Inertia { products, .. } => {
+            if planar && products != [0.0; 3] {
+                let place = examiner.wrong(root, "body.shape.inertia.products");
+                return Err(Mistake::OffAxis { place });
+            }
+            "body.shape.inertia.moments"
+        }
+    };
+    let [_, y, z] = body.center;
+    if planar && (y != 0.0 || z != 0.0) {
+        let place = examiner.wrong(root, "body.center");
+        return Err(Mistake::OffAxis { place });
+    }
+    if possible(&body.rigid_body().inertia) {
+        return Ok(());
+    }
+    let place = examiner.wrong(root, shape);
+    Err(Mistake::NotInertia { place })
+}
+
+/// Whether a body can have this inertia: positive definite, and no moment above the sum of the two
+/// others, both in any axes.
+fn possible(inertia: &Matrix3<f64>) -> bool {
+    let moments = inertia.diagonal();
+    let (x, y, z) = (moments.x, moments.y, moments.z);
+    // Flat bodies are on the edge, where rounding decides.
+    let slack = 1.0 + 1e-9;
+    let scale = x + y + z;
+    // Of the scale of one, so that small bodies do not underflow.
+    let scaled = inertia / scale;
+    let minor = scaled.m11 * scaled.m22 - scaled.m12 * scaled.m12;
+    is_finite(scale)
+        && x > 0.0
+        && minor > 0.0
+        && scaled.determinant() > 0.0
+        && x <= (y + z) * slack
+        && y <= (x + z) * slack
+        && z <= (x + y) * slack
+}
+
+fn joint<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    joint: &Joint<J>,
+    rate_hz: u32,
+) -> Result<(), Mistake> {
+    limits(examiner, root, &joint.limits)?;
+    let (servo, stop, friction) = (&joint.servo, &joint.stop, &joint.friction);
+    let range = joint.limits.high - joint.limits.low;
+    let rows = [
+        ("servo.kp", servo.kp, Bound::AtLeast(0.0)),
+        ("servo.kv", servo.kv, Bound::AtLeast(0.0)),
+        ("servo.ki", servo.ki, Bound::AtLeast(0.0)),
+        (
+            "servo.integral_max",
+            servo.integral_max,
+            Bound::AtLeast(0.0),
+        ),
+        ("servo.bandwidth_hz", servo.bandwidth_hz, Bound::Above0),
+        ("servo.zeta", servo.zeta, Bound::AtLeast(0.0)),
+        ("servo.k_tau", servo.k_tau, Bound::AtLeast(0.0)),
+        ("stop.zone", stop.zone, Bound::AtLeast(0.0)),
+        ("stop.zone", stop.zone, Bound::AtMost(0.5 * range)),
+        ("stop.stiffness", stop.stiffness, Bound::AtLeast(0.0)),
+        ("stop.damping", stop.damping, Bound::AtLeast(0.0)),
+        ("friction.armature", friction.armature, Bound::AtLeast(0.0)),
+        ("friction.viscous", friction.viscous, Bound::AtLeast(0.0)),
+        ("friction.coulomb", friction.coulomb, Bound::AtLeast(0.0)),
+        (
+            "friction.coulomb_rate",
+            friction.coulomb_rate,
+            Bound::AtLeast(0.0),
+        ),
+        ("friction.tendon", friction.tendon, Bound::AtLeast(0.0)),
+    ];
+    examiner.numbers(root, "", rows)?;
+    if friction.coulomb > 0.0 {
+        let rate = friction.coulomb_rate;
+        examiner.number(root, "friction.coulomb_rate", rate, Bound::Above0)?;
+    }
+    if let Some(cutoff_hz) = servo.position_cutoff_hz {
+        examiner.cutoff(root, "servo.position_cutoff_hz", cutoff_hz, rate_hz)?;
+    }
+    examiner.cutoff(
+        root,
+        "servo.velocity_cutoff_hz",
+        servo.velocity_cutoff_hz,
+        rate_hz,
+    )?;
+    let position = [joint.limits.low, joint.limits.high];
+    converters(examiner, root, "", (&joint.adc, position), None)?;
+    tendon(examiner, root, "flexor", &joint.flexor, rate_hz)?;
+    tendon(examiner, root, "extensor", &joint.extensor, rate_hz)?;
+    // Antagonists with different limits need tensions that both can have.
+    let (flexor, extensor) = (&joint.flexor, &joint.extensor);
+    let limit = ("extensor.max_n", extensor.max_n);
+    examiner.below(root, "flexor", ("min_n", flexor.min_n), limit)?;
+    let limit = ("flexor.max_n", flexor.max_n);
+    examiner.below(root, "extensor", ("min_n", extensor.min_n), limit)?;
+    let (least, largest) = joint.tension_range();
+    match joint.rectification {
+        Rectification::Hard => Ok(()),
+        Rectification::Mean {
+            co_contraction_n: mean,
+        } => {
+            let field = "rectification.mean.co_contraction_n";
+            examiner.number(root, field, mean, Bound::AtLeast(least))?;
+            examiner.number(root, field, mean, Bound::AtMost(largest))
+        }
+        Rectification::Smooth {
+            softness_n: softness,
+        } => {
+            let field = "rectification.smooth.softness_n";
+            examiner.number(root, field, softness, Bound::Above0)?;
+            examiner.number(root, field, softness, Bound::AtMost(largest - least))
+        }
+    }
+}
+
+fn tendon<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    table: &'static str,
+    tendon: &Tendon,
+    rate_hz: u32,
+) -> Result<(), Mistake> {
+    let gains = &tendon.gains;
+    let rows = [
+        ("slack_n", tendon.slack_n, Bound::AtLeast(0.0)),
+        ("actuator_hz", tendon.actuator_hz, Bound::Above0),
+        ("gains.kt", gains.kt, Bound::AtLeast(0.0)),
+        ("gains.ki", gains.ki, Bound::AtLeast(0.0)),
+        ("gains.kd", gains.kd, Bound::AtLeast(0.0)),
+        ("gains.kv", gains.kv, Bound::AtLeast(0.0)),
+    ];
+    examiner.numbers(root, table, rows)?;
+    let (slack, least) = (("slack_n", tendon.slack_n), ("min_n", tendon.min_n));
+    let (largest, breaking) = (("max_n", tendon.max_n), ("break_n", tendon.break_n));
+    examiner.below(root, table, slack, least)?;
+    examiner.below(root, table, least, largest)?;
+    examiner.below(root, table, largest, breaking)?;
+    if let Some(cutoff_hz) = tendon.cutoff_hz {
+        examiner.cutoff(root, &join(table, "cutoff_hz"), cutoff_hz, rate_hz)?;
+    }
+    let seen = [tendon.slack_n, tendon.break_n];
+    let made = [0.0, tendon.max_n];
+    converters(
+        examiner,
+        root,
+        table,
+        (&tendon.adc, seen),
+        Some((&tendon.dac, made)),
+    )
+}
+
+/// Each converter must have counts for the values between two.
+pub(super) fn converters<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    table: &str,
+    (adc, seen): (&Input, [f64; 2]),
+    dac: Option<(&Output, [f64; 2])>,
+) -> Result<(), Mistake> {
+    let seen = seen.map(|value| (value, adc.counts(value)));
+    converter(
+        examiner,
+        root,
+        &join(table, "adc"),
+        (adc.bits, adc.gain, adc.full_scale()),
+        seen,
+    )?;
+    let Some((dac, made)) = dac else {
+        return Ok(());
+    };
+    let made = made.map(|value| (value, dac.gain * value + dac.offset));
+    converter(
+        examiner,
+        root,
+        &join(table, "dac"),
+        (dac.bits, dac.gain, dac.full_scale()),
+        made,
+    )
+}
+
+fn converter<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    table: &str,
+    (bits, gain, full_scale): (u8, f64, u32),
+    values: [(f64, f64); 2],
+) -> Result<(), Mistake> {
+    let rows = [
+        ("bits", f64::from(bits), Bound::AtLeast(1.0)),
+        ("bits", f64::from(bits), Bound::AtMost(32.0)),
+    ];
+    examiner.numbers(root, table, rows)?;
+    if gain == 0.0 {
+        let place = examiner.wrong(root, &join(table, "gain"));
+        return Err(Mistake::ZeroGain { place });
+    }
+    for (value, counts) in values {
+        // Half a count is what rounding may add.
+        if !(counts >= -0.5 && counts <= f64::from(full_scale) + 0.5) {
+            let place = examiner.wrong(root, table);
+            return Err(Mistake::BeyondConverter {
+                place,
+                value,
+                counts,
+                full_scale,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Which joints the tendons of a joint cross.
+fn crossings<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    finger: &Finger<J>,
+    index: usize,
+) -> Result<(), Mistake> {
+    let Some(joint) = finger.joints.get(index) else {
+        return Ok(());
+    };
+    for (number, crossing) in joint.crosses.iter().enumerate() {
+        let crossed = crossing.joint.clone();
+        let owner = owner(examiner.hand, root);
+        let mistake = match finger.joints.iter().position(|other| other.name == crossed) {
+            None => Mistake::CrossesNothing { owner, crossed },
+            Some(place) if place >= index => Mistake::CrossesDistal { owner, crossed },
+            Some(_)
+                if joint
+                    .crosses
+                    .iter()
+                    .take(number)
+                    .any(|other| other.joint == crossed) =>
+            {
+                Mistake::CrossesTwice { owner, crossed }
+            }
+            Some(_) => continue,
+        };
+        examiner.wrong(root, "crosses");
+        return Err(mistake);
+    }
+    Ok(())
+}
+
+/// What the tendon level asks of the arms.
+fn arms<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    index: usize,
+    finger: &Finger<J>,
+) -> Result<(), Mistake> {
+    let wrong = |examiner: &mut Examiner<'_, F, J>, joint, field, arm| {
+        let place = examiner.wrong(Root::Joint(index, joint), field);
+        Mistake::OwnArm { place, arm }
+    };
+    match finger.moment_arms() {
+        Ok(_) => Ok(()),
+        Err(ArmError::Own { joint, flexor, .. }) if flexor <= 0.0 => {
+            Err(wrong(examiner, joint, "flexor.arm_m", flexor))
+        }
+        Err(ArmError::Own {
+            joint, extensor, ..
+        }) => Err(wrong(examiner, joint, "extensor.arm_m", extensor)),
+        // Both are ruled out before: crossings are proximal, and all numbers finite.
+        Err(
+            ArmError::NotTriangular { tendon, arm, .. } | ArmError::NotFinite { tendon, arm, .. },
+        ) => Err(wrong(examiner, tendon, "crosses", arm)),
+    }
+}
+
+pub(super) fn limits<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    limits: &Limits,
+) -> Result<(), Mistake> {
+    examiner.below(root, "limits", ("low", limits.low), ("high", limits.high))?;
+    let rows = [
+        ("velocity", limits.velocity, Bound::Above0),
+        ("acceleration", limits.acceleration, Bound::Above0),
+    ];
+    examiner.numbers(root, "limits", rows)
+}
+
+fn rotation<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    field: &str,
+    rotation: &Rotation,
+) -> Result<(), Mistake> {
+    if let Rotation::Axis { axis, .. } = rotation {
+        return unit(examiner, root, &join(field, "axis.axis"), *axis);
+    }
+    let matrix = rotation.matrix();
+    let products = matrix.transpose() * matrix - Matrix3::identity();
+    let error = products
+        .iter()
+        .fold(0.0, |worst, &entry| max(abs(entry), worst));
+    let determinant = matrix.determinant();
+    if error <= ORTHONORMAL && determinant > 0.0 {
+        return Ok(());
+    }
+    let place = examiner.wrong(root, field);
+    Err(Mistake::NotRotation {
+        place,
+        error,
+        determinant,
+    })
+}
+
+pub(super) fn unit<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    field: &str,
+    axis: [f64; 3],
+) -> Result<(), Mistake> {
+    let axis = Vector3::from(axis);
+    let length = sqrt(axis.dot(&axis));
+    if abs(length - 1.0) <= ORTHONORMAL {
+        return Ok(());
+    }
+    let place = examiner.wrong(root, field);
+    Err(Mistake::NotUnit { place, length })
+}

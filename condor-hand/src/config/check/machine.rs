@@ -1,0 +1,278 @@
+//! Rules of what is around the fingers: rates, processors, the table, channels.
+
+use super::place::{Bound, Examiner, Root, owner};
+use crate::config::{
+    Axis, Channel, Hand, Mistake, Processor, ProcessorKind, Wire, WireEnd, WirePart,
+};
+
+use super::finger::{converters, limits, unit};
+
+pub(super) fn rates<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+) -> Result<(), Mistake> {
+    let hand = examiner.hand;
+    let trajectory_hz = hand.trajectory_hz;
+    rate(examiner, Root::Hand, "trajectory_hz", trajectory_hz)?;
+    rate(examiner, Root::Hand, "servo_hz", hand.servo_hz)?;
+    for (index, processor) in hand.processors.iter().enumerate() {
+        if let Some(rate_hz) = processor.rate_hz {
+            rate(examiner, Root::Processor(index), "rate_hz", rate_hz)?;
+        }
+    }
+    Ok(())
+}
+
+fn rate<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    field: &str,
+    rate_hz: u32,
+) -> Result<(), Mistake> {
+    examiner.number(root, field, f64::from(rate_hz), Bound::Above0)?;
+    let trajectory_hz = examiner.hand.trajectory_hz;
+    if rate_hz.is_multiple_of(trajectory_hz) {
+        return Ok(());
+    }
+    let place = examiner.wrong(root, field);
+    Err(Mistake::Rate {
+        place,
+        rate_hz,
+        trajectory_hz,
+    })
+}
+
+pub(super) fn constants<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+) -> Result<(), Mistake> {
+    let hand = examiner.hand;
+    examiner.name(Root::Hand, &hand.name, core::iter::empty())?;
+    examiner.number(Root::Hand, "transition_s", hand.transition_s, Bound::Above0)?;
+    let faults = &hand.faults;
+    let rows = [
+        ("safe_s", faults.safe_s, Bound::Above0),
+        ("stale_s", faults.stale_s, Bound::Above0),
+        (
+            "tension_samples",
+            faults.tension_samples.into(),
+            Bound::Above0,
+        ),
+        (
+            "sensor_samples",
+            faults.sensor_samples.into(),
+            Bound::Above0,
+        ),
+        ("tracking_rad", faults.tracking_rad, Bound::Above0),
+        (
+            "tracking_samples",
+            faults.tracking_samples.into(),
+            Bound::Above0,
+        ),
+        ("overtravel_rad", faults.overtravel_rad, Bound::AtLeast(0.0)),
+        (
+            "missed_deadlines",
+            faults.missed_deadlines.into(),
+            Bound::Above0,
+        ),
+    ];
+    examiner.numbers(Root::Hand, "faults", rows)?;
+    if let Some(contact) = &hand.contact {
+        let rows = [
+            ("friction", contact.friction, Bound::Above0),
+            ("torsion_m", contact.torsion_m, Bound::AtLeast(0.0)),
+            ("safety", contact.safety, Bound::AtLeast(1.0)),
+        ];
+        examiner.numbers(Root::Hand, "contact", rows)?;
+    }
+    Ok(())
+}
+
+pub(super) fn processors<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+) -> Result<(), Mistake> {
+    let hand = examiner.hand;
+    if hand.processors.is_empty() {
+        let place = examiner.wrong(Root::Hand, "processors");
+        return Err(Mistake::Empty { place });
+    }
+    for (index, processor) in hand.processors.iter().enumerate() {
+        let root = Root::Processor(index);
+        let number = processor.number;
+        if hand
+            .processors
+            .iter()
+            .take(index)
+            .any(|other| other.number == number)
+        {
+            examiner.wrong(root, "number");
+            return Err(Mistake::SameProcessor { number });
+        }
+        let rows = [
+            ("loop_us", processor.loop_us, Bound::AtLeast(0.0)),
+            ("joint_us", processor.joint_us, Bound::AtLeast(0.0)),
+            ("budget", processor.budget, Bound::Above0),
+            ("budget", processor.budget, Bound::AtMost(1.0)),
+        ];
+        examiner.numbers(root, "", rows)?;
+    }
+    Ok(())
+}
+
+/// The processor that a joint or an axis names, of the kind that serves it.
+pub(super) fn processor<'a, const F: usize, const J: usize>(
+    examiner: &mut Examiner<'a, F, J>,
+    root: Root,
+    number: u8,
+    needed: ProcessorKind,
+) -> Result<&'a Processor, Mistake> {
+    let hand = examiner.hand;
+    match hand.processor(number) {
+        Some(processor) if processor.kind == needed => Ok(processor),
+        Some(processor) => {
+            examiner.wrong(root, "processor");
+            Err(Mistake::WrongKind {
+                owner: owner(hand, root),
+                number,
+                kind: processor.kind,
+                needed,
+            })
+        }
+        None => {
+            examiner.wrong(root, "processor");
+            let owner = owner(hand, root);
+            Err(Mistake::NoProcessor { owner, number })
+        }
+    }
+}
+
+pub(super) fn axes<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+) -> Result<(), Mistake> {
+    let Some(table) = &examiner.hand.table else {
+        return Ok(());
+    };
+    if table.axes.is_empty() {
+        let place = examiner.wrong(Root::Hand, "table.axes");
+        return Err(Mistake::Empty { place });
+    }
+    for (index, entry) in table.axes.iter().enumerate() {
+        let earlier = table.axes.iter().take(index).map(|axis| &axis.name);
+        examiner.name(Root::Axis(index), &entry.name, earlier)?;
+        axis(examiner, Root::Axis(index), entry)?;
+    }
+    Ok(())
+}
+
+fn axis<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    axis: &Axis,
+) -> Result<(), Mistake> {
+    let processor = processor(examiner, root, axis.processor, ProcessorKind::Table)?;
+    let rate_hz = examiner.hand.rate_hz(processor);
+    unit(examiner, root, "direction", axis.direction)?;
+    limits(examiner, root, &axis.limits)?;
+    let rows = [
+        ("home", axis.home, Bound::AtLeast(axis.limits.low)),
+        ("home", axis.home, Bound::AtMost(axis.limits.high)),
+        ("mass_kg", axis.mass_kg, Bound::Above0),
+        ("viscous", axis.viscous, Bound::AtLeast(0.0)),
+        ("max_n", axis.max_n, Bound::Above0),
+        ("servo.kp", axis.servo.kp, Bound::AtLeast(0.0)),
+        ("servo.kv", axis.servo.kv, Bound::AtLeast(0.0)),
+        ("servo.ki", axis.servo.ki, Bound::AtLeast(0.0)),
+        (
+            "servo.integral_max",
+            axis.servo.integral_max,
+            Bound::AtLeast(0.0),
+        ),
+    ];
+    examiner.numbers(root, "", rows)?;
+    examiner.cutoff(
+        root,
+        "servo.velocity_cutoff_hz",
+        axis.servo.velocity_cutoff_hz,
+        rate_hz,
+    )?;
+    converters(
+        examiner,
+        root,
+        "",
+        (&axis.adc, [axis.limits.low, axis.limits.high]),
+        Some((&axis.dac, [-axis.max_n, axis.max_n])),
+    )
+}
+
+pub(super) fn channels<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+) -> Result<(), Mistake> {
+    let hand = examiner.hand;
+    for (index, (channel, second)) in hand.wires().enumerate() {
+        let mut earlier = hand.wires().take(index);
+        let Some((_, first)) = earlier.find(|(other, _)| *other == channel) else {
+            continue;
+        };
+        let Channel {
+            converter,
+            board,
+            channel: number,
+        } = channel;
+        let (root, field) = root_of(channel, second);
+        examiner.wrong(root, field);
+        return Err(Mistake::SameChannel {
+            converter,
+            board,
+            channel: number,
+            first: end(hand, channel, first),
+            second: end(hand, channel, second),
+        });
+    }
+    Ok(())
+}
+
+/// What has the wire of a channel, and the table there that names the channel.
+fn root_of(channel: Channel, wire: Wire) -> (Root, &'static str) {
+    use crate::config::Converter::{Adc, Dac};
+    match (wire, channel.converter) {
+        (Wire::Position { finger, joint }, _) => (Root::Joint(finger, joint), "adc.channel"),
+        (Wire::Flexor { finger, joint }, Adc) => (Root::Joint(finger, joint), "flexor.adc.channel"),
+        (Wire::Flexor { finger, joint }, Dac) => (Root::Joint(finger, joint), "flexor.dac.channel"),
+        (Wire::Extensor { finger, joint }, Adc) => {
+            (Root::Joint(finger, joint), "extensor.adc.channel")
+        }
+        (Wire::Extensor { finger, joint }, Dac) => {
+            (Root::Joint(finger, joint), "extensor.dac.channel")
+        }
+        (Wire::Axis { axis }, Adc) => (Root::Axis(axis), "adc.channel"),
+        (Wire::Axis { axis }, Dac) => (Root::Axis(axis), "dac.channel"),
+    }
+}
+
+fn end<const F: usize, const J: usize>(hand: &Hand<F, J>, channel: Channel, wire: Wire) -> WireEnd {
+    let (root, field) = root_of(channel, wire);
+    let part = match (wire, field) {
+        (Wire::Flexor { .. }, _) => WirePart::Flexor,
+        (Wire::Extensor { .. }, _) => WirePart::Extensor,
+        (Wire::Axis { .. }, "dac.channel") => WirePart::Drive,
+        (Wire::Axis { .. } | Wire::Position { .. }, _) => WirePart::Position,
+    };
+    let owner = owner(hand, root);
+    WireEnd { owner, part }
+}
+
+pub(super) fn load<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+) -> Result<(), Mistake> {
+    let hand = examiner.hand;
+    for (index, processor) in hand.processors.iter().enumerate() {
+        let load = hand.load(processor);
+        if load > processor.budget {
+            examiner.wrong(Root::Processor(index), "budget");
+            return Err(Mistake::Load {
+                number: processor.number,
+                load,
+                budget: processor.budget,
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,283 @@
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use super::{Input, Limits, Name, Output, Rotation};
+
+/// A finger: a serial mechanism whose joints are pulled by pairs of tendons.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Finger<const JOINTS: usize> {
+    /// What the finger is called.
+    pub name: Name,
+    /// The base of the finger in the palm.
+    pub base: Placement,
+    /// What mechanism it is.
+    pub form: Form,
+    /// The joints, proximal first.
+    pub joints: Vec<Joint<JOINTS>, JOINTS>,
+}
+
+/// Where a frame is in the frame around it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placement {
+    /// The origin, m.
+    #[serde(default)]
+    pub position: [f64; 3],
+    /// The axes.
+    #[serde(default)]
+    pub rotation: Rotation,
+}
+
+/// The mechanism of a finger.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Form {
+    /// Four joints that the closed form solves: the first about the z axis of the base, the others
+    /// about parallel y axes, with the links along x.
+    Planar {
+        /// From each axis to the next, and from the last to the tip, m.
+        lengths: [f64; 4],
+    },
+    /// Any joints, each with a mount of its own.
+    Chain {
+        /// The tip, in the frame of the last joint, m.
+        tip: [f64; 3],
+    },
+}
+
+/// A joint with its link, its servo and its two tendons.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Joint<const JOINTS: usize> {
+    /// What the joint is called.
+    pub name: Name,
+    /// The processor that serves it.
+    pub processor: u8,
+    /// Where it sits and how it moves: in a chain, and only there.
+    pub mount: Option<Mount>,
+    /// What it moves; nothing, where dynamics are not asked for.
+    pub body: Option<Body>,
+    /// Where it may go.
+    pub limits: Limits,
+    /// What holds it to its set-point.
+    pub servo: JointServo,
+    /// The virtual springs before its limits.
+    #[serde(default)]
+    pub stop: SoftStop,
+    /// What else resists its motion.
+    #[serde(default)]
+    pub friction: Friction,
+    /// How its torque is made of two tensions.
+    pub rectification: Rectification,
+    /// The sensor of its position.
+    pub adc: Input,
+    /// The tendon that pulls it to positive angles.
+    pub flexor: Tendon,
+    /// The antagonist.
+    pub extensor: Tendon,
+    /// The joints, proximal to it, that its tendons cross with an arm.
+    #[serde(default)]
+    pub crosses: Vec<Crossing, JOINTS>,
+}
+
+/// How a joint sits on the link before it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mount {
+    /// The position of the joint's frame at its zero, m.
+    #[serde(default)]
+    pub position: [f64; 3],
+    /// The axes of that frame.
+    #[serde(default)]
+    pub rotation: Rotation,
+    /// How the joint moves.
+    pub motion: Motion,
+}
+
+/// How a joint moves; the axes are unit vectors in the joint's own frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Motion {
+    /// It rotates about this axis, rad.
+    Revolute([f64; 3]),
+    /// It slides along this axis, m.
+    Prismatic([f64; 3]),
+}
+
+/// The rigid body of a link, in the frame of its joint.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// The centre of mass, m.
+    pub center: [f64; 3],
+    /// How the mass is distributed.
+    pub shape: Shape,
+}
+
+/// How mass is distributed about its centre, along the axes of the link.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Shape {
+    /// Uniformly in a cuboid with these edges along x, y and z, m.
+    Cuboid([f64; 3]),
+    /// In any way with this inertia about the centre of mass.
+    Inertia {
+        /// Ixx, Iyy and Izz, kg m².
+        moments: [f64; 3],
+        /// Ixy, Ixz and Iyz: entries of the matrix, with their signs, kg m².
+        #[serde(default)]
+        products: [f64; 3],
+    },
+}
+
+/// Gains and filters of a joint's servo.
+///
+/// Units are those of a rotating joint; a sliding joint has N for N m and m for rad.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointServo {
+    /// Which law uses the gains.
+    pub law: ServoLaw,
+    /// Of the position error in the law `pd`, N m/rad.
+    pub kp: f64,
+    /// Of the velocity error in the law `pd`, N m s/rad.
+    pub kv: f64,
+    /// Of the integral of the position error, N m/(rad s).
+    #[serde(default)]
+    pub ki: f64,
+    /// The largest torque of the integral, N m.
+    #[serde(default)]
+    pub integral_max: f64,
+    /// The natural frequency of the law `decoupled`, Hz.
+    pub bandwidth_hz: f64,
+    /// The damping ratio of the law `decoupled`.
+    pub zeta: f64,
+    /// Of the torque error that the tension sensors show.
+    #[serde(default)]
+    pub k_tau: f64,
+    /// The cutoff of the filter of the measured position, Hz; none where it is left out.
+    pub position_cutoff_hz: Option<f64>,
+    /// The cutoff of the filter that makes velocity of position, Hz.
+    pub velocity_cutoff_hz: f64,
+}
+
+/// The law of a joint in position mode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ServoLaw {
+    /// Proportional and derivative gains, with the weight of the links compensated.
+    Pd,
+    /// Computed torque.
+    Decoupled,
+}
+
+/// Virtual springs before the limits of a joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SoftStop {
+    /// How far before a limit they begin, rad.
+    pub zone: f64,
+    /// N m/rad.
+    pub stiffness: f64,
+    /// N m s/rad.
+    pub damping: f64,
+}
+
+/// What resists the motion of a joint beside its links.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Friction {
+    /// The inertia of the drive at the joint, kg m².
+    #[serde(default)]
+    pub armature: f64,
+    /// N m s/rad.
+    #[serde(default)]
+    pub viscous: f64,
+    /// N m.
+    #[serde(default)]
+    pub coulomb: f64,
+    /// The rate below which Coulomb friction fades, rad/s.
+    #[serde(default)]
+    pub coulomb_rate: f64,
+    /// Of a tendon on its pulley: friction for each newton of tension and metre of arm.
+    #[serde(default)]
+    pub tendon: f64,
+}
+
+/// How a torque is made of the tensions of two antagonists.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Rectification {
+    /// Only one of them pulls more than the least tension.
+    Hard,
+    /// They hold a mean tension while they can.
+    Mean {
+        /// The mean tension, N.
+        co_contraction_n: f64,
+    },
+    /// One takes over from the other without a corner.
+    Smooth {
+        /// The tension above the least one that both have without torque, N.
+        softness_n: f64,
+    },
+}
+
+/// A tendon with its sensor and its actuator.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tendon {
+    /// The sensor of its tension.
+    pub adc: Input,
+    /// The output of its actuator.
+    pub dac: Output,
+    /// The arm at its own joint, m: positive for a flexor, negative for an extensor.
+    pub arm_m: f64,
+    /// The tension that it always has, N.
+    pub min_n: f64,
+    /// The largest tension of its actuator, N.
+    pub max_n: f64,
+    /// The tension below which it is slack, N.
+    pub slack_n: f64,
+    /// The tension above which it may break, N.
+    pub break_n: f64,
+    /// The small-signal pole of its actuator, Hz.
+    pub actuator_hz: f64,
+    /// The cutoff of the filter of the measured tension, Hz; none where it is left out.
+    pub cutoff_hz: Option<f64>,
+    /// The gains of its servo.
+    #[serde(default)]
+    pub gains: TensionGains,
+}
+
+/// How a tension is held to its set-point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TensionGains {
+    /// Of the tension error.
+    #[serde(default)]
+    pub kt: f64,
+    /// Of its integral, 1/s.
+    #[serde(default)]
+    pub ki: f64,
+    /// Of its derivative, s.
+    #[serde(default)]
+    pub kd: f64,
+    /// Of the rate of the tendon's length, N s/m.
+    #[serde(default)]
+    pub kv: f64,
+}
+
+/// A joint that the tendons of a more distal one cross.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Crossing {
+    /// The joint that they cross, of the same finger.
+    pub joint: Name,
+    /// The arm of the flexor there, m: positive where it pulls to positive angles.
+    pub flexor_m: f64,
+    /// The arm of the extensor there, m.
+    pub extensor_m: f64,
+}

@@ -1,0 +1,73 @@
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::{Mount, Placement};
+use crate::Pose;
+use crate::math::sin_cos;
+
+/// The axes of a frame, in the way that is most convenient to write.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Rotation {
+    /// Those of the frame around it.
+    #[default]
+    None,
+    /// The rotation matrix, row by row; its columns are the axes.
+    Rows([[f64; 3]; 3]),
+    /// Roll, pitch and yaw: about the fixed x, then y, then z, rad.
+    Rpy([f64; 3]),
+    /// Rotated about one axis.
+    Axis {
+        /// The axis, a unit vector.
+        axis: [f64; 3],
+        /// The angle, rad.
+        angle: f64,
+    },
+}
+
+impl Rotation {
+    /// The rotation matrix.
+    #[must_use]
+    pub fn matrix(&self) -> Matrix3<f64> {
+        match *self {
+            Self::None => Matrix3::identity(),
+            Self::Rows([[a, b, c], [d, e, f], [g, h, i]]) => {
+                Matrix3::new(a, b, c, d, e, f, g, h, i)
+            }
+            Self::Rpy([roll, pitch, yaw]) => {
+                about(&Vector3::z(), yaw) * about(&Vector3::y(), pitch) * about(&Vector3::x(), roll)
+            }
+            Self::Axis { axis, angle } => about(&Vector3::from(axis), angle),
+        }
+    }
+}
+
+/// Rodrigues' formula.
+fn about(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
+    let (sine, cosine) = sin_cos(angle);
+    axis.cross_matrix() * sine
+        + axis * axis.transpose() * (1.0 - cosine)
+        + Matrix3::identity() * cosine
+}
+
+impl Placement {
+    /// The frame in the frame around it.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose {
+            rotation: self.rotation.matrix(),
+            position: Vector3::from(self.position),
+        }
+    }
+}
+
+impl Mount {
+    /// The frame of the joint at its zero, in the frame of the link before it.
+    #[must_use]
+    pub fn placement(&self) -> Pose {
+        Pose {
+            rotation: self.rotation.matrix(),
+            position: Vector3::from(self.position),
+        }
+    }
+}

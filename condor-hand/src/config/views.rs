@@ -1,0 +1,326 @@
+//! What controllers read from a configuration.
+
+use nalgebra::{Matrix3, SVector, Vector3};
+
+use super::{
+    Body, Channel, Finger, Form, Hand, Input, Joint, Motion, Output, Processor, ProcessorKind,
+    Shape, Wire,
+};
+use crate::Pose;
+use crate::kinematics::{self, Chain, PlanarFinger, Rod};
+use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
+
+/// The limits of the joints of a finger: rad, rad/s, rad/s², or in m for what slides.
+///
+/// Places without a joint have zeros.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FingerLimits<const JOINTS: usize> {
+    /// The lowest positions.
+    pub low: SVector<f64, JOINTS>,
+    /// The highest positions.
+    pub high: SVector<f64, JOINTS>,
+    /// The largest rates.
+    pub velocity: SVector<f64, JOINTS>,
+    /// The largest accelerations.
+    pub acceleration: SVector<f64, JOINTS>,
+}
+
+impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
+    /// The processor of this number.
+    #[must_use]
+    pub fn processor(&self, number: u8) -> Option<&Processor> {
+        self.processors
+            .iter()
+            .find(|processor| processor.number == number)
+    }
+
+    /// How often the loop of a processor runs, Hz.
+    #[must_use]
+    pub fn rate_hz(&self, processor: &Processor) -> u32 {
+        processor.rate_hz.unwrap_or(match processor.kind {
+            ProcessorKind::Servo | ProcessorKind::Table => self.servo_hz,
+            ProcessorKind::Master => self.trajectory_hz,
+        })
+    }
+
+    /// The fingers that a processor serves, with their indices.
+    pub fn fingers_on(&self, number: u8) -> impl Iterator<Item = (usize, &Finger<JOINTS>)> {
+        let fingers = self.fingers.iter().enumerate();
+        fingers.filter(move |(_, finger)| finger.processor() == Some(number))
+    }
+
+    /// The part of a processor's time that its loop takes: its rate times the time of the loop and
+    /// of all joints or axes that it serves.
+    #[must_use]
+    pub fn load(&self, processor: &Processor) -> f64 {
+        let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
+        let axes = self.table.iter().flat_map(|table| &table.axes);
+        let served = joints
+            .filter(|joint| joint.processor == processor.number)
+            .count()
+            + axes
+                .filter(|axis| axis.processor == processor.number)
+                .count();
+        let served = u32::try_from(served).unwrap_or(u32::MAX);
+        let time_us = processor.loop_us + f64::from(served) * processor.joint_us;
+        f64::from(self.rate_hz(processor)) * time_us * 1e-6
+    }
+
+    /// Every channel that has a wire, and what is at the other end.
+    pub fn wires(&self) -> impl Iterator<Item = (Channel, Wire)> {
+        let joints = self.fingers.iter().enumerate().flat_map(|(finger, entry)| {
+            let joints = entry.joints.iter().enumerate();
+            joints.flat_map(move |(joint, entry)| {
+                let flexor = Wire::Flexor { finger, joint };
+                let extensor = Wire::Extensor { finger, joint };
+                [
+                    (entry.adc.channel(), Wire::Position { finger, joint }),
+                    (entry.flexor.adc.channel(), flexor),
+                    (entry.flexor.dac.channel(), flexor),
+                    (entry.extensor.adc.channel(), extensor),
+                    (entry.extensor.dac.channel(), extensor),
+                ]
+            })
+        });
+        let axes = self
+            .table
+            .iter()
+            .flat_map(|table| table.axes.iter().enumerate());
+        joints.chain(axes.flat_map(|(axis, entry)| {
+            [
+                (entry.adc.channel(), Wire::Axis { axis }),
+                (entry.dac.channel(), Wire::Axis { axis }),
+            ]
+        }))
+    }
+
+    /// What the wire of a channel leads to.
+    #[must_use]
+    pub fn wire(&self, channel: Channel) -> Option<Wire> {
+        let mut wires = self.wires();
+        wires
+            .find(|(other, _)| *other == channel)
+            .map(|(_, wire)| wire)
+    }
+
+    /// The A/D channel and calibration of a wire.
+    #[must_use]
+    pub fn input(&self, wire: Wire) -> Option<&Input> {
+        match wire {
+            Wire::Position { finger, joint } => self.joint(finger, joint).map(|entry| &entry.adc),
+            Wire::Flexor { finger, joint } => {
+                self.joint(finger, joint).map(|entry| &entry.flexor.adc)
+            }
+            Wire::Extensor { finger, joint } => {
+                self.joint(finger, joint).map(|entry| &entry.extensor.adc)
+            }
+            Wire::Axis { axis } => self.table.as_ref()?.axes.get(axis).map(|entry| &entry.adc),
+        }
+    }
+
+    /// The D/A channel and calibration of a wire; a position has none.
+    #[must_use]
+    pub fn output(&self, wire: Wire) -> Option<&Output> {
+        match wire {
+            Wire::Position { .. } => None,
+            Wire::Flexor { finger, joint } => {
+                self.joint(finger, joint).map(|entry| &entry.flexor.dac)
+            }
+            Wire::Extensor { finger, joint } => {
+                self.joint(finger, joint).map(|entry| &entry.extensor.dac)
+            }
+            Wire::Axis { axis } => self.table.as_ref()?.axes.get(axis).map(|entry| &entry.dac),
+        }
+    }
+
+    /// A joint by the indices of its finger and its own.
+    #[must_use]
+    pub fn joint(&self, finger: usize, joint: usize) -> Option<&Joint<JOINTS>> {
+        self.fingers.get(finger)?.joints.get(joint)
+    }
+}
+
+impl<const JOINTS: usize> Finger<JOINTS> {
+    /// The number of the processor that serves the finger.
+    #[must_use]
+    pub fn processor(&self) -> Option<u8> {
+        self.joints.first().map(|joint| joint.processor)
+    }
+
+    /// A number of each joint; zero where there is no joint.
+    #[must_use]
+    pub fn each(&self, number: impl Fn(&Joint<JOINTS>) -> f64) -> SVector<f64, JOINTS> {
+        SVector::from_fn(|row, _| self.joints.get(row).map_or(0.0, &number))
+    }
+
+    /// Where the joints may go, and how fast.
+    #[must_use]
+    pub fn limits(&self) -> FingerLimits<JOINTS> {
+        FingerLimits {
+            low: self.each(|joint| joint.limits.low),
+            high: self.each(|joint| joint.limits.high),
+            velocity: self.each(|joint| joint.limits.velocity),
+            acceleration: self.each(|joint| joint.limits.acceleration),
+        }
+    }
+
+    /// The moment arms of the tendons.
+    ///
+    /// A place without a joint has tendons with arms of 1 m, which cross nothing: zero torque there
+    /// is zero tension.
+    ///
+    /// # Errors
+    ///
+    /// Arms that [`Hand::check`] would have refused.
+    pub fn moment_arms(&self) -> Result<MomentArms<f64, JOINTS>, ArmError> {
+        let mut rows: [Pairs<f64, JOINTS>; JOINTS] = [[Pair::both(0.0); JOINTS]; JOINTS];
+        for (index, row) in rows.iter_mut().enumerate() {
+            let crossed = self.joints.get(index);
+            for (tendon, arms) in row.iter_mut().enumerate() {
+                *arms = match (self.joints.get(tendon), crossed) {
+                    (Some(joint), Some(_)) if tendon == index => Pair {
+                        flexor: joint.flexor.arm_m,
+                        extensor: joint.extensor.arm_m,
+                    },
+                    (Some(joint), Some(crossed)) => joint
+                        .crosses
+                        .iter()
+                        .find(|crossing| crossing.joint == crossed.name)
+                        .map_or(Pair::both(0.0), |crossing| Pair {
+                            flexor: crossing.flexor_m,
+                            extensor: crossing.extensor_m,
+                        }),
+                    _ if tendon == index => Pair {
+                        flexor: 1.0,
+                        extensor: -1.0,
+                    },
+                    _ => Pair::both(0.0),
+                };
+            }
+        }
+        MomentArms::new(rows)
+    }
+
+    /// The closed form of a planar finger; `None` for another form, and for a finger that does not
+    /// have four joints.
+    #[must_use]
+    pub fn planar(&self) -> Option<PlanarFinger> {
+        let Form::Planar { lengths } = self.form else {
+            return None;
+        };
+        let [first, second, third, fourth] = self.joints.as_slice() else {
+            return None;
+        };
+        Some(PlanarFinger {
+            base: self.base.pose(),
+            lengths,
+            bodies: [first, second, third, fourth].map(|joint| {
+                let body = joint.rigid_body();
+                Rod {
+                    mass: body.mass,
+                    center: body.center.x,
+                    inertia: body.inertia.diagonal(),
+                }
+            }),
+        })
+    }
+
+    /// The finger as a chain, whatever its form; places without a joint are fixed and have no body.
+    #[must_use]
+    pub fn chain(&self) -> Chain<f64, JOINTS> {
+        let mut start = 0.0;
+        let mut joints = [kinematics::Joint {
+            placement: Pose::identity(),
+            motion: kinematics::Motion::Fixed,
+        }; JOINTS];
+        let mut bodies = [kinematics::Body::massless(); JOINTS];
+        for (index, joint) in self.joints.iter().enumerate() {
+            if let (Some(place), Some(body)) = (joints.get_mut(index), bodies.get_mut(index)) {
+                *body = joint.rigid_body();
+                *place = match self.form {
+                    Form::Planar { lengths } => {
+                        let axis = if index == 0 {
+                            Vector3::z()
+                        } else {
+                            Vector3::y()
+                        };
+                        let placement = Pose::at(start, 0.0, 0.0);
+                        start = lengths.get(index).copied().unwrap_or(0.0);
+                        kinematics::Joint {
+                            placement,
+                            motion: kinematics::Motion::Revolute(axis),
+                        }
+                    }
+                    Form::Chain { .. } => joint.mounted(),
+                };
+            }
+        }
+        let tip = match self.form {
+            Form::Planar {
+                lengths: [.., last],
+            } => Vector3::new(last, 0.0, 0.0),
+            Form::Chain { tip } => Vector3::from(tip),
+        };
+        Chain {
+            base: self.base.pose(),
+            joints,
+            bodies,
+            tip,
+        }
+    }
+}
+
+impl<const JOINTS: usize> Joint<JOINTS> {
+    /// The least and the largest tension that both tendons can have, N.
+    #[must_use]
+    pub fn tension_range(&self) -> (f64, f64) {
+        (
+            crate::math::max(self.flexor.min_n, self.extensor.min_n),
+            crate::math::min(self.flexor.max_n, self.extensor.max_n),
+        )
+    }
+
+    /// The body of the link, of no mass where there is none.
+    fn rigid_body(&self) -> kinematics::Body {
+        self.body
+            .map_or_else(kinematics::Body::massless, |body| body.rigid_body())
+    }
+
+    /// How the joint sits on the link before it; fixed without a mount.
+    fn mounted(&self) -> kinematics::Joint {
+        let fixed = kinematics::Joint {
+            placement: Pose::identity(),
+            motion: kinematics::Motion::Fixed,
+        };
+        self.mount.map_or(fixed, |mount| kinematics::Joint {
+            placement: mount.placement(),
+            motion: match mount.motion {
+                Motion::Revolute(axis) => kinematics::Motion::Revolute(Vector3::from(axis)),
+                Motion::Prismatic(axis) => kinematics::Motion::Prismatic(Vector3::from(axis)),
+            },
+        })
+    }
+}
+
+impl Body {
+    /// Mass, centre and inertia matrix.
+    #[must_use]
+    pub fn rigid_body(&self) -> kinematics::Body {
+        kinematics::Body {
+            mass: self.mass_kg,
+            center: Vector3::from(self.center),
+            inertia: match self.shape {
+                Shape::Cuboid([x, y, z]) => {
+                    let (x, y, z) = (x * x, y * y, z * z);
+                    Matrix3::from_diagonal(
+                        &(Vector3::new(y + z, x + z, x + y) * self.mass_kg / 12.0),
+                    )
+                }
+                Shape::Inertia {
+                    moments: [xx, yy, zz],
+                    products: [xy, xz, yz],
+                } => Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+            },
+        }
+    }
+}

@@ -1,0 +1,157 @@
+use serde::{Deserialize, Serialize};
+
+/// A channel of an analogue-to-digital converter, and what its counts mean:
+/// `value = gain * counts + offset`, with counts from 0 to 2^bits - 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// The board.
+    pub board: u8,
+    /// The channel of the board.
+    pub channel: u8,
+    /// The width of the converter.
+    pub bits: u8,
+    /// Units (rad, N, m) for each count; negative where the sensor is mounted the other way.
+    pub gain: f64,
+    /// The value at zero counts.
+    pub offset: f64,
+}
+
+/// A channel of a digital-to-analogue converter, and the counts that make a value:
+/// `counts = round(gain * value + offset)`, held within 0 to 2^bits - 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Output {
+    /// The board.
+    pub board: u8,
+    /// The channel of the board.
+    pub channel: u8,
+    /// The width of the converter.
+    pub bits: u8,
+    /// Counts for each newton; negative where the drive is connected the other way.
+    pub gain: f64,
+    /// The counts of zero.
+    #[serde(default)]
+    pub offset: f64,
+}
+
+/// The direction of a converter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Converter {
+    /// Analogue to digital: a sensor.
+    Adc,
+    /// Digital to analogue: a drive.
+    Dac,
+}
+
+/// A place where a wire ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// The direction of the board.
+    pub converter: Converter,
+    /// The board, counted for each direction by itself.
+    pub board: u8,
+    /// The channel of the board.
+    pub channel: u8,
+}
+
+/// What is at the other end of a wire, by the indices of the configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wire {
+    /// The position of a joint.
+    Position {
+        /// The finger.
+        finger: usize,
+        /// Its joint.
+        joint: usize,
+    },
+    /// The tendon that pulls a joint to positive angles: its tension, or its actuator.
+    Flexor {
+        /// The finger.
+        finger: usize,
+        /// Its joint.
+        joint: usize,
+    },
+    /// The antagonist of the flexor.
+    Extensor {
+        /// The finger.
+        finger: usize,
+        /// Its joint.
+        joint: usize,
+    },
+    /// An axis of the table: its position, or its drive.
+    Axis {
+        /// The axis.
+        axis: usize,
+    },
+}
+
+impl Input {
+    /// Where its wire ends.
+    #[must_use]
+    pub const fn channel(&self) -> Channel {
+        Channel {
+            converter: Converter::Adc,
+            board: self.board,
+            channel: self.channel,
+        }
+    }
+
+    /// The value of a number of counts.
+    #[inline]
+    #[must_use]
+    pub fn value(&self, counts: u32) -> f64 {
+        self.gain * f64::from(counts) + self.offset
+    }
+
+    /// The counts, not rounded, at which the value is read.
+    #[must_use]
+    pub fn counts(&self, value: f64) -> f64 {
+        (value - self.offset) / self.gain
+    }
+
+    /// The largest number of counts.
+    #[must_use]
+    pub const fn full_scale(&self) -> u32 {
+        full_scale(self.bits)
+    }
+}
+
+impl Output {
+    /// Where its wire ends.
+    #[must_use]
+    pub const fn channel(&self) -> Channel {
+        Channel {
+            converter: Converter::Dac,
+            board: self.board,
+            channel: self.channel,
+        }
+    }
+
+    /// The counts that make a value, within what the converter has; for a NaN, those of zero, since
+    /// zero counts may be all that the drive can do.
+    #[inline]
+    #[must_use]
+    pub fn counts(&self, value: f64) -> u32 {
+        use crate::math::{clamp, round};
+        let value = if value.is_nan() { 0.0 } else { value };
+        let counts = round(self.gain * value + self.offset);
+        #[allow(clippy::cast_sign_loss, reason = "clamped to what is not negative")]
+        let counts = clamp(counts, 0.0, f64::from(self.full_scale())) as u32;
+        counts
+    }
+
+    /// The largest number of counts.
+    #[must_use]
+    pub const fn full_scale(&self) -> u32 {
+        full_scale(self.bits)
+    }
+}
+
+/// The largest number of so many bits, at most 32.
+const fn full_scale(bits: u8) -> u32 {
+    match 1_u32.checked_shl(bits as u32) {
+        Some(steps) => steps - 1,
+        None => u32::MAX,
+    }
+}

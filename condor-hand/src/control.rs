@@ -1,0 +1,13 @@
+//! Filters, servo laws and small linear algebra that need no hand.
+//!
+//! Everything runs at one sample rate, allocates nothing, and keeps what is not finite out of its
+//! state.
+
+mod filter;
+mod limit;
+pub mod linear;
+mod pid;
+
+pub use filter::{Biquad, Derivative, FilterError, OnePole};
+pub use limit::{LimitError, MotionLimiter, RateLimiter};
+pub use pid::{Integrator, Pid, PidError, PidGains, PidLimits};

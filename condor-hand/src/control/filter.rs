@@ -1,0 +1,309 @@
+//! Low-pass filters, and the rate of a sampled signal.
+//!
+//! The first sample after the construction is the output of a filter, as if it had lasted for ever.
+//! A sample that is not finite, or that would overflow the filter, leaves it as it is: the output
+//! is the last one again (zero if there is none), and [`rejected`](OnePole::rejected) counts it.
+//! States below 1e-30 become zero, because some processors take a hundred times longer for denormal
+//! numbers.
+
+use thiserror::Error;
+
+use crate::math::{Real, abs, exp, is_finite, real, tan};
+
+/// A filter that cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum FilterError {
+    /// A sample rate that is not positive and finite.
+    #[error("the sample rate is {sample_hz} Hz; it must be positive")]
+    SampleRate {
+        /// The sample rate, Hz.
+        sample_hz: f64,
+    },
+    /// A cutoff that is not between zero and half the sample rate.
+    #[error(
+        "the cutoff is {cutoff_hz} Hz; it must be above 0 and below {nyquist_hz} Hz, half the \
+         sample rate"
+    )]
+    Cutoff {
+        /// The cutoff, Hz.
+        cutoff_hz: f64,
+        /// Half the sample rate, Hz.
+        nyquist_hz: f64,
+    },
+}
+
+impl FilterError {
+    /// The cutoff as a part of the sample rate, below one half.
+    fn check<T: Real>(cutoff_hz: T, sample_hz: T) -> Result<f64, Self> {
+        let (cutoff_hz, sample_hz) = (cutoff_hz.to_f64(), sample_hz.to_f64());
+        if !(is_finite(sample_hz) && sample_hz > 0.0) {
+            return Err(Self::SampleRate { sample_hz });
+        }
+        let nyquist_hz = sample_hz / 2.0;
+        let relative = cutoff_hz / sample_hz;
+        if relative > 0.0 && cutoff_hz < nyquist_hz {
+            Ok(relative)
+        } else {
+            Err(Self::Cutoff {
+                cutoff_hz,
+                nyquist_hz,
+            })
+        }
+    }
+}
+
+/// Zero instead of a number that is denormal or soon will be.
+#[inline(always)]
+fn flush<T: Real>(x: T) -> T {
+    if abs(x) < real(1e-30) { T::zero() } else { x }
+}
+
+/// The part of the way to a new input that a first-order lag goes in one sample, if the input
+/// stays: `1 - exp(-2 pi fc / fs)`.
+fn lag<T: Real>(relative: f64) -> T {
+    real(1.0 - exp(-core::f64::consts::TAU * relative))
+}
+
+/// A first-order low-pass filter: `y += alpha (x - y)`.
+#[derive(Clone, Copy, Debug)]
+pub struct OnePole<T: Real = f64> {
+    alpha: T,
+    output: T,
+    primed: bool,
+    rejected: u32,
+}
+
+impl<T: Real> OnePole<T> {
+    /// The lag whose step response between samples is that of the analog one with this cutoff.
+    ///
+    /// # Errors
+    /// A cutoff outside 0..`sample_hz / 2`, or a sample rate that is not positive.
+    pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, FilterError> {
+        Ok(Self {
+            alpha: lag(FilterError::check(cutoff_hz, sample_hz)?),
+            output: T::zero(),
+            primed: false,
+            rejected: 0,
+        })
+    }
+
+    /// The output for the next sample.
+    #[inline]
+    pub fn update(&mut self, x: T) -> T {
+        let output = if self.primed {
+            self.output + self.alpha * (x - self.output)
+        } else {
+            x
+        };
+        if is_finite(output) {
+            self.output = flush(output);
+            self.primed = true;
+        } else {
+            self.rejected = self.rejected.saturating_add(1);
+        }
+        self.output
+    }
+
+    /// Makes the output `x`, as if the input had always been that; ignored if it is not finite.
+    pub fn reset_to(&mut self, x: T) {
+        if is_finite(x) {
+            self.output = flush(x);
+            self.primed = true;
+        }
+    }
+
+    /// How many samples were not finite.
+    #[must_use]
+    pub fn rejected(&self) -> u32 {
+        self.rejected
+    }
+}
+
+/// A second-order Butterworth low-pass filter.
+///
+/// It is the bilinear transform of the analog one, warped to have its cutoff in the right place, in
+/// the second direct form, transposed: Oppenheim and Schafer, Discrete-Time Signal Processing, 6.3
+/// and 7.2. Its gain for a constant input is one, also in 32 bits.
+#[derive(Clone, Copy, Debug)]
+pub struct Biquad<T: Real = f64> {
+    b: [T; 3],
+    a: [T; 2],
+    state: [T; 2],
+    output: T,
+    primed: bool,
+    rejected: u32,
+}
+
+impl<T: Real> Biquad<T> {
+    /// The filter that lets half the power of `cutoff_hz` pass.
+    ///
+    /// # Errors
+    /// A cutoff outside 0..`sample_hz / 2`, or a sample rate that is not positive.
+    pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, FilterError> {
+        let relative = FilterError::check(cutoff_hz, sample_hz)?;
+        let k = tan(core::f64::consts::PI * relative);
+        let damping = core::f64::consts::SQRT_2 * k;
+        let norm = 1.0 / (1.0 + damping + k * k);
+        let a: [T; 2] = [
+            real(2.0 * (k * k - 1.0) * norm),
+            real((1.0 - damping + k * k) * norm),
+        ];
+        // From the rounded poles, so that rounding moves the cutoff a little but not the gain.
+        let sum = (T::one() + a[1]) + a[0];
+        let b0 = sum * real(0.25);
+        Ok(Self {
+            b: [b0, b0 + b0, b0],
+            a,
+            state: [T::zero(); 2],
+            output: T::zero(),
+            primed: false,
+            rejected: 0,
+        })
+    }
+
+    /// The coefficients `b0, b1, b2` and `a1, a2` of the transfer function; `a0` is one.
+    #[must_use]
+    pub fn coefficients(&self) -> ([T; 3], [T; 2]) {
+        (self.b, self.a)
+    }
+
+    /// The output for the next sample.
+    #[inline]
+    pub fn update(&mut self, x: T) -> T {
+        if !self.primed {
+            self.rejected = self.rejected.saturating_add(u32::from(!is_finite(x)));
+            self.reset_to(x);
+            return self.output;
+        }
+        let ([b0, b1, b2], [a1, a2], [s1, s2]) = (self.b, self.a, self.state);
+        let output = b0 * x + s1;
+        let s1 = b1 * x - a1 * output + s2;
+        let s2 = b2 * x - a2 * output;
+        // One test of all three: what is not finite makes the sum so.
+        if is_finite(output + s1 + s2) {
+            self.state = [flush(s1), flush(s2)];
+            self.output = flush(output);
+        } else {
+            self.rejected = self.rejected.saturating_add(1);
+        }
+        self.output
+    }
+
+    /// Makes the output `x`, as if the input had always been that; ignored if it is not finite.
+    pub fn reset_to(&mut self, x: T) {
+        let ([b0, _, b2], [_, a2]) = (self.b, self.a);
+        if is_finite(x) {
+            self.state = [flush(x - b0 * x), flush((b2 - a2) * x)];
+            self.output = flush(x);
+            self.primed = true;
+        }
+    }
+
+    /// How many samples were not finite.
+    #[must_use]
+    pub fn rejected(&self) -> u32 {
+        self.rejected
+    }
+}
+
+/// The rate of a sampled signal, per second, through a first-order low-pass filter: a "dirty"
+/// derivative.
+///
+/// The rate of a ramp is exact once the filter has settled. The first sample gives zero. After
+/// samples that were not finite, the difference is taken over the time that has passed.
+#[derive(Clone, Copy, Debug)]
+pub struct Derivative<T: Real = f64> {
+    alpha: T,
+    sample_hz: T,
+    last: T,
+    /// Samples since `last`, with the next.
+    intervals: T,
+    rate: T,
+    primed: bool,
+    rejected: u32,
+}
+
+impl<T: Real> Derivative<T> {
+    /// The rate, with what changes faster than the cutoff left out.
+    ///
+    /// # Errors
+    /// A cutoff outside 0..`sample_hz / 2`, or a sample rate that is not positive.
+    pub fn new(cutoff_hz: T, sample_hz: T) -> Result<Self, FilterError> {
+        Ok(Self {
+            alpha: lag(FilterError::check(cutoff_hz, sample_hz)?),
+            sample_hz,
+            last: T::zero(),
+            intervals: T::one(),
+            rate: T::zero(),
+            primed: false,
+            rejected: 0,
+        })
+    }
+
+    /// The rate at the next sample, in units of `x` per second.
+    #[inline]
+    pub fn update(&mut self, x: T) -> T {
+        if !self.primed {
+            self.rejected = self.rejected.saturating_add(u32::from(!is_finite(x)));
+            self.reset_to(x);
+            return self.rate;
+        }
+        let slope = (x - self.last) * self.sample_hz / self.intervals;
+        let rate = self.rate + self.alpha * (slope - self.rate);
+        if is_finite(rate) {
+            self.rate = flush(rate);
+            self.last = x;
+            self.intervals = T::one();
+        } else {
+            self.intervals += T::one();
+            self.rejected = self.rejected.saturating_add(1);
+        }
+        self.rate
+    }
+
+    /// Makes the rate zero at `x`, as if the input had always been that; ignored if it is not
+    /// finite.
+    pub fn reset_to(&mut self, x: T) {
+        if is_finite(x) {
+            self.last = x;
+            self.intervals = T::one();
+            self.rate = T::zero();
+            self.primed = true;
+        }
+    }
+
+    /// How many samples were not finite.
+    #[must_use]
+    pub fn rejected(&self) -> u32 {
+        self.rejected
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_never_become_denormal() {
+        let mut one_pole = OnePole::<f32>::low_pass(5.0, 400.0).unwrap();
+        let mut biquad = Biquad::<f32>::low_pass(5.0, 400.0).unwrap();
+        let mut derivative = Derivative::<f32>::new(5.0, 400.0).unwrap();
+        one_pole.update(1.0);
+        biquad.update(1.0);
+        derivative.update(1.0);
+        derivative.update(2.0);
+        for _ in 0..5000 {
+            one_pole.update(0.0);
+            biquad.update(0.0);
+            derivative.update(2.0);
+            let states = [one_pole.output, biquad.output, derivative.rate];
+            for state in states.iter().chain(&biquad.state) {
+                assert!(!state.is_subnormal());
+            }
+        }
+        assert_eq!(one_pole.output, 0.0);
+        assert_eq!(biquad.state, [0.0; 2]);
+        assert_eq!(derivative.rate, 0.0);
+    }
+}

@@ -1,0 +1,226 @@
+use thiserror::Error;
+
+use crate::math::{Real, clamp, is_finite};
+
+/// The gains of a [`Pid`]: what the output has per unit of the error, per unit-second and per unit
+/// per second.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct PidGains<T> {
+    /// Of the error.
+    pub kp: T,
+    /// Of its integral over seconds.
+    pub ki: T,
+    /// Of the rate, per second.
+    pub kd: T,
+}
+
+/// What a [`Pid`] may command.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct PidLimits<T> {
+    /// The lowest and the highest output.
+    pub output: (T, T),
+    /// The largest part of the output, to either side, that comes from the integral.
+    pub integral: T,
+}
+
+/// A servo law that cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum PidError {
+    /// A gain that is negative or not finite.
+    #[error("the gain {gain} is {value}; it must be finite and not negative")]
+    Gain {
+        /// The gain's name.
+        gain: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// Limits of the output that are not finite or not in order.
+    #[error("the output is to be in {low}..={high}; the limits must be finite and in order")]
+    Output {
+        /// The lower limit.
+        low: f64,
+        /// The upper limit.
+        high: f64,
+    },
+    /// A limit of the integral that is negative or not finite.
+    #[error("the limit of the integral is {value}; it must be finite and not negative")]
+    Integral {
+        /// The limit.
+        value: f64,
+    },
+    /// A sample rate that is not positive and finite.
+    #[error("the sample rate is {sample_hz} Hz; it must be positive")]
+    SampleRate {
+        /// The sample rate, Hz.
+        sample_hz: f64,
+    },
+}
+
+impl PidError {
+    /// Refuses the first gain that is negative or not finite.
+    pub(crate) fn check_gains<T: Real>(gains: &[(&'static str, T)]) -> Result<(), Self> {
+        for &(gain, value) in gains {
+            if !(is_finite(value) && value >= T::zero()) {
+                let value = value.to_f64();
+                return Err(Self::Gain { gain, value });
+            }
+        }
+        Ok(())
+    }
+
+    /// The time between samples, s.
+    pub(crate) fn check_period<T: Real>(sample_hz: T) -> Result<T, Self> {
+        let period = T::one() / sample_hz;
+        if is_finite(sample_hz) && period > T::zero() && is_finite(period) {
+            Ok(period)
+        } else {
+            let sample_hz = sample_hz.to_f64();
+            Err(Self::SampleRate { sample_hz })
+        }
+    }
+}
+
+/// The integral term of a servo law whose output is limited.
+///
+/// The term stays within its own limit, and does not move while the output is at a limit that it
+/// pushes against: conditional integration, Åström and Hägglund, Advanced PID Control, 3.5.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Integrator<T: Real = f64> {
+    term: T,
+    limit: T,
+}
+
+impl<T: Real> Integrator<T> {
+    /// A term of zero that stays within `-limit..=limit`.
+    ///
+    /// # Errors
+    /// A limit that is negative or not finite.
+    pub fn new(limit: T) -> Result<Self, PidError> {
+        if is_finite(limit) && limit >= T::zero() {
+            let term = T::zero();
+            Ok(Self { term, limit })
+        } else {
+            let value = limit.to_f64();
+            Err(PidError::Integral { value })
+        }
+    }
+
+    /// Moves the term by `increment`, and gives `rest` plus the term within `low..=high`; `None`,
+    /// with the term as it was, if their sum is not finite.
+    #[inline]
+    pub fn update(&mut self, rest: T, increment: T, low: T, high: T) -> Option<T> {
+        let term = clamp(self.term + increment, -self.limit, self.limit);
+        let output = rest + term;
+        if !is_finite(increment) || !is_finite(output) {
+            return None;
+        }
+        let winds_up = (output > high && term > self.term) || (output < low && term < self.term);
+        if !winds_up {
+            self.term = term;
+        }
+        Some(clamp(output, low, high))
+    }
+
+    /// Sets the term, or the limit that is nearer.
+    pub fn set(&mut self, term: T) {
+        if is_finite(term) {
+            self.term = clamp(term, -self.limit, self.limit);
+        }
+    }
+
+    /// The term.
+    #[must_use]
+    pub fn term(&self) -> T {
+        self.term
+    }
+}
+
+/// A servo law of an error, its integral and a measured rate:
+/// `u = kp e + ki ∫ e dt - kd rate`, within limits.
+///
+/// An error or a rate that is not finite, or that overflows, leaves the law as it is: the output is
+/// the last one again.
+#[derive(Clone, Copy, Debug)]
+pub struct Pid<T: Real = f64> {
+    gains: PidGains<T>,
+    output: (T, T),
+    integrator: Integrator<T>,
+    period: T,
+    last: T,
+    rejected: u32,
+}
+
+impl<T: Real> Pid<T> {
+    /// A law with nothing in its integral, updated `sample_hz` times a second.
+    ///
+    /// # Errors
+    /// The first value that is negative, not finite, or out of order.
+    pub fn new(gains: PidGains<T>, limits: PidLimits<T>, sample_hz: T) -> Result<Self, PidError> {
+        let (low, high) = limits.output;
+        if !(is_finite(low) && is_finite(high) && low <= high) {
+            return Err(PidError::Output {
+                low: low.to_f64(),
+                high: high.to_f64(),
+            });
+        }
+        let mut pid = Self {
+            gains,
+            output: limits.output,
+            integrator: Integrator::new(limits.integral)?,
+            period: PidError::check_period(sample_hz)?,
+            last: clamp(T::zero(), low, high),
+            rejected: 0,
+        };
+        pid.set_gains(gains)?;
+        Ok(pid)
+    }
+
+    /// Changes the gains; the integral's part of the output stays.
+    ///
+    /// # Errors
+    /// The first gain that is negative or not finite; then all stay.
+    pub fn set_gains(&mut self, gains: PidGains<T>) -> Result<(), PidError> {
+        let PidGains { kp, ki, kd } = gains;
+        PidError::check_gains(&[("kp", kp), ("ki", ki), ("kd", kd)])?;
+        self.gains = gains;
+        Ok(())
+    }
+
+    /// The output for an error (wanted less measured) and the rate of what is measured, per second.
+    ///
+    /// Where what is wanted moves, too, the rate is the measured one less the wanted one.
+    #[inline]
+    pub fn update(&mut self, error: T, rate: T) -> T {
+        let PidGains { kp, ki, kd } = self.gains;
+        let (low, high) = self.output;
+        let rest = kp * error - kd * rate;
+        let increment = ki * error * self.period;
+        match self.integrator.update(rest, increment, low, high) {
+            Some(output) => self.last = output,
+            None => self.rejected = self.rejected.saturating_add(1),
+        }
+        self.last
+    }
+
+    /// Empties the integral.
+    pub fn reset(&mut self) {
+        self.integrator.set(T::zero());
+    }
+
+    /// Sets the integral so that this error and rate go on from `output`: called while something
+    /// else commands, it lets this law take over without a bump.
+    pub fn track(&mut self, output: T, error: T, rate: T) {
+        let PidGains { kp, kd, .. } = self.gains;
+        self.integrator.set(output - kp * error + kd * rate);
+        if is_finite(output) {
+            self.last = clamp(output, self.output.0, self.output.1);
+        }
+    }
+
+    /// How many updates were not finite.
+    #[must_use]
+    pub fn rejected(&self) -> u32 {
+        self.rejected
+    }
+}

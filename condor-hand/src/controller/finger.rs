@@ -1,0 +1,311 @@
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use crate::config::{Finger, Hand};
+use crate::dynamics::Dynamics;
+use crate::math::clamp;
+use crate::servo::{FingerServo, JointGains, Mode, Output, Sensed, SettingError, Target};
+use crate::tendon::fault::{Fault, FingerMonitor, LimitsError, Observation, RampError, SafeRamp};
+use crate::tendon::{ArmError, Pairs};
+use crate::trajectory::{self, Interpolator, SetPoint, SetPointError};
+
+/// One finger of a configuration: servos, the set-points of its master, and its faults.
+///
+/// It is called in every tick of the servo loop. After a fault it takes all tensions to the least
+/// ones and keeps them there until [`clear`](Self::clear); its joints are off then.
+#[derive(Clone, Debug)]
+pub struct FingerController<M, const N: usize> {
+    servo: FingerServo<M, f64, N>,
+    interpolator: Interpolator<N>,
+    /// Joints that follow the master's set-points, a bit each.
+    following: u32,
+    /// Ticks since the last of them came.
+    age: u32,
+    monitor: FingerMonitor<f64, N>,
+    ramp: Option<SafeRamp<f64, N>>,
+    least: Pairs<f64, N>,
+    low: [f64; N],
+    high: [f64; N],
+    safe_s: f64,
+    sample_hz: f64,
+    /// Of the last tick.
+    desired: Pairs<f64, N>,
+    command: Pairs<f64, N>,
+}
+
+/// What a finger did in one tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tick<const N: usize> {
+    /// What the actuators get and why; after a fault, on the way to the least tensions.
+    pub output: Output<f64, N>,
+    /// The positions that the joints are to have, rad; none where positions are not controlled.
+    pub target: [Option<f64>; N],
+    /// The first fault since the last [`clear`](FingerController::clear).
+    pub fault: Option<Fault>,
+}
+
+/// A finger that cannot be controlled as its configuration says.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ControllerError {
+    /// A setting of its servos.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    /// Its moment arms.
+    #[error(transparent)]
+    Arms(#[from] ArmError),
+    /// A limit of a fault.
+    #[error(transparent)]
+    Fault(#[from] LimitsError),
+    /// A limit of its set-points.
+    #[error(transparent)]
+    SetPoints(#[from] trajectory::LimitsError),
+    /// The ramp to the least tensions.
+    #[error(transparent)]
+    Ramp(#[from] RampError),
+    /// Ticks of the master that are not a whole number of servo ticks.
+    #[error(
+        "{servo_hz} ticks of the servos in a second are no multiple of {trajectory_hz} of the trajectory"
+    )]
+    Rates {
+        /// Servo ticks in a second, Hz.
+        servo_hz: u32,
+        /// Trajectory ticks in a second, Hz.
+        trajectory_hz: u32,
+    },
+}
+
+impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
+    /// The controller of one finger of a hand, with all joints off; `mechanism` is what its servos
+    /// have in mind: [`Finger::chain`], or [`Finger::planar`] where it has that form.
+    ///
+    /// # Errors
+    ///
+    /// What [`Hand::check`] would have refused.
+    pub fn new<const F: usize>(
+        hand: &Hand<F, N>,
+        finger: &Finger<N>,
+        mechanism: M,
+    ) -> Result<Self, ControllerError> {
+        let (servo_hz, trajectory_hz) = (hand.servo_hz, hand.trajectory_hz);
+        let rates = ControllerError::Rates {
+            servo_hz,
+            trajectory_hz,
+        };
+        let substeps = match servo_hz.checked_rem(trajectory_hz) {
+            Some(0) => u16::try_from(servo_hz / trajectory_hz).map_err(|_| rates)?,
+            _ => return Err(rates),
+        };
+        let sample_hz = f64::from(servo_hz);
+        let settings = finger.settings(sample_hz, hand.transition_s);
+        let limits = finger.limits();
+        let mut interpolator = Interpolator::new(
+            substeps,
+            1.0 / f64::from(trajectory_hz),
+            [0.0; N],
+            finger.bounds(),
+        )?;
+        // The first tick of the master comes after a time without any.
+        interpolator.step();
+        let least = finger.least_tensions();
+        let safe_s = hand.faults.safe_s;
+        // So that it cannot fail when it is needed.
+        SafeRamp::new(least, least, safe_s, sample_hz)?;
+        Ok(Self {
+            servo: FingerServo::new(mechanism, finger.moment_arms()?, &settings)?,
+            interpolator,
+            following: 0,
+            age: 0,
+            monitor: FingerMonitor::new(finger.fault_limits(&hand.faults, sample_hz))?,
+            ramp: None,
+            least,
+            low: Finger::array(&limits.low),
+            high: Finger::array(&limits.high),
+            safe_s,
+            sample_hz,
+            desired: least,
+            command: least,
+        })
+    }
+
+    /// The mechanism that the servos have in mind.
+    #[must_use]
+    pub fn mechanism(&self) -> &M {
+        self.servo.mechanism()
+    }
+
+    /// The mode of a joint; `None` for a joint that the finger does not have.
+    #[must_use]
+    pub fn mode(&self, joint: usize) -> Option<Mode> {
+        self.servo.mode(joint)
+    }
+
+    /// The first fault since the last [`clear`](Self::clear).
+    #[must_use]
+    pub fn fault(&self) -> Option<Fault> {
+        self.monitor.first()
+    }
+
+    /// Gives a joint another mode, in which it keeps what it has.
+    ///
+    /// # Errors
+    ///
+    /// A joint that the finger does not have; a finger with a fault.
+    pub fn set_mode(&mut self, joint: usize, mode: Mode) -> Result<(), SettingError> {
+        self.refuse_after_fault()?;
+        self.servo.set_mode(joint, mode)?;
+        self.leave(joint);
+        Ok(())
+    }
+
+    /// Gives a joint a target that stays, and the mode of that target.
+    ///
+    /// # Errors
+    ///
+    /// A target that the joint cannot have; it keeps the one that it has. A finger with a fault.
+    pub fn set_target(&mut self, joint: usize, target: Target<f64>) -> Result<(), SettingError> {
+        self.refuse_after_fault()?;
+        self.servo.set_target(joint, target)?;
+        self.leave(joint);
+        Ok(())
+    }
+
+    /// The gains of a joint; `None` for a joint that the finger does not have.
+    #[must_use]
+    pub fn gains(&self, joint: usize) -> Option<&JointGains<f64>> {
+        self.servo.gains(joint)
+    }
+
+    /// Gives a joint other gains, all at once from the next tick on.
+    ///
+    /// # Errors
+    ///
+    /// Gains that no joint can have; it keeps the ones that it has.
+    pub fn set_gains(&mut self, joint: usize, gains: &JointGains<f64>) -> Result<(), SettingError> {
+        self.servo.set_gains(joint, gains)
+    }
+
+    /// A tick of the master: where the joints in [`Mode::Position`] are to be one such tick from now.
+    ///
+    /// A joint that comes to follow from where it was held closes the gap within its own limits.
+    ///
+    /// # Errors
+    ///
+    /// The first set-point that is not finite or too far to go to; it is as if none had come.
+    pub fn follow(&mut self, points: &[SetPoint<f64>; N]) -> Result<(), SetPointError> {
+        self.interpolator.tick(points)?;
+        self.age = 0;
+        for joint in 0..N {
+            let bit = 1 << joint;
+            if self.following & bit != 0 || self.servo.mode(joint) != Some(Mode::Position) {
+                continue;
+            }
+            // A mode that begins with the next tick holds a position only then.
+            if let Some(Target::Position(held)) = self.servo.target(joint) {
+                self.interpolator.join(joint, &held)?;
+                self.following |= bit;
+            }
+        }
+        Ok(())
+    }
+
+    /// Forgets the latched faults; once all tensions are at their least, joints, which are off, can
+    /// be given another mode.
+    pub fn clear(&mut self) {
+        self.monitor.clear();
+    }
+
+    /// One tick of the servo loop, `period_s` after the last one, in a gravity in the axes of the
+    /// palm, m/s², less the acceleration of the palm.
+    pub fn tick(
+        &mut self,
+        sensed: &Sensed<f64, N>,
+        gravity: &Vector3<f64>,
+        period_s: f64,
+    ) -> Tick<N> {
+        let target = self.aim();
+        self.age = self.age.saturating_add(1);
+        let age = if self.following == 0 { 0 } else { self.age };
+        let fault = self.monitor.update(&Observation {
+            desired_tensions: self.desired,
+            tensions: sensed.tension,
+            desired_positions: target,
+            positions: sensed.position,
+            period_s,
+            set_point_age_s: f64::from(age) / self.sample_hz,
+        });
+        if fault.is_some() && self.ramp.is_none() {
+            self.give_up();
+        }
+        let mut output = self.servo.tick(sensed, gravity);
+        if fault.is_none() && self.ramp.is_some_and(|ramp| ramp.is_done()) {
+            self.ramp = None;
+        }
+        if let Some(ramp) = &mut self.ramp {
+            let tensions = ramp.update();
+            output.command = tensions;
+            output.tension = tensions;
+            output.torque = self.servo.arms().torque(&tensions);
+            output.saturated = 0;
+        }
+        self.desired = output.tension;
+        self.command = output.command;
+        Tick {
+            output,
+            target,
+            fault,
+        }
+    }
+
+    /// The set-points of this tick, given to the joints that follow.
+    fn aim(&mut self) -> [Option<f64>; N] {
+        let points = self.interpolator.step();
+        for (joint, point) in points.iter().enumerate() {
+            if self.following & (1 << joint) == 0 {
+                continue;
+            }
+            let (low, high) = (
+                self.low.get(joint).copied().unwrap_or(0.0),
+                self.high.get(joint).copied().unwrap_or(0.0),
+            );
+            let position = clamp(point.position, low, high);
+            let within = if position == point.position {
+                *point
+            } else {
+                SetPoint::rest(position)
+            };
+            // A set-point that is refused leaves the joint at the last one.
+            let _ = self.servo.set_target(joint, Target::Position(within));
+        }
+        core::array::from_fn(|joint| match self.servo.target(joint) {
+            Some(Target::Position(point)) => Some(point.position),
+            _ => None,
+        })
+    }
+
+    /// On a fault: all joints off, and all tensions on their way to the least.
+    #[cold]
+    fn give_up(&mut self) {
+        for joint in 0..N {
+            // The joint exists, and can be off.
+            let _ = self.servo.set_target(joint, Target::Off);
+        }
+        self.following = 0;
+        // The last commands are finite: those of the first tick are the least.
+        self.ramp = SafeRamp::new(self.command, self.least, self.safe_s, self.sample_hz).ok();
+    }
+
+    fn refuse_after_fault(&self) -> Result<(), SettingError> {
+        match (self.monitor.first(), self.ramp) {
+            (None, None) => Ok(()),
+            _ => Err(SettingError::AfterFault),
+        }
+    }
+
+    /// A joint that is told what to do by itself does not follow until the master's next tick.
+    fn leave(&mut self, joint: usize) {
+        if joint < N {
+            self.following &= !(1 << joint);
+        }
+    }
+}

@@ -1,0 +1,274 @@
+use nalgebra::SVector;
+
+use crate::config::{FaultPolicy, Finger, Input, Joint, Rectification, ServoLaw, Tendon};
+use crate::dynamics::Drive;
+use crate::servo::{FingerSettings, JointGains, JointSettings, PositionLaw, SoftStop};
+use crate::tendon::fault::{
+    FingerLimits, JointLimits, Range, SensorLimits, Stuck, TendonLimits, Threshold,
+};
+use crate::tendon::{self, Allocation, Pair, TensionGains};
+use crate::trajectory::Bounds;
+
+/// A check that never fails.
+const NEVER: Threshold<f64> = Threshold {
+    value: 0.0,
+    samples: 0,
+};
+
+/// A sensor of this many counts moves by noise.
+const NOISE_COUNTS: f64 = 1.5;
+
+impl<const N: usize> Finger<N> {
+    /// The settings of the finger's servos for so many ticks in a second.
+    ///
+    /// A place without a joint gets a joint that never moves and never pulls.
+    #[must_use]
+    pub fn settings(&self, sample_hz: f64, transition_s: f64) -> FingerSettings<f64, N> {
+        FingerSettings {
+            joints: core::array::from_fn(|joint| {
+                self.joints
+                    .get(joint)
+                    .map_or(absent(sample_hz), JointSettings::from)
+            }),
+            drive: Drive {
+                armature: self.each(|joint| joint.friction.armature),
+                viscous: self.each(|joint| joint.friction.viscous),
+                coulomb: self.each(|joint| joint.friction.coulomb),
+                coulomb_rate: self.each(|joint| joint.friction.coulomb_rate),
+            },
+            sample_hz,
+            transition_s,
+        }
+    }
+
+    /// How fast set-points that rejoin a motion may go; places without a joint do not.
+    #[must_use]
+    pub fn bounds(&self) -> [Bounds<f64>; N] {
+        core::array::from_fn(|joint| {
+            self.joints.get(joint).map_or(
+                Bounds {
+                    velocity: 1.0,
+                    acceleration: 1.0,
+                    jerk: None,
+                },
+                |joint| Bounds {
+                    velocity: joint.limits.velocity,
+                    acceleration: joint.limits.acceleration,
+                    jerk: None,
+                },
+            )
+        })
+    }
+
+    /// What makes a fault of the finger, for so many ticks in a second.
+    #[must_use]
+    pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FingerLimits<f64, N> {
+        let tendon = |tendon: &Tendon| TendonLimits {
+            sensor: sensor(&tendon.adc, policy, tendon.max_n / 4.0, NEVER),
+            slack: Threshold {
+                value: tendon.slack_n,
+                samples: policy.tension_samples,
+            },
+            over_tension: Threshold {
+                value: tendon.break_n,
+                samples: policy.tension_samples,
+            },
+        };
+        let nothing = SensorLimits {
+            not_finite_samples: 0,
+            range: Range {
+                low: 0.0,
+                high: 0.0,
+                samples: 0,
+            },
+            stuck: Stuck {
+                band: 0.0,
+                travel: 0.0,
+                samples: 0,
+            },
+            tracking: NEVER,
+        };
+        FingerLimits {
+            tendons: core::array::from_fn(|joint| {
+                self.joints.get(joint).map_or(
+                    Pair::both(TendonLimits {
+                        sensor: nothing,
+                        slack: NEVER,
+                        over_tension: NEVER,
+                    }),
+                    |joint| Pair {
+                        flexor: tendon(&joint.flexor),
+                        extensor: tendon(&joint.extensor),
+                    },
+                )
+            }),
+            joints: core::array::from_fn(|joint| {
+                self.joints.get(joint).map_or(
+                    JointLimits {
+                        sensor: nothing,
+                        limit: nothing.range,
+                    },
+                    |joint| JointLimits {
+                        sensor: sensor(
+                            &joint.adc,
+                            policy,
+                            policy.tracking_rad,
+                            Threshold {
+                                value: policy.tracking_rad,
+                                samples: policy.tracking_samples,
+                            },
+                        ),
+                        limit: Range {
+                            low: joint.limits.low - policy.overtravel_rad,
+                            high: joint.limits.high + policy.overtravel_rad,
+                            samples: policy.sensor_samples,
+                        },
+                    },
+                )
+            }),
+            period_s: Threshold {
+                value: 1.5 / sample_hz,
+                samples: policy.missed_deadlines,
+            },
+            set_point_age_s: Threshold {
+                value: policy.stale_s,
+                samples: 1,
+            },
+        }
+    }
+
+    /// The least tensions of the finger's tendons, N.
+    #[must_use]
+    pub fn least_tensions(&self) -> [Pair<f64>; N] {
+        core::array::from_fn(|joint| {
+            Pair::both(
+                self.joints
+                    .get(joint)
+                    .map_or(0.0, |joint| joint.tension_range().0),
+            )
+        })
+    }
+
+    /// A vector of what each joint has, as an array.
+    pub(super) fn array(vector: &SVector<f64, N>) -> [f64; N] {
+        core::array::from_fn(|joint| vector.get(joint).copied().unwrap_or(0.0))
+    }
+}
+
+/// What is asked of the sensor behind a converter.
+fn sensor(
+    input: &Input,
+    policy: &FaultPolicy,
+    travel: f64,
+    tracking: Threshold<f64>,
+) -> SensorLimits<f64> {
+    let ends = [input.value(0), input.value(input.full_scale())];
+    SensorLimits {
+        not_finite_samples: policy.sensor_samples,
+        range: Range {
+            low: crate::math::min(ends[0], ends[1]),
+            high: crate::math::max(ends[0], ends[1]),
+            samples: policy.sensor_samples,
+        },
+        stuck: Stuck {
+            band: NOISE_COUNTS * crate::math::abs(input.gain),
+            travel,
+            samples: policy.sensor_samples,
+        },
+        tracking,
+    }
+}
+
+impl<const N: usize> From<&Joint<N>> for JointSettings<f64> {
+    fn from(joint: &Joint<N>) -> Self {
+        let (min_n, max_n) = joint.tension_range();
+        let gains = |tendon: &Tendon| TensionGains {
+            kt: tendon.gains.kt,
+            ki: tendon.gains.ki,
+            kd: tendon.gains.kd,
+            kv: tendon.gains.kv,
+        };
+        let servo = &joint.servo;
+        Self {
+            gains: JointGains {
+                law: match servo.law {
+                    ServoLaw::Pd => PositionLaw::Pd {
+                        kp: servo.kp,
+                        kv: servo.kv,
+                        ki: servo.ki,
+                        integral_nm: servo.integral_max,
+                    },
+                    ServoLaw::Decoupled => PositionLaw::ComputedTorque {
+                        bandwidth_hz: servo.bandwidth_hz,
+                        damping_ratio: servo.zeta,
+                    },
+                },
+                k_torque: servo.k_tau,
+                tension: Pair {
+                    flexor: gains(&joint.flexor),
+                    extensor: gains(&joint.extensor),
+                },
+            },
+            stop: SoftStop {
+                low: joint.limits.low,
+                high: joint.limits.high,
+                zone: joint.stop.zone,
+                stiffness: joint.stop.stiffness,
+                damping: joint.stop.damping,
+            },
+            allocation: Allocation {
+                rectification: match joint.rectification {
+                    Rectification::Hard => tendon::Rectification::Hard,
+                    Rectification::Mean { co_contraction_n } => {
+                        tendon::Rectification::Mean { co_contraction_n }
+                    }
+                    Rectification::Smooth { softness_n } => {
+                        tendon::Rectification::Smooth { softness_n }
+                    }
+                },
+                min_n,
+                max_n,
+            },
+            position_cutoff_hz: servo.position_cutoff_hz,
+            velocity_cutoff_hz: servo.velocity_cutoff_hz,
+            tension_cutoff_hz: Pair {
+                flexor: joint.flexor.cutoff_hz,
+                extensor: joint.extensor.cutoff_hz,
+            },
+        }
+    }
+}
+
+/// Where a finger has no joint.
+fn absent(sample_hz: f64) -> JointSettings<f64> {
+    JointSettings {
+        gains: JointGains {
+            law: PositionLaw::ComputedTorque {
+                bandwidth_hz: 0.0,
+                damping_ratio: 0.0,
+            },
+            k_torque: 0.0,
+            tension: Pair::both(TensionGains {
+                kt: 0.0,
+                ki: 0.0,
+                kd: 0.0,
+                kv: 0.0,
+            }),
+        },
+        stop: SoftStop {
+            low: 0.0,
+            high: 0.0,
+            zone: 0.0,
+            stiffness: 0.0,
+            damping: 0.0,
+        },
+        allocation: Allocation {
+            rectification: tendon::Rectification::Hard,
+            min_n: 0.0,
+            max_n: 0.0,
+        },
+        position_cutoff_hz: None,
+        velocity_cutoff_hz: sample_hz / 4.0,
+        tension_cutoff_hz: Pair::both(None),
+    }
+}

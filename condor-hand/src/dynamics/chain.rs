@@ -1,0 +1,271 @@
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::{Dynamics, ldl};
+use crate::kinematics::{Body, Chain, Joint, Motion};
+use crate::math::sin_cos;
+use crate::{Pose, Real};
+
+/// By the recursive Newton–Euler and composite-rigid-body algorithms, in the frames of the links.
+///
+/// R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008: chapters 5 and 6, in the
+/// ordinary 3-vectors of the paper by Luh, Walker and Paul (1980). A fixed joint takes no torque
+/// and has no acceleration, whatever its rates are said to be.
+impl<T: Real, const N: usize> Dynamics<T, N> for Chain<T, N> {
+    fn inverse_dynamics(
+        &self,
+        q: &SVector<T, N>,
+        qd: &SVector<T, N>,
+        qdd: &SVector<T, N>,
+        gravity: &Vector3<T>,
+    ) -> SVector<T, N> {
+        self.torque(&self.links(q), qd, qdd, gravity)
+    }
+
+    fn bias(&self, q: &SVector<T, N>, qd: &SVector<T, N>, gravity: &Vector3<T>) -> SVector<T, N> {
+        self.inverse_dynamics(q, qd, &SVector::zeros(), gravity)
+    }
+
+    fn gravity_torque(&self, q: &SVector<T, N>, gravity: &Vector3<T>) -> SVector<T, N> {
+        self.bias(q, &SVector::zeros(), gravity)
+    }
+
+    fn mass_matrix(&self, q: &SVector<T, N>) -> SMatrix<T, N, N> {
+        self.mass(&self.links(q))
+    }
+
+    fn forward_dynamics(
+        &self,
+        q: &SVector<T, N>,
+        qd: &SVector<T, N>,
+        torque: &SVector<T, N>,
+        gravity: &Vector3<T>,
+        armature: &SVector<T, N>,
+    ) -> Option<SVector<T, N>> {
+        let links = self.links(q);
+        let mut free = torque - self.torque(&links, qd, &SVector::zeros(), gravity);
+        let mut mass = self.mass(&links);
+        for (i, joint) in self.joints.iter().enumerate() {
+            if joint.motion == Motion::Fixed {
+                mass[(i, i)] = T::one();
+                free[i] = T::zero();
+            } else {
+                mass[(i, i)] += armature[i];
+            }
+        }
+        ldl::solve(&mass, &free)
+    }
+}
+
+impl<T: Real, const N: usize> Chain<T, N> {
+    #[inline(always)]
+    fn links(&self, q: &SVector<T, N>) -> [Link<T>; N] {
+        let mut links = [Link::none(); N];
+        for ((link, joint), &q) in links.iter_mut().zip(&self.joints).zip(q.iter()) {
+            *link = Link::of(joint, q);
+        }
+        links
+    }
+
+    /// Newton and Euler, outwards for the accelerations and inwards for the torques.
+    fn torque(
+        &self,
+        links: &[Link<T>; N],
+        qd: &SVector<T, N>,
+        qdd: &SVector<T, N>,
+        gravity: &Vector3<T>,
+    ) -> SVector<T, N> {
+        // A base that is accelerated upwards feels the same as one in the field.
+        let mut linear = -self.base.rotation.tr_mul(gravity);
+        let mut rate = Vector3::zeros();
+        let mut acceleration = Vector3::zeros();
+        let mut loads = [(Vector3::zeros(), Vector3::zeros()); N];
+        for (i, load) in loads.iter_mut().enumerate() {
+            let Link {
+                pose,
+                turns,
+                slides,
+            } = &links[i];
+            let Pose { rotation, position } = pose;
+            let carried = linear + acceleration.cross(position) + rate.cross(&rate.cross(position));
+            let turned = rotation.tr_mul(&rate);
+            let turning = turns * qd[i];
+            rate = turned + turning;
+            acceleration = rotation.tr_mul(&acceleration) + turns * qdd[i] + turned.cross(&turning);
+            let sliding = rate.cross(&(slides * qd[i]));
+            linear = rotation.tr_mul(&carried) + slides * qdd[i] + sliding + sliding;
+            *load = load_of(&self.bodies[i], &rate, &acceleration, &linear);
+        }
+
+        let mut torque = SVector::<T, N>::zeros();
+        let mut force = Vector3::zeros();
+        let mut moment = Vector3::zeros();
+        for ((link, load), torque) in links.iter().zip(&loads).zip(torque.iter_mut()).rev() {
+            force += load.0;
+            moment += load.1;
+            *torque = link.torque(&force, &moment);
+            (force, moment) = link.wrench_before(&force, &moment);
+        }
+        torque
+    }
+
+    fn mass(&self, links: &[Link<T>; N]) -> SMatrix<T, N, N> {
+        let mut composite = Composite::nothing();
+        let mut mass = SMatrix::zeros();
+        for i in (0..N).rev() {
+            composite.add(&self.bodies[i]);
+            let link = &links[i];
+            // The wrench that gives the unit acceleration to this joint and all beyond it.
+            let (mut force, mut moment) = composite.wrench(&link.turns, &link.slides);
+            mass[(i, i)] = link.torque(&force, &moment);
+            for j in (0..i).rev() {
+                (force, moment) = links[j + 1].wrench_before(&force, &moment);
+                let coupled = links[j].torque(&force, &moment);
+                mass[(i, j)] = coupled;
+                mass[(j, i)] = coupled;
+            }
+            composite = composite.before(link);
+        }
+        mass
+    }
+}
+
+/// A link at a position of its joint.
+#[derive(Clone, Copy)]
+struct Link<T: Real> {
+    /// In the frame of the link before it.
+    pose: Pose<T>,
+    /// The angular velocity of a unit rate; zero if the joint does not turn.
+    turns: Vector3<T>,
+    /// The velocity of a unit rate; zero if the joint does not slide.
+    slides: Vector3<T>,
+}
+
+impl<T: Real> Link<T> {
+    /// On the link before it, and fixed.
+    #[inline(always)]
+    fn none() -> Self {
+        Self {
+            pose: Pose::identity(),
+            turns: Vector3::zeros(),
+            slides: Vector3::zeros(),
+        }
+    }
+
+    #[inline(always)]
+    fn of(joint: &Joint<T>, q: T) -> Self {
+        let Pose { rotation, position } = &joint.placement;
+        let zero = Vector3::zeros();
+        let (pose, turns, slides) = match joint.motion {
+            Motion::Revolute(axis) => {
+                let rotation = rotation * turn(&axis, q);
+                let position = *position;
+                (Pose { rotation, position }, axis, zero)
+            }
+            Motion::Prismatic(axis) => {
+                let position = joint.placement.transform(&(axis * q));
+                let rotation = *rotation;
+                (Pose { rotation, position }, zero, axis)
+            }
+            Motion::Fixed => (joint.placement, zero, zero),
+        };
+        Self {
+            pose,
+            turns,
+            slides,
+        }
+    }
+
+    /// What the joint takes of a force and a moment about the origin of this link: N m, or N.
+    #[inline(always)]
+    fn torque(&self, force: &Vector3<T>, moment: &Vector3<T>) -> T {
+        self.turns.dot(moment) + self.slides.dot(force)
+    }
+
+    /// A force and a moment about the origin of this link, as the link before it has them.
+    #[inline(always)]
+    fn wrench_before(&self, force: &Vector3<T>, moment: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+        let Pose { rotation, position } = &self.pose;
+        let force = rotation * force;
+        let moment = rotation * moment + position.cross(&force);
+        (force, moment)
+    }
+}
+
+/// The rotation about a unit axis, by Rodrigues' formula.
+#[inline(always)]
+fn turn<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {
+    let (sine, cosine) = sin_cos(angle);
+    Matrix3::from_diagonal_element(cosine)
+        + axis.cross_matrix() * sine
+        + axis * axis.transpose() * (T::one() - cosine)
+}
+
+/// The force, and the moment about the origin of its link, that move a body.
+#[inline(always)]
+fn load_of<T: Real>(
+    body: &Body<T>,
+    rate: &Vector3<T>,
+    acceleration: &Vector3<T>,
+    linear: &Vector3<T>,
+) -> (Vector3<T>, Vector3<T>) {
+    let center = &body.center;
+    let at_center = linear + acceleration.cross(center) + rate.cross(&rate.cross(center));
+    let force = at_center * body.mass;
+    let spin = body.inertia * acceleration + rate.cross(&(body.inertia * rate));
+    (force, spin + center.cross(&force))
+}
+
+/// Bodies that move as one, in the frame of a link.
+struct Composite<T: Real> {
+    mass: T,
+    /// Mass times the centre of mass.
+    first_moment: Vector3<T>,
+    /// About the origin of the frame.
+    inertia: Matrix3<T>,
+}
+
+impl<T: Real> Composite<T> {
+    fn nothing() -> Self {
+        Self {
+            mass: T::zero(),
+            first_moment: Vector3::zeros(),
+            inertia: Matrix3::zeros(),
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, body: &Body<T>) {
+        self.mass += body.mass;
+        self.first_moment += body.center * body.mass;
+        self.inertia += body.inertia + parallel_axes(&body.center, &(body.center * body.mass));
+    }
+
+    /// The force, and the moment about the origin, that give these accelerations from rest.
+    #[inline(always)]
+    fn wrench(&self, angular: &Vector3<T>, linear: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+        let force = linear * self.mass + angular.cross(&self.first_moment);
+        let moment = self.inertia * angular + self.first_moment.cross(linear);
+        (force, moment)
+    }
+
+    /// The same bodies in the frame of the link before.
+    #[inline(always)]
+    fn before(&self, link: &Link<T>) -> Self {
+        let Pose { rotation, position } = &link.pose;
+        let turned = rotation * self.first_moment;
+        let first_moment = turned + position * self.mass;
+        // The squares of the sums of both places, less the square that `inertia` has already.
+        let shift = parallel_axes(position, &first_moment) + parallel_axes(&turned, position);
+        Self {
+            mass: self.mass,
+            first_moment,
+            inertia: rotation * self.inertia * rotation.transpose() + shift,
+        }
+    }
+}
+
+/// `a·b 1 - b aᵀ`: with a place and the same place times a mass, the inertia of that mass there.
+#[inline(always)]
+fn parallel_axes<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> Matrix3<T> {
+    Matrix3::from_diagonal_element(a.dot(b)) - b * a.transpose()
+}

@@ -1,0 +1,144 @@
+use nalgebra::SVector;
+
+use crate::Real;
+use crate::math::{abs, max, tanh};
+use crate::tendon::{MomentArms, Pairs};
+
+/// What the drives of N joints add to the dynamics of the links: their own inertia, and friction.
+///
+/// With the [`Dynamics`](super::Dynamics) of the links, the torque of a motion is
+/// `inverse_dynamics + armature qdd + torque(qd)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive<T: Real, const N: usize> {
+    /// Inertia of what moves with the joint beyond its link, as the joint feels it, kg m².
+    pub armature: SVector<T, N>,
+    /// Friction per rate, N m s/rad.
+    pub viscous: SVector<T, N>,
+    /// Friction of a joint that moves fast, beyond the viscous, N m.
+    pub coulomb: SVector<T, N>,
+    /// The rate below which Coulomb friction fades with the rate, rad/s: at this rate it is
+    /// tanh 1 = 0.76 of the whole. Where it is not positive, friction has its whole size at every
+    /// rate but zero.
+    pub coulomb_rate: SVector<T, N>,
+}
+
+impl<T: Real, const N: usize> Drive<T, N> {
+    /// Neither inertia nor friction.
+    #[must_use]
+    pub fn ideal() -> Self {
+        Self {
+            armature: SVector::zeros(),
+            viscous: SVector::zeros(),
+            coulomb: SVector::zeros(),
+            coulomb_rate: SVector::zeros(),
+        }
+    }
+
+    /// The torques that overcome friction at the rates `qd` (rad/s), N m.
+    #[inline]
+    #[must_use]
+    pub fn torque(&self, qd: &SVector<T, N>) -> SVector<T, N> {
+        self.torque_under(qd, &SVector::zeros())
+    }
+
+    /// The same with more Coulomb friction (N m), such as that of tendons under tension.
+    #[inline]
+    #[must_use]
+    pub fn torque_under(&self, qd: &SVector<T, N>, friction: &SVector<T, N>) -> SVector<T, N> {
+        let coulomb = self.coulomb + friction;
+        let direction = qd.zip_map(&self.coulomb_rate, direction);
+        self.viscous.component_mul(qd) + coulomb.component_mul(&direction)
+    }
+}
+
+/// The Coulomb friction of tendons on the pulleys of their own joints, N m: the coefficient of
+/// each joint times the moments of both tendons, `mu (r f + r' f')` with positive arms. A slack
+/// tendon has none.
+#[inline]
+#[must_use]
+pub fn tendon_friction<T: Real, const N: usize>(
+    coefficient: &SVector<T, N>,
+    arms: &MomentArms<T, N>,
+    tensions: &Pairs<T, N>,
+) -> SVector<T, N> {
+    let mut friction = *coefficient;
+    let joints = arms.rows().iter().zip(tensions).enumerate();
+    for (friction, (joint, (row, tension))) in friction.iter_mut().zip(joints) {
+        if let Some(arm) = row.get(joint) {
+            let flexor = abs(arm.flexor) * max(tension.flexor, T::zero());
+            let extensor = abs(arm.extensor) * max(tension.extensor, T::zero());
+            *friction *= flexor + extensor;
+        }
+    }
+    friction
+}
+
+/// The part of the Coulomb friction that acts at a rate, with its sign.
+#[inline(always)]
+fn direction<T: Real>(rate: T, fades_below: T) -> T {
+    if fades_below > T::zero() {
+        tanh(rate / fades_below)
+    } else if rate > T::zero() {
+        T::one()
+    } else if rate < T::zero() {
+        -T::one()
+    } else {
+        T::zero()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use super::{Drive, tendon_friction};
+    use crate::tendon::{MomentArms, Pair};
+
+    fn drive() -> Drive<f64, 2> {
+        Drive {
+            viscous: Vector2::new(2e-3, 0.0),
+            coulomb: Vector2::new(0.0, 0.03),
+            coulomb_rate: Vector2::new(0.0, 0.5),
+            ..Drive::ideal()
+        }
+    }
+
+    #[test]
+    fn viscous_and_coulomb_friction_add_up() {
+        let mut drive = drive();
+        let tanh_one = 0.761_594_155_955_764_9;
+        let torque = drive.torque(&Vector2::new(3.0, -0.5));
+        assert!((torque - Vector2::new(6e-3, -0.03 * tanh_one)).amax() < 1e-17);
+        drive.coulomb.x = 1.0;
+        assert_eq!(drive.torque(&Vector2::new(3.0, 0.0)).x, 1.006);
+        assert_eq!(drive.torque(&Vector2::new(-1e-9, 0.0)).x, -1.0 - 2e-12);
+        assert_eq!(drive.torque(&Vector2::zeros()), Vector2::zeros());
+    }
+
+    #[test]
+    fn friction_is_finite_at_every_rate() {
+        let mut drive = drive();
+        drive.coulomb_rate.y = f64::MIN_POSITIVE;
+        for rate in [f64::MAX, f64::MIN, f64::MIN_POSITIVE, 0.0, -0.0] {
+            let torque = drive.torque(&Vector2::repeat(rate));
+            assert!(torque.iter().all(|t| t.is_finite()), "{rate}: {torque}");
+            assert!(torque.y * rate >= 0.0, "{rate}: {torque}");
+        }
+    }
+
+    #[test]
+    fn tendons_rub_on_the_pulleys_of_their_own_joints() {
+        let arm = |flexor, extensor| Pair { flexor, extensor };
+        let rows = [
+            [arm(0.01, -0.02), arm(0.3, 0.3)],
+            [arm(0.0, 0.0), arm(0.01, -0.01)],
+        ];
+        let arms = MomentArms::new(rows).unwrap();
+        let tensions = [arm(10.0, 5.0), arm(-1.0, 20.0)];
+        let friction = tendon_friction(&Vector2::new(0.1, 0.05), &arms, &tensions);
+        assert!((friction - Vector2::new(0.02, 0.01)).amax() < 1e-17);
+        // Both kinds of Coulomb friction fade alike.
+        let torque = drive().torque_under(&Vector2::new(-1.0, 100.0), &friction);
+        assert!((torque - Vector2::new(-0.022, 0.04)).amax() < 1e-15);
+    }
+}

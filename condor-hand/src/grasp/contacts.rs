@@ -1,0 +1,350 @@
+use nalgebra::Vector3;
+
+use super::symmetric::Symmetric;
+use super::wrench::finite;
+use super::{GraspError, Quantity, Twist, Wrench};
+use crate::math::{Real, abs, is_finite, max, real, sqrt};
+
+/// Points at which M fingers touch one object, and what follows from their places alone.
+///
+/// The law is the minimum-norm solution of `G f = w` without the grasp matrix G (6×3M). Such a
+/// solution is `f = Gᵀ y`, so `f_i = a + b × r_i` with arms `r_i` from the centroid m of the contacts.
+/// The arms sum to zero, which parts the two equations:
+/// `M a = F` and `J b = M_m`, with `J = Σ (|r_i|² I - r_i r_iᵀ)`, the inertia of unit masses at the
+/// contacts, and `M_m` the moment about m. Hence `f_i = F/M + (J⁻¹ M_m) × r_i`. In the spirit of
+/// Hollerbach, Narasimhan and Wood, "Finger force computation without the grip Jacobian" (1986).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contacts<T: Real, const M: usize> {
+    points: [Vector3<T>; M],
+    centroid: Vector3<T>,
+    /// From the centroid to each contact, m.
+    arms: [Vector3<T>; M],
+    /// The (pseudo-)inverse of the inertia of unit masses at the contacts, 1/m².
+    inverse: Symmetric<T>,
+    /// The trace of that inertia: twice the sum of the squares of the arms, m².
+    trace: T,
+}
+
+/// The forces of M fingers that make a wrench.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FingerForces<T: Real, const M: usize> {
+    /// Exerted by each finger on the object, N.
+    pub forces: [Vector3<T>; M],
+    /// The moment that was asked for and that the forces do not make, N m. Zero for three contacts or
+    /// more; for two, the part about the line through them.
+    pub lost_moment: Vector3<T>,
+}
+
+/// Forces and torsions of two soft fingertips.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SoftForces<T: Real> {
+    /// Exerted by each finger on the object, N.
+    pub forces: [Vector3<T>; 2],
+    /// The moment of each fingertip on the object about its inward normal, N m.
+    pub torsions: [T; 2],
+}
+
+/// The least conditioning of three contacts or more.
+#[inline(always)]
+fn least_conditioning<T: Real>() -> T {
+    max(real(1e-9), T::default_epsilon() * real(64.0))
+}
+
+/// The least sum of squares of arms, relative to the square of the distance of the centroid: below
+/// it the arms are mostly rounding.
+#[inline(always)]
+fn least_spread<T: Real>() -> T {
+    let relative = T::default_epsilon() * real(1024.0);
+    relative * relative
+}
+
+#[inline(always)]
+pub(super) fn values<T: Real>(vector: &Vector3<T>) -> [f64; 3] {
+    [vector.x.to_f64(), vector.y.to_f64(), vector.z.to_f64()]
+}
+
+/// Refuses vectors with a component that is no number.
+pub(super) fn check<T: Real, const M: usize>(
+    vectors: &[Vector3<T>; M],
+    quantity: Quantity,
+) -> Result<(), GraspError> {
+    for (finger, vector) in vectors.iter().enumerate() {
+        for component in vector {
+            if !is_finite(*component) {
+                return Err(GraspError::NotFinite {
+                    finger,
+                    quantity,
+                    value: component.to_f64(),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+#[inline(always)]
+pub(super) fn share<T: Real, const M: usize>() -> T {
+    real(1.0 / f64::from(M as u32))
+}
+
+#[inline(always)]
+pub(super) fn sum<T: Real>(vectors: &[Vector3<T>]) -> Vector3<T> {
+    let mut sum = Vector3::zeros();
+    for vector in vectors {
+        sum += vector;
+    }
+    sum
+}
+
+impl<T: Real, const M: usize> Contacts<T, M> {
+    /// Contacts at the points, m, in the palm.
+    ///
+    /// # Errors
+    ///
+    /// [`NotFinite`](GraspError::NotFinite), [`Coincident`](GraspError::Coincident) if all contacts
+    /// are one point, and for three or more [`NearCollinear`](GraspError::NearCollinear) if they lie
+    /// on a line.
+    #[inline(always)]
+    pub fn new(points: [Vector3<T>; M]) -> Result<Self, GraspError> {
+        let centroid = sum(&points) * share::<T, M>();
+        let arms = points.map(|point| point - centroid);
+        let mut inertia = Symmetric::zero();
+        for arm in &arms {
+            inertia.add_point(arm);
+        }
+        let trace = inertia.trace();
+        let apart = trace > least_spread::<T>() * centroid.norm_squared();
+        let inverse = match M {
+            0 => None,
+            1 => finite(&centroid).then(Symmetric::zero),
+            // Two opposite arms: J is the projection across the line, times the sum of squares.
+            2 => {
+                let factor = T::one() / (trace * trace * real(0.25));
+                (apart && is_finite(factor) && factor > T::zero()).then(|| inertia.scaled(factor))
+            }
+            _ => {
+                let (adjugate, determinant) = inertia.adjugate();
+                let third = trace * real(1.0 / 3.0);
+                let factor = T::one() / determinant;
+                let regular = determinant > least_conditioning::<T>() * (third * third * third)
+                    && is_finite(factor);
+                (apart && regular).then(|| adjugate.scaled(factor))
+            }
+        };
+        match inverse {
+            Some(inverse) => Ok(Self {
+                points,
+                centroid,
+                arms,
+                inverse,
+                trace,
+            }),
+            None => Err(explain(&points)),
+        }
+    }
+
+    /// The points, m.
+    #[must_use]
+    pub fn points(&self) -> &[Vector3<T>; M] {
+        &self.points
+    }
+
+    /// The mean of the points, m.
+    #[must_use]
+    pub fn centroid(&self) -> &Vector3<T> {
+        &self.centroid
+    }
+
+    /// From the centroid to each contact, m.
+    #[inline(always)]
+    pub(super) fn arms(&self) -> &[Vector3<T>; M] {
+        &self.arms
+    }
+
+    /// Twice the sum of the squares of the arms, m².
+    #[inline(always)]
+    pub(super) fn trace(&self) -> T {
+        self.trace
+    }
+
+    /// The rotation that a moment of arms and motions (or of arms and forces) belongs to.
+    #[inline(always)]
+    pub(super) fn turn(&self, moment: &Vector3<T>) -> Vector3<T> {
+        self.inverse.times(moment)
+    }
+
+    /// The least forces that together make the wrench about the point `about` (m).
+    ///
+    /// # Errors
+    ///
+    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite); for one contact
+    /// [`MomentAtOneContact`](GraspError::MomentAtOneContact) unless the wrench is a force through it;
+    /// [`TooLarge`](GraspError::TooLarge). What two contacts cannot make is in the answer.
+    #[inline(always)]
+    pub fn forces(
+        &self,
+        wrench: &Wrench<T>,
+        about: &Vector3<T>,
+    ) -> Result<FingerForces<T, M>, GraspError> {
+        let lever = self.centroid - about;
+        let moment = wrench.moment - lever.cross(&wrench.force);
+        let turn = self.turn(&moment);
+        let part = wrench.force * share::<T, M>();
+        let forces = self.arms.map(|arm| part + turn.cross(&arm));
+        let total = sum(&forces);
+        // One sum is cheaper than a test for each component: infinities and NaN stay in it.
+        if !is_finite(total.x + total.y + total.z + moment.x + moment.y + moment.z) {
+            return Err(not_finite(wrench, about));
+        }
+        let lost_moment = match M {
+            1 => {
+                // The moment is a difference of these.
+                let terms = wrench.moment.amax() + lever.amax() * wrench.force.amax();
+                if moment.amax() > terms * T::default_epsilon() * real(16.0) {
+                    let moment = values(&moment);
+                    return Err(GraspError::MomentAtOneContact { moment });
+                }
+                Vector3::zeros()
+            }
+            2 => moment - turn * (self.trace * real(0.5)),
+            _ => Vector3::zeros(),
+        };
+        Ok(FingerForces {
+            forces,
+            lost_moment,
+        })
+    }
+
+    /// The motion of the object, with its point at `about` (m), that fits the motions of the tips
+    /// best: small motions (m), or velocities (m/s). For two contacts the rotation about their line
+    /// is taken as zero, for one contact all rotation.
+    ///
+    /// This is the dual of [`forces`](Self::forces): minimising `Σ |d_i - t - o × r_i|²` gives
+    /// `o = J⁻¹ Σ r_i × d_i` with the same J.
+    ///
+    /// # Errors
+    ///
+    /// [`NotFinite`](GraspError::NotFinite), [`WrenchNotFinite`](GraspError::WrenchNotFinite) for the
+    /// point, [`TooLarge`](GraspError::TooLarge).
+    #[inline]
+    pub fn object_motion(
+        &self,
+        tips: &[Vector3<T>; M],
+        about: &Vector3<T>,
+    ) -> Result<Twist<T>, GraspError> {
+        let mut moment = Vector3::zeros();
+        for (arm, tip) in self.arms.iter().zip(tips) {
+            moment += arm.cross(tip);
+        }
+        let angular = self.turn(&moment);
+        let linear = sum(tips) * share::<T, M>() - angular.cross(&(self.centroid - about));
+        let twist = Twist { linear, angular };
+        if twist.is_finite() {
+            return Ok(twist);
+        }
+        check(tips, Quantity::TipMotion)?;
+        let quantity = Quantity::TipMotion;
+        if finite(about) {
+            return Err(GraspError::TooLarge { quantity });
+        }
+        Err(not_finite(&Wrench::zero(), about))
+    }
+}
+
+impl<T: Real> Contacts<T, 2> {
+    /// Forces and torsions of two soft fingertips that together make the whole wrench about the point
+    /// `about` (m). The torsions are the least that make the moment about the line of the contacts,
+    /// which forces cannot: half of it each in an antipodal grasp.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`forces`](Self::forces), and
+    /// [`NormalsAcrossLine`](GraspError::NormalsAcrossLine).
+    pub fn soft_forces(
+        &self,
+        wrench: &Wrench<T>,
+        about: &Vector3<T>,
+        normals: &super::Normals<T, 2>,
+    ) -> Result<SoftForces<T>, GraspError> {
+        let [first, second] = self.arms;
+        let span = second - first;
+        let line = span / sqrt(span.norm_squared());
+        let lost = self.forces(wrench, about)?.lost_moment.dot(&line);
+
+        let [one, other] = normals.inward();
+        let cosines = [one.dot(&line), other.dot(&line)];
+        let [p, q] = cosines;
+        let together = p * p + q * q;
+        if together <= real(1e-6) {
+            let cosines = cosines.map(Real::to_f64);
+            return Err(GraspError::NormalsAcrossLine { cosines });
+        }
+        let torsions = cosines.map(|cosine| lost * cosine / together);
+        let [a, b] = torsions;
+        // A normal that is off the line has a moment across it too, which the forces make up for.
+        let rest = Wrench {
+            force: wrench.force,
+            moment: wrench.moment - one * a - other * b,
+        };
+        let forces = self.forces(&rest, about)?.forces;
+        Ok(SoftForces { forces, torsions })
+    }
+}
+
+#[cold]
+fn not_finite<T: Real>(wrench: &Wrench<T>, about: &Vector3<T>) -> GraspError {
+    if wrench.is_finite() && finite(about) {
+        let quantity = Quantity::Force;
+        return GraspError::TooLarge { quantity };
+    }
+    GraspError::WrenchNotFinite {
+        force: values(&wrench.force),
+        moment: values(&wrench.moment),
+        about: values(about),
+    }
+}
+
+/// Why there is no inverse. It computes the inertia again, so that where there is one it stays in
+/// registers.
+#[cold]
+fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
+    if M == 0 {
+        let (contacts, least) = (M, 1);
+        return GraspError::TooFewContacts { contacts, least };
+    }
+    if let Err(error) = check(points, Quantity::Tip) {
+        return error;
+    }
+    let centroid = sum(points) * share::<T, M>();
+    let mut inertia = Symmetric::zero();
+    for point in points {
+        inertia.add_point(&(point - centroid));
+    }
+    let trace = inertia.trace();
+    let third = trace * real(1.0 / 3.0);
+    let cube = third * third * third;
+    if !is_finite(cube) || !is_finite(centroid.norm_squared()) {
+        let quantity = Quantity::Tip;
+        return GraspError::TooLarge { quantity };
+    }
+    let spread = least_spread::<T>() * centroid.norm_squared();
+    let (_, determinant) = inertia.adjugate();
+    // Below this the inverse of the determinant is beyond the range of numbers.
+    let inverse = T::one() / cube;
+    if M >= 3 && trace > spread && is_finite(inverse) {
+        return GraspError::NearCollinear {
+            conditioning: (abs(determinant) / cube).to_f64(),
+            least: least_conditioning::<T>().to_f64(),
+        };
+    }
+    let mut points = points.iter();
+    let distance = match (points.next(), points.next()) {
+        (Some(first), Some(second)) => sqrt((second - first).norm_squared()),
+        _ => T::zero(),
+    };
+    GraspError::Coincident {
+        first: 0,
+        second: 1,
+        distance: distance.to_f64(),
+    }
+}

@@ -1,0 +1,232 @@
+use core::fmt;
+
+use thiserror::Error;
+
+/// What a number belongs to that is not finite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Quantity {
+    /// The position of a tip.
+    Tip,
+    /// The desired position of a tip.
+    DesiredTip,
+    /// The motion or velocity of a tip.
+    TipMotion,
+    /// The Jacobian of a finger.
+    Jacobian,
+    /// The gravity torque of a finger.
+    GravityTorque,
+    /// The direction of the self-motion of a finger.
+    SelfMotion,
+    /// The position of a joint.
+    JointPosition,
+    /// The rate of a joint.
+    JointRate,
+    /// The force of a finger.
+    Force,
+    /// The torsion of a fingertip.
+    Torsion,
+    /// The direction of a squeeze.
+    SqueezeDirection,
+    /// The torque of a joint.
+    Torque,
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Tip => "tip position",
+            Self::DesiredTip => "desired tip position",
+            Self::TipMotion => "tip motion",
+            Self::Jacobian => "Jacobian",
+            Self::GravityTorque => "gravity torque",
+            Self::SelfMotion => "self-motion",
+            Self::JointPosition => "joint position",
+            Self::JointRate => "joint rate",
+            Self::Force => "force",
+            Self::Torsion => "torsion",
+            Self::SqueezeDirection => "direction of squeeze",
+            Self::Torque => "torque",
+        })
+    }
+}
+
+/// A grasp that cannot do what is asked of it.
+///
+/// Fingers, contacts and joints are counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum GraspError {
+    /// A number of one finger is infinite or NaN.
+    #[error("the {quantity} of finger {finger} is {value}")]
+    NotFinite {
+        /// Whose number it is.
+        finger: usize,
+        /// What it is.
+        quantity: Quantity,
+        /// The number.
+        value: f64,
+    },
+    /// A wrench, or the point it is about, is infinite or NaN.
+    #[error("force {force:?} N and moment {moment:?} N m about {about:?} m are not all finite")]
+    WrenchNotFinite {
+        /// The force, N.
+        force: [f64; 3],
+        /// The moment, N m.
+        moment: [f64; 3],
+        /// The point, m.
+        about: [f64; 3],
+    },
+    /// Every input is finite, and the result is beyond the range of the type.
+    #[error("the {quantity} is beyond the range of numbers")]
+    TooLarge {
+        /// The first result for which this is so.
+        quantity: Quantity,
+    },
+    /// The task takes more contacts.
+    #[error("{contacts} contacts; this takes at least {least}")]
+    TooFewContacts {
+        /// How many there are.
+        contacts: usize,
+        /// How many it takes.
+        least: usize,
+    },
+    /// Two contacts are one point, as far as their coordinates can tell.
+    #[error("contacts {first} and {second} are only {distance} m apart")]
+    Coincident {
+        /// One of them.
+        first: usize,
+        /// The other.
+        second: usize,
+        /// The distance between them, m.
+        distance: f64,
+    },
+    /// The contacts lie on one line, or nearly: no moment can be made about it.
+    #[error("the contacts are nearly on one line: conditioning {conditioning}, needed {least}")]
+    NearCollinear {
+        /// The determinant of the contacts' inertia over the cube of a third of its trace: 1 where
+        /// they are spread equally in all directions, 0 on a line.
+        conditioning: f64,
+        /// What it must be above.
+        least: f64,
+    },
+    /// One contact was asked for a moment about itself.
+    #[error("a single contact cannot make the moment {moment:?} N m about itself")]
+    MomentAtOneContact {
+        /// The moment about the contact, N m.
+        moment: [f64; 3],
+    },
+    /// Neither normal of two soft contacts lies along the line between them.
+    #[error(
+        "the normals have the cosines {cosines:?} to the line of contacts: no torsion acts on it"
+    )]
+    NormalsAcrossLine {
+        /// The cosines of the angles between the normals and the line.
+        cosines: [f64; 2],
+    },
+    /// A normal without a direction.
+    #[error("the normal of contact {contact} has the length {length}")]
+    Normal {
+        /// The contact.
+        contact: usize,
+        /// The length that was given.
+        length: f64,
+    },
+    /// A coefficient of friction that is not a positive number.
+    #[error("a coefficient of friction of {value}; it must be positive")]
+    FrictionCoefficient {
+        /// The coefficient; of torsion in m.
+        value: f64,
+    },
+    /// The centre of a ball is infinite or NaN.
+    #[error("the centre of the ball is {center:?} m")]
+    BallNotFinite {
+        /// The centre, m.
+        center: [f64; 3],
+    },
+    /// No squeeze of this shape keeps every contact inside its friction cone.
+    #[error(
+        "no squeeze holds: the others need at least {least} N, contact {contact} allows {low} to {high} N"
+    )]
+    NoSqueeze {
+        /// The first contact that leaves no common range.
+        contact: usize,
+        /// The least squeeze that the contacts before it take, N.
+        least: f64,
+        /// The least squeeze that this contact takes, N; NaN if none will do.
+        low: f64,
+        /// The greatest squeeze up to and with this contact, N; NaN if none will do.
+        high: f64,
+    },
+    /// A squeeze along an edge that does not exist, or that would pull.
+    #[error("a squeeze of {force} N between contacts {first} and {second} of {contacts}")]
+    SqueezeEdge {
+        /// One end of the edge.
+        first: usize,
+        /// The other end.
+        second: usize,
+        /// How many contacts there are.
+        contacts: usize,
+        /// The force, N.
+        force: f64,
+    },
+    /// A matrix of gains with an infinity or NaN.
+    #[error("the gain in row {row}, column {column} is {value}")]
+    GainNotFinite {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// The gain.
+        value: f64,
+    },
+    /// A matrix of gains that is not symmetric: its spring would be a source of energy.
+    #[error(
+        "the gains are not symmetric: {value} in row {row}, column {column}, and {mirrored} opposite"
+    )]
+    NotSymmetric {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// The gain there.
+        value: f64,
+        /// The gain with row and column exchanged.
+        mirrored: f64,
+    },
+    /// A matrix of gains with a negative eigenvalue: it would push the object away.
+    #[error("the gains have a negative eigenvalue: pivot {pivot} of axis {axis}")]
+    NotSemidefinite {
+        /// The axis whose pivot shows it: 0 to 2 along, 3 to 5 about x, y, z.
+        axis: usize,
+        /// The pivot of the factorisation, in units of that axis.
+        pivot: f64,
+    },
+    /// A gain of the posture that is negative or no number.
+    #[error("a posture gain of {value}; it must be finite and not negative")]
+    PostureGain {
+        /// The gain.
+        value: f64,
+    },
+    /// Limits that do not have zero between them.
+    #[error("joint {joint} of finger {finger} has the torque limits {low} to {high} N m")]
+    TorqueLimits {
+        /// The finger.
+        finger: usize,
+        /// The joint.
+        joint: usize,
+        /// The lower limit, N m.
+        low: f64,
+        /// The upper limit, N m.
+        high: f64,
+    },
+    /// The tips determine no rotation of the object.
+    #[error("the tips determine no rotation: separation {separation}, needed {least}")]
+    NoRotation {
+        /// The product of the gaps between the greatest eigenvalue of the fit and the others, over
+        /// the mean spread of the tips.
+        separation: f64,
+        /// What it must be above.
+        least: f64,
+    },
+}

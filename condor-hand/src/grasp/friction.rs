@@ -1,0 +1,316 @@
+use nalgebra::Vector3;
+
+use super::contacts::check;
+use super::{GraspError, Normals, Quantity};
+use crate::math::{Real, abs, is_finite, max, min, real, sqrt};
+
+/// Coulomb friction of a fingertip: a cone of forces for a point, an ellipsoid of forces and torsions
+/// for a soft tip.
+///
+/// With the force's normal part `f_n` and tangential part `f_t`, and the torsion `m_n` about the
+/// normal, a contact sticks while `f_n >= 0` and
+/// `(|f_t|/mu)² + (m_n/mu_t)² <= f_n²` (Howe, Kao and Cutkosky, 1988).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Friction<T: Real = f64> {
+    sliding: T,
+    /// Sliding over torsional coefficient, 1/m: what turns a torsion into the tangential force that
+    /// uses as much of the friction. Absent for a point.
+    torsion: Option<T>,
+}
+
+/// The factors of an internal force at which no contact slips.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SqueezeRange<T: Real = f64> {
+    /// The least.
+    pub least: T,
+    /// The greatest, if there is one.
+    pub greatest: Option<T>,
+}
+
+impl<T: Real> SqueezeRange<T> {
+    /// The least factor times a factor of safety, but not above the greatest.
+    #[must_use]
+    pub fn with_safety(&self, safety: T) -> T {
+        let wanted = max(self.least * safety, self.least);
+        match self.greatest {
+            Some(greatest) => min(wanted, greatest),
+            None => wanted,
+        }
+    }
+}
+
+fn positive<T: Real>(coefficient: T) -> Result<T, GraspError> {
+    // The discriminant of a squeeze has its fourth power.
+    let square = coefficient * coefficient;
+    let fourth = square * square;
+    if coefficient > T::zero() && fourth > T::zero() && is_finite(fourth * real(1e6)) {
+        return Ok(coefficient);
+    }
+    let value = coefficient.to_f64();
+    Err(GraspError::FrictionCoefficient { value })
+}
+
+impl<T: Real> Friction<T> {
+    /// A point that slips when the tangential force exceeds `coefficient` times the normal one. It
+    /// bears no torsion.
+    ///
+    /// # Errors
+    ///
+    /// [`FrictionCoefficient`](GraspError::FrictionCoefficient) unless positive.
+    pub fn point(coefficient: T) -> Result<Self, GraspError> {
+        Ok(Self {
+            sliding: positive(coefficient)?,
+            torsion: None,
+        })
+    }
+
+    /// A soft tip that without tangential force bears a torsion of `torsional` (m) times the normal
+    /// force.
+    ///
+    /// # Errors
+    ///
+    /// [`FrictionCoefficient`](GraspError::FrictionCoefficient) unless both are positive.
+    pub fn soft(coefficient: T, torsional: T) -> Result<Self, GraspError> {
+        let sliding = positive(coefficient)?;
+        Ok(Self {
+            sliding,
+            torsion: Some(positive(sliding / positive(torsional)?)?),
+        })
+    }
+
+    /// The tangential force that uses as much friction as the torsion; `None` where any is too much.
+    #[inline]
+    fn equivalent(&self, torsion: T) -> Option<T> {
+        match self.torsion {
+            Some(ratio) => Some(torsion * ratio),
+            None if torsion == T::zero() => Some(T::zero()),
+            None => None,
+        }
+    }
+
+    /// How far each contact is from slipping, N: `mu f_n - √(|f_t|² + (mu m_n/mu_t)²)`, negative
+    /// where it slips or pulls. Torsions (N m) are about the inward normals; a point bears none, and
+    /// its margin is minus infinity with any.
+    ///
+    /// # Errors
+    ///
+    /// [`NotFinite`](GraspError::NotFinite), [`TooLarge`](GraspError::TooLarge).
+    pub fn margins<const M: usize>(
+        &self,
+        normals: &Normals<T, M>,
+        forces: &[Vector3<T>; M],
+        torsions: &[T; M],
+    ) -> Result<[T; M], GraspError> {
+        check_loads(forces, torsions)?;
+        let mut margins = [T::zero(); M];
+        let loads = forces.iter().zip(torsions).zip(normals.inward());
+        for (margin, ((force, &torsion), normal)) in margins.iter_mut().zip(loads) {
+            let along = force.dot(normal);
+            let across = force - normal * along;
+            *margin = match self.equivalent(torsion) {
+                Some(turning) => {
+                    self.sliding * along - sqrt(across.norm_squared() + turning * turning)
+                }
+                None => -T::one() / T::zero(),
+            };
+            if !(is_finite(*margin) || self.equivalent(torsion).is_none()) {
+                let quantity = Quantity::Force;
+                return Err(GraspError::TooLarge { quantity });
+            }
+        }
+        Ok(margins)
+    }
+
+    /// The factors `s >= 0` for which no contact slips under `forces + s directions`, in closed form:
+    /// for equal squeeze on all edges the directions are the internal forces of one newton on each,
+    /// and the factors are newtons.
+    ///
+    /// Cones are convex, so each contact allows one interval. Its ends are the roots of
+    /// `a s² + 2 b s + c`, with `a = mu² d_n² - |d_t|²`, `b = mu² f_n d_n - f_t·d_t` and
+    /// `c = mu² f_n² - |f_t|² - (mu m_n/mu_t)²`.
+    ///
+    /// # Errors
+    ///
+    /// [`NoSqueeze`](GraspError::NoSqueeze) if no factor will do;
+    /// [`NotFinite`](GraspError::NotFinite), [`TooLarge`](GraspError::TooLarge).
+    pub fn squeeze_range<const M: usize>(
+        &self,
+        normals: &Normals<T, M>,
+        forces: &[Vector3<T>; M],
+        torsions: &[T; M],
+        directions: &[Vector3<T>; M],
+    ) -> Result<SqueezeRange<T>, GraspError> {
+        check_loads(forces, torsions)?;
+        check(directions, Quantity::SqueezeDirection)?;
+        // In units of the greatest load and direction, no square overflows or vanishes.
+        let mut load = T::zero();
+        let mut reach = T::zero();
+        for ((force, &torsion), direction) in forces.iter().zip(torsions).zip(directions) {
+            let turning = self.equivalent(torsion).unwrap_or(T::zero());
+            load = max(load, max(force.amax(), abs(turning)));
+            reach = max(reach, direction.amax());
+        }
+        let nonzero = |unit| if unit > T::zero() { unit } else { T::one() };
+        let (load, reach) = (nonzero(load), nonzero(reach));
+        let unit = load / reach;
+        if !(unit > T::zero() && is_finite(unit) && is_finite(load)) {
+            let quantity = Quantity::Force;
+            return Err(GraspError::TooLarge { quantity });
+        }
+
+        let mut range = Interval {
+            low: T::zero(),
+            high: None,
+        };
+        let loads = forces.iter().zip(torsions);
+        let contacts = loads.zip(directions).zip(normals.inward());
+        for (contact, (((force, &torsion), direction), normal)) in contacts.enumerate() {
+            let one = self.equivalent(torsion).and_then(|turning| {
+                let (force, direction) = (force / load, direction / reach);
+                self.interval(normal, &force, turning / load, &direction)
+            });
+            let none = || T::zero() / T::zero();
+            let low = one.map_or_else(none, |one| one.low);
+            let high = one.and_then(|one| one.high);
+            let meet = one.map(|one| range.meet(&one));
+            match meet {
+                Some(meet) if !meet.is_empty() => range = meet,
+                _ => {
+                    let high = match (one, high) {
+                        (Some(_), None) => T::one() / T::zero(),
+                        (_, high) => high.unwrap_or_else(none),
+                    };
+                    return Err(GraspError::NoSqueeze {
+                        contact,
+                        least: (range.low * unit).to_f64(),
+                        low: (low * unit).to_f64(),
+                        high: (high * unit).to_f64(),
+                    });
+                }
+            }
+        }
+        let least = range.low * unit;
+        if !is_finite(least) {
+            let quantity = Quantity::Force;
+            return Err(GraspError::TooLarge { quantity });
+        }
+        let greatest = range.high.map(|high| high * unit);
+        // What is beyond the range of numbers is no bound.
+        let greatest = greatest.filter(|&greatest| is_finite(greatest));
+        Ok(SqueezeRange { least, greatest })
+    }
+
+    /// The factors at which one contact sticks, zero or above; `None` if none.
+    fn interval(
+        &self,
+        normal: &Vector3<T>,
+        force: &Vector3<T>,
+        turning: T,
+        direction: &Vector3<T>,
+    ) -> Option<Interval<T>> {
+        let (f_n, d_n) = (force.dot(normal), direction.dot(normal));
+        let (f_t, d_t) = (force - normal * f_n, direction - normal * d_n);
+        let mu2 = self.sliding * self.sliding;
+        let (along, across) = (mu2 * d_n * d_n, d_t.norm_squared());
+        let a = along - across;
+        let b = mu2 * f_n * d_n - f_t.dot(&d_t);
+        let c = mu2 * f_n * f_n - f_t.norm_squared() - turning * turning;
+
+        let mut allowed = Interval {
+            low: T::zero(),
+            high: None,
+        };
+        if abs(a) <= (along + across) * T::default_epsilon() * real(64.0) {
+            // The direction lies on the cone: both conditions are linear.
+            allowed.require(b + b, c);
+            allowed.require(d_n, f_n);
+            return (!allowed.is_empty()).then_some(allowed);
+        }
+        let discriminant = b * b - a * c;
+        if a < T::zero() && discriminant < T::zero() {
+            return None;
+        }
+        // The half with the sum of equal signs loses no digits; the other root follows from it.
+        let root = sqrt(discriminant);
+        let half = if b > T::zero() { -b - root } else { root - b };
+        let one = half / a;
+        let other = if half == T::zero() { one } else { c / half };
+        let (lower, upper) = (min(one, other), max(one, other));
+        if a > T::zero() {
+            // The line runs from the mirror image of the cone into the cone, or back.
+            if d_n > T::zero() {
+                allowed.raise(upper);
+            } else {
+                allowed.cap(lower);
+            }
+        } else {
+            if f_n - d_n * (b / a) < T::zero() {
+                return None;
+            }
+            allowed.raise(lower);
+            allowed.cap(upper);
+        }
+        (!allowed.is_empty()).then_some(allowed)
+    }
+}
+
+/// Factors from zero up; without an upper end if `high` is absent.
+#[derive(Clone, Copy)]
+struct Interval<T> {
+    low: T,
+    high: Option<T>,
+}
+
+impl<T: Real> Interval<T> {
+    fn raise(&mut self, low: T) {
+        self.low = max(low, self.low);
+    }
+
+    fn cap(&mut self, high: T) {
+        self.high = Some(match self.high {
+            Some(present) => min(high, present),
+            None => high,
+        });
+    }
+
+    /// Keeps the factors s with `slope s + offset >= 0`.
+    fn require(&mut self, slope: T, offset: T) {
+        if slope > T::zero() {
+            self.raise(-offset / slope);
+        } else if slope < T::zero() {
+            self.cap(-offset / slope);
+        } else if offset < T::zero() {
+            self.cap(-T::one());
+        }
+    }
+
+    fn meet(&self, other: &Self) -> Self {
+        let mut meet = *self;
+        meet.raise(other.low);
+        if let Some(high) = other.high {
+            meet.cap(high);
+        }
+        meet
+    }
+
+    fn is_empty(&self) -> bool {
+        self.high.is_some_and(|high| high < self.low)
+    }
+}
+
+fn check_loads<T: Real, const M: usize>(
+    forces: &[Vector3<T>; M],
+    torsions: &[T; M],
+) -> Result<(), GraspError> {
+    check(forces, Quantity::Force)?;
+    for (finger, &torsion) in torsions.iter().enumerate() {
+        if !is_finite(torsion) {
+            return Err(GraspError::NotFinite {
+                finger,
+                quantity: Quantity::Torsion,
+                value: torsion.to_f64(),
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,171 @@
+use nalgebra::{Matrix6, Vector3, Vector6};
+
+use super::{GraspError, Twist, Wrench};
+use crate::math::{Real, abs, is_finite, max, real, sqrt};
+
+/// A stiffness (N/m, N/rad, N m/m, N m/rad) or damping (times s) of six axes: x, y, z and then the
+/// rotations about them.
+///
+/// Holding one proves that it is symmetric and has no negative eigenvalue, so that its spring stores
+/// energy, or its damper takes it, in every direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpatialGain<T: Real = f64> {
+    matrix: Matrix6<T>,
+}
+
+impl<T: Real> SpatialGain<T> {
+    /// A gain from its matrix, 6×6. Asymmetry and negative pivots of the size of rounding are let
+    /// pass; the former is averaged out.
+    ///
+    /// # Errors
+    ///
+    /// [`GainNotFinite`](GraspError::GainNotFinite), [`NotSymmetric`](GraspError::NotSymmetric),
+    /// [`NotSemidefinite`](GraspError::NotSemidefinite).
+    pub fn new(matrix: &Matrix6<T>) -> Result<Self, GraspError> {
+        let tolerance = T::default_epsilon() * real(256.0);
+        for row in 0..6 {
+            for column in 0..6 {
+                let (value, mirrored) = (matrix[(row, column)], matrix[(column, row)]);
+                if !is_finite(value) {
+                    let value = value.to_f64();
+                    return Err(GraspError::GainNotFinite { row, column, value });
+                }
+                // Products of roots, not roots of products, which overflow.
+                let scale = sqrt(matrix[(row, row)]) * sqrt(matrix[(column, column)]);
+                let size = max(max(abs(value), abs(mirrored)), scale);
+                if abs(value - mirrored) > size * tolerance {
+                    return Err(GraspError::NotSymmetric {
+                        row,
+                        column,
+                        value: value.to_f64(),
+                        mirrored: mirrored.to_f64(),
+                    });
+                }
+            }
+        }
+        let half = real::<T>(0.5);
+        let matrix = matrix.map(|gain| gain * half) + matrix.transpose().map(|gain| gain * half);
+        factorize(&matrix, tolerance)?;
+        Ok(Self { matrix })
+    }
+
+    /// A gain without coupling between the axes.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`new`](Self::new).
+    pub fn diagonal(gains: [T; 6]) -> Result<Self, GraspError> {
+        Self::new(&Matrix6::from_diagonal(&Vector6::from(gains)))
+    }
+
+    /// No gain.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            matrix: Matrix6::zeros(),
+        }
+    }
+
+    /// The matrix.
+    #[must_use]
+    pub fn matrix(&self) -> &Matrix6<T> {
+        &self.matrix
+    }
+
+    /// The wrench of a displacement (of a stiffness) or of a velocity (of a damping), about the same
+    /// point.
+    #[inline]
+    #[must_use]
+    pub fn times(&self, twist: &Twist<T>) -> Wrench<T> {
+        let mut wrench = Wrench::zero();
+        let (columns, _) = self.matrix.as_slice().as_chunks::<6>();
+        let axes = twist.linear.iter().chain(twist.angular.iter());
+        for (&[x, y, z, a, b, c], &along) in columns.iter().zip(axes) {
+            wrench.force += Vector3::new(x * along, y * along, z * along);
+            wrench.moment += Vector3::new(a * along, b * along, c * along);
+        }
+        wrench
+    }
+}
+
+/// Factors into L D Lᵀ, in units that make the diagonal one so that metres and radians compare, and
+/// with the greatest pivot first, so that a singular matrix does not divide by its rounding.
+fn factorize<T: Real>(matrix: &Matrix6<T>, tolerance: T) -> Result<(), GraspError> {
+    let negative = |axis: usize, pivot: T| GraspError::NotSemidefinite {
+        axis,
+        pivot: pivot.to_f64(),
+    };
+    let mut roots = [T::zero(); 6];
+    for (axis, root) in roots.iter_mut().enumerate() {
+        let diagonal = matrix[(axis, axis)];
+        if diagonal < T::zero() {
+            return Err(negative(axis, diagonal));
+        }
+        *root = sqrt(diagonal);
+        if *root == T::zero() {
+            let greatest = matrix.column(axis).amax();
+            if greatest > T::zero() {
+                return Err(negative(axis, -greatest));
+            }
+        }
+    }
+    let over = |value: T, root: T| {
+        if root > T::zero() {
+            value / root
+        } else {
+            T::zero()
+        }
+    };
+    let mut rest = Matrix6::from_fn(|i, j| over(over(matrix[(i, j)], roots[i]), roots[j]));
+    for row in 0..6 {
+        for column in 0..row {
+            let excess = abs(rest[(row, column)]) - T::one();
+            if excess > tolerance {
+                // A negative minor of these two axes.
+                let root = roots[row];
+                return Err(negative(row, -excess * root * root));
+            }
+        }
+    }
+    let mut left = [true; 6];
+    loop {
+        let mut pivot = None;
+        for axis in (0..6).filter(|&axis| left[axis]) {
+            let diagonal = rest[(axis, axis)];
+            if pivot.is_none_or(|(_, greatest)| diagonal > greatest) {
+                pivot = Some((axis, diagonal));
+            }
+        }
+        let Some((axis, pivot)) = pivot else {
+            return Ok(());
+        };
+        let positive = pivot > tolerance;
+        if !positive {
+            break;
+        }
+        left[axis] = false;
+        for i in (0..6).filter(|&i| left[i]) {
+            let factor = rest[(i, axis)] / pivot;
+            for j in (0..6).filter(|&j| left[j]) {
+                let taken = factor * rest[(axis, j)];
+                rest[(i, j)] -= taken;
+            }
+        }
+    }
+    // No pivot is left: what is not zero has a negative eigenvalue.
+    for i in (0..6).filter(|&i| left[i]) {
+        for j in (0..6).filter(|&j| left[j]) {
+            let value = if i == j {
+                -rest[(i, i)]
+            } else {
+                abs(rest[(i, j)])
+            };
+            // Also what overflowed on the way.
+            let vanishes = value <= tolerance;
+            if !vanishes {
+                return Err(negative(i, -value * roots[i] * roots[i]));
+            }
+        }
+    }
+    Ok(())
+}

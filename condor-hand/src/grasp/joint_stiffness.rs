@@ -1,0 +1,66 @@
+use nalgebra::{SMatrix, Vector3};
+
+use super::{Contacts, GraspError, Quantity, SpatialGain};
+use crate::Real;
+use crate::kinematics::Jacobian;
+use crate::math::is_finite;
+
+impl<T: Real, const M: usize> Contacts<T, M> {
+    /// How the object moves with the joints of each finger, with its point at `about` (m): six rows
+    /// (m/rad, rad/rad) and a column for each joint, as `(G⁺)ᵀ J`.
+    ///
+    /// # Errors
+    ///
+    /// [`NotFinite`](GraspError::NotFinite) and those of [`object_motion`](Self::object_motion).
+    pub fn object_jacobians<const N: usize>(
+        &self,
+        jacobians: &[Jacobian<T, N>; M],
+        about: &Vector3<T>,
+    ) -> Result<[Jacobian<T, N>; M], GraspError> {
+        check_jacobians(jacobians)?;
+        let mut motions = [Jacobian::<T, N>::zeros(); M];
+        for (finger, (motion, jacobian)) in motions.iter_mut().zip(jacobians).enumerate() {
+            for (mut column, joint) in motion.column_iter_mut().zip(jacobian.column_iter()) {
+                let mut tips = [Vector3::zeros(); M];
+                if let Some(tip) = tips.get_mut(finger) {
+                    *tip = joint.fixed_rows::<3>(0).into_owned();
+                }
+                let twist = self.object_motion(&tips, about)?;
+                column.fixed_rows_mut::<3>(0).copy_from(&twist.linear);
+                column.fixed_rows_mut::<3>(3).copy_from(&twist.angular);
+            }
+        }
+        Ok(motions)
+    }
+}
+
+impl<T: Real> SpatialGain<T> {
+    /// The joint stiffness (N m/rad) or damping that is the same as this one of the object: `Hᵀ K H`
+    /// with the [object's Jacobians](Contacts::object_jacobians) H. Block `[i][j]` has the torques of
+    /// finger i for the joints of finger j; its transpose is block `[j][i]`.
+    #[must_use]
+    pub fn of_joints<const M: usize, const N: usize>(
+        &self,
+        object_jacobians: &[Jacobian<T, N>; M],
+    ) -> [[SMatrix<T, N, N>; M]; M] {
+        object_jacobians.map(|row| {
+            let loads = row.transpose() * self.matrix();
+            object_jacobians.map(|column| loads * column)
+        })
+    }
+}
+
+pub(super) fn check_jacobians<T: Real, const M: usize, const N: usize>(
+    jacobians: &[Jacobian<T, N>; M],
+) -> Result<(), GraspError> {
+    for (finger, jacobian) in jacobians.iter().enumerate() {
+        if let Some(value) = jacobian.iter().find(|&&entry| !is_finite(entry)) {
+            return Err(GraspError::NotFinite {
+                finger,
+                quantity: Quantity::Jacobian,
+                value: value.to_f64(),
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,145 @@
+use nalgebra::SVector;
+
+use super::GraspError;
+use crate::math::{Real, abs, max};
+
+/// The torques that the joints of one finger can have, N m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TorqueLimits<T: Real, const N: usize> {
+    /// The least, not above zero.
+    pub low: SVector<T, N>,
+    /// The greatest, not below zero.
+    pub high: SVector<T, N>,
+}
+
+/// A torque that was wanted and is beyond a limit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TorqueExcess<T: Real = f64> {
+    /// The finger, from 0.
+    pub finger: usize,
+    /// The joint, from 0.
+    pub joint: usize,
+    /// The torque that was wanted, N m.
+    pub torque: T,
+    /// The limit that it is beyond, N m.
+    pub limit: T,
+}
+
+impl<T: Real, const N: usize> TorqueLimits<T, N> {
+    /// No limits.
+    #[must_use]
+    pub fn none() -> Self {
+        let infinity = T::one() / T::zero();
+        Self {
+            low: SVector::repeat(-infinity),
+            high: SVector::repeat(infinity),
+        }
+    }
+
+    /// The same limits to both sides, N m.
+    #[must_use]
+    pub fn symmetric(limits: &SVector<T, N>) -> Self {
+        Self {
+            low: -limits,
+            high: *limits,
+        }
+    }
+
+    /// The limit that a torque is beyond, and by how much, N m.
+    fn exceeded(&self, joint: usize, torque: T) -> Option<(T, T)> {
+        let (&low, &high) = self.low.get(joint).zip(self.high.get(joint))?;
+        if torque > high {
+            Some((high, torque - high))
+        } else if torque < low {
+            Some((low, low - torque))
+        } else {
+            None
+        }
+    }
+}
+
+pub(super) fn check_limits<T: Real, const M: usize, const N: usize>(
+    limits: &[TorqueLimits<T, N>; M],
+) -> Result<(), GraspError> {
+    for (finger, limits) in limits.iter().enumerate() {
+        for (joint, (&low, &high)) in limits.low.iter().zip(limits.high.iter()).enumerate() {
+            if !(low <= T::zero() && high >= T::zero()) {
+                return Err(GraspError::TorqueLimits {
+                    finger,
+                    joint,
+                    low: low.to_f64(),
+                    high: high.to_f64(),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// How much of a squeeze the joints can bear beside the torques of a load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fit<T: Real> {
+    /// The part of the squeeze, 0 to 1.
+    pub(super) share: T,
+    /// The joint that allows no more, with its torque at the whole squeeze.
+    pub(super) squeeze_limit: Option<TorqueExcess<T>>,
+    /// The joint that is farthest beyond its limit even so.
+    pub(super) overload: Option<TorqueExcess<T>>,
+}
+
+/// The greatest part of the squeeze that pushes no joint beyond its limit. The load is left whole.
+pub(super) fn fit<T: Real, const M: usize, const N: usize>(
+    load: &[SVector<T, N>; M],
+    squeeze: &[SVector<T, N>; M],
+    limits: &[TorqueLimits<T, N>; M],
+) -> Fit<T> {
+    let mut fit = Fit {
+        share: T::one(),
+        squeeze_limit: None,
+        overload: None,
+    };
+    let fingers = || load.iter().zip(squeeze).zip(limits).enumerate();
+    for (finger, ((load, squeeze), limits)) in fingers() {
+        for (joint, (&load, &squeeze)) in load.iter().zip(squeeze.iter()).enumerate() {
+            let torque = load + squeeze;
+            let Some((limit, _)) = limits.exceeded(joint, torque) else {
+                continue;
+            };
+            // A squeeze that relieves the joint is not what exceeds its limit.
+            let outward = if torque > limit { squeeze } else { -squeeze };
+            if outward <= T::zero() {
+                continue;
+            }
+            let share = max((limit - load) / squeeze, T::zero());
+            if share < fit.share {
+                fit.share = share;
+                fit.squeeze_limit = Some(TorqueExcess {
+                    finger,
+                    joint,
+                    torque,
+                    limit,
+                });
+            }
+        }
+    }
+    let mut worst = T::zero();
+    for (finger, ((load, squeeze), limits)) in fingers() {
+        for (joint, (&load, &squeeze)) in load.iter().zip(squeeze.iter()).enumerate() {
+            let torque = load + squeeze * fit.share;
+            if let Some((limit, excess)) = limits.exceeded(joint, torque) {
+                // The share was made to meet one limit: what is beyond it by rounding is at it.
+                let rounding = max(abs(load), abs(limit)) * T::default_epsilon();
+                if excess > worst && excess > rounding + rounding {
+                    worst = excess;
+                    fit.overload = Some(TorqueExcess {
+                        finger,
+                        joint,
+                        torque,
+                        limit,
+                    });
+                }
+            }
+        }
+    }
+    fit
+}

@@ -1,0 +1,51 @@
+use nalgebra::Vector3;
+
+use super::wrench::finite;
+use super::{Contacts, GraspError};
+use crate::math::{Real, is_finite, sqrt};
+
+/// Unit normals of the object's surface at M contacts, into the object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Normals<T: Real, const M: usize> {
+    inward: [Vector3<T>; M],
+}
+
+impl<T: Real, const M: usize> Normals<T, M> {
+    /// Normals from directions of any length, which point into the object.
+    ///
+    /// # Errors
+    ///
+    /// [`Normal`](GraspError::Normal) for a direction of no length, or of none that is a number.
+    pub fn new(directions: [Vector3<T>; M]) -> Result<Self, GraspError> {
+        let mut inward = directions;
+        for (contact, normal) in inward.iter_mut().enumerate() {
+            // Scaled first, so that the squares neither vanish nor overflow.
+            let greatest = normal.amax();
+            let scaled = *normal / greatest;
+            let length = sqrt(scaled.norm_squared());
+            if !(finite(normal) && finite(&scaled) && length > T::zero()) {
+                let sum = normal.x + normal.y + normal.z;
+                let length = if is_finite(sum) { greatest } else { sum };
+                let length = length.to_f64();
+                return Err(GraspError::Normal { contact, length });
+            }
+            *normal = scaled / length;
+        }
+        Ok(Self { inward })
+    }
+
+    /// The normals of a ball: from each contact to its centre (m).
+    ///
+    /// # Errors
+    ///
+    /// [`Normal`](GraspError::Normal) for a contact at the centre.
+    pub fn of_ball(contacts: &Contacts<T, M>, center: &Vector3<T>) -> Result<Self, GraspError> {
+        Self::new(contacts.points().map(|point| center - point))
+    }
+
+    /// The unit normals into the object.
+    #[must_use]
+    pub fn inward(&self) -> &[Vector3<T>; M] {
+        &self.inward
+    }
+}

@@ -1,0 +1,244 @@
+use nalgebra::Vector3;
+
+use super::contacts::{check, share, sum, values};
+use super::quaternion::Rotation;
+use super::wrench::finite;
+use super::{Contacts, GraspError, Quantity, Twist};
+use crate::math::{Real, abs, is_finite, real, sqrt};
+
+/// Newton's steps to the greatest eigenvalue: two or three for a rigid object, more only where two
+/// eigenvalues nearly meet.
+const STEPS: usize = 60;
+
+/// Steps that bring the rotation to full precision.
+const POLISHING: usize = 3;
+
+impl<T: Real, const M: usize> Contacts<T, M> {
+    /// The rigid motion that takes the contacts to `desired` (m), of any angle up to half a turn, with
+    /// the object's point at `about` (m): least squares where the tips have slipped.
+    ///
+    /// The rotation is the eigenvector of the greatest eigenvalue of a symmetric 4×4 matrix (Horn,
+    /// "Closed-form solution of absolute orientation using unit quaternions", 1987). The eigenvalue
+    /// comes from Newton's method on the characteristic polynomial, from above (Theobald, 2005), the
+    /// vector from cofactors, and its last digits from small rotations of what remains: for a
+    /// rigid object the error is some units of rounding.
+    ///
+    /// # Errors
+    ///
+    /// [`TooFewContacts`](GraspError::TooFewContacts) below three;
+    /// [`NoRotation`](GraspError::NoRotation) if the desired points lie on a line or are otherwise no
+    /// image of the contacts; [`NotFinite`](GraspError::NotFinite),
+    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) for the point, and
+    /// [`TooLarge`](GraspError::TooLarge).
+    pub fn rigid_motion(
+        &self,
+        desired: &[Vector3<T>; M],
+        about: &Vector3<T>,
+    ) -> Result<Twist<T>, GraspError> {
+        if M < 3 {
+            let (contacts, least) = (M, 3);
+            return Err(GraspError::TooFewContacts { contacts, least });
+        }
+        check(desired, Quantity::DesiredTip)?;
+        if !finite(about) {
+            return Err(GraspError::WrenchNotFinite {
+                force: [0.0; 3],
+                moment: [0.0; 3],
+                about: values(about),
+            });
+        }
+        let center = sum(desired) * share::<T, M>();
+        let images = desired.map(|point| point - center);
+        let mut rotation = self.fit(&images)?;
+        let done = T::default_epsilon() * T::default_epsilon();
+        for _ in 0..POLISHING {
+            let back = rotation.matrix().transpose();
+            let mut moment = Vector3::zeros();
+            for (arm, image) in self.arms().iter().zip(&images) {
+                moment += arm.cross(&(back * image));
+            }
+            let half = self.turn(&moment) * real::<T>(0.5);
+            rotation = rotation.after_small(&half);
+            if half.norm_squared() <= done {
+                break;
+            }
+        }
+        let lever = self.centroid() - about;
+        let twist = Twist {
+            linear: center - about - rotation.matrix() * lever,
+            angular: rotation.vector(),
+        };
+        if twist.is_finite() {
+            return Ok(twist);
+        }
+        let quantity = Quantity::DesiredTip;
+        Err(GraspError::TooLarge { quantity })
+    }
+
+    /// The rotation that takes the arms to the images best.
+    fn fit(&self, images: &[Vector3<T>; M]) -> Result<Rotation<T>, GraspError> {
+        // In units of the mean square size no power overflows, and the greatest eigenvalue is at
+        // most one.
+        let mut size = self.trace() * real(0.5);
+        for image in images {
+            size += image.norm_squared();
+        }
+        size *= real(0.5);
+        let unit = T::one() / size;
+        if !(unit > T::zero() && is_finite(unit)) {
+            let quantity = Quantity::DesiredTip;
+            return Err(GraspError::TooLarge { quantity });
+        }
+        let [mut x, mut y, mut z] = [Vector3::zeros(); 3];
+        for (arm, image) in self.arms().iter().zip(images) {
+            let image = image * unit;
+            x += image * arm.x;
+            y += image * arm.y;
+            z += image * arm.z;
+        }
+        let horn = [
+            [x.x + y.y + z.z, y.z - z.y, z.x - x.z, x.y - y.x],
+            [y.z - z.y, x.x - y.y - z.z, x.y + y.x, z.x + x.z],
+            [z.x - x.z, x.y + y.x, y.y - x.x - z.z, y.z + z.y],
+            [x.y - y.x, z.x + x.z, y.z + z.y, z.z - x.x - y.y],
+        ];
+        let (_, product) = adjugate(&horn);
+        let squares = x.norm_squared() + y.norm_squared() + z.norm_squared();
+        let greatest = greatest_root(
+            -(squares + squares),
+            x.dot(&y.cross(&z)) * real(-8.0),
+            product,
+        );
+        let mut shifted = horn;
+        for (row, line) in shifted.iter_mut().enumerate() {
+            if let Some(diagonal) = line.get_mut(row) {
+                *diagonal -= greatest;
+            }
+        }
+        // Every row of cofactors is the eigenvector times its component: the longest is exact best.
+        let (rows, _) = adjugate(&shifted);
+        let mut best = [T::zero(); 4];
+        let mut trace = T::zero();
+        let mut most = T::zero();
+        for (index, row) in rows.iter().enumerate() {
+            let size = row.get(index).map_or(T::zero(), |diagonal| abs(*diagonal));
+            trace += size;
+            if size > most {
+                (most, best) = (size, *row);
+            }
+        }
+        // A double root is found to the square root of rounding only.
+        let least = sqrt(T::default_epsilon()) * real(64.0);
+        if trace > least {
+            let [w, x, y, z] = best;
+            return Ok(Rotation::normalized(w, Vector3::new(x, y, z)));
+        }
+        Err(GraspError::NoRotation {
+            separation: trace.to_f64(),
+            least: least.to_f64(),
+        })
+    }
+}
+
+/// The greatest root of `s⁴ + c2 s² + c1 s + c0`, whose roots are real and at most one.
+fn greatest_root<T: Real>(c2: T, c1: T, c0: T) -> T {
+    let mut root = T::one();
+    for _ in 0..STEPS {
+        let square = root * root;
+        let value = (square + c2) * square + c1 * root + c0;
+        let slope = (real::<T>(4.0) * square + c2 + c2) * root + c1;
+        // Above the greatest root both are positive; what is not, is rounding.
+        if !(value > T::zero() && slope > T::zero()) {
+            break;
+        }
+        let step = value / slope;
+        root -= step;
+        if step <= T::default_epsilon() {
+            break;
+        }
+    }
+    root
+}
+
+/// The cofactors, transposed, and the determinant of a 4×4 matrix, by its minors of two rows.
+fn adjugate<T: Real>(rows: &[[T; 4]; 4]) -> ([[T; 4]; 4], T) {
+    let [
+        [a00, a01, a02, a03],
+        [a10, a11, a12, a13],
+        [a20, a21, a22, a23],
+        [a30, a31, a32, a33],
+    ] = *rows;
+    let upper01 = a00 * a11 - a10 * a01;
+    let upper02 = a00 * a12 - a10 * a02;
+    let upper03 = a00 * a13 - a10 * a03;
+    let upper12 = a01 * a12 - a11 * a02;
+    let upper13 = a01 * a13 - a11 * a03;
+    let upper23 = a02 * a13 - a12 * a03;
+    let lower01 = a20 * a31 - a30 * a21;
+    let lower02 = a20 * a32 - a30 * a22;
+    let lower03 = a20 * a33 - a30 * a23;
+    let lower12 = a21 * a32 - a31 * a22;
+    let lower13 = a21 * a33 - a31 * a23;
+    let lower23 = a22 * a33 - a32 * a23;
+    let determinant = upper01 * lower23 - upper02 * lower13 + upper03 * lower12 + upper12 * lower03
+        - upper13 * lower02
+        + upper23 * lower01;
+    let adjugate = [
+        [
+            a11 * lower23 - a12 * lower13 + a13 * lower12,
+            a02 * lower13 - a01 * lower23 - a03 * lower12,
+            a31 * upper23 - a32 * upper13 + a33 * upper12,
+            a22 * upper13 - a21 * upper23 - a23 * upper12,
+        ],
+        [
+            a12 * lower03 - a10 * lower23 - a13 * lower02,
+            a00 * lower23 - a02 * lower03 + a03 * lower02,
+            a32 * upper03 - a30 * upper23 - a33 * upper02,
+            a20 * upper23 - a22 * upper03 + a23 * upper02,
+        ],
+        [
+            a10 * lower13 - a11 * lower03 + a13 * lower01,
+            a01 * lower03 - a00 * lower13 - a03 * lower01,
+            a30 * upper13 - a31 * upper03 + a33 * upper01,
+            a21 * upper03 - a20 * upper13 - a23 * upper01,
+        ],
+        [
+            a11 * lower02 - a10 * lower12 - a12 * lower01,
+            a00 * lower12 - a01 * lower02 + a02 * lower01,
+            a31 * upper02 - a30 * upper12 - a32 * upper01,
+            a20 * upper12 - a21 * upper02 + a22 * upper01,
+        ],
+    ];
+    (adjugate, determinant)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cofactors_invert() {
+        let rows = [
+            [2.0, -1.0, 0.5, 3.0],
+            [0.25, 4.0, 1.0, -2.0],
+            [1.0, 0.0, -3.0, 0.5],
+            [-1.5, 2.0, 1.0, 1.0],
+        ];
+        let (adjugate, determinant) = adjugate(&rows);
+        for (i, row) in adjugate.iter().enumerate() {
+            for j in 0..4 {
+                let product: f64 = row.iter().zip(&rows).map(|(a, b)| a * b[j]).sum();
+                let expected = if i == j { determinant } else { 0.0 };
+                assert!((product - expected).abs() < 1e-12, "{i} {j}");
+            }
+        }
+        assert!(determinant.abs() > 1.0);
+    }
+
+    #[test]
+    fn the_greatest_of_real_roots_is_found_from_above() {
+        // (s - 0.9) (s + 0.2) (s + 0.3) (s + 0.4)
+        let (c2, c1, c0) = (-0.55, -0.21, -0.0216);
+        assert!((greatest_root::<f64>(c2, c1, c0) - 0.9).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,126 @@
+use nalgebra::Vector3;
+
+use super::{Contacts, GraspError, Quantity};
+use crate::math::{Real, is_finite, max, real, sqrt};
+
+/// Forces by which pairs of fingers press on the object from both ends of the line between them.
+///
+/// They cancel: the object feels no wrench, only pressure. The three edges of three contacts span all
+/// internal forces there are. The six of four contacts span all six if the contacts are not in one
+/// plane. In a plane they span five of six: some combination of tensions and pressures of the six
+/// edges leaves every contact without force (the self-stress of the complete graph), and the internal
+/// forces normal to the plane, of alternating sign, are out of their reach.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Squeeze<T: Real, const M: usize> {
+    /// In row i, column j > i the force on the edge between i and j, N.
+    edges: [[T; M]; M],
+}
+
+impl<T: Real, const M: usize> Squeeze<T, M> {
+    /// No squeeze.
+    #[must_use]
+    pub fn none() -> Self {
+        Self {
+            edges: [[T::zero(); M]; M],
+        }
+    }
+
+    /// The same force (N) on every edge.
+    ///
+    /// # Errors
+    ///
+    /// [`SqueezeEdge`](GraspError::SqueezeEdge) for a force below zero or not finite.
+    pub fn equal(force: T) -> Result<Self, GraspError> {
+        let mut squeeze = Self::none();
+        for first in 0..M {
+            for second in first + 1..M {
+                squeeze.set(first, second, force)?;
+            }
+        }
+        Ok(squeeze)
+    }
+
+    /// The same squeeze with this force (N) on the edge between two contacts, counted from 0.
+    ///
+    /// # Errors
+    ///
+    /// [`SqueezeEdge`](GraspError::SqueezeEdge) for a force below zero or not finite, and for an edge
+    /// that does not exist.
+    pub fn with_edge(mut self, first: usize, second: usize, force: T) -> Result<Self, GraspError> {
+        self.set(first, second, force)?;
+        Ok(self)
+    }
+
+    /// The force on the edge between two contacts, N; zero for an edge that does not exist.
+    #[must_use]
+    pub fn edge(&self, first: usize, second: usize) -> T {
+        let (low, high) = (first.min(second), first.max(second));
+        let row = self.edges.get(low);
+        row.and_then(|row| row.get(high))
+            .copied()
+            .unwrap_or(T::zero())
+    }
+
+    fn set(&mut self, first: usize, second: usize, force: T) -> Result<(), GraspError> {
+        let (low, high) = (first.min(second), first.max(second));
+        let row = self.edges.get_mut(low);
+        match row.and_then(|row| row.get_mut(high)) {
+            Some(edge) if low != high && force >= T::zero() && is_finite(force) => {
+                *edge = force;
+                Ok(())
+            }
+            _ => Err(GraspError::SqueezeEdge {
+                first,
+                second,
+                contacts: M,
+                force: force.to_f64(),
+            }),
+        }
+    }
+}
+
+impl<T: Real, const M: usize> Contacts<T, M> {
+    /// The internal forces of a squeeze, N: on edge (i, j) of force s, `+s e` at i and `-s e` at j,
+    /// with the unit vector e from i to j. They make no wrench.
+    ///
+    /// # Errors
+    ///
+    /// [`Coincident`](GraspError::Coincident) for contacts at one point with a squeeze between them;
+    /// [`TooLarge`](GraspError::TooLarge).
+    pub fn internal_forces(&self, squeeze: &Squeeze<T, M>) -> Result<[Vector3<T>; M], GraspError> {
+        let mut forces = [Vector3::zeros(); M];
+        for (first, row) in squeeze.edges.iter().enumerate() {
+            // From the end of the arrays that starts at this contact: its own force, and those after.
+            let (Some(points), Some([force, others @ ..])) =
+                (self.points().get(first..), forces.get_mut(first..))
+            else {
+                continue;
+            };
+            let [start, ends @ ..] = points else { continue };
+            let edges = row.iter().skip(first + 1);
+            for (step, ((end, other), &edge)) in ends.iter().zip(others).zip(edges).enumerate() {
+                if edge == T::zero() {
+                    continue;
+                }
+                let span = end - start;
+                let length = sqrt(span.norm_squared());
+                let shortest = max(start.amax(), end.amax()) * T::default_epsilon() * real(16.0);
+                if length <= shortest {
+                    return Err(GraspError::Coincident {
+                        first,
+                        second: first + 1 + step,
+                        distance: length.to_f64(),
+                    });
+                }
+                let push = span * (edge / length);
+                *force += push;
+                *other -= push;
+            }
+        }
+        if super::contacts::check(&forces, Quantity::Force).is_err() {
+            let quantity = Quantity::Force;
+            return Err(GraspError::TooLarge { quantity });
+        }
+        Ok(forces)
+    }
+}

@@ -1,0 +1,94 @@
+use nalgebra::Vector3;
+
+use super::contacts::values;
+use super::limits::check_limits;
+use super::wrench::finite;
+use super::{
+    Contacts, Friction, GraspError, Normals, SpatialGain, Squeeze, TorqueLimits, Twist, Wrench,
+};
+use crate::Real;
+use crate::math::is_finite;
+
+/// What the fingers touch: for the friction margins alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Surface<T: Real, const M: usize> {
+    /// A surface with these normals where the tips are, while the object is where it is desired. They
+    /// turn with it.
+    Normals(Normals<T, M>),
+    /// A ball with its centre here (m) while it is where it is desired. The centre moves with it.
+    Ball(Vector3<T>),
+}
+
+/// What keeps the posture of a finger whose tip does not move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Posture<T: Real = f64> {
+    /// Towards the desired posture, N m/rad.
+    pub stiffness: T,
+    /// Against the rates of the joints, N m s/rad.
+    pub damping: T,
+}
+
+/// Everything about a grasp that may change while it holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GraspTuning<T: Real, const M: usize, const N: usize> {
+    /// How the object resists displacement, about the centre in the axes of the palm.
+    pub stiffness: SpatialGain<T>,
+    /// How it resists motion, about the centre in the axes of the palm.
+    pub damping: SpatialGain<T>,
+    /// The point in the palm that the stiffness and all wrenches are about, m.
+    pub center: Vector3<T>,
+    /// Exerted on the object beside that, about the centre: what bears its weight.
+    pub feed_forward: Wrench<T>,
+    /// How the fingers press on the object.
+    pub squeeze: Squeeze<T, M>,
+    /// What they press on.
+    pub surface: Surface<T, M>,
+    /// When they slip.
+    pub friction: Friction<T>,
+    /// What keeps the joints where the tips leave them free.
+    pub posture: Posture<T>,
+    /// What the joints of each finger can bear.
+    pub limits: [TorqueLimits<T, N>; M],
+}
+
+impl<T: Real, const M: usize, const N: usize> GraspTuning<T, M, N> {
+    /// Refuses what the types of the fields let pass.
+    pub(super) fn check(&self) -> Result<(), GraspError> {
+        if !(self.feed_forward.is_finite() && finite(&self.center)) {
+            return Err(GraspError::WrenchNotFinite {
+                force: values(&self.feed_forward.force),
+                moment: values(&self.feed_forward.moment),
+                about: values(&self.center),
+            });
+        }
+        if let Surface::Ball(center) = &self.surface
+            && !finite(center)
+        {
+            let center = values(center);
+            return Err(GraspError::BallNotFinite { center });
+        }
+        for gain in [self.posture.stiffness, self.posture.damping] {
+            if !(gain >= T::zero() && is_finite(gain)) {
+                let value = gain.to_f64();
+                return Err(GraspError::PostureGain { value });
+            }
+        }
+        check_limits(&self.limits)
+    }
+
+    /// The normals at the contacts of an object that is this far from where it is desired.
+    pub(super) fn normals(
+        &self,
+        contacts: &Contacts<T, M>,
+        deviation: &Twist<T>,
+    ) -> Result<Normals<T, M>, GraspError> {
+        let back = super::quaternion::Rotation::by(&-deviation.angular).matrix();
+        match &self.surface {
+            Surface::Normals(normals) => Normals::new(normals.inward().map(|normal| back * normal)),
+            Surface::Ball(center) => {
+                let desired = center - self.center - deviation.linear;
+                Normals::of_ball(contacts, &(back * desired + self.center))
+            }
+        }
+    }
+}

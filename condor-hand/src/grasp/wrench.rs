@@ -1,0 +1,57 @@
+use nalgebra::Vector3;
+
+use crate::math::{Real, is_finite};
+
+/// A force, and a moment about a point that is named where the wrench is used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wrench<T: Real = f64> {
+    /// The force, N.
+    pub force: Vector3<T>,
+    /// The moment, N m.
+    pub moment: Vector3<T>,
+}
+
+/// A small motion of a rigid body, or its velocity, with a point that is named where it is used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Twist<T: Real = f64> {
+    /// The motion of the body's point there, m, or m/s.
+    pub linear: Vector3<T>,
+    /// The rotation as axis times angle, rad, or rad/s.
+    pub angular: Vector3<T>,
+}
+
+impl<T: Real> Wrench<T> {
+    /// No load.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            force: Vector3::zeros(),
+            moment: Vector3::zeros(),
+        }
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        finite(&self.force) && finite(&self.moment)
+    }
+}
+
+impl<T: Real> Twist<T> {
+    /// No motion.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            linear: Vector3::zeros(),
+            angular: Vector3::zeros(),
+        }
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        finite(&self.linear) && finite(&self.angular)
+    }
+}
+
+/// All three components are numbers.
+#[inline(always)]
+pub(super) fn finite<T: Real>(vector: &Vector3<T>) -> bool {
+    vector.iter().all(|&component| is_finite(component))
+}

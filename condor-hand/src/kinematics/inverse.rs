@@ -1,0 +1,178 @@
+//! Which joint angles of a [`PlanarFinger`] bring its tip to a point, in closed form.
+//!
+//! Four joints and three coordinates leave one freedom; [`Redundancy`] says what decides it.
+//! [`search`](super::search) answers for any other mechanism.
+
+mod coupled;
+mod pitch;
+mod plane;
+mod roomiest;
+
+pub use plane::Reach;
+
+use heapless::Vec;
+use nalgebra::{SVector, Vector3};
+use thiserror::Error;
+
+use super::limits::Tightest;
+use super::{JointLimits, PlanarFinger};
+use crate::math::{Real, is_finite, min};
+
+/// The postures that bring the tip to one point, without regard to limits, angles in -π..=π.
+pub type Branches<T> = Vec<SVector<T, 4>, 4>;
+
+/// What decides the posture among all that bring the tip to a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Redundancy<T: Real = f64> {
+    /// The angle of the last link in the plane of the finger, [`PlanarFinger::pitch`], rad.
+    Pitch(T),
+    /// The third flexion joint turns in proportion to the second, `q3 = κ q2`, κ in (0, 2]: about
+    /// 1 for a finger that curls as a human one does.
+    Coupled(T),
+    /// The flexion joints stay as far from their limits as they can.
+    Roomiest,
+}
+
+/// Why there is no posture.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum InverseError {
+    /// A target, a rate, a pitch or a present posture that is not finite.
+    #[error("{what} is {value}, which is not finite")]
+    NotFinite {
+        /// Which argument.
+        what: &'static str,
+        /// Its number.
+        value: f64,
+    },
+    /// Links that are too short or too long to compute with.
+    #[error(
+        "the links are {lengths:?} m long; inverse kinematics takes the first and the last from 0, \
+         and the others from 1e-9, to 1e9 m"
+    )]
+    Lengths {
+        /// From each axis to the next, and from the last to the tip, m.
+        lengths: [f64; 4],
+    },
+    /// A coupling outside (0, 2].
+    #[error("the coupling of the last joint is {ratio}; it must be above 0 and at most 2")]
+    Ratio {
+        /// The coupling κ of `q3 = κ q2`.
+        ratio: f64,
+    },
+    /// No posture brings the tip there.
+    #[error("the target is out of reach by {by} m")]
+    Unreachable {
+        /// The least distance, m, along a line through the second axis (with a given pitch, for the
+        /// axis of the last joint instead of the tip).
+        by: f64,
+    },
+    /// Every posture that brings the tip there violates the limits of a joint.
+    #[error("joint {joint} would have to be at {angle}, outside its limits by {by}")]
+    OutsideLimits {
+        /// The joint that is farthest outside, in the posture that is least outside; from 0.
+        joint: usize,
+        /// Its position there, rad (m for a prismatic joint).
+        angle: f64,
+        /// How far outside that is.
+        by: f64,
+    },
+    /// A search that ended before the tip was there.
+    #[error("after {iterations} iterations the tip was still {error} m from the target")]
+    NotConverged {
+        /// How far the tip stayed from the target, m.
+        error: f64,
+        /// Iterations made.
+        iterations: u32,
+    },
+    /// A Jacobian of which there is no inverse with the damping that was given.
+    #[error("the Jacobian is singular, or too large, for a damping of {damping} m")]
+    Singular {
+        /// The damping, m.
+        damping: f64,
+    },
+}
+
+impl<T: Real> PlanarFinger<T> {
+    /// The joint angles, within the limits, that bring the tip to `target` (m, in the palm).
+    ///
+    /// Of several branches within the limits the one nearest to `present` (rad) is taken, by the
+    /// sum of squares of the differences; with [`Redundancy::Roomiest`], the one with most room.
+    /// Where the target is on the first axis, the first joint stays at its present angle. An angle
+    /// outside its limits by rounding alone (1e-9 rad) is put onto the limit.
+    ///
+    /// # Errors
+    ///
+    /// Why there is no posture, and by how much.
+    pub fn inverse(
+        &self,
+        target: &Vector3<T>,
+        redundancy: Redundancy<T>,
+        present: &SVector<T, 4>,
+        limits: &JointLimits<T, 4>,
+    ) -> Result<SVector<T, 4>, InverseError> {
+        let branches = match redundancy {
+            Redundancy::Pitch(pitch) => self.pitch_branches(target, pitch, present)?,
+            Redundancy::Coupled(ratio) => self.coupled_branches(target, ratio, present)?,
+            Redundancy::Roomiest => return self.roomiest(target, present, limits),
+        };
+        nearest(&branches, present, limits)
+    }
+}
+
+/// The branch within the limits that is nearest to the present posture.
+fn nearest<T: Real>(
+    branches: &Branches<T>,
+    present: &SVector<T, 4>,
+    limits: &JointLimits<T, 4>,
+) -> Result<SVector<T, 4>, InverseError> {
+    let mut best: Option<(T, SVector<T, 4>)> = None;
+    let mut least: Option<Tightest<T>> = None;
+    for branch in branches {
+        let branch = limits.unwind(branch);
+        let tightest = limits.tightest(&branch, 0);
+        if tightest.margin >= -JointLimits::<T, 4>::slack() {
+            let branch = limits.clamp(&branch);
+            let distance = (branch - present).norm_squared();
+            if best.is_none_or(|(shortest, _)| distance < shortest) {
+                best = Some((distance, branch));
+            }
+        } else if least.is_none_or(|least| tightest.margin > least.margin) {
+            least = Some(tightest);
+        }
+    }
+    match (best, least) {
+        (Some((_, branch)), _) => Ok(branch),
+        (None, Some(tightest)) => Err(outside(&tightest)),
+        (None, None) => Err(unreachable(T::zero())),
+    }
+}
+
+fn outside<T: Real>(tightest: &Tightest<T>) -> InverseError {
+    InverseError::OutsideLimits {
+        joint: tightest.joint,
+        angle: tightest.position.to_f64(),
+        by: -tightest.margin.to_f64(),
+    }
+}
+
+/// By how much, no more than can be written.
+fn unreachable<T: Real>(by: T) -> InverseError {
+    InverseError::Unreachable {
+        by: min(by.to_f64(), f64::MAX),
+    }
+}
+
+pub(super) fn check_finite<'a, T: Real>(
+    what: &'static str,
+    numbers: impl IntoIterator<Item = &'a T>,
+) -> Result<(), InverseError> {
+    match numbers.into_iter().find(|&&number| !is_finite(number)) {
+        Some(number) => {
+            let value = number.to_f64();
+            Err(InverseError::NotFinite { what, value })
+        }
+        None => Ok(()),
+    }
+}

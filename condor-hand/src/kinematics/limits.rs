@@ -1,0 +1,125 @@
+use nalgebra::SVector;
+use thiserror::Error;
+
+use crate::math::{Real, clamp, is_finite, max, min, real, wrap};
+
+/// Between which positions each of N joints may be: rad, m for a prismatic joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointLimits<T: Real, const N: usize> {
+    lower: SVector<T, N>,
+    upper: SVector<T, N>,
+}
+
+/// Limits between which no joint can be.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error(
+    "joint {joint} has the limits {lower} and {upper}; the lower must be finite and below the upper"
+)]
+pub struct LimitsError {
+    /// The joint, from 0.
+    pub joint: usize,
+    /// Its lower limit.
+    pub lower: f64,
+    /// Its upper limit.
+    pub upper: f64,
+}
+
+/// The joint that is farthest outside its limits, or nearest to them.
+#[derive(Clone, Copy)]
+pub(super) struct Tightest<T> {
+    pub(super) joint: usize,
+    pub(super) position: T,
+    /// To the nearer limit; negative outside.
+    pub(super) margin: T,
+}
+
+impl<T: Real, const N: usize> JointLimits<T, N> {
+    /// Limits from two vectors.
+    ///
+    /// # Errors
+    ///
+    /// The first joint whose lower limit is not below its upper one, or whose limits are not finite.
+    pub fn new(lower: SVector<T, N>, upper: SVector<T, N>) -> Result<Self, LimitsError> {
+        for (joint, (&low, &high)) in lower.iter().zip(upper.iter()).enumerate() {
+            if !(low < high && is_finite(low) && is_finite(high)) {
+                return Err(LimitsError {
+                    joint,
+                    lower: low.to_f64(),
+                    upper: high.to_f64(),
+                });
+            }
+        }
+        Ok(Self { lower, upper })
+    }
+
+    /// The lower limits.
+    #[must_use]
+    pub fn lower(&self) -> &SVector<T, N> {
+        &self.lower
+    }
+
+    /// The upper limits.
+    #[must_use]
+    pub fn upper(&self) -> &SVector<T, N> {
+        &self.upper
+    }
+
+    /// Whether all joints are within their limits.
+    #[must_use]
+    pub fn contains(&self, q: &SVector<T, N>) -> bool {
+        self.margin(q) >= T::zero()
+    }
+
+    /// The least distance of a joint from its nearer limit; negative outside, and for a NaN.
+    #[must_use]
+    pub fn margin(&self, q: &SVector<T, N>) -> T {
+        self.tightest(q, 0).margin
+    }
+
+    /// The nearest posture within the limits; a NaN becomes the lower limit.
+    #[must_use]
+    pub fn clamp(&self, q: &SVector<T, N>) -> SVector<T, N> {
+        q.zip_zip_map(&self.lower, &self.upper, clamp)
+    }
+
+    /// The tightest joint from `first` on.
+    pub(super) fn tightest(&self, q: &SVector<T, N>, first: usize) -> Tightest<T> {
+        let mut tightest = Tightest {
+            joint: first,
+            position: T::zero(),
+            margin: T::max_value().unwrap_or_else(T::one),
+        };
+        let limits = self.lower.iter().zip(self.upper.iter());
+        for (joint, (&q, (&lower, &upper))) in q.iter().zip(limits).enumerate().skip(first) {
+            let margin = if is_finite(q) {
+                min(q - lower, upper - q)
+            } else {
+                -T::max_value().unwrap_or_else(T::one)
+            };
+            if margin < tightest.margin {
+                tightest = Tightest {
+                    joint,
+                    position: q,
+                    margin,
+                };
+            }
+        }
+        tightest
+    }
+
+    /// Turns each angle by whole turns to where it is within its limits, if it is anywhere.
+    pub(super) fn unwind(&self, q: &SVector<T, N>) -> SVector<T, N> {
+        q.zip_zip_map(&self.lower, &self.upper, |q, lower, upper| {
+            if lower <= q && q <= upper {
+                return q;
+            }
+            let middle = lower + (upper - lower) * real::<T>(0.5);
+            middle + wrap(q - middle)
+        })
+    }
+
+    /// What rounding may put outside the limits, rad.
+    pub(super) fn slack() -> T {
+        max(real::<T>(1e-9), real::<T>(64.0) * T::default_epsilon())
+    }
+}

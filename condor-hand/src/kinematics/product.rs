@@ -1,0 +1,110 @@
+//! The pose and the Jacobian of any chain, joint by joint.
+
+use nalgebra::{Matrix3, SVector, Vector3, Vector6};
+
+use super::null::null_direction;
+use super::{Chain, Jacobian, Kinematics, Motion};
+use crate::Pose;
+use crate::math::{Real, sin_cos};
+
+/// How one joint moves the links beyond it, in the palm.
+#[derive(Clone, Copy)]
+enum Screw<T: Real> {
+    Turn {
+        axis: Vector3<T>,
+        through: Vector3<T>,
+    },
+    Slide {
+        axis: Vector3<T>,
+    },
+    Still,
+}
+
+/// The product of placements and motions.
+///
+/// Joint i turns the tip p about the axis a through the point o: the column of the Jacobian is
+/// `[a x (p - o); a]`, and `[a; 0]` where it slides (Siciliano et al., *Robotics: Modelling,
+/// Planning and Control*, 2009, section 3.1).
+impl<T: Real, const N: usize> Kinematics<T, N> for Chain<T, N> {
+    fn tip(&self, q: &SVector<T, N>) -> Pose<T> {
+        self.walk(q, |_, _| {})
+    }
+
+    fn kinematics(&self, q: &SVector<T, N>) -> (Pose<T>, Jacobian<T, N>) {
+        let mut screws = [Screw::Still; N];
+        let mut places = screws.iter_mut();
+        let tip = self.walk(q, |motion, frame| {
+            let Some(screw) = places.next() else { return };
+            *screw = match motion {
+                Motion::Revolute(axis) => Screw::Turn {
+                    axis: frame.rotation * axis,
+                    through: frame.position,
+                },
+                Motion::Prismatic(axis) => Screw::Slide {
+                    axis: frame.rotation * axis,
+                },
+                Motion::Fixed => Screw::Still,
+            };
+        });
+        let mut jacobian = Jacobian::<T, N>::zeros();
+        for (mut column, screw) in jacobian.column_iter_mut().zip(screws) {
+            let (linear, angular) = match screw {
+                Screw::Turn { axis, through } => (axis.cross(&(tip.position - through)), axis),
+                Screw::Slide { axis } => (axis, Vector3::zeros()),
+                Screw::Still => continue,
+            };
+            column.copy_from(&Vector6::new(
+                linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
+            ));
+        }
+        (tip, jacobian)
+    }
+
+    /// There is one if the joints that move, four or fewer, are one more than the directions in
+    /// which they move the tip: with more than four joints there are always several.
+    fn self_motion(&self, q: &SVector<T, N>) -> Option<SVector<T, N>> {
+        let moving = self.joints.map(|joint| joint.motion != Motion::Fixed);
+        let (_, jacobian) = self.kinematics(q);
+        null_direction(&jacobian.fixed_rows::<3>(0).into_owned(), &moving)
+    }
+}
+
+impl<T: Real, const N: usize> Chain<T, N> {
+    /// The frame at the tip; `joint` gets the frame of each joint before its motion.
+    #[inline(always)]
+    fn walk(&self, q: &SVector<T, N>, mut joint: impl FnMut(&Motion<T>, &Pose<T>)) -> Pose<T> {
+        let mut frame = self.base;
+        for (link, &q) in self.joints.iter().zip(q.iter()) {
+            frame = frame.then(&link.placement);
+            joint(&link.motion, &frame);
+            match link.motion {
+                Motion::Revolute(axis) => frame.rotation *= rotation(&axis, q),
+                Motion::Prismatic(axis) => frame.position += frame.rotation * axis * q,
+                Motion::Fixed => {}
+            }
+        }
+        Pose {
+            position: frame.transform(&self.tip),
+            ..frame
+        }
+    }
+}
+
+/// The rotation by an angle (rad) about a unit axis, by Rodrigues' formula
+/// `c 1 + s [a] + (1 - c) a aᵀ`.
+fn rotation<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {
+    let (s, c) = sin_cos(angle);
+    let turned = axis * (T::one() - c);
+    let (x, y, z) = (axis.x, axis.y, axis.z);
+    Matrix3::new(
+        turned.x * x + c,
+        turned.x * y - s * z,
+        turned.x * z + s * y,
+        turned.y * x + s * z,
+        turned.y * y + c,
+        turned.y * z - s * x,
+        turned.z * x - s * y,
+        turned.z * y + s * x,
+        turned.z * z + c,
+    )
+}

@@ -1,0 +1,107 @@
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use super::inverse::check_finite;
+use super::rates::{damped, linear};
+use super::{InverseError, JointLimits, Kinematics};
+use crate::math::{Real, max, min, real, sqrt};
+
+/// How [`search`] goes on, and when it ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SearchOptions<T: Real = f64> {
+    /// How near the tip must come, m.
+    pub tolerance: T,
+    /// The least damping, m/rad; a hundredth of the length of the mechanism is a good one.
+    pub damping: T,
+    /// How often the Jacobian is formed, at most.
+    pub iterations: u32,
+}
+
+/// Joint positions within the limits that bring the tip to `target` (m, in the palm), for any
+/// mechanism, found from `start`.
+///
+/// Damped least squares (Levenberg-Marquardt: Wampler, "Manipulator inverse kinematic solutions
+/// based on vector formulations and damped least-squares methods", 1986); joints that would
+/// leave their limits stop there. The search goes downhill only: it may end in a hollow from which
+/// another start escapes.
+///
+/// # Errors
+///
+/// [`InverseError::NotFinite`], and [`InverseError::NotConverged`] with what remained.
+pub fn search<T: Real, const N: usize>(
+    mechanism: &impl Kinematics<T, N>,
+    target: &Vector3<T>,
+    start: &SVector<T, N>,
+    limits: &JointLimits<T, N>,
+    options: &SearchOptions<T>,
+) -> Result<SVector<T, N>, InverseError> {
+    check_finite("a coordinate of the target", target.iter())?;
+    check_finite("a position of the start", start.iter())?;
+    check_finite("an option", [&options.tolerance, &options.damping])?;
+    let mut damping = options.damping;
+    let mut q = limits.clamp(start);
+    let (tip, mut jacobian) = mechanism.kinematics(&q);
+    let mut error = target - tip.position;
+    check_finite("a coordinate of the way to the target", error.iter())?;
+    for _ in 0..options.iterations {
+        if length(&error) <= options.tolerance {
+            return Ok(q);
+        }
+        let next = step(&linear(&jacobian), &error, damping, &q, limits);
+        let (next_tip, next_jacobian) = mechanism.kinematics(&next);
+        let remains = target - next_tip.position;
+        if remains.norm_squared() < error.norm_squared() {
+            (q, jacobian, error) = (next, next_jacobian, remains);
+            damping = max(damping * real::<T>(0.5), options.damping);
+        } else {
+            damping *= real::<T>(4.0);
+        }
+    }
+    let remains = length(&error);
+    if remains <= options.tolerance {
+        return Ok(q);
+    }
+    Err(InverseError::NotConverged {
+        error: min(remains.to_f64(), f64::MAX),
+        iterations: options.iterations,
+    })
+}
+
+/// The posture after one step: joints that would leave their limits stop there, and the others go
+/// the rest of the way.
+fn step<T: Real, const N: usize>(
+    jacobian: &SMatrix<T, 3, N>,
+    error: &Vector3<T>,
+    damping: T,
+    q: &SVector<T, N>,
+    limits: &JointLimits<T, N>,
+) -> SVector<T, N> {
+    let mut free = *jacobian;
+    let mut rest = *error;
+    let mut stopped = *q;
+    let mut next = *q;
+    // Each pass stops another joint, or is the last.
+    for _ in 0..=N {
+        let Some(step) = damped(&free, &rest, damping) else {
+            break;
+        };
+        next = stopped + step;
+        let within = limits.clamp(&next);
+        if within == next {
+            break;
+        }
+        let columns = free.column_iter_mut().zip(stopped.iter_mut());
+        for ((mut column, stopped), (&next, &within)) in columns.zip(next.iter().zip(within.iter()))
+        {
+            if next != within {
+                rest -= &column * (within - *stopped);
+                column.fill(T::zero());
+                *stopped = within;
+            }
+        }
+    }
+    limits.clamp(&next)
+}
+
+fn length<T: Real>(vector: &Vector3<T>) -> T {
+    sqrt(vector.norm_squared())
+}

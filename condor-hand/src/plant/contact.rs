@@ -1,0 +1,207 @@
+use nalgebra::Vector3;
+
+use super::PlantError;
+use super::error::{finite, not_negative, positive};
+use crate::math::{max, sqrt};
+
+/// How two bodies push each other where they touch: a spring and a damper along the normal, and a
+/// spring and a damper that stick across it up to Coulomb's limit.
+///
+/// The spring across is anchored where the bodies first touched, and dragged along once the limit is
+/// reached (Cundall and Strack 1979): a body that is held does not creep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// Along the normal, N/m.
+    pub stiffness: f64,
+    /// Along the normal, N s/m.
+    pub damping: f64,
+    /// Across the normal, N/m.
+    pub shear_stiffness: f64,
+    /// Across the normal, N s/m.
+    pub shear_damping: f64,
+    /// The coefficient of friction.
+    pub friction: f64,
+}
+
+/// A plane that does not move against the palm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ground {
+    point: Vector3<f64>,
+    normal: Vector3<f64>,
+}
+
+/// A force and a moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wrench {
+    /// N.
+    pub force: Vector3<f64>,
+    /// About the point that is spoken of, N m.
+    pub moment: Vector3<f64>,
+}
+
+/// A place where two bodies may touch, and what was there in the last update.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    touching: bool,
+    sliding: bool,
+    point: Vector3<f64>,
+    force: Vector3<f64>,
+    shear: Vector3<f64>,
+}
+
+/// Where two bodies overlap, seen by the first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Overlap {
+    /// How far, m; not above zero where they do not touch.
+    pub(super) depth: f64,
+    /// The unit vector into the first.
+    pub(super) normal: Vector3<f64>,
+    /// In the middle of the overlap.
+    pub(super) point: Vector3<f64>,
+}
+
+impl Surface {
+    pub(super) fn check(&self) -> Result<(), PlantError> {
+        positive("the stiffness of a contact, N/m", self.stiffness)?;
+        not_negative("the damping of a contact, N s/m", self.damping)?;
+        positive(
+            "the shear stiffness of a contact, N/m",
+            self.shear_stiffness,
+        )?;
+        not_negative("the shear damping of a contact, N s/m", self.shear_damping)?;
+        not_negative("the friction of a contact", self.friction)
+    }
+}
+
+impl Ground {
+    /// The plane through `point` (m); bodies are on the side of `normal`, of any length.
+    ///
+    /// # Errors
+    ///
+    /// A normal of no length, or what is not finite.
+    pub fn new(point: Vector3<f64>, normal: Vector3<f64>) -> Result<Self, PlantError> {
+        for &value in point.iter().chain(normal.iter()) {
+            finite("a coordinate of a plane", value)?;
+        }
+        let length = sqrt(normal.norm_squared());
+        positive("the length of a plane's normal", length)?;
+        let normal = normal / length;
+        Ok(Self { point, normal })
+    }
+
+    pub(super) fn overlap(&self, center: &Vector3<f64>, radius: f64) -> Overlap {
+        let height = (center - self.point).dot(&self.normal);
+        let depth = radius - height;
+        Overlap {
+            depth,
+            normal: self.normal,
+            point: center - self.normal * (radius - 0.5 * depth),
+        }
+    }
+}
+
+impl Wrench {
+    /// None at all.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            force: Vector3::zeros(),
+            moment: Vector3::zeros(),
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), PlantError> {
+        self.force
+            .iter()
+            .chain(self.moment.iter())
+            .try_for_each(|&value| finite("a part of a wrench, N or N m", value))
+    }
+
+    /// Adds a force at a point that is `lever` away from the one that is spoken of.
+    pub(super) fn add(&mut self, force: &Vector3<f64>, lever: &Vector3<f64>) {
+        self.force += force;
+        self.moment += lever.cross(force);
+    }
+}
+
+impl Contact {
+    pub(super) fn none() -> Self {
+        Self {
+            touching: false,
+            sliding: false,
+            point: Vector3::zeros(),
+            force: Vector3::zeros(),
+            shear: Vector3::zeros(),
+        }
+    }
+
+    /// Whether the bodies touch.
+    #[must_use]
+    pub fn is_touching(&self) -> bool {
+        self.touching
+    }
+
+    /// Whether they touch and friction is at its limit.
+    #[must_use]
+    pub fn is_sliding(&self) -> bool {
+        self.sliding
+    }
+
+    /// Where they touch, m.
+    #[must_use]
+    pub fn point(&self) -> &Vector3<f64> {
+        &self.point
+    }
+
+    /// What the first body feels, N: of a tip and something the tip, of the object and the ground
+    /// the object.
+    #[must_use]
+    pub fn force(&self) -> &Vector3<f64> {
+        &self.force
+    }
+
+    /// The force on the first body in an update of `dt` seconds; `velocity` is the first body's
+    /// against the second's at the point of contact, m/s.
+    pub(super) fn update(
+        &mut self,
+        surface: &Surface,
+        overlap: &Overlap,
+        velocity: &Vector3<f64>,
+        dt: f64,
+    ) -> Vector3<f64> {
+        if overlap.depth <= 0.0 {
+            *self = Self::none();
+            return self.force;
+        }
+        let normal = &overlap.normal;
+        let leaving = velocity.dot(normal);
+        let across = velocity - normal * leaving;
+        let pressing = max(
+            surface.stiffness * overlap.depth - surface.damping * leaving,
+            0.0,
+        );
+        // The anchor was made before these positions were reached with this velocity. It turns with
+        // the surface and keeps its length, so that rolling does not wear it off.
+        let mut shear = self.shear - normal * normal.dot(&self.shear);
+        let length = sqrt(shear.norm_squared());
+        if length > 0.0 {
+            shear *= sqrt(self.shear.norm_squared()) / length;
+        }
+        if self.touching {
+            shear += across * dt;
+        }
+        let mut friction = shear * -surface.shear_stiffness - across * surface.shear_damping;
+        let wanted = sqrt(friction.norm_squared());
+        let limit = surface.friction * pressing;
+        self.sliding = wanted > limit;
+        if self.sliding {
+            friction *= limit / wanted;
+            shear = friction / -surface.shear_stiffness;
+        }
+        self.touching = true;
+        self.shear = shear;
+        self.point = overlap.point;
+        self.force = normal * pressing + friction;
+        self.force
+    }
+}

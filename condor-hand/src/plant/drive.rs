@@ -1,0 +1,93 @@
+use super::PlantError;
+use super::error::positive;
+use super::pneumatic::{Air, Pneumatic};
+use crate::math::{clamp, exp};
+
+/// What pulls one tendon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// The tension of a full command, N; commands are held within `0..=max_n`.
+    pub max_n: f64,
+    /// How tension follows the command.
+    pub kind: DriveKind,
+}
+
+/// How the tension of a tendon follows its command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DriveKind {
+    /// First order, `f' = (command - f) / tau`, by Euler's forward method: the tension before an
+    /// update acts during the update, as in the filtered actuators of `MuJoCo`. Stable for steps below
+    /// `2 tau`.
+    Euler {
+        /// tau, s.
+        time_constant_s: f64,
+    },
+    /// First order, exactly: during an update the mean of the exponential acts.
+    Exact {
+        /// tau, s.
+        time_constant_s: f64,
+    },
+    /// A valve, a cylinder and a tendon.
+    Pneumatic(Pneumatic),
+}
+
+/// The state of one drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum DriveState {
+    Tension(f64),
+    Air(Air),
+}
+
+impl Drive {
+    pub(super) fn check(&self) -> Result<(), PlantError> {
+        positive("the tension of a full command, N", self.max_n)?;
+        match &self.kind {
+            DriveKind::Euler { time_constant_s } | DriveKind::Exact { time_constant_s } => {
+                positive("the time constant of a drive, s", *time_constant_s)
+            }
+            DriveKind::Pneumatic(pneumatic) => pneumatic.check(),
+        }
+    }
+
+    /// At rest at a tension, on a tendon that the joints draw in by `excursion` (m).
+    pub(super) fn at(&self, tension: f64, excursion: f64) -> DriveState {
+        match &self.kind {
+            DriveKind::Euler { .. } | DriveKind::Exact { .. } => DriveState::Tension(tension),
+            DriveKind::Pneumatic(pneumatic) => DriveState::Air(pneumatic.at(tension, excursion)),
+        }
+    }
+
+    /// One update of `dt` seconds; returns the tension that acts on the joints during it.
+    pub(super) fn update(
+        &self,
+        state: &mut DriveState,
+        command: f64,
+        excursion: f64,
+        rate: f64,
+        dt: f64,
+    ) -> f64 {
+        let command = clamp(command, 0.0, self.max_n);
+        match (&self.kind, state) {
+            (DriveKind::Euler { time_constant_s }, DriveState::Tension(tension)) => {
+                let acting = *tension;
+                *tension += dt * (command - acting) / time_constant_s;
+                acting
+            }
+            (DriveKind::Exact { time_constant_s }, DriveState::Tension(tension)) => {
+                let ratio = dt / time_constant_s;
+                let gone = 1.0 - exp(-ratio);
+                let error = command - *tension;
+                *tension += error * gone;
+                command - error * gone / ratio
+            }
+            (DriveKind::Pneumatic(pneumatic), DriveState::Air(air)) => {
+                pneumatic.update(air, command, excursion, rate, dt)
+            }
+            // A state is made by its own drive.
+            (_, state) => {
+                *state = self.at(0.0, excursion);
+                0.0
+            }
+        }
+    }
+}

@@ -1,0 +1,253 @@
+use nalgebra::{SVector, Vector3};
+
+use super::PlantError;
+use super::drive::{Drive, DriveState};
+use super::error::{all_finite, not_negative, positive};
+use super::joint::JointParameters;
+use crate::dynamics::Dynamics;
+use crate::math::abs;
+use crate::tendon::{MomentArms, Pair, Pairs};
+
+/// What a finger is besides its mechanism.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FingerParameters<const N: usize> {
+    /// Where the tendons pull.
+    pub arms: MomentArms<f64, N>,
+    /// What else acts on the joints, proximal first.
+    pub joints: [JointParameters; N],
+    /// What pulls the tendons.
+    pub drives: Pairs<Drive, N>,
+}
+
+/// A mechanism `M` of N joints, pulled by 2 N tendons.
+#[derive(Clone, Copy, Debug)]
+pub struct Finger<M, const N: usize> {
+    mechanism: M,
+    parameters: FingerParameters<N>,
+    q: SVector<f64, N>,
+    qd: SVector<f64, N>,
+    drives: Pairs<DriveState, N>,
+    tensions: Pairs<f64, N>,
+}
+
+impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
+    /// A finger at rest at the joint positions `q` (rad), without tension.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter that makes no sense; a mass matrix that is not positive definite at `q`.
+    pub fn new(
+        mechanism: M,
+        parameters: FingerParameters<N>,
+        q: SVector<f64, N>,
+    ) -> Result<Self, PlantError> {
+        parameters
+            .joints
+            .iter()
+            .try_for_each(JointParameters::check)?;
+        for pair in &parameters.drives {
+            pair.flexor.check()?;
+            pair.extensor.check()?;
+        }
+        let still = DriveState::Tension(0.0);
+        let mut finger = Self {
+            mechanism,
+            parameters,
+            q: SVector::zeros(),
+            qd: SVector::zeros(),
+            drives: [Pair::both(still); N],
+            tensions: [Pair::both(0.0); N],
+        };
+        finger.reset(q, [Pair::both(0.0); N])?;
+        finger.accelerations(&Vector3::zeros(), &SVector::zeros(), &SVector::zeros())?;
+        Ok(finger)
+    }
+
+    /// Puts the finger at rest at the joint positions `q` (rad), its drives at rest at `tensions`
+    /// (N).
+    ///
+    /// # Errors
+    ///
+    /// A position that is not finite, or a tension that is not finite or below zero; the finger
+    /// stays as it was.
+    pub fn reset(&mut self, q: SVector<f64, N>, tensions: Pairs<f64, N>) -> Result<(), PlantError> {
+        all_finite("a joint position to begin from, rad", q.iter())?;
+        for pair in &tensions {
+            not_negative("a tension to begin from, N", pair.flexor)?;
+            not_negative("a tension to begin from, N", pair.extensor)?;
+        }
+        self.q = q;
+        self.qd = SVector::zeros();
+        self.tensions = tensions;
+        let excursions = self.excursions(&q);
+        let drives = self
+            .parameters
+            .drives
+            .iter()
+            .zip(&tensions)
+            .zip(&excursions);
+        for (state, ((drive, tension), excursion)) in self.drives.iter_mut().zip(drives) {
+            state.flexor = drive.flexor.at(tension.flexor, excursion.flexor);
+            state.extensor = drive.extensor.at(tension.extensor, excursion.extensor);
+        }
+        Ok(())
+    }
+
+    /// Moves on by `dt` seconds in `updates` equal updates, with the commands (N) held. A command
+    /// that is not a number counts as zero. `gravity` as in [`Dynamics`], m/s².
+    ///
+    /// # Errors
+    ///
+    /// As [`Finger::advance`].
+    pub fn step(
+        &mut self,
+        dt: f64,
+        updates: u32,
+        commands: &Pairs<f64, N>,
+        gravity: &Vector3<f64>,
+    ) -> Result<(), PlantError> {
+        let dt = dt / f64::from(updates.max(1));
+        for _ in 0..updates {
+            self.advance(dt, commands, gravity, &SVector::zeros())?;
+        }
+        Ok(())
+    }
+
+    /// One update of `dt` seconds, with further torques on the joints (N m).
+    ///
+    /// # Errors
+    ///
+    /// `dt` not above zero, a mass matrix that is not positive definite, or a state that would not be
+    /// finite: the finger then stays as it was.
+    pub fn advance(
+        &mut self,
+        dt: f64,
+        commands: &Pairs<f64, N>,
+        gravity: &Vector3<f64>,
+        torque: &SVector<f64, N>,
+    ) -> Result<(), PlantError> {
+        positive("the time of an update, s", dt)?;
+        let (drives, tensions) = self.pull(dt, commands);
+        let mut applied: SVector<f64, N> = self.parameters.arms.torque(&tensions) + torque;
+        let mut armature = SVector::<f64, N>::zeros();
+        for (joint, parameters) in self.parameters.joints.iter().enumerate() {
+            let (Some(&q), Some(&qd)) = (self.q.get(joint), self.qd.get(joint)) else {
+                continue;
+            };
+            let passive = parameters.passive(q, qd, self.load(joint, &tensions));
+            if let Some(applied) = applied.get_mut(joint) {
+                *applied += passive.torque;
+            }
+            if let Some(armature) = armature.get_mut(joint) {
+                *armature = dt * passive.slope;
+            }
+        }
+        let qdd = self.accelerations(gravity, &applied, &armature)?;
+        let qd = self.qd + qdd * dt;
+        let q = self.q + qd * dt;
+        all_finite("the rate that a joint would have, rad/s", qd.iter())?;
+        all_finite("the position that a joint would have, rad", q.iter())?;
+        for pair in &tensions {
+            all_finite("a tension, N", [&pair.flexor, &pair.extensor])?;
+        }
+        self.q = q;
+        self.qd = qd;
+        self.drives = drives;
+        self.tensions = tensions;
+        Ok(())
+    }
+
+    /// The drives after an update, and the tensions that act during it.
+    fn pull(&self, dt: f64, commands: &Pairs<f64, N>) -> (Pairs<DriveState, N>, Pairs<f64, N>) {
+        let mut states = self.drives;
+        let mut tensions = [Pair::both(0.0); N];
+        let excursions = self.excursions(&self.q);
+        let rates = self.excursions(&self.qd);
+        let inputs = self.parameters.drives.iter().zip(commands);
+        let inputs = inputs.zip(excursions.iter().zip(&rates));
+        for ((state, tension), ((drive, command), (at, rate))) in
+            states.iter_mut().zip(&mut tensions).zip(inputs)
+        {
+            tension.flexor = drive.flexor.update(
+                &mut state.flexor,
+                command.flexor,
+                at.flexor,
+                rate.flexor,
+                dt,
+            );
+            tension.extensor = drive.extensor.update(
+                &mut state.extensor,
+                command.extensor,
+                at.extensor,
+                rate.extensor,
+                dt,
+            );
+        }
+        (states, tensions)
+    }
+
+    /// How far the joints let the tendons in: the negative of their lengths, from all joints at
+    /// zero, m.
+    fn excursions(&self, q: &SVector<f64, N>) -> Pairs<f64, N> {
+        let lengths = self.parameters.arms.length_rates(q);
+        lengths.map(|pair| pair.map(|length| -length))
+    }
+
+    /// The torques of a joint's own tendons without their signs, N m.
+    fn load(&self, joint: usize, tensions: &Pairs<f64, N>) -> f64 {
+        let row = self.parameters.arms.rows().get(joint);
+        let arm = row.and_then(|row| row.get(joint));
+        arm.zip(tensions.get(joint)).map_or(0.0, |(arm, tension)| {
+            abs(arm.flexor) * tension.flexor + abs(arm.extensor) * tension.extensor
+        })
+    }
+
+    fn accelerations(
+        &self,
+        gravity: &Vector3<f64>,
+        torque: &SVector<f64, N>,
+        added: &SVector<f64, N>,
+    ) -> Result<SVector<f64, N>, PlantError> {
+        let mut armature = *added;
+        for (armature, joint) in armature.iter_mut().zip(&self.parameters.joints) {
+            *armature += joint.armature;
+        }
+        self.mechanism
+            .forward_dynamics(&self.q, &self.qd, torque, gravity, &armature)
+            .ok_or(PlantError::Massless {
+                first: self.q.iter().next().copied().unwrap_or(0.0),
+            })
+    }
+}
+
+impl<M, const N: usize> Finger<M, N> {
+    /// The positions of the joints, rad.
+    #[must_use]
+    pub fn q(&self) -> &SVector<f64, N> {
+        &self.q
+    }
+
+    /// Their rates, rad/s.
+    #[must_use]
+    pub fn qd(&self) -> &SVector<f64, N> {
+        &self.qd
+    }
+
+    /// The tensions that acted during the last update, as a sensor in the tendon says, N.
+    #[must_use]
+    pub fn tensions(&self) -> &Pairs<f64, N> {
+        &self.tensions
+    }
+
+    /// The mechanism.
+    #[must_use]
+    pub fn mechanism(&self) -> &M {
+        &self.mechanism
+    }
+
+    /// What the finger is besides its mechanism.
+    #[must_use]
+    pub fn parameters(&self) -> &FingerParameters<N> {
+        &self.parameters
+    }
+}

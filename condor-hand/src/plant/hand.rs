@@ -1,0 +1,263 @@
+use nalgebra::Vector3;
+
+use super::PlantError;
+use super::contact::{Contact, Ground, Surface, Wrench};
+use super::error::{all_finite, not_negative, positive};
+use super::finger::Finger;
+use super::object::Object;
+use super::table::Table;
+use crate::dynamics::Dynamics;
+use crate::kinematics::Kinematics;
+use crate::tendon::Pairs;
+
+/// What a hand is besides its fingers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HandParameters {
+    /// For how long a command is held, s.
+    pub period_s: f64,
+    /// In how many equal updates that time passes.
+    pub updates: u32,
+    /// In the axes of the palm, m/s².
+    pub gravity: Vector3<f64>,
+    /// The sphere about each tip that touches, m; zero for a point.
+    pub tip_radius: f64,
+    /// Between a tip and the object.
+    pub tip_object: Surface,
+    /// Between a tip and the ground.
+    pub tip_ground: Surface,
+    /// Between the object and the ground.
+    pub object_ground: Surface,
+}
+
+/// F fingers of N joints, an object, the ground, and the table that carries the palm.
+#[derive(Clone, Copy, Debug)]
+pub struct Hand<M, const F: usize, const N: usize> {
+    parameters: HandParameters,
+    fingers: [Finger<M, N>; F],
+    tips: [Tip; F],
+    object: Option<Object>,
+    object_ground: Contact,
+    disturbance: Wrench,
+    ground: Option<Ground>,
+    table: Option<Table>,
+    table_forces: Vector3<f64>,
+    steps: u64,
+}
+
+/// What a tip touches, and what pushes it besides.
+#[derive(Clone, Copy, Debug)]
+struct Tip {
+    object: Contact,
+    ground: Contact,
+    disturbance: Wrench,
+}
+
+impl<M, const F: usize, const N: usize> Hand<M, F, N>
+where
+    M: Kinematics<f64, N> + Dynamics<f64, N>,
+{
+    /// A hand that holds nothing, on a palm that does not move.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter that makes no sense.
+    pub fn new(fingers: [Finger<M, N>; F], parameters: HandParameters) -> Result<Self, PlantError> {
+        positive("the time of a step, s", parameters.period_s)?;
+        positive("the updates in a step", f64::from(parameters.updates))?;
+        all_finite("gravity, m/s²", parameters.gravity.iter())?;
+        not_negative("the radius of a tip, m", parameters.tip_radius)?;
+        parameters.tip_object.check()?;
+        parameters.tip_ground.check()?;
+        parameters.object_ground.check()?;
+        let tip = Tip {
+            object: Contact::none(),
+            ground: Contact::none(),
+            disturbance: Wrench::zero(),
+        };
+        Ok(Self {
+            parameters,
+            fingers,
+            tips: [tip; F],
+            object: None,
+            object_ground: Contact::none(),
+            disturbance: Wrench::zero(),
+            ground: None,
+            table: None,
+            table_forces: Vector3::zeros(),
+            steps: 0,
+        })
+    }
+
+    /// The same with an object.
+    #[must_use]
+    pub fn with_object(mut self, object: Object) -> Self {
+        self.object = Some(object);
+        self
+    }
+
+    /// The same above a plane.
+    #[must_use]
+    pub fn with_ground(mut self, ground: Ground) -> Self {
+        self.ground = Some(ground);
+        self
+    }
+
+    /// The same on a table.
+    #[must_use]
+    pub fn with_table(mut self, table: Table) -> Self {
+        self.table = Some(table);
+        self
+    }
+
+    /// Moves on by one period, with the commands of all tendons held (N). A command that is not a
+    /// number counts as zero.
+    ///
+    /// # Errors
+    ///
+    /// A state that would not be finite, or a mass matrix that is not positive definite. What could
+    /// not move stays as it was, so every state is finite; the parts of the hand may then be some
+    /// updates apart.
+    pub fn step(&mut self, commands: &[Pairs<f64, N>; F]) -> Result<(), PlantError> {
+        let dt = self.parameters.period_s / f64::from(self.parameters.updates);
+        for _ in 0..self.parameters.updates {
+            self.advance(dt, commands)?;
+        }
+        self.steps += 1;
+        Ok(())
+    }
+
+    fn advance(&mut self, dt: f64, commands: &[Pairs<f64, N>; F]) -> Result<(), PlantError> {
+        let mut gravity = self.parameters.gravity;
+        if let Some(table) = &mut self.table {
+            table.advance(dt, &self.table_forces)?;
+            gravity -= table.acceleration();
+        }
+        let mut on_object = self.disturbance;
+        for ((finger, tip), commands) in self.fingers.iter_mut().zip(&mut self.tips).zip(commands) {
+            let (pose, jacobian) = finger.mechanism().kinematics(finger.q());
+            let twist = jacobian * finger.qd();
+            let velocity = twist.fixed_rows::<3>(0).into_owned();
+            let turning = twist.fixed_rows::<3>(3).into_owned();
+            let velocity_at =
+                |point: &Vector3<f64>| velocity + turning.cross(&(point - pose.position));
+            let mut wrench = tip.disturbance;
+            if let Some(object) = &self.object {
+                let overlap = object.overlap(&pose.position, self.parameters.tip_radius);
+                let sliding = velocity_at(&overlap.point) - object.velocity_at(&overlap.point);
+                let surface = &self.parameters.tip_object;
+                let force = tip.object.update(surface, &overlap, &sliding, dt);
+                wrench.add(&force, &(overlap.point - pose.position));
+                on_object.add(&-force, &(overlap.point - object.pose().position));
+            }
+            if let Some(ground) = &self.ground {
+                let overlap = ground.overlap(&pose.position, self.parameters.tip_radius);
+                let sliding = velocity_at(&overlap.point);
+                let surface = &self.parameters.tip_ground;
+                let force = tip.ground.update(surface, &overlap, &sliding, dt);
+                wrench.add(&force, &(overlap.point - pose.position));
+            }
+            let torque = jacobian.fixed_rows::<3>(0).tr_mul(&wrench.force)
+                + jacobian.fixed_rows::<3>(3).tr_mul(&wrench.moment);
+            finger.advance(dt, commands, &gravity, &torque)?;
+        }
+        if let Some(object) = &mut self.object {
+            if let Some(ground) = &self.ground {
+                let center = object.pose().position;
+                let overlap = ground.overlap(&center, object.parameters().radius);
+                let sliding = object.velocity_at(&overlap.point);
+                let surface = &self.parameters.object_ground;
+                let force = self.object_ground.update(surface, &overlap, &sliding, dt);
+                on_object.add(&force, &(overlap.point - center));
+            }
+            object.advance(dt, &on_object, &gravity)?;
+        }
+        Ok(())
+    }
+
+    /// Pushes the object with a wrench about its centre, until the next call.
+    ///
+    /// # Errors
+    ///
+    /// A wrench that is not finite; the old one stays.
+    pub fn push_object(&mut self, wrench: Wrench) -> Result<(), PlantError> {
+        wrench.check()?;
+        self.disturbance = wrench;
+        Ok(())
+    }
+
+    /// Pushes the tip of a finger with a wrench about it, until the next call.
+    ///
+    /// # Errors
+    ///
+    /// A wrench that is not finite, or a finger that there is not; the old one stays.
+    pub fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), PlantError> {
+        wrench.check()?;
+        let tip = self.tips.get_mut(finger);
+        let tip = tip.ok_or(PlantError::NoFinger { finger, fingers: F })?;
+        tip.disturbance = wrench;
+        Ok(())
+    }
+
+    /// Drives the table with the forces of its motors (N), until the next call.
+    ///
+    /// # Errors
+    ///
+    /// A force that is not finite; the old ones stay.
+    pub fn drive_table(&mut self, forces: Vector3<f64>) -> Result<(), PlantError> {
+        all_finite("the force of an axis, N", forces.iter())?;
+        self.table_forces = forces;
+        Ok(())
+    }
+}
+
+impl<M, const F: usize, const N: usize> Hand<M, F, N> {
+    /// The fingers.
+    #[must_use]
+    pub fn fingers(&self) -> &[Finger<M, N>; F] {
+        &self.fingers
+    }
+
+    /// The same, to reset one.
+    pub fn fingers_mut(&mut self) -> &mut [Finger<M, N>; F] {
+        &mut self.fingers
+    }
+
+    /// The object, if there is one.
+    #[must_use]
+    pub fn object(&self) -> Option<&Object> {
+        self.object.as_ref()
+    }
+
+    /// The table, if there is one.
+    #[must_use]
+    pub fn table(&self) -> Option<&Table> {
+        self.table.as_ref()
+    }
+
+    /// Of each tip with the object.
+    #[must_use]
+    pub fn object_contacts(&self) -> [Contact; F] {
+        self.tips.map(|tip| tip.object)
+    }
+
+    /// Of each tip with the ground.
+    #[must_use]
+    pub fn ground_contacts(&self) -> [Contact; F] {
+        self.tips.map(|tip| tip.ground)
+    }
+
+    /// Of the object with the ground.
+    #[must_use]
+    pub fn object_ground_contact(&self) -> &Contact {
+        &self.object_ground
+    }
+
+    /// The time since the beginning, s.
+    #[must_use]
+    pub fn time_s(&self) -> f64 {
+        // Counts stay exact for longer than any run.
+        #[allow(clippy::cast_precision_loss, reason = "2^53 steps are 700 000 years")]
+        let steps = self.steps as f64;
+        steps * self.parameters.period_s
+    }
+}

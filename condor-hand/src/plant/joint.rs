@@ -1,0 +1,113 @@
+use super::PlantError;
+use super::error::{finite, not_negative, ordered, positive};
+use crate::math::tanh;
+
+/// What acts on one joint besides the tendons and the bodies; rad and N m, or m and N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointParameters {
+    /// The inertia of the drive as the joint feels it, kg m².
+    pub armature: f64,
+    /// Viscous friction, N m s/rad.
+    pub damping: f64,
+    /// Coulomb friction, N m.
+    pub coulomb: f64,
+    /// Coulomb friction caused by the joint's own tendons, as a share of the torque of each.
+    pub tendon_friction: f64,
+    /// The rate below which Coulomb friction fades to nothing, rad/s: it is
+    /// `coulomb tanh(rate / fade)`.
+    pub fade: f64,
+    /// A spring to `rest`, N m/rad.
+    pub stiffness: f64,
+    /// Where that spring is slack, rad.
+    pub rest: f64,
+    /// The two ends of the joint, rad.
+    pub range: (f64, f64),
+    /// What the joint meets there.
+    pub stop: Stop,
+}
+
+/// A soft stop: a spring and a damper that only push.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// N m/rad, or N/m.
+    pub stiffness: f64,
+    /// N m s/rad, or N s/m.
+    pub damping: f64,
+}
+
+/// A torque that depends on the rate: `torque - slope (new rate - rate)`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Passive {
+    pub(super) torque: f64,
+    pub(super) slope: f64,
+}
+
+impl JointParameters {
+    pub(super) fn check(&self) -> Result<(), PlantError> {
+        not_negative("the armature of a joint, kg m²", self.armature)?;
+        not_negative("the viscous friction of a joint, N m s/rad", self.damping)?;
+        not_negative("the Coulomb friction of a joint, N m", self.coulomb)?;
+        not_negative("the friction of a tendon per torque", self.tendon_friction)?;
+        positive("the rate where Coulomb friction fades, rad/s", self.fade)?;
+        not_negative("the spring of a joint, N m/rad", self.stiffness)?;
+        finite("the rest of a joint's spring, rad", self.rest)?;
+        ordered("the range of a joint, rad", self.range)?;
+        self.stop.check()
+    }
+
+    /// Of springs, friction and stops; `load` is what the joint's own tendons pull with, N m.
+    pub(super) fn passive(&self, q: f64, qd: f64, load: f64) -> Passive {
+        let mut passive = Passive {
+            torque: -self.stiffness * (q - self.rest) - self.damping * qd,
+            slope: self.damping,
+        };
+        passive.add(coulomb(
+            self.coulomb + self.tendon_friction * load,
+            self.fade,
+            qd,
+        ));
+        passive.add(self.stop.push(self.range, q, qd));
+        passive
+    }
+}
+
+impl Stop {
+    pub(super) fn check(&self) -> Result<(), PlantError> {
+        not_negative("the stiffness of a stop, N/m or N m/rad", self.stiffness)?;
+        not_negative("the damping of a stop, N s/m or N m s/rad", self.damping)
+    }
+
+    pub(super) fn push(&self, (low, high): (f64, f64), q: f64, qd: f64) -> Passive {
+        let depth = if q < low {
+            low - q
+        } else if q > high {
+            high - q
+        } else {
+            return Passive::default();
+        };
+        let torque = self.stiffness * depth - self.damping * qd;
+        // A damper alone would hold the joint back on its way out.
+        if torque * depth > 0.0 {
+            let slope = self.damping;
+            Passive { torque, slope }
+        } else {
+            Passive::default()
+        }
+    }
+}
+
+impl Passive {
+    pub(super) fn add(&mut self, other: Self) {
+        self.torque += other.torque;
+        self.slope += other.slope;
+    }
+}
+
+/// Coulomb friction of the given size, as a smooth function of the rate.
+pub(super) fn coulomb(size: f64, fade: f64, rate: f64) -> Passive {
+    let direction = tanh(rate / fade);
+    Passive {
+        torque: -size * direction,
+        slope: size / fade * (1.0 - direction * direction),
+    }
+}

@@ -1,0 +1,229 @@
+use nalgebra::{Matrix3, Quaternion, Vector3};
+
+use super::PlantError;
+use super::contact::{Overlap, Wrench};
+use super::error::{all_finite, finite, positive};
+use crate::Pose;
+use crate::math::{sin_cos, sqrt};
+
+/// What a free object is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObjectParameters {
+    /// kg.
+    pub mass: f64,
+    /// About the centre of mass in the object's axes, kg m²; symmetric, positive definite.
+    pub inertia: Matrix3<f64>,
+    /// The sphere about the centre of mass that can be touched, m.
+    pub radius: f64,
+}
+
+/// A rigid object that nothing holds but what touches it.
+///
+/// Its frame is at its centre of mass. The state has the angular momentum in place of the angular
+/// velocity: without a moment it keeps it to the last bit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Object {
+    parameters: ObjectParameters,
+    inverse_inertia: Matrix3<f64>,
+    position: Vector3<f64>,
+    velocity: Vector3<f64>,
+    orientation: Quaternion<f64>,
+    angular_momentum: Vector3<f64>,
+}
+
+impl ObjectParameters {
+    /// A ball of one material.
+    #[must_use]
+    pub fn ball(mass: f64, radius: f64) -> Self {
+        Self {
+            mass,
+            inertia: Matrix3::from_diagonal_element(0.4 * mass * radius * radius),
+            radius,
+        }
+    }
+}
+
+impl Object {
+    /// An object at rest, its axes those of the palm.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter that makes no sense.
+    pub fn new(parameters: ObjectParameters, center: Vector3<f64>) -> Result<Self, PlantError> {
+        positive("the mass of an object, kg", parameters.mass)?;
+        positive("the radius of an object, m", parameters.radius)?;
+        all_finite("a coordinate of an object, m", center.iter())?;
+        let inertia = &parameters.inertia;
+        all_finite("a moment of inertia, kg m²", inertia.iter())?;
+        for (row, column) in [((0, 1), (1, 0)), ((0, 2), (2, 0)), ((1, 2), (2, 1))] {
+            let difference = entry(inertia, row) - entry(inertia, column);
+            if difference != 0.0 {
+                let name = "what an inertia differs by from a symmetric one, kg m²";
+                return Err(PlantError::NotZero {
+                    name,
+                    value: difference,
+                });
+            }
+        }
+        let first = entry(inertia, (0, 0));
+        let second =
+            first * entry(inertia, (1, 1)) - entry(inertia, (0, 1)) * entry(inertia, (1, 0));
+        positive("the first minor of an inertia, kg m²", first)?;
+        positive("the second minor of an inertia, kg² m⁴", second)?;
+        let determinant = inertia.determinant();
+        positive("the determinant of an inertia, kg³ m⁶", determinant)?;
+        let inverse_inertia = inertia.try_inverse().ok_or(PlantError::NotPositive {
+            name: "the determinant of an inertia, kg³ m⁶",
+            value: determinant,
+        })?;
+        Ok(Self {
+            parameters,
+            inverse_inertia,
+            position: center,
+            velocity: Vector3::zeros(),
+            orientation: Quaternion::identity(),
+            angular_momentum: Vector3::zeros(),
+        })
+    }
+
+    /// Sets it moving.
+    ///
+    /// # Errors
+    ///
+    /// A velocity (m/s) or angular velocity (rad/s) that is not finite.
+    pub fn moving(
+        mut self,
+        velocity: Vector3<f64>,
+        angular_velocity: Vector3<f64>,
+    ) -> Result<Self, PlantError> {
+        all_finite("a velocity, m/s", velocity.iter())?;
+        all_finite("an angular velocity, rad/s", angular_velocity.iter())?;
+        let rotation = self.rotation();
+        self.velocity = velocity;
+        self.angular_momentum =
+            rotation * (self.parameters.inertia * (rotation.transpose() * angular_velocity));
+        Ok(self)
+    }
+
+    /// What it is.
+    #[must_use]
+    pub fn parameters(&self) -> &ObjectParameters {
+        &self.parameters
+    }
+
+    /// Its frame in the palm.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose {
+            rotation: self.rotation(),
+            position: self.position,
+        }
+    }
+
+    /// Its orientation as a unit quaternion.
+    #[must_use]
+    pub fn orientation(&self) -> &Quaternion<f64> {
+        &self.orientation
+    }
+
+    /// The velocity of its centre, m/s.
+    #[must_use]
+    pub fn velocity(&self) -> &Vector3<f64> {
+        &self.velocity
+    }
+
+    /// Its angular momentum about its centre, N m s.
+    #[must_use]
+    pub fn angular_momentum(&self) -> &Vector3<f64> {
+        &self.angular_momentum
+    }
+
+    /// Its angular velocity, rad/s.
+    #[must_use]
+    pub fn angular_velocity(&self) -> Vector3<f64> {
+        let rotation = self.rotation();
+        rotation * (self.inverse_inertia * (rotation.transpose() * self.angular_momentum))
+    }
+
+    pub(super) fn velocity_at(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.velocity + self.angular_velocity().cross(&(point - self.position))
+    }
+
+    /// With a sphere, which is the first body of the two.
+    pub(super) fn overlap(&self, center: &Vector3<f64>, radius: f64) -> Overlap {
+        let between = center - self.position;
+        let distance = sqrt(between.norm_squared());
+        let depth = self.parameters.radius + radius - distance;
+        // Two centres at one point push each other nowhere in particular.
+        let normal = if distance > 0.0 {
+            between / distance
+        } else {
+            Vector3::z()
+        };
+        Overlap {
+            depth,
+            normal,
+            point: self.position + normal * (self.parameters.radius - 0.5 * depth),
+        }
+    }
+
+    /// One update of `dt` seconds under a wrench about the centre.
+    pub(super) fn advance(
+        &mut self,
+        dt: f64,
+        wrench: &Wrench,
+        gravity: &Vector3<f64>,
+    ) -> Result<(), PlantError> {
+        let mut next = *self;
+        next.velocity += (gravity + wrench.force / self.parameters.mass) * dt;
+        next.position += next.velocity * dt;
+        next.angular_momentum += wrench.moment * dt;
+        let turn = next.angular_velocity() * dt;
+        next.orientation = unit(rotor(&turn) * self.orientation);
+        all_finite("where an object would be, m", next.position.iter())?;
+        all_finite(
+            "the orientation that an object would have",
+            next.orientation.coords.iter(),
+        )?;
+        all_finite(
+            "the angular momentum of an object, N m s",
+            next.angular_momentum.iter(),
+        )?;
+        finite("the velocity of an object, m/s", next.velocity.sum())?;
+        *self = next;
+        Ok(())
+    }
+
+    fn rotation(&self) -> Matrix3<f64> {
+        let q = &self.orientation;
+        let (w, x, y, z) = (q.w, q.i, q.j, q.k);
+        Matrix3::new(
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y - w * z),
+            2.0 * (x * z + w * y),
+            2.0 * (x * y + w * z),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z - w * x),
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        )
+    }
+}
+
+fn entry(matrix: &Matrix3<f64>, place: (usize, usize)) -> f64 {
+    matrix.get(place).copied().unwrap_or(f64::NAN)
+}
+
+/// The quaternion of a rotation vector, rad.
+fn rotor(turn: &Vector3<f64>) -> Quaternion<f64> {
+    let angle = sqrt(turn.norm_squared());
+    let (sine, cosine) = sin_cos(0.5 * angle);
+    // sin(a/2)/a is 1/2 to rounding below 1e-8.
+    let scale = if angle > 1e-8 { sine / angle } else { 0.5 };
+    Quaternion::from_parts(cosine, turn * scale)
+}
+
+fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
+    q / sqrt(q.coords.norm_squared())
+}

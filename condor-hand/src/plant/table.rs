@@ -1,0 +1,108 @@
+use nalgebra::Vector3;
+
+use super::PlantError;
+use super::error::{not_negative, ordered, positive};
+use super::joint::{Passive, Stop};
+use crate::math::{clamp, is_finite};
+
+/// One axis of the table that carries the palm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisParameters {
+    /// All that this axis moves, the hand included, kg.
+    pub mass: f64,
+    /// Viscous friction, N s/m.
+    pub viscous: f64,
+    /// The force of its motor to either side, N.
+    pub max_n: f64,
+    /// From where to where it goes, m.
+    pub range: (f64, f64),
+    /// What it meets there.
+    pub stop: Stop,
+}
+
+/// Three prismatic axes x, y, z, balanced against gravity, that do not feel what the fingers do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Table {
+    axes: [AxisParameters; 3],
+    position: Vector3<f64>,
+    velocity: Vector3<f64>,
+    acceleration: Vector3<f64>,
+}
+
+impl AxisParameters {
+    fn check(&self) -> Result<(), PlantError> {
+        positive("the mass of an axis, kg", self.mass)?;
+        not_negative("the viscous friction of an axis, N s/m", self.viscous)?;
+        positive("the force of an axis, N", self.max_n)?;
+        ordered("the range of an axis, m", self.range)?;
+        self.stop.check()
+    }
+
+    /// The velocity after an update.
+    fn accelerate(&self, position: f64, velocity: f64, force: f64, dt: f64) -> f64 {
+        let force = if is_finite(force) { force } else { 0.0 };
+        let mut passive = Passive {
+            torque: -self.viscous * velocity,
+            slope: self.viscous,
+        };
+        passive.add(self.stop.push(self.range, position, velocity));
+        let force = clamp(force, -self.max_n, self.max_n) + passive.torque;
+        velocity + dt * force / (self.mass + dt * passive.slope)
+    }
+}
+
+impl Table {
+    /// A table at rest at zero.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter that makes no sense.
+    pub fn new(axes: [AxisParameters; 3]) -> Result<Self, PlantError> {
+        axes.iter().try_for_each(AxisParameters::check)?;
+        Ok(Self {
+            axes,
+            position: Vector3::zeros(),
+            velocity: Vector3::zeros(),
+            acceleration: Vector3::zeros(),
+        })
+    }
+
+    /// Moves on by `dt` seconds in one update under the forces of the motors (N). A force that is no
+    /// finite number counts as zero.
+    ///
+    /// # Errors
+    ///
+    /// `dt` not above zero.
+    pub fn advance(&mut self, dt: f64, forces: &Vector3<f64>) -> Result<(), PlantError> {
+        positive("the time of an update, s", dt)?;
+        let state = self.position.iter_mut().zip(self.velocity.iter_mut());
+        let state = state.zip(self.acceleration.iter_mut());
+        for (((position, velocity), acceleration), (axis, &force)) in
+            state.zip(self.axes.iter().zip(forces.iter()))
+        {
+            let next = axis.accelerate(*position, *velocity, force, dt);
+            *acceleration = (next - *velocity) / dt;
+            *velocity = next;
+            *position += dt * next;
+        }
+        Ok(())
+    }
+
+    /// Where it is, m.
+    #[must_use]
+    pub fn position(&self) -> &Vector3<f64> {
+        &self.position
+    }
+
+    /// m/s.
+    #[must_use]
+    pub fn velocity(&self) -> &Vector3<f64> {
+        &self.velocity
+    }
+
+    /// During the last update, m/s².
+    #[must_use]
+    pub fn acceleration(&self) -> &Vector3<f64> {
+        &self.acceleration
+    }
+}

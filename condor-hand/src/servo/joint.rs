@@ -1,0 +1,260 @@
+use super::{JointGains, JointSettings, Mode, PositionLaw, SettingError, SoftStop, Target};
+use crate::control::{Derivative, Integrator, OnePole};
+use crate::math::{Real, clamp, is_finite, real};
+use crate::tendon::{Allocation, Pair, TensionServo};
+use crate::trajectory::SetPoint;
+
+/// The servo of one joint, but what couples it to the others.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct JointServo<T: Real> {
+    pub(super) gains: JointGains<T>,
+    pub(super) target: Target<T>,
+    pub(super) tendons: Pair<TensionServo<T>>,
+    pub(super) tension_filter: Pair<Option<OnePole<T>>>,
+    pub(super) position_filter: Option<OnePole<T>>,
+    pub(super) velocity: Derivative<T>,
+    stop: SoftStop<T>,
+    /// What its own tendons can give, N m.
+    torque: (T, T),
+    tension: (T, T),
+    integrator: Integrator<T>,
+    period: T,
+}
+
+/// What of the finger a joint's law uses.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Felt<T> {
+    pub(super) position: T,
+    pub(super) rate: T,
+    /// The torque of the measured tensions, N m.
+    pub(super) torque: T,
+    /// The torque of the inverse dynamics, for the accelerations that the laws ask for, N m.
+    pub(super) inverse: T,
+    /// The torque of gravity, N m.
+    pub(super) gravity: T,
+    /// The friction of the drive at the asked-for rate, N m.
+    pub(super) friction: T,
+}
+
+impl<T: Real> JointServo<T> {
+    pub(super) fn new(
+        joint: usize,
+        settings: &JointSettings<T>,
+        own: Pair<T>,
+        sample_hz: T,
+    ) -> Result<Self, SettingError> {
+        let filter = |error| SettingError::Filter { joint, error };
+        let low_pass = |cutoff: Option<T>| {
+            cutoff
+                .map(|cutoff_hz| OnePole::low_pass(cutoff_hz, sample_hz).map_err(filter))
+                .transpose()
+        };
+        settings.gains.check(joint)?;
+        settings.stop.check(joint)?;
+        let Allocation { min_n, max_n, .. } = settings.allocation;
+        settings
+            .allocation
+            .check()
+            .map_err(|error| SettingError::Allocation { joint, error })?;
+        let servo = |gains| {
+            TensionServo::new(gains, max_n, sample_hz)
+                .map_err(|error| SettingError::TensionServo { joint, error })
+        };
+        Ok(Self {
+            gains: settings.gains,
+            target: Target::Off,
+            tendons: Pair {
+                flexor: servo(settings.gains.tension.flexor)?,
+                extensor: servo(settings.gains.tension.extensor)?,
+            },
+            tension_filter: Pair {
+                flexor: low_pass(settings.tension_cutoff_hz.flexor)?,
+                extensor: low_pass(settings.tension_cutoff_hz.extensor)?,
+            },
+            position_filter: low_pass(settings.position_cutoff_hz)?,
+            velocity: Derivative::new(settings.velocity_cutoff_hz, sample_hz).map_err(filter)?,
+            stop: settings.stop,
+            torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
+            tension: (min_n, max_n),
+            integrator: settings.gains.integrator(joint)?,
+            period: T::one() / sample_hz,
+        })
+    }
+
+    /// Whether the joint can have this target.
+    pub(super) fn check(&self, joint: usize, target: &Target<T>) -> Result<(), SettingError> {
+        let within = |value: T, (low, high): (T, T)| low <= value && value <= high;
+        match *target {
+            Target::Off => {}
+            Target::Tension(pair) => {
+                for tension in [pair.flexor, pair.extensor] {
+                    if !within(tension, self.tension) {
+                        return Err(SettingError::Tension {
+                            joint,
+                            tension: tension.to_f64(),
+                            low: self.tension.0.to_f64(),
+                            high: self.tension.1.to_f64(),
+                        });
+                    }
+                }
+            }
+            Target::Torque(torque) | Target::Grasp(torque) => {
+                if !within(torque, self.torque) {
+                    return Err(SettingError::Torque {
+                        joint,
+                        torque: torque.to_f64(),
+                        low: self.torque.0.to_f64(),
+                        high: self.torque.1.to_f64(),
+                    });
+                }
+            }
+            Target::Position(set_point) => {
+                if !within(set_point.position, (self.stop.low, self.stop.high)) {
+                    return Err(SettingError::Position {
+                        joint,
+                        position: set_point.position.to_f64(),
+                        low: self.stop.low.to_f64(),
+                        high: self.stop.high.to_f64(),
+                    });
+                }
+                for (what, value) in [
+                    ("velocity, rad/s", set_point.velocity),
+                    ("acceleration, rad/s²", set_point.acceleration),
+                ] {
+                    if !is_finite(value) {
+                        let value = value.to_f64();
+                        return Err(SettingError::Value { joint, what, value });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The target that keeps a joint where it is, in another mode.
+    pub(super) fn hold(&self, mode: Mode, position: T, tension: Pair<T>, torque: T) -> Target<T> {
+        let torque = clamp(torque, self.torque.0, self.torque.1);
+        match mode {
+            Mode::Off => Target::Off,
+            Mode::Tension => Target::Tension(tension),
+            Mode::Torque => Target::Torque(torque),
+            Mode::Grasp => Target::Grasp(torque),
+            Mode::Position => Target::Position(SetPoint::rest(clamp(
+                position,
+                self.stop.low,
+                self.stop.high,
+            ))),
+        }
+    }
+
+    /// Takes a target that was checked.
+    pub(super) fn take(&mut self, target: Target<T>) {
+        if target.mode() != self.target.mode() {
+            self.integrator.set(T::zero());
+        }
+        self.target = target;
+    }
+
+    /// The acceleration that its law asks of the inverse dynamics, rad/s²; zero if it does not.
+    pub(super) fn acceleration(&self, position: T, rate: T) -> T {
+        match (self.target, self.gains.law) {
+            (
+                Target::Position(set_point),
+                PositionLaw::ComputedTorque {
+                    bandwidth_hz,
+                    damping_ratio,
+                },
+            ) => {
+                let w = T::two_pi() * bandwidth_hz;
+                let error = set_point.position - position;
+                let error_rate = set_point.velocity - rate;
+                set_point.acceleration
+                    + w * (real::<T>(2.0) * damping_ratio * error_rate + w * error)
+            }
+            _ => T::zero(),
+        }
+    }
+
+    /// The rate that is asked of it, rad/s.
+    pub(super) fn asked_rate(&self) -> T {
+        match self.target {
+            Target::Position(set_point) => set_point.velocity,
+            _ => T::zero(),
+        }
+    }
+
+    /// The torque of its law, N m; zero where its tensions are given.
+    pub(super) fn torque(&mut self, felt: &Felt<T>) -> T {
+        let law = match self.target {
+            Target::Off | Target::Tension(_) => return T::zero(),
+            Target::Torque(torque) | Target::Grasp(torque) => {
+                torque + self.gains.k_torque * (torque - felt.torque)
+            }
+            Target::Position(set_point) => match self.gains.law {
+                PositionLaw::ComputedTorque { .. } => felt.inverse + felt.friction,
+                PositionLaw::Pd { kp, kv, ki, .. } => {
+                    let error = set_point.position - felt.position;
+                    let rest = kp * error
+                        + kv * (set_point.velocity - felt.rate)
+                        + felt.gravity
+                        + felt.friction;
+                    let (low, high) = self.torque;
+                    let increment = ki * error * self.period;
+                    self.integrator
+                        .update(rest, increment, low, high)
+                        .unwrap_or(rest)
+                }
+            },
+        };
+        let torque = law + self.stop.torque(felt.position, felt.rate);
+        if is_finite(torque) {
+            clamp(torque, self.torque.0, self.torque.1)
+        } else {
+            T::zero()
+        }
+    }
+
+    /// The tensions that are given to it, where it has no torque of its own.
+    pub(super) fn given_tensions(&self) -> Option<Pair<T>> {
+        match self.target {
+            Target::Off => Some(Pair::both(self.tension.0)),
+            Target::Tension(pair) => Some(pair),
+            Target::Torque(_) | Target::Position(_) | Target::Grasp(_) => None,
+        }
+    }
+
+    /// Other gains from the next tick on.
+    pub(super) fn set_gains(
+        &mut self,
+        joint: usize,
+        gains: &JointGains<T>,
+    ) -> Result<(), SettingError> {
+        gains.check(joint)?;
+        let mut integrator = gains.integrator(joint)?;
+        integrator.set(self.integrator.term());
+        let mut tendons = self.tendons;
+        let servo = |error| SettingError::TensionServo { joint, error };
+        tendons
+            .flexor
+            .set_gains(gains.tension.flexor)
+            .map_err(servo)?;
+        tendons
+            .extensor
+            .set_gains(gains.tension.extensor)
+            .map_err(servo)?;
+        self.gains = *gains;
+        self.integrator = integrator;
+        self.tendons = tendons;
+        Ok(())
+    }
+}
+
+impl<T: Real> JointGains<T> {
+    fn integrator(&self, joint: usize) -> Result<Integrator<T>, SettingError> {
+        let limit = match self.law {
+            PositionLaw::Pd { integral_nm, .. } => integral_nm,
+            PositionLaw::ComputedTorque { .. } => T::zero(),
+        };
+        Integrator::new(limit).map_err(|error| SettingError::Integral { joint, error })
+    }
+}

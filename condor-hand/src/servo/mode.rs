@@ -1,0 +1,64 @@
+use crate::Real;
+use crate::tendon::Pair;
+use crate::trajectory::SetPoint;
+
+/// What the servo of a joint does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Mode {
+    /// Both tendons are at their least tension.
+    #[default]
+    Off = 0,
+    /// Both tendons hold the tensions that the user asks for.
+    Tension = 1,
+    /// The joint exerts the torque that the user asks for.
+    Torque = 2,
+    /// The joint follows positions.
+    Position = 3,
+    /// The joint exerts the torque that the grasp law computes for the whole hand.
+    Grasp = 4,
+}
+
+impl Mode {
+    /// The mode of a number, as in a message.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            0 => Some(Self::Off),
+            1 => Some(Self::Tension),
+            2 => Some(Self::Torque),
+            3 => Some(Self::Position),
+            4 => Some(Self::Grasp),
+            _ => None,
+        }
+    }
+}
+
+/// What a joint is to reach, in one of its modes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target<T: Real = f64> {
+    /// Nothing, for [`Mode::Off`].
+    Off,
+    /// Tensions of its two tendons, N, for [`Mode::Tension`].
+    Tension(Pair<T>),
+    /// A torque, N m, for [`Mode::Torque`].
+    Torque(T),
+    /// A position with its rate and acceleration (rad, rad/s, rad/s²), for [`Mode::Position`].
+    Position(SetPoint<T>),
+    /// A torque of the grasp law, N m, for [`Mode::Grasp`].
+    Grasp(T),
+}
+
+impl<T: Real> Target<T> {
+    /// The mode in which a joint reaches it.
+    #[must_use]
+    pub const fn mode(&self) -> Mode {
+        match self {
+            Self::Off => Mode::Off,
+            Self::Tension(_) => Mode::Tension,
+            Self::Torque(_) => Mode::Torque,
+            Self::Position(_) => Mode::Position,
+            Self::Grasp(_) => Mode::Grasp,
+        }
+    }
+}

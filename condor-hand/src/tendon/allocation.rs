@@ -1,0 +1,290 @@
+//! From the torques of a finger to tensions that can only pull.
+//!
+//! A joint is turned by its own two tendons and by those of the joints distal to it. Distal to
+//! proximal, what the distal tendons turn is known, so that each joint is left with one equation
+//! for its own pair, `r₊ f₊ - r₋ f₋ = t`, and with one freedom: how much the two pull against each
+//! other. With `f₊ = f_min + u / r₊` and `f₋ = f_min + v / r₋` the equation is
+//! `u - v = t - f_min (r₊ - r₋)`, with u and v not below zero. [`Rectification`] picks among them.
+
+use nalgebra::SVector;
+use thiserror::Error;
+
+use super::{MomentArms, Pair, Pairs};
+use crate::math::{Real, clamp, is_finite, max, min, real, sqrt};
+
+/// How much the two tendons of a joint pull against each other.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rectification<T> {
+    /// As little as can be: one of the two is at its minimum. The total tension is the least that
+    /// there is if antagonists have opposite arms at each joint that they cross.
+    Hard,
+    /// With this mean tension, or more if the torque needs it.
+    Mean {
+        /// The mean of the two tensions, N.
+        co_contraction_n: T,
+    },
+    /// Without a corner where the pull changes over from one tendon to the other.
+    ///
+    /// At no torque the flexor pulls this much more than the minimum, the extensor the same if its
+    /// arm is. The more one of them pulls, the nearer the other is to its minimum:
+    /// `u = (h + t) / 2` and `v = (h - t) / 2` with `h² = t² + 4 (r₊ softness)²`.
+    Smooth {
+        /// Half the width of the change-over, as a tension, N.
+        softness_n: T,
+    },
+}
+
+/// How the torque of one joint becomes two tensions.
+///
+/// Whatever it holds, tensions are within `min_n..=max_n`, where a minimum below zero is zero, and a
+/// maximum below the minimum is the minimum.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Allocation<T> {
+    /// How much the tendons pull against each other.
+    pub rectification: Rectification<T>,
+    /// What keeps a tendon from slack, N.
+    pub min_n: T,
+    /// The most that a tendon can be asked for, N.
+    pub max_n: T,
+}
+
+/// An allocation that no joint can have.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum AllocationError {
+    /// Limits that are not finite, not in order, or below zero.
+    #[error(
+        "tensions are to be in {min_n}..={max_n} N; that must be finite and begin at 0 or above"
+    )]
+    Limits {
+        /// The least tension, N.
+        min_n: f64,
+        /// The largest tension, N.
+        max_n: f64,
+    },
+    /// A co-contraction or a softness that is negative or not finite.
+    #[error("the {name} is {value} N; it must be finite and not negative")]
+    Rectification {
+        /// Which of the two.
+        name: &'static str,
+        /// Its value, N.
+        value: f64,
+    },
+}
+
+impl<T: Real> Allocation<T> {
+    /// Refuses what would not be followed as it stands.
+    ///
+    /// # Errors
+    /// The first value that is out of place.
+    pub fn check(&self) -> Result<(), AllocationError> {
+        let (low, high) = (self.min_n, self.max_n);
+        if !(low >= T::zero() && low <= high && is_finite(high)) {
+            return Err(AllocationError::Limits {
+                min_n: low.to_f64(),
+                max_n: high.to_f64(),
+            });
+        }
+        let (name, value) = match self.rectification {
+            Rectification::Hard => return Ok(()),
+            Rectification::Mean { co_contraction_n } => ("co-contraction", co_contraction_n),
+            Rectification::Smooth { softness_n } => ("softness", softness_n),
+        };
+        if is_finite(value) && value >= T::zero() {
+            Ok(())
+        } else {
+            let value = value.to_f64();
+            Err(AllocationError::Rectification { name, value })
+        }
+    }
+
+    /// The two tensions where at least one would leave its limits, and the net torque that they
+    /// make: that asked for if less co-contraction suffices for it, else the nearest.
+    #[cold]
+    fn at_limit(&self, u: T, net: T, own: &Pair<T>, reciprocal: &Pair<T>) -> (Pair<T>, T) {
+        let (low, high) = self.limits();
+        let span = high - low;
+        let (least, most) = (own.extensor * span, own.flexor * span);
+        let net = clamp(net, least, most);
+        let u = clamp(u, max(net, T::zero()), min(most, net - least));
+        let pair = Pair {
+            flexor: low + u * reciprocal.flexor,
+            extensor: low - (u - net) * reciprocal.extensor,
+        };
+        // What rounding has put beyond the limits.
+        (pair.map(|tension| clamp(tension, low, high)), net)
+    }
+
+    /// The limits that are followed: in order, and not below zero, also if a field is NaN.
+    #[inline(always)]
+    fn limits(&self) -> (T, T) {
+        let low = max(self.min_n, T::zero());
+        (low, max(self.max_n, low))
+    }
+}
+
+/// The tensions for the torques of a finger.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use]
+pub struct Allocated<T: Real, const N: usize> {
+    /// The tensions, N: each within the limits of its joint.
+    pub tensions: Pairs<T, N>,
+    /// The torques that the tensions make, N m: where no bit is set, the ones that were asked for.
+    pub torque: SVector<T, N>,
+    /// The joints, a bit each, whose torque is not what was asked for, because a tendon is at its
+    /// largest tension; proximal joints reckon with what the saturated ones pull.
+    pub saturated: u32,
+    /// The joints, a bit each, whose torque was not finite. If there is one, all tensions are at
+    /// their minimum, and no bit of `saturated` is set.
+    pub not_finite: u32,
+}
+
+impl<T: Real, const N: usize> MomentArms<T, N> {
+    /// The tensions that make these torques, N m, by back-substitution from the distal joint.
+    ///
+    /// `P f = torque` to rounding, unless a joint is saturated: then the torque that is nearest
+    /// to the one asked for. A finger has at most 32 joints.
+    #[inline]
+    pub fn allocate(
+        &self,
+        torque: &SVector<T, N>,
+        allocation: &[Allocation<T>; N],
+    ) -> Allocated<T, N> {
+        self.allocate_around(torque, allocation, &[None; N])
+    }
+
+    /// The same, around joints whose tensions are given, N: their torque is what comes of it, and
+    /// the joints proximal to them reckon with it.
+    ///
+    /// Given tensions are taken within the limits of their joint; a NaN is the minimum.
+    #[inline]
+    pub fn allocate_around(
+        &self,
+        torque: &SVector<T, N>,
+        allocation: &[Allocation<T>; N],
+        given: &[Option<Pair<T>>; N],
+    ) -> Allocated<T, N> {
+        const { assert!(N <= 32, "a joint is a bit of 32") };
+        let mut allocated = Allocated {
+            tensions: [Pair::both(T::zero()); N],
+            torque: *torque,
+            saturated: 0,
+            not_finite: 0,
+        };
+        let mut fixed = 0;
+        for joint in (0..N).rev() {
+            let (Some(row), Some(reciprocal), Some(allocation), Some(&torque)) = (
+                self.rows().get(joint),
+                self.reciprocals().get(joint),
+                allocation.get(joint),
+                torque.get(joint),
+            ) else {
+                break;
+            };
+            let Some(own) = row.get(joint) else {
+                break;
+            };
+            let (low, high) = allocation.limits();
+            // The most distal first: the nearest has been known for the shortest time.
+            let mut net = torque - low * (own.flexor + own.extensor);
+            for (arm, tension) in row.iter().zip(&allocated.tensions).skip(joint + 1).rev() {
+                net -= arm.flexor * tension.flexor + arm.extensor * tension.extensor;
+            }
+            if let Some(&Some(pair)) = given.get(joint) {
+                if let Some(tension) = allocated.tensions.get_mut(joint) {
+                    *tension = pair.map(|tension| clamp(tension, low, high));
+                }
+                fixed |= 1 << joint;
+                continue;
+            }
+            let u = allocation.rectification.agonist(net, low, own);
+            let mut pair = Pair {
+                flexor: low + u * reciprocal.flexor,
+                extensor: low - (u - net) * reciprocal.extensor,
+            };
+            // Nearly always so; a NaN is not.
+            let inside = (pair.flexor >= low)
+                && (pair.flexor <= high)
+                && (pair.extensor >= low)
+                && (pair.extensor <= high);
+            if !inside {
+                let reached;
+                (pair, reached) = allocation.at_limit(u, net, own, reciprocal);
+                if reached != net {
+                    allocated.saturated |= 1 << joint;
+                }
+                if !is_finite(net) {
+                    allocated.not_finite |= 1 << joint;
+                }
+            }
+            if let Some(tension) = allocated.tensions.get_mut(joint) {
+                *tension = pair;
+            }
+        }
+        if allocated.not_finite != 0 {
+            self.at_rest(&mut allocated, torque, allocation);
+        } else {
+            let joints = allocated.saturated | fixed;
+            if joints != 0 {
+                self.reckon(&mut allocated, joints);
+            }
+        }
+        allocated
+    }
+
+    /// Says what torques some joints do have: the saturated ones, and those of given tensions.
+    #[cold]
+    fn reckon(&self, allocated: &mut Allocated<T, N>, joints: u32) {
+        let made = self.torque(&allocated.tensions);
+        for (joint, (torque, &made)) in allocated.torque.iter_mut().zip(&made).enumerate() {
+            if joints & 1 << joint != 0 {
+                *torque = made;
+            }
+        }
+    }
+
+    /// All tensions at their minimum, because a torque is not finite.
+    #[cold]
+    fn at_rest(
+        &self,
+        allocated: &mut Allocated<T, N>,
+        torque: &SVector<T, N>,
+        allocation: &[Allocation<T>; N],
+    ) {
+        for (tension, allocation) in allocated.tensions.iter_mut().zip(allocation) {
+            *tension = Pair::both(allocation.limits().0);
+        }
+        allocated.torque = self.torque(&allocated.tensions);
+        allocated.saturated = 0;
+        // A distal torque that is not finite must not be blamed on the joints that it loads.
+        let named = torque
+            .iter()
+            .enumerate()
+            .fold(0, |named, (joint, &torque)| {
+                named | u32::from(!is_finite(torque)) << joint
+            });
+        if named != 0 {
+            allocated.not_finite = named;
+        }
+    }
+}
+
+impl<T: Real> Rectification<T> {
+    /// What the flexor turns beyond its minimum for a net torque, N m; limits are the caller's.
+    #[inline(always)]
+    fn agonist(&self, net: T, low: T, own: &Pair<T>) -> T {
+        match *self {
+            Self::Hard => max(net, T::zero()),
+            Self::Mean { co_contraction_n } => {
+                // u / r₊ + v / r₋ is the sum of both beyond the minimum.
+                let sum = real::<T>(2.0) * max(co_contraction_n - low, T::zero());
+                own.flexor * (net - sum * own.extensor) / (own.flexor - own.extensor)
+            }
+            Self::Smooth { softness_n } => {
+                let width = real::<T>(2.0) * own.flexor * softness_n;
+                real::<T>(0.5) * (sqrt(net * net + width * width) + net)
+            }
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! Faults of a finger that stay until somebody clears them, and the way to rest from one.
+//!
+//! A [`FingerMonitor`] looks at each sample. A fault that it finds is latched: it is told in every
+//! sample until [`clear`](FingerMonitor::clear). Whoever commands the finger then takes its tensions
+//! to their minimum with a [`SafeRamp`].
+
+mod code;
+mod finger;
+mod limits;
+mod ramp;
+mod sensor;
+
+pub use code::{Channel, Fault, FaultCode, FaultSet};
+pub use finger::{FingerMonitor, Observation};
+pub use limits::{
+    FingerLimits, JointLimits, LimitsError, Range, SensorLimits, Stuck, TendonLimits, Threshold,
+};
+pub use ramp::{RampError, SafeRamp};

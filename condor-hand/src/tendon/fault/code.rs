@@ -1,0 +1,151 @@
+use core::fmt;
+
+use thiserror::Error;
+
+use crate::tendon::Pair;
+
+/// What is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[repr(u8)]
+#[non_exhaustive]
+pub enum FaultCode {
+    /// A sensor or a set-point gives no finite number.
+    NotFinite = 0,
+    /// A sensor gives what it cannot measure.
+    OutOfRange = 1,
+    /// A sensor stays where it is while its set-point goes away.
+    Stuck = 2,
+    /// What is measured is too far from what is desired.
+    Tracking = 3,
+    /// A tendon pulls less than one that is whole and taut.
+    Slack = 4,
+    /// A tendon pulls more than it stands.
+    OverTension = 5,
+    /// A joint is where its limits do not let it be.
+    JointLimit = 6,
+    /// A tick of the servo came too late.
+    MissedDeadline = 7,
+    /// The level above has sent no set-point for too long.
+    StaleSetPoint = 8,
+}
+
+impl FaultCode {
+    /// All of them, by number.
+    pub const ALL: [Self; 9] = [
+        Self::NotFinite,
+        Self::OutOfRange,
+        Self::Stuck,
+        Self::Tracking,
+        Self::Slack,
+        Self::OverTension,
+        Self::JointLimit,
+        Self::MissedDeadline,
+        Self::StaleSetPoint,
+    ];
+
+    const fn bit(self) -> u16 {
+        1 << self as u16
+    }
+}
+
+impl fmt::Display for FaultCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "not finite",
+            Self::OutOfRange => "out of range",
+            Self::Stuck => "stuck",
+            Self::Tracking => "tracking error",
+            Self::Slack => "slack",
+            Self::OverTension => "over-tension",
+            Self::JointLimit => "past its limit",
+            Self::MissedDeadline => "missed deadline",
+            Self::StaleSetPoint => "stale set-point",
+        })
+    }
+}
+
+/// Where it is wrong; joints count from 0 at the palm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Channel {
+    /// The tendon that pulls this joint to positive angles.
+    Flexor(usize),
+    /// The antagonist of this joint.
+    Extensor(usize),
+    /// This joint.
+    Joint(usize),
+    /// The finger as a whole.
+    Finger,
+}
+
+impl Channel {
+    /// The two tendons of a joint.
+    pub(super) const fn tendons(joint: usize) -> Pair<Self> {
+        Pair {
+            flexor: Self::Flexor(joint),
+            extensor: Self::Extensor(joint),
+        }
+    }
+}
+
+impl fmt::Display for Channel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Flexor(joint) => write!(f, "the flexor of joint {joint}"),
+            Self::Extensor(joint) => write!(f, "the extensor of joint {joint}"),
+            Self::Joint(joint) => write!(f, "joint {joint}"),
+            Self::Finger => f.write_str("the finger"),
+        }
+    }
+}
+
+/// A fault, with the value that showed it.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("{channel}: {code} ({value})")]
+pub struct Fault {
+    /// What is wrong.
+    pub code: FaultCode,
+    /// Where.
+    pub channel: Channel,
+    /// The value of the sample that made it a fault: N of a tendon, rad of a joint, s of time; of
+    /// [`Tracking`](FaultCode::Tracking), what is desired less what is measured.
+    pub value: f64,
+}
+
+/// Some codes, each at most once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FaultSet(u16);
+
+impl FaultSet {
+    /// Whether there is none.
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether this one is among them.
+    #[must_use]
+    pub const fn contains(self, code: FaultCode) -> bool {
+        self.0 & code.bit() != 0
+    }
+
+    /// One bit for each code, by its number: for a message.
+    #[must_use]
+    pub const fn bits(self) -> u16 {
+        self.0
+    }
+
+    /// They, by number.
+    pub fn iter(self) -> impl Iterator<Item = FaultCode> {
+        FaultCode::ALL
+            .into_iter()
+            .filter(move |&code| self.contains(code))
+    }
+
+    /// Adds one; false if it was there.
+    pub(super) const fn insert(&mut self, code: FaultCode) -> bool {
+        let new = !self.contains(code);
+        self.0 |= code.bit();
+        new
+    }
+}

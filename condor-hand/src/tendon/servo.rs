@@ -1,0 +1,144 @@
+use thiserror::Error;
+
+use crate::control::{Integrator, PidError};
+use crate::math::{Real, clamp, is_finite};
+
+/// The gains of a [`TensionServo`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct TensionGains<T> {
+    /// Of the error, N/N: moves the pole of a first-order actuator from f to f (1 + kt).
+    pub kt: T,
+    /// Of the error's integral, 1/s.
+    pub ki: T,
+    /// Of the error's rate, s.
+    pub kd: T,
+    /// Of the rate of the tendon's length, N s/m: damps against what moves the joint.
+    pub kv: T,
+}
+
+/// A tension servo that cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum TensionServoError {
+    /// A largest tension that is not positive and finite.
+    #[error("the largest tension is {max_n} N; it must be positive")]
+    Max {
+        /// The largest tension, N.
+        max_n: f64,
+    },
+    /// A gain or a sample rate out of place.
+    #[error(transparent)]
+    Law(#[from] PidError),
+}
+
+/// The servo of one tendon, whose actuator follows commands in newtons by itself: the command is
+/// the desired tension, plus what feedback of the error adds.
+///
+/// `u = f + kt e + ki ∫ e dt + kd de/dt - kv ld`, with `e = f - measured` and the rate ld of the
+/// tendon's length, within 0..=`max_n`: an actuator cannot push. The integral does not wind up
+/// while the command is at a limit. The rate of the error is that between two samples; noise is for
+/// a filter before the servo.
+///
+/// With a first-order actuator that holds its command for a sample, `a = exp(-2 pi f / fs)`, the
+/// closed loop has its pole at `a - kt (1 - a)`: it is stable for `kt < (1 + a) / (1 - a)`. With one
+/// sample of delay the characteristic is `z² - a z + kt (1 - a)`, stable for `kt < 1 / (1 - a)`.
+///
+/// Nothing that is not finite comes through: instead of a desired tension, the last one stays in
+/// force; without a measured one, the loop is open but for the integral; without a rate of the
+/// length there is no damping. [`rejected`](TensionServo::rejected) counts such updates.
+#[derive(Clone, Copy, Debug)]
+pub struct TensionServo<T: Real = f64> {
+    gains: TensionGains<T>,
+    integrator: Integrator<T>,
+    max_n: T,
+    period: T,
+    sample_hz: T,
+    desired: T,
+    last_error: Option<T>,
+    rejected: u32,
+}
+
+impl<T: Real> TensionServo<T> {
+    /// A servo at rest: commands up to `max_n` newtons, `sample_hz` times a second.
+    ///
+    /// # Errors
+    /// The first value that is negative or not finite.
+    pub fn new(gains: TensionGains<T>, max_n: T, sample_hz: T) -> Result<Self, TensionServoError> {
+        if !(is_finite(max_n) && max_n > T::zero()) {
+            let max_n = max_n.to_f64();
+            return Err(TensionServoError::Max { max_n });
+        }
+        let mut servo = Self {
+            gains,
+            integrator: Integrator::new(max_n)?,
+            max_n,
+            period: PidError::check_period(sample_hz)?,
+            sample_hz,
+            desired: T::zero(),
+            last_error: None,
+            rejected: 0,
+        };
+        servo.set_gains(gains)?;
+        Ok(servo)
+    }
+
+    /// Changes the gains; what the integral has gathered stays.
+    ///
+    /// # Errors
+    /// The first gain that is negative or not finite; then all stay.
+    pub fn set_gains(&mut self, gains: TensionGains<T>) -> Result<(), TensionServoError> {
+        let TensionGains { kt, ki, kd, kv } = gains;
+        PidError::check_gains(&[("kt", kt), ("ki", ki), ("kd", kd), ("kv", kv)])?;
+        self.gains = gains;
+        Ok(())
+    }
+
+    /// The command in newtons, 0..=`max_n`, for a desired and a measured tension in newtons and
+    /// the rate of the tendon's length in m/s.
+    #[inline]
+    pub fn update(&mut self, desired: T, measured: T, length_rate: T) -> T {
+        let zero = T::zero();
+        let good = is_finite(desired) && is_finite(measured) && is_finite(length_rate);
+        if !good {
+            self.rejected = self.rejected.saturating_add(1);
+        }
+        if is_finite(desired) {
+            self.desired = clamp(desired, zero, self.max_n);
+        }
+        let TensionGains { kt, ki, kd, kv } = self.gains;
+        let damping = if is_finite(length_rate) {
+            kv * length_rate
+        } else {
+            zero
+        };
+        let (error, rate) = if is_finite(measured) {
+            let error = self.desired - measured;
+            let rate = self
+                .last_error
+                .map_or(zero, |last| (error - last) * self.sample_hz);
+            self.last_error = Some(error);
+            (error, rate)
+        } else {
+            self.last_error = None;
+            (zero, zero)
+        };
+        let rest = self.desired + kt * error + kd * rate - damping;
+        let increment = ki * error * self.period;
+        // Products of huge numbers can still overflow; then the actuator gets the open loop.
+        self.integrator
+            .update(rest, increment, zero, self.max_n)
+            .unwrap_or(self.desired)
+    }
+
+    /// Forgets the integral and the last error.
+    pub fn reset(&mut self) {
+        self.integrator.set(T::zero());
+        self.last_error = None;
+    }
+
+    /// How many updates had a number that was not finite.
+    #[must_use]
+    pub fn rejected(&self) -> u32 {
+        self.rejected
+    }
+}

@@ -1,0 +1,464 @@
+use heapless::Deque;
+
+use super::path::Path;
+use super::plan::Planner;
+use super::running::{Mover, Running};
+use super::{
+    Begin, Guard, Limits, LimitsError, Observations, OnEnd, Primitive, PrimitiveError, SetPoint,
+    Target,
+};
+use crate::math::{Real, is_finite};
+
+/// Events that wait to be taken; the oldest are lost first.
+const EVENTS: usize = 32;
+
+/// The set-points of J joints, up to 32, from a queue of up to Q primitives.
+///
+/// A primitive is checked when it is enqueued: as it would run from rest at the place where what is
+/// before it will have left the joints. It can start elsewhere, or moving: after a guard has stopped
+/// another, blended into one, or in place of one. If the limits forbid it from there as it is, it runs
+/// slower, or on segments, and its event says so; it is refused if it cannot run at all. The
+/// set-points of every tick are within the limits of position, velocity and acceleration, and
+/// positions and velocities are continuous, whatever is asked for and whenever.
+///
+/// Joints that nothing moves hold their positions.
+#[derive(Clone, Debug)]
+pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
+    limits: [Limits<T>; J],
+    tick: T,
+    joints: [Mover<T>; J],
+    running: [Option<Running<T>>; J],
+    queue: Deque<(Ticket, Primitive<J, T>), Q>,
+    /// Ticks for which the first of the queue has had its turn.
+    waited: u32,
+    paused: bool,
+    held: bool,
+    next: u32,
+    events: Deque<Event, EVENTS>,
+    lost: u32,
+}
+
+/// The name of a primitive that was accepted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Ticket(pub u32);
+
+/// Something that happened to a primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Event {
+    /// Which one.
+    pub ticket: Ticket,
+    /// What.
+    pub happening: Happening,
+}
+
+/// What can happen to a primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Happening {
+    /// It moves its joints.
+    Started {
+        /// Not as it was asked for, since the limits forbid it from where its joints are.
+        adjusted: bool,
+    },
+    /// It moves them no more.
+    Ended(Ended),
+    /// It was its turn, but it cannot run from where its joints are.
+    Refused(PrimitiveError),
+}
+
+/// Why a primitive has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// It is where it was to go.
+    Reached,
+    /// Its guard has stopped it.
+    Stopped(Guard),
+    /// It was aborted, running or not.
+    Aborted,
+    /// Another has taken the last of its joints.
+    Superseded {
+        /// The other.
+        by: Ticket,
+    },
+}
+
+/// How far a primitive is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress<T> {
+    /// In the queue, with so many before it.
+    Queued {
+        /// How many.
+        before: usize,
+    },
+    /// In motion.
+    Running {
+        /// The part of its time that is over, in 0..=1.
+        fraction: T,
+        /// Its speed as a part of its own; below 1 while it stops or goes on.
+        rate: T,
+    },
+}
+
+impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
+    /// At rest at `positions` (rad), with a tick every `tick_s` seconds.
+    ///
+    /// # Errors
+    ///
+    /// Limits that no joint can have, and what is not finite.
+    pub fn new(limits: [Limits<T>; J], positions: [T; J], tick_s: T) -> Result<Self, LimitsError> {
+        const { assert!(J > 0 && J <= 32, "a mask has 32 bits") };
+        if !(is_finite(tick_s) && tick_s > T::zero()) {
+            let value = tick_s.to_f64();
+            return Err(LimitsError::Tick { value });
+        }
+        for (joint, limits) in limits.iter().enumerate() {
+            limits.validate(joint)?;
+        }
+        let mut joints = limits.map(|limits| Mover {
+            state: SetPoint::rest(limits.low),
+            path: Path::Still(limits.low),
+            limits,
+        });
+        place(&mut joints, &positions)?;
+        Ok(Self {
+            limits,
+            tick: tick_s,
+            joints,
+            running: [const { None }; J],
+            queue: Deque::new(),
+            waited: 0,
+            paused: false,
+            held: false,
+            next: 0,
+            events: Deque::new(),
+            lost: 0,
+        })
+    }
+
+    /// Puts a primitive at the end of the queue.
+    ///
+    /// # Errors
+    ///
+    /// What it says wrong, the first joint that would leave its limits, a full queue.
+    pub fn enqueue(&mut self, primitive: Primitive<J, T>) -> Result<Ticket, PrimitiveError> {
+        primitive.check()?;
+        let starts = if primitive.begin == Begin::Now && self.queue.is_empty() {
+            self.set_points()
+                .map(|point| SetPoint::rest(point.position))
+        } else {
+            self.foreseen()
+        };
+        let planner = Planner {
+            primitive: &primitive,
+            starts: &starts,
+            limits: &self.limits,
+            tick: self.tick,
+        };
+        planner.asked()?;
+        let ticket = Ticket(self.next);
+        self.queue
+            .push_back((ticket, primitive))
+            .map_err(|_| PrimitiveError::Full { capacity: Q })?;
+        self.next = self.next.wrapping_add(1);
+        Ok(ticket)
+    }
+
+    /// Slows all motion down to a stop, on its paths; nothing starts.
+    pub fn pause(&mut self) {
+        self.paused = true;
+    }
+
+    /// Goes on after a pause.
+    pub fn resume(&mut self) {
+        self.paused = false;
+    }
+
+    /// Whether it is to be paused; motion may still slow down.
+    #[must_use]
+    pub fn is_paused(&self) -> bool {
+        self.paused
+    }
+
+    /// Slows all motion down to a stop and forgets it, with all that is in the queue.
+    pub fn abort(&mut self) {
+        for running in self.running.iter_mut().flatten() {
+            running.ending = Some(Ended::Aborted);
+        }
+        while let Some((ticket, _)) = self.queue.pop_front() {
+            self.report(ticket, Happening::Ended(Ended::Aborted));
+        }
+        self.waited = 0;
+        self.held = false;
+    }
+
+    /// Starts the next primitive after one with [`OnEnd::Hold`].
+    pub fn proceed(&mut self) {
+        self.held = false;
+    }
+
+    /// Whether it waits for [`Generator::proceed`].
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.held
+    }
+
+    /// Forgets all motion at once and is at rest at `positions` (rad): for servos that are off.
+    ///
+    /// # Errors
+    ///
+    /// A position that is not finite; nothing has changed then.
+    pub fn reset(&mut self, positions: [T; J]) -> Result<(), LimitsError> {
+        place(&mut self.joints, &positions)?;
+        for slot in 0..J {
+            let taken = self.running.get_mut(slot).and_then(Option::take);
+            if let Some(running) = taken {
+                self.report(running.ticket, Happening::Ended(Ended::Aborted));
+            }
+        }
+        self.abort();
+        Ok(())
+    }
+
+    /// The set-points one tick later.
+    pub fn tick(&mut self, seen: &Observations<J, T>) -> [SetPoint<T>; J] {
+        self.start(seen);
+        for (joint, mover) in self.joints.iter_mut().enumerate() {
+            if !self
+                .running
+                .iter()
+                .flatten()
+                .any(|running| running.moves(joint))
+            {
+                mover.state = SetPoint::rest(mover.state.position);
+            }
+        }
+        for slot in 0..J {
+            self.advance(slot, seen);
+        }
+        self.set_points()
+    }
+
+    /// The present set-points.
+    #[must_use]
+    pub fn set_points(&self) -> [SetPoint<T>; J] {
+        self.joints.each_ref().map(|mover| mover.state)
+    }
+
+    /// Nothing moves and nothing waits.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.queue.is_empty() && self.running.iter().all(Option::is_none)
+    }
+
+    /// How many primitives wait.
+    #[must_use]
+    pub fn queued(&self) -> usize {
+        self.queue.len()
+    }
+
+    /// How far a primitive is; `None` for one that has ended.
+    #[must_use]
+    pub fn progress(&self, ticket: Ticket) -> Option<Progress<T>> {
+        let mut running = self.running.iter().flatten();
+        if let Some(running) = running.find(|running| running.ticket == ticket) {
+            return Some(Progress::Running {
+                fraction: running.at / running.duration,
+                rate: running.rate,
+            });
+        }
+        let before = self
+            .queue
+            .iter()
+            .position(|(queued, _)| *queued == ticket)?;
+        Some(Progress::Queued { before })
+    }
+
+    /// The oldest event that has not been taken.
+    pub fn take_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// How many events were lost since nobody took them.
+    #[must_use]
+    pub fn lost_events(&self) -> u32 {
+        self.lost
+    }
+
+    fn report(&mut self, ticket: Ticket, happening: Happening) {
+        if self.events.is_full() {
+            self.events.pop_front();
+            self.lost = self.lost.saturating_add(1);
+        }
+        // There is a place now.
+        let _ = self.events.push_back(Event { ticket, happening });
+    }
+
+    /// Where the joints will rest after all that runs and waits.
+    fn foreseen(&self) -> [SetPoint<T>; J] {
+        let mut ends = self
+            .set_points()
+            .map(|point| SetPoint::rest(point.position));
+        for running in self.running.iter().flatten() {
+            if running.ending.is_some() {
+                continue;
+            }
+            for (joint, (end, mover)) in ends.iter_mut().zip(&self.joints).enumerate() {
+                if running.moves(joint) {
+                    end.position = mover.path.at(running.duration).position;
+                }
+            }
+        }
+        for (_, primitive) in &self.queue {
+            for (joint, target) in primitive.joints() {
+                if let Some(end) = ends.get_mut(joint) {
+                    end.position = match target {
+                        Target::Absolute(position) => position,
+                        Target::Relative(by) => end.position + by,
+                    };
+                }
+            }
+        }
+        ends
+    }
+
+    /// Starts all that may start, from the head of the queue.
+    fn start(&mut self, seen: &Observations<J, T>) {
+        while !self.paused && !self.held {
+            let Some((_, first)) = self.queue.front() else {
+                return;
+            };
+            if !self.is_turn_of(first) {
+                return;
+            }
+            let waited = self.seconds(self.waited);
+            if !first.start.is_none() && first.start.holds(first.mask, waited, seen).is_none() {
+                self.waited = self.waited.saturating_add(1);
+                return;
+            }
+            self.waited = 0;
+            let Some((ticket, primitive)) = self.queue.pop_front() else {
+                return;
+            };
+            match self.launch(ticket, &primitive) {
+                Ok(adjusted) => self.report(ticket, Happening::Started { adjusted }),
+                Err(error) => self.report(ticket, Happening::Refused(error)),
+            }
+        }
+    }
+
+    fn seconds(&self, ticks: u32) -> T {
+        T::of(f64::from(ticks)) * self.tick
+    }
+
+    fn is_turn_of(&self, primitive: &Primitive<J, T>) -> bool {
+        self.running.iter().flatten().all(|running| {
+            let waits = match primitive.begin {
+                Begin::Now => false,
+                Begin::Beside => running.mask & primitive.mask != 0,
+                Begin::After => true,
+            };
+            let blends = running.ending.is_none()
+                && running.on_end == OnEnd::Next
+                && primitive.blend > T::zero()
+                && running.remaining() <= primitive.blend;
+            !waits || blends
+        })
+    }
+
+    fn launch(
+        &mut self,
+        ticket: Ticket,
+        primitive: &Primitive<J, T>,
+    ) -> Result<bool, PrimitiveError> {
+        let starts = self.set_points();
+        let planner = Planner {
+            primitive,
+            starts: &starts,
+            limits: &self.limits,
+            tick: self.tick,
+        };
+        let plan = planner.possible()?;
+        for (joint, _) in primitive.joints() {
+            // The plan has made each of these paths once, so none fails half-way.
+            let path = planner.path(joint, &plan)?;
+            if let Some(mover) = self.joints.get_mut(joint) {
+                mover.path = path;
+            }
+        }
+        for slot in 0..J {
+            self.supersede(slot, primitive.mask, ticket);
+        }
+        let running = Running {
+            ticket,
+            mask: primitive.mask,
+            at: T::zero(),
+            rate: T::one(),
+            duration: plan.duration,
+            ticks: 0,
+            stop: primitive.stop,
+            on_end: primitive.on_end,
+            ending: None,
+        };
+        // Each one that runs has a joint of its own, so with J places one is free.
+        let free = self.running.iter_mut().find(|slot| slot.is_none());
+        let Some(free) = free else {
+            return Err(PrimitiveError::Full { capacity: J });
+        };
+        *free = Some(running);
+        Ok(plan.adjusted)
+    }
+
+    fn supersede(&mut self, slot: usize, mask: u32, by: Ticket) {
+        let Some(place) = self.running.get_mut(slot) else {
+            return;
+        };
+        let Some(running) = place else {
+            return;
+        };
+        running.mask &= !mask;
+        if running.mask == 0 {
+            let old = running.ticket;
+            *place = None;
+            self.report(old, Happening::Ended(Ended::Superseded { by }));
+        }
+    }
+
+    fn advance(&mut self, slot: usize, seen: &Observations<J, T>) {
+        let Some(mut running) = self.running.get_mut(slot).and_then(Option::take) else {
+            return;
+        };
+        if running.ending.is_none() {
+            let elapsed = self.seconds(running.ticks);
+            let guard = running.stop.may_hold(running.mask, elapsed, seen);
+            running.ending = guard.map(Ended::Stopped);
+        }
+        let ended = running.advance(&mut self.joints, self.tick, self.paused);
+        let Some(ended) = ended else {
+            if let Some(place) = self.running.get_mut(slot) {
+                *place = Some(running);
+            }
+            return;
+        };
+        if ended != Ended::Aborted {
+            self.held |= running.on_end == OnEnd::Hold;
+        }
+        self.report(running.ticket, Happening::Ended(ended));
+    }
+}
+
+/// Puts the joints at rest at these positions, if all of them are finite.
+fn place<const J: usize, T: Real>(
+    joints: &mut [Mover<T>; J],
+    positions: &[T; J],
+) -> Result<(), LimitsError> {
+    for (joint, &position) in positions.iter().enumerate() {
+        if !is_finite(position) {
+            let value = position.to_f64();
+            return Err(LimitsError::Start { joint, value });
+        }
+    }
+    for (mover, &position) in joints.iter_mut().zip(positions) {
+        mover.state = SetPoint::rest(position);
+        mover.path = Path::Still(position);
+    }
+    Ok(())
+}

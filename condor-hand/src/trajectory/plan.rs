@@ -1,0 +1,313 @@
+//! From a primitive and the states that it starts from to a path for each joint.
+
+use heapless::Vec;
+
+use super::path::{KNOTS, Path};
+use super::{
+    Bounds, Limits, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfileError, Quantity,
+    Segments, SetPoint, Spline, Target,
+};
+use crate::math::{Real, max, min, real, sqrt};
+
+/// One primitive at the moment of its start, real or foreseen.
+pub(super) struct Planner<'a, const J: usize, T: Real> {
+    pub(super) primitive: &'a Primitive<J, T>,
+    pub(super) starts: &'a [SetPoint<T>; J],
+    pub(super) limits: &'a [Limits<T>; J],
+    /// No motion is shorter than a tick, s.
+    pub(super) tick: T,
+}
+
+/// How the joints of a primitive will move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Plan<T> {
+    shape: Shape,
+    pub(super) duration: T,
+    /// Not as the primitive says, since the limits forbid it from where the joints are.
+    pub(super) adjusted: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Shape {
+    /// The primitive's own profile.
+    Asked,
+    /// Whichever segments keep the limits.
+    Safe,
+}
+
+/// A joint with its state, limits and target.
+struct Joint<'a, T: Real> {
+    number: usize,
+    start: SetPoint<T>,
+    limits: &'a Limits<T>,
+    end: T,
+}
+
+impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
+    /// As the primitive says, or the first joint that cannot do it.
+    pub(super) fn asked(&self) -> Result<Plan<T>, PrimitiveError> {
+        self.targets()?;
+        let plan = Plan {
+            shape: Shape::Asked,
+            duration: match self.primitive.pace {
+                Pace::Duration(duration) => duration,
+                Pace::Speed(speed) => self.least(speed)?,
+            },
+            adjusted: false,
+        };
+        self.check(plan)
+    }
+
+    /// As the primitive says; else slower; else with segments, which always keep the limits if no
+    /// via points ask for more.
+    pub(super) fn possible(&self) -> Result<Plan<T>, PrimitiveError> {
+        let refused = match self.asked() {
+            Ok(plan) => return Ok(plan),
+            Err(refused) => refused,
+        };
+        self.targets()?;
+        let mut duration = self.least(T::one()).map_err(|_| refused)?;
+        if let Pace::Duration(asked) = self.primitive.pace {
+            duration = max(duration, asked);
+        }
+        for _ in 0..8 {
+            let slower = self.check(Plan {
+                shape: Shape::Asked,
+                duration,
+                adjusted: true,
+            });
+            if slower.is_ok() {
+                return slower;
+            }
+            duration *= real::<T>(1.25);
+        }
+        if !self.primitive.vias.is_empty() {
+            return Err(refused);
+        }
+        let mut plan = Plan {
+            shape: Shape::Safe,
+            duration: self.tick,
+            adjusted: true,
+        };
+        for joint in self.joints() {
+            plan.duration = max(plan.duration, joint.safe(self.tick)?.duration());
+        }
+        Ok(plan)
+    }
+
+    /// The path of one joint in a plan that has been made.
+    pub(super) fn path(&self, number: usize, plan: &Plan<T>) -> Result<Path<T>, PrimitiveError> {
+        let mut joints = self.joints();
+        let Some(joint) = joints.find(|joint| joint.number == number) else {
+            return Err(PrimitiveError::Joint {
+                joint: number,
+                joints: J,
+            });
+        };
+        match plan.shape {
+            Shape::Asked => self.shaped(&joint, plan.duration),
+            Shape::Safe => joint.safe(plan.duration),
+        }
+    }
+
+    fn joints(&self) -> impl Iterator<Item = Joint<'a, T>> + '_ {
+        let states = self.starts.iter().zip(self.limits);
+        self.primitive.joints().filter_map(move |(number, target)| {
+            let (start, limits) = states.clone().nth(number)?;
+            let end = match target {
+                Target::Absolute(position) => position,
+                Target::Relative(by) => start.position + by,
+            };
+            Some(Joint {
+                number,
+                start: *start,
+                limits,
+                end,
+            })
+        })
+    }
+
+    fn targets(&self) -> Result<(), PrimitiveError> {
+        self.joints().try_for_each(|joint| joint.check_target())
+    }
+
+    fn check(&self, plan: Plan<T>) -> Result<Plan<T>, PrimitiveError> {
+        for joint in self.joints() {
+            joint.check(&self.shaped(&joint, plan.duration)?)?;
+        }
+        Ok(plan)
+    }
+
+    /// The least duration from rest with which all joints keep a fraction of their limits.
+    fn least(&self, speed: T) -> Result<T, PrimitiveError> {
+        let mut duration = self.tick;
+        for mut joint in self.joints() {
+            let needed = if let Some(bounds) = joint.bounds(self.primitive.profile, speed) {
+                joint.fastest(&bounds)?.duration()
+            } else {
+                // Velocity goes with 1 / duration, acceleration with its square.
+                joint.start = SetPoint::rest(joint.start.position);
+                let peaks = self.shaped(&joint, T::one())?.peaks();
+                let limits = joint.limits;
+                let velocity = peaks.velocity / (speed * limits.velocity);
+                max(velocity, sqrt(peaks.acceleration / limits.acceleration))
+            };
+            duration = max(duration, needed);
+        }
+        Ok(duration)
+    }
+
+    /// The primitive's own profile for one joint.
+    fn shaped(&self, joint: &Joint<T>, duration: T) -> Result<Path<T>, PrimitiveError> {
+        let end = SetPoint::rest(joint.end);
+        if !self.primitive.vias.is_empty() {
+            return self.spline(joint, duration);
+        }
+        match self.primitive.profile {
+            Profile::Cubic => Polynomial::cubic(&joint.start, &end, duration).map(Path::Polynomial),
+            Profile::MinimumJerk => {
+                Polynomial::quintic(&joint.start, &end, duration).map(Path::Polynomial)
+            }
+            profile @ (Profile::Trapezoid | Profile::JerkLimited) => {
+                let speed = match self.primitive.pace {
+                    Pace::Speed(speed) => speed,
+                    Pace::Duration(_) => T::one(),
+                };
+                let Some(bounds) = joint.bounds(profile, speed) else {
+                    return Err(joint.failed(ProfileError::NotFinite));
+                };
+                return joint.together(&bounds, duration).map(Path::Segments);
+            }
+        }
+        .map_err(|error| joint.failed(error))
+    }
+
+    fn spline(&self, joint: &Joint<T>, duration: T) -> Result<Path<T>, PrimitiveError> {
+        let mut times: Vec<T, KNOTS> = Vec::new();
+        let mut positions: Vec<T, KNOTS> = Vec::new();
+        let target = self.primitive.targets.get(joint.number);
+        let origin = match target {
+            Some(Target::Relative(_)) => joint.start.position,
+            _ => T::zero(),
+        };
+        let vias = self.primitive.vias.iter().filter_map(|via| {
+            let position = via.positions.get(joint.number)?;
+            Some((via.at * duration, origin + *position))
+        });
+        let ends = ((T::zero(), joint.start.position), (duration, joint.end));
+        for (time, position) in [ends.0].into_iter().chain(vias).chain([ends.1]) {
+            // There are two knots more than via points fit.
+            let _ = times.push(time);
+            let _ = positions.push(position);
+        }
+        Spline::clamped(&times, &positions, (joint.start.velocity, T::zero()))
+            .map(Path::Spline)
+            .map_err(|error| joint.failed(error))
+    }
+}
+
+impl<T: Real> Joint<'_, T> {
+    fn failed(&self, error: ProfileError) -> PrimitiveError {
+        PrimitiveError::Profile {
+            joint: self.number,
+            error,
+        }
+    }
+
+    /// What a profile of segments may use; `None` for one that has none.
+    fn bounds(&self, profile: Profile, speed: T) -> Option<Bounds<T>> {
+        let jerk = match profile {
+            Profile::Cubic | Profile::MinimumJerk => return None,
+            Profile::Trapezoid => None,
+            Profile::JerkLimited => Some(self.limits.jerk),
+        };
+        Some(Bounds {
+            velocity: speed * self.limits.velocity,
+            acceleration: self.limits.acceleration,
+            jerk,
+        })
+    }
+
+    fn fastest(&self, bounds: &Bounds<T>) -> Result<Segments<T>, PrimitiveError> {
+        Segments::fastest(&self.start, self.end, bounds).map_err(|error| self.failed(error))
+    }
+
+    /// In exactly `duration` if a moving state allows that, else as fast as it can.
+    fn together(&self, bounds: &Bounds<T>, duration: T) -> Result<Segments<T>, PrimitiveError> {
+        match Segments::lasting(&self.start, self.end, bounds, duration) {
+            Err(ProfileError::Blocked { .. }) => self.fastest(bounds),
+            other => other.map_err(|error| self.failed(error)),
+        }
+    }
+
+    /// Segments that keep the limits: with limited jerk if the range leaves room for that.
+    ///
+    /// The last resort is the hardest braking there is. Wherever the joint comes from, it could have
+    /// stopped in its range, so it does with this.
+    fn safe(&self, duration: T) -> Result<Path<T>, PrimitiveError> {
+        let mut refused = None;
+        for profile in [Profile::JerkLimited, Profile::Trapezoid] {
+            let Some(bounds) = self.bounds(profile, T::one()) else {
+                continue;
+            };
+            let together = Segments::lasting(&self.start, self.end, &bounds, duration)
+                .map_err(|error| self.failed(error));
+            for segments in [together, self.fastest(&bounds)] {
+                let path = segments.map(Path::Segments);
+                match path.and_then(|path| self.check(&path).map(|()| path)) {
+                    Ok(path) => return Ok(path),
+                    Err(error) => refused = Some(error),
+                }
+            }
+        }
+        Err(refused.unwrap_or(self.failed(ProfileError::NotFinite)))
+    }
+
+    fn check_target(&self) -> Result<(), PrimitiveError> {
+        if self.limits.low <= self.end && self.end <= self.limits.high {
+            return Ok(());
+        }
+        Err(self.beyond(self.end))
+    }
+
+    fn beyond(&self, value: T) -> PrimitiveError {
+        PrimitiveError::Position {
+            joint: self.number,
+            value: value.to_f64(),
+            low: self.limits.low.to_f64(),
+            high: self.limits.high.to_f64(),
+        }
+    }
+
+    /// Whether a path keeps the limits, but for rounding; a joint may come back from outside of its range.
+    fn check(&self, path: &Path<T>) -> Result<(), PrimitiveError> {
+        let peaks = path.peaks();
+        let limits = self.limits;
+        let share = real::<T>(1024.0) * T::default_epsilon();
+        let slack = (limits.high - limits.low) * share;
+        if !(peaks.low >= min(limits.low, self.start.position) - slack) {
+            return Err(self.beyond(peaks.low));
+        }
+        if !(peaks.high <= max(limits.high, self.start.position) + slack) {
+            return Err(self.beyond(peaks.high));
+        }
+        for (quantity, value, limit) in [
+            (Quantity::Velocity, peaks.velocity, limits.velocity),
+            (
+                Quantity::Acceleration,
+                peaks.acceleration,
+                limits.acceleration,
+            ),
+        ] {
+            if !(value <= limit + limit * share) {
+                return Err(PrimitiveError::Rate {
+                    joint: self.number,
+                    quantity,
+                    value: value.to_f64(),
+                    limit: limit.to_f64(),
+                });
+            }
+        }
+        Ok(())
+    }
+}

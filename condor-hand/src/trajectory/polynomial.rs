@@ -1,0 +1,132 @@
+use super::root::{derivative, evaluate, sign_changes};
+use super::{Peaks, ProfileError, SetPoint};
+use crate::math::{Real, abs, clamp, is_finite, real};
+
+/// A polynomial of time of degree 3 or 5 between two states.
+///
+/// Kept in `s = t / duration`, so that its coefficients are all positions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Polynomial<T: Real> {
+    coefficients: [T; 6],
+    duration: T,
+    /// Position and velocity at the end, to the last digit.
+    end: (T, T),
+}
+
+impl<T: Real> Polynomial<T> {
+    /// The cubic Hermite polynomial: positions and velocities at both ends; accelerations are what
+    /// they become.
+    ///
+    /// # Errors
+    ///
+    /// A duration in s that is not above zero, and what is not finite.
+    pub fn cubic(
+        start: &SetPoint<T>,
+        end: &SetPoint<T>,
+        duration: T,
+    ) -> Result<Self, ProfileError> {
+        let dx = end.position - start.position;
+        let (w0, w1) = (start.velocity * duration, end.velocity * duration);
+        let zero = T::zero();
+        let c2 = real::<T>(3.0) * dx - real::<T>(2.0) * w0 - w1;
+        let c3 = w0 + w1 - real::<T>(2.0) * dx;
+        Self::checked([start.position, w0, c2, c3, zero, zero], duration, end)
+    }
+
+    /// The quintic polynomial: positions, velocities and accelerations at both ends. Of all motions
+    /// between these states it has the least integral of squared jerk.
+    ///
+    /// # Errors
+    ///
+    /// A duration in s that is not above zero, and what is not finite.
+    pub fn quintic(
+        start: &SetPoint<T>,
+        end: &SetPoint<T>,
+        duration: T,
+    ) -> Result<Self, ProfileError> {
+        let k = real::<T>;
+        let dx = end.position - start.position;
+        let (w0, w1) = (start.velocity * duration, end.velocity * duration);
+        let square = duration * duration;
+        let (b0, b1) = (start.acceleration * square, end.acceleration * square);
+        let half = k(0.5);
+        let c3 = (k(20.0) * dx - (k(8.0) * w1 + k(12.0) * w0) - (k(3.0) * b0 - b1)) * half;
+        let c4 = (k(14.0) * w1 + k(16.0) * w0 - k(30.0) * dx + (k(3.0) * b0 - k(2.0) * b1)) * half;
+        let c5 = (k(12.0) * dx - k(6.0) * (w1 + w0) + (b1 - b0)) * half;
+        Self::checked([start.position, w0, b0 * half, c3, c4, c5], duration, end)
+    }
+
+    /// From rest to rest with the least squared jerk, the profile of human reaches: T. Flash and
+    /// N. Hogan, "The coordination of arm movements", 1985.
+    ///
+    /// # Errors
+    ///
+    /// A duration in s that is not above zero, and what is not finite.
+    pub fn minimum_jerk(start: T, end: T, duration: T) -> Result<Self, ProfileError> {
+        Self::quintic(&SetPoint::rest(start), &SetPoint::rest(end), duration)
+    }
+
+    fn checked(coefficients: [T; 6], duration: T, end: &SetPoint<T>) -> Result<Self, ProfileError> {
+        if !(duration > T::zero()) {
+            let duration = duration.to_f64();
+            return Err(ProfileError::Duration { duration });
+        }
+        // Sums and derivatives of what is this small cannot overflow. A duration whose square
+        // vanishes would make every acceleration infinite.
+        let largest = coefficients
+            .iter()
+            .fold(T::zero(), |sum, &c| sum + abs(c) * real::<T>(64.0));
+        let acceleration = largest / (duration * duration);
+        if !(is_finite(largest) && is_finite(largest / duration) && is_finite(acceleration)) {
+            return Err(ProfileError::NotFinite);
+        }
+        Ok(Self {
+            coefficients,
+            duration,
+            end: (end.position, end.velocity),
+        })
+    }
+
+    /// How long it lasts, s.
+    #[must_use]
+    pub fn duration(&self) -> T {
+        self.duration
+    }
+
+    /// The set-point `t` seconds after the beginning; before and after it, that of the nearer end.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, t: T) -> SetPoint<T> {
+        let mut point = self.point(clamp(t / self.duration, T::zero(), T::one()));
+        if t >= self.duration {
+            (point.position, point.velocity) = self.end;
+        }
+        point
+    }
+
+    fn point(&self, s: T) -> SetPoint<T> {
+        let first = derivative(&self.coefficients);
+        let second = derivative(&first);
+        SetPoint {
+            position: evaluate(&self.coefficients, s),
+            velocity: evaluate(&first, s) / self.duration,
+            acceleration: evaluate(&second, s) / (self.duration * self.duration),
+        }
+    }
+
+    /// Its extremes, found where the next derivative changes its sign.
+    #[must_use]
+    pub fn peaks(&self) -> Peaks<T> {
+        let mut peaks = Peaks::of(&self.point(T::zero()));
+        peaks.include(&Peaks::of(&self.point(T::one())));
+        let velocity = derivative(&self.coefficients);
+        let acceleration = derivative(&velocity);
+        let jerk = derivative(&acceleration);
+        for (function, degree) in [(velocity, 4), (acceleration, 3), (jerk, 2)] {
+            for s in sign_changes(&function, degree) {
+                peaks.include(&Peaks::of(&self.point(s)));
+            }
+        }
+        peaks
+    }
+}

@@ -1,0 +1,437 @@
+use super::root::bracketed;
+use super::{Peaks, ProfileError, SetPoint};
+use crate::math::{Real, abs, clamp, is_finite, max, min, real, sqrt};
+
+/// What a profile of segments may use of a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds<T> {
+    /// Speed to both sides, rad/s.
+    pub velocity: T,
+    /// Acceleration to both sides, rad/s².
+    pub acceleration: T,
+    /// Jerk to both sides, rad/s³; without it acceleration may jump: a trapezoid of velocity.
+    pub jerk: Option<T>,
+}
+
+/// Up to seven segments of constant jerk that end at rest: a trapezoid of velocity, or one with
+/// rounded corners.
+///
+/// To reach its end it changes to one velocity, keeps it, and changes to zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segments<T: Real> {
+    start: SetPoint<T>,
+    pieces: [Piece<T>; 7],
+    end: T,
+    duration: T,
+}
+
+/// One segment: its duration, the acceleration it begins with, and its jerk.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Piece<T> {
+    duration: T,
+    acceleration: T,
+    jerk: T,
+}
+
+impl<T: Real> Piece<T> {
+    fn nothing() -> Self {
+        Self {
+            duration: T::zero(),
+            acceleration: T::zero(),
+            jerk: T::zero(),
+        }
+    }
+
+    /// The state `t` seconds after this one, in this segment.
+    #[inline]
+    fn after(&self, state: &SetPoint<T>, t: T) -> SetPoint<T> {
+        let acceleration = self.acceleration + self.jerk * t;
+        let mean = (self.acceleration + acceleration) * real::<T>(0.5);
+        let cubic = self.acceleration * real::<T>(0.5) + self.jerk * t * real::<T>(1.0 / 6.0);
+        SetPoint {
+            position: state.position + (state.velocity + cubic * t) * t,
+            velocity: state.velocity + mean * t,
+            acceleration,
+        }
+    }
+
+    fn end(&self, state: &SetPoint<T>) -> SetPoint<T> {
+        self.after(state, self.duration)
+    }
+}
+
+impl<T: Real> Bounds<T> {
+    fn check(&self) -> Result<(), ProfileError> {
+        let jerk = self.jerk.unwrap_or(T::one());
+        for bound in [self.velocity, self.acceleration, jerk] {
+            if !(bound > T::zero() && is_finite(bound)) {
+                let bound = bound.to_f64();
+                return Err(ProfileError::Bound { bound });
+            }
+        }
+        Ok(())
+    }
+
+    /// The fastest change of velocity to `to` with no acceleration at its end.
+    fn change(&self, velocity: T, acceleration: T, to: T) -> [Piece<T>; 3] {
+        let nothing = Piece::nothing();
+        let half = real::<T>(0.5);
+        let Some(jerk) = self.jerk else {
+            let dv = to - velocity;
+            let acceleration = if dv < T::zero() {
+                -self.acceleration
+            } else {
+                self.acceleration
+            };
+            let duration = dv / acceleration;
+            return [
+                Piece {
+                    duration,
+                    acceleration,
+                    jerk: T::zero(),
+                },
+                nothing,
+                nothing,
+            ];
+        };
+        let dv = to - velocity;
+        let along = if dv < acceleration * abs(acceleration) * half / jerk {
+            -T::one()
+        } else {
+            T::one()
+        };
+        let (rise, first) = (dv * along, acceleration * along);
+        // The area under the acceleration is `(peak² - first²) / 2j + peak² / 2j`.
+        let mut peak = sqrt(jerk * rise + first * first * half);
+        let mut flat = T::zero();
+        if peak > self.acceleration {
+            peak = self.acceleration;
+            flat = (rise - (peak * peak - first * first * half) / jerk) / peak;
+        }
+        [
+            Piece {
+                duration: max((peak - first) / jerk, T::zero()),
+                acceleration,
+                jerk: along * jerk,
+            },
+            Piece {
+                duration: max(flat, T::zero()),
+                acceleration: along * peak,
+                jerk: T::zero(),
+            },
+            Piece {
+                duration: peak / jerk,
+                acceleration: along * peak,
+                jerk: -along * jerk,
+            },
+        ]
+    }
+
+    /// The acceleration from which the velocity bound can still be kept.
+    fn admissible(&self, start: &SetPoint<T>) -> T {
+        let Some(jerk) = self.jerk else {
+            return T::zero();
+        };
+        let twice = real::<T>(2.0) * jerk;
+        let up = sqrt(twice * (self.velocity - start.velocity));
+        let down = sqrt(twice * (self.velocity + start.velocity));
+        clamp(
+            start.acceleration,
+            -min(down, self.acceleration),
+            min(up, self.acceleration),
+        )
+    }
+}
+
+/// A start at position zero whose end lies in the positive direction from where braking ends.
+struct Case<'a, T: Real> {
+    bounds: &'a Bounds<T>,
+    velocity: T,
+    acceleration: T,
+    distance: T,
+}
+
+/// How far and how long to reach a velocity and then to brake to rest.
+struct Via<T> {
+    distance: T,
+    duration: T,
+}
+
+impl<T: Real> Case<'_, T> {
+    fn pieces(&self, peak: T) -> ([Piece<T>; 3], [Piece<T>; 3]) {
+        (
+            self.bounds.change(self.velocity, self.acceleration, peak),
+            self.bounds.change(peak, T::zero(), T::zero()),
+        )
+    }
+
+    fn via(&self, peak: T) -> Via<T> {
+        let (first, last) = self.pieces(peak);
+        let mut state = SetPoint {
+            position: T::zero(),
+            velocity: self.velocity,
+            acceleration: T::zero(),
+        };
+        let mut duration = T::zero();
+        for piece in first.iter().chain(&last) {
+            state = piece.end(&state);
+            duration += piece.duration;
+        }
+        Via {
+            distance: state.position,
+            duration,
+        }
+    }
+
+    /// The velocity at which jerk alone takes the acceleration away.
+    fn natural(&self) -> T {
+        let Some(jerk) = self.bounds.jerk else {
+            return self.velocity;
+        };
+        self.velocity + self.acceleration * abs(self.acceleration) / (real::<T>(2.0) * jerk)
+    }
+
+    /// The velocity to reach for the end to be just met.
+    fn fastest(&self) -> T {
+        let limit = self.bounds.velocity;
+        let short = |peak: T| self.via(peak).distance - self.distance;
+        if !(short(limit) > T::zero()) {
+            return limit;
+        }
+        let natural = clamp(self.natural(), T::zero(), limit);
+        if short(natural) > T::zero() {
+            bracketed(T::zero(), natural, short)
+        } else {
+            bracketed(natural, limit, short)
+        }
+    }
+
+    /// The velocity to keep for the end to be met after exactly `duration`, up to `fastest`.
+    fn lasting(&self, duration: T, fastest: T) -> T {
+        if self.bounds.jerk.is_none() && self.velocity == T::zero() {
+            // The smaller root of `v² - a T v + a d = 0`, in the form that keeps all digits.
+            let square =
+                duration * duration - real::<T>(4.0) * self.distance / self.bounds.acceleration;
+            let peak = real::<T>(2.0) * self.distance / (duration + sqrt(square));
+            return min(peak, fastest);
+        }
+        // In the form `(time left) * v - (way left)`, which has no pole at rest.
+        bracketed(T::zero(), fastest, |peak| {
+            let via = self.via(peak);
+            (duration - via.duration) * peak - (self.distance - via.distance)
+        })
+    }
+}
+
+impl<T: Real> Segments<T> {
+    /// From any state to rest at `end`, without regard of other joints.
+    ///
+    /// Without a jerk bound this is the fastest motion that there is; the acceleration at the start
+    /// is not used. With one it is the fastest too, unless the joint brakes already, will have to
+    /// turn no more, and could brake later than it does: then it brakes, lets go, and brakes again.
+    ///
+    /// The bounds hold from the start on if the start is within them. A start that must exceed
+    /// the velocity bound, since its acceleration cannot be taken away in time, has the acceleration
+    /// reduced at once. Motion may pass `end` and return if it cannot stop before.
+    ///
+    /// # Errors
+    ///
+    /// What is not finite, and bounds that are not above zero.
+    pub fn fastest(start: &SetPoint<T>, end: T, bounds: &Bounds<T>) -> Result<Self, ProfileError> {
+        Self::plan(start, end, bounds, None)
+    }
+
+    /// The same with a lower velocity, so that it lasts `duration` seconds: how joints arrive
+    /// together.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Segments::fastest`], a duration below that one's, and, from a moving state only,
+    /// a duration that no choice of the velocity gives.
+    pub fn lasting(
+        start: &SetPoint<T>,
+        end: T,
+        bounds: &Bounds<T>,
+        duration: T,
+    ) -> Result<Self, ProfileError> {
+        Self::plan(start, end, bounds, Some(duration))
+    }
+
+    fn plan(
+        start: &SetPoint<T>,
+        end: T,
+        bounds: &Bounds<T>,
+        lasting: Option<T>,
+    ) -> Result<Self, ProfileError> {
+        bounds.check()?;
+        let delta = end - start.position;
+        if !(start.is_finite() && is_finite(delta)) {
+            return Err(ProfileError::NotFinite);
+        }
+        let acceleration = bounds.admissible(start);
+        let mut case = Case {
+            bounds,
+            velocity: start.velocity,
+            acceleration,
+            distance: delta,
+        };
+        let along = if delta < case.via(T::zero()).distance {
+            -T::one()
+        } else {
+            T::one()
+        };
+        case.velocity *= along;
+        case.acceleration *= along;
+        case.distance *= along;
+        let fastest = case.fastest();
+        let least = case.total(fastest);
+        let begin = SetPoint {
+            acceleration,
+            ..*start
+        };
+        let Some(duration) = lasting else {
+            return Self::build(&begin, end, along, &case, fastest, least);
+        };
+        // Rounding must not refuse the slowest of several joints its own duration.
+        let slack = duration * real::<T>(16.0) * T::default_epsilon();
+        if !(duration + slack >= least) {
+            return Err(ProfileError::TooShort {
+                duration: duration.to_f64(),
+                least: least.to_f64(),
+            });
+        }
+        if duration <= least + slack {
+            return Self::build(&begin, end, along, &case, fastest, least);
+        }
+        if case.distance == T::zero() && case.velocity == T::zero() && acceleration == T::zero() {
+            return Self::build(&begin, end, along, &case, T::zero(), duration);
+        }
+        let peak = case.lasting(duration, fastest);
+        let total = case.total(peak);
+        let tolerance = duration * sqrt(T::default_epsilon());
+        if !(abs(total - duration) <= tolerance) {
+            let duration = duration.to_f64();
+            return Err(ProfileError::Blocked { duration });
+        }
+        Self::build(&begin, end, along, &case, peak, total)
+    }
+
+    fn build(
+        start: &SetPoint<T>,
+        end: T,
+        along: T,
+        case: &Case<T>,
+        peak: T,
+        duration: T,
+    ) -> Result<Self, ProfileError> {
+        let (first, last) = case.pieces(peak);
+        let cruise = Piece {
+            duration: case.cruise(peak),
+            ..Piece::nothing()
+        };
+        let [a, b, c] = first;
+        let [d, e, f] = last;
+        let pieces = [a, b, c, cruise, d, e, f].map(|piece| Piece {
+            duration: piece.duration,
+            acceleration: piece.acceleration * along,
+            jerk: piece.jerk * along,
+        });
+        // Terms whose sum is finite leave every state on the way finite.
+        let (mut state, mut sum) = (*start, duration);
+        for piece in &pieces {
+            let t = piece.duration;
+            let change = abs(piece.acceleration) + abs(piece.jerk) * t;
+            let rate = abs(state.velocity) + change * t;
+            sum += change + rate + abs(state.position) + rate * t;
+            state = piece.end(&state);
+        }
+        if !is_finite(sum) {
+            return Err(ProfileError::NotFinite);
+        }
+        Ok(Self {
+            start: *start,
+            pieces,
+            end,
+            duration,
+        })
+    }
+
+    /// How long it lasts, s; zero for what is there already.
+    #[must_use]
+    pub fn duration(&self) -> T {
+        self.duration
+    }
+
+    /// The set-point `t` seconds after the beginning; at rest at the end after it.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, t: T) -> SetPoint<T> {
+        if !(t < self.duration) {
+            return SetPoint::rest(self.end);
+        }
+        let mut left = max(t, T::zero());
+        let mut state = self.start;
+        for piece in &self.pieces {
+            if left < piece.duration {
+                return piece.after(&state, left);
+            }
+            if piece.duration > T::zero() {
+                state = piece.end(&state);
+                left -= piece.duration;
+            }
+        }
+        // The sum of the parts may be less than the whole by rounding, and one that stays has none.
+        SetPoint::rest(self.end)
+    }
+
+    /// Its extremes.
+    #[must_use]
+    pub fn peaks(&self) -> Peaks<T> {
+        let mut peaks = Peaks::of(&self.start);
+        peaks.include(&Peaks::of(&SetPoint::rest(self.end)));
+        let mut state = self.start;
+        for piece in &self.pieces {
+            if !(piece.duration > T::zero()) {
+                continue;
+            }
+            let beginning = piece.after(&state, T::zero());
+            let end = piece.end(&state);
+            peaks.include(&Peaks::of(&beginning));
+            peaks.include(&Peaks::of(&end));
+            // Where acceleration, or velocity, is zero within the segment.
+            let half = real::<T>(0.5);
+            let (a, j) = (piece.acceleration, piece.jerk);
+            let turn = sqrt(a * a - real::<T>(2.0) * j * state.velocity);
+            let q = -(a + if a < T::zero() { -turn } else { turn });
+            for t in [
+                -a / j,
+                q / j,
+                state.velocity / (q * half),
+                half * piece.duration,
+            ] {
+                if t > T::zero() && t < piece.duration {
+                    peaks.include(&Peaks::of(&piece.after(&state, t)));
+                }
+            }
+            state = end;
+        }
+        peaks
+    }
+}
+
+impl<T: Real> Case<'_, T> {
+    fn cruise(&self, peak: T) -> T {
+        let left = self.distance - self.via(peak).distance;
+        // What rounding leaves of a way is not worth a time.
+        let noise = T::default_epsilon() * real::<T>(8.0) * abs(self.distance);
+        if peak > T::zero() && left > noise {
+            left / peak
+        } else {
+            T::zero()
+        }
+    }
+
+    fn total(&self, peak: T) -> T {
+        self.via(peak).duration + self.cruise(peak)
+    }
+}

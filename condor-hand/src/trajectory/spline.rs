@@ -1,0 +1,157 @@
+use heapless::Vec;
+
+use super::{Peaks, Polynomial, ProfileError, SetPoint};
+use crate::math::{Real, is_finite, real};
+
+/// A cubic spline through up to K knots with given velocities at both ends: position, velocity and
+/// acceleration are continuous, and of all such curves its squared acceleration is least.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spline<T: Real, const K: usize> {
+    knots: Vec<Knot<T>, K>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Knot<T> {
+    time: T,
+    position: T,
+    velocity: T,
+}
+
+impl<T: Real, const K: usize> Spline<T, K> {
+    /// Through `positions` (rad) at `times` (s), which rise; velocities (rad/s) at the first and the
+    /// last knot.
+    ///
+    /// The velocities between are the solution of a tridiagonal system, whose diagonal dominates
+    /// (C. de Boor, "A practical guide to splines", chapter IV), by L. H. Thomas' elimination.
+    ///
+    /// # Errors
+    ///
+    /// Too few or too many knots, times that do not rise, what is not finite.
+    pub fn clamped(times: &[T], positions: &[T], velocities: (T, T)) -> Result<Self, ProfileError> {
+        let mut knots = Vec::new();
+        let counts = ProfileError::Knots {
+            times: times.len(),
+            positions: positions.len(),
+            most: K,
+        };
+        if times.len() != positions.len() || times.len() < 2 {
+            return Err(counts);
+        }
+        for (index, (&time, &position)) in times.iter().zip(positions).enumerate() {
+            if !(is_finite(time) && is_finite(position)) {
+                return Err(ProfileError::NotFinite);
+            }
+            let velocity = T::zero();
+            let knot = Knot {
+                time,
+                position,
+                velocity,
+            };
+            if knots
+                .last()
+                .is_some_and(|last: &Knot<T>| !(last.time < time))
+            {
+                let time = time.to_f64();
+                return Err(ProfileError::Order { index, time });
+            }
+            knots.push(knot).map_err(|_| counts)?;
+        }
+        if let Some(first) = knots.first_mut() {
+            first.velocity = velocities.0;
+        }
+        if let Some(last) = knots.last_mut() {
+            last.velocity = velocities.1;
+        }
+        let mut spline = Self { knots };
+        spline.solve();
+        for piece in spline.pieces() {
+            piece?;
+        }
+        Ok(spline)
+    }
+
+    /// Row i: `h₁ v₋ + 2 (h₀ + h₁) v + h₀ v₊ = 3 (h₁ d₀ + h₀ d₁)`, where h₀, h₁ are the intervals
+    /// before and after the knot and d₀, d₁ the slopes of their chords.
+    fn solve(&mut self) {
+        // After elimination each row is `v + upper v₊ = right`; right takes the place of v.
+        let mut uppers: Vec<T, K> = Vec::new();
+        let (mut upper, mut right) = (
+            T::zero(),
+            self.knots.first().map_or(T::zero(), |knot| knot.velocity),
+        );
+        for index in 1..self.knots.len().saturating_sub(1) {
+            let Some([before, here, after]) = self.knots.get(index - 1..index + 2) else {
+                break;
+            };
+            let (h0, h1) = (here.time - before.time, after.time - here.time);
+            let d0 = (here.position - before.position) / h0;
+            let d1 = (after.position - here.position) / h1;
+            let pivot = real::<T>(2.0) * (h0 + h1) - h1 * upper;
+            right = (real::<T>(3.0) * (h1 * d0 + h0 * d1) - h1 * right) / pivot;
+            upper = h0 / pivot;
+            // As many as there are knots.
+            let _ = uppers.push(upper);
+            if let Some(knot) = self.knots.get_mut(index) {
+                knot.velocity = right;
+            }
+        }
+        let mut next = self.knots.last().map_or(T::zero(), |knot| knot.velocity);
+        let inner = self.knots.iter_mut().skip(1).take(uppers.len());
+        for (knot, &upper) in inner.zip(&uppers).rev() {
+            knot.velocity -= upper * next;
+            next = knot.velocity;
+        }
+    }
+
+    fn pieces(&self) -> impl Iterator<Item = Result<Polynomial<T>, ProfileError>> + '_ {
+        let pairs = self.knots.iter().zip(self.knots.iter().skip(1));
+        pairs.map(|(from, to)| Self::piece(from, to))
+    }
+
+    fn piece(from: &Knot<T>, to: &Knot<T>) -> Result<Polynomial<T>, ProfileError> {
+        let state = |knot: &Knot<T>| SetPoint {
+            position: knot.position,
+            velocity: knot.velocity,
+            acceleration: T::zero(),
+        };
+        Polynomial::cubic(&state(from), &state(to), to.time - from.time)
+    }
+
+    /// From the first knot to the last, s.
+    #[must_use]
+    pub fn duration(&self) -> T {
+        match (self.knots.first(), self.knots.last()) {
+            (Some(first), Some(last)) => last.time - first.time,
+            _ => T::zero(),
+        }
+    }
+
+    /// The set-point at a time on the axis of the knots, s; outside of it that of the nearer end.
+    #[must_use]
+    pub fn at(&self, t: T) -> SetPoint<T> {
+        let count = self.knots.partition_point(|knot| knot.time <= t);
+        let index = count.clamp(1, self.knots.len().saturating_sub(1).max(1));
+        let (from, to) = (self.knots.get(index - 1), self.knots.get(index));
+        let (Some(from), Some(to)) = (from, to) else {
+            return SetPoint::rest(T::zero());
+        };
+        // Each piece has been made once, by the constructor.
+        Self::piece(from, to).map_or(SetPoint::rest(from.position), |piece| {
+            piece.at(t - from.time)
+        })
+    }
+
+    /// Its extremes.
+    #[must_use]
+    pub fn peaks(&self) -> Peaks<T> {
+        let mut peaks: Option<Peaks<T>> = None;
+        for piece in self.pieces().flatten() {
+            let of_piece = piece.peaks();
+            match &mut peaks {
+                Some(peaks) => peaks.include(&of_piece),
+                None => peaks = Some(of_piece),
+            }
+        }
+        peaks.unwrap_or(Peaks::of(&SetPoint::rest(T::zero())))
+    }
+}

@@ -1,0 +1,298 @@
+//! What the monitor of a finger and the way to rest promise.
+
+#![allow(
+    clippy::float_cmp,
+    reason = "the tests say where a number is exactly another"
+)]
+
+use condor_hand::tendon::Pair;
+use condor_hand::tendon::fault::{
+    Channel, Fault, FaultCode, FingerLimits, FingerMonitor, JointLimits, LimitsError, Observation,
+    Range, SafeRamp, SensorLimits, Stuck, TendonLimits, Threshold,
+};
+use nalgebra::Vector2;
+use proptest::prelude::*;
+
+fn limits() -> FingerLimits<f64, 2> {
+    let tendon = TendonLimits {
+        sensor: SensorLimits {
+            not_finite_samples: 2,
+            range: Range {
+                low: -5.0,
+                high: 200.0,
+                samples: 3,
+            },
+            stuck: Stuck {
+                band: 0.1,
+                travel: 5.0,
+                samples: 4,
+            },
+            tracking: Threshold {
+                value: 20.0,
+                samples: 5,
+            },
+        },
+        slack: Threshold {
+            value: 1.0,
+            samples: 6,
+        },
+        over_tension: Threshold {
+            value: 150.0,
+            samples: 1,
+        },
+    };
+    let joint = JointLimits {
+        sensor: SensorLimits {
+            not_finite_samples: 2,
+            range: Range {
+                low: -3.0,
+                high: 3.0,
+                samples: 3,
+            },
+            stuck: Stuck {
+                band: 0.001,
+                travel: 0.05,
+                samples: 4,
+            },
+            tracking: Threshold {
+                value: 0.3,
+                samples: 5,
+            },
+        },
+        limit: Range {
+            low: -0.5,
+            high: 1.5,
+            samples: 2,
+        },
+    };
+    FingerLimits {
+        tendons: [Pair::both(tendon); 2],
+        joints: [joint; 2],
+        period_s: Threshold {
+            value: 0.003,
+            samples: 2,
+        },
+        set_point_age_s: Threshold {
+            value: 0.05,
+            samples: 1,
+        },
+    }
+}
+
+fn good() -> Observation<f64, 2> {
+    Observation {
+        desired_tensions: [Pair::both(10.0); 2],
+        tensions: [Pair::both(10.0); 2],
+        desired_positions: [Some(0.2); 2],
+        positions: Vector2::repeat(0.2),
+        period_s: 0.0025,
+        set_point_age_s: 0.02,
+    }
+}
+
+fn monitor() -> FingerMonitor<f64, 2> {
+    FingerMonitor::new(limits()).unwrap()
+}
+
+/// Shows an observation after one good one until it is a fault: the fault, and which sample.
+fn first_fault(observation: &Observation<f64, 2>) -> Option<(Fault, usize)> {
+    let mut monitor = monitor();
+    assert_eq!(monitor.update(&good()), None);
+    (1..100).find_map(|k| Some((monitor.update(observation)?, k)))
+}
+
+fn check(observation: &Observation<f64, 2>, code: FaultCode, channel: Channel, samples: usize) {
+    let (fault, after) = first_fault(observation).unwrap();
+    assert_eq!((fault.code, fault.channel, after), (code, channel, samples));
+}
+
+#[test]
+fn each_fault_is_found_where_and_when_its_limit_says() {
+    let mut slack = good();
+    slack.tensions[1].extensor = 0.5;
+    check(&slack, FaultCode::Slack, Channel::Extensor(1), 6);
+
+    let mut broken = good();
+    broken.tensions[0].flexor = 151.0;
+    check(&broken, FaultCode::OverTension, Channel::Flexor(0), 1);
+
+    let mut outside = good();
+    outside.tensions[0].extensor = -6.0;
+    check(&outside, FaultCode::OutOfRange, Channel::Extensor(0), 3);
+
+    let mut lost = good();
+    lost.positions[1] = f64::NAN;
+    check(&lost, FaultCode::NotFinite, Channel::Joint(1), 2);
+    lost = good();
+    lost.desired_tensions[1].flexor = f64::INFINITY;
+    check(&lost, FaultCode::NotFinite, Channel::Flexor(1), 2);
+
+    let mut behind = good();
+    behind.tensions[0].flexor = 35.0;
+    check(&behind, FaultCode::Tracking, Channel::Flexor(0), 5);
+    behind = good();
+    behind.positions[0] = 0.6;
+    check(&behind, FaultCode::Tracking, Channel::Joint(0), 5);
+
+    let mut stuck = good();
+    stuck.desired_positions[0] = Some(0.3);
+    check(&stuck, FaultCode::Stuck, Channel::Joint(0), 4);
+    stuck = good();
+    stuck.desired_tensions[1].extensor = 16.0;
+    check(&stuck, FaultCode::Stuck, Channel::Extensor(1), 4);
+
+    let mut past = good();
+    past.positions[1] = 1.6;
+    past.desired_positions[1] = None;
+    check(&past, FaultCode::JointLimit, Channel::Joint(1), 2);
+
+    let mut late = good();
+    late.period_s = 0.004;
+    check(&late, FaultCode::MissedDeadline, Channel::Finger, 2);
+    late = good();
+    late.set_point_age_s = f64::NAN;
+    check(&late, FaultCode::StaleSetPoint, Channel::Finger, 1);
+
+    assert_eq!(first_fault(&good()), None);
+}
+
+#[test]
+fn samples_must_be_in_a_row() {
+    let mut slack = good();
+    slack.tensions[0].flexor = 0.5;
+    let mut monitor = monitor();
+    for k in 0..60 {
+        let observation = if k % 6 == 5 { good() } else { slack };
+        assert_eq!(monitor.update(&observation), None);
+    }
+}
+
+#[test]
+fn a_sensor_that_follows_or_rests_is_not_stuck() {
+    let mut monitor = monitor();
+    let mut observation = good();
+    for k in 0..500 {
+        // It rests for a while, then it moves with its set-point, 0.1 rad behind.
+        let desired = if k < 200 {
+            0.2
+        } else {
+            0.2 + 0.002 * f64::from(k - 200)
+        };
+        observation.desired_positions[0] = Some(desired);
+        observation.positions[0] = if k < 200 { 0.2 } else { desired - 0.01 };
+        assert_eq!(monitor.update(&observation), None, "sample {k}");
+    }
+}
+
+#[test]
+fn faults_stay_until_they_are_cleared() {
+    let mut monitor = monitor();
+    let mut broken = good();
+    broken.tensions[0].flexor = 160.0;
+    broken.set_point_age_s = 1.0;
+    let first = monitor.update(&broken).unwrap();
+    assert_eq!(
+        first.to_string(),
+        "the flexor of joint 0: over-tension (160)"
+    );
+    for _ in 0..50 {
+        assert_eq!(monitor.update(&good()), Some(first));
+    }
+    let all: Vec<_> = monitor.faults().collect();
+    assert_eq!(
+        all,
+        [
+            (Channel::Flexor(0), FaultCode::OverTension),
+            (Channel::Finger, FaultCode::StaleSetPoint),
+        ]
+    );
+    assert!(
+        monitor
+            .at(Channel::Flexor(0))
+            .contains(FaultCode::OverTension)
+    );
+    assert!(monitor.at(Channel::Joint(7)).is_empty());
+    monitor.clear();
+    assert_eq!(monitor.first(), None);
+    assert_eq!(monitor.faults().count(), 0);
+    assert_eq!(monitor.update(&good()), None);
+}
+
+#[test]
+fn a_check_of_no_samples_is_off() {
+    let mut limits = limits();
+    limits.tendons[0].flexor.over_tension.samples = 0;
+    limits.tendons[0].flexor.sensor.tracking.samples = 0;
+    limits.set_point_age_s.samples = 0;
+    let mut monitor = FingerMonitor::new(limits).unwrap();
+    let mut broken = good();
+    broken.tensions[0].flexor = 160.0;
+    broken.set_point_age_s = 1.0;
+    for _ in 0..100 {
+        assert_eq!(monitor.update(&broken), None);
+    }
+}
+
+#[test]
+fn limits_say_what_is_wrong_with_them() {
+    let mut wrong = limits();
+    wrong.joints[1].limit.low = 2.0;
+    let error = FingerMonitor::new(wrong).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "joint 1: the range of 'past its limit' is 2..=1.5; it must be finite and in order"
+    );
+    let mut wrong = limits();
+    wrong.tendons[1].extensor.slack.value = f64::NAN;
+    assert!(matches!(
+        FingerMonitor::new(wrong),
+        Err(LimitsError::Threshold {
+            channel: Channel::Extensor(1),
+            code: FaultCode::Slack,
+            ..
+        })
+    ));
+}
+
+#[test]
+fn ramps_say_what_is_wrong_with_their_numbers() {
+    let (from, to) = ([Pair::both(100.0)], [Pair::both(4.0)]);
+    for seconds in [0.0, 0.0025, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(
+            SafeRamp::new(from, to, seconds, 400.0).is_err(),
+            "{seconds}"
+        );
+    }
+    assert!(SafeRamp::new(from, to, -1.0, -400.0).is_err());
+    let error = SafeRamp::new([Pair::both(f64::NAN)], to, 0.5, 400.0).unwrap_err();
+    assert_eq!(error.to_string(), "a ramp from NaN N to 4 N at joint 0");
+}
+
+proptest! {
+    /// No step, no way back, and the end is reached in the time.
+    #[test]
+    fn a_ramp_is_monotone_and_without_steps(
+        from in 0.0..130.0_f64, other in 0.0..130.0_f64, to in 0.0..10.0_f64, samples in 2..400_u32,
+    ) {
+        let begin = [Pair { flexor: from, extensor: other }];
+        let seconds = f64::from(samples) / 400.0;
+        let mut ramp = SafeRamp::new(begin, [Pair::both(to)], seconds, 400.0).unwrap();
+        let [mut last] = begin;
+        for _ in 0..samples {
+            prop_assert!(!ramp.is_done());
+            let [next] = ramp.update();
+            for (start, last, next) in [
+                (from, last.flexor, next.flexor),
+                (other, last.extensor, next.extensor),
+            ] {
+                let (step, whole) = (next - last, to - start);
+                prop_assert!(step * whole >= 0.0);
+                prop_assert!(step.abs() <= whole.abs() / f64::from(samples) + 1e-12);
+            }
+            last = next;
+        }
+        prop_assert!(ramp.is_done());
+        prop_assert_eq!(last, Pair::both(to));
+        prop_assert_eq!(ramp.update(), [Pair::both(to)]);
+    }
+}

@@ -1,0 +1,148 @@
+//! The hand of `tests/reference/geometry.json`, and the results of other programs beside it.
+
+#![allow(dead_code, reason = "each test takes what it needs")]
+
+use std::path::Path;
+
+use condor_hand::kinematics::{Body, Chain, Joint, Motion, PlanarFinger, Rod};
+use condor_hand::tendon::{MomentArms, Pair};
+use condor_hand::{Pose, Real};
+use nalgebra::{Matrix3, SVector, Vector3};
+use proptest::test_runner::Config as ProptestConfig;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+/// Fingers of the hand, and joints of each.
+pub(crate) const FINGERS: usize = 4;
+
+/// The numbers of the hand; the four fingers differ in their bases only.
+#[derive(Deserialize)]
+pub(crate) struct Geometry {
+    /// Lower limits of the joints, rad.
+    pub(crate) qmin: [f64; 4],
+    /// Upper limits of the joints, rad.
+    pub(crate) qmax: [f64; 4],
+    /// m/s², in the axes of the palm.
+    pub(crate) gravity: [f64; 3],
+    /// The least tension, N.
+    pub(crate) fmin: f64,
+    /// The largest tension, N.
+    pub(crate) fmax: f64,
+    l: [f64; 4],
+    base: [Base; FINGERS],
+    mass: [f64; 4],
+    com: [[f64; 3]; 4],
+    inertia_about_com: [[[f64; 3]; 3]; 4],
+    axes: [[f64; 3]; 4],
+    offsets: [[f64; 3]; 4],
+    tip: [f64; 3],
+    #[serde(rename = "P_sym")]
+    symmetric: [[f64; 8]; 4],
+    #[serde(rename = "P_asym")]
+    asymmetric: [[f64; 8]; 4],
+}
+
+#[derive(Deserialize)]
+struct Base {
+    #[serde(rename = "R")]
+    rotation: [[f64; 3]; 3],
+    p: [f64; 3],
+}
+
+/// How proptest runs: a failure prints its input, and leaves no file.
+pub(crate) fn runs() -> ProptestConfig {
+    ProptestConfig {
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+/// A file of `tests/reference`, by name.
+pub(crate) fn reference<T: DeserializeOwned>(name: &str) -> T {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference");
+    let text = std::fs::read_to_string(path.join(name)).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// The numbers of the hand.
+pub(crate) fn geometry() -> Geometry {
+    reference("geometry.json")
+}
+
+/// The joints of one finger in a list of all joints of the hand.
+pub(crate) fn joints(all: &[f64], finger: usize) -> SVector<f64, 4> {
+    SVector::from_column_slice(&all[4 * finger..4 * finger + 4])
+}
+
+/// A vector from its three numbers.
+pub(crate) fn vector<T: Real>(v: [f64; 3]) -> Vector3<T> {
+    Vector3::from(v).map(T::of)
+}
+
+/// A matrix from its rows.
+pub(crate) fn matrix<T: Real>(rows: [[f64; 3]; 3]) -> Matrix3<T> {
+    Matrix3::from_fn(|row, column| T::of(rows[row][column]))
+}
+
+impl Geometry {
+    /// One finger in closed form.
+    pub(crate) fn finger<T: Real>(&self, finger: usize) -> PlanarFinger<T> {
+        PlanarFinger {
+            base: self.base(finger),
+            lengths: self.l.map(T::of),
+            bodies: std::array::from_fn(|link| Rod {
+                mass: T::of(self.mass[link]),
+                center: T::of(self.com[link][0]),
+                inertia: matrix(self.inertia_about_com[link]).diagonal(),
+            }),
+        }
+    }
+
+    /// The same finger as a chain, from the axes and offsets of the file alone.
+    pub(crate) fn chain<T: Real>(&self, finger: usize) -> Chain<T, 4> {
+        Chain {
+            base: self.base(finger),
+            joints: std::array::from_fn(|joint| Joint {
+                placement: Pose {
+                    rotation: Matrix3::identity(),
+                    position: vector(self.offsets[joint]),
+                },
+                motion: Motion::Revolute(vector(self.axes[joint])),
+            }),
+            bodies: std::array::from_fn(|link| Body {
+                mass: T::of(self.mass[link]),
+                center: vector(self.com[link]),
+                inertia: matrix(self.inertia_about_com[link]),
+            }),
+            tip: vector(self.tip),
+        }
+    }
+
+    /// Moment arms whose antagonists cross the proximal joints oppositely.
+    pub(crate) fn symmetric_arms<T: Real>(&self) -> MomentArms<T, 4> {
+        arms(&self.symmetric)
+    }
+
+    /// Moment arms with which co-contraction loads the proximal joints.
+    pub(crate) fn asymmetric_arms<T: Real>(&self) -> MomentArms<T, 4> {
+        arms(&self.asymmetric)
+    }
+
+    fn base<T: Real>(&self, finger: usize) -> Pose<T> {
+        let Base { rotation, p } = &self.base[finger];
+        Pose {
+            rotation: matrix(*rotation),
+            position: vector(*p),
+        }
+    }
+}
+
+fn arms<T: Real>(rows: &[[f64; 8]; 4]) -> MomentArms<T, 4> {
+    let rows = rows.map(|row| {
+        std::array::from_fn(|joint| Pair {
+            flexor: T::of(row[2 * joint]),
+            extensor: T::of(row[2 * joint + 1]),
+        })
+    });
+    MomentArms::new(rows).unwrap()
+}

@@ -1,0 +1,731 @@
+//! What the generator promises: limits, continuity, order.
+
+use condor_hand::trajectory::{
+    Begin, Ended, Event, Generator, Guard, Guards, Happening, Limits, Observations, OnEnd, Pace,
+    Primitive, PrimitiveError, Profile, Progress, Quantity, SetPoint, Target, Ticket, Via,
+};
+use proptest::prelude::*;
+
+const J: usize = 4;
+const TICK: f64 = 0.02;
+const LIMITS: Limits<f64> = Limits {
+    low: -0.5,
+    high: 1.5,
+    velocity: 3.0,
+    acceleration: 40.0,
+    jerk: 800.0,
+};
+
+type Hand = Generator<J, 4>;
+type Motion = Primitive<J>;
+
+fn hand() -> Hand {
+    Hand::new([LIMITS; J], [0.0; J], TICK).unwrap()
+}
+
+fn to(joints: &[usize], position: f64, pace: Pace<f64>, profile: Profile) -> Motion {
+    joints
+        .iter()
+        .fold(Motion::new(pace, profile), |motion, &joint| {
+            motion.with(joint, Target::Absolute(position)).unwrap()
+        })
+}
+
+fn reach(joints: &[usize], position: f64) -> Motion {
+    to(joints, position, Pace::Duration(0.8), Profile::MinimumJerk)
+}
+
+fn slow(joints: &[usize], position: f64) -> Motion {
+    to(joints, position, Pace::Duration(1.0), Profile::MinimumJerk)
+}
+
+fn events(hand: &mut Hand) -> Vec<Event> {
+    core::iter::from_fn(|| hand.take_event()).collect()
+}
+
+fn run(hand: &mut Hand, ticks: usize) -> Vec<[SetPoint<f64>; J]> {
+    (0..ticks)
+        .map(|_| hand.tick(&Observations::none()))
+        .collect()
+}
+
+/// The limits, and whether each position is where the velocities lead.
+fn check(before: &[SetPoint<f64>; J], after: &[SetPoint<f64>; J]) -> Result<(), TestCaseError> {
+    for (joint, (from, to)) in before.iter().zip(after).enumerate() {
+        let all = [to.position, to.velocity, to.acceleration];
+        prop_assert!(all.into_iter().all(f64::is_finite), "joint {joint}: {to:?}");
+        prop_assert!(to.position >= LIMITS.low - 1e-9, "joint {joint}: {to:?}");
+        prop_assert!(to.position <= LIMITS.high + 1e-9, "joint {joint}: {to:?}");
+        prop_assert!(
+            to.velocity.abs() <= LIMITS.velocity * (1.0 + 1e-9),
+            "joint {joint}: {to:?}"
+        );
+        let most = LIMITS.acceleration * (1.0 + 1e-9);
+        prop_assert!(to.acceleration.abs() <= most, "joint {joint}: {to:?}");
+        let change = to.velocity - from.velocity;
+        prop_assert!(
+            change.abs() <= 2.0 * most * TICK,
+            "joint {joint}: {from:?} {to:?}"
+        );
+        let step = to.position - from.position;
+        prop_assert!(
+            step.abs() <= LIMITS.velocity * TICK * (1.0 + 1e-9),
+            "joint {joint}"
+        );
+        let mean = (to.velocity + from.velocity) * 0.5 * TICK;
+        prop_assert!(
+            (step - mean).abs() <= most * TICK * TICK,
+            "joint {joint}: {from:?} {to:?}"
+        );
+    }
+    Ok(())
+}
+
+#[test]
+fn joints_reach_their_targets_together_and_others_hold() {
+    for profile in [
+        Profile::Cubic,
+        Profile::MinimumJerk,
+        Profile::Trapezoid,
+        Profile::JerkLimited,
+    ] {
+        for pace in [Pace::Duration(0.9), Pace::Speed(0.8)] {
+            let mut hand = hand();
+            let motion = to(&[0, 2], 1.2, pace, profile);
+            let motion = motion.with(3, Target::Relative(-0.25)).unwrap();
+            let ticket = hand.enqueue(motion).unwrap();
+            assert_eq!(hand.progress(ticket), Some(Progress::Queued { before: 0 }));
+            let states = run(&mut hand, 60);
+            assert_eq!(
+                states[59].map(|point| point.position),
+                [1.2, 0.0, 1.2, -0.25],
+                "{profile:?} {pace:?}"
+            );
+            assert!(hand.is_idle());
+            let happened: Vec<_> = events(&mut hand)
+                .iter()
+                .map(|event| event.happening)
+                .collect();
+            assert_eq!(
+                happened,
+                [
+                    Happening::Started { adjusted: false },
+                    Happening::Ended(Ended::Reached)
+                ]
+            );
+            // Together: the way of each is the same part of its whole at every time, but for
+            // trapezoids, which share the end only.
+            let last = states.iter().rposition(|s| s[0].velocity != 0.0);
+            assert_eq!(last, states.iter().rposition(|s| s[3].velocity != 0.0));
+        }
+    }
+}
+
+#[test]
+fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
+    let mut hand = hand();
+    let far = to(&[1], 1.51, Pace::Speed(1.0), Profile::Cubic);
+    assert!(matches!(
+        hand.enqueue(far),
+        Err(PrimitiveError::Position {
+            joint: 1,
+            value: 1.51,
+            low: -0.5,
+            high: 1.5
+        })
+    ));
+    let fast = to(&[2], 1.5, Pace::Duration(0.9), Profile::MinimumJerk);
+    let Err(PrimitiveError::Rate {
+        joint: 2,
+        quantity,
+        value,
+        limit,
+    }) = hand.enqueue(fast)
+    else {
+        panic!("accepted");
+    };
+    assert_eq!((quantity, limit), (Quantity::Velocity, 3.0));
+    assert!((value - 1.875 * 1.5 / 0.9).abs() < 1e-12);
+    let hard = to(&[0], 0.2, Pace::Duration(0.15), Profile::Cubic);
+    let Err(PrimitiveError::Rate {
+        joint: 0,
+        quantity,
+        value,
+        ..
+    }) = hand.enqueue(hard)
+    else {
+        panic!("accepted");
+    };
+    assert_eq!(quantity, Quantity::Acceleration);
+    assert!((value - 6.0 * 0.2 / (0.15 * 0.15)).abs() < 1e-9);
+    let short = to(&[0], 0.2, Pace::Duration(0.1), Profile::Trapezoid);
+    let error = hand.enqueue(short).unwrap_err();
+    assert!(
+        error.to_string().starts_with("joint 0: 0.1 s is too short"),
+        "{error}"
+    );
+    // The second starts where the first will end.
+    hand.enqueue(reach(&[0], 1.0)).unwrap();
+    let relative = Motion::new(Pace::Speed(0.5), Profile::Cubic);
+    let relative = relative.with(0, Target::Relative(0.6)).unwrap();
+    assert!(matches!(
+        hand.enqueue(relative),
+        Err(PrimitiveError::Position {
+            joint: 0,
+            value: 1.6,
+            ..
+        })
+    ));
+    // A spline that overshoots between points that are all within the range.
+    let mut via = to(&[3], 0.0, Pace::Duration(4.0), Profile::Cubic);
+    for at in [0.45, 0.5] {
+        let positions = [1.49; J];
+        via.vias.push(Via { at, positions }).unwrap();
+    }
+    assert!(matches!(
+        hand.enqueue(via),
+        Err(PrimitiveError::Position { joint: 3, .. })
+    ));
+    assert_eq!(hand.queued(), 1);
+}
+
+#[test]
+fn speed_uses_the_limits_up() {
+    for profile in [Profile::Cubic, Profile::MinimumJerk, Profile::Trapezoid] {
+        let mut hand = hand();
+        hand.enqueue(to(&[0], 1.5, Pace::Speed(0.5), profile))
+            .unwrap();
+        let states = run(&mut hand, 100);
+        let fastest = states.iter().map(|s| s[0].velocity).fold(0.0, f64::max);
+        assert!(
+            fastest <= 1.5 + 1e-9 && fastest > 1.49,
+            "{profile:?} {fastest}"
+        );
+    }
+}
+
+#[test]
+fn via_points_are_passed_at_their_times() {
+    let mut hand = hand();
+    let mut motion = to(&[0, 1], 1.0, Pace::Duration(2.0), Profile::Cubic);
+    motion.targets[1] = Target::Relative(-0.2);
+    for (at, x) in [(0.25, 0.5), (0.75, 0.1)] {
+        motion
+            .vias
+            .push(Via {
+                at,
+                positions: [x, x, 9.0, 9.0],
+            })
+            .unwrap();
+    }
+    hand.enqueue(motion).unwrap();
+    let states = run(&mut hand, 100);
+    for (tick, x) in [(25, 0.5), (75, 0.1)] {
+        for joint in [0, 1] {
+            assert!((states[tick - 1][joint].position - x).abs() < 1e-9);
+        }
+    }
+    assert_eq!(states[99][1].position, -0.2);
+    let smooth = states[30][0].velocity;
+    assert!(smooth.abs() > 0.1, "it must not stop at a via point");
+}
+
+#[test]
+fn disjoint_motions_run_beside_each_other() {
+    let mut hand = hand();
+    let first = hand.enqueue(reach(&[0, 1], 1.0)).unwrap();
+    let mut beside = reach(&[2], 0.5);
+    beside.begin = Begin::Beside;
+    let beside = hand.enqueue(beside).unwrap();
+    let mut blocked = reach(&[1], 0.5);
+    blocked.begin = Begin::Beside;
+    let blocked = hand.enqueue(blocked).unwrap();
+    run(&mut hand, 1);
+    for ticket in [first, beside] {
+        assert!(matches!(
+            hand.progress(ticket),
+            Some(Progress::Running { .. })
+        ));
+    }
+    assert_eq!(hand.progress(blocked), Some(Progress::Queued { before: 0 }));
+    run(&mut hand, 40);
+    assert!(matches!(
+        hand.progress(blocked),
+        Some(Progress::Running { .. })
+    ));
+}
+
+#[test]
+fn a_newer_one_takes_its_joints_from_where_they_are() {
+    let mut hand = hand();
+    let first = hand.enqueue(reach(&[0, 1], 1.0)).unwrap();
+    run(&mut hand, 20);
+    let before = hand.set_points();
+    let mut newer = reach(&[0], -0.4);
+    newer.begin = Begin::Now;
+    let newer = hand.enqueue(newer).unwrap();
+    let after = run(&mut hand, 1)[0];
+    assert!(before[0].velocity > 1.0 && after[0].velocity > 1.0);
+    check(&before, &after).unwrap();
+    assert!(matches!(
+        hand.progress(first),
+        Some(Progress::Running { .. })
+    ));
+    run(&mut hand, 60);
+    assert_eq!(hand.set_points()[0].position, -0.4);
+    assert_eq!(hand.set_points()[1].position, 1.0);
+
+    let mut all = reach(&[0, 1], 0.0);
+    all.pace = Pace::Duration(1.0);
+    let old = hand.enqueue(all.clone()).unwrap();
+    run(&mut hand, 10);
+    all.begin = Begin::Now;
+    let by = hand.enqueue(all).unwrap();
+    run(&mut hand, 1);
+    let superseded = Happening::Ended(Ended::Superseded { by });
+    let seen = events(&mut hand);
+    assert!(seen.contains(&Event {
+        ticket: old,
+        happening: superseded
+    }));
+    let ends: Vec<_> = [first, newer]
+        .map(|ticket| {
+            seen.iter()
+                .any(|e| e.ticket == ticket && e.happening == Happening::Ended(Ended::Reached))
+        })
+        .into();
+    assert_eq!(ends, [true, true]);
+}
+
+#[test]
+fn blending_begins_before_the_end_and_does_not_stop() {
+    let slowest = |blend: f64| {
+        let mut hand = hand();
+        hand.enqueue(reach(&[0], 0.7)).unwrap();
+        let mut second = reach(&[0], 1.4);
+        second.blend = blend;
+        hand.enqueue(second).unwrap();
+        let states = run(&mut hand, 100);
+        assert_eq!(states[99][0].position, 1.4);
+        let end = states.iter().position(|s| s[0].position >= 1.39).unwrap();
+        let middle = &states[20..end];
+        middle
+            .iter()
+            .map(|s| s[0].velocity)
+            .fold(f64::INFINITY, f64::min)
+    };
+    assert_eq!(slowest(0.0), 0.0);
+    assert!(slowest(0.2) > 0.3);
+}
+
+#[test]
+fn guards_start_and_stop() {
+    let mut hand = hand();
+    let mut motion = reach(&[1], 1.0);
+    motion.start.contact = true;
+    motion.stop.torque = Some(0.3);
+    let ticket = hand.enqueue(motion).unwrap();
+    let mut seen = Observations::none();
+    seen.contacts = 0b1101;
+    seen.torques = [9.0, 0.1, 9.0, f64::NAN];
+    hand.tick(&seen);
+    assert!(matches!(
+        hand.progress(ticket),
+        Some(Progress::Queued { .. })
+    ));
+    seen.contacts = 0b0010;
+    for _ in 0..20 {
+        hand.tick(&seen);
+    }
+    assert!(hand.set_points()[1].velocity > 1.0);
+    seen.torques[1] = -0.31;
+    let mut ticks = 0;
+    while !hand.is_idle() {
+        let before = hand.set_points();
+        let after = hand.tick(&seen);
+        check(&before, &after).unwrap();
+        ticks += 1;
+    }
+    assert!(ticks <= 10, "{ticks}");
+    let stop = Happening::Ended(Ended::Stopped(Guard::Torque { joint: 1 }));
+    assert_eq!(events(&mut hand).last().unwrap().happening, stop);
+    assert_eq!(hand.tick(&seen)[1].velocity, 0.0);
+    assert!(hand.set_points()[1].position < 0.9);
+}
+
+#[test]
+fn sensors_without_a_number_stop_and_do_not_start() {
+    let mut seen = Observations::none();
+    seen.tensions[0] = f64::NAN;
+    let mut hand = hand();
+    let mut motion = reach(&[0], 1.0);
+    motion.start.tension = Some(10.0);
+    hand.enqueue(motion.clone()).unwrap();
+    hand.tick(&seen);
+    assert_eq!(hand.queued(), 1);
+    hand.abort();
+    motion.start = Guards::none();
+    motion.stop.tension = Some(10.0);
+    hand.enqueue(motion).unwrap();
+    for _ in 0..10 {
+        hand.tick(&seen);
+    }
+    assert!(hand.is_idle());
+    let stop = Happening::Ended(Ended::Stopped(Guard::Tension { joint: 0 }));
+    assert_eq!(events(&mut hand).last().unwrap().happening, stop);
+}
+
+#[test]
+fn times_start_and_stop() {
+    let mut hand = hand();
+    let mut motion = reach(&[0], 1.0);
+    motion.start.time = Some(0.1);
+    motion.stop.time = Some(0.2);
+    hand.enqueue(motion).unwrap();
+    let states = run(&mut hand, 40);
+    let first = states.iter().position(|s| s[0].velocity > 0.0).unwrap();
+    assert_eq!(first, 5);
+    let last = states.iter().rposition(|s| s[0].velocity > 0.0).unwrap();
+    assert!((15..=22).contains(&last), "{last}");
+}
+
+#[test]
+fn a_pause_stops_on_the_path_and_resuming_ends_where_it_was_to() {
+    let mut hand = hand();
+    let ticket = hand.enqueue(slow(&[0, 1], 1.4)).unwrap();
+    run(&mut hand, 25);
+    hand.pause();
+    run(&mut hand, 30);
+    let stopped = hand.set_points();
+    assert!(stopped[0].position < 1.3 && stopped[0].velocity == 0.0);
+    assert_eq!(run(&mut hand, 5)[4][0], SetPoint::rest(stopped[0].position));
+    assert!(matches!(
+        hand.progress(ticket),
+        Some(Progress::Running { rate: 0.0, .. })
+    ));
+    hand.resume();
+    let states = run(&mut hand, 60);
+    assert_eq!(states[59][0].position, 1.4);
+    assert!(
+        states
+            .iter()
+            .all(|s| (s[0].position - s[1].position).abs() < 1e-12)
+    );
+}
+
+#[test]
+fn an_abort_forgets_everything() {
+    let mut hand = hand();
+    let tickets = [1.4, 0.3].map(|x| hand.enqueue(slow(&[0], x)).unwrap());
+    run(&mut hand, 25);
+    hand.abort();
+    let mut ticks = 0;
+    while !hand.is_idle() {
+        run(&mut hand, 1);
+        ticks += 1;
+    }
+    // 2.6 rad/s and 40 rad/s² would need 4 ticks.
+    assert!(ticks <= 8, "{ticks}");
+    let aborted = |ticket: Ticket| Event {
+        ticket,
+        happening: Happening::Ended(Ended::Aborted),
+    };
+    let seen = events(&mut hand);
+    assert!(
+        tickets
+            .iter()
+            .all(|&ticket| seen.contains(&aborted(ticket)))
+    );
+}
+
+#[test]
+fn hold_waits_to_be_told() {
+    let mut hand = hand();
+    let mut motion = reach(&[0], 1.0);
+    motion.on_end = OnEnd::Hold;
+    hand.enqueue(motion).unwrap();
+    hand.enqueue(reach(&[0], 0.0)).unwrap();
+    run(&mut hand, 80);
+    assert!(hand.is_held());
+    assert_eq!(hand.set_points()[0], SetPoint::rest(1.0));
+    hand.proceed();
+    run(&mut hand, 80);
+    assert_eq!(hand.set_points()[0], SetPoint::rest(0.0));
+}
+
+#[test]
+fn what_cannot_run_from_where_joints_are_is_adjusted_or_refused() {
+    let mut hand = hand();
+    let mut guarded = reach(&[0], 1.2);
+    guarded.stop.time = Some(0.1);
+    hand.enqueue(guarded).unwrap();
+    // Short from 1.2 rad, long from where the guard stops.
+    let near = hand
+        .enqueue(to(&[0], 1.4, Pace::Duration(0.3), Profile::MinimumJerk))
+        .unwrap();
+    let back = Motion::new(Pace::Duration(1.0), Profile::Cubic);
+    let back = hand
+        .enqueue(back.with(0, Target::Relative(-1.7)).unwrap())
+        .unwrap();
+    let mut limits = Vec::new();
+    for _ in 0..100 {
+        let before = hand.set_points();
+        let after = run(&mut hand, 1)[0];
+        limits.push(check(&before, &after));
+    }
+    limits.into_iter().for_each(Result::unwrap);
+    let seen = events(&mut hand);
+    let adjusted = Happening::Started { adjusted: true };
+    assert!(
+        seen.contains(&Event {
+            ticket: near,
+            happening: adjusted
+        }),
+        "{seen:?}"
+    );
+    assert!(seen.iter().any(|event| event.ticket == back), "{seen:?}");
+}
+
+#[derive(Clone, Debug)]
+enum Step {
+    Enqueue(Box<Motion>),
+    Pause,
+    Resume,
+    Abort,
+    Proceed,
+    Tick(u8, Observations<J>),
+}
+
+fn target() -> impl Strategy<Value = Target<f64>> {
+    prop_oneof![
+        (-0.5..1.5).prop_map(Target::Absolute),
+        (-1.0..1.0).prop_map(Target::Relative),
+    ]
+}
+
+fn motion() -> impl Strategy<Value = Motion> {
+    let pace = prop_oneof![
+        (0.05..1.5).prop_map(Pace::Duration),
+        (0.1..1.0).prop_map(Pace::Speed)
+    ];
+    let profile = prop_oneof![
+        Just(Profile::Cubic),
+        Just(Profile::MinimumJerk),
+        Just(Profile::Trapezoid),
+        Just(Profile::JerkLimited)
+    ];
+    let begin = prop_oneof![
+        2 => Just(Begin::After), 2 => Just(Begin::Beside), 3 => Just(Begin::Now)
+    ];
+    let guards = prop::option::of(0.0..0.6);
+    let via = prop::option::weighted(0.2, (0.2..0.8, prop::array::uniform4(-0.5..1.5)));
+    let parts = (
+        1_u32..16,
+        prop::array::uniform4(target()),
+        pace,
+        profile,
+        begin,
+    );
+    (
+        parts,
+        0.0..0.4,
+        guards,
+        prop::option::of(0.1..1.0),
+        any::<bool>(),
+        via,
+    )
+        .prop_map(
+            |((mask, targets, pace, profile, begin), blend, torque, time, hold, via)| {
+                let mut motion = Motion::new(pace, profile);
+                motion.mask = mask;
+                motion.targets = targets;
+                motion.begin = begin;
+                motion.blend = blend;
+                motion.stop.torque = torque;
+                motion.stop.time = time;
+                if hold && time.is_some() {
+                    motion.on_end = OnEnd::Hold;
+                }
+                if let Some((at, positions)) = via {
+                    motion.profile = Profile::Cubic;
+                    motion.vias.push(Via { at, positions }).unwrap();
+                }
+                motion
+            },
+        )
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let observations = prop::array::uniform4(-0.7..0.7).prop_map(|torques| Observations {
+        torques,
+        ..Observations::none()
+    });
+    prop_oneof![
+        6 => motion().prop_map(|motion| Step::Enqueue(Box::new(motion))),
+        1 => Just(Step::Pause),
+        2 => Just(Step::Resume),
+        1 => Just(Step::Abort),
+        1 => Just(Step::Proceed),
+        8 => (1_u8..20, observations).prop_map(|(n, seen)| Step::Tick(n, seen)),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn limits_hold_and_nothing_jumps_whatever_is_asked(
+        steps in prop::collection::vec(step(), 1..40),
+    ) {
+        let mut hand = hand();
+        // To a place within the range there is always a way.
+        let mut never_refused = Vec::new();
+        for step in steps {
+            match step {
+                Step::Enqueue(motion) => {
+                    let always = motion.vias.is_empty()
+                        && motion.targets.iter().all(|t| matches!(t, Target::Absolute(_)));
+                    if let (Ok(ticket), true) = (hand.enqueue(*motion), always) {
+                        never_refused.push(ticket);
+                    }
+                }
+                Step::Pause => hand.pause(),
+                Step::Resume => hand.resume(),
+                Step::Abort => hand.abort(),
+                Step::Proceed => hand.proceed(),
+                Step::Tick(ticks, seen) => {
+                    for _ in 0..ticks {
+                        let before = hand.set_points();
+                        let after = hand.tick(&seen);
+                        check(&before, &after)?;
+                    }
+                }
+            }
+            while let Some(event) = hand.take_event() {
+                let refused = matches!(event.happening, Happening::Refused(_));
+                prop_assert!(!(refused && never_refused.contains(&event.ticket)), "{event:?}");
+            }
+        }
+        prop_assert_eq!(hand.lost_events(), 0);
+    }
+
+    #[test]
+    fn what_is_accepted_from_rest_runs_as_it_is(motion in motion()) {
+        let mut hand = hand();
+        let mut motion = motion;
+        motion.stop = Guards::none();
+        if hand.enqueue(motion).is_ok() {
+            hand.tick(&Observations::none());
+            let started = Happening::Started { adjusted: false };
+            prop_assert_eq!(hand.take_event().unwrap().happening, started);
+        }
+    }
+
+    #[test]
+    fn an_abort_at_any_time_stops(ticks in 0_usize..50, motions in prop::collection::vec(motion(), 1..4)) {
+        let mut hand = hand();
+        for motion in motions {
+            let _ = hand.enqueue(motion);
+        }
+        run(&mut hand, ticks);
+        hand.abort();
+        let mut left = 0;
+        while !hand.is_idle() {
+            let before = hand.set_points();
+            let after = hand.tick(&Observations::none());
+            check(&before, &after)?;
+            left += 1;
+            prop_assert!(left < 100);
+        }
+        prop_assert!(hand.tick(&Observations::none()).iter().all(SetPoint::is_rest));
+    }
+
+    #[test]
+    fn arbitrary_numbers_give_errors_or_finite_set_points(
+        x in any::<[f64; J]>(), pace in any::<f64>(), speed in any::<bool>(),
+        blend in any::<f64>(), guard in any::<Option<f64>>(), mask in any::<u32>(),
+        relative in any::<bool>(), torque in any::<f64>(),
+    ) {
+        let mut hand = hand();
+        for profile in [Profile::Cubic, Profile::MinimumJerk, Profile::Trapezoid, Profile::JerkLimited] {
+            for mask in [mask, mask & 0xf] {
+                let pace = if speed { Pace::Speed(pace) } else { Pace::Duration(pace) };
+                let mut motion = Motion::new(pace, profile);
+                motion.mask = mask;
+                motion.targets = x.map(|x| if relative { Target::Relative(x) } else { Target::Absolute(x) });
+                motion.blend = blend;
+                motion.stop.torque = guard;
+                let _ = hand.enqueue(motion);
+            }
+        }
+        let mut seen = Observations::none();
+        seen.torques = [torque; J];
+        for _ in 0..20 {
+            let before = hand.set_points();
+            let after = hand.tick(&seen);
+            check(&before, &after)?;
+        }
+    }
+
+    /// Motions of one duration, so that a list of their remaining ticks is all there is to know.
+    #[test]
+    fn the_queue_runs_as_a_naive_one_does(
+        calls in prop::collection::vec((prop::option::of((1_u32..16, 0_u8..3)), 0_usize..15), 1..25),
+    ) {
+        const TICKS: usize = 10;
+        let mut hand = hand();
+        let mut next = 0;
+        let mut queue: Vec<(u32, u32, Begin)> = Vec::new();
+        let mut running: Vec<(u32, u32, usize)> = Vec::new();
+        for (call, ticks) in calls {
+            if let Some((mask, begin)) = call {
+                let begin = [Begin::After, Begin::Beside, Begin::Now][usize::from(begin)];
+                let mut motion = Motion::new(Pace::Duration(0.199), Profile::MinimumJerk);
+                motion.mask = mask;
+                motion.begin = begin;
+                let full = queue.len() == 4;
+                match hand.enqueue(motion) {
+                    Ok(ticket) => {
+                        prop_assert!(!full);
+                        prop_assert_eq!(ticket, Ticket(next));
+                        queue.push((next, mask, begin));
+                        next += 1;
+                    }
+                    Err(error) => prop_assert!(full, "{error}"),
+                }
+            }
+            for _ in 0..ticks {
+                hand.tick(&Observations::none());
+                while let Some(&(ticket, mask, begin)) = queue.first() {
+                    let waits = match begin {
+                        Begin::After => !running.is_empty(),
+                        Begin::Beside => running.iter().any(|r| r.1 & mask != 0),
+                        Begin::Now => false,
+                    };
+                    if waits {
+                        break;
+                    }
+                    queue.remove(0);
+                    for other in &mut running {
+                        other.1 &= !mask;
+                    }
+                    running.retain(|r| r.1 != 0);
+                    running.push((ticket, mask, TICKS));
+                }
+                for one in &mut running {
+                    one.2 -= 1;
+                }
+                running.retain(|r| r.2 > 0);
+                for ticket in 0..next {
+                    let expected = queue.iter().position(|q| q.0 == ticket);
+                    let runs = running.iter().any(|r| r.0 == ticket);
+                    match hand.progress(Ticket(ticket)) {
+                        Some(Progress::Queued { before }) => prop_assert_eq!(Some(before), expected),
+                        Some(Progress::Running { .. }) => prop_assert!(runs),
+                        None => prop_assert!(!runs && expected.is_none()),
+                    }
+                }
+            }
+        }
+    }
+}

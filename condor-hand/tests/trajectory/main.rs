@@ -1,0 +1,18 @@
+//! What the trajectories promise, and what `SciPy` and Ruckig say about them.
+
+#![allow(
+    clippy::disallowed_methods,
+    reason = "what is expected may differ in its last bits from one host to another"
+)]
+#![allow(
+    clippy::float_cmp,
+    reason = "ends are met to the last bit, and rest is zero"
+)]
+#![allow(clippy::similar_names, reason = "a hand can be hard")]
+
+mod generator;
+mod interpolator;
+mod profiles;
+mod reference;
+#[cfg(feature = "text")]
+mod text;

@@ -1,0 +1,253 @@
+//! Motions as text.
+
+use condor_hand::trajectory::{
+    Begin, Guards, OnEnd, Pace, Primitive, Profile, Target, Via,
+    motion::{MotionError, load, save},
+};
+use proptest::prelude::*;
+
+const NAMES: [&str; 4] = ["index.1", "index.2", "thumb \"tip\"", "ü\n"];
+
+const TEXT: &str = r#"# Close and open.
+[[motion]]
+profile = "cubic"
+duration = 1
+on-end = "hold"
+stop = { torque = 0.2, contact = true }
+to = { "index.1" = 0.5 }
+
+[motion.by]
+"index.2" = -0.1
+
+[[motion.via]]
+at = 0.5
+joints = { "index.1" = 0.7, "index.2" = 0.0 }
+
+[[motion]]
+profile = "trapezoid"
+speed = 0.5
+begin = "beside"
+blend = 0.1
+start.time = 2.5
+[motion.to]
+"index.1" = 0
+"#;
+
+#[test]
+fn text_says_what_to_do() {
+    let mut first = Primitive::new(Pace::Duration(1.0), Profile::Cubic)
+        .with(0, Target::Absolute(0.5))
+        .and_then(|motion| motion.with(1, Target::Relative(-0.1)))
+        .unwrap();
+    first.on_end = OnEnd::Hold;
+    first.stop = Guards {
+        torque: Some(0.2),
+        contact: true,
+        ..Guards::none()
+    };
+    let positions = [0.7, 0.0, 0.0, 0.0];
+    first.vias.push(Via { at: 0.5, positions }).unwrap();
+    let mut second = Primitive::new(Pace::Speed(0.5), Profile::Trapezoid)
+        .with(0, Target::Absolute(0.0))
+        .unwrap();
+    second.begin = Begin::Beside;
+    second.blend = 0.1;
+    second.start.time = Some(2.5);
+    assert_eq!(load::<4>(TEXT, &NAMES).unwrap(), [first, second]);
+    assert_eq!(load::<4>("", &NAMES).unwrap(), []);
+}
+
+#[test]
+fn errors_have_a_place_and_say_what_would_be_right() {
+    for (from, to, place, says) in [
+        (
+            "\"cubic\"",
+            "\"cubik\"",
+            (3, 11),
+            "expected one of `cubic`, `minimum-jerk`",
+        ),
+        (
+            "duration = 1",
+            "duratoin = 1",
+            (4, 1),
+            "expected one of `profile`, `duration`",
+        ),
+        ("duration = 1", "", (2, 1), "give `duration = `"),
+        (
+            "duration = 1",
+            "duration = 1\nspeed = 1",
+            (2, 1),
+            "either `duration` or `speed`",
+        ),
+        (
+            "duration = 1",
+            "duration = \"long\"",
+            (4, 12),
+            "expected f64",
+        ),
+        (
+            "duration = 1",
+            "duration = -1",
+            (2, 1),
+            "must be above zero",
+        ),
+        ("duration = 1", "duration = ", (4, 12), ""),
+        (
+            "{ \"index.1\" = 0.5 }",
+            "{ \"indx.1\" = 0.5 }",
+            (7, 8),
+            "there are \"index.1\", ",
+        ),
+        (
+            "{ \"index.1\" = 0.5 }",
+            "{ \"index.1\" = nan }",
+            (7, 8),
+            "joint 0 is to go to NaN rad",
+        ),
+        (
+            "{ \"index.1\" = 0.5 }",
+            "{ \"index.2\" = 0.5 }",
+            (10, 1),
+            "in `to` and in `by`",
+        ),
+        ("at = 0.5", "at = 1.5", (12, 1), "at 1.5 of the duration"),
+        ("{ \"index.1\" = 0.7, ", "{ ", (12, 1), "lacks \"index.1\""),
+        (
+            "0.7, \"index.2\"",
+            "0.7, \"ü\\n\"",
+            (14, 29),
+            "neither in `to`",
+        ),
+        (
+            "{ torque = 0.2",
+            "{ force = 0.2",
+            (6, 10),
+            "expected one of `torque`, `tension`",
+        ),
+        (
+            "[motion.to]\n\"index.1\" = 0",
+            "",
+            (16, 1),
+            "give `[motion.to]` or",
+        ),
+    ] {
+        let text = TEXT.replacen(from, to, 1);
+        assert_ne!(text, TEXT);
+        let error = load::<4>(&text, &NAMES).unwrap_err();
+        let MotionError::Text {
+            line,
+            column,
+            problem,
+        } = &error
+        else {
+            panic!("{error}");
+        };
+        assert_eq!((*line, *column), place, "{to}: {error}");
+        assert!(problem.contains(says), "{to}: {error}");
+    }
+}
+
+#[test]
+fn what_has_no_name_or_cannot_run_is_not_written() {
+    let motion = Primitive::<4>::new(Pace::Speed(0.5), Profile::Trapezoid);
+    let last = motion.clone().with(3, Target::Absolute(0.0)).unwrap();
+    assert!(matches!(
+        save(&[last], &NAMES[..3]),
+        Err(MotionError::Unnamed {
+            index: 0,
+            joint: 3,
+            names: 3
+        })
+    ));
+    assert!(matches!(
+        save(&[motion], &NAMES),
+        Err(MotionError::Primitive { .. })
+    ));
+}
+
+fn number() -> impl Strategy<Value = f64> {
+    any::<f64>().prop_filter("finite", |x| x.is_finite())
+}
+
+fn guards() -> impl Strategy<Value = Guards<f64>> {
+    let limit = || prop::option::of(number());
+    (limit(), limit(), limit(), any::<bool>()).prop_map(|(torque, tension, time, contact)| Guards {
+        torque,
+        tension,
+        time,
+        contact,
+    })
+}
+
+fn motion() -> impl Strategy<Value = Primitive<4>> {
+    let target = prop_oneof![
+        number().prop_map(Target::Absolute),
+        number().prop_map(Target::Relative)
+    ];
+    let joints = prop::collection::btree_map(0_usize..4, target, 1..5);
+    let pace = prop_oneof![
+        (1e-9..1e9).prop_map(Pace::Duration),
+        (1e-9..=1.0).prop_map(Pace::Speed)
+    ];
+    let profile = prop::sample::select(vec![
+        Profile::Cubic,
+        Profile::MinimumJerk,
+        Profile::Trapezoid,
+        Profile::JerkLimited,
+    ]);
+    let begin = prop::sample::select(vec![Begin::After, Begin::Beside, Begin::Now]);
+    let via = prop::collection::vec((0.001..0.06, prop::array::uniform4(number())), 0..16);
+    (
+        joints,
+        pace,
+        profile,
+        begin,
+        0.0..9.0,
+        guards(),
+        guards(),
+        any::<bool>(),
+        via,
+    )
+        .prop_map(
+            |(joints, pace, profile, begin, blend, start, stop, hold, vias)| {
+                let mut motion = Primitive::new(pace, profile);
+                for (joint, target) in joints {
+                    motion = motion.with(joint, target).unwrap();
+                }
+                motion.begin = begin;
+                motion.blend = blend;
+                motion.start = start;
+                motion.stop = stop;
+                motion.on_end = if hold { OnEnd::Hold } else { OnEnd::Next };
+                let mut at = 0.0;
+                for (step, mut positions) in vias {
+                    at += step;
+                    for (joint, position) in positions.iter_mut().enumerate() {
+                        *position *= f64::from(motion.mask >> joint & 1);
+                    }
+                    motion.profile = Profile::Cubic;
+                    motion.vias.push(Via { at, positions }).unwrap();
+                }
+                motion
+            },
+        )
+}
+
+proptest! {
+    #[test]
+    fn what_is_saved_is_loaded(motions in prop::collection::vec(motion(), 0..5)) {
+        let text = save(&motions, &NAMES).unwrap();
+        let loaded = load::<4>(&text, &NAMES).map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
+        prop_assert_eq!(&loaded, &motions);
+        prop_assert_eq!(save(&loaded, &NAMES).unwrap(), text);
+    }
+
+    #[test]
+    fn any_text_is_an_error_or_a_motion(text in ".{0,60}", cut in 0..TEXT.len()) {
+        let _ = load::<4>(&text, &NAMES);
+        let text = format!("{}{text}", &TEXT[..cut]);
+        if let Err(MotionError::Text { line, column, .. }) = load::<4>(&text, &NAMES) {
+            prop_assert!(line <= text.matches('\n').count() + 1 && column >= 1);
+        }
+    }
+}
