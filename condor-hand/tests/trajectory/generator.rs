@@ -486,6 +486,67 @@ fn what_cannot_run_from_where_joints_are_is_adjusted_or_refused() {
     assert!(seen.iter().any(|event| event.ticket == back), "{seen:?}");
 }
 
+#[test]
+fn near_the_end_of_its_range_a_joint_brakes_without_regard_of_jerk() {
+    let limits = Limits {
+        jerk: 60.0,
+        ..LIMITS
+    };
+    let mut hand = Hand::new([limits; J], [0.0; J], TICK).unwrap();
+    hand.enqueue(to(&[0], 1.5, Pace::Speed(1.0), Profile::Trapezoid))
+        .unwrap();
+    while hand.set_points()[0].position < 1.3 {
+        run(&mut hand, 1);
+    }
+    assert_eq!(hand.set_points()[0].velocity, 3.0);
+    let mut back = slow(&[0], 0.0);
+    back.begin = Begin::Now;
+    let back = hand.enqueue(back).unwrap();
+    while !hand.is_idle() {
+        let before = hand.set_points();
+        let after = run(&mut hand, 1)[0];
+        check(&before, &after).unwrap();
+    }
+    assert_eq!(hand.set_points()[0], SetPoint::rest(0.0));
+    let happening = Happening::Started { adjusted: true };
+    let ticket = back;
+    assert!(events(&mut hand).contains(&Event { ticket, happening }));
+}
+
+#[test]
+fn single_precision_keeps_the_limits_too() {
+    let limits = Limits {
+        low: -0.5_f32,
+        high: 1.5,
+        velocity: 3.0,
+        acceleration: 40.0,
+        jerk: 800.0,
+    };
+    for profile in [
+        Profile::MinimumJerk,
+        Profile::Trapezoid,
+        Profile::JerkLimited,
+    ] {
+        let mut hand = Generator::<2, 2, f32>::new([limits; 2], [0.0; 2], 0.02).unwrap();
+        let motion = Primitive::new(Pace::Speed(1.0), profile)
+            .with(0, Target::Absolute(1.5))
+            .and_then(|motion| motion.with(1, Target::Relative(-0.5)))
+            .unwrap();
+        hand.enqueue(motion).unwrap();
+        let mut ticks = 0;
+        while !hand.is_idle() {
+            for point in hand.tick(&Observations::none()) {
+                assert!(point.velocity.abs() < 3.001 && point.acceleration.abs() < 40.01);
+            }
+            ticks += 1;
+        }
+        assert_eq!(hand.set_points().map(|point| point.position), [1.5, -0.5]);
+        assert!(ticks < 60, "{ticks}");
+        let started = Happening::Started { adjusted: false };
+        assert_eq!(hand.take_event().unwrap().happening, started);
+    }
+}
+
 #[derive(Clone, Debug)]
 enum Step {
     Enqueue(Box<Motion>),
@@ -575,9 +636,10 @@ proptest! {
 
     #[test]
     fn limits_hold_and_nothing_jumps_whatever_is_asked(
-        steps in prop::collection::vec(step(), 1..40),
+        steps in prop::collection::vec(step(), 1..40), jerk in prop_oneof![Just(60.0), Just(800.0)],
     ) {
-        let mut hand = hand();
+        let limits = Limits { jerk, ..LIMITS };
+        let mut hand = Hand::new([limits; J], [0.0; J], TICK).unwrap();
         // To a place within the range there is always a way.
         let mut never_refused = Vec::new();
         for step in steps {
