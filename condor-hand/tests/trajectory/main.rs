@@ -10,6 +10,7 @@
 )]
 #![allow(clippy::similar_names, reason = "a hand can be hard")]
 
+mod any_motion;
 mod generator;
 mod interpolator;
 mod profiles;
