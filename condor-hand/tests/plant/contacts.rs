@@ -126,6 +126,12 @@ fn a_tip_on_the_ground_stays_within_the_cone_of_friction() {
         let moved = hand.fingers()[0].q().x;
         assert_eq!(moved > 1e-3, slides, "{moved} m");
     }
+    // The anchor came along: what has slid stops, and is not pulled back.
+    let before = hand.fingers()[0].q().x;
+    hand.push_tip(0, force(0.0, 0.0, -2.0)).unwrap();
+    run(&mut hand, 200);
+    assert!(!hand.ground_contacts()[0].is_sliding());
+    assert!(hand.fingers()[0].q().x > before);
     hand.push_tip(0, force(0.0, 0.0, 1.0)).unwrap();
     run(&mut hand, 400);
     assert!(!hand.ground_contacts()[0].is_touching());
