@@ -8,6 +8,7 @@
 mod machine;
 
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
 use condor_mos::cortex_m::{Ticks, Vectors};
@@ -32,6 +33,9 @@ static SCANNED: Scanned<&Core> =
     mos_exercise::scanned(&PLATFORM, Ticks::clock(CORE_HZ, TICK_CYCLES));
 static SIMPLE: Simple<&Core> = mos_exercise::simple(&PLATFORM, Ticks::clock(CORE_HZ, TICK_CYCLES));
 
+/// The timer's interrupts that have come.
+static TIMED: AtomicU32 = AtomicU32::new(0);
+
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let Some(mut core) = Peripherals::take() else {
@@ -41,6 +45,12 @@ fn main() -> ! {
     unsafe { PLATFORM.enable(&mut core.NVIC, &mut core.SCB) };
     PLATFORM.timer().begin(core.SYST);
     let mut checks = Checks::new(&print);
+    #[cfg(feature = "conformance")]
+    {
+        checks.group("the timer");
+        let interrupts = || TIMED.load(Relaxed);
+        mos_exercise::conformance::timer(&mut checks, &PLATFORM, interrupts);
+    }
     mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED, &SIMPLE);
     may_panic(TICK_CYCLES as usize);
     switch_off(checks.conclude());
@@ -53,6 +63,7 @@ fn SysTick() {
 
 #[exception]
 fn PendSV() {
+    TIMED.store(TIMED.load(Relaxed).wrapping_add(1), Relaxed);
     // Those that are not started ignore it.
     TABLED.on_timer();
     SCANNED.on_timer();

@@ -7,6 +7,8 @@
 
 mod analysis;
 mod changes;
+#[cfg(feature = "conformance")]
+pub mod conformance;
 mod latest;
 mod nesting;
 mod plans;

@@ -27,7 +27,6 @@ pub(crate) fn simple<P: Platform + Sync>(
         runs.store(runs.load(Relaxed).wrapping_add(1), Relaxed);
         if is_late.load(Relaxed) {
             wait_for_periods(platform, SLOWER, 3);
-            is_late.store(false, Relaxed);
         }
     };
     let mut second = || {};
@@ -37,7 +36,7 @@ pub(crate) fn simple<P: Platform + Sync>(
             runs.load(Relaxed).wrapping_sub(before) >= times
         })
     };
-    let done = servo.scope(Overrun::Fault, &mut body, || {
+    let done = servo.scope(Overrun::Skip, &mut body, || {
         let other = servo.scope(Overrun::Skip, &mut second, || ());
         checks.same("it has one loop", other, Err(LoopError::Taken { id: ID }));
         checks.same("it starts", servo.start(), Ok(()));
@@ -57,14 +56,19 @@ pub(crate) fn simple<P: Platform + Sync>(
             "what cannot be is refused",
             matches!(refused, Err(RateError::TooFast { .. })),
         );
-        is_late.store(true, Relaxed);
-        let faulted = await_until(platform, || servo.statistics().faulted);
-        checks.that("being late stops it", faulted);
-        checks.same("it is enabled again", servo.enable(), Ok(()));
-        checks.that("it runs again", has_run(3));
         servo.stop();
     });
     checks.same("a closure was the loop", done, Ok(()));
+    // A busy host alone may stop such a loop, so that it is asked for nothing else.
+    is_late.store(true, Relaxed);
+    let done = servo.scope(Overrun::Fault, &mut body, || {
+        checks.same("it starts again", servo.start(), Ok(()));
+        let faulted = await_until(platform, || servo.statistics().faulted);
+        checks.that("being late stops it", faulted);
+        checks.same("it is enabled", servo.enable(), Ok(()));
+        servo.stop();
+    });
+    checks.same("so it was again", done, Ok(()));
     let counts = servo.statistics();
     checks.same(
         "nothing is unfinished",

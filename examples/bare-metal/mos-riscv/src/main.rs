@@ -32,8 +32,9 @@ static TABLED: Tabled<&Clint> = mos_exercise::tabled(&PLATFORM, CLOCK);
 static SCANNED: Scanned<&Clint> = mos_exercise::scanned(&PLATFORM, CLOCK);
 static SIMPLE: Simple<&Clint> = mos_exercise::simple(&PLATFORM, CLOCK);
 
-/// Software interrupts that have come.
+/// Software interrupts and timer interrupts that have come.
 static RUNG: AtomicU32 = AtomicU32::new(0);
+static TIMED: AtomicU32 = AtomicU32::new(0);
 
 /// Where hart 0 comes from `start.s`.
 #[unsafe(no_mangle)]
@@ -47,6 +48,12 @@ extern "C" fn main(hart: usize) {
         mstatus::set_mie();
     }
     let mut checks = Checks::new(&print);
+    #[cfg(feature = "conformance")]
+    {
+        checks.group("the timer");
+        let interrupts = || TIMED.load(Relaxed);
+        mos_exercise::conformance::timer(&mut checks, &PLATFORM, interrupts);
+    }
     mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED, &SIMPLE);
     checks.group("another interrupt");
     other_interrupt(&mut checks);
@@ -100,6 +107,9 @@ extern "C" fn trap(cause: usize) {
     unsafe {
         PLATFORM.on_interrupt(|| {
             spoil_floating_point();
+            TIMED.store(TIMED.load(Relaxed).wrapping_add(1), Relaxed);
+            // The interrupt lasts until the compare is another one.
+            PLATFORM.disarm();
             // Those that are not started ignore it.
             TABLED.on_timer();
             SCANNED.on_timer();
