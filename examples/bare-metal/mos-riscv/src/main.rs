@@ -17,7 +17,12 @@ use machine::{CLINT, MTIME, print, ring, switch_off};
 use mos_exercise::{Scanned, Simple, Tabled};
 use riscv::register::{mie, mstatus};
 
-core::arch::global_asm!(include_str!("start.s"));
+// Floating point is on: `FS` is initial.
+core::arch::global_asm!(
+    include_str!("../../one-hart.s"),
+    include_str!("trap.s"),
+    mstatus = const 0x2000
+);
 
 const CLOCK: Clock = Clock::of::<u64>(MTIME);
 const SOFTWARE_INTERRUPT: usize = 1 << (usize::BITS - 1) | 3;
@@ -36,7 +41,7 @@ static SIMPLE: Simple<&Clint> = mos_exercise::simple(&PLATFORM, CLOCK);
 static RUNG: AtomicU32 = AtomicU32::new(0);
 static TIMED: AtomicU32 = AtomicU32::new(0);
 
-/// Where hart 0 comes from `start.s`.
+/// Where hart 0 comes from `one-hart.s`.
 #[unsafe(no_mangle)]
 extern "C" fn main(hart: usize) {
     // The compare is anything after a reset.
