@@ -194,3 +194,23 @@ fn a_device_that_vanished_interrupts_no_more() {
     assert!(interrupts.is_lost(ONE) && !interrupts.is_lost(OTHER));
     assert!(!interrupts.wait(Instant::now()).unwrap());
 }
+
+#[test]
+fn so_many_devices_can_be_waited_for() {
+    let devices = |count: u16| (0..count).map(|number| device(Vector(number)));
+    let (kernels, lines): (Vec<_>, Vec<_>) = devices(64).unzip();
+    let interrupts = UioInterrupts::new(lines).unwrap();
+    for number in 0..64 {
+        interrupts.enable(Vector(number), Level(1));
+    }
+    let last = kernels.last().unwrap();
+    last.settle();
+    last.set(true);
+    assert!(interrupts.wait(Instant::now() + LONG).unwrap());
+    assert_eq!(interrupts.claim(), Some(Vector(63)));
+    let (_kernels, lines): (Vec<_>, Vec<_>) = devices(65).unzip();
+    let error = UioInterrupts::new(lines).unwrap_err();
+    assert_eq!(error.kind(), std::io::ErrorKind::InvalidInput);
+    let none = UioInterrupts::new([]).unwrap();
+    assert!(!none.wait(Instant::now()).unwrap());
+}

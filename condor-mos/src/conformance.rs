@@ -1,33 +1,33 @@
-//! What every [`Timer`] must do, for the author of one to call from a test.
+//! What every [`Timer`] must do, for the author of one to call from a test or from a firmware.
 //!
 //! A timer of one's own is connected by two closures: how many interrupts have come so far, and how
 //! to let a little time pass in which they can come.
 //!
 //! ```
-//! use condor_mos::conformance::timer_conforms;
 //! use condor_mos::sim::Processor;
-//! use condor_mos::{Rate, Timer};
+//! use condor_mos::{Rate, Timer, conformance};
 //! use std::sync::atomic::{AtomicU32, Ordering};
 //!
 //! let processor = Processor::new(Rate::hz(1_000_000));
 //! let interrupts = AtomicU32::new(0);
-//! processor.with_handler(
+//! let verdict = processor.with_handler(
 //!     || {
 //!         interrupts.fetch_add(1, Ordering::Relaxed);
 //!     },
 //!     || {
-//!         timer_conforms(
+//!         conformance::timer(
 //!             &processor,
 //!             || interrupts.load(Ordering::Relaxed),
 //!             || processor.run_until(processor.now() + 1),
-//!         );
+//!         )
 //!     },
 //! );
+//! assert_eq!(verdict, Ok(()));
 //! ```
 //!
 //! The suite takes some hundred milliseconds of the timer's time, or three rounds of a counter that
 //! begins anew within a few seconds. It does not assume that the program is undisturbed: an attempt
-//! that came too late to tell is made again.
+//! that came too late to tell is made again. A counter that stands still keeps it for ever.
 
 use crate::instant::Instant;
 use crate::rate::Rate;
@@ -36,27 +36,75 @@ use crate::timer::{Armed, Timer};
 /// How often an attempt that was disturbed is made again.
 const ATTEMPTS: u32 = 100;
 
-/// Asserts all that a [`Timer`] promises.
+/// A check that a timer failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{check}: found {found}, expected {expected}")]
+pub struct TimerFailure {
+    /// The promise that is broken, and what is counted.
+    pub check: &'static str,
+    /// How many there were.
+    pub found: u32,
+    /// How many there should have been.
+    pub expected: u32,
+}
+
+/// What a check that cannot go on gives.
+type Verdict<T = ()> = Result<T, TimerFailure>;
+
+/// Whether an attempt was fast enough to tell.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Told {
+    Yes,
+    TooLate,
+}
+
+/// Checks all that a [`Timer`] promises.
 ///
-/// `interrupts` counts the timer's interrupts since any moment; `pass` lets some time pass, less
-/// than a thousandth of a second if it can, with interrupts enabled.
+/// `interrupts` counts the timer's interrupts since any moment. An interrupt that lasts until the
+/// timer is armed anew, as that of a compare which is a level, is ended by whoever counts it:
+/// [`disarm`](Timer::disarm). `pass` lets some time pass, less than a thousandth of a second if it
+/// can, with interrupts enabled.
 ///
-/// # Panics
-/// If the timer breaks a promise; the message says which.
-pub fn timer_conforms<T: Timer>(timer: &T, interrupts: impl Fn() -> u32, pass: impl FnMut()) {
+/// # Errors
+/// The first check that fails.
+pub fn timer<T: Timer>(
+    timer: &T,
+    interrupts: impl Fn() -> u32,
+    pass: impl FnMut(),
+) -> Result<(), TimerFailure> {
     let mut suite = Suite {
         timer,
         interrupts,
         pass,
         short: short_span(timer),
     };
-    suite.is_monotonic();
-    suite.interrupts_once();
-    suite.interrupts_across_the_end_of_the_counter();
-    suite.reports_the_past();
-    suite.replaces_by_later();
-    suite.replaces_by_earlier();
-    suite.disarms();
+    suite.is_monotonic()?;
+    suite.attempt(
+        "attempts to see an interrupt ahead",
+        Suite::one_interrupt_comes,
+    )?;
+    suite.interrupts_across_the_end_of_the_counter()?;
+    suite.reports_the_past()?;
+    suite.attempt(
+        "attempts to see a later instant in place of another",
+        Suite::replaces_by_later,
+    )?;
+    suite.attempt(
+        "attempts to see an earlier instant in place of another",
+        Suite::replaces_by_earlier,
+    )?;
+    suite.attempt("attempts to see a timer disarmed", Suite::disarms)
+}
+
+fn same(check: &'static str, found: u32, expected: u32) -> Verdict {
+    if found == expected {
+        return Ok(());
+    }
+    Err(TimerFailure {
+        check,
+        found,
+        expected,
+    })
 }
 
 /// Some milliseconds, or a small part of the counter's range.
@@ -92,6 +140,22 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
         self.timer.now().has_reached(instant)
     }
 
+    /// An instant has come.
+    fn has_come(&self, check: &'static str, instant: T::Instant) -> Verdict {
+        let now = self.timer.now();
+        let left = if now.has_reached(instant) {
+            0
+        } else {
+            instant.since(now)
+        };
+        same(check, left, 0)
+    }
+
+    /// So many interrupts have come since there were `before`.
+    fn have_come(&self, check: &'static str, before: u32, expected: u32) -> Verdict {
+        same(check, (self.interrupts)().wrapping_sub(before), expected)
+    }
+
     /// Lets time pass until `instant` has come.
     fn pass_until(&mut self, instant: T::Instant) {
         while !self.has_reached(instant) {
@@ -99,20 +163,20 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
         }
     }
 
-    /// Lets time pass until the next interrupt; says whether it came before a generous deadline.
-    fn interrupt_comes(&mut self, count: u32) -> bool {
+    /// Lets time pass until the next interrupt, or a generous deadline.
+    fn interrupt_comes(&mut self, check: &'static str, before: u32) -> Verdict {
         // In steps, as the counter may begin anew before the deadline.
-        let steps = 10 * ticks_in(self.timer.frequency(), 1000) / u64::from(self.short) + 16;
+        let steps = 10 * ticks_in(self.timer.frequency(), 1000) / u64::from(self.short.max(1)) + 16;
         for _ in 0..steps {
             let step = self.ahead(1);
             while !self.has_reached(step) {
-                if (self.interrupts)() != count {
-                    return true;
+                if (self.interrupts)() != before {
+                    return Ok(());
                 }
                 (self.pass)();
             }
         }
-        (self.interrupts)() != count
+        self.have_come(check, before, 1)
     }
 
     /// Nothing is armed and nothing pending when this returns.
@@ -123,143 +187,125 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
     }
 
     /// Makes attempts until one was in time to tell.
-    fn attempt(&mut self, what: &str, mut attempt: impl FnMut(&mut Self) -> Option<()>) {
+    fn attempt(
+        &mut self,
+        check: &'static str,
+        attempt: impl Fn(&mut Self) -> Verdict<Told>,
+    ) -> Verdict {
         for _ in 0..ATTEMPTS {
             self.quiet();
-            if attempt(self).is_some() {
-                return;
+            if attempt(self)? == Told::Yes {
+                return Ok(());
             }
         }
-        panic!("{what}: the program was never fast enough to tell in {ATTEMPTS} attempts");
+        same(check, ATTEMPTS, 1)
     }
 
-    fn is_monotonic(&mut self) {
+    fn is_monotonic(&mut self) -> Verdict {
         let mut before = self.timer.now();
         for _ in 0..1000 {
             let now = self.timer.now();
-            assert!(now.has_reached(before), "the counter went back");
+            let back = if now.has_reached(before) {
+                0
+            } else {
+                before.since(now)
+            };
+            same("ticks that the counter went back", back, 0)?;
             before = now;
         }
         let later = self.ahead(1);
-        // Hangs on a counter that stands still.
         self.pass_until(later);
+        Ok(())
     }
 
-    fn interrupts_once(&mut self) {
-        self.attempt("an interrupt ahead", Self::one_interrupt_comes);
-    }
-
-    fn one_interrupt_comes(&mut self) -> Option<()> {
+    fn one_interrupt_comes(&mut self) -> Verdict<Told> {
         let count = (self.interrupts)();
         let at = self.ahead(2);
         if self.timer.arm(at) == Armed::Past {
-            assert!(
-                self.has_reached(at),
-                "an instant ahead was reported as past"
-            );
-            return None;
+            self.has_come("ticks left to an instant that was reported as past", at)?;
+            return Ok(Told::TooLate);
         }
-        assert!(
-            self.interrupt_comes(count),
-            "no interrupt came at the instant that was armed"
-        );
-        assert!(
-            self.has_reached(at),
-            "the interrupt came before its instant"
-        );
+        self.interrupt_comes("interrupts at the instant that was armed", count)?;
+        self.has_come("ticks left to the instant when its interrupt came", at)?;
         let later = self.ahead(4);
         self.pass_until(later);
-        let came = (self.interrupts)().wrapping_sub(count);
-        assert_eq!(came, 1, "one instant was armed, {came} interrupts came");
-        Some(())
+        self.have_come("interrupts for one instant", count, 1)?;
+        Ok(Told::Yes)
     }
 
     /// Arms instants all around a counter that begins anew soon.
-    fn interrupts_across_the_end_of_the_counter(&mut self) {
+    fn interrupts_across_the_end_of_the_counter(&mut self) -> Verdict {
         let bits = <T::Instant as Instant>::BITS;
         let soon = 3 * ticks_in(self.timer.frequency(), 1000);
         if bits > 32 || 1_u64 << bits > soon.max(1 << 16) {
-            return;
+            return Ok(());
         }
-        let rounds = 3 * (1_u64 << bits) / (6 * u64::from(self.short)) + 1;
+        let rounds = 3 * (1_u64 << bits) / (6 * u64::from(self.short.max(1))) + 1;
         for _ in 0..rounds {
-            self.attempt("around the counter", Self::one_interrupt_comes);
+            self.attempt(
+                "attempts to see an interrupt around the counter",
+                Self::one_interrupt_comes,
+            )?;
         }
+        Ok(())
     }
 
-    fn reports_the_past(&mut self) {
+    fn reports_the_past(&mut self) -> Verdict {
         self.quiet();
         let now = self.timer.now();
         let later = self.ahead(1);
         self.pass_until(later);
-        assert_eq!(
-            self.timer.arm(now),
-            Armed::Past,
-            "an instant that has passed was not reported"
-        );
+        let reports = u32::from(self.timer.arm(now) == Armed::Past);
+        same("reports of an instant that has passed", reports, 1)
     }
 
-    fn replaces_by_later(&mut self) {
-        self.attempt("a later instant in place of another", |suite| {
-            let count = (suite.interrupts)();
-            let (first, second) = (suite.ahead(2), suite.ahead(6));
-            if suite.timer.arm(first) == Armed::Past || suite.timer.arm(second) == Armed::Past {
-                return None;
-            }
-            if suite.has_reached(first) {
-                return None;
-            }
-            assert!(
-                suite.interrupt_comes(count),
-                "no interrupt came after the timer was armed again"
-            );
-            assert!(
-                suite.has_reached(second),
-                "an interrupt came at an instant that had been replaced"
-            );
-            Some(())
-        });
+    fn replaces_by_later(&mut self) -> Verdict<Told> {
+        let count = (self.interrupts)();
+        let (first, second) = (self.ahead(2), self.ahead(6));
+        if self.timer.arm(first) == Armed::Past || self.timer.arm(second) == Armed::Past {
+            return Ok(Told::TooLate);
+        }
+        if self.has_reached(first) {
+            return Ok(Told::TooLate);
+        }
+        self.interrupt_comes("interrupts after the timer was armed again", count)?;
+        self.has_come(
+            "ticks left to the later instant when an interrupt came",
+            second,
+        )?;
+        Ok(Told::Yes)
     }
 
-    fn replaces_by_earlier(&mut self) {
-        self.attempt("an earlier instant in place of another", |suite| {
-            let count = (suite.interrupts)();
-            let (far, near) = (suite.ahead(7), suite.ahead(2));
-            if suite.timer.arm(far) == Armed::Past || suite.timer.arm(near) == Armed::Past {
-                return None;
-            }
-            assert!(
-                suite.interrupt_comes(count),
-                "no interrupt came after the timer was armed again"
-            );
-            if suite.has_reached(far) {
-                // Late, or not replaced: there is no telling.
-                return None;
-            }
-            let later = suite.ahead(8);
-            suite.pass_until(later);
-            let came = (suite.interrupts)().wrapping_sub(count);
-            assert_eq!(came, 1, "the instant that had been replaced came, too");
-            Some(())
-        });
+    fn replaces_by_earlier(&mut self) -> Verdict<Told> {
+        let count = (self.interrupts)();
+        let (far, near) = (self.ahead(7), self.ahead(2));
+        if self.timer.arm(far) == Armed::Past || self.timer.arm(near) == Armed::Past {
+            return Ok(Told::TooLate);
+        }
+        self.interrupt_comes("interrupts after the timer was armed again", count)?;
+        if self.has_reached(far) {
+            // Late, or not replaced: there is no telling.
+            return Ok(Told::TooLate);
+        }
+        let later = self.ahead(8);
+        self.pass_until(later);
+        self.have_come("interrupts after an instant was replaced", count, 1)?;
+        Ok(Told::Yes)
     }
 
-    fn disarms(&mut self) {
-        self.attempt("disarming", |suite| {
-            let count = (suite.interrupts)();
-            let at = suite.ahead(2);
-            if suite.timer.arm(at) == Armed::Past {
-                return None;
-            }
-            suite.timer.disarm();
-            if suite.has_reached(at) {
-                return None;
-            }
-            let later = suite.ahead(6);
-            suite.pass_until(later);
-            let came = (suite.interrupts)().wrapping_sub(count);
-            assert_eq!(came, 0, "an interrupt came after disarming");
-            Some(())
-        });
+    fn disarms(&mut self) -> Verdict<Told> {
+        let count = (self.interrupts)();
+        let at = self.ahead(2);
+        if self.timer.arm(at) == Armed::Past {
+            return Ok(Told::TooLate);
+        }
+        self.timer.disarm();
+        if self.has_reached(at) {
+            return Ok(Told::TooLate);
+        }
+        let later = self.ahead(6);
+        self.pass_until(later);
+        self.have_come("interrupts after disarming", count, 0)?;
+        Ok(Told::Yes)
     }
 }

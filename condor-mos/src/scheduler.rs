@@ -11,7 +11,7 @@ use crate::platform::Platform;
 use crate::process::Overrun;
 use crate::rate::Rate;
 use crate::schedule::Schedule;
-use crate::scope::Scope;
+use crate::scope::{Loops, Scope};
 use crate::state::{Running, State};
 use crate::statistics::Statistics;
 use crate::sync::const_unless_loom;
@@ -72,7 +72,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// are disarmed.
     pub fn scope<'env, R>(
         &self,
-        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, P, S, L>) -> R,
+        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env>) -> R,
     ) -> R {
         Scope::run(self, f)
     }
@@ -366,31 +366,6 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         });
     }
 
-    /// Gives a loop that has none a body, and enables it.
-    pub(crate) fn assign_body(
-        &self,
-        id: LoopId,
-        overrun: Overrun,
-        body: Body,
-    ) -> Result<(), LoopError> {
-        let number = Self::number(id)?;
-        if self.with_state(|state| state.assign(number, overrun, body)) {
-            Ok(())
-        } else {
-            Err(LoopError::Taken { id })
-        }
-    }
-
-    /// Disables the loops of `ids`, a bit for each, and takes away what they run, once they have
-    /// finished.
-    pub(crate) fn withdraw(&self, ids: u32) {
-        // On the loops' own stack none of them can be in progress here: it would have finished
-        // before what it interrupted went on.
-        while !self.with_state(|state| state.withdraw(ids)) {
-            core::hint::spin_loop();
-        }
-    }
-
     fn set_enabled(&self, id: LoopId, enabled: bool) -> Result<(), LoopError> {
         let number = Self::number(id)?;
         if self.with_state(|state| state.enable(number, enabled)) {
@@ -461,6 +436,26 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
 
     const fn no_such(id: LoopId) -> LoopError {
         LoopError::NoSuchLoop { id, loops: L as u8 }
+    }
+}
+
+impl<P: Platform, S: Schedule<L>, const L: usize> Loops for Scheduler<P, S, L> {
+    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body) -> Result<(), LoopError> {
+        let number = Self::number(id)?;
+        if self.with_state(|state| state.assign(number, overrun, body)) {
+            Ok(())
+        } else {
+            Err(LoopError::Taken { id })
+        }
+    }
+
+    /// Once they have finished.
+    fn withdraw(&self, numbers: u32) {
+        // On the loops' own stack none of them can be in progress here: it would have finished
+        // before what it interrupted went on.
+        while !self.with_state(|state| state.withdraw(numbers)) {
+            core::hint::spin_loop();
+        }
     }
 }
 

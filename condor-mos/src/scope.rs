@@ -5,12 +5,10 @@ use core::marker::PhantomData;
 
 use crate::body::Body;
 use crate::error::LoopError;
-use crate::platform::Platform;
 use crate::process::Overrun;
-use crate::schedule::Schedule;
-use crate::scheduler::{LoopId, Scheduler};
+use crate::scheduler::LoopId;
 
-/// Where closures become loops until the end of [`Scheduler::scope`].
+/// Where closures become loops until the end of [`Scheduler::scope`](crate::Scheduler::scope).
 ///
 /// A closure, and what it borrows, outlives the scope:
 ///
@@ -41,8 +39,8 @@ use crate::scheduler::{LoopId, Scheduler};
 ///     Ok::<_, condor_mos::LoopError>(())
 /// });
 /// ```
-pub struct Scope<'scope, 'env: 'scope, P: Platform, S: Schedule<L>, const L: usize> {
-    scheduler: &'scope Scheduler<P, S, L>,
+pub struct Scope<'scope, 'env: 'scope> {
+    scheduler: &'scope (dyn Loops + 'scope),
     /// A bit for each loop that was assigned here.
     assigned: Cell<u32>,
     /// `'scope` neither grows nor shrinks: a closure's borrows live until the scope has ended.
@@ -50,7 +48,16 @@ pub struct Scope<'scope, 'env: 'scope, P: Platform, S: Schedule<L>, const L: usi
     env: PhantomData<&'env mut &'env ()>,
 }
 
-impl<'scope, P: Platform, S: Schedule<L>, const L: usize> Scope<'scope, '_, P, S, L> {
+/// What a scope asks of its scheduler, whose type it does not name: with it, a platform that is
+/// borrowed for ever would have closures borrow for as long.
+pub(crate) trait Loops {
+    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body) -> Result<(), LoopError>;
+
+    /// Disarms these loops, a bit for each.
+    fn withdraw(&self, numbers: u32);
+}
+
+impl<'scope> Scope<'scope, '_> {
     /// Has a loop run `closure`, and enables it.
     ///
     /// # Errors
@@ -69,10 +76,10 @@ impl<'scope, P: Platform, S: Schedule<L>, const L: usize> Scope<'scope, '_, P, S
     }
 }
 
-impl<P: Platform, S: Schedule<L>, const L: usize> Scope<'_, '_, P, S, L> {
+impl Scope<'_, '_> {
     pub(crate) fn run<'env, R>(
-        scheduler: &Scheduler<P, S, L>,
-        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, P, S, L>) -> R,
+        scheduler: &dyn Loops,
+        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env>) -> R,
     ) -> R {
         let scope = Scope {
             scheduler,
@@ -89,12 +96,12 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scope<'_, '_, P, S, L> {
 }
 
 /// Disarms a scope's loops, also when it unwinds.
-struct Withdraw<'w, P: Platform, S: Schedule<L>, const L: usize> {
-    scheduler: &'w Scheduler<P, S, L>,
+struct Withdraw<'w> {
+    scheduler: &'w dyn Loops,
     assigned: &'w Cell<u32>,
 }
 
-impl<P: Platform, S: Schedule<L>, const L: usize> Drop for Withdraw<'_, P, S, L> {
+impl Drop for Withdraw<'_> {
     fn drop(&mut self) {
         self.scheduler.withdraw(self.assigned.get());
     }

@@ -3,7 +3,13 @@
 //! Under `--cfg condor_loom` the atomics, the cells and the critical sections are loom's.
 
 #[cfg(not(condor_loom))]
-pub(crate) use portable_atomic::{AtomicBool, AtomicU8, Ordering};
+pub(crate) use portable_atomic::Ordering;
+#[cfg(not(any(test, condor_loom)))]
+pub(crate) use portable_atomic::{AtomicBool, AtomicU8};
+
+// Whoever interrupts can come at each of their accesses.
+#[cfg(all(test, not(condor_loom)))]
+pub(crate) use crate::injector::atomics::{AtomicBool, AtomicU8};
 
 #[cfg(condor_loom)]
 pub(crate) use loom::{

@@ -152,3 +152,18 @@ fn a_handler_of_another_thread_is_not_called() {
     );
     assert_eq!(calls.load(Relaxed), 1);
 }
+
+/// As that of two schedulers which are statics. This is about what compiles.
+#[test]
+fn a_platform_that_is_borrowed_for_ever_has_loops_that_borrow_for_less() {
+    let processor: &'static Processor = Box::leak(Box::new(Processor::new(FREQUENCY)));
+    let schedule = Scan::new([Rate::hz(10)], Clock::of::<u64>(FREQUENCY));
+    let scheduler: Scheduler<&'static Processor, _, 1> = Scheduler::new(processor, schedule);
+    let mut runs = 0;
+    let mut body = || runs += 1;
+    scheduler.scope(|scope| {
+        scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
+        scheduler.start().unwrap();
+    });
+    assert_eq!(runs, 1);
+}

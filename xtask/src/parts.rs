@@ -17,6 +17,7 @@ mod no_std;
 mod panics;
 mod qemu;
 mod test;
+mod unsafe_code;
 
 /// One check of the workspace, and a sub-command of `cargo xtask`.
 ///
@@ -33,6 +34,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part { name: "fmt",      about: "rustfmt, in every workspace",                     run: fmt::run },
     Part { name: "lint",     about: "clippy over all targets, in every workspace",     run: lint::run },
     Part { name: "docs",     about: "rustdoc without warnings",                        run: docs::run },
+    Part { name: "unsafe",   about: "the READMEs' tables of unsafe code",              run: unsafe_code::run },
     Part { name: "test",     about: "the tests as README.md says to run them",         run: test::run },
     Part { name: "no-std",   about: "the libraries, built for bare-metal targets",     run: no_std::run },
     Part { name: "qemu",     about: "the bare-metal firmwares, run in QEMU",           run: qemu::run },

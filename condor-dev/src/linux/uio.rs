@@ -41,6 +41,9 @@ pub struct UioInterrupts {
     lines: Vec<Line>,
 }
 
+/// How many devices there can be: a wait has its list of them on the stack.
+const MOST: usize = 64;
+
 #[derive(Debug)]
 struct Line {
     vector: Vector,
@@ -53,11 +56,11 @@ struct Line {
 }
 
 impl UioInterrupts {
-    /// The interrupts of `devices`, all disabled. Each is a `/dev/uio`*n*, opened for reading
+    /// The interrupts of `devices`, 64 at most, all disabled. Each is a `/dev/uio`*n*, opened for reading
     /// and writing, of which this makes every read non-blocking.
     ///
     /// # Errors
-    /// The system refuses to.
+    /// [`InvalidInput`](io::ErrorKind::InvalidInput) if there are more devices, or the system's.
     pub fn new(devices: impl IntoIterator<Item = (Vector, OwnedFd)>) -> io::Result<Self> {
         let lines = devices.into_iter().map(|(vector, device)| {
             rustix::io::ioctl_fionbio(&device, true)?;
@@ -71,9 +74,13 @@ impl UioInterrupts {
             line.allow(false);
             Ok(line)
         });
-        Ok(Self {
-            lines: lines.collect::<io::Result<_>>()?,
-        })
+        let lines = lines.collect::<io::Result<Vec<_>>>()?;
+        if lines.len() > MOST {
+            let found = lines.len();
+            let problem = format!("{found} devices, of which {MOST} can be waited for at once");
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
+        }
+        Ok(Self { lines })
     }
 
     /// Waits until an enabled vector is pending, or `deadline` has passed; says whether one is.
@@ -105,19 +112,30 @@ impl UioInterrupts {
 
     /// The most urgent line that has something to read, after `patience` at most.
     fn poll(&self, patience: Duration) -> io::Result<Option<&Line>> {
-        let open: Vec<&Line> = self.lines.iter().filter(|line| line.is_open()).collect();
-        let mut fds: Vec<_> = open
-            .iter()
-            .map(|line| PollFd::new(&line.device, PollFlags::IN))
-            .collect();
+        let Some(any) = self.lines.first() else {
+            std::thread::sleep(patience);
+            return Ok(None);
+        };
+        let mut lines = [any; MOST];
+        let mut count = 0;
+        let open = self.lines.iter().filter(|line| line.is_open());
+        for (place, line) in lines.iter_mut().zip(open) {
+            *place = line;
+            count += 1;
+        }
+        // Behind them the array holds what nobody asks for.
+        let mut fds = lines.map(|line| PollFd::new(&line.device, PollFlags::IN));
+        let fds = fds.get_mut(..count).unwrap_or_default();
         let patience = Timespec::try_from(patience).ok();
-        match poll(&mut fds, patience.as_ref()) {
+        match poll(fds, patience.as_ref()) {
             Ok(_) => {}
             Err(Errno::INTR) => return Ok(None),
             Err(error) => return Err(error.into()),
         }
-        let ready = fds.iter().zip(&open);
-        let ready = ready.filter(|(fd, _)| !fd.revents().is_empty());
+        let ready = fds
+            .iter()
+            .zip(lines.get(..count).unwrap_or_default())
+            .filter(|(fd, _)| !fd.revents().is_empty());
         // Of one level, the first.
         let urgent = ready.rev().max_by_key(|(_, line)| line.level());
         Ok(urgent.map(|(_, line)| *line))

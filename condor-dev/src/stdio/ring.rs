@@ -9,6 +9,9 @@ use critical_section::Mutex;
 const PIECE: usize = 16;
 
 /// Up to `N` bytes in order, for all contexts at once, and how many found no room.
+///
+/// Not the [`Ring`](crate::Ring) of drivers: whoever interrupts the holder of its end to write finds
+/// it taken, and a print would be lost there; and drivers cannot mask interrupts for each 16 bytes.
 pub(super) struct Ring<const N: usize>(Mutex<RefCell<Inside<N>>>);
 
 struct Inside<const N: usize> {

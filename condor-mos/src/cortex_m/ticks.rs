@@ -28,8 +28,9 @@ pub struct Ticks {
     cycles: u32,
     /// Written by the handler of `SysTick` alone. One core: all of its contexts see what was stored.
     count: AtomicU32,
-    /// When, if at all, the handler is to say so. Written inside critical sections.
+    /// When, if at all, the handler is to say so.
     at: AtomicU32,
+    /// Set by who arms, and taken back by the handler.
     armed: AtomicBool,
 }
 
@@ -84,6 +85,8 @@ impl Ticks {
         }
         let at = Wrapping::<32>::new(self.at.load(Ordering::Relaxed));
         if self.armed.load(Ordering::Relaxed) && self.now().has_reached(at) {
+            // One interrupt for one instant. What is armed meanwhile is armed after this.
+            self.armed.store(false, Ordering::Relaxed);
             SCB::set_pendsv();
         }
     }
@@ -119,7 +122,7 @@ impl Timer for Ticks {
     #[inline]
     fn arm(&self, at: Wrapping<32>) -> Armed {
         // Every tick asks whether the instant has come, so none is lost; a tick between the two
-        // stores asks for one that is not armed, or once too often.
+        // stores asks once too often, or for one that is not armed.
         self.at.store(at.count(), Ordering::Relaxed);
         self.armed.store(true, Ordering::Relaxed);
         if self.now().has_reached(at) {

@@ -1,4 +1,5 @@
-//! The scheduler with an interrupt at every point where it reaches shared state.
+//! The scheduler with an interrupt at every point where it reaches shared state; and, in [`latest`],
+//! values that loops hand over.
 //!
 //! A point is an entry to a critical section, an exit from one, an access outside of any, and what
 //! the programs below add: the middle of every loop's body, and the background. For each set of
@@ -11,8 +12,10 @@
 //! not one section each, if vectors are pended for ready loops only, if a nested lock lowers the
 //! ceiling, and if the end of a lock does not dispatch.
 
+pub(crate) mod atomics;
 pub(crate) mod hook;
 
+mod latest;
 mod oracle;
 mod plan;
 mod programs;

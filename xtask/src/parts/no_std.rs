@@ -16,7 +16,7 @@ const TARGETS: [&str; 4] = [
 const LIBRARIES: [(&str, &[&str]); 3] = [
     ("condor-dev", &["", "conformance", "riscv"]),
     ("condor-mbox", &["", "conformance", "riscv"]),
-    ("condor-mos", &["", "cortex-m", "riscv"]),
+    ("condor-mos", &["", "conformance", "cortex-m", "riscv"]),
 ];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {

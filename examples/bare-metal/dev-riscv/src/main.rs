@@ -25,7 +25,12 @@ use dev_exercise::{Boards, Devices, Memory};
 use machine::{BUS, NOWHERE, UART, UART_VECTOR, VIRTIO, plic, print, switch_off};
 use riscv::register::{mie, mstatus};
 
-core::arch::global_asm!(include_str!("start.s"));
+// No floating point: it is off, and using it traps.
+core::arch::global_asm!(
+    include_str!("../../one-hart.s"),
+    include_str!("trap.s"),
+    mstatus = const 0
+);
 
 /// The serial port of the machine.
 type Serial = Uart16550<1, 256>;
@@ -52,7 +57,7 @@ static FAULTS: AtomicU32 = AtomicU32::new(0);
 
 const EXTERNAL_INTERRUPT: usize = 1 << (usize::BITS - 1) | 0xb;
 
-/// Where the hart comes from `start.s`.
+/// Where the hart comes from `one-hart.s`.
 #[unsafe(no_mangle)]
 extern "C" fn main() {
     let mut checks = Checks::new(&print);

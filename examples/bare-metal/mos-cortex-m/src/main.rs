@@ -8,13 +8,14 @@
 mod machine;
 
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
 use condor_mos::cortex_m::{Ticks, Vectors};
 use cortex_m::Peripherals;
 use cortex_m_rt::exception;
 use machine::{CORE_HZ, SPARE, TICK_HZ, print, switch_off};
-use mos_exercise::{LOOPS, Scanned, Tabled};
+use mos_exercise::{LOOPS, Scanned, Simple, Tabled};
 
 type Core = Vectors<Ticks, { LOOPS - 1 }>;
 
@@ -30,6 +31,10 @@ static PLATFORM: Core = Vectors::new(
 static TABLED: Tabled<&Core> = mos_exercise::tabled(&PLATFORM, Ticks::clock(CORE_HZ, TICK_CYCLES));
 static SCANNED: Scanned<&Core> =
     mos_exercise::scanned(&PLATFORM, Ticks::clock(CORE_HZ, TICK_CYCLES));
+static SIMPLE: Simple<&Core> = mos_exercise::simple(&PLATFORM, Ticks::clock(CORE_HZ, TICK_CYCLES));
+
+/// The timer's interrupts that have come.
+static TIMED: AtomicU32 = AtomicU32::new(0);
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -40,7 +45,13 @@ fn main() -> ! {
     unsafe { PLATFORM.enable(&mut core.NVIC, &mut core.SCB) };
     PLATFORM.timer().begin(core.SYST);
     let mut checks = Checks::new(&print);
-    mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED);
+    #[cfg(feature = "conformance")]
+    {
+        checks.group("the timer");
+        let interrupts = || TIMED.load(Relaxed);
+        mos_exercise::conformance::timer(&mut checks, &PLATFORM, interrupts);
+    }
+    mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED, &SIMPLE);
     may_panic(TICK_CYCLES as usize);
     switch_off(checks.conclude());
 }
@@ -52,9 +63,11 @@ fn SysTick() {
 
 #[exception]
 fn PendSV() {
-    // The one that is not started ignores it.
+    TIMED.store(TIMED.load(Relaxed).wrapping_add(1), Relaxed);
+    // Those that are not started ignore it.
     TABLED.on_timer();
     SCANNED.on_timer();
+    SIMPLE.on_timer();
 }
 
 /// The vectors of the ranks behind the fastest.

@@ -1,17 +1,27 @@
 //! Uses every call of `condor-mos` that runs without an operating system, over any platform.
 //!
-//! The firmware has a [`Tabled`] and a [`Scanned`] scheduler of one platform as statics, calls both
-//! from its interrupts (the one that is not started ignores them), and then [`loops`].
+//! The firmware has a [`Tabled`] and a [`Scanned`] scheduler and a [`Simple`] servo of one platform as
+//! statics, calls them from its interrupts (those that are not started ignore them), and then
+//! [`loops`].
 #![no_std]
 
+mod analysis;
 mod changes;
+#[cfg(feature = "conformance")]
+pub mod conformance;
+mod latest;
 mod nesting;
 mod plans;
+mod schedules;
 mod sharing;
+mod simple;
+mod texts;
 mod trace;
 
 use checks::Checks;
-use condor_mos::{Clock, EventTable, Instant, Platform, Rate, Scan, Schedule, Scheduler};
+use condor_mos::{
+    Clock, EventTable, Instant, Platform, Rate, Scan, Schedule, Scheduler, SimpleServo,
+};
 
 /// How many loops there are.
 pub const LOOPS: usize = 3;
@@ -25,6 +35,9 @@ pub type Tabled<P> = Scheduler<P, EventTable<LOOPS, EVENTS>, LOOPS>;
 /// A scheduler with a scan.
 pub type Scanned<P> = Scheduler<P, Scan<LOOPS>, LOOPS>;
 
+/// A servo of one loop.
+pub type Simple<P> = SimpleServo<P>;
+
 /// A scheduler of the loops for a platform with this clock.
 pub const fn tabled<P: Platform>(platform: P, clock: Clock) -> Tabled<P> {
     Scheduler::new(platform, EventTable::new(RATES, clock))
@@ -33,6 +46,12 @@ pub const fn tabled<P: Platform>(platform: P, clock: Clock) -> Tabled<P> {
 /// The same without a table.
 pub const fn scanned<P: Platform>(platform: P, clock: Clock) -> Scanned<P> {
     Scheduler::new(platform, Scan::new(RATES, clock))
+}
+
+/// A servo of the fastest loop.
+pub const fn simple<P: Platform>(platform: P, clock: Clock) -> Simple<P> {
+    let [fastest, ..] = RATES;
+    SimpleServo::new(platform, fastest, clock)
 }
 
 /// Seconds. Nothing here takes as long, unless something is broken.
@@ -44,15 +63,27 @@ pub fn loops<P: Platform + Sync>(
     platform: &P,
     tabled: &'static Tabled<&'static P>,
     scanned: &'static Scanned<&'static P>,
+    simple: &'static Simple<&'static P>,
 ) {
     checks.group("plans");
     plans::plans(checks, platform);
+    schedules::schedules(checks);
+    checks.group("texts");
+    texts::texts(checks, Clock::of::<P::Instant>(platform.frequency()));
+    checks.group("responses");
+    analysis::declared(checks);
+    checks.group("the latest value");
+    latest::calls(checks);
+    checks.group("the platform");
+    schedules::platform(checks, platform);
     checks.group("an event table");
     each(checks, tabled);
     checks.group("a scan");
     each(checks, scanned);
     checks.group("loops for good");
     plans::for_good(checks, tabled);
+    checks.group("one loop");
+    simple::simple(checks, simple);
 }
 
 fn each<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
@@ -60,12 +91,14 @@ fn each<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
     scheduler: &Scheduler<P, S, LOOPS>,
 ) {
     nesting::nesting(checks, scheduler);
+    analysis::measured(checks, scheduler);
     changes::changes(checks, scheduler);
     sharing::sharing(checks, scheduler);
+    latest::latest(checks, scheduler);
 }
 
 /// Waits until `done`; says whether it came to that.
-fn await_until<P: Platform>(platform: &P, done: impl Fn() -> bool) -> bool {
+fn await_until<P: Platform>(platform: &P, mut done: impl FnMut() -> bool) -> bool {
     let frequency = platform.frequency();
     let second = frequency.numerator() / frequency.denominator().max(1);
     let begin = platform.now();

@@ -21,12 +21,35 @@ pub(crate) fn plans<P: Platform>(checks: &mut Checks<'_>, platform: &P) {
         "rates are ordered",
         fastest.is_faster_than(middle) && fastest > middle && fastest.as_hz() > middle.as_hz(),
     );
+    let video = Rate::fraction(60_000, 1001);
+    checks.same(
+        "a rate is a fraction",
+        (video.numerator(), video.denominator()),
+        (60_000, 1001),
+    );
+    checks.that(
+        "or a number of seconds",
+        Rate::every_seconds(10) < Rate::every_seconds(5) && !middle.is_faster_than(fastest),
+    );
+    let end = Wrapping::<16>::new(u32::MAX);
+    checks.same(
+        "a counter begins anew",
+        (end.count(), end.after(1), end.after(3).since(end)),
+        (0xffff, Wrapping::ZERO, 3),
+    );
     checks.same(
         "a clock is of a timer",
         (clock.frequency(), clock.bits()),
         (platform.frequency(), P::Instant::BITS),
     );
     let table = EventTable::<LOOPS, 20>::try_new(RATES, clock);
+    #[cfg(feature = "values")]
+    if let Ok(table) = &table {
+        use core::fmt::Write as _;
+
+        // The console takes everything.
+        let _ = writeln!(checks, "{table}");
+    }
     let events = table.map(|table| {
         table
             .events()
@@ -73,8 +96,8 @@ pub(crate) fn plans<P: Platform>(checks: &mut Checks<'_>, platform: &P) {
     );
 }
 
-/// What a loop has that has nothing.
-type Nothing = [u8; 0];
+/// The context of a loop that has none.
+pub(crate) type Nothing = [u8; 0];
 
 pub(crate) fn for_good<P: Platform + Sync>(checks: &mut Checks<'_>, scheduler: &Tabled<P>) {
     static RUNS: AtomicU32 = AtomicU32::new(0);

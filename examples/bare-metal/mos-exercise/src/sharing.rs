@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{CeilingLock, LockError, LoopId, Overrun, Platform, Schedule, Scheduler};
+use condor_mos::{CeilingLock, Instant, LockError, LoopId, Overrun, Platform, Schedule, Scheduler};
 
 use crate::{LOOPS, await_until};
 
@@ -50,7 +50,13 @@ pub(crate) fn sharing<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
             .and_then(|()| scope.assign(LoopId(1), Overrun::Skip, &mut middle))
             .and_then(|()| scope.assign(LoopId(2), Overrun::Skip, &mut slowest));
         checks.same("loops share", assigned, Ok(()));
-        checks.same("they start", scheduler.start(), Ok(()));
+        let frequency = platform.frequency();
+        let tenth = frequency.numerator() / frequency.denominator().max(1) / 10;
+        let at = platform.now().after(tenth);
+        checks.same("they start at an instant", scheduler.start_at(at), Ok(()));
+        let in_time =
+            await_until(platform, || by_loops.load(Relaxed) > 0) && platform.now().has_reached(at);
+        checks.that("and not before", in_time);
         for _ in 0..ROUNDS {
             by_background += u32::from(count_up().is_ok());
         }

@@ -7,6 +7,7 @@ pub(crate) const CLINT: usize = 0x0200_0000;
 /// How often its `mtime` counts in a second.
 pub(crate) const MTIME: Rate = Rate::hz(10_000_000);
 
+const MSIP: *mut u32 = CLINT as *mut u32;
 const UART: *mut u8 = 0x1000_0000 as *mut u8;
 const UART_LINE_STATUS: usize = 5;
 const UART_READY: u8 = 1 << 5;
@@ -23,6 +24,12 @@ pub(crate) fn print(text: &str) {
             UART.write_volatile(byte);
         }
     }
+}
+
+/// Raises the software interrupt of hart 0, or takes it back.
+pub(crate) fn ring(pending: bool) {
+    // SAFETY: the first register of the CLINT is that of hart 0, which only this function uses.
+    unsafe { MSIP.write_volatile(pending.into()) };
 }
 
 /// Ends QEMU, with success or not.

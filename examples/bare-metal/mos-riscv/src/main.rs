@@ -8,26 +8,40 @@
 mod machine;
 
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
 use condor_mos::riscv::Clint;
-use condor_mos::{Clock, Timer as _};
-use machine::{CLINT, MTIME, print, switch_off};
-use mos_exercise::{Scanned, Tabled};
+use condor_mos::{Clock, Instant as _, LoopId, Overrun, Timer as _};
+use machine::{CLINT, MTIME, print, ring, switch_off};
+use mos_exercise::{Scanned, Simple, Tabled};
 use riscv::register::{mie, mstatus};
 
-core::arch::global_asm!(include_str!("start.s"));
+// Floating point is on: `FS` is initial.
+core::arch::global_asm!(
+    include_str!("../../one-hart.s"),
+    include_str!("trap.s"),
+    mstatus = const 0x2000
+);
 
 const CLOCK: Clock = Clock::of::<u64>(MTIME);
+const SOFTWARE_INTERRUPT: usize = 1 << (usize::BITS - 1) | 3;
 const TIMER_INTERRUPT: usize = 1 << (usize::BITS - 1) | 7;
+/// The bit of `mie`.
+const SOFTWARE: usize = 1 << 3;
 
 // SAFETY: the machine has a CLINT there; this program runs on hart 0 alone, in machine mode, and
 // protects nothing.
-static PLATFORM: Clint = unsafe { Clint::new(CLINT, 0, MTIME) };
+static PLATFORM: Clint = unsafe { Clint::new(CLINT, 0, MTIME).interrupted_also_by(SOFTWARE) };
 static TABLED: Tabled<&Clint> = mos_exercise::tabled(&PLATFORM, CLOCK);
 static SCANNED: Scanned<&Clint> = mos_exercise::scanned(&PLATFORM, CLOCK);
+static SIMPLE: Simple<&Clint> = mos_exercise::simple(&PLATFORM, CLOCK);
 
-/// Where hart 0 comes from `start.s`.
+/// Software interrupts and timer interrupts that have come.
+static RUNG: AtomicU32 = AtomicU32::new(0);
+static TIMED: AtomicU32 = AtomicU32::new(0);
+
+/// Where hart 0 comes from `one-hart.s`.
 #[unsafe(no_mangle)]
 extern "C" fn main(hart: usize) {
     // The compare is anything after a reset.
@@ -35,17 +49,60 @@ extern "C" fn main(hart: usize) {
     // SAFETY: the trap entry is set up, and no critical section is in progress here.
     unsafe {
         mie::set_mtimer();
+        mie::set_msoft();
         mstatus::set_mie();
     }
     let mut checks = Checks::new(&print);
-    mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED);
+    #[cfg(feature = "conformance")]
+    {
+        checks.group("the timer");
+        let interrupts = || TIMED.load(Relaxed);
+        mos_exercise::conformance::timer(&mut checks, &PLATFORM, interrupts);
+    }
+    mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED, &SIMPLE);
+    checks.group("another interrupt");
+    other_interrupt(&mut checks);
     may_panic(hart);
     switch_off(checks.conclude());
+}
+
+/// A loop rings its own hart: the interrupt comes in its middle.
+fn other_interrupt(checks: &mut Checks<'_>) {
+    let (runs, interrupted) = (AtomicU32::new(0), AtomicU32::new(0));
+    let mut body = || {
+        let before = RUNG.load(Relaxed);
+        ring(true);
+        // It comes within some instructions, or when no loop is left.
+        for _ in 0..1000 {
+            core::hint::spin_loop();
+        }
+        let came = RUNG.load(Relaxed).wrapping_sub(before);
+        interrupted.store(interrupted.load(Relaxed).wrapping_add(came), Relaxed);
+        runs.store(runs.load(Relaxed).wrapping_add(1), Relaxed);
+    };
+    let done = SCANNED.scope(|scope| {
+        let assigned = scope.assign(LoopId(1), Overrun::Skip, &mut body);
+        let started = SCANNED.start();
+        let begin = PLATFORM.now();
+        while runs.load(Relaxed) < 5 && PLATFORM.now().since(begin) < 20 * MTIME.numerator() {}
+        SCANNED.stop();
+        (assigned, started)
+    });
+    checks.same("a loop runs", done, (Ok(()), Ok(())));
+    checks.that(
+        "what interrupts loops, too, does so",
+        runs.load(Relaxed) >= 5 && interrupted.load(Relaxed) == runs.load(Relaxed),
+    );
 }
 
 /// Every trap comes here, with interrupts masked.
 #[unsafe(no_mangle)]
 extern "C" fn trap(cause: usize) {
+    if cause == SOFTWARE_INTERRUPT {
+        ring(false);
+        RUNG.store(RUNG.load(Relaxed).wrapping_add(1), Relaxed);
+        return;
+    }
     if cause != TIMER_INTERRUPT {
         print("an exception, or an interrupt that nobody enabled\n");
         switch_off(false);
@@ -55,9 +112,13 @@ extern "C" fn trap(cause: usize) {
     unsafe {
         PLATFORM.on_interrupt(|| {
             spoil_floating_point();
-            // The one that is not started ignores it.
+            TIMED.store(TIMED.load(Relaxed).wrapping_add(1), Relaxed);
+            // The interrupt lasts until the compare is another one.
+            PLATFORM.disarm();
+            // Those that are not started ignore it.
             TABLED.on_timer();
             SCANNED.on_timer();
+            SIMPLE.on_timer();
         });
     }
 }

@@ -1,4 +1,4 @@
-# One hart comes up here; others are parked.
+# One hart comes up here, with `{mstatus}` set; others are parked. Shared by the firmwares of one hart.
 
 .section .init, "ax"
 .global _start
@@ -9,8 +9,7 @@ _start:
     .option pop
     csrw mie, zero
     csrci mstatus, 8
-    # Floating point is on: `fs` is initial.
-    li t0, 0x2000
+    li t0, {mstatus}
     csrs mstatus, t0
     la t0, trap_entry
     csrw mtvec, t0
@@ -49,14 +48,3 @@ park:
     \int a6, 112(sp)
     \int a7, 120(sp)
 .endm
-
-.section .text.trap_entry, "ax"
-.balign 4
-trap_entry:
-    addi sp, sp, -128
-    each sd
-    csrr a0, mcause
-    call trap
-    each ld
-    addi sp, sp, 128
-    mret

@@ -1,0 +1,104 @@
+//! The latest value of a loop for the background, and the other way round.
+
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+
+use checks::Checks;
+use condor_mos::{Latest, LoopId, Overrun, Platform, Reader, Schedule, Scheduler, Writer};
+
+use crate::{LOOPS, await_until};
+
+/// What is handed over: one number, as often as there is place.
+type Words = [u32; 16];
+
+/// How often the background hands over, and the loop at least.
+const ROUNDS: u32 = 2000;
+const RUNS: u32 = 10;
+
+/// The calls, one after the other.
+pub(crate) fn calls(checks: &mut Checks<'_>) {
+    static CELL: Latest<u8> = Latest::new(5);
+    let Some((mut writer, mut reader)) = CELL.split() else {
+        return checks.that("a cell is split", false);
+    };
+    checks.that("a cell is split once", CELL.split().is_none());
+    checks.that("nothing is fresh at first", !reader.is_fresh());
+    checks.same("what it began with is read", *reader.read(), 5);
+    *writer.buffer() = 6;
+    checks.same("what is not published is not", *reader.read(), 5);
+    writer.publish();
+    checks.that("what is published is fresh", reader.is_fresh());
+    checks.same("and read", *reader.read(), 6);
+    writer.write(7);
+    writer.write(8);
+    checks.same("the latest is read", *reader.read(), 8);
+}
+
+/// A loop writes what the background reads, and reads what the background writes.
+pub(crate) fn latest<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+    checks: &mut Checks<'_>,
+    scheduler: &Scheduler<P, S, LOOPS>,
+) {
+    let mut up = Latest::new(words(0));
+    // As for values that cannot be copied.
+    let mut down = Latest::with_buffers(words(0), words(0), words(0));
+    let (mut to_background, mut from_loop) = up.split_mut();
+    let (mut to_loop, mut from_background) = down.split_mut();
+    let (sent, got) = (AtomicU32::new(0), AtomicU32::new(0));
+    let right = AtomicBool::new(true);
+    let receive =
+        |from: &mut Reader<'_, Words>, since: &AtomicU32| match take(from, since.load(Relaxed)) {
+            Some(number) => since.store(number, Relaxed),
+            None => right.store(false, Relaxed),
+        };
+    let mut servo_loop = || {
+        let number = sent.load(Relaxed).wrapping_add(1);
+        send(&mut to_background, number);
+        sent.store(number, Relaxed);
+        receive(&mut from_background, &got);
+    };
+    let received = AtomicU32::new(0);
+    scheduler.scope(|scope| {
+        let assigned = scope.assign(LoopId(0), Overrun::Skip, &mut servo_loop);
+        checks.same("a loop has an end of each cell", assigned, Ok(()));
+        checks.same("it starts", scheduler.start(), Ok(()));
+        for number in 1..=ROUNDS {
+            send(&mut to_loop, number);
+            receive(&mut from_loop, &received);
+        }
+        let done = await_until(scheduler.platform(), || {
+            receive(&mut from_loop, &received);
+            received.load(Relaxed) >= RUNS && got.load(Relaxed) == ROUNDS
+        });
+        checks.that("either gets what the other one has", done);
+        scheduler.stop();
+    });
+    checks.that("whole and in order", right.load(Relaxed));
+    // The cell outlives its ends.
+    let (_, mut reader) = up.split_mut();
+    let latest = take(&mut reader, received.load(Relaxed));
+    checks.same("the latest stays", latest, Some(sent.load(Relaxed)));
+}
+
+fn words(number: u32) -> Words {
+    [number; 16]
+}
+
+/// Changes the value in place, word by word: whoever interrupts must not see that.
+fn send(to: &mut Writer<'_, Words>, number: u32) {
+    for word in to.buffer() {
+        *word = core::hint::black_box(number);
+    }
+    to.publish();
+}
+
+/// The number that is read, if all words are that, and none is older than `since`.
+fn take(from: &mut Reader<'_, Words>, since: u32) -> Option<u32> {
+    let fresh = from.is_fresh();
+    let [number, others @ ..] = from.read();
+    let newer = if fresh {
+        *number > since
+    } else {
+        *number >= since
+    };
+    (newer && others.iter().all(|word| word == number)).then_some(*number)
+}

@@ -1,0 +1,40 @@
+//! What is told to people.
+
+use core::fmt::Write as _;
+
+use checks::Checks;
+use condor_mos::{Clock, LockError, LoopError, LoopId, Rate, RateError, StartError};
+
+/// Prints all that has a text without a fraction of a number in it: the console takes everything.
+pub(crate) fn texts(checks: &mut Checks<'_>, clock: Clock) {
+    let id = core::hint::black_box(LoopId(0));
+    let rate = clock.frequency();
+    let many = RateError::TooManyEvents {
+        rate,
+        fastest: Rate::hz(400),
+        capacity: 8,
+    };
+    let printed = writeln!(checks, "{rate}, {rate:>14}, {clock}")
+        .and_then(|()| writeln!(checks, "{}", LoopError::NoSuchLoop { id, loops: 3 }))
+        .and_then(|()| writeln!(checks, "{}", LoopError::Taken { id }))
+        .and_then(|()| writeln!(checks, "{}", LoopError::Unassigned { id }))
+        .and_then(|()| writeln!(checks, "{}", LoopError::from(many)))
+        .and_then(|()| {
+            let fast = RateError::TooFast {
+                rate,
+                frequency: rate,
+            };
+            writeln!(checks, "{fast}")
+        })
+        .and_then(|()| writeln!(checks, "{}", StartError::Started))
+        .and_then(|()| {
+            let other = StartError::Clock {
+                timer: clock,
+                schedule: clock,
+            };
+            writeln!(checks, "{other}")
+        })
+        .and_then(|()| writeln!(checks, "{}", LockError::Undeclared))
+        .and_then(|()| writeln!(checks, "{}", LockError::Taken));
+    checks.same("rates, clocks and errors have texts", printed, Ok(()));
+}
