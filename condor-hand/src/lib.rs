@@ -38,4 +38,4 @@ pub mod config;
 pub mod plant;
 
 pub use math::Real;
-pub use pose::Pose;
+pub use pose::{Pose, rotation_about};
