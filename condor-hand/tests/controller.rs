@@ -4,8 +4,8 @@ use condor_hand::config::Hand;
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::servo::{JointGains, Mode, PositionLaw, Sensed, SettingError, Target};
-use condor_hand::tendon::fault::{Channel, FaultCode};
+use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed, SettingError};
+use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::tendon::{Pair, Pairs};
 use condor_hand::trajectory::SetPoint;
 use nalgebra::{SVector, Vector3, Vector4};
@@ -125,7 +125,9 @@ fn other_gains_make_no_step_of_tension() {
         controller.set_mode(joint, Mode::Position).unwrap();
     }
     run(&mut controller, &mut tensions, 60);
-    controller.set_target(1, Target::Position(target)).unwrap();
+    controller
+        .set_target(1, JointTarget::Position(target))
+        .unwrap();
     run(&mut controller, &mut tensions, 60);
     let gains = JointGains {
         law: PositionLaw::Pd {
@@ -170,17 +172,17 @@ fn a_held_joint_gets_the_torque_that_holds_it() {
 #[test]
 fn what_a_joint_cannot_have_is_refused_with_its_value() {
     let mut controller = controller();
-    let refused = controller.set_target(2, Target::Position(SetPoint::rest(3.0)));
+    let refused = controller.set_target(2, JointTarget::Position(SetPoint::rest(3.0)));
     assert!(matches!(
         refused,
         Err(SettingError::Position { joint: 2, position, .. }) if position > 2.9
     ));
     assert!(matches!(
-        controller.set_target(1, Target::Torque(f64::NAN)),
+        controller.set_target(1, JointTarget::Torque(f64::NAN)),
         Err(SettingError::Torque { joint: 1, .. })
     ));
     assert!(matches!(
-        controller.set_target(0, Target::Tension(Pair { flexor: 10.0, extensor: 131.0 })),
+        controller.set_target(0, JointTarget::Tension(Pair { flexor: 10.0, extensor: 131.0 })),
         Err(SettingError::Tension { joint: 0, tension, .. }) if tension > 130.0
     ));
     assert!(matches!(
@@ -220,7 +222,7 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
         ticks += 1;
         assert!(ticks < 1000, "no fault was seen");
     };
-    assert_eq!(fault.channel, Channel::Joint(2));
+    assert_eq!(fault.site, FaultSite::Joint(2));
     assert_eq!(fault.code, FaultCode::NotFinite);
     assert_eq!(
         controller.set_mode(0, Mode::Position),
@@ -229,7 +231,7 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
     // Good sensors do not bring it back, and the way down has no step.
     for _ in 0..400 {
         let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
-        assert_eq!(tick.fault.unwrap().channel, fault.channel);
+        assert_eq!(tick.fault.unwrap().site, fault.site);
         assert!(largest_step(&command, &tick.output.command) < 1.0);
         command = tick.output.command;
     }

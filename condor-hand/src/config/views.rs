@@ -14,7 +14,7 @@ use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
 ///
 /// Places without a joint have zeros.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerLimits<const JOINTS: usize> {
+pub struct MotionLimits<const JOINTS: usize> {
     /// The lowest positions.
     pub low: SVector<f64, JOINTS>,
     /// The highest positions.
@@ -155,8 +155,8 @@ impl<const JOINTS: usize> Finger<JOINTS> {
 
     /// Where the joints may go, and how fast.
     #[must_use]
-    pub fn limits(&self) -> FingerLimits<JOINTS> {
-        FingerLimits {
+    pub fn limits(&self) -> MotionLimits<JOINTS> {
+        MotionLimits {
             low: self.each(|joint| joint.limits.low),
             high: self.each(|joint| joint.limits.high),
             velocity: self.each(|joint| joint.limits.velocity),

@@ -1,5 +1,7 @@
 use serde::{Deserialize, Serialize};
 
+use crate::math::{clamp, round};
+
 /// A channel of an analogue-to-digital converter, and what its counts mean:
 /// `value = gain * counts + offset`, with counts from 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -104,9 +106,14 @@ impl Input {
         self.gain * f64::from(counts) + self.offset
     }
 
-    /// The counts, not rounded, at which the value is read.
+    /// The counts as which a value is read: the nearest that the converter has, and 0 for a NaN.
     #[must_use]
-    pub fn counts(&self, value: f64) -> f64 {
+    pub fn counts(&self, value: f64) -> u32 {
+        whole(self.exact_counts(value), self.full_scale())
+    }
+
+    /// The counts of a value, not rounded, and also beyond what the converter has.
+    pub(super) fn exact_counts(&self, value: f64) -> f64 {
         (value - self.offset) / self.gain
     }
 
@@ -133,12 +140,8 @@ impl Output {
     #[inline]
     #[must_use]
     pub fn counts(&self, value: f64) -> u32 {
-        use crate::math::{clamp, round};
         let value = if value.is_nan() { 0.0 } else { value };
-        let counts = round(self.gain * value + self.offset);
-        #[allow(clippy::cast_sign_loss, reason = "clamped to what is not negative")]
-        let counts = clamp(counts, 0.0, f64::from(self.full_scale())) as u32;
-        counts
+        whole(self.gain * value + self.offset, self.full_scale())
     }
 
     /// The largest number of counts.
@@ -146,6 +149,13 @@ impl Output {
     pub const fn full_scale(&self) -> u32 {
         full_scale(self.bits)
     }
+}
+
+/// The nearest of the counts from 0 to `full_scale`; 0 for a NaN.
+fn whole(counts: f64, full_scale: u32) -> u32 {
+    #[allow(clippy::cast_sign_loss, reason = "clamped to what is not negative")]
+    let counts = clamp(round(counts), 0.0, f64::from(full_scale)) as u32;
+    counts
 }
 
 /// The largest number of so many bits, at most 32.

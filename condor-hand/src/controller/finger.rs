@@ -4,10 +4,12 @@ use thiserror::Error;
 use crate::config::{Finger, Hand};
 use crate::dynamics::Dynamics;
 use crate::math::clamp;
-use crate::servo::{FingerServo, JointGains, Mode, Output, Sensed, SettingError, Target};
-use crate::tendon::fault::{Fault, FingerMonitor, LimitsError, Observation, RampError, SafeRamp};
+use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
+use crate::tendon::fault::{
+    Fault, FaultLimitsError, FingerMonitor, Observation, RampError, SafeRamp,
+};
 use crate::tendon::{ArmError, Pairs};
-use crate::trajectory::{self, Interpolator, SetPoint, SetPointError};
+use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
 
 /// One finger of a configuration: servos, the set-points of its master, and its faults.
 ///
@@ -37,7 +39,7 @@ pub struct FingerController<M, const N: usize> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick<const N: usize> {
     /// What the actuators get and why; after a fault, on the way to the least tensions.
-    pub output: Output<f64, N>,
+    pub output: ServoOutput<f64, N>,
     /// The positions that the joints are to have, rad; none where positions are not controlled.
     pub target: [Option<f64>; N],
     /// The first fault since the last [`clear`](FingerController::clear).
@@ -56,10 +58,10 @@ pub enum ControllerError {
     Arms(#[from] ArmError),
     /// A limit of a fault.
     #[error(transparent)]
-    Fault(#[from] LimitsError),
+    Fault(#[from] FaultLimitsError),
     /// A limit of its set-points.
     #[error(transparent)]
-    SetPoints(#[from] trajectory::LimitsError),
+    SetPoints(#[from] TrajectoryError),
     /// The ramp to the least tensions.
     #[error(transparent)]
     Ramp(#[from] RampError),
@@ -163,7 +165,11 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// # Errors
     ///
     /// A target that the joint cannot have; it keeps the one that it has. A finger with a fault.
-    pub fn set_target(&mut self, joint: usize, target: Target<f64>) -> Result<(), SettingError> {
+    pub fn set_target(
+        &mut self,
+        joint: usize,
+        target: JointTarget<f64>,
+    ) -> Result<(), SettingError> {
         self.refuse_after_fault()?;
         self.servo.set_target(joint, target)?;
         self.leave(joint);
@@ -201,7 +207,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
                 continue;
             }
             // A mode that begins with the next tick holds a position only then.
-            if let Some(Target::Position(held)) = self.servo.target(joint) {
+            if let Some(JointTarget::Position(held)) = self.servo.target(joint) {
                 self.interpolator.join(joint, &held)?;
                 self.following |= bit;
             }
@@ -275,10 +281,10 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
                 SetPoint::rest(position)
             };
             // A set-point that is refused leaves the joint at the last one.
-            let _ = self.servo.set_target(joint, Target::Position(within));
+            let _ = self.servo.set_target(joint, JointTarget::Position(within));
         }
         core::array::from_fn(|joint| match self.servo.target(joint) {
-            Some(Target::Position(point)) => Some(point.position),
+            Some(JointTarget::Position(point)) => Some(point.position),
             _ => None,
         })
     }
@@ -288,7 +294,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     fn give_up(&mut self) {
         for joint in 0..N {
             // The joint exists, and can be off.
-            let _ = self.servo.set_target(joint, Target::Off);
+            let _ = self.servo.set_target(joint, JointTarget::Off);
         }
         self.following = 0;
         // The last commands are finite: those of the first tick are the least.

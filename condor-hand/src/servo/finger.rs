@@ -1,7 +1,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::joint::{Felt, JointServo};
-use super::{FingerSettings, JointGains, Mode, PositionLaw, SettingError, Target};
+use super::{FingerSettings, JointGains, JointTarget, Mode, PositionLaw, SettingError};
 use crate::control::OnePole;
 use crate::dynamics::{Drive, Dynamics};
 use crate::math::{Real, clamp, is_finite, max};
@@ -18,7 +18,7 @@ pub struct Sensed<T: Real, const N: usize> {
 
 /// What a finger does with one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Output<T: Real, const N: usize> {
+pub struct ServoOutput<T: Real, const N: usize> {
     /// What the actuators get, N, from 0 to the most of each tendon.
     pub command: Pairs<T, N>,
     /// The tensions that it is to reach, N.
@@ -129,7 +129,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// The target of a joint; `None` for a joint that the finger does not have.
     #[must_use]
-    pub fn target(&self, joint: usize) -> Option<Target<T>> {
+    pub fn target(&self, joint: usize) -> Option<JointTarget<T>> {
         self.joints.get(joint).map(|servo| servo.target)
     }
 
@@ -145,7 +145,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// # Errors
     ///
     /// A target that the joint cannot have; it keeps the one that it has.
-    pub fn set_target(&mut self, joint: usize, target: Target<T>) -> Result<(), SettingError> {
+    pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), SettingError> {
         let servo = self
             .joints
             .get_mut(joint)
@@ -197,7 +197,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// One tick: from sensors to commands, in a gravity in the axes of the palm, m/s²; for a palm
     /// that is accelerated, less its acceleration.
-    pub fn tick(&mut self, sensed: &Sensed<T, N>, gravity: &Vector3<T>) -> Output<T, N> {
+    pub fn tick(&mut self, sensed: &Sensed<T, N>, gravity: &Vector3<T>) -> ServoOutput<T, N> {
         let (position, velocity, tension) = self.sense(sensed);
         self.take_holds(&position);
 
@@ -219,7 +219,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             command.flexor = flexor.update(command.flexor, measured.flexor, rate.flexor);
             command.extensor = extensor.update(command.extensor, measured.extensor, rate.extensor);
         }
-        Output {
+        ServoOutput {
             command,
             tension: desired,
             torque: self.arms.torque(&desired),
