@@ -43,6 +43,15 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         })
     }
 
+    /// How often the servos of a finger tick, Hz: as often as the loop of its processor.
+    #[must_use]
+    pub fn servo_rate_hz(&self, finger: &Finger<JOINTS>) -> u32 {
+        finger
+            .processor()
+            .and_then(|number| self.processor(number))
+            .map_or(self.servo_hz, |processor| self.rate_hz(processor))
+    }
+
     /// The fingers that a processor serves, with their indices.
     pub fn fingers_on(&self, number: u8) -> impl Iterator<Item = (usize, &Finger<JOINTS>)> {
         let fingers = self.fingers.iter().enumerate();

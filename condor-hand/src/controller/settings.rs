@@ -246,7 +246,8 @@ fn absent(sample_hz: f64) -> JointSettings<f64> {
         allocation: Allocation {
             rectification: Rectification::Hard,
             min_n: 0.0,
-            max_n: 0.0,
+            // No torque asks for it, but a servo has some range.
+            max_n: 1.0,
         },
         position_cutoff_hz: None,
         velocity_cutoff_hz: sample_hz / 4.0,

@@ -59,22 +59,23 @@ pub fn damped_rates<T: Real, const N: usize>(
 }
 
 /// The volume that unit rates of the joints give the velocity of the tip, `√det (J Jᵀ)`, in
-/// (m/rad)³: zero at a singularity (Yoshikawa, "Manipulability of robotic mechanisms", 1985).
+/// (m/rad)³: zero at a singularity (Yoshikawa, "Manipulability of robotic mechanisms", 1985), and
+/// where an entry is not finite or its square is not.
 #[must_use]
 pub fn manipulability<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> T {
-    let linear = linear(jacobian);
-    sqrt((linear * linear.transpose()).determinant())
+    let volume = sqrt(gram(jacobian).determinant());
+    if is_finite(volume) { volume } else { T::zero() }
 }
 
 /// The singular values of the linear rows of a Jacobian, largest first, m/rad: how fast the tip
 /// moves for unit rates of the joints in its best direction, across, and in its worst.
 ///
-/// The least is exact to √ε of the largest. From the eigenvalues of `J Jᵀ` in closed form (Smith,
+/// The least is exact to √ε of the largest. All are zero where an entry of the Jacobian is not finite
+/// or its square is not. From the eigenvalues of `J Jᵀ` in closed form (Smith,
 /// "Eigenvalues of a symmetric 3 × 3 matrix", 1961).
 #[must_use]
 pub fn singular_values<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> [T; 3] {
-    let linear = linear(jacobian);
-    let gram = linear * linear.transpose();
+    let gram = gram(jacobian);
     let third = real::<T>(1.0 / 3.0);
     let mean = gram.trace() * third;
     let deviator = gram - Matrix3::from_diagonal_element(mean);
@@ -88,6 +89,17 @@ pub fn singular_values<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> [T
     let largest = along(angle);
     let least = along(angle + T::two_pi() * third);
     [largest, gram.trace() - largest - least, least].map(sqrt)
+}
+
+/// `J Jᵀ` of the linear rows; zero where that is not finite, which no square root would show.
+fn gram<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> Matrix3<T> {
+    let linear = linear(jacobian);
+    let gram = linear * linear.transpose();
+    if gram.iter().all(|&entry| is_finite(entry)) {
+        gram
+    } else {
+        Matrix3::zeros()
+    }
 }
 
 /// The linear rows.

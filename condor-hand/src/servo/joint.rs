@@ -13,6 +13,8 @@ pub(super) struct JointServo<T: Real> {
     pub(super) tension_filter: Pair<Option<OnePole<T>>>,
     pub(super) position_filter: Option<OnePole<T>>,
     pub(super) velocity: Derivative<T>,
+    /// Its position has been a number once; until then nothing is done about it.
+    pub(super) seen: bool,
     stop: SoftStop<T>,
     /// What its own tendons can give, N m.
     torque: (T, T),
@@ -73,6 +75,7 @@ impl<T: Real> JointServo<T> {
             },
             position_filter: low_pass(settings.position_cutoff_hz)?,
             velocity: Derivative::new(settings.velocity_cutoff_hz, sample_hz).map_err(filter)?,
+            seen: false,
             stop: settings.stop,
             torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
             tension: (min_n, max_n),
@@ -164,6 +167,7 @@ impl<T: Real> JointServo<T> {
     /// The acceleration that its law asks of the inverse dynamics, rad/s²; zero if it does not.
     pub(super) fn acceleration(&self, position: T, rate: T) -> T {
         match (self.target, self.gains.law) {
+            _ if !self.seen => T::zero(),
             (
                 JointTarget::Position(set_point),
                 PositionLaw::ComputedTorque {
@@ -196,6 +200,7 @@ impl<T: Real> JointServo<T> {
             JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
                 torque + self.gains.k_torque * (torque - felt.torque)
             }
+            JointTarget::Position(_) if !self.seen => return T::zero(),
             JointTarget::Position(set_point) => match self.gains.law {
                 PositionLaw::ComputedTorque { .. } => felt.inverse + felt.friction,
                 PositionLaw::Pd { kp, kv, ki, .. } => {
@@ -212,12 +217,24 @@ impl<T: Real> JointServo<T> {
                 }
             },
         };
-        let torque = law + self.stop.torque(felt.position, felt.rate);
+        let stop = if self.seen {
+            self.stop.torque(felt.position, felt.rate)
+        } else {
+            T::zero()
+        };
+        let torque = law + stop;
         if is_finite(torque) {
             clamp(torque, self.torque.0, self.torque.1)
         } else {
             T::zero()
         }
+    }
+
+    /// Off, with nothing in any integral.
+    pub(super) fn rest(&mut self) {
+        self.take(JointTarget::Off);
+        self.tendons.flexor.reset();
+        self.tendons.extensor.reset();
     }
 
     /// The tensions that are given to it, where it has no torque of its own.
