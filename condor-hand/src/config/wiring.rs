@@ -144,6 +144,12 @@ impl Output {
         whole(self.gain * value + self.offset, self.full_scale())
     }
 
+    /// The value that a number of counts makes: what a simulated drive is told.
+    #[must_use]
+    pub fn value(&self, counts: u32) -> f64 {
+        (f64::from(counts) - self.offset) / self.gain
+    }
+
     /// The largest number of counts.
     #[must_use]
     pub const fn full_scale(&self) -> u32 {
@@ -163,5 +169,49 @@ const fn full_scale(bits: u8) -> u32 {
     match 1_u32.checked_shl(bits as u32) {
         Some(steps) => steps - 1,
         None => u32::MAX,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::Output;
+
+    proptest! {
+        #[test]
+        fn counts_are_the_nearest_to_what_a_drive_is_to_do(
+            newtons in -20.0..150.0_f64,
+            bits in 1..=24_u8,
+            turned: bool,
+        ) {
+            let full = f64::from((1_u32 << bits) - 1);
+            let gain = full / 130.0;
+            let dac = Output {
+                board: 0,
+                channel: 0,
+                bits,
+                gain: if turned { -gain } else { gain },
+                offset: if turned { full } else { 0.0 },
+            };
+            let counts = dac.counts(newtons);
+            prop_assert!(counts <= dac.full_scale());
+            let inside = crate::math::clamp(newtons, 0.0, 130.0);
+            prop_assert!((dac.value(counts) - inside).abs() <= 0.5 / gain * (1.0 + 1e-9));
+        }
+    }
+
+    #[test]
+    fn counts_end_where_the_converter_does() {
+        let dac = Output {
+            board: 0,
+            channel: 0,
+            bits: 12,
+            gain: 31.5,
+            offset: 0.0,
+        };
+        let counts = [-1.0, 0.0, 65.0, 130.0, 1e9, f64::NAN, f64::INFINITY].map(|n| dac.counts(n));
+        assert_eq!(counts, [0, 0, 2048, 4095, 4095, 0, 4095]);
+        assert_eq!(Output { bits: 32, ..dac }.full_scale(), u32::MAX);
     }
 }
