@@ -83,8 +83,8 @@ mod views;
 mod wiring;
 
 pub use finger::{
-    Body, Crossing, Finger, Form, Friction, Joint, JointServo, Motion, Mount, Placement,
-    Rectification, ServoLaw, Shape, SoftStop, Tendon, TensionGains,
+    Body, Crossing, Finger, Form, Friction, Joint, JointServo, Motion, Mount, Placement, ServoLaw,
+    Shape, SoftStop, Tendon,
 };
 pub use hand::{
     Axis, AxisServo, Contact, FaultPolicy, Hand, Limits, PROCESSORS, Processor, ProcessorKind,
@@ -95,7 +95,7 @@ pub use mistake::{Field, Mistake, Owner, Place, WireEnd, WirePart};
 pub use rotation::Rotation;
 #[cfg(feature = "text")]
 pub use text::{Problem, TextError};
-pub use views::FingerLimits;
+pub use views::MotionLimits;
 pub use wiring::{Channel, Converter, Input, Output, Wire};
 
 /// What a hand, a finger, a joint or an axis is called: at most 15 bytes.

@@ -9,5 +9,5 @@ pub mod linear;
 mod pid;
 
 pub use filter::{Biquad, Derivative, FilterError, OnePole};
-pub use limit::{LimitError, MotionLimiter, RateLimiter};
+pub use limit::{LimiterError, MotionLimiter, RateLimiter};
 pub use pid::{Integrator, Pid, PidError, PidGains, PidLimits};

@@ -6,7 +6,6 @@
 mod chain;
 mod drive;
 mod finger;
-mod ldl;
 
 pub use drive::{Drive, tendon_friction};
 

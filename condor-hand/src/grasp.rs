@@ -21,7 +21,6 @@ mod contacts;
 mod error;
 mod pose_fit;
 mod quaternion;
-mod symmetric;
 mod wrench;
 
 // Forces that hold without moving.

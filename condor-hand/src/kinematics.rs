@@ -15,7 +15,7 @@ mod search;
 pub use chain::{Body, Chain, ChainError, Joint, Motion, Part};
 pub use finger::{PlanarFinger, Rod};
 pub use inverse::{Branches, InverseError, Reach, Redundancy};
-pub use limits::{JointLimits, LimitsError};
+pub use limits::{JointLimits, JointLimitsError};
 pub use planar::NotPlanar;
 pub use rates::{damped_rates, joint_rates, manipulability, singular_values};
 pub use search::{SearchOptions, search};

@@ -1,3 +1,14 @@
+// The first definition of a link counts: here those of README.md lead to items instead of files.
+//! [grasp]: mod@grasp
+//! [trajectory]: mod@trajectory
+//! [servo]: mod@servo
+//! [tendon]: mod@tendon
+//! [controller]: mod@controller
+//! [control]: mod@control
+//! [kinematics]: mod@kinematics
+//! [dynamics]: mod@dynamics
+//! [config]: mod@config
+//!
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
 #![allow(
@@ -10,32 +21,26 @@
     reason = "zero is a value that people write, and the same input gives the same bits"
 )]
 
-// Numbers.
-pub mod math;
-mod pose;
-
-// The laws of control, useful without a hand.
-pub mod control;
-
-// The laws of a finger.
-pub mod dynamics;
-pub mod kinematics;
-pub mod tendon;
-
-// The laws of several fingers.
-pub mod grasp;
-
-// The servos of a finger, and the motion that they follow.
+// From the counts of a hand to its motion.
+pub mod config;
 pub mod controller;
+
+// The levels, from objects to tendons.
+pub mod grasp;
 pub mod servo;
+pub mod tendon;
 pub mod trajectory;
 
-// What differs from hand to hand.
-pub mod config;
+// What they are made of, useful without a hand.
+pub mod control;
+pub mod dynamics;
+pub mod kinematics;
+pub mod math;
+mod pose;
 
 // A hand to try them on.
 #[cfg(feature = "sim")]
 pub mod plant;
 
 pub use math::Real;
-pub use pose::Pose;
+pub use pose::{Pose, rotation_about};

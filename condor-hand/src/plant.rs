@@ -4,7 +4,7 @@
 //! [`Dynamics`](crate::dynamics::Dynamics), [`JointParameters`] and one [`Drive`] for each tendon. A
 //! [`Hand`] is some fingers, an [`Object`] and a [`Ground`] that their tips touch, and a [`Table`]
 //! that carries the palm. A [`SensorBank`] turns what is into what converters report, with noise and
-//! scripted [`Fault`]s.
+//! scripted [`SensorFault`]s.
 //!
 //! The same calls give the same bits, on every target. Nothing here allocates or panics. All
 //! vectors are in the axes of the palm.
@@ -35,13 +35,13 @@ pub use joint::{JointParameters, Stop};
 pub use pneumatic::{Elastic, Pneumatic};
 
 // What they touch, and what carries them.
-pub use contact::{Contact, Ground, Surface, Wrench};
+pub use contact::{Contact, Ground, Surface};
 pub use hand::{Hand, HandParameters};
 pub use object::{Object, ObjectParameters};
 pub use table::{AxisParameters, Table};
 
 // What is measured of them.
 pub use noise::Noise;
-pub use sensor::{Converter, Fault, FaultKind, SensorBank};
+pub use sensor::{Sensor, SensorBank, SensorFault, SensorFaultKind};
 
 pub use error::PlantError;

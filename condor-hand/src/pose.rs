@@ -1,6 +1,6 @@
 use nalgebra::{Matrix3, Vector3};
 
-use crate::Real;
+use crate::math::{Real, sin_cos};
 
 /// Where a frame is: its axes as columns of a rotation, and its origin in metres, both in the
 /// frame around it.
@@ -47,4 +47,25 @@ impl<T: Real> Pose<T> {
             position: self.transform(&inner.position),
         }
     }
+}
+
+/// The rotation by an angle (rad) about a unit axis, by Rodrigues' formula
+/// `c 1 + s [a] + (1 - c) a aᵀ`.
+#[inline]
+#[must_use]
+pub fn rotation_about<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {
+    let (s, c) = sin_cos(angle);
+    let turned = axis * (T::one() - c);
+    let (x, y, z) = (axis.x, axis.y, axis.z);
+    Matrix3::new(
+        turned.x * x + c,
+        turned.x * y - s * z,
+        turned.x * z + s * y,
+        turned.y * x + s * z,
+        turned.y * y + c,
+        turned.y * z - s * x,
+        turned.z * x - s * y,
+        turned.z * y + s * x,
+        turned.z * z + c,
+    )
 }

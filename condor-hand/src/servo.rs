@@ -17,7 +17,7 @@ mod law;
 mod mode;
 mod settings;
 
-pub use finger::{FingerServo, Output, Sensed};
+pub use finger::{FingerServo, Sensed, ServoOutput};
 pub use law::{PositionLaw, SoftStop};
-pub use mode::{Mode, Target};
+pub use mode::{JointTarget, Mode};
 pub use settings::{FingerSettings, JointGains, JointSettings, SettingError};

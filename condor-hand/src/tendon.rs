@@ -2,13 +2,11 @@
 
 mod allocation;
 mod arms;
-mod calibration;
 pub mod fault;
 mod pair;
 mod servo;
 
 pub use allocation::{Allocated, Allocation, AllocationError, Rectification};
 pub use arms::{ArmError, MomentArms};
-pub use calibration::{Calibration, CalibrationError, Output};
 pub use pair::{Pair, Pairs};
 pub use servo::{TensionGains, TensionServo, TensionServoError};

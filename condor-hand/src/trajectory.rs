@@ -96,7 +96,7 @@ pub struct Limits<T> {
 /// Limits that no joint can have.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
-pub enum LimitsError {
+pub enum TrajectoryError {
     /// The range of positions is empty or not finite.
     #[error("joint {joint} may be in {low}..={high} rad; low must be below high, both finite")]
     Range {
@@ -154,9 +154,9 @@ impl<T: Real> Limits<T> {
     /// # Errors
     ///
     /// What is not finite, an empty range, and a rate that is not above zero.
-    pub fn validate(&self, joint: usize) -> Result<(), LimitsError> {
+    pub fn validate(&self, joint: usize) -> Result<(), TrajectoryError> {
         if !(is_finite(self.low) && is_finite(self.high) && self.low < self.high) {
-            return Err(LimitsError::Range {
+            return Err(TrajectoryError::Range {
                 joint,
                 low: self.low.to_f64(),
                 high: self.high.to_f64(),
@@ -169,7 +169,7 @@ impl<T: Real> Limits<T> {
         ] {
             if !(is_finite(value) && value > T::zero()) {
                 let value = value.to_f64();
-                return Err(LimitsError::Rate {
+                return Err(TrajectoryError::Rate {
                     joint,
                     quantity,
                     value,

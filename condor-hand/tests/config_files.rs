@@ -5,9 +5,9 @@ use std::fmt::Write;
 use std::sync::LazyLock;
 
 use condor_hand::config::{
-    Channel, Converter, Form, Hand, ImageError, Input, Mistake, Output, Rectification, Rotation,
-    Wire,
+    Channel, Converter, Form, Hand, ImageError, Input, Mistake, Output, Rotation, Wire,
 };
+use condor_hand::tendon::Rectification;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;

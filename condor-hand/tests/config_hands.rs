@@ -5,9 +5,10 @@
     reason = "a number of the file is the number of the hand, to the last bit"
 )]
 
-use condor_hand::config::{Form, Hand, Output, Processor, ProcessorKind, Rectification};
+use condor_hand::config::{Form, Hand, Output, Processor, ProcessorKind};
 use condor_hand::math::{sin_cos, sqrt};
 use condor_hand::tendon::Pair;
+use condor_hand::tendon::Rectification;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
 

@@ -6,7 +6,7 @@
 )]
 
 use condor_hand::control::{
-    Biquad, Derivative, FilterError, LimitError, MotionLimiter, OnePole, Pid, PidError, PidGains,
+    Biquad, Derivative, FilterError, LimiterError, MotionLimiter, OnePole, Pid, PidError, PidGains,
     PidLimits, RateLimiter,
 };
 use proptest::prelude::*;
@@ -263,7 +263,7 @@ fn limiters_say_what_is_wrong_with_their_numbers() {
     assert!(RateLimiter::new(f64::NAN, HZ).is_err());
     assert!(matches!(
         RateLimiter::new(1.0, 0.0),
-        Err(LimitError::SampleRate { .. })
+        Err(LimiterError::SampleRate { .. })
     ));
 }
 

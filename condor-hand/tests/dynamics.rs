@@ -4,9 +4,9 @@
 mod support;
 
 use condor_hand::dynamics::Dynamics;
-use condor_hand::kinematics::{Body, Chain, Joint, Motion, PlanarFinger, Rod};
+use condor_hand::kinematics::{PlanarFinger, Rod};
 use condor_hand::{Pose, Real};
-use nalgebra::{Matrix3, Matrix4, Rotation3, SMatrix, Vector3, Vector4};
+use nalgebra::{Matrix4, Rotation3, SMatrix, Vector3, Vector4};
 use proptest::num;
 use proptest::prelude::*;
 use serde::Deserialize;
@@ -155,26 +155,6 @@ fn fingers() -> impl Strategy<Value = PlanarFinger> {
     )
 }
 
-/// The same finger from joints and bodies in general.
-fn chain(finger: &PlanarFinger) -> Chain<f64, 4> {
-    let [l0, l1, l2, l3] = finger.lengths;
-    let axes = [Vector3::z(), Vector3::y(), Vector3::y(), Vector3::y()];
-    let offsets = [0.0, l0, l1, l2];
-    Chain {
-        base: finger.base,
-        joints: std::array::from_fn(|joint| Joint {
-            placement: Pose::at(offsets[joint], 0.0, 0.0),
-            motion: Motion::Revolute(axes[joint]),
-        }),
-        bodies: finger.bodies.map(|rod| Body {
-            mass: rod.mass,
-            center: Vector3::new(rod.center, 0.0, 0.0),
-            inertia: Matrix3::from_diagonal(&rod.inertia),
-        }),
-        tip: Vector3::new(l3, 0.0, 0.0),
-    }
-}
-
 fn vectors(largest: f64) -> impl Strategy<Value = Vector4<f64>> {
     prop::array::uniform4(-largest..largest).prop_map(Vector4::from)
 }
@@ -195,7 +175,7 @@ proptest! {
         finger in fingers(), q in vectors(4.0), qd in vectors(10.0), qdd in vectors(300.0),
         torque in vectors(1.0), gravity in fields(),
     ) {
-        let general = chain(&finger);
+        let general = finger.chain();
         let armature = Vector4::new(1e-5, 2e-5, 3e-5, 4e-5);
         let near = |what: &str, found: &Vector4<f64>, expected: &Vector4<f64>| {
             let difference = apart(found, expected);
@@ -234,7 +214,7 @@ proptest! {
 
     #[test]
     fn the_mass_matrix_is_symmetric_and_positive_definite(finger in fingers(), q in angles()) {
-        for mass in [finger.mass_matrix(&q), chain(&finger).mass_matrix(&q)] {
+        for mass in [finger.mass_matrix(&q), finger.chain().mass_matrix(&q)] {
             prop_assert_eq!(mass, mass.transpose());
             prop_assert!(mass.symmetric_eigenvalues().min() > 0.0, "{}", mass);
         }
@@ -245,7 +225,7 @@ proptest! {
         finger in fingers(), q in angles(), qd in vectors(1e150), qdd in vectors(1e300),
         torque in vectors(1e300), gravity in fields(),
     ) {
-        for model in [&finger as &dyn Dynamics<f64, 4>, &chain(&finger)] {
+        for model in [&finger as &dyn Dynamics<f64, 4>, &finger.chain()] {
             let still = Vector4::zeros();
             let answers = [
                 model.inverse_dynamics(&q, &qd, &qdd, &gravity),
@@ -292,7 +272,9 @@ fn a_finger_without_inertia_has_no_forward_dynamics() {
     let (q, gravity) = (Vector4::repeat(0.5), Vector3::new(0.0, 0.0, -9.81));
     let accelerations = |finger: &PlanarFinger, torque, armature| {
         let closed = finger.forward_dynamics(&q, &q, &torque, &gravity, &armature);
-        let general = chain(finger).forward_dynamics(&q, &q, &torque, &gravity, &armature);
+        let general = finger
+            .chain()
+            .forward_dynamics(&q, &q, &torque, &gravity, &armature);
         assert_eq!(closed.is_some(), general.is_some());
         closed
     };

@@ -7,15 +7,15 @@
 
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{
-    Channel, Fault, FaultCode, FingerLimits, FingerMonitor, JointLimits, LimitsError, Observation,
-    Range, SafeRamp, SensorLimits, Stuck, TendonLimits, Threshold,
+    Fault, FaultCode, FaultLimits, FaultLimitsError, FaultSite, FingerMonitor, JointFaultLimits,
+    Observation, Range, SafeRamp, SensorFaultLimits, Stuck, TendonFaultLimits, Threshold,
 };
 use nalgebra::Vector2;
 use proptest::prelude::*;
 
-fn limits() -> FingerLimits<f64, 2> {
-    let tendon = TendonLimits {
-        sensor: SensorLimits {
+fn limits() -> FaultLimits<f64, 2> {
+    let tendon = TendonFaultLimits {
+        sensor: SensorFaultLimits {
             not_finite_samples: 2,
             range: Range {
                 low: -5.0,
@@ -41,8 +41,8 @@ fn limits() -> FingerLimits<f64, 2> {
             samples: 1,
         },
     };
-    let joint = JointLimits {
-        sensor: SensorLimits {
+    let joint = JointFaultLimits {
+        sensor: SensorFaultLimits {
             not_finite_samples: 2,
             range: Range {
                 low: -3.0,
@@ -65,7 +65,7 @@ fn limits() -> FingerLimits<f64, 2> {
             samples: 2,
         },
     };
-    FingerLimits {
+    FaultLimits {
         tendons: [Pair::both(tendon); 2],
         joints: [joint; 2],
         period_s: Threshold {
@@ -101,57 +101,57 @@ fn first_fault(observation: &Observation<f64, 2>) -> Option<(Fault, usize)> {
     (1..100).find_map(|k| Some((monitor.update(observation)?, k)))
 }
 
-fn check(observation: &Observation<f64, 2>, code: FaultCode, channel: Channel, samples: usize) {
+fn check(observation: &Observation<f64, 2>, code: FaultCode, site: FaultSite, samples: usize) {
     let (fault, after) = first_fault(observation).unwrap();
-    assert_eq!((fault.code, fault.channel, after), (code, channel, samples));
+    assert_eq!((fault.code, fault.site, after), (code, site, samples));
 }
 
 #[test]
 fn each_fault_is_found_where_and_when_its_limit_says() {
     let mut slack = good();
     slack.tensions[1].extensor = 0.5;
-    check(&slack, FaultCode::Slack, Channel::Extensor(1), 6);
+    check(&slack, FaultCode::Slack, FaultSite::Extensor(1), 6);
 
     let mut broken = good();
     broken.tensions[0].flexor = 151.0;
-    check(&broken, FaultCode::OverTension, Channel::Flexor(0), 1);
+    check(&broken, FaultCode::OverTension, FaultSite::Flexor(0), 1);
 
     let mut outside = good();
     outside.tensions[0].extensor = -6.0;
-    check(&outside, FaultCode::OutOfRange, Channel::Extensor(0), 3);
+    check(&outside, FaultCode::OutOfRange, FaultSite::Extensor(0), 3);
 
     let mut lost = good();
     lost.positions[1] = f64::NAN;
-    check(&lost, FaultCode::NotFinite, Channel::Joint(1), 2);
+    check(&lost, FaultCode::NotFinite, FaultSite::Joint(1), 2);
     lost = good();
     lost.desired_tensions[1].flexor = f64::INFINITY;
-    check(&lost, FaultCode::NotFinite, Channel::Flexor(1), 2);
+    check(&lost, FaultCode::NotFinite, FaultSite::Flexor(1), 2);
 
     let mut behind = good();
     behind.tensions[0].flexor = 35.0;
-    check(&behind, FaultCode::Tracking, Channel::Flexor(0), 5);
+    check(&behind, FaultCode::Tracking, FaultSite::Flexor(0), 5);
     behind = good();
     behind.positions[0] = 0.6;
-    check(&behind, FaultCode::Tracking, Channel::Joint(0), 5);
+    check(&behind, FaultCode::Tracking, FaultSite::Joint(0), 5);
 
     let mut stuck = good();
     stuck.desired_positions[0] = Some(0.3);
-    check(&stuck, FaultCode::Stuck, Channel::Joint(0), 4);
+    check(&stuck, FaultCode::Stuck, FaultSite::Joint(0), 4);
     stuck = good();
     stuck.desired_tensions[1].extensor = 16.0;
-    check(&stuck, FaultCode::Stuck, Channel::Extensor(1), 4);
+    check(&stuck, FaultCode::Stuck, FaultSite::Extensor(1), 4);
 
     let mut past = good();
     past.positions[1] = 1.6;
     past.desired_positions[1] = None;
-    check(&past, FaultCode::JointLimit, Channel::Joint(1), 2);
+    check(&past, FaultCode::JointLimit, FaultSite::Joint(1), 2);
 
     let mut late = good();
     late.period_s = 0.004;
-    check(&late, FaultCode::MissedDeadline, Channel::Finger, 2);
+    check(&late, FaultCode::MissedDeadline, FaultSite::Finger, 2);
     late = good();
     late.set_point_age_s = f64::NAN;
-    check(&late, FaultCode::StaleSetPoint, Channel::Finger, 1);
+    check(&late, FaultCode::StaleSetPoint, FaultSite::Finger, 1);
 
     assert_eq!(first_fault(&good()), None);
 }
@@ -202,16 +202,16 @@ fn faults_stay_until_they_are_cleared() {
     assert_eq!(
         all,
         [
-            (Channel::Flexor(0), FaultCode::OverTension),
-            (Channel::Finger, FaultCode::StaleSetPoint),
+            (FaultSite::Flexor(0), FaultCode::OverTension),
+            (FaultSite::Finger, FaultCode::StaleSetPoint),
         ]
     );
     assert!(
         monitor
-            .at(Channel::Flexor(0))
+            .at(FaultSite::Flexor(0))
             .contains(FaultCode::OverTension)
     );
-    assert!(monitor.at(Channel::Joint(7)).is_empty());
+    assert!(monitor.at(FaultSite::Joint(7)).is_empty());
     monitor.clear();
     assert_eq!(monitor.first(), None);
     assert_eq!(monitor.faults().count(), 0);
@@ -246,8 +246,8 @@ fn limits_say_what_is_wrong_with_them() {
     wrong.tendons[1].extensor.slack.value = f64::NAN;
     assert!(matches!(
         FingerMonitor::new(wrong),
-        Err(LimitsError::Threshold {
-            channel: Channel::Extensor(1),
+        Err(FaultLimitsError::Threshold {
+            site: FaultSite::Extensor(1),
             code: FaultCode::Slack,
             ..
         })

@@ -1,14 +1,11 @@
-//! What the servo of a tendon and its converters promise.
+//! What the servo of a tendon promises.
 
 #![allow(
     clippy::float_cmp,
     reason = "the tests say where a number is exactly another"
 )]
 
-use condor_hand::math::clamp;
-use condor_hand::tendon::{
-    Calibration, CalibrationError, Output, TensionGains, TensionServo, TensionServoError,
-};
+use condor_hand::tendon::{TensionGains, TensionServo, TensionServoError};
 use proptest::prelude::*;
 
 const HZ: f64 = 400.0;
@@ -189,55 +186,4 @@ proptest! {
             prop_assert!((0.0..=MAX_N).contains(&command), "{}", command);
         }
     }
-
-    #[test]
-    fn counts_are_the_nearest(value in -50.0..200.0_f64, bits in 1..=24_u8) {
-        let output = Output::of_full_scale(MAX_N, bits).unwrap();
-        let full = (1_u32 << bits) - 1;
-        let counts = output.counts(value);
-        prop_assert!(counts <= full);
-        let inside = clamp(value, 0.0, MAX_N);
-        let back = f64::from(counts) * MAX_N / f64::from(full);
-        prop_assert!((back - inside).abs() <= output.resolution() / 2.0 * (1.0 + 1e-9));
-    }
-
-    #[test]
-    fn values_and_counts_are_inverse(
-        gain in prop_oneof![1e-6..1e3_f64, -1e3..-1e-6_f64],
-        offset in -1e3..1e3_f64,
-        counts in any::<i16>(),
-    ) {
-        let calibration = Calibration::new(gain, offset).unwrap();
-        let back = calibration.counts(calibration.value(i32::from(counts)));
-        prop_assert!((back - f64::from(counts)).abs() < 1e-10 * (offset / gain).abs() + 1e-9);
-    }
-}
-
-#[test]
-fn a_converter_ends_at_its_ends() {
-    let output = Output::of_full_scale(MAX_N, 12).unwrap();
-    let counts = [-1.0, 0.0, 65.0, MAX_N, 1e9, f64::NAN, f64::INFINITY].map(|n| output.counts(n));
-    assert_eq!(counts, [0, 0, 2048, 4095, 4095, 0, 0]);
-
-    // The more counts, the less tension: what is not finite still gives the least.
-    let inverted = Output::new(Calibration::new(-0.05, 100.0).unwrap(), 11).unwrap();
-    assert_eq!(inverted.range(), (100.0 - 0.05 * 2047.0, 100.0));
-    assert_eq!(inverted.counts(100.0), 0);
-    assert_eq!(inverted.counts(f64::NAN), 2047);
-    assert_eq!(inverted.counts(f64::NEG_INFINITY), 2047);
-}
-
-#[test]
-fn converters_say_what_is_wrong_with_their_numbers() {
-    assert_eq!(
-        Calibration::new(0.0, 1.0),
-        Err(CalibrationError::Gain { gain: 0.0 })
-    );
-    assert!(Calibration::new(1.0, f64::NAN).is_err());
-    assert!(Output::of_full_scale(0.0, 12).is_err());
-    let error = Output::of_full_scale(MAX_N, 25).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "a converter of 25 bits; it must have 1 to 24"
-    );
 }

@@ -2,6 +2,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::{Input, Limits, Name, Output, Rotation};
+use crate::tendon::{Rectification, TensionGains};
 
 /// A finger: a serial mechanism whose joints are pulled by pairs of tendons.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,7 +70,7 @@ pub struct Joint<const JOINTS: usize> {
     #[serde(default)]
     pub friction: Friction,
     /// How its torque is made of two tensions.
-    pub rectification: Rectification,
+    pub rectification: Rectification<f64>,
     /// The sensor of its position.
     pub adc: Input,
     /// The tendon that pulls it to positive angles.
@@ -207,24 +208,6 @@ pub struct Friction {
     pub tendon: f64,
 }
 
-/// How a torque is made of the tensions of two antagonists.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase", deny_unknown_fields)]
-pub enum Rectification {
-    /// Only one of them pulls more than the least tension.
-    Hard,
-    /// They hold a mean tension while they can.
-    Mean {
-        /// The mean tension, N.
-        co_contraction_n: f64,
-    },
-    /// One takes over from the other without a corner.
-    Smooth {
-        /// The tension above the least one that both have without torque, N.
-        softness_n: f64,
-    },
-}
-
 /// A tendon with its sensor and its actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -249,25 +232,7 @@ pub struct Tendon {
     pub cutoff_hz: Option<f64>,
     /// The gains of its servo.
     #[serde(default)]
-    pub gains: TensionGains,
-}
-
-/// How a tension is held to its set-point.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TensionGains {
-    /// Of the tension error.
-    #[serde(default)]
-    pub kt: f64,
-    /// Of its integral, 1/s.
-    #[serde(default)]
-    pub ki: f64,
-    /// Of its derivative, s.
-    #[serde(default)]
-    pub kd: f64,
-    /// Of the rate of the tendon's length, N s/m.
-    #[serde(default)]
-    pub kv: f64,
+    pub gains: TensionGains<f64>,
 }
 
 /// A joint that the tendons of a more distal one cross.

@@ -2,6 +2,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::{Finger, Input, Name, Output};
+use crate::trajectory;
 
 /// How many processors a hand can name.
 pub const PROCESSORS: usize = 16;
@@ -143,6 +144,20 @@ pub struct Limits {
     pub velocity: f64,
     /// The largest acceleration, rad/s² or m/s².
     pub acceleration: f64,
+}
+
+impl Limits {
+    /// The limits of a trajectory with this jerk to both sides, rad/s³ or m/s³.
+    #[must_use]
+    pub const fn with_jerk(&self, jerk: f64) -> trajectory::Limits<f64> {
+        trajectory::Limits {
+            low: self.low,
+            high: self.high,
+            velocity: self.velocity,
+            acceleration: self.acceleration,
+            jerk,
+        }
+    }
 }
 
 /// What fingertips are expected to touch.

@@ -2,8 +2,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{Mount, Placement};
-use crate::Pose;
-use crate::math::sin_cos;
+use crate::pose::{Pose, rotation_about};
 
 /// The axes of a frame, in the way that is most convenient to write.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -35,19 +34,13 @@ impl Rotation {
                 Matrix3::new(a, b, c, d, e, f, g, h, i)
             }
             Self::Rpy([roll, pitch, yaw]) => {
-                about(&Vector3::z(), yaw) * about(&Vector3::y(), pitch) * about(&Vector3::x(), roll)
+                rotation_about(&Vector3::z(), yaw)
+                    * rotation_about(&Vector3::y(), pitch)
+                    * rotation_about(&Vector3::x(), roll)
             }
-            Self::Axis { axis, angle } => about(&Vector3::from(axis), angle),
+            Self::Axis { axis, angle } => rotation_about(&Vector3::from(axis), angle),
         }
     }
-}
-
-/// Rodrigues' formula.
-fn about(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
-    let (sine, cosine) = sin_cos(angle);
-    axis.cross_matrix() * sine
-        + axis * axis.transpose() * (1.0 - cosine)
-        + Matrix3::identity() * cosine
 }
 
 impl Placement {

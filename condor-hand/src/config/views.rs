@@ -14,7 +14,7 @@ use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
 ///
 /// Places without a joint have zeros.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerLimits<const JOINTS: usize> {
+pub struct MotionLimits<const JOINTS: usize> {
     /// The lowest positions.
     pub low: SVector<f64, JOINTS>,
     /// The highest positions.
@@ -41,6 +41,15 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             ProcessorKind::Servo | ProcessorKind::Table => self.servo_hz,
             ProcessorKind::Master => self.trajectory_hz,
         })
+    }
+
+    /// How often the servos of a finger tick, Hz: as often as the loop of its processor.
+    #[must_use]
+    pub fn servo_rate_hz(&self, finger: &Finger<JOINTS>) -> u32 {
+        finger
+            .processor()
+            .and_then(|number| self.processor(number))
+            .map_or(self.servo_hz, |processor| self.rate_hz(processor))
     }
 
     /// The fingers that a processor serves, with their indices.
@@ -155,8 +164,8 @@ impl<const JOINTS: usize> Finger<JOINTS> {
 
     /// Where the joints may go, and how fast.
     #[must_use]
-    pub fn limits(&self) -> FingerLimits<JOINTS> {
-        FingerLimits {
+    pub fn limits(&self) -> MotionLimits<JOINTS> {
+        MotionLimits {
             low: self.each(|joint| joint.limits.low),
             high: self.each(|joint| joint.limits.high),
             velocity: self.each(|joint| joint.limits.velocity),

@@ -1,5 +1,7 @@
 use serde::{Deserialize, Serialize};
 
+use crate::math::{clamp, round};
+
 /// A channel of an analogue-to-digital converter, and what its counts mean:
 /// `value = gain * counts + offset`, with counts from 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -104,9 +106,14 @@ impl Input {
         self.gain * f64::from(counts) + self.offset
     }
 
-    /// The counts, not rounded, at which the value is read.
+    /// The counts as which a value is read: the nearest that the converter has, and 0 for a NaN.
     #[must_use]
-    pub fn counts(&self, value: f64) -> f64 {
+    pub fn counts(&self, value: f64) -> u32 {
+        whole(self.exact_counts(value), self.full_scale())
+    }
+
+    /// The counts of a value, not rounded, and also beyond what the converter has.
+    pub(super) fn exact_counts(&self, value: f64) -> f64 {
         (value - self.offset) / self.gain
     }
 
@@ -133,12 +140,14 @@ impl Output {
     #[inline]
     #[must_use]
     pub fn counts(&self, value: f64) -> u32 {
-        use crate::math::{clamp, round};
         let value = if value.is_nan() { 0.0 } else { value };
-        let counts = round(self.gain * value + self.offset);
-        #[allow(clippy::cast_sign_loss, reason = "clamped to what is not negative")]
-        let counts = clamp(counts, 0.0, f64::from(self.full_scale())) as u32;
-        counts
+        whole(self.gain * value + self.offset, self.full_scale())
+    }
+
+    /// The value that a number of counts makes: what a simulated drive is told.
+    #[must_use]
+    pub fn value(&self, counts: u32) -> f64 {
+        (f64::from(counts) - self.offset) / self.gain
     }
 
     /// The largest number of counts.
@@ -148,10 +157,61 @@ impl Output {
     }
 }
 
+/// The nearest of the counts from 0 to `full_scale`; 0 for a NaN.
+fn whole(counts: f64, full_scale: u32) -> u32 {
+    #[allow(clippy::cast_sign_loss, reason = "clamped to what is not negative")]
+    let counts = clamp(round(counts), 0.0, f64::from(full_scale)) as u32;
+    counts
+}
+
 /// The largest number of so many bits, at most 32.
 const fn full_scale(bits: u8) -> u32 {
     match 1_u32.checked_shl(bits as u32) {
         Some(steps) => steps - 1,
         None => u32::MAX,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::Output;
+
+    proptest! {
+        #[test]
+        fn counts_are_the_nearest_to_what_a_drive_is_to_do(
+            newtons in -20.0..150.0_f64,
+            bits in 1..=24_u8,
+            turned: bool,
+        ) {
+            let full = f64::from((1_u32 << bits) - 1);
+            let gain = full / 130.0;
+            let dac = Output {
+                board: 0,
+                channel: 0,
+                bits,
+                gain: if turned { -gain } else { gain },
+                offset: if turned { full } else { 0.0 },
+            };
+            let counts = dac.counts(newtons);
+            prop_assert!(counts <= dac.full_scale());
+            let inside = crate::math::clamp(newtons, 0.0, 130.0);
+            prop_assert!((dac.value(counts) - inside).abs() <= 0.5 / gain * (1.0 + 1e-9));
+        }
+    }
+
+    #[test]
+    fn counts_end_where_the_converter_does() {
+        let dac = Output {
+            board: 0,
+            channel: 0,
+            bits: 12,
+            gain: 31.5,
+            offset: 0.0,
+        };
+        let counts = [-1.0, 0.0, 65.0, 130.0, 1e9, f64::NAN, f64::INFINITY].map(|n| dac.counts(n));
+        assert_eq!(counts, [0, 0, 2048, 4095, 4095, 0, 4095]);
+        assert_eq!(Output { bits: 32, ..dac }.full_scale(), u32::MAX);
     }
 }

@@ -5,7 +5,7 @@ use crate::math::{Real, abs, clamp, is_finite, max, min, real, round, sqrt};
 /// A limiter that cannot be.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
-pub enum LimitError {
+pub enum LimiterError {
     /// A limit that is not positive and finite.
     #[error("the limit of the {what} is {value}; it must be positive")]
     Limit {
@@ -22,7 +22,7 @@ pub enum LimitError {
     },
 }
 
-impl LimitError {
+impl LimiterError {
     fn check<T: Real>(what: &'static str, value: T) -> Result<T, Self> {
         if is_finite(value) && value > T::zero() {
             Ok(value)
@@ -60,11 +60,11 @@ impl<T: Real> RateLimiter<T> {
     ///
     /// # Errors
     /// A rate or sample rate that is not positive and finite.
-    pub fn new(max_per_second: T, sample_hz: T) -> Result<Self, LimitError> {
-        let rate = LimitError::check("rate", max_per_second)?;
-        let period = LimitError::check_period(sample_hz)?;
+    pub fn new(max_per_second: T, sample_hz: T) -> Result<Self, LimiterError> {
+        let rate = LimiterError::check("rate", max_per_second)?;
+        let period = LimiterError::check_period(sample_hz)?;
         Ok(Self {
-            step: LimitError::check("rate", rate * period)?,
+            step: LimiterError::check("rate", rate * period)?,
             value: T::zero(),
             primed: false,
             rejected: 0,
@@ -123,11 +123,11 @@ impl<T: Real> MotionLimiter<T> {
     ///
     /// # Errors
     /// A limit or sample rate that is not positive and finite.
-    pub fn new(max_velocity: T, max_acceleration: T, sample_hz: T) -> Result<Self, LimitError> {
+    pub fn new(max_velocity: T, max_acceleration: T, sample_hz: T) -> Result<Self, LimiterError> {
         Ok(Self {
-            max_velocity: LimitError::check("velocity", max_velocity)?,
-            max_acceleration: LimitError::check("acceleration", max_acceleration)?,
-            period: LimitError::check_period(sample_hz)?,
+            max_velocity: LimiterError::check("velocity", max_velocity)?,
+            max_acceleration: LimiterError::check("acceleration", max_acceleration)?,
+            period: LimiterError::check_period(sample_hz)?,
             target: T::zero(),
             position: T::zero(),
             velocity: T::zero(),

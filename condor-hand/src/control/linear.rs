@@ -2,12 +2,10 @@
 //!
 //! Only additions, multiplications and divisions, in an order that is written down here.
 
-mod cofactors;
-mod inertia;
 mod ldl;
+mod symmetric;
 mod tridiagonal;
 
-pub use cofactors::Cofactors;
-pub use inertia::{Inertia, inertia, is_positive_semidefinite};
 pub use ldl::Ldl;
+pub use symmetric::Symmetric3;
 pub use tridiagonal::solve_tridiagonal;

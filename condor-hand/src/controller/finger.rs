@@ -4,10 +4,12 @@ use thiserror::Error;
 use crate::config::{Finger, Hand};
 use crate::dynamics::Dynamics;
 use crate::math::clamp;
-use crate::servo::{FingerServo, JointGains, Mode, Output, Sensed, SettingError, Target};
-use crate::tendon::fault::{Fault, FingerMonitor, LimitsError, Observation, RampError, SafeRamp};
+use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
+use crate::tendon::fault::{
+    Fault, FaultLimitsError, FingerMonitor, Observation, RampError, SafeRamp,
+};
 use crate::tendon::{ArmError, Pairs};
-use crate::trajectory::{self, Interpolator, SetPoint, SetPointError};
+use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
 
 /// One finger of a configuration: servos, the set-points of its master, and its faults.
 ///
@@ -17,6 +19,8 @@ use crate::trajectory::{self, Interpolator, SetPoint, SetPointError};
 pub struct FingerController<M, const N: usize> {
     servo: FingerServo<M, f64, N>,
     interpolator: Interpolator<N>,
+    /// How many joints there are; the places after them are empty.
+    joints: usize,
     /// Joints that follow the master's set-points, a bit each.
     following: u32,
     /// Ticks since the last of them came.
@@ -37,7 +41,7 @@ pub struct FingerController<M, const N: usize> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick<const N: usize> {
     /// What the actuators get and why; after a fault, on the way to the least tensions.
-    pub output: Output<f64, N>,
+    pub output: ServoOutput<f64, N>,
     /// The positions that the joints are to have, rad; none where positions are not controlled.
     pub target: [Option<f64>; N],
     /// The first fault since the last [`clear`](FingerController::clear).
@@ -56,10 +60,10 @@ pub enum ControllerError {
     Arms(#[from] ArmError),
     /// A limit of a fault.
     #[error(transparent)]
-    Fault(#[from] LimitsError),
+    Fault(#[from] FaultLimitsError),
     /// A limit of its set-points.
     #[error(transparent)]
-    SetPoints(#[from] trajectory::LimitsError),
+    SetPoints(#[from] TrajectoryError),
     /// The ramp to the least tensions.
     #[error(transparent)]
     Ramp(#[from] RampError),
@@ -87,7 +91,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         finger: &Finger<N>,
         mechanism: M,
     ) -> Result<Self, ControllerError> {
-        let (servo_hz, trajectory_hz) = (hand.servo_hz, hand.trajectory_hz);
+        let (servo_hz, trajectory_hz) = (hand.servo_rate_hz(finger), hand.trajectory_hz);
         let rates = ControllerError::Rates {
             servo_hz,
             trajectory_hz,
@@ -114,6 +118,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         Ok(Self {
             servo: FingerServo::new(mechanism, finger.moment_arms()?, &settings)?,
             interpolator,
+            joints: finger.joints.len(),
             following: 0,
             age: 0,
             monitor: FingerMonitor::new(finger.fault_limits(&hand.faults, sample_hz))?,
@@ -137,6 +142,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// The mode of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn mode(&self, joint: usize) -> Option<Mode> {
+        self.check_joint(joint).ok()?;
         self.servo.mode(joint)
     }
 
@@ -146,25 +152,34 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.monitor.first()
     }
 
-    /// Gives a joint another mode, in which it keeps what it has.
+    /// Gives a joint another mode, in which it keeps what it has. A joint that is in that mode stays
+    /// as it is, also if it follows the master.
     ///
     /// # Errors
     ///
     /// A joint that the finger does not have; a finger with a fault.
     pub fn set_mode(&mut self, joint: usize, mode: Mode) -> Result<(), SettingError> {
         self.refuse_after_fault()?;
-        self.servo.set_mode(joint, mode)?;
-        self.leave(joint);
-        Ok(())
+        self.check_joint(joint)?;
+        if self.servo.mode(joint) != Some(mode) {
+            self.leave(joint);
+        }
+        self.servo.set_mode(joint, mode)
     }
 
-    /// Gives a joint a target that stays, and the mode of that target.
+    /// Gives a joint a target that stays, and the mode of that target. The rate and acceleration of
+    /// a position are fed forward for as long as it stays, so a position to hold has none.
     ///
     /// # Errors
     ///
     /// A target that the joint cannot have; it keeps the one that it has. A finger with a fault.
-    pub fn set_target(&mut self, joint: usize, target: Target<f64>) -> Result<(), SettingError> {
+    pub fn set_target(
+        &mut self,
+        joint: usize,
+        target: JointTarget<f64>,
+    ) -> Result<(), SettingError> {
         self.refuse_after_fault()?;
+        self.check_joint(joint)?;
         self.servo.set_target(joint, target)?;
         self.leave(joint);
         Ok(())
@@ -173,6 +188,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// The gains of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn gains(&self, joint: usize) -> Option<&JointGains<f64>> {
+        self.check_joint(joint).ok()?;
         self.servo.gains(joint)
     }
 
@@ -182,6 +198,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     ///
     /// Gains that no joint can have; it keeps the ones that it has.
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<f64>) -> Result<(), SettingError> {
+        self.check_joint(joint)?;
         self.servo.set_gains(joint, gains)
     }
 
@@ -193,19 +210,23 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     ///
     /// The first set-point that is not finite or too far to go to; it is as if none had come.
     pub fn follow(&mut self, points: &[SetPoint<f64>; N]) -> Result<(), SetPointError> {
-        self.interpolator.tick(points)?;
-        self.age = 0;
+        let mut interpolator = self.interpolator.clone();
+        interpolator.tick(points)?;
+        let mut following = self.following;
         for joint in 0..N {
             let bit = 1 << joint;
-            if self.following & bit != 0 || self.servo.mode(joint) != Some(Mode::Position) {
+            if following & bit != 0 || self.servo.mode(joint) != Some(Mode::Position) {
                 continue;
             }
             // A mode that begins with the next tick holds a position only then.
-            if let Some(Target::Position(held)) = self.servo.target(joint) {
-                self.interpolator.join(joint, &held)?;
-                self.following |= bit;
+            if let Some(JointTarget::Position(held)) = self.servo.target(joint) {
+                interpolator.join(joint, &held)?;
+                following |= bit;
             }
         }
+        self.interpolator = interpolator;
+        self.following = following;
+        self.age = 0;
         Ok(())
     }
 
@@ -215,8 +236,12 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.monitor.clear();
     }
 
-    /// One tick of the servo loop, `period_s` after the last one, in a gravity in the axes of the
-    /// palm, m/s², less the acceleration of the palm.
+    /// One tick of the servo loop, in a gravity in the axes of the palm, m/s², less the acceleration of
+    /// the palm.
+    ///
+    /// `period_s` is the time since the last tick as a clock measured it, s; for the first tick, one
+    /// period. The laws count on [`Hand::servo_rate_hz`] whatever it says: it only shows deadlines that
+    /// were missed.
     pub fn tick(
         &mut self,
         sensed: &Sensed<f64, N>,
@@ -247,6 +272,8 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
             output.tension = tensions;
             output.torque = self.servo.arms().torque(&tensions);
             output.saturated = 0;
+            // Nothing of the way down is left in the servos when they command again.
+            self.servo.rest();
         }
         self.desired = output.tension;
         self.command = output.command;
@@ -275,10 +302,10 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
                 SetPoint::rest(position)
             };
             // A set-point that is refused leaves the joint at the last one.
-            let _ = self.servo.set_target(joint, Target::Position(within));
+            let _ = self.servo.set_target(joint, JointTarget::Position(within));
         }
         core::array::from_fn(|joint| match self.servo.target(joint) {
-            Some(Target::Position(point)) => Some(point.position),
+            Some(JointTarget::Position(point)) => Some(point.position),
             _ => None,
         })
     }
@@ -286,10 +313,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// On a fault: all joints off, and all tensions on their way to the least.
     #[cold]
     fn give_up(&mut self) {
-        for joint in 0..N {
-            // The joint exists, and can be off.
-            let _ = self.servo.set_target(joint, Target::Off);
-        }
+        self.servo.rest();
         self.following = 0;
         // The last commands are finite: those of the first tick are the least.
         self.ramp = SafeRamp::new(self.command, self.least, self.safe_s, self.sample_hz).ok();
@@ -302,10 +326,17 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         }
     }
 
+    fn check_joint(&self, joint: usize) -> Result<(), SettingError> {
+        let joints = self.joints;
+        if joint < joints {
+            Ok(())
+        } else {
+            Err(SettingError::NoJoint { joint, joints })
+        }
+    }
+
     /// A joint that is told what to do by itself does not follow until the master's next tick.
     fn leave(&mut self, joint: usize) {
-        if joint < N {
-            self.following &= !(1 << joint);
-        }
+        self.following &= !(1 << joint);
     }
 }

@@ -1,12 +1,12 @@
 use nalgebra::SVector;
 
-use crate::config::{FaultPolicy, Finger, Input, Joint, Rectification, ServoLaw, Tendon};
+use crate::config::{FaultPolicy, Finger, Input, Joint, ServoLaw, Tendon};
 use crate::dynamics::Drive;
 use crate::servo::{FingerSettings, JointGains, JointSettings, PositionLaw, SoftStop};
 use crate::tendon::fault::{
-    FingerLimits, JointLimits, Range, SensorLimits, Stuck, TendonLimits, Threshold,
+    FaultLimits, JointFaultLimits, Range, SensorFaultLimits, Stuck, TendonFaultLimits, Threshold,
 };
-use crate::tendon::{self, Allocation, Pair, TensionGains};
+use crate::tendon::{Allocation, Pair, Rectification, TensionGains};
 use crate::trajectory::Bounds;
 
 /// A check that never fails.
@@ -62,8 +62,8 @@ impl<const N: usize> Finger<N> {
 
     /// What makes a fault of the finger, for so many ticks in a second.
     #[must_use]
-    pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FingerLimits<f64, N> {
-        let tendon = |tendon: &Tendon| TendonLimits {
+    pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FaultLimits<f64, N> {
+        let tendon = |tendon: &Tendon| TendonFaultLimits {
             sensor: sensor(&tendon.adc, policy, tendon.max_n / 4.0, NEVER),
             slack: Threshold {
                 value: tendon.slack_n,
@@ -74,7 +74,7 @@ impl<const N: usize> Finger<N> {
                 samples: policy.tension_samples,
             },
         };
-        let nothing = SensorLimits {
+        let nothing = SensorFaultLimits {
             not_finite_samples: 0,
             range: Range {
                 low: 0.0,
@@ -88,10 +88,10 @@ impl<const N: usize> Finger<N> {
             },
             tracking: NEVER,
         };
-        FingerLimits {
+        FaultLimits {
             tendons: core::array::from_fn(|joint| {
                 self.joints.get(joint).map_or(
-                    Pair::both(TendonLimits {
+                    Pair::both(TendonFaultLimits {
                         sensor: nothing,
                         slack: NEVER,
                         over_tension: NEVER,
@@ -104,11 +104,11 @@ impl<const N: usize> Finger<N> {
             }),
             joints: core::array::from_fn(|joint| {
                 self.joints.get(joint).map_or(
-                    JointLimits {
+                    JointFaultLimits {
                         sensor: nothing,
                         limit: nothing.range,
                     },
-                    |joint| JointLimits {
+                    |joint| JointFaultLimits {
                         sensor: sensor(
                             &joint.adc,
                             policy,
@@ -161,9 +161,9 @@ fn sensor(
     policy: &FaultPolicy,
     travel: f64,
     tracking: Threshold<f64>,
-) -> SensorLimits<f64> {
+) -> SensorFaultLimits<f64> {
     let ends = [input.value(0), input.value(input.full_scale())];
-    SensorLimits {
+    SensorFaultLimits {
         not_finite_samples: policy.sensor_samples,
         range: Range {
             low: crate::math::min(ends[0], ends[1]),
@@ -182,12 +182,6 @@ fn sensor(
 impl<const N: usize> From<&Joint<N>> for JointSettings<f64> {
     fn from(joint: &Joint<N>) -> Self {
         let (min_n, max_n) = joint.tension_range();
-        let gains = |tendon: &Tendon| TensionGains {
-            kt: tendon.gains.kt,
-            ki: tendon.gains.ki,
-            kd: tendon.gains.kd,
-            kv: tendon.gains.kv,
-        };
         let servo = &joint.servo;
         Self {
             gains: JointGains {
@@ -205,8 +199,8 @@ impl<const N: usize> From<&Joint<N>> for JointSettings<f64> {
                 },
                 k_torque: servo.k_tau,
                 tension: Pair {
-                    flexor: gains(&joint.flexor),
-                    extensor: gains(&joint.extensor),
+                    flexor: joint.flexor.gains,
+                    extensor: joint.extensor.gains,
                 },
             },
             stop: SoftStop {
@@ -217,15 +211,7 @@ impl<const N: usize> From<&Joint<N>> for JointSettings<f64> {
                 damping: joint.stop.damping,
             },
             allocation: Allocation {
-                rectification: match joint.rectification {
-                    Rectification::Hard => tendon::Rectification::Hard,
-                    Rectification::Mean { co_contraction_n } => {
-                        tendon::Rectification::Mean { co_contraction_n }
-                    }
-                    Rectification::Smooth { softness_n } => {
-                        tendon::Rectification::Smooth { softness_n }
-                    }
-                },
+                rectification: joint.rectification,
                 min_n,
                 max_n,
             },
@@ -248,12 +234,7 @@ fn absent(sample_hz: f64) -> JointSettings<f64> {
                 damping_ratio: 0.0,
             },
             k_torque: 0.0,
-            tension: Pair::both(TensionGains {
-                kt: 0.0,
-                ki: 0.0,
-                kd: 0.0,
-                kv: 0.0,
-            }),
+            tension: Pair::both(TensionGains::default()),
         },
         stop: SoftStop {
             low: 0.0,
@@ -263,9 +244,10 @@ fn absent(sample_hz: f64) -> JointSettings<f64> {
             damping: 0.0,
         },
         allocation: Allocation {
-            rectification: tendon::Rectification::Hard,
+            rectification: Rectification::Hard,
             min_n: 0.0,
-            max_n: 0.0,
+            // No torque asks for it, but a servo has some range.
+            max_n: 1.0,
         },
         position_cutoff_hz: None,
         velocity_cutoff_hz: sample_hz / 4.0,

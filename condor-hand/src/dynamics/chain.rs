@@ -1,9 +1,11 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use super::{Dynamics, ldl};
+use super::Dynamics;
+use crate::Real;
+use crate::control::linear::Ldl;
 use crate::kinematics::{Body, Chain, Joint, Motion};
-use crate::math::sin_cos;
-use crate::{Pose, Real};
+use crate::math::is_finite;
+use crate::pose::{Pose, rotation_about};
 
 /// By the recursive Newton–Euler and composite-rigid-body algorithms, in the frames of the links.
 ///
@@ -52,7 +54,11 @@ impl<T: Real, const N: usize> Dynamics<T, N> for Chain<T, N> {
                 mass[(i, i)] += armature[i];
             }
         }
-        ldl::solve(&mass, &free)
+        let acceleration = Ldl::new(&mass)?.solve(&free);
+        acceleration
+            .iter()
+            .all(|&entry| is_finite(entry))
+            .then_some(acceleration)
     }
 }
 
@@ -157,7 +163,7 @@ impl<T: Real> Link<T> {
         let zero = Vector3::zeros();
         let (pose, turns, slides) = match joint.motion {
             Motion::Revolute(axis) => {
-                let rotation = rotation * turn(&axis, q);
+                let rotation = rotation * rotation_about(&axis, q);
                 let position = *position;
                 (Pose { rotation, position }, axis, zero)
             }
@@ -189,15 +195,6 @@ impl<T: Real> Link<T> {
         let moment = rotation * moment + position.cross(&force);
         (force, moment)
     }
-}
-
-/// The rotation about a unit axis, by Rodrigues' formula.
-#[inline(always)]
-fn turn<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {
-    let (sine, cosine) = sin_cos(angle);
-    Matrix3::from_diagonal_element(cosine)
-        + axis.cross_matrix() * sine
-        + axis * axis.transpose() * (T::one() - cosine)
 }
 
 /// The force, and the moment about the origin of its link, that move a body.

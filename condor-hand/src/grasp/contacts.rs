@@ -1,8 +1,8 @@
 use nalgebra::Vector3;
 
-use super::symmetric::Symmetric;
 use super::wrench::finite;
 use super::{GraspError, Quantity, Twist, Wrench};
+use crate::control::linear::Symmetric3;
 use crate::math::{Real, abs, is_finite, max, real, sqrt};
 
 /// Points at which M fingers touch one object, and what follows from their places alone.
@@ -20,7 +20,7 @@ pub struct Contacts<T: Real, const M: usize> {
     /// From the centroid to each contact, m.
     arms: [Vector3<T>; M],
     /// The (pseudo-)inverse of the inertia of unit masses at the contacts, 1/m².
-    inverse: Symmetric<T>,
+    inverse: Symmetric3<T>,
     /// The trace of that inertia: twice the sum of the squares of the arms, m².
     trace: T,
 }
@@ -108,7 +108,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     pub fn new(points: [Vector3<T>; M]) -> Result<Self, GraspError> {
         let centroid = sum(&points) * share::<T, M>();
         let arms = points.map(|point| point - centroid);
-        let mut inertia = Symmetric::zero();
+        let mut inertia = Symmetric3::zero();
         for arm in &arms {
             inertia.add_point(arm);
         }
@@ -116,7 +116,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         let apart = trace > least_spread::<T>() * centroid.norm_squared();
         let inverse = match M {
             0 => None,
-            1 => finite(&centroid).then(Symmetric::zero),
+            1 => finite(&centroid).then(Symmetric3::zero),
             // Two opposite arms: J is the projection across the line, times the sum of squares.
             2 => {
                 let factor = T::one() / (trace * trace * real(0.25));
@@ -316,7 +316,7 @@ fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
         return error;
     }
     let centroid = sum(points) * share::<T, M>();
-    let mut inertia = Symmetric::zero();
+    let mut inertia = Symmetric3::zero();
     for point in points {
         inertia.add_point(&(point - centroid));
     }

@@ -30,7 +30,13 @@ impl<T: Real> Wrench<T> {
         }
     }
 
-    pub(super) fn is_finite(&self) -> bool {
+    /// Adds a force (N) at a point that is `lever` (m) away from that of the wrench.
+    pub fn add_force(&mut self, force: &Vector3<T>, lever: &Vector3<T>) {
+        self.force += force;
+        self.moment += lever.cross(force);
+    }
+
+    pub(crate) fn is_finite(&self) -> bool {
         finite(&self.force) && finite(&self.moment)
     }
 }

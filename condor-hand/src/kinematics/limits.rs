@@ -15,7 +15,7 @@ pub struct JointLimits<T: Real, const N: usize> {
 #[error(
     "joint {joint} has the limits {lower} and {upper}; the lower must be finite and below the upper"
 )]
-pub struct LimitsError {
+pub struct JointLimitsError {
     /// The joint, from 0.
     pub joint: usize,
     /// Its lower limit.
@@ -39,10 +39,10 @@ impl<T: Real, const N: usize> JointLimits<T, N> {
     /// # Errors
     ///
     /// The first joint whose lower limit is not below its upper one, or whose limits are not finite.
-    pub fn new(lower: SVector<T, N>, upper: SVector<T, N>) -> Result<Self, LimitsError> {
+    pub fn new(lower: SVector<T, N>, upper: SVector<T, N>) -> Result<Self, JointLimitsError> {
         for (joint, (&low, &high)) in lower.iter().zip(upper.iter()).enumerate() {
             if !(low < high && is_finite(low) && is_finite(high)) {
-                return Err(LimitsError {
+                return Err(JointLimitsError {
                     joint,
                     lower: low.to_f64(),
                     upper: high.to_f64(),

@@ -1,11 +1,11 @@
 //! The pose and the Jacobian of any chain, joint by joint.
 
-use nalgebra::{Matrix3, SVector, Vector3, Vector6};
+use nalgebra::{SVector, Vector3, Vector6};
 
 use super::null::null_direction;
 use super::{Chain, Jacobian, Kinematics, Motion};
-use crate::Pose;
-use crate::math::{Real, sin_cos};
+use crate::Real;
+use crate::pose::{Pose, rotation_about};
 
 /// How one joint moves the links beyond it, in the palm.
 #[derive(Clone, Copy)]
@@ -78,7 +78,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
             frame = frame.then(&link.placement);
             joint(&link.motion, &frame);
             match link.motion {
-                Motion::Revolute(axis) => frame.rotation *= rotation(&axis, q),
+                Motion::Revolute(axis) => frame.rotation *= rotation_about(&axis, q),
                 Motion::Prismatic(axis) => frame.position += frame.rotation * axis * q,
                 Motion::Fixed => {}
             }
@@ -88,23 +88,4 @@ impl<T: Real, const N: usize> Chain<T, N> {
             ..frame
         }
     }
-}
-
-/// The rotation by an angle (rad) about a unit axis, by Rodrigues' formula
-/// `c 1 + s [a] + (1 - c) a aᵀ`.
-fn rotation<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {
-    let (s, c) = sin_cos(angle);
-    let turned = axis * (T::one() - c);
-    let (x, y, z) = (axis.x, axis.y, axis.z);
-    Matrix3::new(
-        turned.x * x + c,
-        turned.x * y - s * z,
-        turned.x * z + s * y,
-        turned.y * x + s * z,
-        turned.y * y + c,
-        turned.y * z - s * x,
-        turned.z * x - s * y,
-        turned.z * y + s * x,
-        turned.z * z + c,
-    )
 }

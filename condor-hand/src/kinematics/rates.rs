@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::inverse::check_finite;
 use super::{InverseError, Jacobian, Kinematics};
+use crate::control::linear::Ldl;
 use crate::math::{Real, acos, is_finite, real, sin_cos, sqrt};
 
 /// The rates of the joints (rad/s) that move the tip at `velocity` (m/s, in the palm), and by
@@ -58,22 +59,23 @@ pub fn damped_rates<T: Real, const N: usize>(
 }
 
 /// The volume that unit rates of the joints give the velocity of the tip, `√det (J Jᵀ)`, in
-/// (m/rad)³: zero at a singularity (Yoshikawa, "Manipulability of robotic mechanisms", 1985).
+/// (m/rad)³: zero at a singularity (Yoshikawa, "Manipulability of robotic mechanisms", 1985), and
+/// where an entry is not finite or its square is not.
 #[must_use]
 pub fn manipulability<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> T {
-    let linear = linear(jacobian);
-    sqrt((linear * linear.transpose()).determinant())
+    let volume = sqrt(gram(jacobian).determinant());
+    if is_finite(volume) { volume } else { T::zero() }
 }
 
 /// The singular values of the linear rows of a Jacobian, largest first, m/rad: how fast the tip
 /// moves for unit rates of the joints in its best direction, across, and in its worst.
 ///
-/// The least is exact to √ε of the largest. From the eigenvalues of `J Jᵀ` in closed form (Smith,
+/// The least is exact to √ε of the largest. All are zero where an entry of the Jacobian is not finite
+/// or its square is not. From the eigenvalues of `J Jᵀ` in closed form (Smith,
 /// "Eigenvalues of a symmetric 3 × 3 matrix", 1961).
 #[must_use]
 pub fn singular_values<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> [T; 3] {
-    let linear = linear(jacobian);
-    let gram = linear * linear.transpose();
+    let gram = gram(jacobian);
     let third = real::<T>(1.0 / 3.0);
     let mean = gram.trace() * third;
     let deviator = gram - Matrix3::from_diagonal_element(mean);
@@ -89,6 +91,17 @@ pub fn singular_values<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> [T
     [largest, gram.trace() - largest - least, least].map(sqrt)
 }
 
+/// `J Jᵀ` of the linear rows; zero where that is not finite, which no square root would show.
+fn gram<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> Matrix3<T> {
+    let linear = linear(jacobian);
+    let gram = linear * linear.transpose();
+    if gram.iter().all(|&entry| is_finite(entry)) {
+        gram
+    } else {
+        Matrix3::zeros()
+    }
+}
+
 /// The linear rows.
 pub(super) fn linear<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> SMatrix<T, 3, N> {
     jacobian.fixed_rows::<3>(0).into_owned()
@@ -100,28 +113,10 @@ pub(super) fn damped<T: Real, const N: usize>(
     damping: T,
 ) -> Option<SVector<T, N>> {
     let square = Matrix3::from_diagonal_element(damping * damping);
-    let solution = solve(&(jacobian * jacobian.transpose() + square), velocity)?;
+    let gram = jacobian * jacobian.transpose() + square;
+    // What is singular to rounding is singular.
+    let least = real::<T>(4.0) * T::default_epsilon() * gram.trace();
+    let solution = Ldl::with_least_pivot(&gram, least)?.solve(velocity);
     let rates = jacobian.transpose() * solution;
     rates.iter().all(|&rate| is_finite(rate)).then_some(rates)
-}
-
-/// The solution of three equations with a symmetric positive definite matrix, by `L D Lᵀ`; `None`
-/// where it is singular to rounding.
-fn solve<T: Real>(matrix: &Matrix3<T>, right: &Vector3<T>) -> Option<Vector3<T>> {
-    let [[a, b, c], [_, d, e], [_, _, f]] = matrix.data.0;
-    let least = real::<T>(4.0) * T::default_epsilon() * (a + d + f);
-    let pivot = |value: T| (value > least && is_finite(value)).then_some(value);
-    let d0 = pivot(a)?;
-    let (l10, l20) = (b / d0, c / d0);
-    let d1 = pivot(d - l10 * b)?;
-    let rest = e - l20 * b;
-    let l21 = rest / d1;
-    let d2 = pivot(f - l20 * c - l21 * rest)?;
-    let y0 = right.x;
-    let y1 = right.y - l10 * y0;
-    let y2 = right.z - l20 * y0 - l21 * y1;
-    let z = y2 / d2;
-    let y = y1 / d1 - l21 * z;
-    let x = y0 / d0 - l10 * y - l20 * z;
-    Some(Vector3::new(x, y, z))
 }

@@ -30,15 +30,6 @@ pub struct Ground {
     normal: Vector3<f64>,
 }
 
-/// A force and a moment.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wrench {
-    /// N.
-    pub force: Vector3<f64>,
-    /// About the point that is spoken of, N m.
-    pub moment: Vector3<f64>,
-}
-
 /// A place where two bodies may touch, and what was there in the last update.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
@@ -97,30 +88,6 @@ impl Ground {
             normal: self.normal,
             point: center - self.normal * (radius - 0.5 * depth),
         }
-    }
-}
-
-impl Wrench {
-    /// None at all.
-    #[must_use]
-    pub fn zero() -> Self {
-        Self {
-            force: Vector3::zeros(),
-            moment: Vector3::zeros(),
-        }
-    }
-
-    pub(super) fn check(&self) -> Result<(), PlantError> {
-        self.force
-            .iter()
-            .chain(self.moment.iter())
-            .try_for_each(|&value| finite("a part of a wrench, N or N m", value))
-    }
-
-    /// Adds a force at a point that is `lever` away from the one that is spoken of.
-    pub(super) fn add(&mut self, force: &Vector3<f64>, lever: &Vector3<f64>) {
-        self.force += force;
-        self.moment += lever.cross(force);
     }
 }
 

@@ -74,7 +74,7 @@ pub enum PlantError {
     #[error("a converter has {bits} bits; it must have 1 to 32")]
     Bits {
         /// Its size.
-        bits: u32,
+        bits: u8,
     },
 }
 

@@ -1,12 +1,13 @@
 use nalgebra::Vector3;
 
 use super::PlantError;
-use super::contact::{Contact, Ground, Surface, Wrench};
+use super::contact::{Contact, Ground, Surface};
 use super::error::{all_finite, not_negative, positive};
 use super::finger::Finger;
 use super::object::Object;
 use super::table::Table;
 use crate::dynamics::Dynamics;
+use crate::grasp::Wrench;
 use crate::kinematics::Kinematics;
 use crate::tendon::Pairs;
 
@@ -146,15 +147,15 @@ where
                 let sliding = velocity_at(&overlap.point) - object.velocity_at(&overlap.point);
                 let surface = &self.parameters.tip_object;
                 let force = tip.object.update(surface, &overlap, &sliding, dt);
-                wrench.add(&force, &(overlap.point - pose.position));
-                on_object.add(&-force, &(overlap.point - object.pose().position));
+                wrench.add_force(&force, &(overlap.point - pose.position));
+                on_object.add_force(&-force, &(overlap.point - object.pose().position));
             }
             if let Some(ground) = &self.ground {
                 let overlap = ground.overlap(&pose.position, self.parameters.tip_radius);
                 let sliding = velocity_at(&overlap.point);
                 let surface = &self.parameters.tip_ground;
                 let force = tip.ground.update(surface, &overlap, &sliding, dt);
-                wrench.add(&force, &(overlap.point - pose.position));
+                wrench.add_force(&force, &(overlap.point - pose.position));
             }
             let torque = jacobian.fixed_rows::<3>(0).tr_mul(&wrench.force)
                 + jacobian.fixed_rows::<3>(3).tr_mul(&wrench.moment);
@@ -167,7 +168,7 @@ where
                 let sliding = object.velocity_at(&overlap.point);
                 let surface = &self.parameters.object_ground;
                 let force = self.object_ground.update(surface, &overlap, &sliding, dt);
-                on_object.add(&force, &(overlap.point - center));
+                on_object.add_force(&force, &(overlap.point - center));
             }
             object.advance(dt, &on_object, &gravity)?;
         }
@@ -180,7 +181,7 @@ where
     ///
     /// A wrench that is not finite; the old one stays.
     pub fn push_object(&mut self, wrench: Wrench) -> Result<(), PlantError> {
-        wrench.check()?;
+        check(&wrench)?;
         self.disturbance = wrench;
         Ok(())
     }
@@ -191,7 +192,7 @@ where
     ///
     /// A wrench that is not finite, or a finger that there is not; the old one stays.
     pub fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), PlantError> {
-        wrench.check()?;
+        check(&wrench)?;
         let tip = self.tips.get_mut(finger);
         let tip = tip.ok_or(PlantError::NoFinger { finger, fingers: F })?;
         tip.disturbance = wrench;
@@ -260,4 +261,9 @@ impl<M, const F: usize, const N: usize> Hand<M, F, N> {
         let steps = self.steps as f64;
         steps * self.parameters.period_s
     }
+}
+
+fn check(wrench: &Wrench) -> Result<(), PlantError> {
+    let parts = wrench.force.iter().chain(wrench.moment.iter());
+    all_finite("a part of a wrench, N or N m", parts)
 }

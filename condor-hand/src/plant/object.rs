@@ -1,9 +1,10 @@
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
 use super::PlantError;
-use super::contact::{Overlap, Wrench};
+use super::contact::Overlap;
 use super::error::{all_finite, finite, positive};
 use crate::Pose;
+use crate::grasp::Wrench;
 use crate::math::{sin_cos, sqrt};
 
 /// What a free object is.

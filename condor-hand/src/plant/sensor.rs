@@ -1,22 +1,21 @@
 use super::PlantError;
-use super::error::{finite, not_negative, ordered};
+use super::error::{finite, not_negative, positive};
 use super::noise::Noise;
-use crate::math::{clamp, round};
+use crate::config::Input;
+use crate::math::abs;
 
-/// An analogue-to-digital converter and the sensor before it.
+/// A sensor, and the converter behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Converter {
-    /// Resolution, 1..=32.
-    pub bits: u32,
-    /// What the lowest and the highest count mean, in the unit of the sensor.
-    pub range: (f64, f64),
+pub struct Sensor {
+    /// The converter, as a controller's configuration has it.
+    pub adc: Input,
     /// The standard deviation of the noise before conversion, in the unit of the sensor.
     pub noise: f64,
 }
 
 /// What is wrong with a channel, and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fault {
+pub struct SensorFault {
     /// Of the bank, from 0.
     pub channel: usize,
     /// From this time on, s.
@@ -24,66 +23,43 @@ pub struct Fault {
     /// Until before this time, s; infinite for ever.
     pub until_s: f64,
     /// What is wrong.
-    pub kind: FaultKind,
+    pub kind: SensorFaultKind,
 }
 
 /// What can be wrong with a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum FaultKind {
+pub enum SensorFaultKind {
     /// It repeats what it last read before.
     Stuck,
     /// This is added before conversion, in the unit of the sensor.
     Offset(f64),
-    /// With this probability a reading is lost, and is the lowest of the range.
+    /// With this probability a reading is lost, and is that of zero counts.
     Dropout(f64),
     /// It reads what is no number.
     NotANumber,
 }
 
-/// C converters, their noise, and the script of their faults.
+/// C sensors, their noise, and the script of their faults.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorBank<'a, const C: usize> {
-    converters: [Converter; C],
-    script: &'a [Fault],
+    sensors: [Sensor; C],
+    script: &'a [SensorFault],
     noise: Noise,
     last: [f64; C],
 }
 
-impl Converter {
+impl Sensor {
     fn check(&self) -> Result<(), PlantError> {
-        if !(1..=32).contains(&self.bits) {
-            return Err(PlantError::Bits { bits: self.bits });
+        let Input {
+            bits, gain, offset, ..
+        } = self.adc;
+        if !(1..=32).contains(&bits) {
+            return Err(PlantError::Bits { bits });
         }
-        ordered("the range of a converter", self.range)?;
+        positive("the size of a converter's count", abs(gain))?;
+        finite("the value of a converter at zero counts", offset)?;
         not_negative("the noise of a sensor", self.noise)
-    }
-
-    /// The difference of two neighbouring counts, in the unit of the sensor.
-    #[must_use]
-    pub fn resolution(&self) -> f64 {
-        (self.range.1 - self.range.0) / self.full()
-    }
-
-    /// The count of a value; the nearest end of the range for what is beyond it, and 0 for what is
-    /// no number.
-    #[must_use]
-    pub fn counts(&self, value: f64) -> u32 {
-        let share = (value - self.range.0) / (self.range.1 - self.range.0);
-        let full = self.full();
-        #[allow(clippy::cast_sign_loss, reason = "it is clamped to 0 and above")]
-        let counts = round(clamp(share * full, 0.0, full)) as u32;
-        counts
-    }
-
-    /// The value that a count means, in the unit of the sensor.
-    #[must_use]
-    pub fn value(&self, counts: u32) -> f64 {
-        self.range.0 + f64::from(counts) * self.resolution()
-    }
-
-    fn full(&self) -> f64 {
-        f64::from(u32::MAX >> 32_u32.saturating_sub(self.bits).min(31))
     }
 }
 
@@ -94,49 +70,48 @@ impl<'a, const C: usize> SensorBank<'a, C> {
     ///
     /// The first parameter that makes no sense, and a fault of a channel that there is not.
     pub fn new(
-        converters: [Converter; C],
-        script: &'a [Fault],
+        sensors: [Sensor; C],
+        script: &'a [SensorFault],
         seed: u64,
     ) -> Result<Self, PlantError> {
-        converters.iter().try_for_each(Converter::check)?;
+        sensors.iter().try_for_each(Sensor::check)?;
         for fault in script {
             fault.check(C)?;
         }
         Ok(Self {
-            converters,
+            sensors,
             script,
             noise: Noise::new(seed),
-            last: converters.map(|converter| converter.range.0),
+            last: sensors.map(|sensor| sensor.adc.value(0)),
         })
     }
 
     /// What the channels read at the time `now_s` of what is.
     pub fn read(&mut self, now_s: f64, values: &[f64; C]) -> [f64; C] {
         let mut readings = *values;
-        let channels = self.converters.iter().zip(&mut self.last);
-        for (channel, (reading, (converter, last))) in readings.iter_mut().zip(channels).enumerate()
-        {
+        let channels = self.sensors.iter().zip(&mut self.last);
+        for (channel, (reading, (sensor, last))) in readings.iter_mut().zip(channels).enumerate() {
             // Every channel draws at every reading: a fault of one leaves the others as they were.
-            let noise = self.noise.normal() * converter.noise;
+            let noise = self.noise.normal() * sensor.noise;
             let chance = self.noise.uniform();
             let mut value = *reading + noise;
             let (mut stuck, mut lost, mut not_a_number) = (false, false, false);
             let faults = self.script.iter();
             for fault in faults.filter(|fault| fault.channel == channel && fault.is_on(now_s)) {
                 match fault.kind {
-                    FaultKind::Stuck => stuck = true,
-                    FaultKind::Offset(offset) => value += offset,
-                    FaultKind::Dropout(probability) => lost |= chance < probability,
-                    FaultKind::NotANumber => not_a_number = true,
+                    SensorFaultKind::Stuck => stuck = true,
+                    SensorFaultKind::Offset(offset) => value += offset,
+                    SensorFaultKind::Dropout(probability) => lost |= chance < probability,
+                    SensorFaultKind::NotANumber => not_a_number = true,
                 }
             }
             if !stuck {
-                *last = converter.value(converter.counts(value));
+                *last = sensor.adc.value(sensor.adc.counts(value));
             }
             *reading = if not_a_number {
                 f64::NAN
             } else if lost {
-                converter.range.0
+                sensor.adc.value(0)
             } else {
                 *last
             };
@@ -145,7 +120,7 @@ impl<'a, const C: usize> SensorBank<'a, C> {
     }
 }
 
-impl Fault {
+impl SensorFault {
     fn is_on(&self, now_s: f64) -> bool {
         self.from_s <= now_s && now_s < self.until_s
     }
@@ -157,11 +132,11 @@ impl Fault {
         }
         finite("the time when a fault begins, s", self.from_s)?;
         match self.kind {
-            FaultKind::Offset(offset) => finite("the offset of a sensor", offset),
-            FaultKind::Dropout(probability) => {
+            SensorFaultKind::Offset(offset) => finite("the offset of a sensor", offset),
+            SensorFaultKind::Dropout(probability) => {
                 not_negative("the probability of a dropout", probability)
             }
-            FaultKind::Stuck | FaultKind::NotANumber => Ok(()),
+            SensorFaultKind::Stuck | SensorFaultKind::NotANumber => Ok(()),
         }
     }
 }

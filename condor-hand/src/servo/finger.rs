@@ -1,7 +1,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::joint::{Felt, JointServo};
-use super::{FingerSettings, JointGains, Mode, PositionLaw, SettingError, Target};
+use super::{FingerSettings, JointGains, JointTarget, Mode, PositionLaw, SettingError};
 use crate::control::OnePole;
 use crate::dynamics::{Drive, Dynamics};
 use crate::math::{Real, clamp, is_finite, max};
@@ -18,7 +18,7 @@ pub struct Sensed<T: Real, const N: usize> {
 
 /// What a finger does with one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Output<T: Real, const N: usize> {
+pub struct ServoOutput<T: Real, const N: usize> {
     /// What the actuators get, N, from 0 to the most of each tendon.
     pub command: Pairs<T, N>,
     /// The tensions that it is to reach, N.
@@ -36,7 +36,9 @@ pub struct Output<T: Real, const N: usize> {
 /// The servos of one finger: its joints and their tendons.
 ///
 /// It is called once in every tick, with what its sensors say, and gives what its actuators get. A
-/// value of a sensor that is not finite counts as the last one that was.
+/// value of a sensor that is not finite counts as the last one that was. Before there was one, a
+/// tension counts as the least; a joint whose position was never seen does not hold or follow
+/// positions.
 #[derive(Clone, Debug)]
 pub struct FingerServo<M, T: Real, const N: usize> {
     mechanism: M,
@@ -129,7 +131,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// The target of a joint; `None` for a joint that the finger does not have.
     #[must_use]
-    pub fn target(&self, joint: usize) -> Option<Target<T>> {
+    pub fn target(&self, joint: usize) -> Option<JointTarget<T>> {
         self.joints.get(joint).map(|servo| servo.target)
     }
 
@@ -145,7 +147,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// # Errors
     ///
     /// A target that the joint cannot have; it keeps the one that it has.
-    pub fn set_target(&mut self, joint: usize, target: Target<T>) -> Result<(), SettingError> {
+    pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), SettingError> {
         let servo = self
             .joints
             .get_mut(joint)
@@ -174,6 +176,19 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         Ok(())
     }
 
+    /// Switches all joints off at once, as a finger is when it is new, but for its gains: the next
+    /// tick wants the least tensions, without a transition. For whoever has taken the actuators
+    /// there by other means.
+    pub fn rest(&mut self) {
+        for servo in &mut self.joints {
+            servo.rest();
+        }
+        self.holds = [None; N];
+        self.changed = false;
+        self.left = T::zero();
+        self.desired = self.allocation.map(|joint| Pair::both(joint.min_n));
+    }
+
     /// The gains of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn gains(&self, joint: usize) -> Option<&JointGains<T>> {
@@ -197,7 +212,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// One tick: from sensors to commands, in a gravity in the axes of the palm, m/s²; for a palm
     /// that is accelerated, less its acceleration.
-    pub fn tick(&mut self, sensed: &Sensed<T, N>, gravity: &Vector3<T>) -> Output<T, N> {
+    pub fn tick(&mut self, sensed: &Sensed<T, N>, gravity: &Vector3<T>) -> ServoOutput<T, N> {
         let (position, velocity, tension) = self.sense(sensed);
         self.take_holds(&position);
 
@@ -219,7 +234,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             command.flexor = flexor.update(command.flexor, measured.flexor, rate.flexor);
             command.extensor = extensor.update(command.extensor, measured.extensor, rate.extensor);
         }
-        Output {
+        ServoOutput {
             command,
             tension: desired,
             torque: self.arms.torque(&desired),
@@ -246,6 +261,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         let mut position = sensed.position;
         let mut velocity = SVector::<T, N>::zeros();
         let mut tension = sensed.tension;
+        let mut changed = false;
         for (((servo, position), velocity), last) in self
             .joints
             .iter_mut()
@@ -253,9 +269,17 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .zip(velocity.iter_mut())
             .zip(self.last.position.iter_mut())
         {
-            *position = filtered(&mut servo.position_filter, kept(*position, last));
-            *velocity = servo.velocity.update(*position);
+            // A filter that began with a position that never was would show a rate.
+            let seen = servo.seen || is_finite(*position);
+            *position = kept(*position, last);
+            if seen {
+                *position = filtered(&mut servo.position_filter, *position);
+                *velocity = servo.velocity.update(*position);
+            }
+            changed |= seen != servo.seen;
+            servo.seen = seen;
         }
+        self.changed |= changed;
         for ((servo, tension), last) in self
             .joints
             .iter_mut()
@@ -283,6 +307,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .zip(&self.desired)
             .zip(&torque)
         {
+            // There is no position to hold yet.
+            if *hold == Some(Mode::Position) && !servo.seen {
+                continue;
+            }
             if let Some(mode) = hold.take() {
                 servo.take(servo.hold(mode, position, tension, torque));
                 self.changed = true;

@@ -1,4 +1,4 @@
-use super::{JointGains, JointSettings, Mode, PositionLaw, SettingError, SoftStop, Target};
+use super::{JointGains, JointSettings, JointTarget, Mode, PositionLaw, SettingError, SoftStop};
 use crate::control::{Derivative, Integrator, OnePole};
 use crate::math::{Real, clamp, is_finite, real};
 use crate::tendon::{Allocation, Pair, TensionServo};
@@ -8,11 +8,13 @@ use crate::trajectory::SetPoint;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct JointServo<T: Real> {
     pub(super) gains: JointGains<T>,
-    pub(super) target: Target<T>,
+    pub(super) target: JointTarget<T>,
     pub(super) tendons: Pair<TensionServo<T>>,
     pub(super) tension_filter: Pair<Option<OnePole<T>>>,
     pub(super) position_filter: Option<OnePole<T>>,
     pub(super) velocity: Derivative<T>,
+    /// Its position has been a number once; until then nothing is done about it.
+    pub(super) seen: bool,
     stop: SoftStop<T>,
     /// What its own tendons can give, N m.
     torque: (T, T),
@@ -62,7 +64,7 @@ impl<T: Real> JointServo<T> {
         };
         Ok(Self {
             gains: settings.gains,
-            target: Target::Off,
+            target: JointTarget::Off,
             tendons: Pair {
                 flexor: servo(settings.gains.tension.flexor)?,
                 extensor: servo(settings.gains.tension.extensor)?,
@@ -73,6 +75,7 @@ impl<T: Real> JointServo<T> {
             },
             position_filter: low_pass(settings.position_cutoff_hz)?,
             velocity: Derivative::new(settings.velocity_cutoff_hz, sample_hz).map_err(filter)?,
+            seen: false,
             stop: settings.stop,
             torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
             tension: (min_n, max_n),
@@ -82,11 +85,11 @@ impl<T: Real> JointServo<T> {
     }
 
     /// Whether the joint can have this target.
-    pub(super) fn check(&self, joint: usize, target: &Target<T>) -> Result<(), SettingError> {
+    pub(super) fn check(&self, joint: usize, target: &JointTarget<T>) -> Result<(), SettingError> {
         let within = |value: T, (low, high): (T, T)| low <= value && value <= high;
         match *target {
-            Target::Off => {}
-            Target::Tension(pair) => {
+            JointTarget::Off => {}
+            JointTarget::Tension(pair) => {
                 for tension in [pair.flexor, pair.extensor] {
                     if !within(tension, self.tension) {
                         return Err(SettingError::Tension {
@@ -98,7 +101,7 @@ impl<T: Real> JointServo<T> {
                     }
                 }
             }
-            Target::Torque(torque) | Target::Grasp(torque) => {
+            JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
                 if !within(torque, self.torque) {
                     return Err(SettingError::Torque {
                         joint,
@@ -108,7 +111,7 @@ impl<T: Real> JointServo<T> {
                     });
                 }
             }
-            Target::Position(set_point) => {
+            JointTarget::Position(set_point) => {
                 if !within(set_point.position, (self.stop.low, self.stop.high)) {
                     return Err(SettingError::Position {
                         joint,
@@ -132,14 +135,20 @@ impl<T: Real> JointServo<T> {
     }
 
     /// The target that keeps a joint where it is, in another mode.
-    pub(super) fn hold(&self, mode: Mode, position: T, tension: Pair<T>, torque: T) -> Target<T> {
+    pub(super) fn hold(
+        &self,
+        mode: Mode,
+        position: T,
+        tension: Pair<T>,
+        torque: T,
+    ) -> JointTarget<T> {
         let torque = clamp(torque, self.torque.0, self.torque.1);
         match mode {
-            Mode::Off => Target::Off,
-            Mode::Tension => Target::Tension(tension),
-            Mode::Torque => Target::Torque(torque),
-            Mode::Grasp => Target::Grasp(torque),
-            Mode::Position => Target::Position(SetPoint::rest(clamp(
+            Mode::Off => JointTarget::Off,
+            Mode::Tension => JointTarget::Tension(tension),
+            Mode::Torque => JointTarget::Torque(torque),
+            Mode::Grasp => JointTarget::Grasp(torque),
+            Mode::Position => JointTarget::Position(SetPoint::rest(clamp(
                 position,
                 self.stop.low,
                 self.stop.high,
@@ -148,7 +157,7 @@ impl<T: Real> JointServo<T> {
     }
 
     /// Takes a target that was checked.
-    pub(super) fn take(&mut self, target: Target<T>) {
+    pub(super) fn take(&mut self, target: JointTarget<T>) {
         if target.mode() != self.target.mode() {
             self.integrator.set(T::zero());
         }
@@ -158,8 +167,9 @@ impl<T: Real> JointServo<T> {
     /// The acceleration that its law asks of the inverse dynamics, rad/s²; zero if it does not.
     pub(super) fn acceleration(&self, position: T, rate: T) -> T {
         match (self.target, self.gains.law) {
+            _ if !self.seen => T::zero(),
             (
-                Target::Position(set_point),
+                JointTarget::Position(set_point),
                 PositionLaw::ComputedTorque {
                     bandwidth_hz,
                     damping_ratio,
@@ -178,7 +188,7 @@ impl<T: Real> JointServo<T> {
     /// The rate that is asked of it, rad/s.
     pub(super) fn asked_rate(&self) -> T {
         match self.target {
-            Target::Position(set_point) => set_point.velocity,
+            JointTarget::Position(set_point) => set_point.velocity,
             _ => T::zero(),
         }
     }
@@ -186,11 +196,12 @@ impl<T: Real> JointServo<T> {
     /// The torque of its law, N m; zero where its tensions are given.
     pub(super) fn torque(&mut self, felt: &Felt<T>) -> T {
         let law = match self.target {
-            Target::Off | Target::Tension(_) => return T::zero(),
-            Target::Torque(torque) | Target::Grasp(torque) => {
+            JointTarget::Off | JointTarget::Tension(_) => return T::zero(),
+            JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
                 torque + self.gains.k_torque * (torque - felt.torque)
             }
-            Target::Position(set_point) => match self.gains.law {
+            JointTarget::Position(_) if !self.seen => return T::zero(),
+            JointTarget::Position(set_point) => match self.gains.law {
                 PositionLaw::ComputedTorque { .. } => felt.inverse + felt.friction,
                 PositionLaw::Pd { kp, kv, ki, .. } => {
                     let error = set_point.position - felt.position;
@@ -206,7 +217,12 @@ impl<T: Real> JointServo<T> {
                 }
             },
         };
-        let torque = law + self.stop.torque(felt.position, felt.rate);
+        let stop = if self.seen {
+            self.stop.torque(felt.position, felt.rate)
+        } else {
+            T::zero()
+        };
+        let torque = law + stop;
         if is_finite(torque) {
             clamp(torque, self.torque.0, self.torque.1)
         } else {
@@ -214,12 +230,19 @@ impl<T: Real> JointServo<T> {
         }
     }
 
+    /// Off, with nothing in any integral.
+    pub(super) fn rest(&mut self) {
+        self.take(JointTarget::Off);
+        self.tendons.flexor.reset();
+        self.tendons.extensor.reset();
+    }
+
     /// The tensions that are given to it, where it has no torque of its own.
     pub(super) fn given_tensions(&self) -> Option<Pair<T>> {
         match self.target {
-            Target::Off => Some(Pair::both(self.tension.0)),
-            Target::Tension(pair) => Some(pair),
-            Target::Torque(_) | Target::Position(_) | Target::Grasp(_) => None,
+            JointTarget::Off => Some(Pair::both(self.tension.0)),
+            JointTarget::Tension(pair) => Some(pair),
+            JointTarget::Torque(_) | JointTarget::Position(_) | JointTarget::Grasp(_) => None,
         }
     }
 

@@ -36,7 +36,7 @@ impl Mode {
 
 /// What a joint is to reach, in one of its modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Target<T: Real = f64> {
+pub enum JointTarget<T: Real = f64> {
     /// Nothing, for [`Mode::Off`].
     Off,
     /// Tensions of its two tendons, N, for [`Mode::Tension`].
@@ -49,7 +49,7 @@ pub enum Target<T: Real = f64> {
     Grasp(T),
 }
 
-impl<T: Real> Target<T> {
+impl<T: Real> JointTarget<T> {
     /// The mode in which a joint reaches it.
     #[must_use]
     pub const fn mode(&self) -> Mode {

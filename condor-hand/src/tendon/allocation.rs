@@ -14,7 +14,7 @@ use crate::math::{Real, clamp, is_finite, max, min, real, sqrt};
 
 /// How much the two tendons of a joint pull against each other.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Rectification<T> {
     /// As little as can be: one of the two is at its minimum. The total tension is the least that
     /// there is if antagonists have opposite arms at each joint that they cross.

@@ -10,9 +10,10 @@ mod limits;
 mod ramp;
 mod sensor;
 
-pub use code::{Channel, Fault, FaultCode, FaultSet};
+pub use code::{Fault, FaultCode, FaultSet, FaultSite};
 pub use finger::{FingerMonitor, Observation};
 pub use limits::{
-    FingerLimits, JointLimits, LimitsError, Range, SensorLimits, Stuck, TendonLimits, Threshold,
+    FaultLimits, FaultLimitsError, JointFaultLimits, Range, SensorFaultLimits, Stuck,
+    TendonFaultLimits, Threshold,
 };
 pub use ramp::{RampError, SafeRamp};

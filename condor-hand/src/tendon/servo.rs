@@ -5,14 +5,19 @@ use crate::math::{Real, clamp, is_finite};
 
 /// The gains of a [`TensionServo`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TensionGains<T> {
     /// Of the error, N/N: moves the pole of a first-order actuator from f to f (1 + kt).
+    #[serde(default)]
     pub kt: T,
     /// Of the error's integral, 1/s.
+    #[serde(default)]
     pub ki: T,
     /// Of the error's rate, s.
+    #[serde(default)]
     pub kd: T,
     /// Of the rate of the tendon's length, N s/m: damps against what moves the joint.
+    #[serde(default)]
     pub kv: T,
 }
 

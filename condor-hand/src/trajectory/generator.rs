@@ -4,8 +4,8 @@ use super::path::Path;
 use super::plan::Planner;
 use super::running::{Mover, Running};
 use super::{
-    Begin, Guard, Limits, LimitsError, Observations, OnEnd, Primitive, PrimitiveError, SetPoint,
-    Target,
+    Begin, Guard, Limits, Observations, OnEnd, Primitive, PrimitiveError, SetPoint, Target,
+    TrajectoryError,
 };
 use crate::math::{Real, is_finite};
 
@@ -104,11 +104,15 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// # Errors
     ///
     /// Limits that no joint can have, and what is not finite.
-    pub fn new(limits: [Limits<T>; J], positions: [T; J], tick_s: T) -> Result<Self, LimitsError> {
+    pub fn new(
+        limits: [Limits<T>; J],
+        positions: [T; J],
+        tick_s: T,
+    ) -> Result<Self, TrajectoryError> {
         const { assert!(J > 0 && J <= 32, "a mask has 32 bits") };
         if !(is_finite(tick_s) && tick_s > T::zero()) {
             let value = tick_s.to_f64();
-            return Err(LimitsError::Tick { value });
+            return Err(TrajectoryError::Tick { value });
         }
         for (joint, limits) in limits.iter().enumerate() {
             limits.validate(joint)?;
@@ -206,7 +210,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// # Errors
     ///
     /// A position that is not finite; nothing has changed then.
-    pub fn reset(&mut self, positions: [T; J]) -> Result<(), LimitsError> {
+    pub fn reset(&mut self, positions: [T; J]) -> Result<(), TrajectoryError> {
         place(&mut self.joints, &positions)?;
         for slot in 0..J {
             let taken = self.running.get_mut(slot).and_then(Option::take);
@@ -449,11 +453,11 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
 fn place<const J: usize, T: Real>(
     joints: &mut [Mover<T>; J],
     positions: &[T; J],
-) -> Result<(), LimitsError> {
+) -> Result<(), TrajectoryError> {
     for (joint, &position) in positions.iter().enumerate() {
         if !is_finite(position) {
             let value = position.to_f64();
-            return Err(LimitsError::Start { joint, value });
+            return Err(TrajectoryError::Start { joint, value });
         }
     }
     for (mover, &position) in joints.iter_mut().zip(positions) {

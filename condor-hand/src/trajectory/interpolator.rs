@@ -1,6 +1,6 @@
 use thiserror::Error;
 
-use super::{Bounds, LimitsError, Polynomial, ProfileError, Quantity, Segments, SetPoint};
+use super::{Bounds, Polynomial, ProfileError, Quantity, Segments, SetPoint, TrajectoryError};
 use crate::math::{Real, abs, is_finite, min, real};
 
 /// The set-points of J joints at the servo's rate, between those of the master's ticks.
@@ -72,18 +72,18 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         tick_s: T,
         positions: [T; J],
         bounds: [Bounds<T>; J],
-    ) -> Result<Self, LimitsError> {
+    ) -> Result<Self, TrajectoryError> {
         if substeps == 0 {
-            return Err(LimitsError::Substeps);
+            return Err(TrajectoryError::Substeps);
         }
         if !(is_finite(tick_s) && tick_s > T::zero()) {
             let value = tick_s.to_f64();
-            return Err(LimitsError::Tick { value });
+            return Err(TrajectoryError::Tick { value });
         }
         for (joint, (&position, bounds)) in positions.iter().zip(&bounds).enumerate() {
             if !is_finite(position) {
                 let value = position.to_f64();
-                return Err(LimitsError::Start { joint, value });
+                return Err(TrajectoryError::Start { joint, value });
             }
             for (quantity, bound) in [
                 (Quantity::Velocity, bounds.velocity),
@@ -91,7 +91,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
                 (Quantity::Jerk, bounds.jerk.unwrap_or(T::one())),
             ] {
                 if !(is_finite(bound) && bound > T::zero()) {
-                    return Err(LimitsError::Rate {
+                    return Err(TrajectoryError::Rate {
                         joint,
                         quantity,
                         value: bound.to_f64(),

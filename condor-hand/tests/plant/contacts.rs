@@ -1,7 +1,8 @@
 //! What tips, object and ground do to one another.
 
+use condor_hand::grasp::Wrench;
 use condor_hand::plant::{
-    Finger, Ground, Hand, HandParameters, JointParameters, Object, ObjectParameters, Wrench,
+    Finger, Ground, Hand, HandParameters, JointParameters, Object, ObjectParameters,
 };
 use condor_hand::tendon::Pair;
 use nalgebra::{Matrix3, Vector3};

@@ -1,9 +1,11 @@
 //! Fingers of the reference hand that hold a ball by simple springs at their tips.
 
 use condor_hand::dynamics::Dynamics;
+use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::{Kinematics, PlanarFinger};
-use condor_hand::plant::{Contact, Finger, FingerParameters, Hand, JointParameters, Object};
-use condor_hand::plant::{ObjectParameters, Wrench};
+use condor_hand::plant::{
+    Contact, Finger, FingerParameters, Hand, JointParameters, Object, ObjectParameters,
+};
 use condor_hand::tendon::{Pair, Pairs};
 use nalgebra::{SVector, Vector3, Vector4};
 

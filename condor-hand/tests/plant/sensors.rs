@@ -1,52 +1,64 @@
 //! What converters make of what is.
 
-use condor_hand::plant::{Converter, Fault, FaultKind, PlantError, SensorBank};
+use condor_hand::config::Input;
+use condor_hand::plant::{PlantError, Sensor, SensorBank, SensorFault, SensorFaultKind};
 use proptest::prelude::*;
 
-const ANGLE: Converter = Converter {
+/// -0.5 to 2, in 12 bits.
+const ADC: Input = Input {
+    board: 0,
+    channel: 0,
     bits: 12,
-    range: (-0.5, 2.0),
+    gain: 2.5 / 4095.0,
+    offset: -0.5,
+};
+
+const ANGLE: Sensor = Sensor {
+    adc: ADC,
     noise: 0.0,
 };
 
 proptest! {
     #[test]
-    fn a_reading_is_within_half_a_count(value in -0.5_f64..2.0, bits in 1_u32..=32) {
-        let converter = Converter { bits, ..ANGLE };
-        let mut bank = SensorBank::new([converter], &[], 1).unwrap();
+    fn a_reading_is_within_half_a_count(share in 0.0_f64..=1.0, bits in 1_u8..=32, turned: bool) {
+        let full = f64::from(Input { bits, ..ADC }.full_scale());
+        let gain = if turned { -2.5 / full } else { 2.5 / full };
+        let offset = if turned { 2.0 } else { -0.5 };
+        let adc = Input { bits, gain, offset, ..ADC };
+        let value = -0.5 + 2.5 * share;
+        let mut bank = SensorBank::new([Sensor { adc, noise: 0.0 }], &[], 1).unwrap();
         let [reading] = bank.read(0.0, &[value]);
-        let half = 0.5 * converter.resolution();
-        prop_assert!((reading - value).abs() <= half + 1e-15, "{} of {}", reading, value);
-        prop_assert_eq!(converter.value(converter.counts(reading)), reading);
+        prop_assert!((reading - value).abs() <= 0.5 * gain.abs() + 1e-15, "{} of {}", reading, value);
+        prop_assert_eq!(adc.value(adc.counts(reading)), reading);
     }
 }
 
 #[test]
 fn counts_end_where_the_range_ends() {
-    assert_eq!(ANGLE.counts(-0.5), 0);
-    assert_eq!(ANGLE.counts(2.0), 4095);
-    assert_eq!(ANGLE.counts(9.0), 4095);
-    assert_eq!(ANGLE.counts(f64::NEG_INFINITY), 0);
-    assert_eq!(ANGLE.counts(f64::NAN), 0);
-    assert_eq!(Converter { bits: 32, ..ANGLE }.counts(2.0), u32::MAX);
+    assert_eq!(ADC.counts(-0.5), 0);
+    assert_eq!(ADC.counts(2.0), 4095);
+    assert_eq!(ADC.counts(9.0), 4095);
+    assert_eq!(ADC.counts(f64::NEG_INFINITY), 0);
+    assert_eq!(ADC.counts(f64::NAN), 0);
+    assert_eq!(Input { bits: 32, ..ADC }.counts(1e9), u32::MAX);
 }
 
 #[test]
 fn faults_come_and_go_by_their_script() {
-    let fault = |channel, from_s, until_s, kind| Fault {
+    let fault = |channel, from_s, until_s, kind| SensorFault {
         channel,
         from_s,
         until_s,
         kind,
     };
     let script = [
-        fault(0, 1.0, 2.0, FaultKind::Stuck),
-        fault(1, 1.0, 2.0, FaultKind::Offset(0.25)),
-        fault(2, 1.0, 2.0, FaultKind::Dropout(1.0)),
-        fault(3, 1.0, f64::INFINITY, FaultKind::NotANumber),
+        fault(0, 1.0, 2.0, SensorFaultKind::Stuck),
+        fault(1, 1.0, 2.0, SensorFaultKind::Offset(0.25)),
+        fault(2, 1.0, 2.0, SensorFaultKind::Dropout(1.0)),
+        fault(3, 1.0, f64::INFINITY, SensorFaultKind::NotANumber),
     ];
     let mut bank = SensorBank::new([ANGLE; 4], &script, 1).unwrap();
-    let near = |reading: f64, value: f64| (reading - value).abs() <= ANGLE.resolution();
+    let near = |reading: f64, value: f64| (reading - value).abs() <= ADC.gain;
     let read = bank.read(0.5, &[0.1, 0.2, 0.3, 0.4]);
     assert!(near(read[0], 0.1) && near(read[1], 0.2) && near(read[2], 0.3) && near(read[3], 0.4));
     for now in [1.0, 1.5, 1.999] {
@@ -66,11 +78,11 @@ fn faults_come_and_go_by_their_script() {
 
 #[test]
 fn a_loose_wire_loses_its_share_of_readings() {
-    let script = [Fault {
+    let script = [SensorFault {
         channel: 0,
         from_s: 0.0,
         until_s: f64::INFINITY,
-        kind: FaultKind::Dropout(0.25),
+        kind: SensorFaultKind::Dropout(0.25),
     }];
     let mut bank = SensorBank::new([ANGLE], &script, 5).unwrap();
     let lost = (0..4000)
@@ -81,15 +93,15 @@ fn a_loose_wire_loses_its_share_of_readings() {
 
 #[test]
 fn a_fault_of_one_channel_leaves_the_noise_of_the_others() {
-    let noisy = Converter {
+    let noisy = Sensor {
         noise: 0.02,
         ..ANGLE
     };
-    let script = [Fault {
+    let script = [SensorFault {
         channel: 0,
         from_s: 0.0,
         until_s: f64::INFINITY,
-        kind: FaultKind::Dropout(0.5),
+        kind: SensorFaultKind::Dropout(0.5),
     }];
     let mut with = SensorBank::new([noisy; 2], &script, 7).unwrap();
     let mut without = SensorBank::new([noisy; 2], &[], 7).unwrap();
@@ -110,14 +122,26 @@ fn a_fault_of_one_channel_leaves_the_noise_of_the_others() {
 
 #[test]
 fn impossible_sensors_are_refused() {
-    let bits = Converter { bits: 33, ..ANGLE };
+    let bits = Sensor {
+        adc: Input { bits: 33, ..ADC },
+        noise: 0.0,
+    };
     let refused = SensorBank::new([bits], &[], 1).unwrap_err();
     assert_eq!(refused, PlantError::Bits { bits: 33 });
-    let script = [Fault {
+    let flat = Sensor {
+        adc: Input { gain: 0.0, ..ADC },
+        noise: 0.0,
+    };
+    let refused = SensorBank::new([flat], &[], 1).unwrap_err();
+    assert!(matches!(
+        refused,
+        PlantError::NotPositive { value: 0.0, .. }
+    ));
+    let script = [SensorFault {
         channel: 1,
         from_s: 0.0,
         until_s: 1.0,
-        kind: FaultKind::Stuck,
+        kind: SensorFaultKind::Stuck,
     }];
     let refused = SensorBank::new([ANGLE], &script, 1).unwrap_err();
     let expected = PlantError::NoChannel {

@@ -1,8 +1,8 @@
 //! Between ticks, without them, and when they come again.
 
 use condor_hand::trajectory::{
-    Bounds, Generator, Interpolator, Limits, LimitsError, Observations, Pace, Primitive, Profile,
-    SetPoint, SetPointError, Target, Timing,
+    Bounds, Generator, Interpolator, Limits, Observations, Pace, Primitive, Profile, SetPoint,
+    SetPointError, Target, Timing, TrajectoryError,
 };
 use proptest::prelude::*;
 
@@ -124,7 +124,7 @@ fn bad_set_points_change_nothing() {
     assert_eq!(servo.step()[0], SetPoint::rest(0.0));
     assert_eq!(
         Interpolator::<1>::new(0, TICK, [0.0], [BOUNDS]).unwrap_err(),
-        LimitsError::Substeps
+        TrajectoryError::Substeps
     );
 }
 

@@ -5,11 +5,11 @@ use nalgebra::{Matrix3, Vector3};
 use super::machine::processor;
 use super::place::{Bound, Examiner, Root, join, owner};
 use crate::config::{
-    Body, Finger, Form, Input, Joint, Limits, Mistake, Motion, Output, ProcessorKind,
-    Rectification, Rotation, Shape, Tendon,
+    Body, Finger, Form, Input, Joint, Limits, Mistake, Motion, Output, ProcessorKind, Rotation,
+    Shape, Tendon,
 };
 use crate::math::{abs, is_finite, max, sqrt};
-use crate::tendon::ArmError;
+use crate::tendon::{ArmError, Rectification};
 
 /// How far an entry of an orthonormal matrix may be off: people write ten digits.
 const ORTHONORMAL: f64 = 1e-9;
@@ -292,7 +292,7 @@ pub(super) fn converters<const F: usize, const J: usize>(
     (adc, seen): (&Input, [f64; 2]),
     dac: Option<(&Output, [f64; 2])>,
 ) -> Result<(), Mistake> {
-    let seen = seen.map(|value| (value, adc.counts(value)));
+    let seen = seen.map(|value| (value, adc.exact_counts(value)));
     converter(
         examiner,
         root,

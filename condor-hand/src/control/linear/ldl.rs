@@ -3,68 +3,84 @@ use nalgebra::{SMatrix, SVector};
 use crate::math::{Real, is_finite};
 
 /// A symmetric positive definite matrix as `L D Lᵀ`, L with ones on its diagonal: Golub and Van
-/// Loan, Matrix Computations, 4.1.2. There are no square roots.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Loan, *Matrix Computations*, 4th ed., 4.1.2. There are no square roots.
+#[derive(Clone, Copy, Debug)]
 pub struct Ldl<T: Real, const N: usize> {
-    lower: SMatrix<T, N, N>,
-    diagonal: SVector<T, N>,
+    /// L below the diagonal, and the reciprocals of D on it; what is above is not used.
+    factors: SMatrix<T, N, N>,
 }
 
 impl<T: Real, const N: usize> Ldl<T, N> {
     /// Factors a matrix, whose upper triangle is not looked at; `None` if it is not positive
     /// definite.
+    #[inline(always)]
     #[must_use]
     pub fn new(matrix: &SMatrix<T, N, N>) -> Option<Self> {
-        let mut lower = SMatrix::<T, N, N>::identity();
-        let mut diagonal = SVector::<T, N>::zeros();
-        for column in 0..N {
-            let mut pivot = *matrix.get((column, column))?;
-            for k in 0..column {
-                let l = *lower.get((column, k))?;
-                pivot -= l * l * *diagonal.get(k)?;
-            }
-            if !(pivot > T::zero() && is_finite(pivot)) {
-                return None;
-            }
-            *diagonal.get_mut(column)? = pivot;
-            for row in column + 1..N {
-                let mut entry = *matrix.get((row, column))?;
-                for k in 0..column {
-                    entry -= *lower.get((row, k))? * *lower.get((column, k))? * *diagonal.get(k)?;
-                }
-                *lower.get_mut((row, column))? = entry / pivot;
-            }
-        }
-        Some(Self { lower, diagonal })
+        Self::with_least_pivot(matrix, T::zero())
     }
 
-    /// The solution x of `matrix x = right`.
+    /// The same, with `None` also where an entry of D, which has the matrix' unit, is not above
+    /// `least`: for a matrix that is singular but for rounding.
+    #[inline(always)]
+    #[must_use]
+    pub fn with_least_pivot(matrix: &SMatrix<T, N, N>, least: T) -> Option<Self> {
+        let mut factors = *matrix;
+        for j in 0..N {
+            let mut pivot = *factors.get((j, j))?;
+            for k in 0..j {
+                // Until here, the entries left of the diagonal are those of L D.
+                let scaled = *factors.get((j, k))?;
+                let entry = scaled * *factors.get((k, k))?;
+                pivot -= scaled * entry;
+                *factors.get_mut((j, k))? = entry;
+            }
+            let reciprocal = T::one() / pivot;
+            // No order for a NaN, which is not positive either.
+            if !(pivot > least && pivot > T::zero() && is_finite(pivot) && is_finite(reciprocal)) {
+                return None;
+            }
+            *factors.get_mut((j, j))? = reciprocal;
+            for i in j + 1..N {
+                for k in 0..j {
+                    let known = *factors.get((i, k))? * *factors.get((j, k))?;
+                    *factors.get_mut((i, j))? -= known;
+                }
+            }
+        }
+        Some(Self { factors })
+    }
+
+    /// The solution x of `matrix x = right`; where that is not finite, neither is x.
+    #[inline(always)]
     #[must_use]
     pub fn solve(&self, right: &SVector<T, N>) -> SVector<T, N> {
         let mut x = *right;
-        for row in 0..N {
-            let mut sum = right.get(row).copied().unwrap_or_else(T::zero);
-            for (&l, &known) in self.lower.row(row).iter().zip(&x).take(row) {
-                sum -= l * known;
-            }
-            if let Some(entry) = x.get_mut(row) {
-                *entry = sum;
+        for i in 0..N {
+            for k in 0..i {
+                self.eliminate(&mut x, i, (i, k), k);
             }
         }
-        x.component_div_assign(&self.diagonal);
-        for row in (0..N).rev() {
-            let known = x.get(row).copied().unwrap_or_else(T::zero);
-            for (entry, &l) in x.iter_mut().zip(self.lower.row(row).iter()).take(row) {
-                *entry -= l * known;
+        for i in (0..N).rev() {
+            if let (Some(entry), Some(&reciprocal)) = (x.get_mut(i), self.factors.get((i, i))) {
+                *entry *= reciprocal;
+            }
+            for k in i + 1..N {
+                self.eliminate(&mut x, i, (k, i), k);
             }
         }
         x
     }
 
-    /// The diagonal of D: as many positive numbers as there are rows.
-    #[must_use]
-    pub fn diagonal(&self) -> &SVector<T, N> {
-        &self.diagonal
+    /// Takes a factor times `x[known]` from `x[row]`.
+    #[inline(always)]
+    fn eliminate(&self, x: &mut SVector<T, N>, row: usize, factor: (usize, usize), known: usize) {
+        let taken = match (self.factors.get(factor), x.get(known)) {
+            (Some(&factor), Some(&known)) => factor * known,
+            _ => return,
+        };
+        if let Some(entry) = x.get_mut(row) {
+            *entry -= taken;
+        }
     }
 }
 
@@ -83,8 +99,10 @@ mod tests {
         let right = Vector4::new(1.0, -2.0, 0.5, 4.0);
         let factors = Ldl::new(&matrix).unwrap();
         assert!((matrix * factors.solve(&right) - right).amax() < 1e-12);
-        let product: f64 = factors.diagonal().iter().product();
-        assert!((product - matrix.determinant()).abs() < 1e-10);
+        let mut lower = matrix;
+        lower.fill_upper_triangle(f64::NAN, 1);
+        let from_lower = Ldl::new(&lower).unwrap();
+        assert_eq!(from_lower.solve(&right), factors.solve(&right));
     }
 
     #[test]
@@ -94,5 +112,15 @@ mod tests {
         assert!(Ldl::new(&indefinite).is_none());
         assert!(Ldl::new(&Matrix4::from_element(f64::NAN)).is_none());
         assert!(Ldl::new(&Matrix4::from_element(f64::INFINITY)).is_none());
+        // The reciprocal of the pivot overflows.
+        assert!(Ldl::new(&Matrix4::from_diagonal_element(1e-310)).is_none());
+    }
+
+    #[test]
+    fn refuses_pivots_that_are_too_small() {
+        let matrix = Matrix4::from_diagonal(&Vector4::new(1.0, 2.0, 1e-9, 1.0));
+        assert!(Ldl::with_least_pivot(&matrix, 0.9e-9).is_some());
+        assert!(Ldl::with_least_pivot(&matrix, 1.1e-9).is_none());
+        assert!(Ldl::with_least_pivot(&matrix, f64::NAN).is_none());
     }
 }

@@ -67,7 +67,7 @@ impl fmt::Display for FaultCode {
 
 /// Where it is wrong; joints count from 0 at the palm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Channel {
+pub enum FaultSite {
     /// The tendon that pulls this joint to positive angles.
     Flexor(usize),
     /// The antagonist of this joint.
@@ -78,7 +78,7 @@ pub enum Channel {
     Finger,
 }
 
-impl Channel {
+impl FaultSite {
     /// The two tendons of a joint.
     pub(super) const fn tendons(joint: usize) -> Pair<Self> {
         Pair {
@@ -88,7 +88,7 @@ impl Channel {
     }
 }
 
-impl fmt::Display for Channel {
+impl fmt::Display for FaultSite {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Flexor(joint) => write!(f, "the flexor of joint {joint}"),
@@ -101,12 +101,12 @@ impl fmt::Display for Channel {
 
 /// A fault, with the value that showed it.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("{channel}: {code} ({value})")]
+#[error("{site}: {code} ({value})")]
 pub struct Fault {
     /// What is wrong.
     pub code: FaultCode,
     /// Where.
-    pub channel: Channel,
+    pub site: FaultSite,
     /// The value of the sample that made it a fault: N of a tendon, rad of a joint, s of time; of
     /// [`Tracking`](FaultCode::Tracking), what is desired less what is measured.
     pub value: f64,

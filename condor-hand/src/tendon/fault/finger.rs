@@ -1,7 +1,7 @@
 use nalgebra::SVector;
 
 use super::sensor::{Joint, Latch, Run, Tendon};
-use super::{Channel, Fault, FaultCode, FaultSet, FingerLimits, LimitsError};
+use super::{Fault, FaultCode, FaultLimits, FaultLimitsError, FaultSet, FaultSite};
 use crate::math::{Real, is_finite};
 use crate::tendon::{Pair, Pairs};
 
@@ -25,11 +25,11 @@ pub struct Observation<T: Real, const N: usize> {
 /// Watches the tendons, the joints and the time of one finger.
 ///
 /// A check becomes a fault when it has failed in as many samples in a row as its limit says. A
-/// tension or position that is not finite tells nothing about the other checks of its channel;
+/// tension or position that is not finite tells nothing about the other checks of its site;
 /// those go on after it. A time that is not finite is too long.
 #[derive(Clone, Copy, Debug)]
 pub struct FingerMonitor<T: Real, const N: usize> {
-    limits: FingerLimits<T, N>,
+    limits: FaultLimits<T, N>,
     state: State<T, N>,
 }
 
@@ -56,10 +56,10 @@ impl<T: Real, const N: usize> State<T, N> {
         }
     }
 
-    /// Judges one channel and keeps the first fault of all.
+    /// Judges one site and keeps the first fault of all.
     fn judge(
         first: &mut Option<Fault>,
-        channel: Channel,
+        site: FaultSite,
         latched: &mut FaultSet,
         check: impl FnOnce(&mut Latch<'_>),
     ) {
@@ -69,11 +69,7 @@ impl<T: Real, const N: usize> State<T, N> {
         };
         check(&mut latch);
         if let (None, Some((code, value))) = (*first, latch.first) {
-            *first = Some(Fault {
-                code,
-                channel,
-                value,
-            });
+            *first = Some(Fault { code, site, value });
         }
     }
 }
@@ -83,7 +79,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
     ///
     /// # Errors
     /// The first limit by which nothing can be judged.
-    pub fn new(limits: FingerLimits<T, N>) -> Result<Self, LimitsError> {
+    pub fn new(limits: FaultLimits<T, N>) -> Result<Self, FaultLimitsError> {
         limits.check()?;
         Ok(Self {
             limits,
@@ -109,13 +105,13 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
             .zip(&observation.tensions)
             .enumerate()
         {
-            let channels = Channel::tendons(joint);
+            let sites = FaultSite::tendons(joint);
             let (tendon, latched) = &mut state.flexor;
-            State::<T, N>::judge(first, channels.flexor, latched, |latch| {
+            State::<T, N>::judge(first, sites.flexor, latched, |latch| {
                 tendon.update(&limits.flexor, desired.flexor, measured.flexor, latch);
             });
             let (tendon, latched) = &mut state.extensor;
-            State::<T, N>::judge(first, channels.extensor, latched, |latch| {
+            State::<T, N>::judge(first, sites.extensor, latched, |latch| {
                 tendon.update(&limits.extensor, desired.extensor, measured.extensor, latch);
             });
         }
@@ -126,11 +122,11 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
             .zip(&observation.positions)
             .enumerate()
         {
-            State::<T, N>::judge(first, Channel::Joint(joint), latched, |latch| {
+            State::<T, N>::judge(first, FaultSite::Joint(joint), latched, |latch| {
                 state.update(limits, desired, measured, latch);
             });
         }
-        State::<T, N>::judge(first, Channel::Finger, finger, |latch| {
+        State::<T, N>::judge(first, FaultSite::Finger, finger, |latch| {
             for (code, run, limit, seconds) in [
                 (
                     FaultCode::MissedDeadline,
@@ -158,28 +154,28 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         self.state.first
     }
 
-    /// The codes that are latched at a channel; none at one that the finger does not have.
+    /// The codes that are latched at a site; none at one that the finger does not have.
     #[must_use]
-    pub fn at(&self, channel: Channel) -> FaultSet {
+    pub fn at(&self, site: FaultSite) -> FaultSet {
         let state = &self.state;
-        let found = match channel {
-            Channel::Flexor(joint) => state.tendons.get(joint).map(|pair| pair.flexor.1),
-            Channel::Extensor(joint) => state.tendons.get(joint).map(|pair| pair.extensor.1),
-            Channel::Joint(joint) => state.joints.get(joint).map(|joint| joint.1),
-            Channel::Finger => Some(state.finger),
+        let found = match site {
+            FaultSite::Flexor(joint) => state.tendons.get(joint).map(|pair| pair.flexor.1),
+            FaultSite::Extensor(joint) => state.tendons.get(joint).map(|pair| pair.extensor.1),
+            FaultSite::Joint(joint) => state.joints.get(joint).map(|joint| joint.1),
+            FaultSite::Finger => Some(state.finger),
         };
         found.unwrap_or_default()
     }
 
-    /// All that is latched, channel by channel.
-    pub fn faults(&self) -> impl Iterator<Item = (Channel, FaultCode)> {
+    /// All that is latched, site by site.
+    pub fn faults(&self) -> impl Iterator<Item = (FaultSite, FaultCode)> {
         let joints = (0..N).flat_map(|joint| {
-            let Pair { flexor, extensor } = Channel::tendons(joint);
-            [flexor, extensor, Channel::Joint(joint)]
+            let Pair { flexor, extensor } = FaultSite::tendons(joint);
+            [flexor, extensor, FaultSite::Joint(joint)]
         });
         joints
-            .chain([Channel::Finger])
-            .flat_map(|channel| self.at(channel).iter().map(move |code| (channel, code)))
+            .chain([FaultSite::Finger])
+            .flat_map(|site| self.at(site).iter().map(move |code| (site, code)))
     }
 
     /// Forgets all faults, and all samples.

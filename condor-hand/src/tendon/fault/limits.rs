@@ -1,6 +1,6 @@
 use thiserror::Error;
 
-use super::{Channel, FaultCode};
+use super::{FaultCode, FaultSite};
 use crate::math::{Real, is_finite};
 use crate::tendon::Pair;
 
@@ -40,7 +40,7 @@ pub struct Stuck<T> {
 
 /// What is asked of any sensor.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct SensorLimits<T> {
+pub struct SensorFaultLimits<T> {
     /// After how many samples in a row that are not finite; none switch the check off.
     pub not_finite_samples: u16,
     /// What the sensor can measure.
@@ -53,9 +53,9 @@ pub struct SensorLimits<T> {
 
 /// What is asked of a tendon, N.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct TendonLimits<T> {
+pub struct TendonFaultLimits<T> {
     /// Of its sensor.
-    pub sensor: SensorLimits<T>,
+    pub sensor: SensorFaultLimits<T>,
     /// A tendon that pulls less is slack or broken.
     pub slack: Threshold<T>,
     /// A tendon that pulls more may break.
@@ -64,20 +64,20 @@ pub struct TendonLimits<T> {
 
 /// What is asked of a joint, rad.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct JointLimits<T> {
+pub struct JointFaultLimits<T> {
     /// Of its sensor.
-    pub sensor: SensorLimits<T>,
+    pub sensor: SensorFaultLimits<T>,
     /// Where the joint may be.
     pub limit: Range<T>,
 }
 
 /// What is asked of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerLimits<T, const N: usize> {
+pub struct FaultLimits<T, const N: usize> {
     /// Of the tendons of each joint.
-    pub tendons: [Pair<TendonLimits<T>>; N],
+    pub tendons: [Pair<TendonFaultLimits<T>>; N],
     /// Of each joint.
-    pub joints: [JointLimits<T>; N],
+    pub joints: [JointFaultLimits<T>; N],
     /// The longest time between two ticks, s.
     pub period_s: Threshold<T>,
     /// The greatest age of a set-point, s.
@@ -87,22 +87,22 @@ pub struct FingerLimits<T, const N: usize> {
 /// Limits by which nothing can be judged.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
-pub enum LimitsError {
+pub enum FaultLimitsError {
     /// A threshold that is negative or not finite.
-    #[error("{channel}: the threshold of '{code}' is {value}; it must be finite and not negative")]
+    #[error("{site}: the threshold of '{code}' is {value}; it must be finite and not negative")]
     Threshold {
         /// Where.
-        channel: Channel,
+        site: FaultSite,
         /// Of what.
         code: FaultCode,
         /// The threshold.
         value: f64,
     },
     /// A range that is not finite or not in order.
-    #[error("{channel}: the range of '{code}' is {low}..={high}; it must be finite and in order")]
+    #[error("{site}: the range of '{code}' is {low}..={high}; it must be finite and in order")]
     Range {
         /// Where.
-        channel: Channel,
+        site: FaultSite,
         /// Of what.
         code: FaultCode,
         /// Its lower end.
@@ -112,66 +112,66 @@ pub enum LimitsError {
     },
 }
 
-impl<T: Real, const N: usize> FingerLimits<T, N> {
+impl<T: Real, const N: usize> FaultLimits<T, N> {
     /// Refuses limits by which nothing can be judged, also those of checks that are switched off.
     ///
     /// # Errors
     /// The first limit that is not finite, negative, or out of order.
-    pub fn check(&self) -> Result<(), LimitsError> {
+    pub fn check(&self) -> Result<(), FaultLimitsError> {
         for (joint, (tendons, limits)) in self.tendons.iter().zip(&self.joints).enumerate() {
-            let channels = Channel::tendons(joint);
-            tendons.flexor.check(channels.flexor)?;
-            tendons.extensor.check(channels.extensor)?;
-            limits.check(Channel::Joint(joint))?;
+            let sites = FaultSite::tendons(joint);
+            tendons.flexor.check(sites.flexor)?;
+            tendons.extensor.check(sites.extensor)?;
+            limits.check(FaultSite::Joint(joint))?;
         }
-        let finger = Channel::Finger;
+        let finger = FaultSite::Finger;
         threshold(finger, FaultCode::MissedDeadline, self.period_s.value)?;
         threshold(finger, FaultCode::StaleSetPoint, self.set_point_age_s.value)
     }
 }
 
-impl<T: Real> TendonLimits<T> {
-    fn check(&self, channel: Channel) -> Result<(), LimitsError> {
-        self.sensor.check(channel)?;
-        threshold(channel, FaultCode::Slack, self.slack.value)?;
-        threshold(channel, FaultCode::OverTension, self.over_tension.value)
+impl<T: Real> TendonFaultLimits<T> {
+    fn check(&self, site: FaultSite) -> Result<(), FaultLimitsError> {
+        self.sensor.check(site)?;
+        threshold(site, FaultCode::Slack, self.slack.value)?;
+        threshold(site, FaultCode::OverTension, self.over_tension.value)
     }
 }
 
-impl<T: Real> JointLimits<T> {
-    fn check(&self, channel: Channel) -> Result<(), LimitsError> {
-        self.sensor.check(channel)?;
-        range(channel, FaultCode::JointLimit, &self.limit)
+impl<T: Real> JointFaultLimits<T> {
+    fn check(&self, site: FaultSite) -> Result<(), FaultLimitsError> {
+        self.sensor.check(site)?;
+        range(site, FaultCode::JointLimit, &self.limit)
     }
 }
 
-impl<T: Real> SensorLimits<T> {
-    fn check(&self, channel: Channel) -> Result<(), LimitsError> {
-        range(channel, FaultCode::OutOfRange, &self.range)?;
-        threshold(channel, FaultCode::Stuck, self.stuck.band)?;
-        threshold(channel, FaultCode::Stuck, self.stuck.travel)?;
-        threshold(channel, FaultCode::Tracking, self.tracking.value)
+impl<T: Real> SensorFaultLimits<T> {
+    fn check(&self, site: FaultSite) -> Result<(), FaultLimitsError> {
+        range(site, FaultCode::OutOfRange, &self.range)?;
+        threshold(site, FaultCode::Stuck, self.stuck.band)?;
+        threshold(site, FaultCode::Stuck, self.stuck.travel)?;
+        threshold(site, FaultCode::Tracking, self.tracking.value)
     }
 }
 
-fn threshold<T: Real>(channel: Channel, code: FaultCode, value: T) -> Result<(), LimitsError> {
+fn threshold<T: Real>(site: FaultSite, code: FaultCode, value: T) -> Result<(), FaultLimitsError> {
     if is_finite(value) && value >= T::zero() {
         return Ok(());
     }
     let value = value.to_f64();
-    Err(LimitsError::Threshold {
-        channel,
-        code,
-        value,
-    })
+    Err(FaultLimitsError::Threshold { site, code, value })
 }
 
-fn range<T: Real>(channel: Channel, code: FaultCode, range: &Range<T>) -> Result<(), LimitsError> {
+fn range<T: Real>(
+    site: FaultSite,
+    code: FaultCode,
+    range: &Range<T>,
+) -> Result<(), FaultLimitsError> {
     if is_finite(range.low) && is_finite(range.high) && range.low <= range.high {
         return Ok(());
     }
-    Err(LimitsError::Range {
-        channel,
+    Err(FaultLimitsError::Range {
+        site,
         code,
         low: range.low.to_f64(),
         high: range.high.to_f64(),

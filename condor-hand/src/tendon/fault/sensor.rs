@@ -1,4 +1,6 @@
-use super::{FaultCode, FaultSet, JointLimits, Range, SensorLimits, TendonLimits, Threshold};
+use super::{
+    FaultCode, FaultSet, JointFaultLimits, Range, SensorFaultLimits, TendonFaultLimits, Threshold,
+};
 use crate::math::{Real, abs, is_finite};
 
 /// Samples in a row.
@@ -25,7 +27,7 @@ impl<T: Real> Range<T> {
     }
 }
 
-/// The codes that one channel has latched, and where new ones go.
+/// The codes that one site has latched, and where new ones go.
 pub(super) struct Latch<'a> {
     pub(super) latched: &'a mut FaultSet,
     /// The first that is new.
@@ -67,7 +69,7 @@ impl<T: Real> Sensor<T> {
     /// Judges a sample; false if it is not finite, and tells nothing else.
     fn update(
         &mut self,
-        limits: &SensorLimits<T>,
+        limits: &SensorFaultLimits<T>,
         desired: Option<T>,
         measured: T,
         latch: &mut Latch<'_>,
@@ -99,7 +101,7 @@ impl<T: Real> Sensor<T> {
     }
 
     /// Whether the sensor stays while its set-point has gone.
-    fn stays(&mut self, limits: &SensorLimits<T>, desired: Option<T>, measured: T) -> bool {
+    fn stays(&mut self, limits: &SensorFaultLimits<T>, desired: Option<T>, measured: T) -> bool {
         let Some(desired) = desired else {
             self.moved = None;
             return false;
@@ -137,7 +139,7 @@ impl<T> Default for Tendon<T> {
 impl<T: Real> Tendon<T> {
     pub(super) fn update(
         &mut self,
-        limits: &TendonLimits<T>,
+        limits: &TendonFaultLimits<T>,
         desired: T,
         measured: T,
         latch: &mut Latch<'_>,
@@ -176,7 +178,7 @@ impl<T> Default for Joint<T> {
 impl<T: Real> Joint<T> {
     pub(super) fn update(
         &mut self,
-        limits: &JointLimits<T>,
+        limits: &JointFaultLimits<T>,
         desired: Option<T>,
         measured: T,
         latch: &mut Latch<'_>,

@@ -1,0 +1,180 @@
+use nalgebra::Vector3;
+
+use crate::math::{Real, is_finite};
+
+/// A symmetric 3×3 matrix by its upper triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Symmetric3<T: Real = f64> {
+    /// Row x, column x.
+    pub xx: T,
+    /// Row x, column y.
+    pub xy: T,
+    /// Row x, column z.
+    pub xz: T,
+    /// Row y, column y.
+    pub yy: T,
+    /// Row y, column z.
+    pub yz: T,
+    /// Row z, column z.
+    pub zz: T,
+}
+
+impl<T: Real> Symmetric3<T> {
+    /// No entry but zeros.
+    #[inline(always)]
+    #[must_use]
+    pub fn zero() -> Self {
+        let zero = T::zero();
+        Self {
+            xx: zero,
+            xy: zero,
+            xz: zero,
+            yy: zero,
+            yz: zero,
+            zz: zero,
+        }
+    }
+
+    /// Adds the inertia of a unit mass at the end of the arm: `|r|² I - r rᵀ`.
+    #[inline(always)]
+    pub fn add_point(&mut self, arm: &Vector3<T>) {
+        let (xx, yy, zz) = (arm.x * arm.x, arm.y * arm.y, arm.z * arm.z);
+        self.xx += yy + zz;
+        self.yy += xx + zz;
+        self.zz += xx + yy;
+        self.xy -= arm.x * arm.y;
+        self.xz -= arm.x * arm.z;
+        self.yz -= arm.y * arm.z;
+    }
+
+    /// The sum of the diagonal.
+    #[inline(always)]
+    #[must_use]
+    pub fn trace(&self) -> T {
+        self.xx + self.yy + self.zz
+    }
+
+    /// The matrix of cofactors, and the determinant.
+    #[inline(always)]
+    #[must_use]
+    pub fn adjugate(&self) -> (Self, T) {
+        let adjugate = Self {
+            xx: self.yy * self.zz - self.yz * self.yz,
+            xy: self.xz * self.yz - self.xy * self.zz,
+            xz: self.xy * self.yz - self.xz * self.yy,
+            yy: self.xx * self.zz - self.xz * self.xz,
+            yz: self.xy * self.xz - self.xx * self.yz,
+            zz: self.xx * self.yy - self.xy * self.xy,
+        };
+        let determinant = self.xx * adjugate.xx + self.xy * adjugate.xy + self.xz * adjugate.xz;
+        (adjugate, determinant)
+    }
+
+    /// The inverse, by Cramer's rule; `None` if the matrix is singular, or the inverse not finite.
+    #[must_use]
+    pub fn inverse(&self) -> Option<Self> {
+        let (adjugate, determinant) = self.adjugate();
+        let Self {
+            xx,
+            xy,
+            xz,
+            yy,
+            yz,
+            zz,
+        } = adjugate.scaled(T::one() / determinant);
+        [xx, xy, xz, yy, yz, zz]
+            .into_iter()
+            .all(is_finite)
+            .then_some(Self {
+                xx,
+                xy,
+                xz,
+                yy,
+                yz,
+                zz,
+            })
+    }
+
+    /// The matrix times a number.
+    #[inline(always)]
+    #[must_use]
+    pub fn scaled(&self, factor: T) -> Self {
+        Self {
+            xx: self.xx * factor,
+            xy: self.xy * factor,
+            xz: self.xz * factor,
+            yy: self.yy * factor,
+            yz: self.yz * factor,
+            zz: self.zz * factor,
+        }
+    }
+
+    /// The matrix times a vector.
+    #[inline(always)]
+    #[must_use]
+    pub fn times(&self, vector: &Vector3<T>) -> Vector3<T> {
+        let (x, y, z) = (vector.x, vector.y, vector.z);
+        Vector3::new(
+            self.xx * x + self.xy * y + self.xz * z,
+            self.xy * x + self.yy * y + self.yz * z,
+            self.xz * x + self.yz * y + self.zz * z,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::Symmetric3;
+
+    const MATRIX: Symmetric3 = Symmetric3 {
+        xx: 4.0,
+        xy: 1.0,
+        xz: -2.0,
+        yy: 5.0,
+        yz: 0.5,
+        zz: 3.0,
+    };
+
+    #[test]
+    fn the_inverse_inverts() {
+        let inverse = MATRIX.inverse().unwrap();
+        let there = Vector3::new(1.0, -2.0, 3.0);
+        assert!((inverse.times(&MATRIX.times(&there)) - there).amax() < 1e-14);
+        // 4 (15 - 1/4) - (3 + 1) - 2 (1/2 + 10)
+        assert_eq!(MATRIX.adjugate().1, 34.0);
+    }
+
+    #[test]
+    fn what_is_singular_or_no_number_has_no_inverse() {
+        let flat = Symmetric3 {
+            zz: 0.0,
+            xz: 0.0,
+            yz: 0.0,
+            ..MATRIX
+        };
+        assert_eq!(flat.inverse(), None);
+        let no_number = Symmetric3 {
+            xy: f64::NAN,
+            ..MATRIX
+        };
+        assert_eq!(no_number.inverse(), None);
+    }
+
+    #[test]
+    fn a_point_adds_its_inertia() {
+        let mut inertia = Symmetric3::zero();
+        inertia.add_point(&Vector3::new(1.0, 2.0, -1.0));
+        // No inertia about the line through the point, |r|² across it.
+        assert_eq!(
+            inertia.times(&Vector3::new(1.0, 2.0, -1.0)),
+            Vector3::zeros()
+        );
+        assert_eq!(
+            inertia.times(&Vector3::new(2.0, -1.0, 0.0)),
+            Vector3::new(12.0, -6.0, 0.0)
+        );
+        assert_eq!(inertia.trace(), 12.0);
+    }
+}
