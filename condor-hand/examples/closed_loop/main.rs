@@ -10,6 +10,7 @@
 //! ```
 
 mod process;
+#[allow(dead_code, reason = "each program takes what it needs")]
 mod rig;
 mod trials;
 
