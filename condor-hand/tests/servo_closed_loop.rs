@@ -24,7 +24,7 @@ fn rig() -> Rig<Simulated> {
 }
 
 fn run<P: rig::Plant>(rig: &mut Rig<P>, seconds: f64) {
-    for _ in 0..(seconds * f64::from(TICKS_PER_S)).round() as u32 {
+    for _ in 0..rig.ticks_in(seconds) {
         rig.tick().unwrap();
     }
 }

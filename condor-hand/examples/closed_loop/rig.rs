@@ -153,6 +153,12 @@ impl<P: Plant> Rig<P> {
         self.substeps
     }
 
+    /// Ticks of the servos in so many seconds.
+    #[allow(clippy::cast_sign_loss, reason = "no time is negative")]
+    pub(crate) fn ticks_in(&self, seconds: f64) -> u32 {
+        (seconds / self.period_s).round() as u32
+    }
+
     /// The period of the master, s.
     pub(crate) fn master_period_s(&self) -> f64 {
         self.period_s * f64::from(self.substeps)
@@ -168,25 +174,23 @@ impl<P: Plant> Rig<P> {
 
     /// One tick of the servos, on what the sensors said last, and the period after it.
     pub(crate) fn tick(&mut self) -> Result<[Tick<JOINTS>; FINGERS]> {
-        let sensors = self.state.iter();
-        let mut ticks = self.fingers.iter_mut().zip(sensors);
-        let ticks = each(|finger| {
-            let (controller, sensed) = ticks.next().ok_or("a finger without sensors")?;
+        let mut loops = self.fingers.iter_mut().zip(&self.state);
+        let done = each(|finger| {
+            let (controller, sensed) = loops.next().ok_or("a finger without sensors")?;
             let tick = controller.tick(sensed, &self.gravity, self.period_s);
             match tick.fault {
                 Some(fault) => Err(format!("finger {finger}: {fault:?}").into()),
                 None => Ok::<_, Box<dyn Error>>(tick),
             }
         })?;
-        self.state = self.plant.step(&ticks.map(|tick| tick.output.command))?;
-        Ok(ticks)
+        self.state = self.plant.step(&done.map(|tick| tick.output.command))?;
+        Ok(done)
     }
 }
 
 /// Something of each finger, or the first thing that is wrong.
 fn each<T>(make: impl FnMut(usize) -> Result<T>) -> Result<[T; FINGERS]> {
-    let made: Result<Vec<T>> = (0..FINGERS).map(make).collect();
-    made?
-        .try_into()
+    let all: Result<Vec<T>> = (0..FINGERS).map(make).collect();
+    all?.try_into()
         .map_err(|_| "another number of fingers".into())
 }

@@ -134,7 +134,7 @@ fn stroke<P: Plant>(
     let mut commanded = [[(Range::default(), Range::default()); JOINTS]; FINGERS];
     let ticks_per_master = rig.substeps();
     let per_s = f64::from(ticks_per_master) / rig.master_period_s();
-    let ticks = (per_s * (REST_S + WATCH_S)).round() as u32;
+    let ticks = rig.ticks_in(REST_S + WATCH_S);
     for tick in 0..ticks {
         let now = f64::from(tick) / per_s;
         if tick % ticks_per_master == 0 {

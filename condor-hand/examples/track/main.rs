@@ -121,7 +121,7 @@ fn follow<P: Plant>(
     generator: &mut Generator<COUNT, QUEUE>,
     configuration: &Configuration,
 ) -> Result<Run> {
-    let rest_ticks = (REST_S / rig.master_period_s()).round() as u32;
+    let rest_ticks = rig.ticks_in(REST_S) / rig.substeps();
     // Tensions come up first.
     for _ in 0..rest_ticks {
         rig.follow(&by_finger(&generator.set_points()))?;

@@ -268,8 +268,7 @@ fn curves(svg: &mut String, panel: &Panel, time: &Axis, angle: &Axis) -> Result<
     let peak = panel.errors().into_iter().map(abs).fold(0.0, max);
     writeln!(
         svg,
-        r#"<text class="error" x="{}" y="-5">peak error {peak:.2}°</text>"#,
-        WIDTH
+        r#"<text class="error" x="{WIDTH}" y="-5">peak error {peak:.2}°</text>"#
     )?;
     Ok(())
 }
