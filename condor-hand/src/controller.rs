@@ -2,10 +2,15 @@
 //!
 //! A [`FingerController`] is a [`FingerServo`](crate::servo::FingerServo) that follows a master's
 //! set-points between its ticks, watches for faults, and comes to rest by itself after one.
+//! A [`TableController`] moves the table that carries the hand, and says how the palm is accelerated.
 
+mod axis;
 mod finger;
 mod settings;
+mod table;
 mod wiring;
 
+pub use axis::{AxisError, AxisServo};
 pub use finger::{ControllerError, FingerController, Tick};
-pub use wiring::{read_finger, write_finger};
+pub use table::{AXES, TableController, TableError, TableState, TableTick};
+pub use wiring::{read_finger, read_table, write_finger, write_table};

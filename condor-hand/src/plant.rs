@@ -6,6 +6,8 @@
 //! that carries the palm. A [`SensorBank`] turns what is into what converters report, with noise and
 //! scripted [`SensorFault`]s.
 //!
+//! A [`Machine`] makes all of that from a configuration, and what a configuration does not say.
+//!
 //! The same calls give the same bits, on every target. Nothing here allocates or panics. All
 //! vectors are in the axes of the palm.
 //!
@@ -16,6 +18,7 @@
 //!
 //! Not modelled: what the fingers do to the table, rolling friction, tips that touch each other.
 
+mod configured;
 mod contact;
 mod drive;
 mod error;
@@ -33,6 +36,9 @@ pub use drive::{Drive, DriveKind};
 pub use finger::{Finger, FingerParameters};
 pub use joint::{JointParameters, Stop};
 pub use pneumatic::{Elastic, Pneumatic};
+
+// What a configuration says of them.
+pub use configured::Machine;
 
 // What they touch, and what carries them.
 pub use contact::{Contact, Ground, Surface};

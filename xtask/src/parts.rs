@@ -13,6 +13,7 @@ mod lint;
 mod loom;
 mod miri;
 mod msrv;
+mod mujoco;
 mod no_std;
 mod panics;
 mod qemu;
@@ -36,6 +37,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part { name: "docs",     about: "rustdoc without warnings",                        run: docs::run },
     Part { name: "unsafe",   about: "the READMEs' tables of unsafe code",              run: unsafe_code::run },
     Part { name: "test",     about: "the tests as README.md says to run them",         run: test::run },
+    Part { name: "mujoco",   about: "the hand's controllers around a plant in MuJoCo",  run: mujoco::run },
     Part { name: "no-std",   about: "the libraries, built for bare-metal targets",     run: no_std::run },
     Part { name: "qemu",     about: "the bare-metal firmwares, run in QEMU",           run: qemu::run },
     Part { name: "panics",   about: "no path that panics in the linked firmwares",     run: panics::run },

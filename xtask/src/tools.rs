@@ -72,6 +72,12 @@ pub(crate) fn need_debian(
     if on_path(program).is_some() {
         return Ok(());
     }
+    debian(context, package, in_the_way)?;
+    present(program, package)
+}
+
+/// Installs a Debian package; `in_the_way` as in [`need_debian`].
+fn debian(context: &Context, package: &str, in_the_way: &[&str]) -> Result<()> {
     let sudo = if is_root() {
         ""
     } else {
@@ -96,7 +102,27 @@ pub(crate) fn need_debian(
         }
         install(&command(context, &without))?;
     }
-    present(program, package)
+    Ok(())
+}
+
+/// A Python of its own, in a directory relative to the root, with these packages; gives its program.
+pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Result<String> {
+    need_debian(context, "python3", "python3", &[])?;
+    let python = format!("{dir}/bin/python");
+    let pip = command(context, &format!("{python} -m pip --version"));
+    if !context.root.join(&python).is_file() || pip.read().is_err() {
+        let venv = command(context, &format!("python3 -m venv --clear {dir}"));
+        if let Err(problem) = venv.run() {
+            // Debian has what is missing in a package of its own.
+            eprintln!("{problem}; once more with python3-venv");
+            debian(context, "python3-venv", &[])?;
+            install(&venv)?;
+        }
+    }
+    // What is there already is not asked for over the network.
+    let line = format!("{python} -m pip install --quiet --disable-pip-version-check {packages}");
+    install(&command(context, &line))?;
+    Ok(python)
 }
 
 fn install(line: &Line) -> Result<()> {

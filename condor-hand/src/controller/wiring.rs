@@ -1,6 +1,7 @@
 use nalgebra::SVector;
 
-use crate::config::{Channel, Finger};
+use super::AXES;
+use crate::config::{Channel, Finger, Input, Table};
 use crate::servo::Sensed;
 use crate::tendon::{Pair, Pairs};
 
@@ -20,12 +21,9 @@ pub fn read_finger<const N: usize>(
         .zip(sensed.position.iter_mut())
         .zip(&mut sensed.tension)
     {
-        let mut value = |input: &crate::config::Input| {
-            read(input.channel()).map_or(f64::NAN, |counts| input.value(counts))
-        };
-        *position = value(&joint.adc);
-        tension.flexor = value(&joint.flexor.adc);
-        tension.extensor = value(&joint.extensor.adc);
+        *position = value(&joint.adc, &mut read);
+        tension.flexor = value(&joint.flexor.adc, &mut read);
+        tension.extensor = value(&joint.extensor.adc, &mut read);
     }
     sensed
 }
@@ -41,4 +39,24 @@ pub fn write_finger<const N: usize>(
         write(flexor.channel(), flexor.counts(command.flexor));
         write(extensor.channel(), extensor.counts(command.extensor));
     }
+}
+
+/// What the converters of a table's sensors read, in m; `read` as in [`read_finger`].
+pub fn read_table(table: &Table, mut read: impl FnMut(Channel) -> Option<u32>) -> [f64; AXES] {
+    let mut positions = [0.0; AXES];
+    for (axis, position) in table.axes.iter().zip(&mut positions) {
+        *position = value(&axis.adc, &mut read);
+    }
+    positions
+}
+
+/// Gives the converters of a table's drives the counts of its forces (N).
+pub fn write_table(table: &Table, force: &[f64; AXES], mut write: impl FnMut(Channel, u32)) {
+    for (axis, &force) in table.axes.iter().zip(force) {
+        write(axis.dac.channel(), axis.dac.counts(force));
+    }
+}
+
+fn value(input: &Input, read: &mut impl FnMut(Channel) -> Option<u32>) -> f64 {
+    read(input.channel()).map_or(f64::NAN, |counts| input.value(counts))
 }

@@ -1,6 +1,7 @@
 use thiserror::Error;
 
 use crate::math::is_finite;
+use crate::tendon::ArmError;
 
 /// What no plant can be made of, or has come to.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -75,6 +76,19 @@ pub enum PlantError {
     Bits {
         /// Its size.
         bits: u8,
+    },
+    /// Moment arms that no finger can have.
+    #[error(transparent)]
+    Arms(#[from] ArmError),
+    /// An axis of a table that the simulated one cannot have.
+    #[error("an axis along ({x}, {y}, {z}); each must lie along another of x, y and z")]
+    Direction {
+        /// Of its direction.
+        x: f64,
+        /// Of its direction.
+        y: f64,
+        /// Of its direction.
+        z: f64,
     },
 }
 

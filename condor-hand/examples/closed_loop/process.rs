@@ -1,0 +1,109 @@
+//! A plant that is another program, behind lines of text.
+
+use std::fmt::Write as _;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
+use std::time::Duration;
+
+use condor_hand::servo::Sensed;
+use condor_hand::tendon::{Pair, Pairs};
+use nalgebra::SVector;
+
+use super::rig::{FINGERS, JOINTS, OfJoints, Plant, Result, State};
+
+const COUNT: usize = FINGERS * JOINTS;
+
+/// How long a plant may think; a Python interpreter takes a while to start.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// The protocol is that of `tests/plant/mujoco_hand.py`: `reset` or `step` with numbers, answered by
+/// positions, rates, tensions, and whatever else the plant has, in one line.
+pub(crate) struct Process {
+    child: Child,
+    requests: ChildStdin,
+    answers: Receiver<std::io::Result<String>>,
+}
+
+impl Process {
+    pub(crate) fn start(command: &[String]) -> Result<Self> {
+        let (program, arguments) = command.split_first().ok_or("no command")?;
+        let mut child = Command::new(program)
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(|error| format!("{program} could not be started: {error}"))?;
+        let requests = child.stdin.take().ok_or("the plant has no input")?;
+        let output = child.stdout.take().ok_or("the plant has no output")?;
+        let (sender, answers) = mpsc::channel();
+        thread::spawn(move || {
+            for line in BufReader::new(output).lines() {
+                if sender.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        Ok(Self {
+            child,
+            requests,
+            answers,
+        })
+    }
+
+    fn ask(&mut self, request: &str) -> Result<State> {
+        writeln!(self.requests, "{request}")
+            .map_err(|error| format!("the plant takes no request: {error}"))?;
+        let answer = self
+            .answers
+            .recv_timeout(LIMIT)
+            .map_err(|error| format!("no answer of the plant: {error}"))??;
+        let numbers: std::result::Result<Vec<f64>, _> =
+            answer.split_whitespace().map(str::parse).collect();
+        match numbers {
+            Ok(numbers) if numbers.len() >= 4 * COUNT => Ok(state(&numbers)),
+            _ => Err(format!("the plant answers: {answer}").into()),
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Plant for Process {
+    fn reset(&mut self, positions: &OfJoints<f64>) -> Result<State> {
+        let mut request = "reset".to_owned();
+        for position in positions.iter().flatten() {
+            write!(request, " {position}")?;
+        }
+        self.ask(&request)
+    }
+
+    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<State> {
+        let mut request = "step".to_owned();
+        for pair in commands.iter().flatten() {
+            write!(request, " {} {}", pair.flexor, pair.extensor)?;
+        }
+        self.ask(&request)
+    }
+}
+
+/// Positions, rates, which sensors do not tell, and tensions.
+fn state(numbers: &[f64]) -> State {
+    std::array::from_fn(|finger| Sensed {
+        position: SVector::from_fn(|joint, _| numbers[JOINTS * finger + joint]),
+        tension: std::array::from_fn(|joint| {
+            let at = 2 * COUNT + 2 * (JOINTS * finger + joint);
+            Pair {
+                flexor: numbers[at],
+                extensor: numbers[at + 1],
+            }
+        }),
+    })
+}

@@ -1,0 +1,113 @@
+use crate::config;
+use crate::control::{Derivative, FilterError, Integrator, PidError};
+use crate::math::{clamp, is_finite};
+use crate::trajectory::SetPoint;
+
+/// The servo of one axis of the table: `kp e + kv de/dt + ki ∫ e dt`, with the force of the motion
+/// that is asked for, `mass a + viscous v`, fed forward.
+///
+/// The force stays within what the drive has. Beyond a limit of the axis it only leads back. A
+/// position or set-point that is not finite counts as the last one that was.
+#[derive(Clone, Debug)]
+pub struct AxisServo {
+    kp: f64,
+    kv: f64,
+    ki: f64,
+    mass: f64,
+    viscous: f64,
+    max_n: f64,
+    low: f64,
+    high: f64,
+    period_s: f64,
+    velocity: Derivative,
+    integrator: Integrator,
+    last: (f64, SetPoint<f64>),
+}
+
+impl AxisServo {
+    /// The servo of an axis of a configuration, for so many ticks in a second.
+    ///
+    /// # Errors
+    ///
+    /// A cutoff that no filter has, or a limit of the integral that none has.
+    pub fn new(axis: &config::Axis, sample_hz: f64) -> Result<Self, AxisError> {
+        let servo = &axis.servo;
+        PidError::check_gains(&[("kp", servo.kp), ("kv", servo.kv), ("ki", servo.ki)])?;
+        Ok(Self {
+            kp: servo.kp,
+            kv: servo.kv,
+            ki: servo.ki,
+            mass: axis.mass_kg,
+            viscous: axis.viscous,
+            max_n: axis.max_n,
+            low: axis.limits.low,
+            high: axis.limits.high,
+            period_s: PidError::check_period(sample_hz)?,
+            velocity: Derivative::new(servo.velocity_cutoff_hz, sample_hz)?,
+            integrator: Integrator::new(servo.integral_max)?,
+            last: (axis.home, SetPoint::rest(axis.home)),
+        })
+    }
+
+    /// Forgets what it has summed up: for a servo that takes over.
+    pub fn reset(&mut self) {
+        self.integrator.set(0.0);
+    }
+
+    /// The force (N) for the present set-point and the measured position, m; once a tick.
+    pub fn update(&mut self, point: &SetPoint<f64>, position: f64) -> f64 {
+        let finite = [point.position, point.velocity, point.acceleration];
+        if finite.into_iter().all(is_finite) {
+            self.last.1 = *point;
+        }
+        if is_finite(position) {
+            self.last.0 = position;
+        }
+        let (position, point) = self.last;
+        let velocity = self.velocity.update(position);
+        let error = point.position - position;
+        let rest = self.kp * error
+            + self.kv * (point.velocity - velocity)
+            + self.mass * point.acceleration
+            + self.viscous * point.velocity;
+        let low = if position < self.low {
+            0.0
+        } else {
+            -self.max_n
+        };
+        let high = if position > self.high {
+            0.0
+        } else {
+            self.max_n
+        };
+        let increment = self.ki * error * self.period_s;
+        let force = self.integrator.update(rest, increment, low, high);
+        // What has overflowed pulls with all there is, to the side of its error.
+        force.unwrap_or_else(|| clamp(error * self.max_n, low, high))
+    }
+
+    /// Keeps up with an axis that it does not drive.
+    pub(super) fn watch(&mut self, position: f64) {
+        if is_finite(position) {
+            self.last = (position, SetPoint::rest(position));
+        }
+        self.velocity.update(self.last.0);
+    }
+
+    /// The last position that was finite, m.
+    pub(super) fn position(&self) -> f64 {
+        self.last.0
+    }
+}
+
+/// Numbers of an axis that no servo can have.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AxisError {
+    /// A gain or a limit of the integral.
+    #[error(transparent)]
+    Pid(#[from] PidError),
+    /// The filter of the velocity.
+    #[error(transparent)]
+    Filter(#[from] FilterError),
+}

@@ -1,0 +1,390 @@
+use heapless::Vec;
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use super::axis::{AxisError, AxisServo};
+use crate::config::{Axis, Hand};
+use crate::math::{is_finite, max, min};
+use crate::trajectory::{
+    Event, Generator, Limits, LimitsError, Observations, Pace, Primitive, PrimitiveError, Profile,
+    SetPoint, Target, Ticket,
+};
+
+/// The most axes of a table.
+pub const AXES: usize = 3;
+
+/// How many motions of the table can wait.
+const QUEUE: usize = 8;
+
+/// The table of a configuration: motions of its axes, their servos, and what the fingers must know
+/// of them.
+///
+/// It is called in every tick of the table's loop. [`start`](Self::start) makes it go home, from
+/// wherever it is; after that it takes motions, which are [`Primitive`]s in m. Their set-points stay
+/// within the limits of the axes. A guard of a torque looks at the force of an axis, N.
+#[derive(Clone, Debug)]
+pub struct TableController {
+    axes: Vec<Driven, AXES>,
+    generator: Generator<AXES, QUEUE>,
+    state: TableState,
+    homing: Option<Ticket>,
+    sensor_samples: u16,
+    force: [f64; AXES],
+}
+
+/// One axis that there is.
+#[derive(Clone, Debug)]
+struct Driven {
+    servo: AxisServo,
+    direction: Vector3<f64>,
+    home: f64,
+    /// What its converter can read, m.
+    range: (f64, f64),
+    /// How many readings in a row were not finite or none that it has.
+    bad: u16,
+}
+
+/// What a table is about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum TableState {
+    /// Nothing drives it.
+    Off,
+    /// It goes home from the next tick on, at this fraction of its limits of velocity.
+    Starting {
+        /// Above 0, at most 1.
+        speed: f64,
+    },
+    /// It is on its way home.
+    Homing,
+    /// It has been stopped on its way home, and stays where it is.
+    Stopped,
+    /// It has been home, and takes motions.
+    Ready,
+    /// A sensor has failed; nothing drives it until [`TableController::clear`].
+    Failed {
+        /// The axis, from 0.
+        axis: usize,
+    },
+}
+
+/// What a table did in one tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TableTick {
+    /// Of the drives, N; zero where there is no axis.
+    pub force: [f64; AXES],
+    /// Where the axes are to be, m.
+    pub target: [SetPoint<f64>; AXES],
+    /// The acceleration that the palm is to have, in its own axes, m/s²: fingers are controlled in
+    /// gravity less this.
+    pub acceleration: Vector3<f64>,
+    /// What it is about.
+    pub state: TableState,
+}
+
+/// A table that cannot be, or a motion that it cannot make.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum TableError {
+    /// The configuration has no table.
+    #[error("the configuration has no table")]
+    NoTable,
+    /// An axis that no servo can serve.
+    #[error("axis {axis}: {error}")]
+    Axis {
+        /// The axis, from 0.
+        axis: usize,
+        /// Why not.
+        error: AxisError,
+    },
+    /// Axes whose loops do not run together.
+    #[error("axis {axis} is served {rate_hz} times a second and the first {first_hz} times")]
+    Rates {
+        /// The axis, from 0.
+        axis: usize,
+        /// Its rate, Hz.
+        rate_hz: u32,
+        /// The rate of the first, Hz.
+        first_hz: u32,
+    },
+    /// Limits of an axis that no motion can keep.
+    #[error(transparent)]
+    Limits(#[from] LimitsError),
+    /// A motion that it cannot make.
+    #[error(transparent)]
+    Motion(#[from] PrimitiveError),
+    /// A motion of a table that has not been home.
+    #[error("the table takes no motion before it has been home; it is {state:?}")]
+    NotReady {
+        /// What it is about.
+        state: TableState,
+    },
+    /// A speed on the way home that is none.
+    #[error("a speed of {speed} on the way home; it must be above 0 and at most 1")]
+    Speed {
+        /// As a fraction of the limits.
+        speed: f64,
+    },
+}
+
+impl TableController {
+    /// The controller of the table of a hand, off.
+    ///
+    /// # Errors
+    ///
+    /// A hand without a table; else what [`Hand::check`] would have refused.
+    pub fn new<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<Self, TableError> {
+        let table = hand.table.as_ref().ok_or(TableError::NoTable)?;
+        let rate = |axis: &Axis| {
+            let processor = hand.processor(axis.processor);
+            processor.map_or(hand.servo_hz, |processor| hand.rate_hz(processor))
+        };
+        let first_hz = table.axes.first().map_or(hand.servo_hz, rate);
+        let sample_hz = f64::from(first_hz);
+        // Where there is no axis, nothing is moved.
+        let mut limits = [Limits {
+            low: -1.0,
+            high: 1.0,
+            velocity: 1.0,
+            acceleration: 1.0,
+            jerk: 1.0,
+        }; AXES];
+        let mut homes = [0.0; AXES];
+        let mut axes = Vec::new();
+        let places = limits.iter_mut().zip(&mut homes);
+        for (axis, (entry, (limits, home))) in table.axes.iter().zip(places).enumerate() {
+            let rate_hz = rate(entry);
+            if rate_hz != first_hz {
+                return Err(TableError::Rates {
+                    axis,
+                    rate_hz,
+                    first_hz,
+                });
+            }
+            let servo = AxisServo::new(entry, sample_hz)
+                .map_err(|error| TableError::Axis { axis, error })?;
+            *limits = Limits {
+                low: entry.limits.low,
+                high: entry.limits.high,
+                velocity: entry.limits.velocity,
+                acceleration: entry.limits.acceleration,
+                // None is configured: all acceleration may come within a tick.
+                jerk: entry.limits.acceleration * sample_hz,
+            };
+            *home = entry.home;
+            let ends = [entry.adc.value(0), entry.adc.value(entry.adc.full_scale())];
+            // There is room for as many as a configuration has.
+            let _ = axes.push(Driven {
+                servo,
+                direction: Vector3::from(entry.direction),
+                home: entry.home,
+                range: (min(ends[0], ends[1]), max(ends[0], ends[1])),
+                bad: 0,
+            });
+        }
+        Ok(Self {
+            axes,
+            generator: Generator::new(limits, homes, 1.0 / sample_hz)?,
+            state: TableState::Off,
+            homing: None,
+            sensor_samples: hand.faults.sensor_samples,
+            force: [0.0; AXES],
+        })
+    }
+
+    /// What it is about.
+    #[must_use]
+    pub fn state(&self) -> TableState {
+        self.state
+    }
+
+    /// Takes the axes where the next tick finds them and brings them home, at a fraction of their
+    /// limits of velocity.
+    ///
+    /// # Errors
+    ///
+    /// A speed that is not above 0 and at most 1; a table that has failed.
+    pub fn start(&mut self, speed: f64) -> Result<(), TableError> {
+        if !(speed > 0.0 && speed <= 1.0) {
+            return Err(TableError::Speed { speed });
+        }
+        match self.state {
+            TableState::Failed { .. } => Err(TableError::NotReady { state: self.state }),
+            TableState::Stopped | TableState::Ready | TableState::Homing => {
+                self.generator.abort();
+                self.go_home(speed);
+                Ok(())
+            }
+            TableState::Off | TableState::Starting { .. } => {
+                self.state = TableState::Starting { speed };
+                Ok(())
+            }
+        }
+    }
+
+    /// Puts a motion at the end of the queue.
+    ///
+    /// # Errors
+    ///
+    /// A table that has not been home; a motion beyond the limits of an axis, or of an axis that
+    /// there is not.
+    pub fn enqueue(&mut self, motion: Primitive<AXES>) -> Result<Ticket, TableError> {
+        if self.state != TableState::Ready {
+            return Err(TableError::NotReady { state: self.state });
+        }
+        let joints = self.axes.len();
+        if motion.mask >> joints != 0 {
+            let mask = motion.mask;
+            return Err(PrimitiveError::Mask { mask, joints }.into());
+        }
+        Ok(self.generator.enqueue(motion)?)
+    }
+
+    /// Slows down to a stop on the way, and forgets all motions.
+    pub fn stop(&mut self) {
+        self.generator.abort();
+        if matches!(self.state, TableState::Starting { .. }) {
+            self.state = TableState::Off;
+        }
+    }
+
+    /// Slows down to a stop on the way until [`resume`](Self::resume).
+    pub fn pause(&mut self) {
+        self.generator.pause();
+    }
+
+    /// Goes on after a pause.
+    pub fn resume(&mut self) {
+        self.generator.resume();
+    }
+
+    /// Drives no axis from the next tick on.
+    pub fn disable(&mut self) {
+        if !matches!(self.state, TableState::Failed { .. }) {
+            self.state = TableState::Off;
+        }
+    }
+
+    /// Forgets a failure; the table is off.
+    pub fn clear(&mut self) {
+        if matches!(self.state, TableState::Failed { .. }) {
+            self.state = TableState::Off;
+        }
+    }
+
+    /// The motions: how far they are, and whether any is left.
+    #[must_use]
+    pub fn trajectory(&self) -> &Generator<AXES, QUEUE> {
+        &self.generator
+    }
+
+    /// The oldest thing that happened to a motion, the way home included, and was not taken.
+    pub fn take_event(&mut self) -> Option<Event> {
+        self.generator.take_event()
+    }
+
+    /// One tick, with the measured positions of the axes, m.
+    pub fn tick(&mut self, positions: &[f64; AXES]) -> TableTick {
+        self.sense(positions);
+        if let TableState::Starting { speed } = self.state {
+            self.take_over(speed, positions);
+        }
+        let driven = matches!(
+            self.state,
+            TableState::Homing | TableState::Stopped | TableState::Ready
+        );
+        let mut force = [0.0; AXES];
+        let mut acceleration = Vector3::zeros();
+        let target = if driven {
+            let seen = Observations {
+                torques: self.force,
+                ..Observations::none()
+            };
+            let target = self.generator.tick(&seen);
+            self.look_home();
+            for (((axis, point), &position), force) in self
+                .axes
+                .iter_mut()
+                .zip(&target)
+                .zip(positions)
+                .zip(&mut force)
+            {
+                *force = axis.servo.update(point, position);
+                acceleration += axis.direction * point.acceleration;
+            }
+            target
+        } else {
+            let mut target = [SetPoint::default(); AXES];
+            for ((axis, &position), point) in self.axes.iter_mut().zip(positions).zip(&mut target) {
+                axis.servo.watch(position);
+                *point = SetPoint::rest(axis.servo.position());
+            }
+            target
+        };
+        self.force = force;
+        TableTick {
+            force,
+            target,
+            acceleration,
+            state: self.state,
+        }
+    }
+
+    /// Counts what no sensor can say, and gives up after too much of it.
+    fn sense(&mut self, positions: &[f64; AXES]) {
+        for (number, (axis, &position)) in self.axes.iter_mut().zip(positions).enumerate() {
+            let (low, high) = axis.range;
+            let good = is_finite(position) && low <= position && position <= high;
+            axis.bad = if good { 0 } else { axis.bad.saturating_add(1) };
+            if axis.bad >= self.sensor_samples {
+                self.state = TableState::Failed { axis: number };
+            }
+        }
+    }
+
+    /// Rests where the axes are, and goes home from there.
+    fn take_over(&mut self, speed: f64, positions: &[f64; AXES]) {
+        let mut start = [0.0; AXES];
+        for ((axis, &position), start) in self.axes.iter_mut().zip(positions).zip(&mut start) {
+            axis.servo.watch(position);
+            axis.servo.reset();
+            *start = axis.servo.position();
+        }
+        // All of them are finite.
+        if self.generator.reset(start).is_ok() {
+            self.go_home(speed);
+        }
+    }
+
+    fn go_home(&mut self, speed: f64) {
+        let mut home = Primitive::new(Pace::Speed(speed), Profile::MinimumJerk);
+        for (number, axis) in self.axes.iter().enumerate() {
+            if let Ok(more) = home.clone().with(number, Target::Absolute(axis.home)) {
+                home = more;
+            }
+        }
+        self.generator.resume();
+        self.homing = self.generator.enqueue(home).ok();
+        self.state = match self.homing {
+            Some(_) => TableState::Homing,
+            None => TableState::Stopped,
+        };
+    }
+
+    /// Whether the way home is over, and where it has ended.
+    fn look_home(&mut self) {
+        let Some(homing) = self.homing else { return };
+        if self.generator.progress(homing).is_some() {
+            return;
+        }
+        self.homing = None;
+        let points = self.generator.set_points();
+        let mut points = self.axes.iter().zip(&points);
+        let arrived = points.all(|(axis, point)| *point == SetPoint::rest(axis.home));
+        self.state = if arrived {
+            TableState::Ready
+        } else {
+            TableState::Stopped
+        };
+    }
+}

@@ -1,0 +1,205 @@
+//! The simulated hand that a configuration describes.
+
+use nalgebra::Vector3;
+
+use super::{
+    AxisParameters, Drive, DriveKind, Finger, FingerParameters, HandParameters, JointParameters,
+    PlantError, Stop, Surface, Table,
+};
+use crate::config;
+use crate::dynamics::Dynamics;
+use crate::math::abs;
+use crate::tendon::{ArmError, Pair};
+
+/// What a configuration does not say of the machine that it is for.
+#[derive(Clone, Copy, Debug)]
+pub struct Machine {
+    /// How an actuator with this small-signal pole (Hz) follows its command.
+    pub actuator: fn(f64) -> DriveKind,
+    /// What a joint meets at its limits; the springs of the configuration are those of the servos.
+    pub joint_stop: Stop,
+    /// What an axis of the table meets at its limits.
+    pub axis_stop: Stop,
+    /// In how many equal updates the period of the servos passes.
+    pub updates: u32,
+    /// The sphere about each tip that touches, m.
+    pub tip_radius: f64,
+    /// Between any two bodies; its friction is that of the configuration where that has one.
+    pub surface: Surface,
+}
+
+impl DriveKind {
+    /// [`DriveKind::Euler`] with a pole at this frequency, Hz.
+    #[must_use]
+    pub fn euler(pole_hz: f64) -> Self {
+        Self::Euler {
+            time_constant_s: time_constant_s(pole_hz),
+        }
+    }
+
+    /// [`DriveKind::Exact`] with a pole at this frequency, Hz.
+    #[must_use]
+    pub fn exact(pole_hz: f64) -> Self {
+        Self::Exact {
+            time_constant_s: time_constant_s(pole_hz),
+        }
+    }
+}
+
+fn time_constant_s(pole_hz: f64) -> f64 {
+    1.0 / (core::f64::consts::TAU * pole_hz)
+}
+
+impl Machine {
+    /// What a finger of a configuration is besides its mechanism.
+    ///
+    /// A place without a joint gets one that nothing moves.
+    ///
+    /// # Errors
+    ///
+    /// Moment arms that [`Hand::check`](config::Hand::check) would have refused.
+    pub fn finger_parameters<const N: usize>(
+        &self,
+        finger: &config::Finger<N>,
+    ) -> Result<FingerParameters<N>, ArmError> {
+        Ok(FingerParameters {
+            arms: finger.moment_arms()?,
+            joints: core::array::from_fn(|place| {
+                finger
+                    .joints
+                    .get(place)
+                    .map_or(self.nothing(), |joint| self.joint(joint))
+            }),
+            drives: core::array::from_fn(|place| {
+                let joint = finger.joints.get(place);
+                joint.map_or(Pair::both(self.drive(1.0, 1.0)), |joint| Pair {
+                    flexor: self.drive(joint.flexor.max_n, joint.flexor.actuator_hz),
+                    extensor: self.drive(joint.extensor.max_n, joint.extensor.actuator_hz),
+                })
+            }),
+        })
+    }
+
+    /// A finger of a configuration at rest at the joint positions `q` (rad), its tendons at the
+    /// tensions that its controller begins with. `mechanism` is that of the machine, which need not
+    /// be the one that its controller has in mind.
+    ///
+    /// # Errors
+    ///
+    /// A number that no plant can have.
+    pub fn finger<M: Dynamics<f64, N>, const N: usize>(
+        &self,
+        finger: &config::Finger<N>,
+        mechanism: M,
+        q: nalgebra::SVector<f64, N>,
+    ) -> Result<Finger<M, N>, PlantError> {
+        let mut plant = Finger::new(mechanism, self.finger_parameters(finger)?, q)?;
+        plant.reset(q, finger.least_tensions())?;
+        Ok(plant)
+    }
+
+    /// What a hand of a configuration is besides its fingers.
+    #[must_use]
+    pub fn hand_parameters<const F: usize, const N: usize>(
+        &self,
+        hand: &config::Hand<F, N>,
+    ) -> HandParameters {
+        let contact = hand.contact.as_ref();
+        let surface = Surface {
+            friction: contact.map_or(self.surface.friction, |contact| contact.friction),
+            ..self.surface
+        };
+        HandParameters {
+            period_s: 1.0 / f64::from(hand.servo_hz),
+            updates: self.updates,
+            gravity: Vector3::from(hand.gravity),
+            tip_radius: self.tip_radius,
+            tip_object: surface,
+            tip_ground: surface,
+            object_ground: surface,
+        }
+    }
+
+    /// The table of a configuration, whose axes must lie along x, y and z of the palm, in either
+    /// sense and in any order. An axis that it does not have does not move.
+    ///
+    /// # Errors
+    ///
+    /// A number that no plant can have; an axis that lies elsewhere, or where another does.
+    pub fn table(&self, table: &config::Table) -> Result<Table, PlantError> {
+        let mut axes = [AxisParameters {
+            mass: 1.0,
+            viscous: 0.0,
+            max_n: 1.0,
+            range: (-1.0, 1.0),
+            stop: self.axis_stop,
+        }; 3];
+        let mut taken = [false; 3];
+        for axis in &table.axes {
+            let of_palm = along(axis.direction);
+            let place = of_palm.and_then(|index| axes.get_mut(index).zip(taken.get_mut(index)));
+            let Some((place, taken)) = place.filter(|(_, taken)| !**taken) else {
+                let [x, y, z] = axis.direction;
+                return Err(PlantError::Direction { x, y, z });
+            };
+            *taken = true;
+            let (low, high) = (axis.limits.low, axis.limits.high);
+            let backwards = axis.direction.iter().sum::<f64>() < 0.0;
+            *place = AxisParameters {
+                mass: axis.mass_kg,
+                viscous: axis.viscous,
+                max_n: axis.max_n,
+                range: if backwards {
+                    (-high, -low)
+                } else {
+                    (low, high)
+                },
+                stop: self.axis_stop,
+            };
+        }
+        Table::new(axes)
+    }
+
+    fn joint<const N: usize>(&self, joint: &config::Joint<N>) -> JointParameters {
+        let friction = &joint.friction;
+        let fades = friction.coulomb_rate > 0.0;
+        JointParameters {
+            armature: friction.armature,
+            damping: friction.viscous,
+            coulomb: friction.coulomb,
+            tendon_friction: friction.tendon,
+            fade: if fades { friction.coulomb_rate } else { 1e-3 },
+            range: (joint.limits.low, joint.limits.high),
+            ..self.nothing()
+        }
+    }
+
+    /// A joint that stays where it is.
+    fn nothing(&self) -> JointParameters {
+        JointParameters {
+            armature: 1.0,
+            damping: 0.0,
+            coulomb: 0.0,
+            tendon_friction: 0.0,
+            fade: 1.0,
+            stiffness: 0.0,
+            rest: 0.0,
+            range: (-1.0, 1.0),
+            stop: self.joint_stop,
+        }
+    }
+
+    fn drive(&self, max_n: f64, pole_hz: f64) -> Drive {
+        Drive {
+            max_n,
+            kind: (self.actuator)(pole_hz),
+        }
+    }
+}
+
+/// The axis of the palm that a unit vector lies along.
+fn along(direction: [f64; 3]) -> Option<usize> {
+    direction
+        .iter()
+        .position(|&part| abs(abs(part) - 1.0) < 1e-9)
+}

@@ -1,0 +1,21 @@
+//! The controllers of the hand around a plant that is not of this workspace.
+
+use crate::Result;
+use crate::command::command;
+use crate::context::Context;
+use crate::outcome::Summary;
+use crate::tools::need_python;
+
+pub(crate) fn run(context: &Context) -> Result<Summary> {
+    let python = need_python(context, "target/mujoco", "mujoco numpy")?;
+    let line = format!(
+        "cargo run --release -p condor-hand --example closed_loop -- \
+         {python} condor-hand/tests/plant/mujoco_hand.py"
+    );
+    let mut kept = 0;
+    command(context, &line).watch(|line| kept += u32::from(line == "kept"))?;
+    if kept == 0 {
+        return Err(format!("`{line}` made no trial").into());
+    }
+    Ok(Summary::of(format!("{kept} trials in closed loop")))
+}
