@@ -30,6 +30,12 @@ pub mod controller;
 pub mod servo;
 pub mod trajectory;
 
+// The servos seen from other processors.
+#[cfg(all(feature = "mbox", not(condor_loom)))]
+pub mod message;
+#[cfg(feature = "mbox")]
+pub mod monitor;
+
 // What differs from hand to hand.
 pub mod config;
 
