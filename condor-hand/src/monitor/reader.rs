@@ -17,6 +17,8 @@ pub struct MonitorReader<W> {
     /// The next row that it has not read.
     next: u32,
     lost: u64,
+    /// How many of them no row has told of yet.
+    untold: u32,
 }
 
 /// A row: what the selected variables were in one tick.
@@ -99,6 +101,7 @@ impl<W: MemoryWindow> MonitorReader<W> {
             layout,
             life,
             lost: 0,
+            untold: 0,
         };
         reader.check_life()?;
         Ok(reader)
@@ -198,8 +201,9 @@ impl<W: MemoryWindow> MonitorReader<W> {
             lost += 1;
         }
         self.lost = self.lost.wrapping_add(u64::from(lost));
+        self.untold = self.untold.wrapping_add(lost);
         if let Some(row) = &mut row {
-            row.lost = lost;
+            row.lost = core::mem::take(&mut self.untold);
         }
         Ok(row)
     }
