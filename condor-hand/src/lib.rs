@@ -38,6 +38,12 @@ pub mod kinematics;
 pub mod math;
 mod pose;
 
+// The servos seen from other processors.
+#[cfg(all(feature = "mbox", not(condor_loom)))]
+pub mod message;
+#[cfg(feature = "mbox")]
+pub mod monitor;
+
 // A hand to try them on.
 #[cfg(feature = "sim")]
 pub mod plant;

@@ -7,7 +7,7 @@ mod rig;
 mod trials;
 
 use condor_hand::math::{max, min};
-use condor_hand::servo::{Mode, Target};
+use condor_hand::servo::{JointTarget, Mode};
 use condor_hand::tendon::{Pair, Pairs};
 use condor_hand::trajectory::SetPoint;
 
@@ -29,7 +29,7 @@ fn run<P: rig::Plant>(rig: &mut Rig<P>, seconds: f64) {
     }
 }
 
-fn give(rig: &mut Rig<Simulated>, finger: usize, joint: usize, target: Target<f64>) {
+fn give(rig: &mut Rig<Simulated>, finger: usize, joint: usize, target: JointTarget<f64>) {
     rig.fingers[finger].set_target(joint, target).unwrap();
 }
 
@@ -83,7 +83,7 @@ fn a_step_of_torque_arrives_in_the_tendons_and_leaves_the_other_joints_alone() {
     let before = rig.state[1];
     let held = arms.torque(&before.tension)[joint];
     let step = 0.05;
-    give(&mut rig, 1, joint, Target::Torque(held + step));
+    give(&mut rig, 1, joint, JointTarget::Torque(held + step));
     let mut rise = None;
     for tick in 0..40_u32 {
         rig.tick().unwrap();
@@ -116,7 +116,7 @@ fn tensions_that_are_asked_for_are_there() {
         extensor: 30.0,
     };
     for joint in 0..JOINTS {
-        give(&mut rig, 3, joint, Target::Tension(asked));
+        give(&mut rig, 3, joint, JointTarget::Tension(asked));
     }
     run(&mut rig, 0.2);
     for tension in &rig.state[3].tension {

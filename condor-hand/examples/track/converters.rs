@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use condor_hand::config::{Channel, Input, Output};
 use condor_hand::controller::{read_finger, write_finger};
-use condor_hand::math::{clamp, round};
 use condor_hand::servo::Sensed;
 use condor_hand::tendon::{Pair, Pairs};
 
@@ -46,7 +45,7 @@ impl<P: Plant> Converters<P> {
     fn read(&self) -> State {
         let mut boards = Boards::new();
         let mut convert = |input: &Input, value| {
-            boards.insert(place(input.channel()), counts_of(input, value));
+            boards.insert(place(input.channel()), input.counts(value));
         };
         for (finger, truth) in self.configuration.fingers.iter().zip(&self.truth) {
             let positions = finger.joints.iter().zip(truth.position.iter());
@@ -92,14 +91,6 @@ impl<P: Plant> Plant for Converters<P> {
         self.truth = self.plant.step(&held)?;
         Ok(self.read())
     }
-}
-
-/// What a converter makes of the value at its sensor.
-fn counts_of(input: &Input, value: f64) -> u32 {
-    let full = f64::from(input.full_scale());
-    #[allow(clippy::cast_sign_loss, reason = "it is clamped to 0 and above")]
-    let counts = round(clamp(input.counts(value), 0.0, full)) as u32;
-    counts
 }
 
 /// What an actuator makes of counts, N.

@@ -152,6 +152,13 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.monitor.first()
     }
 
+    /// Whether the finger goes to its least tensions after a fault, or stays there; its joints get
+    /// no other mode then.
+    #[must_use]
+    pub const fn is_resting(&self) -> bool {
+        self.ramp.is_some()
+    }
+
     /// Gives a joint another mode, in which it keeps what it has. A joint that is in that mode stays
     /// as it is, also if it follows the master.
     ///

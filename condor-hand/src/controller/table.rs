@@ -6,8 +6,8 @@ use super::axis::{AxisError, AxisServo};
 use crate::config::{Axis, Hand};
 use crate::math::{is_finite, max, min};
 use crate::trajectory::{
-    Event, Generator, Limits, LimitsError, Observations, Pace, Primitive, PrimitiveError, Profile,
-    SetPoint, Target, Ticket,
+    Event, Generator, Limits, Observations, Pace, Primitive, PrimitiveError, Profile, SetPoint,
+    Target, Ticket, TrajectoryError,
 };
 
 /// The most axes of a table.
@@ -109,7 +109,7 @@ pub enum TableError {
     },
     /// Limits of an axis that no motion can keep.
     #[error(transparent)]
-    Limits(#[from] LimitsError),
+    Limits(#[from] TrajectoryError),
     /// A motion that it cannot make.
     #[error(transparent)]
     Motion(#[from] PrimitiveError),

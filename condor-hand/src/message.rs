@@ -1,0 +1,142 @@
+//! Servos as objects that answer messages (feature `mbox`).
+//!
+//! Any processor can tune, enable, disable, ask and restart any servo (memo, sections 3.5 and 4.2). A
+//! servo processor owns a [`ServoObject`]: its [`ServoHandler`] answers messages in the background, its
+//! [`ServoLoop`] is the control of the fingers in the servo loop. The loop never serves and never
+//! waits: what a message asks for is left as a *state* in memory of the object that only its own
+//! processor reaches, and the loop takes it over at the beginning of a tick. What was asked for twice
+//! between two ticks is done once, the last of it; restarts are counted all the same. The loop leaves
+//! what it did there too, so that a question costs it nothing. While nothing changes a tick reads one
+//! word for each finger, and the set-points.
+//!
+//! The set-points of the master, 50 times a second, are no messages: a [`SetPoints`] publishes them in
+//! the window of the servo processor, and the loop polls them there.
+//!
+//! # The protocol
+//!
+//! A request is a block in the users' region of the servo processor's `data`, one block of
+//! [`BLOCK_BYTES`] for each processor of the system: [`REQUEST_WORDS`] words of request, then as many
+//! of response, all 32 bits and little-endian. A number is an IEEE 754 double in two words, the low one
+//! first. The message goes to [`SERVO`] with the offset of the sender's block as its data. The reply is
+//! 1 once the response has been written, and 0 for an offset that is not that of the sender's block.
+//!
+//! | word of the request | |
+//! |---|---|
+//! | 0 | a [`Verb`] |
+//! | 1 | the finger, counted from 0 on this processor |
+//! | 2 | the joint, from 0; [`ALL_JOINTS`] |
+//! | 3 | the argument |
+//! | 4 … | numbers |
+//!
+//! | verb | argument | numbers | response from word 1 on |
+//! |---|---|---|---|
+//! | `Hello` | | | version, fingers, joints of a finger, servo ticks in a second, names of the hand (4 words) and of the finger (4 words) |
+//! | `Mode` | [`Mode`](crate::servo::Mode) | | number of the order |
+//! | `Target` | [`Mode`](crate::servo::Mode) | tensions of flexor and extensor, N; or torque, N m; or position, velocity, acceleration, rad and s | number of the order |
+//! | `Gains` | | | law, 13 gains |
+//! | `SetGains` | law: 0 PD, 1 computed torque | 13 gains | number of the order |
+//! | `Status` | | | 16 words of [`Status`], then the ticks of the loop |
+//! | `Restart` | | | number of the order |
+//! | `Outcome` | number of an order | word 4: 0 mode or target, 1 gains, 2 restart | |
+//!
+//! The gains are four of the law (`kp`, `kv`, `ki`, limit of the integral; or bandwidth in Hz, damping
+//! ratio, and two that do not count), that of the torque, and `kt`, `ki`, `kd`, `kv` of flexor and
+//! extensor. Word 0 of the response is 0 if all is well; 1 if another request was being answered and
+//! this one was not looked at; for `Outcome` 2 until the loop has come to the order, 3 if a later one
+//! took its place; anything else is the code of a [`Refusal`], and its values follow.
+//!
+//! An order is checked once, in the copy that the handler makes. What only the servo knows, such as
+//! whether a position is within its limits, or whether the finger rests after a fault, the loop finds
+//! when it comes to the order, and `Outcome` tells. An order that was refused is not tried again.
+
+mod client;
+mod handler;
+mod memory;
+mod places;
+mod refusal;
+mod servo_loop;
+mod status;
+mod words;
+
+pub use client::{ClientError, Hello, ServoClient};
+pub use handler::ServoHandler;
+pub use memory::{Identity, ServoObject};
+pub use places::{ServoPlaces, SetPoints};
+pub use refusal::Refusal;
+pub use servo_loop::ServoLoop;
+pub use status::Status;
+
+use condor_mbox::Vector;
+
+/// The vector of a servo processor for requests to its servos.
+pub const SERVO: Vector = Vector(40);
+/// The version of the protocol.
+pub const VERSION: u32 = 1;
+/// Every joint of a finger, in place of the number of one.
+pub const ALL_JOINTS: u32 = u32::MAX;
+/// Words of a request, and of a response.
+pub const REQUEST_WORDS: usize = 32;
+/// Bytes of a block.
+pub const BLOCK_BYTES: u32 = 8 * REQUEST_WORDS as u32;
+
+/// What a request asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum Verb {
+    /// Which hand and finger it is.
+    Hello = 1,
+    /// Another mode, in which the joint keeps what it has; `Off` disables it.
+    Mode = 2,
+    /// A target, and its mode.
+    Target = 3,
+    /// The gains of a joint, as its servo has them.
+    Gains = 4,
+    /// Other gains.
+    SetGains = 5,
+    /// How the finger is.
+    Status = 6,
+    /// Forgets the latched faults.
+    Restart = 7,
+    /// What became of an order.
+    Outcome = 8,
+}
+
+impl Verb {
+    /// The verb of a number.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            1 => Some(Self::Hello),
+            2 => Some(Self::Mode),
+            3 => Some(Self::Target),
+            4 => Some(Self::Gains),
+            5 => Some(Self::SetGains),
+            6 => Some(Self::Status),
+            7 => Some(Self::Restart),
+            8 => Some(Self::Outcome),
+            _ => None,
+        }
+    }
+}
+
+/// A request as it lies in its block.
+pub(crate) type Request = [u32; REQUEST_WORDS];
+/// A response as it lies in its block.
+pub(crate) type Response = [u32; REQUEST_WORDS];
+
+/// The parts of what is asked of a joint or finger; an order replaces only those of its own part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+enum Part {
+    Drive = 0,
+    Gains = 1,
+    Restart = 2,
+}
+
+/// Word 0 of a response that is no refusal.
+mod state {
+    pub(crate) const DONE: u32 = 0;
+    pub(crate) const BUSY: u32 = 1;
+    pub(crate) const PENDING: u32 = 2;
+    pub(crate) const SUPERSEDED: u32 = 3;
+}

@@ -1,0 +1,340 @@
+use core::time::Duration;
+
+use condor_mbox::{
+    AccessError, Clock, Error, Exchange, ExchangeError, MemoryWindow, Messenger, Processor, Region,
+};
+
+use super::places::ServoPlaces;
+use super::words::{Put, Taken, put_gains, put_target, take_gains};
+use super::{
+    ALL_JOINTS, Part, REQUEST_WORDS, Refusal, Request, Response, SERVO, Status, VERSION, Verb,
+    state,
+};
+use crate::config::Name;
+use crate::servo::{JointGains, JointTarget, Mode};
+
+/// Asks the servos of another processor, from the background of this one.
+///
+/// Each call ends at its time-out. An order is done when its call returns without an error: the
+/// servo loop has come to it.
+#[derive(Debug)]
+pub struct ServoClient<'m, M: Messenger + ?Sized, C, W, const F: usize, const N: usize> {
+    exchange: Exchange<'m, M, Region<W>, Request, Response>,
+    clock: C,
+    to: Processor,
+}
+
+/// What a servo processor is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Hello {
+    /// The hand.
+    pub hand: Name,
+    /// The finger.
+    pub finger: Name,
+    /// How many fingers of the hand the processor serves.
+    pub fingers: u32,
+    /// Joints of a finger.
+    pub joints: u32,
+    /// Servo ticks in a second, Hz.
+    pub servo_hz: u32,
+}
+
+/// Why a servo did not do, or answer, what it was asked.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ClientError {
+    /// The message, or its answer.
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
+    /// The servo refused it.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// Somebody else's later order took the place of this one, before or after it was done.
+    #[error("another order took the place of order {number}")]
+    Superseded {
+        /// The number of the order.
+        number: u32,
+    },
+    /// The servo loop has not come to the order: it may still.
+    #[error("the servo loop of {to} has not come to order {number} within {timeout:?}")]
+    NotDone {
+        /// The servo processor.
+        to: Processor,
+        /// The number of the order.
+        number: u32,
+        /// The time that was given.
+        timeout: Duration,
+    },
+    /// Others kept the handler from looking at the request.
+    #[error("{to} was busy for {timeout:?}")]
+    Busy {
+        /// The servo processor.
+        to: Processor,
+        /// The time that was given.
+        timeout: Duration,
+    },
+    /// A servo processor of another version of the protocol.
+    #[error("{to} speaks version {found} of the protocol, not {VERSION}")]
+    Version {
+        /// The servo processor.
+        to: Processor,
+        /// Its version.
+        found: u32,
+    },
+    /// A response that no servo gives.
+    #[error("{to} answered with the word {word:#x}")]
+    Protocol {
+        /// The servo processor.
+        to: Processor,
+        /// A word of the response that makes no sense.
+        word: u32,
+    },
+}
+
+impl<'m, M, C, W, const F: usize, const N: usize> ServoClient<'m, M, C, W, F, N>
+where
+    M: Messenger + ?Sized,
+    C: Clock,
+    W: MemoryWindow + Clone,
+{
+    /// A client of the servos of `to`, in the users' region of whose `data` they have `places`.
+    ///
+    /// There must be only one on this processor at a time.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if the sender has no block in the places, or there is no room.
+    pub fn new(
+        messenger: &'m M,
+        clock: C,
+        to: Processor,
+        region: &Region<W>,
+        places: ServoPlaces<F, N>,
+    ) -> Result<Self, AccessError> {
+        let mut left = region.places();
+        let block = places.block(messenger.number());
+        left.bytes(block.unwrap_or(u32::MAX) as usize)?;
+        let whole = Region::whole(region.clone());
+        let exchange = Exchange::new(messenger, whole, &mut left)?;
+        Ok(Self {
+            exchange,
+            clock,
+            to,
+        })
+    }
+
+    /// Which hand and finger it is.
+    ///
+    /// # Errors
+    /// [`ClientError::Version`], and as [`status`](Self::status).
+    pub fn hello(&mut self, finger: u32, timeout: Duration) -> Result<Hello, ClientError> {
+        let response = self.ask(&request(Verb::Hello, finger, 0, 0), timeout)?;
+        let mut taken = self.check(&response)?;
+        let found = taken.word();
+        if found != VERSION {
+            return Err(ClientError::Version { to: self.to, found });
+        }
+        let (fingers, joints, servo_hz) = (taken.word(), taken.word(), taken.word());
+        Ok(Hello {
+            hand: self.name(&mut taken)?,
+            finger: self.name(&mut taken)?,
+            fingers,
+            joints,
+            servo_hz,
+        })
+    }
+
+    /// Gives a joint, or all joints, another mode, in which they keep what they have.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub fn enable(
+        &mut self,
+        finger: u32,
+        joint: Option<u32>,
+        mode: Mode,
+        timeout: Duration,
+    ) -> Result<(), ClientError> {
+        let joint = joint.unwrap_or(ALL_JOINTS);
+        let request = request(Verb::Mode, finger, joint, mode as u32);
+        self.order(&request, Part::Drive, timeout)
+    }
+
+    /// Switches a joint, or all joints, off.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub fn disable(
+        &mut self,
+        finger: u32,
+        joint: Option<u32>,
+        timeout: Duration,
+    ) -> Result<(), ClientError> {
+        self.enable(finger, joint, Mode::Off, timeout)
+    }
+
+    /// Gives a joint a target that stays, and the mode of that target.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub fn set_target(
+        &mut self,
+        finger: u32,
+        joint: u32,
+        target: &JointTarget<f64>,
+        timeout: Duration,
+    ) -> Result<(), ClientError> {
+        let mut request = request(Verb::Target, finger, joint, 0);
+        let (_, words) = request.split_at_mut(ARGUMENT);
+        put_target(target, &mut Put::into(words));
+        self.order(&request, Part::Drive, timeout)
+    }
+
+    /// The gains of a joint.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub fn gains(
+        &mut self,
+        finger: u32,
+        joint: u32,
+        timeout: Duration,
+    ) -> Result<JointGains<f64>, ClientError> {
+        let response = self.ask(&request(Verb::Gains, finger, joint, 0), timeout)?;
+        let mut taken = self.check(&response)?;
+        let law = taken.word();
+        take_gains(law, &mut taken).map_err(|_| self.protocol(law))
+    }
+
+    /// Gives a joint other gains, all at once in one tick.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub fn set_gains(
+        &mut self,
+        finger: u32,
+        joint: u32,
+        gains: &JointGains<f64>,
+        timeout: Duration,
+    ) -> Result<(), ClientError> {
+        let mut request = request(Verb::SetGains, finger, joint, 0);
+        let (_, words) = request.split_at_mut(ARGUMENT);
+        put_gains(gains, &mut Put::into(words));
+        self.order(&request, Part::Gains, timeout)
+    }
+
+    /// How a finger is.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] for a finger that there is not; [`ClientError::Exchange`],
+    /// [`ClientError::Busy`], [`ClientError::Protocol`].
+    pub fn status(&mut self, finger: u32, timeout: Duration) -> Result<Status<N>, ClientError> {
+        let response = self.ask(&request(Verb::Status, finger, 0, 0), timeout)?;
+        self.check(&response)?;
+        let words = response.get(1..17).unwrap_or(&[]);
+        let ticks = response.get(17).copied().unwrap_or(0);
+        Status::take(words, ticks).map_err(|word| self.protocol(word))
+    }
+
+    /// Forgets the latched faults of a finger. Its joints can be given another mode once it does not
+    /// [rest](Status::is_resting) any more.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ClientError> {
+        let request = request(Verb::Restart, finger, ALL_JOINTS, 0);
+        self.order(&request, Part::Restart, timeout)
+    }
+
+    /// Gives an order, and asks what became of it until the loop has come to it.
+    fn order(
+        &mut self,
+        request: &Request,
+        part: Part,
+        timeout: Duration,
+    ) -> Result<(), ClientError> {
+        let deadline = self.clock.now().after(timeout);
+        let response = self.ask(request, timeout)?;
+        let number = self.check(&response)?.word();
+        let [_, finger, joint, ..] = *request;
+        let mut question = self::request(Verb::Outcome, finger, joint, number);
+        if let Some(word) = question.get_mut(NUMBERS) {
+            *word = part as u32;
+        }
+        let not_done = ClientError::NotDone {
+            to: self.to,
+            number,
+            timeout,
+        };
+        loop {
+            let left = Duration::from_nanos(deadline.ns_since(self.clock.now()));
+            if left.is_zero() {
+                return Err(not_done);
+            }
+            match self.ask(&question, left) {
+                Err(ClientError::Exchange(ExchangeError::Mailbox(Error::TimedOut { .. }))) => {
+                    return Err(not_done);
+                }
+                Err(error) => return Err(error),
+                Ok([state::PENDING, ..]) => {}
+                Ok([state::SUPERSEDED, ..]) => return Err(ClientError::Superseded { number }),
+                Ok(response) => return self.check(&response).map(|_| ()),
+            }
+        }
+    }
+
+    /// One request, again while another one is being answered.
+    fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, ClientError> {
+        let deadline = self.clock.now().after(timeout);
+        loop {
+            let left = Duration::from_nanos(deadline.ns_since(self.clock.now()));
+            let response = self.exchange.call(self.to, SERVO, request, left)?;
+            match response {
+                [state::BUSY, ..] if left.is_zero() => {
+                    return Err(ClientError::Busy {
+                        to: self.to,
+                        timeout,
+                    });
+                }
+                [state::BUSY, ..] => {}
+                _ => return Ok(response),
+            }
+        }
+    }
+
+    /// What follows in a response if all is well.
+    fn check<'r>(&self, response: &'r Response) -> Result<Taken<'r>, ClientError> {
+        let (&[state], rest) = response.split_at(1) else {
+            return Err(self.protocol(0));
+        };
+        match state {
+            state::DONE => Ok(Taken::from(rest)),
+            other => Err(Refusal::take(&mut Taken::from(response))
+                .map_or_else(|| self.protocol(other), ClientError::Refused)),
+        }
+    }
+
+    fn name(&self, taken: &mut Taken<'_>) -> Result<Name, ClientError> {
+        let mut bytes = [0; 16];
+        for part in bytes.chunks_mut(4) {
+            part.copy_from_slice(&taken.word().to_le_bytes());
+        }
+        let text = bytes.split(|&byte| byte == 0).next().unwrap_or(&[]);
+        let [first, ..] = bytes;
+        let name = core::str::from_utf8(text).ok();
+        name.and_then(|text| Name::try_from(text).ok())
+            .ok_or_else(|| self.protocol(u32::from(first)))
+    }
+
+    fn protocol(&self, word: u32) -> ClientError {
+        ClientError::Protocol { to: self.to, word }
+    }
+}
+
+const ARGUMENT: usize = 3;
+const NUMBERS: usize = 4;
+
+fn request(verb: Verb, finger: u32, joint: u32, argument: u32) -> Request {
+    let mut request = [0; REQUEST_WORDS];
+    Put::into(&mut request).words(&[verb as u32, finger, joint, argument]);
+    request
+}

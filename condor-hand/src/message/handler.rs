@@ -1,0 +1,280 @@
+use condor_mbox::{Call, Exclusion, MemoryWindow, Region, StaticWindow};
+
+use super::memory::{
+    FingerMemory, Identity, JointMemory, ORDER_GAINS, OUTCOME_GAINS, OUTCOME_PART, Order, Outcome,
+    ServoObject, kind, word,
+};
+use super::places::ServoPlaces;
+use super::words::{Put, Taken, put_gains, put_target, take_gains, take_target};
+use super::{ALL_JOINTS, Part, Refusal, Request, Response, VERSION, Verb, state};
+use crate::config::Name;
+use crate::servo::Mode;
+
+/// The end of a [`ServoObject`] that answers messages, in the background of its processor.
+#[derive(Debug)]
+pub struct ServoHandler<'o, W, X, const F: usize, const N: usize> {
+    object: &'o ServoObject<F, N>,
+    identity: Identity<F>,
+    region: Region<W>,
+    places: ServoPlaces<F, N>,
+    exclusion: X,
+}
+
+/// Why there is nothing else in a response.
+enum Unanswered {
+    Refused(Refusal),
+    State(u32),
+}
+
+impl From<Refusal> for Unanswered {
+    fn from(refusal: Refusal) -> Self {
+        Self::Refused(refusal)
+    }
+}
+
+/// What is read from memory of the object is whole but for a loop on another core that is too fast.
+const BUSY: Unanswered = Unanswered::State(state::BUSY);
+
+impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
+    ServoHandler<'o, W, X, F, N>
+{
+    pub(super) const fn new(
+        object: &'o ServoObject<F, N>,
+        identity: Identity<F>,
+        region: Region<W>,
+        places: ServoPlaces<F, N>,
+        exclusion: X,
+    ) -> Self {
+        Self {
+            object,
+            identity,
+            region,
+            places,
+            exclusion,
+        }
+    }
+
+    /// Answers a message: all that the handler of [`SERVO`](super::SERVO) does.
+    ///
+    /// It takes no longer for what a peer wrote, and does not wait. While one call is in progress
+    /// another one, from an interrupt or thread, is told to come again.
+    pub fn answer(&self, call: &Call<'_>) -> u32 {
+        if self.places.block(call.sender()) != Some(call.data()) {
+            return 0;
+        }
+        condor_mbox::answer(call, &self.region, |request: Request| {
+            self.respond(&request)
+        })
+    }
+
+    fn respond(&self, request: &Request) -> Response {
+        let mut response = Response::default();
+        let desk = Region::whole(self.object.desk.window());
+        let mine = self.exclusion.with(|| {
+            let is_free = desk.word(0) == Ok(0);
+            is_free && desk.set_word(0, 1).is_ok()
+        });
+        let outcome = if mine {
+            self.obey(request, &mut response)
+        } else {
+            Err(BUSY)
+        };
+        if mine {
+            // The word is there: it was written just now.
+            let _ = desk.set_word(0, 0);
+        }
+        match outcome {
+            Ok(()) => {}
+            Err(Unanswered::State(state)) => response = state_only(state),
+            Err(Unanswered::Refused(refusal)) => {
+                response = Response::default();
+                refusal.put(&mut Put::into(&mut response));
+            }
+        }
+        response
+    }
+
+    fn obey(&self, request: &Request, response: &mut Response) -> Result<(), Unanswered> {
+        let mut taken = Taken::from(request);
+        let verb = taken.word();
+        let verb = Verb::from_number(verb).ok_or(Refusal::Verb { verb })?;
+        let (finger, joint, argument) = (taken.word(), taken.word(), taken.word());
+        let no_finger = Refusal::NoFinger {
+            finger,
+            fingers: F as u32,
+        };
+        let (Some(memory), Some(name)) = (
+            self.object.fingers.get(finger as usize),
+            self.identity.fingers.get(finger as usize),
+        ) else {
+            return Err(no_finger.into());
+        };
+        let mut put = Put::into(response);
+        put.word(state::DONE);
+        match verb {
+            Verb::Hello => {
+                put.words(&[VERSION, F as u32, N as u32, self.identity.servo_hz])
+                    .words(&name_words(&self.identity.hand))
+                    .words(&name_words(name));
+            }
+            Verb::Mode => {
+                let mode = Mode::from_number(argument).ok_or(Refusal::Mode { mode: argument })?;
+                put.word(memory.order(joint, Part::Drive, |put| {
+                    put.words(&[kind::MODE, mode as u32]).numbers(&[0.0; 3]);
+                })?);
+            }
+            Verb::Target => {
+                let target = take_target(argument, &mut taken)?;
+                put.word(memory.order(joint, Part::Drive, |put| {
+                    put_target(&target, put.word(kind::TARGET));
+                })?);
+            }
+            Verb::SetGains => {
+                let gains = take_gains(argument, &mut taken)?;
+                put.word(memory.order(joint, Part::Gains, |put| put_gains(&gains, put))?);
+            }
+            Verb::Gains => {
+                let outcome = memory.joint(joint)?.last_outcome()?;
+                let gains = outcome.get(OUTCOME_GAINS..).unwrap_or(&[]);
+                put.words(gains);
+            }
+            Verb::Status => {
+                let (cell, window) = memory.report();
+                let report = cell.subscriber(window).map_err(|_| BUSY)?.read();
+                put.words(&report.map_err(|_| BUSY)?.value)
+                    .word(memory.word(word::TICKS)?);
+            }
+            Verb::Restart => {
+                let restarts = memory.word(word::RESTARTS)?.wrapping_add(1);
+                memory.set_word(word::RESTARTS, restarts)?;
+                put.word(memory.announce(memory.next_order()?)?);
+            }
+            Verb::Outcome => {
+                let part = match taken.word() {
+                    0 => Part::Drive,
+                    1 => Part::Gains,
+                    2 => Part::Restart,
+                    part => return Err(Refusal::Part { part }.into()),
+                };
+                memory.outcome(joint, part, argument)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<const N: usize> FingerMemory<N> {
+    fn joint(&self, joint: u32) -> Result<&JointMemory, Refusal> {
+        self.joints.get(joint as usize).ok_or(Refusal::NoJoint {
+            joint,
+            joints: N as u32,
+        })
+    }
+
+    /// One joint, or all of them.
+    fn chosen(&self, joint: u32) -> Result<&[JointMemory], Refusal> {
+        if joint == ALL_JOINTS {
+            return Ok(&self.joints);
+        }
+        self.joint(joint).map(core::slice::from_ref)
+    }
+
+    fn word(&self, word: u32) -> Result<u32, Unanswered> {
+        self.words().word(word).map_err(|_| BUSY)
+    }
+
+    fn set_word(&self, word: u32, value: u32) -> Result<(), Unanswered> {
+        self.words().set_word(word, value).map_err(|_| BUSY)
+    }
+
+    /// The number after the last order's; 0 is that of none.
+    fn next_order(&self) -> Result<u32, Unanswered> {
+        Ok(match self.word(word::ORDERS)?.wrapping_add(1) {
+            0 => 1,
+            number => number,
+        })
+    }
+
+    /// Lets the loop see all that the order has written.
+    fn announce(&self, number: u32) -> Result<u32, Unanswered> {
+        self.set_word(word::ORDERS, number)?;
+        Ok(number)
+    }
+
+    /// Replaces one part of what joints are to do; gives the number of the order.
+    fn order(
+        &self,
+        joint: u32,
+        part: Part,
+        fill: impl Fn(&mut Put<'_>),
+    ) -> Result<u32, Unanswered> {
+        let chosen = self.chosen(joint)?;
+        let number = self.next_order()?;
+        for joint in chosen {
+            let mut order = joint.last_order().ok_or(BUSY)?;
+            let (drive, gains) = order.split_at_mut(ORDER_GAINS);
+            let words = if part == Part::Gains { gains } else { drive };
+            let mut put = Put::into(words);
+            put.word(number);
+            fill(&mut put);
+            joint.publish(&order)?;
+        }
+        self.announce(number)
+    }
+
+    /// What became of an order, if not that it was done.
+    fn outcome(&self, joint: u32, part: Part, number: u32) -> Result<(), Unanswered> {
+        let chosen = self.chosen(joint)?;
+        let (cell, window) = self.report();
+        let report = cell.subscriber(window).map_err(|_| BUSY)?.read();
+        let report = super::Status::<N>::take(&report.map_err(|_| BUSY)?.value, 0);
+        let settled = report.map_err(|_| BUSY)?.settled;
+        if settled.wrapping_sub(number).cast_signed() < 0 {
+            return Err(Unanswered::State(state::PENDING));
+        }
+        if part == Part::Restart {
+            return Ok(());
+        }
+        for joint in chosen {
+            let outcome = joint.last_outcome()?;
+            let (drive, rest) = outcome.split_at(OUTCOME_PART);
+            let mut taken = Taken::from(if part == Part::Gains { rest } else { drive });
+            if taken.word() != number {
+                return Err(Unanswered::State(state::SUPERSEDED));
+            }
+            if let Some(refusal) = Refusal::take(&mut taken) {
+                return Err(refusal.into());
+            }
+        }
+        Ok(())
+    }
+}
+
+impl JointMemory {
+    fn publish(&self, order: &Order) -> Result<(), Unanswered> {
+        let (cell, window): (_, StaticWindow<'_>) = self.order();
+        // One handler at a time is here: a new publisher goes on where the last one stopped.
+        let mut publisher = cell.publisher(window).map_err(|_| BUSY)?;
+        publisher.publish(order).map(|_| ()).map_err(|_| BUSY)
+    }
+
+    fn last_outcome(&self) -> Result<Outcome, Unanswered> {
+        let (cell, window) = self.outcome();
+        let latest = cell.subscriber(window).map_err(|_| BUSY)?.read();
+        Ok(latest.map_err(|_| BUSY)?.value)
+    }
+}
+
+fn state_only(state: u32) -> Response {
+    let mut response = Response::default();
+    Put::into(&mut response).word(state);
+    response
+}
+
+/// A name and zeros after it.
+fn name_words(name: &Name) -> [u32; 4] {
+    let mut bytes = name.bytes();
+    core::array::from_fn(|_| {
+        u32::from_le_bytes(core::array::from_fn(|_| bytes.next().unwrap_or(0)))
+    })
+}

@@ -1,0 +1,256 @@
+use condor_mbox::{
+    AccessError, Exclusion, MemoryWindow, Published, Region, StaticMemory, StaticWindow,
+};
+
+use super::handler::ServoHandler;
+use super::places::ServoPlaces;
+use super::refusal;
+use super::servo_loop::ServoLoop;
+use super::words::GAINS;
+use crate::config::Name;
+use crate::controller::FingerController;
+use crate::dynamics::Dynamics;
+
+/// `F` fingers of `N` joints on one processor, as an object that answers messages.
+///
+/// It is memory that no other processor reaches, through which its two ends, [`ServoHandler`] and
+/// [`ServoLoop`], hand states to each other without locks.
+///
+/// ```
+/// # use std::time::Duration;
+/// # use condor_mbox::sim::System;
+/// # use condor_mbox::{Call, CriticalSection, Processor, Region};
+/// use condor_hand::config::Hand;
+/// use condor_hand::controller::FingerController;
+/// use condor_hand::message::{Identity, SERVO, ServoClient, ServoObject, ServoPlaces};
+/// use condor_hand::servo::{Mode, Sensed};
+/// # use condor_hand::tendon::Pair;
+///
+/// # const MASTER: Processor = Processor(0);
+/// # const SLAVE: Processor = Processor(1);
+/// # let system = System::<2>::in_real_time(4096);
+/// # let [_, windows] = system.windows(SLAVE);
+/// # let text = include_str!("../../hands/utah-mit.toml");
+/// let hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml")?;
+/// let finger = &hand.fingers[0];
+///
+/// // The processor of one finger.
+/// let ram = Region::users(windows.data)?;
+/// let places = ServoPlaces::<1, 4>::new(&mut ram.places(), 2)?;
+/// let identity = Identity::new(&hand.name, [&finger.name], hand.servo_hz);
+/// let controller = FingerController::new(&hand, finger, finger.chain())?;
+/// let mut object = ServoObject::new();
+/// let (handler, mut servos) =
+///     object.split(identity, &ram, places, CriticalSection, [controller])?;
+/// let handler = |call: &Call<'_>| handler.answer(call);
+/// let mut slave = system.mailbox(SLAVE)?;
+/// slave.set_vector(SERVO, &handler, "servos")?;
+/// slave.join()?;
+///
+/// // The master; `Mailbox` and clock are its own.
+/// let mut master = system.mailbox(MASTER)?;
+/// master.join()?;
+/// let master = &master;
+/// let clock = master.doorbell();
+/// # let done = std::sync::atomic::AtomicBool::new(false);
+/// # let done = &done;
+/// std::thread::scope(|threads| {
+///     // In each tick of the servo loop:
+///     # let sensed = Sensed { position: [0.1, 0.6, 0.8, 0.7].into(), tension: [Pair::both(4.0); 4] };
+///     # threads.spawn(move || while !done.load(std::sync::atomic::Ordering::Relaxed) {
+///     servos.tick(0, &sensed, &hand.gravity.into(), 1.0 / 400.0);
+///     # });
+///     # threads.spawn(move || while !done.load(std::sync::atomic::Ordering::Relaxed) {
+///     #     slave.serve(Duration::from_millis(10)).unwrap();
+///     # });
+///     # let told = (|| {
+///     let ram = Region::users(&master.windows(SLAVE)?.data)?;
+///     let mut client = ServoClient::new(master, clock, SLAVE, &ram, places)?;
+///     client.enable(0, Some(2), Mode::Torque, Duration::from_secs(60))?;
+///     assert_eq!(client.status(0, Duration::from_secs(60))?.modes[2], Mode::Torque);
+///     # Ok::<(), Box<dyn std::error::Error>>(())
+///     # })();
+///     # done.store(true, std::sync::atomic::Ordering::Relaxed);
+///     # told
+/// })?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct ServoObject<const F: usize, const N: usize> {
+    pub(super) desk: StaticMemory<16>,
+    pub(super) fingers: [FingerMemory<N>; F],
+}
+
+/// What the servos of a processor are called.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Identity<const F: usize> {
+    /// The hand.
+    pub hand: Name,
+    /// Its fingers that this processor serves.
+    pub fingers: [Name; F],
+    /// Servo ticks in a second, Hz.
+    pub servo_hz: u32,
+}
+
+/// What both ends know of one finger.
+#[derive(Debug)]
+pub(super) struct FingerMemory<const N: usize> {
+    words: StaticMemory<16>,
+    report: StaticMemory<{ Published::<Report>::BYTES as usize / 4 }>,
+    pub(super) joints: [JointMemory; N],
+}
+
+/// What both ends know of one joint.
+#[derive(Debug)]
+pub(super) struct JointMemory {
+    order: StaticMemory<{ Published::<Order>::BYTES as usize / 4 }>,
+    outcome: StaticMemory<{ Published::<Outcome>::BYTES as usize / 4 }>,
+}
+
+/// What a joint is to do: the number of the order, a [`kind`], mode and three numbers; the number
+/// of the order, law and gains.
+pub(super) type Order = [u32; ORDER_GAINS + 2 + 2 * GAINS];
+pub(super) const ORDER_GAINS: usize = 9;
+
+/// What became of it: for each part the number of the order and a refusal; then law and gains as
+/// the servo has them.
+pub(super) type Outcome = [u32; OUTCOME_GAINS + 1 + 2 * GAINS];
+pub(super) const OUTCOME_PART: usize = 1 + refusal::WORDS;
+pub(super) const OUTCOME_GAINS: usize = 2 * OUTCOME_PART;
+
+/// How a finger is: the words of a [`Status`](super::Status).
+pub(super) type Report = [u32; 16];
+
+/// What a joint's order asks for besides gains.
+pub(super) mod kind {
+    pub(in super::super) const MODE: u32 = 1;
+    pub(in super::super) const TARGET: u32 = 2;
+}
+
+/// Words of a finger, by byte offset.
+pub(super) mod word {
+    /// The number of the last order; stored after all that belongs to it.
+    pub(in super::super) const ORDERS: u32 = 0;
+    /// How many restarts were asked for.
+    pub(in super::super) const RESTARTS: u32 = 4;
+    /// The ticks of the loop.
+    pub(in super::super) const TICKS: u32 = 8;
+}
+
+impl<const F: usize> Identity<F> {
+    /// Names of at most 15 bytes; longer ones lose their ends.
+    #[must_use]
+    pub fn new(hand: &str, fingers: [&str; F], servo_hz: u32) -> Self {
+        let name = |text: &str| {
+            let mut name = Name::new();
+            for letter in text.chars() {
+                if name.push(letter).is_err() {
+                    break;
+                }
+            }
+            name
+        };
+        Self {
+            hand: name(hand),
+            fingers: fingers.map(name),
+            servo_hz,
+        }
+    }
+}
+
+impl<const F: usize, const N: usize> ServoObject<F, N> {
+    /// An object of which nothing has been asked.
+    #[must_use]
+    pub const fn new() -> Self {
+        const {
+            assert!(
+                F > 0 && N > 0 && N <= 32,
+                "1 to 32 joints of a finger or more"
+            );
+        };
+        Self {
+            desk: StaticMemory::new(),
+            fingers: [const { FingerMemory::new() }; F],
+        }
+    }
+
+    #[allow(clippy::type_complexity, reason = "two ends, each of its own type")]
+    /// The two ends: for the background and for the servo loop.
+    ///
+    /// `region` is the users' region of the processor's own `data`; `exclusion` keeps apart the
+    /// contexts in which the mailbox may call the handler. What was asked before, and the set-points
+    /// that lie in the window from before, are not done.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if the places are not in the region; [`MemoryWindow::load`].
+    pub fn split<M, W, X>(
+        &mut self,
+        identity: Identity<F>,
+        region: &Region<W>,
+        places: ServoPlaces<F, N>,
+        exclusion: X,
+        controllers: [FingerController<M, N>; F],
+    ) -> Result<(ServoHandler<'_, W, X, F, N>, ServoLoop<'_, M, W, F, N>), AccessError>
+    where
+        M: Dynamics<f64, N>,
+        W: MemoryWindow + Clone,
+        X: Exclusion,
+    {
+        places.check(region)?;
+        let this = &*self;
+        let servos = ServoLoop::new(this, region, places, controllers)?;
+        let handler = ServoHandler::new(this, identity, region.clone(), places, exclusion);
+        Ok((handler, servos))
+    }
+}
+
+impl<const F: usize, const N: usize> Default for ServoObject<F, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const N: usize> FingerMemory<N> {
+    const fn new() -> Self {
+        Self {
+            words: StaticMemory::new(),
+            report: StaticMemory::new(),
+            joints: [const { JointMemory::new() }; N],
+        }
+    }
+
+    pub(super) fn words(&self) -> Region<StaticWindow<'_>> {
+        Region::whole(self.words.window())
+    }
+
+    pub(super) fn report(&self) -> (Published<Report>, StaticWindow<'_>) {
+        (Published::at(0), self.report.window())
+    }
+}
+
+impl JointMemory {
+    const fn new() -> Self {
+        Self {
+            order: StaticMemory::new(),
+            outcome: StaticMemory::new(),
+        }
+    }
+
+    pub(super) fn order(&self) -> (Published<Order>, StaticWindow<'_>) {
+        (Published::at(0), self.order.window())
+    }
+
+    pub(super) fn outcome(&self) -> (Published<Outcome>, StaticWindow<'_>) {
+        (Published::at(0), self.outcome.window())
+    }
+
+    /// The last order; zeros before the first. None while it cannot be read whole.
+    pub(super) fn last_order(&self) -> Option<Order> {
+        let (cell, window) = self.order();
+        match cell.subscriber(window).ok()?.read() {
+            Ok(latest) => Some(latest.value),
+            Err(condor_mbox::ReadError::Unpublished) => Some([0; size_of::<Order>() / 4]),
+            Err(_) => None,
+        }
+    }
+}

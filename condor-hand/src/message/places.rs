@@ -1,0 +1,118 @@
+use condor_mbox::{
+    AccessError, MemoryWindow, Places, Processor, Published, Publisher, Region, Subscriber,
+};
+
+use super::words::{Put, Taken};
+use super::{BLOCK_BYTES, REQUEST_WORDS};
+use crate::trajectory::SetPoint;
+
+/// The set-points of one tick of the master: position, velocity and acceleration of each joint.
+pub(super) type Points<const N: usize> = [[u32; 6]; N];
+
+/// Where the servos' blocks and set-points lie in the `data` of their processor; both sides make them
+/// with the same numbers of fingers, joints and processors from places at the same offset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServoPlaces<const F: usize, const N: usize> {
+    points: u32,
+    blocks: u32,
+    processors: u32,
+}
+
+impl<const F: usize, const N: usize> ServoPlaces<F, N> {
+    /// The next of `places`, for requests from `processors`.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if there is no room.
+    pub const fn new(places: &mut Places, processors: u8) -> Result<Self, AccessError> {
+        let points = match places.bytes(F * Published::<Points<N>>::BYTES as usize) {
+            Ok(offset) => offset,
+            Err(error) => return Err(error),
+        };
+        let blocks = match places.bytes(processors as usize * BLOCK_BYTES as usize) {
+            Ok(offset) => offset,
+            Err(error) => return Err(error),
+        };
+        Ok(Self {
+            points,
+            blocks,
+            processors: processors as u32,
+        })
+    }
+
+    /// Where the block of requests from `sender` begins, in bytes.
+    #[must_use]
+    pub fn block(&self, sender: Processor) -> Option<u32> {
+        let number = u32::from(sender.0);
+        (number < self.processors).then(|| self.blocks.wrapping_add(number * BLOCK_BYTES))
+    }
+
+    /// The writer of the set-points of a finger; there must be only one at a time.
+    ///
+    /// # Errors
+    /// As [`Published::publisher`]; `OutOfBounds` for a finger that the processor does not have.
+    pub fn set_points<W: MemoryWindow + Clone>(
+        &self,
+        finger: usize,
+        region: &Region<W>,
+    ) -> Result<SetPoints<W, N>, AccessError> {
+        let publisher = self.points(finger).publisher(region.clone())?;
+        Ok(SetPoints { publisher })
+    }
+
+    pub(super) fn subscriber<W: MemoryWindow + Clone>(
+        &self,
+        finger: usize,
+        region: &Region<W>,
+    ) -> Result<Subscriber<Points<N>, Region<W>>, AccessError> {
+        self.points(finger).subscriber(region.clone())
+    }
+
+    pub(super) fn check<W: MemoryWindow>(&self, region: &Region<W>) -> Result<(), AccessError> {
+        region.check(self.points, F * Published::<Points<N>>::BYTES as usize)?;
+        region.check(self.blocks, (self.processors * BLOCK_BYTES) as usize)
+    }
+
+    /// The cell of a finger; outside of every window for one that there is not.
+    fn points(&self, finger: usize) -> Published<Points<N>> {
+        const { assert!(BLOCK_BYTES as usize == 2 * size_of::<[u32; REQUEST_WORDS]>()) };
+        Published::at(if finger < F {
+            self.points
+                .wrapping_add(finger as u32 * Published::<Points<N>>::BYTES)
+        } else {
+            !3
+        })
+    }
+}
+
+/// The master's end of the set-points of a finger with `N` joints.
+#[derive(Debug)]
+pub struct SetPoints<W, const N: usize> {
+    publisher: Publisher<Points<N>, Region<W>>,
+}
+
+impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
+    /// Where the joints are to be one tick of the master from now; gives the number of the
+    /// publication.
+    ///
+    /// # Errors
+    /// As [`Publisher::publish`].
+    pub fn publish(&mut self, points: &[SetPoint<f64>; N]) -> Result<u32, AccessError> {
+        self.publisher.publish(&points.map(|point| {
+            let mut words = [0; 6];
+            Put::into(&mut words).numbers(&[point.position, point.velocity, point.acceleration]);
+            words
+        }))
+    }
+}
+
+/// The set-points in a record.
+pub(super) fn take_points<const N: usize>(points: &Points<N>) -> [SetPoint<f64>; N] {
+    points.map(|words| {
+        let [position, velocity, acceleration] = Taken::from(&words).numbers();
+        SetPoint {
+            position,
+            velocity,
+            acceleration,
+        }
+    })
+}

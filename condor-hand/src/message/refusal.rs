@@ -1,0 +1,276 @@
+use thiserror::Error;
+
+use super::words::{Put, Taken};
+use crate::servo::SettingError;
+
+/// Why a request was refused, with the values that are wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// A verb that there is not.
+    #[error("there is no verb {verb}")]
+    Verb {
+        /// The number of the verb.
+        verb: u32,
+    },
+    /// A finger that the processor does not have.
+    #[error("there is no finger {finger}; the processor has {fingers}, from 0")]
+    NoFinger {
+        /// The finger that was named.
+        finger: u32,
+        /// How many there are.
+        fingers: u32,
+    },
+    /// A joint that the finger does not have, or all joints where one is meant.
+    #[error("there is no joint {joint}; the finger has {joints}, from 0")]
+    NoJoint {
+        /// The joint that was named.
+        joint: u32,
+        /// How many there are.
+        joints: u32,
+    },
+    /// A mode that there is not.
+    #[error("there is no mode {mode}")]
+    Mode {
+        /// The number of the mode.
+        mode: u32,
+    },
+    /// A law of position that there is not.
+    #[error("there is no law {law} of position")]
+    Law {
+        /// The number of the law.
+        law: u32,
+    },
+    /// A part of an order that there is not.
+    #[error("orders have no part {part}")]
+    Part {
+        /// The number of the part.
+        part: u32,
+    },
+    /// A number that is not finite, or negative where that makes no sense.
+    #[error("number {number} of the request, from 0, is {value}")]
+    Number {
+        /// Which number of the request, from 0.
+        number: u32,
+        /// The number.
+        value: f64,
+    },
+    /// A finger that rests after a fault, or is on its way to rest.
+    #[error("the finger rests after a fault; restart it first")]
+    AfterFault,
+    /// A position beyond the limits of the joint.
+    #[error("joint {joint} cannot go to {position} rad; its limits are {low} rad and {high} rad")]
+    Position {
+        /// The joint, from 0.
+        joint: u32,
+        /// The position that was asked for, rad.
+        position: f64,
+        /// The lower limit, rad.
+        low: f64,
+        /// The upper limit, rad.
+        high: f64,
+    },
+    /// A torque beyond what the tendons of the joint can give.
+    #[error("joint {joint} cannot give {torque} N m; its tendons give {low} N m to {high} N m")]
+    Torque {
+        /// The joint, from 0.
+        joint: u32,
+        /// The torque that was asked for, N m.
+        torque: f64,
+        /// The least, N m.
+        low: f64,
+        /// The most, N m.
+        high: f64,
+    },
+    /// A tension beyond what a tendon may have.
+    #[error("a tendon of joint {joint} cannot have {tension} N; it has {low} N to {high} N")]
+    Tension {
+        /// The joint, from 0.
+        joint: u32,
+        /// The tension that was asked for, N.
+        tension: f64,
+        /// The least, N.
+        low: f64,
+        /// The most, N.
+        high: f64,
+    },
+    /// Something else that the servo of the joint does not take.
+    #[error("the servo of joint {joint} does not take it")]
+    Setting {
+        /// The joint, from 0.
+        joint: u32,
+    },
+}
+
+/// Words that a refusal takes.
+pub(super) const WORDS: usize = 9;
+
+impl Refusal {
+    /// A code, two words, three numbers.
+    pub(super) fn put(&self, put: &mut Put<'_>) {
+        let (words, numbers) = match *self {
+            Self::Verb { verb } => ([16, verb, 0], [0.0; 3]),
+            Self::NoFinger { finger, fingers } => ([17, finger, fingers], [0.0; 3]),
+            Self::NoJoint { joint, joints } => ([18, joint, joints], [0.0; 3]),
+            Self::Mode { mode } => ([19, mode, 0], [0.0; 3]),
+            Self::Law { law } => ([20, law, 0], [0.0; 3]),
+            Self::Part { part } => ([21, part, 0], [0.0; 3]),
+            Self::Number { number, value } => ([22, number, 0], [value, 0.0, 0.0]),
+            Self::AfterFault => ([23, 0, 0], [0.0; 3]),
+            Self::Position {
+                joint,
+                position,
+                low,
+                high,
+            } => ([24, joint, 0], [position, low, high]),
+            Self::Torque {
+                joint,
+                torque,
+                low,
+                high,
+            } => ([25, joint, 0], [torque, low, high]),
+            Self::Tension {
+                joint,
+                tension,
+                low,
+                high,
+            } => ([26, joint, 0], [tension, low, high]),
+            Self::Setting { joint } => ([27, joint, 0], [0.0; 3]),
+        };
+        put.words(&words).numbers(&numbers);
+    }
+
+    /// The refusal in these words; none for a code that is none.
+    pub(super) fn take(taken: &mut Taken<'_>) -> Option<Self> {
+        let (code, a, b) = (taken.word(), taken.word(), taken.word());
+        let [x, low, high] = taken.numbers();
+        Some(match code {
+            16 => Self::Verb { verb: a },
+            17 => Self::NoFinger {
+                finger: a,
+                fingers: b,
+            },
+            18 => Self::NoJoint {
+                joint: a,
+                joints: b,
+            },
+            19 => Self::Mode { mode: a },
+            20 => Self::Law { law: a },
+            21 => Self::Part { part: a },
+            22 => Self::Number {
+                number: a,
+                value: x,
+            },
+            23 => Self::AfterFault,
+            24 => Self::Position {
+                joint: a,
+                position: x,
+                low,
+                high,
+            },
+            25 => Self::Torque {
+                joint: a,
+                torque: x,
+                low,
+                high,
+            },
+            26 => Self::Tension {
+                joint: a,
+                tension: x,
+                low,
+                high,
+            },
+            27 => Self::Setting { joint: a },
+            _ => return None,
+        })
+    }
+
+    /// What the servo of `joint` said.
+    pub(super) fn of_servo(joint: u32, error: &SettingError) -> Self {
+        match *error {
+            SettingError::AfterFault => Self::AfterFault,
+            SettingError::NoJoint { joints, .. } => Self::NoJoint {
+                joint,
+                joints: joints as u32,
+            },
+            SettingError::Position {
+                position,
+                low,
+                high,
+                ..
+            } => Self::Position {
+                joint,
+                position,
+                low,
+                high,
+            },
+            SettingError::Torque {
+                torque, low, high, ..
+            } => Self::Torque {
+                joint,
+                torque,
+                low,
+                high,
+            },
+            SettingError::Tension {
+                tension, low, high, ..
+            } => Self::Tension {
+                joint,
+                tension,
+                low,
+                high,
+            },
+            _ => Self::Setting { joint },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_refusal_comes_back_from_its_words() {
+        let (joint, low, high) = (3, -1.5, 2.5);
+        for refusal in [
+            Refusal::Verb { verb: 7 },
+            Refusal::NoFinger {
+                finger: 9,
+                fingers: 2,
+            },
+            Refusal::NoJoint { joint, joints: 3 },
+            Refusal::Mode { mode: 5 },
+            Refusal::Law { law: 2 },
+            Refusal::Part { part: 3 },
+            Refusal::Number {
+                number: 4,
+                value: f64::INFINITY,
+            },
+            Refusal::AfterFault,
+            Refusal::Position {
+                joint,
+                position: 9.0,
+                low,
+                high,
+            },
+            Refusal::Torque {
+                joint,
+                torque: 9.0,
+                low,
+                high,
+            },
+            Refusal::Tension {
+                joint,
+                tension: 9.0,
+                low,
+                high,
+            },
+            Refusal::Setting { joint },
+        ] {
+            let mut words = [0; WORDS];
+            refusal.put(&mut Put::into(&mut words));
+            assert_eq!(Refusal::take(&mut Taken::from(&words)), Some(refusal));
+        }
+        assert_eq!(Refusal::take(&mut Taken::from(&[0; WORDS])), None);
+    }
+}

@@ -1,0 +1,304 @@
+use condor_mbox::{AccessError, MemoryWindow, Publisher, Region, StaticWindow, Subscriber};
+use nalgebra::Vector3;
+
+use super::memory::{
+    FingerMemory, JointMemory, ORDER_GAINS, OUTCOME_GAINS, OUTCOME_PART, Order, Outcome, Report,
+    ServoObject, kind, word,
+};
+use super::places::{Points, ServoPlaces, take_points};
+use super::words::{Put, Taken, put_gains, take_gains, take_target};
+use super::{Refusal, Status};
+use crate::controller::{FingerController, Tick};
+use crate::dynamics::Dynamics;
+use crate::servo::{Mode, Sensed};
+
+/// The end of a [`ServoObject`] in the servo loop: the controllers of the fingers, which do what
+/// messages asked for.
+#[derive(Debug)]
+pub struct ServoLoop<'o, M, W, const F: usize, const N: usize> {
+    fingers: [FingerLoop<'o, M, W, N>; F],
+}
+
+#[derive(Debug)]
+struct FingerLoop<'o, M, W, const N: usize> {
+    controller: FingerController<M, N>,
+    memory: &'o FingerMemory<N>,
+    words: Region<StaticWindow<'o>>,
+    /// The number of the last order of which all is done.
+    settled: u32,
+    restarts_asked: u32,
+    joints: [JointLoop; N],
+    points: Subscriber<Points<N>, Region<W>>,
+    points_seen: u32,
+    refused_set_points: u32,
+    restarts: u32,
+    ticks: u32,
+    report: Publisher<Report, StaticWindow<'o>>,
+    reported: Report,
+}
+
+/// The numbers of the orders that a joint has done.
+#[derive(Clone, Copy, Debug, Default)]
+struct JointLoop {
+    drive: u32,
+    gains: u32,
+}
+
+impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: usize>
+    ServoLoop<'o, M, W, F, N>
+{
+    pub(super) fn new(
+        object: &'o ServoObject<F, N>,
+        region: &Region<W>,
+        places: ServoPlaces<F, N>,
+        controllers: [FingerController<M, N>; F],
+    ) -> Result<Self, AccessError> {
+        let mut fingers = heapless::Vec::<_, F>::new();
+        for (finger, (controller, memory)) in
+            controllers.into_iter().zip(&object.fingers).enumerate()
+        {
+            let points = places.subscriber(finger, region)?;
+            // As many as there is room for: all have F.
+            let _ = fingers.push(FingerLoop::new(controller, memory, points)?);
+        }
+        match fingers.into_array() {
+            Ok(fingers) => Ok(Self { fingers }),
+            // Only a finger without place could be missing, and that was an error above.
+            Err(_) => places.check(region).and_then(|()| {
+                Err(AccessError {
+                    offset: 0,
+                    len: F,
+                    size: region.size(),
+                    kind: condor_mbox::WindowErrorKind::OutOfBounds,
+                })
+            }),
+        }
+    }
+}
+
+impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
+    ServoLoop<'_, M, W, F, N>
+{
+    /// One tick of a finger, as [`FingerController::tick`], after what messages and the master have
+    /// asked for since the last one; `None` for a finger that the processor does not have.
+    ///
+    /// It neither waits nor serves, whatever peers write.
+    pub fn tick(
+        &mut self,
+        finger: usize,
+        sensed: &Sensed<f64, N>,
+        gravity: &Vector3<f64>,
+        period_s: f64,
+    ) -> Option<Tick<N>> {
+        let finger = self.fingers.get_mut(finger)?;
+        finger.obey();
+        finger.follow();
+        let tick = finger.controller.tick(sensed, gravity, period_s);
+        finger.tell(&tick);
+        Some(tick)
+    }
+
+    /// The controller of a finger.
+    #[must_use]
+    pub fn controller(&self, finger: usize) -> Option<&FingerController<M, N>> {
+        self.fingers.get(finger).map(|finger| &finger.controller)
+    }
+
+    /// The controller of a finger, for what the program of this processor does itself.
+    #[must_use]
+    pub fn controller_mut(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
+        self.fingers
+            .get_mut(finger)
+            .map(|finger| &mut finger.controller)
+    }
+}
+
+impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M, W, N> {
+    fn new(
+        controller: FingerController<M, N>,
+        memory: &'o FingerMemory<N>,
+        points: Subscriber<Points<N>, Region<W>>,
+    ) -> Result<Self, AccessError> {
+        let (cell, window) = memory.report();
+        let words = memory.words();
+        let mut this = Self {
+            settled: words.word(word::ORDERS)?,
+            restarts_asked: words.word(word::RESTARTS)?,
+            joints: core::array::from_fn(|joint| {
+                let order = memory.joints.get(joint).and_then(JointMemory::last_order);
+                order.map_or(JointLoop::default(), |order| {
+                    let (drive, gains) = order.split_at(ORDER_GAINS);
+                    JointLoop {
+                        drive: Taken::from(drive).word(),
+                        gains: Taken::from(gains).word(),
+                    }
+                })
+            }),
+            points_seen: points.read().map_or(0, |latest| latest.sequence),
+            points,
+            refused_set_points: 0,
+            restarts: 0,
+            ticks: 0,
+            report: cell.publisher(window)?,
+            reported: Report::default(),
+            controller,
+            memory,
+            words,
+        };
+        for (number, joint) in memory.joints.iter().enumerate() {
+            let mut outcome = [0; size_of::<Outcome>() / 4];
+            this.put_gains(number, &mut outcome);
+            let (cell, window) = joint.outcome();
+            cell.publisher(window)?.publish(&outcome)?;
+        }
+        this.reported = this.status(0).words();
+        this.report.publish(&this.reported)?;
+        Ok(this)
+    }
+
+    /// Does what messages have asked for since the last tick.
+    #[inline]
+    fn obey(&mut self) {
+        // Pairs with the handler's store, after all that belongs to the order.
+        if let Ok(orders) = self.words.word(word::ORDERS)
+            && orders != self.settled
+        {
+            self.obey_all(orders);
+        }
+    }
+
+    #[cold]
+    fn obey_all(&mut self, orders: u32) {
+        if let Ok(asked) = self.words.word(word::RESTARTS)
+            && asked != self.restarts_asked
+        {
+            self.restarts = self
+                .restarts
+                .wrapping_add(asked.wrapping_sub(self.restarts_asked));
+            self.restarts_asked = asked;
+            self.controller.clear();
+        }
+        let memory = self.memory;
+        let mut settled = true;
+        for (number, joint) in memory.joints.iter().enumerate() {
+            settled &= match joint.last_order() {
+                Some(order) => self.obey_one(number, joint, &order).is_some(),
+                None => false,
+            };
+        }
+        // Otherwise a later tick looks again.
+        if settled {
+            self.settled = orders;
+        }
+    }
+
+    /// Does what is new in the orders of a joint; none if it could not tell.
+    fn obey_one(&mut self, number: usize, joint: &JointMemory, order: &Order) -> Option<()> {
+        let (drive, gains) = order.split_at(ORDER_GAINS);
+        let (mut drive, mut gains) = (Taken::from(drive), Taken::from(gains));
+        let (drive_order, gains_order) = (drive.word(), gains.word());
+        let done = *self.joints.get(number)?;
+        if drive_order == done.drive && gains_order == done.gains {
+            return Some(());
+        }
+        let (cell, window) = joint.outcome();
+        let mut outcome = cell.subscriber(window).ok()?.read().ok()?.value;
+        if gains_order != done.gains {
+            let refusal = self.set_gains(number, &mut gains).err();
+            let (_, of_gains) = outcome.split_at_mut(OUTCOME_PART);
+            put_outcome(gains_order, refusal, of_gains);
+        }
+        if drive_order != done.drive {
+            put_outcome(
+                drive_order,
+                self.drive(number, &mut drive).err(),
+                &mut outcome,
+            );
+        }
+        self.put_gains(number, &mut outcome);
+        cell.publisher(window).ok()?.publish(&outcome).ok()?;
+        if let Some(joint) = self.joints.get_mut(number) {
+            joint.drive = drive_order;
+            joint.gains = gains_order;
+        }
+        Some(())
+    }
+
+    fn drive(&mut self, joint: usize, order: &mut Taken<'_>) -> Result<(), Refusal> {
+        let (kind, mode) = (order.word(), order.word());
+        let outcome = if kind == kind::MODE {
+            let mode = Mode::from_number(mode).ok_or(Refusal::Mode { mode })?;
+            self.controller.set_mode(joint, mode)
+        } else {
+            let target = take_target(mode, order)?;
+            self.controller.set_target(joint, target)
+        };
+        outcome.map_err(|error| Refusal::of_servo(joint as u32, &error))
+    }
+
+    fn set_gains(&mut self, joint: usize, order: &mut Taken<'_>) -> Result<(), Refusal> {
+        let law = order.word();
+        let gains = take_gains(law, order)?;
+        let outcome = self.controller.set_gains(joint, &gains);
+        outcome.map_err(|error| Refusal::of_servo(joint as u32, &error))
+    }
+
+    fn put_gains(&self, joint: usize, outcome: &mut Outcome) {
+        if let (Some(gains), Some(words)) = (
+            self.controller.gains(joint),
+            outcome.get_mut(OUTCOME_GAINS..),
+        ) {
+            put_gains(gains, &mut Put::into(words));
+        }
+    }
+
+    /// Gives the controller the master's next set-points.
+    #[inline]
+    fn follow(&mut self) {
+        if let Ok(latest) = self.points.read()
+            && latest.sequence != self.points_seen
+        {
+            self.points_seen = latest.sequence;
+            if self.controller.follow(&take_points(&latest.value)).is_err() {
+                self.refused_set_points = self.refused_set_points.wrapping_add(1);
+            }
+        }
+    }
+
+    fn status(&self, saturated: u32) -> Status<N> {
+        Status {
+            modes: core::array::from_fn(|joint| self.controller.mode(joint).unwrap_or(Mode::Off)),
+            saturated,
+            fault: self.controller.fault(),
+            is_resting: self.controller.is_resting(),
+            restarts: self.restarts,
+            settled: self.settled,
+            refused_set_points: self.refused_set_points,
+            ticks: self.ticks,
+        }
+    }
+
+    /// Lets the handler know, if there is anything new.
+    #[inline]
+    fn tell(&mut self, tick: &Tick<N>) {
+        self.ticks = self.ticks.wrapping_add(1);
+        // Memory of the object's own is always there.
+        let _ = self.words.set_word(word::TICKS, self.ticks);
+        let report = self.status(tick.output.saturated).words();
+        if report != self.reported && self.report.publish(&report).is_ok() {
+            self.reported = report;
+        }
+    }
+}
+
+/// The number of an order, and the refusal, or zeros.
+fn put_outcome(number: u32, refusal: Option<Refusal>, words: &mut [u32]) {
+    let mut put = Put::into(words);
+    put.word(number);
+    match refusal {
+        Some(refusal) => refusal.put(&mut put),
+        None => {
+            put.words(&[0; super::refusal::WORDS]);
+        }
+    }
+}
