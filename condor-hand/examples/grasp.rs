@@ -1,0 +1,366 @@
+//! A ball in the fingers of the simulated hand, held with a stiffness that is programmed: somebody
+//! pushes and twists it along each axis, and it gives way as much as it should.
+//!
+//! ```sh
+//! cargo run --release -p condor-hand --example grasp
+//! ```
+//!
+//! Three fingers hold it, and then four. Exits with 1 if a stiffness is more than 1 % from the
+//! programmed one, or if a finger slips.
+
+use std::error::Error;
+use std::process::ExitCode;
+
+use condor_hand::config::Hand;
+use condor_hand::controller::FingerController;
+use condor_hand::dynamics::Dynamics;
+use condor_hand::grasp::{
+    FingerState, Friction, GraspStiffness, GraspTuning, Posture, SpatialGain, Squeeze, Surface,
+    TorqueLimits, Wrench,
+};
+use condor_hand::kinematics::{JointLimits, PlanarFinger, Redundancy};
+use condor_hand::math;
+use condor_hand::plant::{self, DriveKind, Machine, Object, ObjectParameters, Stop};
+use condor_hand::servo::{Sensed, Target};
+use nalgebra::{Vector3, Vector4};
+
+const HAND: &str = include_str!("../hands/utah-mit.toml");
+
+/// N/m along x, y and z, N m/rad about them.
+const STIFFNESS: [f64; 6] = [200.0, 250.0, 150.0, 0.1, 0.1, 0.1];
+const DAMPING: [f64; 6] = [4.0, 4.0, 4.0, 2e-3, 2e-3, 2e-3];
+const AXES: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
+
+/// What it is pushed and twisted with, N and N m.
+const PUSH_N: f64 = 0.2;
+const TWIST_NM: f64 = 4e-3;
+const SETTLING_S: f64 = 6.0;
+
+const MASS_KG: f64 = 0.05;
+const RADIUS_M: f64 = 0.02;
+const CENTER_M: [f64; 3] = [0.085, 0.004, -0.0625];
+/// From the centre of the ball to the tip of each finger, the thumb last.
+const TIPS: [[f64; 3]; 4] = [
+    [0.0, 0.9, 0.4],
+    [0.1, 0.0, 1.0],
+    [0.0, -0.9, 0.4],
+    [0.05, 0.0, -1.0],
+];
+const SQUEEZE_N: f64 = 1.5;
+const CLOSING_S: f64 = 1.0;
+
+const TOLERANCE: f64 = 0.01;
+
+fn main() -> Result<ExitCode, Box<dyn Error>> {
+    let mut good = true;
+    good &= hold([0, 2, 3])?;
+    good &= hold([0, 1, 2, 3])?;
+    Ok(if good {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+/// Holds the ball in these fingers, and says whether it is as stiff as it should be.
+fn hold<const M: usize>(numbers: [usize; M]) -> Result<bool, Box<dyn Error>> {
+    let mut bench = Bench::new(numbers)?;
+    bench.take()?;
+    bench.run(2.0)?;
+    let start = bench.ball();
+
+    println!("{M} fingers hold a ball of {MASS_KG} kg with edges of {SQUEEZE_N} N");
+    println!("  axis        programmed    apparent     error    across");
+    let mut good = true;
+    for (axis, (name, programmed)) in AXES.into_iter().zip(STIFFNESS).enumerate() {
+        let mut push = [0.0; 6];
+        push[axis] = if axis < 3 { PUSH_N } else { TWIST_NM };
+        bench.push = push;
+        bench.run(SETTLING_S)?;
+        let pushed = difference(&start, &bench.ball());
+        bench.push = [0.0; 6];
+        bench.run(SETTLING_S)?;
+
+        let apparent = push[axis] / pushed[axis];
+        let error = apparent / programmed - 1.0;
+        let across = across(&pushed, axis);
+        let unit = if axis < 3 { "N/m     " } else { "N m/rad " };
+        println!(
+            "  {name:<8} {programmed:8.2} {unit} {apparent:9.4} {:8.2} % {:7.2} %",
+            100.0 * error,
+            100.0 * across
+        );
+        good &= math::abs(error) <= TOLERANCE;
+    }
+    let drift = difference(&start, &bench.ball());
+    let drift = Vector3::new(drift[0], drift[1], drift[2]).norm();
+    println!(
+        "  afterwards it is {:.2} µm from where it was; the least friction margin was {:.2} N, {}\n",
+        1e6 * drift,
+        bench.margin,
+        if bench.slid {
+            "and a finger slid"
+        } else {
+            "and none slid"
+        },
+    );
+    Ok(good && !bench.slid)
+}
+
+/// A simulated hand, its controllers, and the law that makes the ball stiff.
+struct Bench<const M: usize> {
+    hand: Hand<4, 4>,
+    plant: plant::Hand<PlanarFinger, M, 4>,
+    fingers: [FingerController<PlanarFinger, 4>; M],
+    velocities: [Vector4<f64>; M],
+    law: Option<GraspStiffness<f64, M, 4>>,
+    /// What pushes the ball, N and N m.
+    push: [f64; 6],
+    /// How much of the ball a hand that is not simulated still holds, 1 to 0.
+    support: f64,
+    margin: f64,
+    slid: bool,
+}
+
+impl<const M: usize> Bench<M> {
+    /// The fingers stand a millimetre from the ball.
+    fn new(numbers: [usize; M]) -> Result<Self, Box<dyn Error>> {
+        let hand = Hand::<4, 4>::from_toml(HAND, "utah-mit.toml")?;
+        let machine = Machine {
+            actuator: DriveKind::exact,
+            joint_stop: Stop {
+                stiffness: 50.0,
+                damping: 0.1,
+            },
+            axis_stop: Stop {
+                stiffness: 0.0,
+                damping: 0.0,
+            },
+            updates: 25,
+            tip_radius: 0.0,
+            surface: plant::Surface {
+                stiffness: 5e4,
+                damping: 20.0,
+                shear_stiffness: 5e4,
+                shear_damping: 20.0,
+                friction: 0.8,
+            },
+        };
+        let center = Vector3::from(CENTER_M);
+        let mut plants = Vec::new();
+        let mut controllers = Vec::new();
+        for number in numbers {
+            let finger = &hand.fingers[number];
+            let mechanism = finger.planar().ok_or("a finger is not planar")?;
+            let limits = finger.limits();
+            let limits = JointLimits::new(limits.low, limits.high)?;
+            let direction = Vector3::from(TIPS[number]).normalize();
+            let target = center + direction * (RADIUS_M + 1e-3);
+            let present = (limits.lower() + limits.upper()) / 2.0;
+            let q = mechanism.inverse(&target, Redundancy::Roomiest, &present, &limits)?;
+            plants.push(machine.finger(finger, mechanism, q)?);
+            controllers.push(FingerController::new(&hand, finger, mechanism)?);
+        }
+        let plants = plants.try_into().map_err(|_| "as many plants as numbers")?;
+        let fingers = controllers
+            .try_into()
+            .map_err(|_| "as many controllers as numbers")?;
+        let ball = Object::new(ObjectParameters::ball(MASS_KG, RADIUS_M), center)?;
+        let mut parameters = machine.hand_parameters(&hand);
+        parameters.tip_object = machine.surface;
+        Ok(Self {
+            plant: plant::Hand::new(plants, parameters)?.with_object(ball),
+            hand,
+            fingers,
+            velocities: [Vector4::zeros(); M],
+            law: None,
+            push: [0.0; 6],
+            support: 1.0,
+            margin: f64::INFINITY,
+            slid: false,
+        })
+    }
+
+    /// Closes the fingers on the ball, and lets go of it.
+    fn take(&mut self) -> Result<(), Box<dyn Error>> {
+        let tuning = self.tuning(0.0)?;
+        let mut law = GraspStiffness::engage(&self.states(), tuning)?;
+        let center = Vector3::from(CENTER_M);
+        law.set_desired(
+            &self
+                .states()
+                .map(|state| center + (state.tip - center).normalize() * RADIUS_M),
+        )?;
+        self.law = Some(law);
+        self.run(CLOSING_S)?;
+        let steps = 100_u32;
+        for step in 1..=steps {
+            let share = f64::from(step) / f64::from(steps);
+            let tuning = self.tuning(share)?;
+            if let Some(law) = &mut self.law {
+                law.set_tuning(tuning)?;
+            }
+            self.run(CLOSING_S / f64::from(steps))?;
+        }
+        for step in 1..=steps {
+            self.support = 1.0 - f64::from(step) / f64::from(steps);
+            self.run(CLOSING_S / f64::from(steps))?;
+        }
+        // From here on the ball is to be where it is now.
+        self.law = Some(GraspStiffness::engage(&self.states(), self.tuning(1.0)?)?);
+        self.margin = f64::INFINITY;
+        self.slid = false;
+        Ok(())
+    }
+
+    fn tuning(&self, squeeze: f64) -> Result<GraspTuning<f64, M, 4>, Box<dyn Error>> {
+        let center = self.ball().position;
+        let weight = -Vector3::from(self.hand.gravity) * MASS_KG;
+        Ok(GraspTuning {
+            stiffness: SpatialGain::diagonal(STIFFNESS)?,
+            damping: SpatialGain::diagonal(DAMPING)?,
+            center,
+            feed_forward: Wrench {
+                force: weight * (1.0 - self.support),
+                moment: Vector3::zeros(),
+            },
+            squeeze: Squeeze::equal(squeeze * SQUEEZE_N)?,
+            surface: Surface::Ball(center),
+            friction: Friction::point(0.8)?,
+            posture: Posture {
+                stiffness: 0.1,
+                damping: 2e-3,
+            },
+            limits: [TorqueLimits::none(); M],
+        })
+    }
+
+    /// Passes so much time.
+    fn run(&mut self, seconds: f64) -> Result<(), Box<dyn Error>> {
+        let end = self.plant.time_s() + seconds;
+        while self.plant.time_s() < end {
+            self.tick()?;
+        }
+        Ok(())
+    }
+
+    fn tick(&mut self) -> Result<(), Box<dyn Error>> {
+        let states = self.states();
+        let feed_forward = -Vector3::from(self.hand.gravity) * MASS_KG * (1.0 - self.support);
+        if let Some(law) = &mut self.law {
+            let mut tuning = *law.tuning();
+            tuning.feed_forward.force = feed_forward;
+            law.set_tuning(tuning)?;
+            let output = law.update(&states)?;
+            for (finger, torques) in self.fingers.iter_mut().zip(&output.torques) {
+                for (joint, &torque) in torques.iter().enumerate() {
+                    finger.set_target(joint, Target::Grasp(torque))?;
+                }
+            }
+            self.margin = output.margins.into_iter().fold(self.margin, math::min);
+        } else {
+            for (finger, state) in self.fingers.iter_mut().zip(&states) {
+                for (joint, &torque) in state.gravity_torque.iter().enumerate() {
+                    finger.set_target(joint, Target::Torque(torque))?;
+                }
+            }
+        }
+
+        let gravity = Vector3::from(self.hand.gravity);
+        let period_s = 1.0 / f64::from(self.hand.servo_hz);
+        let mut commands = [Default::default(); M];
+        for (((finger, plant), command), velocity) in self
+            .fingers
+            .iter_mut()
+            .zip(self.plant.fingers())
+            .zip(&mut commands)
+            .zip(&mut self.velocities)
+        {
+            let sensed = Sensed {
+                position: *plant.q(),
+                tension: *plant.tensions(),
+            };
+            let tick = finger.tick(&sensed, &gravity, period_s);
+            if let Some(fault) = tick.fault {
+                return Err(fault.into());
+            }
+            *velocity = tick.output.velocity;
+            *command = tick.output.command;
+        }
+        self.plant.push_object(self.pushes())?;
+        self.plant.step(&commands)?;
+        self.slid |= self
+            .plant
+            .object_contacts()
+            .iter()
+            .any(plant::Contact::is_sliding);
+        Ok(())
+    }
+
+    /// What acts on the ball beside the fingers.
+    fn pushes(&self) -> plant::Wrench {
+        let [fx, fy, fz, mx, my, mz] = self.push;
+        let mut wrench = plant::Wrench {
+            force: Vector3::new(fx, fy, fz),
+            moment: Vector3::new(mx, my, mz),
+        };
+        if let (Some(ball), true) = (self.plant.object(), self.support > 0.0) {
+            let from = ball.pose().position - Vector3::from(CENTER_M);
+            let held =
+                -from * 500.0 - ball.velocity() * 10.0 - Vector3::from(self.hand.gravity) * MASS_KG;
+            wrench.force += held * self.support;
+            wrench.moment -= ball.angular_velocity() * 1e-3 * self.support;
+        }
+        wrench
+    }
+
+    fn states(&self) -> [FingerState<f64, 4>; M] {
+        let gravity = Vector3::from(self.hand.gravity);
+        core::array::from_fn(|index| {
+            let finger = &self.plant.fingers()[index];
+            let q = finger.q();
+            let weight = self.fingers[index].mechanism().gravity_torque(q, &gravity);
+            FingerState::new(
+                self.fingers[index].mechanism(),
+                q,
+                &self.velocities[index],
+                &weight,
+            )
+        })
+    }
+
+    fn ball(&self) -> condor_hand::Pose {
+        self.plant
+            .object()
+            .map_or_else(condor_hand::Pose::identity, Object::pose)
+    }
+}
+
+/// How a ball has moved and turned, m and rad.
+fn difference(from: &condor_hand::Pose, to: &condor_hand::Pose) -> [f64; 6] {
+    let moved = to.position - from.position;
+    let turn = to.rotation * from.rotation.transpose();
+    // The vector of a small rotation: sin(angle) times its axis, lengthened to the angle.
+    let sine = Vector3::new(
+        turn[(2, 1)] - turn[(1, 2)],
+        turn[(0, 2)] - turn[(2, 0)],
+        turn[(1, 0)] - turn[(0, 1)],
+    ) / 2.0;
+    let length = sine.norm();
+    let angle = math::atan2(length, (turn.trace() - 1.0) / 2.0);
+    let turned = if length > 0.0 {
+        sine * (angle / length)
+    } else {
+        sine
+    };
+    [moved.x, moved.y, moved.z, turned.x, turned.y, turned.z]
+}
+
+/// The largest motion along another axis of the same kind, of the motion along this one.
+fn across(motion: &[f64; 6], axis: usize) -> f64 {
+    let kind = 3 * (axis / 3);
+    (kind..kind + 3)
+        .filter(|&other| other != axis)
+        .map(|other| math::abs(motion[other] / motion[axis]))
+        .fold(0.0, math::max)
+}
