@@ -21,7 +21,7 @@ use condor_hand::grasp::{
 use condor_hand::kinematics::{JointLimits, PlanarFinger, Redundancy};
 use condor_hand::math;
 use condor_hand::plant::{self, DriveKind, Machine, Object, ObjectParameters, Stop};
-use condor_hand::servo::{Sensed, Target};
+use condor_hand::servo::{JointTarget, Sensed};
 use nalgebra::{Vector3, Vector4};
 
 const HAND: &str = include_str!("../hands/utah-mit.toml");
@@ -254,14 +254,14 @@ impl<const M: usize> Bench<M> {
             let output = law.update(&states)?;
             for (finger, torques) in self.fingers.iter_mut().zip(&output.torques) {
                 for (joint, &torque) in torques.iter().enumerate() {
-                    finger.set_target(joint, Target::Grasp(torque))?;
+                    finger.set_target(joint, JointTarget::Grasp(torque))?;
                 }
             }
             self.margin = output.margins.into_iter().fold(self.margin, math::min);
         } else {
             for (finger, state) in self.fingers.iter_mut().zip(&states) {
                 for (joint, &torque) in state.gravity_torque.iter().enumerate() {
-                    finger.set_target(joint, Target::Torque(torque))?;
+                    finger.set_target(joint, JointTarget::Torque(torque))?;
                 }
             }
         }

@@ -113,7 +113,7 @@ mod tests {
         modes[0] = Mode::Grasp;
         modes[7] = Mode::Position;
         modes[18] = Mode::Tension;
-        for channel in [
+        for site in [
             FaultSite::Finger,
             FaultSite::Joint(2),
             FaultSite::Flexor(18),
