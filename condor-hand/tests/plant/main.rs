@@ -6,6 +6,7 @@
     reason = "some results are exact, or are set and not computed"
 )]
 
+mod configured;
 mod contacts;
 mod drives;
 mod energy;
