@@ -60,7 +60,7 @@ mod words;
 
 pub use client::{ClientError, Hello, ServoClient};
 pub use handler::ServoHandler;
-pub use memory::{Identity, ServoObject};
+pub use memory::{Identity, ServoEnds, ServoObject};
 pub use places::{ServoPlaces, SetPoints};
 pub use refusal::Refusal;
 pub use servo_loop::ServoLoop;

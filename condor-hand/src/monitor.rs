@@ -34,7 +34,7 @@
 //! | 72 | every which tick makes a row |
 //! | 76 | the selection, 8 words: bit *v* mod 32 of word *v* / 32 is variable *v* |
 //! | 128 | for each variable 64 bytes: name (48) and unit (12) in UTF-8 with zeros after them, kind (4) |
-//! | next multiple of 64 | the rows |
+//! | after them | the rows |
 //!
 //! Row *s* is at place *s* mod rows. It has its sequence when it is begun, its sequence when it is
 //! complete, the number of the servo tick, the selection (8 words), and the values of the selected

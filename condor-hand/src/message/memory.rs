@@ -81,6 +81,10 @@ pub struct ServoObject<const F: usize, const N: usize> {
     pub(super) fingers: [FingerMemory<N>; F],
 }
 
+/// The ends of a [`ServoObject`]: for the background, and for the servo loop.
+pub type ServoEnds<'o, M, W, X, const F: usize, const N: usize> =
+    (ServoHandler<'o, W, X, F, N>, ServoLoop<'o, M, W, F, N>);
+
 /// What the servos of a processor are called.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity<const F: usize> {
@@ -162,19 +166,14 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
     /// An object of which nothing has been asked.
     #[must_use]
     pub const fn new() -> Self {
-        const {
-            assert!(
-                F > 0 && N > 0 && N <= 32,
-                "1 to 32 joints of a finger or more"
-            );
-        };
+        const { assert!(F > 0, "a processor without fingers has no servos") };
+        const { assert!(N > 0 && N <= 32, "a finger has 1 to 32 joints") };
         Self {
             desk: StaticMemory::new(),
             fingers: [const { FingerMemory::new() }; F],
         }
     }
 
-    #[allow(clippy::type_complexity, reason = "two ends, each of its own type")]
     /// The two ends: for the background and for the servo loop.
     ///
     /// `region` is the users' region of the processor's own `data`; `exclusion` keeps apart the
@@ -190,7 +189,7 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
         places: ServoPlaces<F, N>,
         exclusion: X,
         controllers: [FingerController<M, N>; F],
-    ) -> Result<(ServoHandler<'_, W, X, F, N>, ServoLoop<'_, M, W, F, N>), AccessError>
+    ) -> Result<ServoEnds<'_, M, W, X, F, N>, AccessError>
     where
         M: Dynamics<f64, N>,
         W: MemoryWindow + Clone,

@@ -79,7 +79,7 @@ impl<const F: usize, const N: usize> ServoPlaces<F, N> {
             self.points
                 .wrapping_add(finger as u32 * Published::<Points<N>>::BYTES)
         } else {
-            !3
+            u32::MAX - 3
         })
     }
 }

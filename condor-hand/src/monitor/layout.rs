@@ -45,6 +45,11 @@ pub const fn ring_bytes(variables: u32, columns: u32, rows: u32) -> u32 {
     rows_at(variables).saturating_add(rows.saturating_mul(row_bytes(columns)))
 }
 
+/// Where a variable is described.
+pub(super) const fn entry(variable: u32) -> u32 {
+    TABLE.saturating_add(variable.saturating_mul(ENTRY_BYTES))
+}
+
 const fn rows_at(variables: u32) -> u32 {
     // A table that reaches past the end of every window is refused at its first access.
     TABLE.saturating_add(variables.saturating_mul(ENTRY_BYTES))
@@ -84,11 +89,6 @@ impl Layout {
             && self.rows >= 2
             && ring_bytes(self.variables, self.columns, self.rows) <= size;
         possible.then_some(self)
-    }
-
-    /// Where a variable is described.
-    pub(super) const fn entry(variable: u32) -> u32 {
-        TABLE.saturating_add(variable.saturating_mul(ENTRY_BYTES))
     }
 
     /// Where a row is.

@@ -1,7 +1,7 @@
 use condor_mbox::{AccessError, MemoryWindow, Region};
 use thiserror::Error;
 
-use super::layout::{COLUMNS, Layout, MAGIC, VERSION, header, row};
+use super::layout::{COLUMNS, Layout, MAGIC, VERSION, entry, header, row};
 use super::selection::Selection;
 use super::variable::Variable;
 
@@ -138,7 +138,7 @@ impl<W: MemoryWindow> MonitorReader<W> {
     pub fn variable(&self, number: usize) -> Result<Option<Variable>, MonitorReaderError> {
         match u32::try_from(number) {
             Ok(number) if number < self.layout.variables => {
-                let variable = Variable::read(&self.region, Layout::entry(number))?;
+                let variable = Variable::read(&self.region, entry(number))?;
                 self.check_life()?;
                 Ok(variable)
             }

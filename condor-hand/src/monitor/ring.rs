@@ -1,7 +1,7 @@
 use condor_mbox::{AccessError, MemoryWindow, Region};
 use thiserror::Error;
 
-use super::layout::{COLUMNS, Layout, MAGIC, VARIABLES, VERSION, header, row};
+use super::layout::{COLUMNS, Layout, MAGIC, VARIABLES, VERSION, entry, header, row};
 use super::selection::Selection;
 use super::variable::Variable;
 
@@ -70,7 +70,7 @@ impl<W: MemoryWindow> Ring<W> {
             region.set_word(offset, word)?;
         }
         for (number, variable) in (0..).zip(variables) {
-            variable.write(&region, Layout::entry(number))?;
+            variable.write(&region, entry(number))?;
         }
         for place in 0..layout.rows {
             // The sequence of another place, which no row here ever has.
