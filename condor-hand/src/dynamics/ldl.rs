@@ -14,39 +14,39 @@ pub(super) fn solve<T: Real, const N: usize>(
     // The unit lower triangle; its diagonal holds the reciprocal pivots.
     let mut lower = *a;
     for j in 0..N {
-        let mut pivot = a[(j, j)];
+        let mut pivot = *a.get((j, j))?;
         for k in 0..j {
             // Until here, the entries left of the diagonal are those of L D.
-            let scaled = lower[(j, k)];
-            let entry = scaled * lower[(k, k)];
+            let scaled = *lower.get((j, k))?;
+            let entry = scaled * *lower.get((k, k))?;
             pivot -= scaled * entry;
-            lower[(j, k)] = entry;
+            *lower.get_mut((j, k))? = entry;
         }
         // No order for a NaN, which is not positive either.
         if pivot > T::zero() {
-            lower[(j, j)] = T::one() / pivot;
+            *lower.get_mut((j, j))? = T::one() / pivot;
         } else {
             return None;
         }
         for i in j + 1..N {
             for k in 0..j {
-                let known = lower[(i, k)] * lower[(j, k)];
-                lower[(i, j)] -= known;
+                let known = *lower.get((i, k))? * *lower.get((j, k))?;
+                *lower.get_mut((i, j))? -= known;
             }
         }
     }
     let mut x = *b;
     for i in 0..N {
         for k in 0..i {
-            let known = lower[(i, k)] * x[k];
-            x[i] -= known;
+            let known = *lower.get((i, k))? * *x.get(k)?;
+            *x.get_mut(i)? -= known;
         }
     }
     for i in (0..N).rev() {
-        x[i] *= lower[(i, i)];
+        *x.get_mut(i)? *= *lower.get((i, i))?;
         for k in i + 1..N {
-            let known = lower[(k, i)] * x[k];
-            x[i] -= known;
+            let known = *lower.get((k, i))? * *x.get(k)?;
+            *x.get_mut(i)? -= known;
         }
     }
     x.iter().all(|&x| is_finite(x)).then_some(x)

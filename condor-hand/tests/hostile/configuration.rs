@@ -15,8 +15,26 @@ const CHECKSUM: usize = 16;
 
 /// What a number or a word of a good text becomes.
 const REPLACEMENTS: [&str; 20] = [
-    "0", "-0.0", "1", "-1", "0.5", "nan", "inf", "-inf", "1e308", "1e-320", "4294967296",
-    "-9223372036854775808", "\"index\"", "\"\"", "[]", "{}", "true", "=", "\n", "[[fingers]]",
+    "0",
+    "-0.0",
+    "1",
+    "-1",
+    "0.5",
+    "nan",
+    "inf",
+    "-inf",
+    "1e308",
+    "1e-320",
+    "4294967296",
+    "-9223372036854775808",
+    "\"index\"",
+    "\"\"",
+    "[]",
+    "{}",
+    "true",
+    "=",
+    "\n",
+    "[[fingers]]",
 ];
 
 /// Reads what the bytes say.

@@ -50,7 +50,7 @@ fn vary(hand: &mut Shipped, finger: usize, source: &mut Source<'_>) {
         3 => &mut hand.faults.tracking_rad,
         4 => &mut hand.faults.overtravel_rad,
         5 => {
-            hand.servo_hz = u32::from(source.byte()) * 50;
+            hand.servo_hz = u32::from(source.byte()) * 50 << (source.byte() % 24);
             hand.trajectory_hz = hand.servo_hz / u32::from(source.byte().max(1));
             return;
         }

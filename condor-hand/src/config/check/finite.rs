@@ -51,7 +51,10 @@ impl Walk<'_> {
         // What does not fit leads to what is around it.
         let _ = self.path.write_fmt(step);
         value.serialize(&mut *self)?;
-        self.path.truncate(before);
+        // Not `truncate`, which panics within a character.
+        while self.path.len() > before {
+            self.path.pop();
+        }
         Ok(())
     }
 }

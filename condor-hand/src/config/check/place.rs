@@ -190,8 +190,8 @@ pub(super) fn resolve<const FINGERS: usize, const JOINTS: usize>(
 
 /// The index and the rest of a path into this list.
 fn entry<'p>(path: &'p str, list: &str) -> Option<(usize, &'p str)> {
-    let (index, rest) = path.strip_prefix(list)?.split_once("].")?;
-    Some((index.parse().ok()?, rest))
+    let (index, rest) = path.strip_prefix(list)?.split_once(']')?;
+    Some((index.parse().ok()?, rest.strip_prefix('.')?))
 }
 
 fn place<const FINGERS: usize, const JOINTS: usize>(
