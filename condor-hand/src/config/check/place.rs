@@ -122,6 +122,9 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         rate_hz: u32,
     ) -> Result<(), Mistake> {
         self.number(root, field, cutoff_hz, Bound::Above0)?;
+        // A filter that is slower still would never move.
+        let least = 1e-9 * f64::from(rate_hz);
+        self.number(root, field, cutoff_hz, Bound::AtLeast(least))?;
         if cutoff_hz < 0.5 * f64::from(rate_hz) {
             return Ok(());
         }

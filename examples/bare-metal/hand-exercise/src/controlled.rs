@@ -2,8 +2,9 @@ use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::math::clamp;
 use condor_hand::plant::{
-    self, AxisParameters, Converter, Drive, DriveKind, Elastic, FaultKind, FingerParameters, Ground,
-    HandParameters, JointParameters, Object, ObjectParameters, Pneumatic, SensorBank, Stop, Surface,
+    self, AxisParameters, Converter, Drive, DriveKind, Elastic, FaultKind, FingerParameters,
+    Ground, HandParameters, JointParameters, Object, ObjectParameters, Pneumatic, SensorBank, Stop,
+    Surface,
 };
 use condor_hand::servo::{JointGains, Mode, PositionLaw, Sensed, Target};
 use condor_hand::tendon::Pair;
@@ -175,7 +176,10 @@ pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let mut commands = [[Pair::both(4.0); 4]; FINGERS];
     for number in 0..LOOPS {
         let now_s = simulated.time_s();
-        let parts = controllers.iter_mut().zip(&mut banks).zip(simulated.fingers());
+        let parts = controllers
+            .iter_mut()
+            .zip(&mut banks)
+            .zip(simulated.fingers());
         for (command, ((controller, bank), finger)) in commands.iter_mut().zip(parts) {
             let sensed = sense(digest, bank, now_s, finger);
             if number % 8 == 0 {
@@ -200,7 +204,10 @@ fn finger_points(closing: f64) -> [SetPoint<f64>; 4] {
     [0.0, 0.85 + closing, 0.8 + closing, 0.55].map(SetPoint::rest)
 }
 
-fn controller(hand: &Shipped, finger: Option<&Finger>) -> Option<FingerController<PlanarFinger, 4>> {
+fn controller(
+    hand: &Shipped,
+    finger: Option<&Finger>,
+) -> Option<FingerController<PlanarFinger, 4>> {
     let finger = finger?;
     let mut controller = FingerController::new(hand, finger, finger.planar()?).ok()?;
     for joint in 0..4 {
@@ -294,7 +301,10 @@ fn simulated(hand: &Shipped) -> Option<Simulated> {
             damping: 100.0,
         },
     };
-    let ball = Object::new(ObjectParameters::ball(0.1, 0.03), Vector3::new(0.07, 0.005, -0.06));
+    let ball = Object::new(
+        ObjectParameters::ball(0.1, 0.03),
+        Vector3::new(0.07, 0.005, -0.06),
+    );
     let ground = Ground::new(Vector3::new(0.0, 0.0, -0.1), Vector3::z());
     let mut simulated = Simulated::new([first?, second?, third?, fourth?], parameters)
         .ok()?
@@ -384,10 +394,7 @@ fn bank<'a>(
     for (joint, converter) in finger.joints.iter().zip(converters.iter_mut().step_by(3)) {
         *converter = Converter {
             bits: u32::from(joint.adc.bits),
-            range: (
-                joint.adc.value(0),
-                joint.adc.value(joint.adc.full_scale()),
-            ),
+            range: (joint.adc.value(0), joint.adc.value(joint.adc.full_scale())),
             noise: 5e-4,
         };
     }

@@ -62,11 +62,7 @@ impl Between {
         real(low + (high - low) * self.noise.uniform())
     }
 
-    pub(crate) fn vector<T: Real, const N: usize>(
-        &mut self,
-        low: f64,
-        high: f64,
-    ) -> SVector<T, N> {
+    pub(crate) fn vector<T: Real, const N: usize>(&mut self, low: f64, high: f64) -> SVector<T, N> {
         SVector::from_fn(|_, _| self.one(low, high))
     }
 }

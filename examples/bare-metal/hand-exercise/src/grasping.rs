@@ -60,7 +60,10 @@ fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         let Some(output) = digest.answer(output) else {
             continue;
         };
-        output.torques.iter().for_each(|torque| digest.numbers(torque));
+        output
+            .torques
+            .iter()
+            .for_each(|torque| digest.numbers(torque));
         for twist in [output.deviation, output.velocity] {
             digest.numbers(&twist.linear);
             digest.numbers(&twist.angular);

@@ -35,18 +35,46 @@ struct Level {
 }
 
 const LEVELS: [Level; 12] = [
-    level("elementary functions", numbers::functions, 0x64df_1752_e212_c56c),
+    level(
+        "elementary functions",
+        numbers::functions,
+        0x64df_1752_e212_c56c,
+    ),
     level("kinematics", mechanism::kinematics, 0x8e41_207f_1112_400b),
-    level("inverse kinematics", mechanism::inverse, 0x4fec_bcf0_0fd7_9b93),
+    level(
+        "inverse kinematics",
+        mechanism::inverse,
+        0x4fec_bcf0_0fd7_9b93,
+    ),
     level("dynamics", mechanism::dynamics, 0x4341_c450_a41c_0e91),
-    level("filters and controllers", control::control, 0x3228_9249_d551_554a),
-    level("tensions of torques", tendons::allocation, 0x3c79_e894_aacb_6983),
+    level(
+        "filters and controllers",
+        control::control,
+        0x3228_9249_d551_554a,
+    ),
+    level(
+        "tensions of torques",
+        tendons::allocation,
+        0x3c79_e894_aacb_6983,
+    ),
     level("servos of tendons", tendons::servos, 0xdad2_aa8d_1c45_9801),
     level("profiles", trajectories::profiles, 0x6adf_de8f_2656_493f),
-    level("generator and interpolator", trajectories::motion, 0xb57b_7ca7_6d18_76f0),
+    level(
+        "generator and interpolator",
+        trajectories::motion,
+        0xb57b_7ca7_6d18_76f0,
+    ),
     level("grasps", grasping::grasps, 0x8035_f984_0f9e_c5ba),
-    level("a finger's controller", controlled::finger, 0x7cc2_4ace_e9f9_cebd),
-    level("a simulated hand in closed loop", controlled::hand, 0x9055_15f7_6112_3ad2),
+    level(
+        "a finger's controller",
+        controlled::finger,
+        0x7cc2_4ace_e9f9_cebd,
+    ),
+    level(
+        "a simulated hand in closed loop",
+        controlled::hand,
+        0x9055_15f7_6112_3ad2,
+    ),
 ];
 
 /// Of the hashes above, in their order.

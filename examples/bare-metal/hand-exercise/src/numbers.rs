@@ -39,7 +39,13 @@ fn each<T: Real>(digest: &mut Digest) {
         }
     }
     for x in any::<T>() {
-        for (low, high) in [(-1.0, 1.0), (0.0, 0.0), (-0.0, 0.0), (0.0, -0.0), (2.0, 1.0)] {
+        for (low, high) in [
+            (-1.0, 1.0),
+            (0.0, 0.0),
+            (-0.0, 0.0),
+            (0.0, -0.0),
+            (2.0, 1.0),
+        ] {
             digest.number(math::clamp(x, math::real(low), math::real(high)));
         }
         digest.bits(u64::from(math::is_finite(x)));

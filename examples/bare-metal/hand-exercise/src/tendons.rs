@@ -1,8 +1,6 @@
 use condor_hand::Real;
 use condor_hand::math::real;
-use condor_hand::tendon::{
-    Allocation, MomentArms, Rectification, TensionGains, TensionServo,
-};
+use condor_hand::tendon::{Allocation, MomentArms, Rectification, TensionGains, TensionServo};
 use nalgebra::SVector;
 
 use crate::Shipped;

@@ -123,8 +123,7 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         jerk: None,
     });
     let mut generator = Generator::<JOINTS, 4, T>::new(limits, start, tick_s).ok()?;
-    let mut interpolator =
-        Interpolator::<JOINTS, T>::new(SUBSTEPS, tick_s, start, bounds).ok()?;
+    let mut interpolator = Interpolator::<JOINTS, T>::new(SUBSTEPS, tick_s, start, bounds).ok()?;
     let mut between = Between::seeded(8);
     let mut seen = Observations::none();
     for tick in 0..TICKS {
@@ -156,7 +155,8 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
             digest.answer(taken.ok());
         }
         if tick == 150 {
-            let nonsense = HOSTILE.map(|value| interpolator.tick(&[SetPoint::rest(real(value)); JOINTS]));
+            let nonsense =
+                HOSTILE.map(|value| interpolator.tick(&[SetPoint::rest(real(value)); JOINTS]));
             for taken in nonsense {
                 digest.answer(taken.ok());
             }
