@@ -11,6 +11,7 @@
 //!
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
+#![forbid(unsafe_code)]
 #![allow(
     clippy::many_single_char_names,
     clippy::similar_names,

@@ -354,7 +354,7 @@ fn hands() -> impl Strategy<Value = Utah> {
                 _,
             )| {
                 let mut hand = UTAH.clone();
-                hand.gravity[1] = -numbers[0] * 1e300;
+                hand.gravity[1] = -numbers[0] * 1e12;
                 hand.contact = None;
                 if kept == 0 {
                     hand.table = None;

@@ -285,6 +285,15 @@ cases! {
     antagonists_apart: TRIPOD,
         "flexor = { min_n = 1.0" => "flexor = { min_n = 35.0",
         "hand.toml:40:20: `flexor.min_n` of joint `roll` of finger `a` is 35; it must be below `extensor.max_n`, which is 30\n    35.0";
+    rest_too_soon: UTAH,
+        "safe_s = 0.5" => "safe_s = 0.004",
+        "hand.toml:15:10: `faults.safe_s` of the hand is 0.004; it must be at least 0.005\n    0.004";
+    rest_too_late: UTAH,
+        "safe_s = 0.5" => "safe_s = 1e8",
+        "hand.toml:15:10: `faults.safe_s` of the hand is 100000000; it must be at most 10737418.2375\n    1e8";
+    too_large_to_compute_with: UTAH,
+        "stale_s = 0.06" => "stale_s = 1e16",
+        "hand.toml:16:11: `faults.stale_s` of the hand is 10000000000000000; it must be at most 1000000000000000\n    1e16";
     home: UTAH,
         "direction = [0.0, 1.0, 0.0]" => "home = 0.3\ndirection = [0.0, 1.0, 0.0]",
         "hand.toml:72:8: `home` of axis `y` is 0.3; it must be at most 0.2\n    0.3";

@@ -2,6 +2,8 @@
 
 #[path = "../../condor-dev/tests/hostile/mod.rs"]
 mod devices;
+#[path = "../../condor-hand/tests/hostile/mod.rs"]
+mod hands;
 mod progress;
 #[path = "../../condor-mbox/tests/hostile/mod.rs"]
 mod scenario;
@@ -28,4 +30,20 @@ pub fn regions(bytes: &[u8]) {
 /// If one of them broke a promise.
 pub fn drivers(bytes: &[u8]) {
     devices::run(bytes);
+}
+
+/// Texts and images of hands, some of them good ones with faults, give hands that can be, or errors.
+///
+/// # Panics
+/// If one of them gave something else.
+pub fn hand_config(bytes: &[u8]) {
+    hands::configuration::run(bytes);
+}
+
+/// A finger's controller bears any user and any sensors.
+///
+/// # Panics
+/// If a command left what actuators have, or a fault was forgotten.
+pub fn hand_control(bytes: &[u8]) {
+    hands::control::run(bytes);
 }

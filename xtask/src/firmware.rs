@@ -30,7 +30,7 @@ pub(crate) struct Firmware {
     pub machine: &'static str,
 }
 
-pub(crate) const FIRMWARES: [Firmware; 7] = [
+pub(crate) const FIRMWARES: [Firmware; 9] = [
     Firmware {
         package: "riscv-virt",
         exercise: "exercise",
@@ -64,6 +64,22 @@ pub(crate) const FIRMWARES: [Firmware; 7] = [
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
+    },
+    Firmware {
+        package: "hand-riscv",
+        exercise: "hand-exercise",
+        target: "riscv64gc-unknown-none-elf",
+        qemu: "qemu-system-riscv64",
+        debian: "qemu-system-misc",
+        machine: "-machine virt -bios none -nographic",
+    },
+    Firmware {
+        package: "hand-cortex-m",
+        exercise: "hand-exercise",
+        target: "thumbv7em-none-eabihf",
+        qemu: "qemu-system-arm",
+        debian: "qemu-system-arm",
+        machine: "-machine mps2-an386 -nographic -semihosting",
     },
     Firmware {
         package: "mos-riscv",

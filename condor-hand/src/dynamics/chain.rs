@@ -105,7 +105,8 @@ impl<T: Real, const N: usize> Chain<T, N> {
         let mut torque = SVector::<T, N>::zeros();
         let mut force = Vector3::zeros();
         let mut moment = Vector3::zeros();
-        for ((link, load), torque) in links.iter().zip(&loads).zip(torque.iter_mut()).rev() {
+        let inwards = links.iter().zip(&loads).rev();
+        for ((link, load), torque) in inwards.zip(torque.as_mut_slice().iter_mut().rev()) {
             force += load.0;
             moment += load.1;
             *torque = link.torque(&force, &moment);
@@ -116,7 +117,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
 
     fn mass(&self, links: &[Link<T>; N]) -> SMatrix<T, N, N> {
         let mut composite = Composite::nothing();
-        let mut mass = SMatrix::zeros();
+        let mut mass = SMatrix::<T, N, N>::zeros();
         for i in (0..N).rev() {
             composite.add(&self.bodies[i]);
             let link = &links[i];
@@ -126,8 +127,11 @@ impl<T: Real, const N: usize> Chain<T, N> {
             for j in (0..i).rev() {
                 (force, moment) = links[j + 1].wrench_before(&force, &moment);
                 let coupled = links[j].torque(&force, &moment);
-                mass[(i, j)] = coupled;
-                mass[(j, i)] = coupled;
+                for place in [(i, j), (j, i)] {
+                    if let Some(entry) = mass.get_mut(place) {
+                        *entry = coupled;
+                    }
+                }
             }
             composite = composite.before(link);
         }

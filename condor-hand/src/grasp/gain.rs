@@ -143,7 +143,10 @@ fn factorize<T: Real>(matrix: &Matrix6<T>, tolerance: T) -> Result<(), GraspErro
         if !positive {
             break;
         }
-        left[axis] = false;
+        let Some(place) = left.get_mut(axis) else {
+            return Ok(());
+        };
+        *place = false;
         for i in (0..6).filter(|&i| left[i]) {
             let factor = rest[(i, axis)] / pivot;
             for j in (0..6).filter(|&j| left[j]) {
@@ -155,11 +158,10 @@ fn factorize<T: Real>(matrix: &Matrix6<T>, tolerance: T) -> Result<(), GraspErro
     // No pivot is left: what is not zero has a negative eigenvalue.
     for i in (0..6).filter(|&i| left[i]) {
         for j in (0..6).filter(|&j| left[j]) {
-            let value = if i == j {
-                -rest[(i, i)]
-            } else {
-                abs(rest[(i, j)])
+            let Some(&entry) = rest.get((i, j)) else {
+                continue;
             };
+            let value = if i == j { -entry } else { abs(entry) };
             // Also what overflowed on the way.
             let vanishes = value <= tolerance;
             if !vanishes {

@@ -30,9 +30,9 @@ pub(super) fn null_direction<T: Real, const N: usize>(
         tip: Vector3::zeros(),
         open: false,
     }; N];
-    let given = jacobian.column_iter().zip(moving);
+    let given = tips(jacobian).zip(moving);
     for ((joint, column), (tip, &open)) in columns.iter_mut().enumerate().zip(given) {
-        column.tip = tip.into_owned();
+        column.tip = tip;
         column.open = open;
         if let Some(rate) = column.rates.get_mut(joint) {
             *rate = T::one();
@@ -63,6 +63,14 @@ pub(super) fn null_direction<T: Real, const N: usize>(
     let length = sqrt(only.rates.norm_squared());
     let unit = only.rates / oriented(length, jacobian, moving, &columns);
     unit.iter().all(|&rate| is_finite(rate)).then_some(unit)
+}
+
+/// How each joint moves the tip.
+fn tips<T: Real, const N: usize>(
+    jacobian: &SMatrix<T, 3, N>,
+) -> impl Iterator<Item = Vector3<T>> + '_ {
+    let (columns, _) = jacobian.as_slice().as_chunks::<3>();
+    columns.iter().map(|&[x, y, z]| Vector3::new(x, y, z))
 }
 
 /// Closes the column that moves the tip most, if that is more than `least` (m², squared).
@@ -96,12 +104,12 @@ fn oriented<T: Real, const N: usize>(
     let mut places = taken.iter_mut();
     let mut after = false;
     let mut odd = false;
-    let present = jacobian.column_iter().zip(columns).zip(moving);
+    let present = tips(jacobian).zip(columns).zip(moving);
     for ((tip, column), _) in present.filter(|(_, moving)| **moving) {
         if column.open {
             after = true;
         } else if let Some(place) = places.next() {
-            *place = tip.into_owned();
+            *place = tip;
             odd ^= !after;
         }
     }

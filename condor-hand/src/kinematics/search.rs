@@ -89,12 +89,12 @@ fn step<T: Real, const N: usize>(
         if within == next {
             break;
         }
-        let columns = free.column_iter_mut().zip(stopped.iter_mut());
-        for ((mut column, stopped), (&next, &within)) in columns.zip(next.iter().zip(within.iter()))
-        {
+        let (columns, _) = free.as_mut_slice().as_chunks_mut::<3>();
+        let columns = columns.iter_mut().zip(stopped.iter_mut());
+        for ((column, stopped), (&next, &within)) in columns.zip(next.iter().zip(within.iter())) {
             if next != within {
-                rest -= &column * (within - *stopped);
-                column.fill(T::zero());
+                rest -= Vector3::from(*column) * (within - *stopped);
+                *column = [T::zero(); 3];
                 *stopped = within;
             }
         }

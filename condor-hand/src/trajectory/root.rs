@@ -75,7 +75,7 @@ pub(super) fn sign_changes<T: Real>(coefficients: &[T; 6], degree: usize) -> Vec
     }
     let extremes = sign_changes(&derivative(coefficients), degree - 1);
     let mut low = T::zero();
-    for high in extremes.into_iter().chain([T::one()]) {
+    for high in extremes.iter().copied().chain([T::one()]) {
         let (at_low, at_high) = (evaluate(coefficients, low), evaluate(coefficients, high));
         let scale = max(abs(at_low), abs(at_high));
         if scale > T::zero() && (at_low <= T::zero()) != (at_high <= T::zero()) {

@@ -97,7 +97,7 @@ impl<T: Real, const K: usize> Spline<T, K> {
         }
         let mut next = self.knots.last().map_or(T::zero(), |knot| knot.velocity);
         let inner = self.knots.iter_mut().skip(1).take(uppers.len());
-        for (knot, &upper) in inner.zip(&uppers).rev() {
+        for (knot, &upper) in inner.rev().zip(uppers.iter().rev()) {
             knot.velocity -= upper * next;
             next = knot.velocity;
         }

@@ -15,12 +15,18 @@ struct Suite {
     skipped: &'static [&'static str],
 }
 
-const SUITES: [Suite; 3] = [
+const SUITES: [Suite; 4] = [
     Suite {
         package: "condor-dev",
         features: "sim,conformance",
         integration_tests: &["switch", "controllers_conform"],
         skipped: &["drivers::interrupted_tests"],
+    },
+    Suite {
+        package: "condor-hand",
+        features: "sim",
+        integration_tests: &[],
+        skipped: &[],
     },
     Suite {
         package: "condor-mbox",

@@ -6,23 +6,38 @@ use serde::ser::{self, Serialize};
 
 use super::place::{Path, resolve};
 use crate::config::{Hand, Mistake};
-use crate::math::is_finite;
+use crate::math::{abs, is_finite};
 
-/// Refuses a number that is not finite.
+/// The largest number that a hand may have, to either side: products of some such numbers are finite.
+const MOST: f64 = 1e15;
+
+/// Refuses a number that is not finite, and one that is too large to compute with.
 pub(super) fn examine<const FINGERS: usize, const JOINTS: usize>(
     hand: &Hand<FINGERS, JOINTS>,
     path: &mut Path,
 ) -> Result<(), Mistake> {
     path.clear();
-    let Err(NotFinite(value)) = hand.serialize(&mut Walk { path: &mut *path }) else {
+    let Err(Beyond(value)) = hand.serialize(&mut Walk { path: &mut *path }) else {
         return Ok(());
     };
     let place = resolve(hand, path);
-    Err(Mistake::NotFinite { place, value })
+    Err(if !is_finite(value) {
+        Mistake::NotFinite { place, value }
+    } else if value > MOST {
+        let most = MOST;
+        Mistake::TooLarge { place, value, most }
+    } else {
+        let least = -MOST;
+        Mistake::TooSmall {
+            place,
+            value,
+            least,
+        }
+    })
 }
 
 #[derive(Debug)]
-struct NotFinite(f64);
+struct Beyond(f64);
 
 /// On the way through a value; a walk that ends early leaves the way there in `path`.
 struct Walk<'p> {
@@ -36,7 +51,7 @@ struct Entries<'w, 'p> {
 }
 
 impl Walk<'_> {
-    fn field<V: Serialize + ?Sized>(&mut self, key: &str, value: &V) -> Result<(), NotFinite> {
+    fn field<V: Serialize + ?Sized>(&mut self, key: &str, value: &V) -> Result<(), Beyond> {
         let before = self.path.len();
         let dot = if before == 0 { "" } else { "." };
         self.step(before, format_args!("{dot}{key}"), value)
@@ -47,24 +62,27 @@ impl Walk<'_> {
         before: usize,
         step: fmt::Arguments<'_>,
         value: &V,
-    ) -> Result<(), NotFinite> {
+    ) -> Result<(), Beyond> {
         // What does not fit leads to what is around it.
         let _ = self.path.write_fmt(step);
         value.serialize(&mut *self)?;
-        self.path.truncate(before);
+        // Not `truncate`, which panics within a character.
+        while self.path.len() > before {
+            self.path.pop();
+        }
         Ok(())
     }
 }
 
-impl Display for NotFinite {
+impl Display for Beyond {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} is not finite", self.0)
+        write!(f, "{} is not within 1e15", self.0)
     }
 }
 
-impl core::error::Error for NotFinite {}
+impl core::error::Error for Beyond {}
 
-impl ser::Error for NotFinite {
+impl ser::Error for Beyond {
     /// No type of a hand has a reason of its own to fail.
     fn custom<M: Display>(_: M) -> Self {
         Self(f64::NAN)
@@ -73,7 +91,7 @@ impl ser::Error for NotFinite {
 
 macro_rules! passes {
     ($($method:ident: $type:ty),* $(,)?) => {
-        $(fn $method(self, _: $type) -> Result<(), NotFinite> {
+        $(fn $method(self, _: $type) -> Result<(), Beyond> {
             Ok(())
         })*
     };
@@ -81,12 +99,12 @@ macro_rules! passes {
 
 impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
     type Ok = ();
-    type Error = NotFinite;
+    type Error = Beyond;
     type SerializeSeq = Entries<'w, 'p>;
     type SerializeTuple = Entries<'w, 'p>;
     type SerializeTupleStruct = Entries<'w, 'p>;
     type SerializeTupleVariant = Entries<'w, 'p>;
-    type SerializeMap = ser::Impossible<(), NotFinite>;
+    type SerializeMap = ser::Impossible<(), Beyond>;
     type SerializeStruct = Self;
     type SerializeStructVariant = Self;
 
@@ -97,27 +115,28 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
         serialize_unit_struct: &'static str,
     }
 
-    fn serialize_f32(self, value: f32) -> Result<(), NotFinite> {
+    fn serialize_f32(self, value: f32) -> Result<(), Beyond> {
         self.serialize_f64(value.into())
     }
 
-    fn serialize_f64(self, value: f64) -> Result<(), NotFinite> {
-        if is_finite(value) {
+    fn serialize_f64(self, value: f64) -> Result<(), Beyond> {
+        // Neither is a NaN.
+        if abs(value) <= MOST {
             Ok(())
         } else {
-            Err(NotFinite(value))
+            Err(Beyond(value))
         }
     }
 
-    fn serialize_none(self) -> Result<(), NotFinite> {
+    fn serialize_none(self) -> Result<(), Beyond> {
         Ok(())
     }
 
-    fn serialize_some<V: Serialize + ?Sized>(self, value: &V) -> Result<(), NotFinite> {
+    fn serialize_some<V: Serialize + ?Sized>(self, value: &V) -> Result<(), Beyond> {
         value.serialize(self)
     }
 
-    fn serialize_unit(self) -> Result<(), NotFinite> {
+    fn serialize_unit(self) -> Result<(), Beyond> {
         Ok(())
     }
 
@@ -126,7 +145,7 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
         _: &'static str,
         _: u32,
         _: &'static str,
-    ) -> Result<(), NotFinite> {
+    ) -> Result<(), Beyond> {
         Ok(())
     }
 
@@ -134,7 +153,7 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
         self,
         _: &'static str,
         value: &V,
-    ) -> Result<(), NotFinite> {
+    ) -> Result<(), Beyond> {
         value.serialize(self)
     }
 
@@ -144,29 +163,25 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
         _: u32,
         variant: &'static str,
         value: &V,
-    ) -> Result<(), NotFinite> {
+    ) -> Result<(), Beyond> {
         self.field(variant, value)
     }
 
-    fn serialize_seq(self, _: Option<usize>) -> Result<Entries<'w, 'p>, NotFinite> {
+    fn serialize_seq(self, _: Option<usize>) -> Result<Entries<'w, 'p>, Beyond> {
         Ok(Entries {
             walk: self,
             next: 0,
         })
     }
 
-    fn serialize_tuple(self, _: usize) -> Result<Entries<'w, 'p>, NotFinite> {
+    fn serialize_tuple(self, _: usize) -> Result<Entries<'w, 'p>, Beyond> {
         Ok(Entries {
             walk: self,
             next: 0,
         })
     }
 
-    fn serialize_tuple_struct(
-        self,
-        _: &'static str,
-        _: usize,
-    ) -> Result<Entries<'w, 'p>, NotFinite> {
+    fn serialize_tuple_struct(self, _: &'static str, _: usize) -> Result<Entries<'w, 'p>, Beyond> {
         Ok(Entries {
             walk: self,
             next: 0,
@@ -179,18 +194,18 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
         _: u32,
         _: &'static str,
         _: usize,
-    ) -> Result<Entries<'w, 'p>, NotFinite> {
+    ) -> Result<Entries<'w, 'p>, Beyond> {
         Ok(Entries {
             walk: self,
             next: 0,
         })
     }
 
-    fn serialize_map(self, _: Option<usize>) -> Result<Self::SerializeMap, NotFinite> {
+    fn serialize_map(self, _: Option<usize>) -> Result<Self::SerializeMap, Beyond> {
         Err(ser::Error::custom("no type of a hand is a map"))
     }
 
-    fn serialize_struct(self, _: &'static str, _: usize) -> Result<Self, NotFinite> {
+    fn serialize_struct(self, _: &'static str, _: usize) -> Result<Self, Beyond> {
         Ok(self)
     }
 
@@ -200,19 +215,19 @@ impl<'w, 'p> ser::Serializer for &'w mut Walk<'p> {
         _: u32,
         variant: &'static str,
         _: usize,
-    ) -> Result<Self, NotFinite> {
+    ) -> Result<Self, Beyond> {
         let dot = if self.path.is_empty() { "" } else { "." };
         let _ = write!(self.path, "{dot}{variant}");
         Ok(self)
     }
 
-    fn collect_str<V: Display + ?Sized>(self, _: &V) -> Result<(), NotFinite> {
+    fn collect_str<V: Display + ?Sized>(self, _: &V) -> Result<(), Beyond> {
         Ok(())
     }
 }
 
 impl Entries<'_, '_> {
-    fn entry<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), NotFinite> {
+    fn entry<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
         let before = self.walk.path.len();
         let index = self.next;
         self.next += 1;
@@ -222,86 +237,86 @@ impl Entries<'_, '_> {
 
 impl ser::SerializeSeq for Entries<'_, '_> {
     type Ok = ();
-    type Error = NotFinite;
+    type Error = Beyond;
 
-    fn serialize_element<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), NotFinite> {
+    fn serialize_element<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
         self.entry(value)
     }
 
-    fn end(self) -> Result<(), NotFinite> {
+    fn end(self) -> Result<(), Beyond> {
         Ok(())
     }
 }
 
 impl ser::SerializeTuple for Entries<'_, '_> {
     type Ok = ();
-    type Error = NotFinite;
+    type Error = Beyond;
 
-    fn serialize_element<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), NotFinite> {
+    fn serialize_element<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
         self.entry(value)
     }
 
-    fn end(self) -> Result<(), NotFinite> {
+    fn end(self) -> Result<(), Beyond> {
         Ok(())
     }
 }
 
 impl ser::SerializeTupleStruct for Entries<'_, '_> {
     type Ok = ();
-    type Error = NotFinite;
+    type Error = Beyond;
 
-    fn serialize_field<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), NotFinite> {
+    fn serialize_field<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
         self.entry(value)
     }
 
-    fn end(self) -> Result<(), NotFinite> {
+    fn end(self) -> Result<(), Beyond> {
         Ok(())
     }
 }
 
 impl ser::SerializeTupleVariant for Entries<'_, '_> {
     type Ok = ();
-    type Error = NotFinite;
+    type Error = Beyond;
 
-    fn serialize_field<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), NotFinite> {
+    fn serialize_field<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
         self.entry(value)
     }
 
-    fn end(self) -> Result<(), NotFinite> {
+    fn end(self) -> Result<(), Beyond> {
         Ok(())
     }
 }
 
 impl ser::SerializeStruct for &mut Walk<'_> {
     type Ok = ();
-    type Error = NotFinite;
+    type Error = Beyond;
 
     fn serialize_field<V: Serialize + ?Sized>(
         &mut self,
         key: &'static str,
         value: &V,
-    ) -> Result<(), NotFinite> {
+    ) -> Result<(), Beyond> {
         self.field(key, value)
     }
 
-    fn end(self) -> Result<(), NotFinite> {
+    fn end(self) -> Result<(), Beyond> {
         Ok(())
     }
 }
 
 impl ser::SerializeStructVariant for &mut Walk<'_> {
     type Ok = ();
-    type Error = NotFinite;
+    type Error = Beyond;
 
     fn serialize_field<V: Serialize + ?Sized>(
         &mut self,
         key: &'static str,
         value: &V,
-    ) -> Result<(), NotFinite> {
+    ) -> Result<(), Beyond> {
         self.field(key, value)
     }
 
-    fn end(self) -> Result<(), NotFinite> {
+    fn end(self) -> Result<(), Beyond> {
         Ok(())
     }
 }

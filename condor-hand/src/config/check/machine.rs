@@ -14,6 +14,10 @@ pub(super) fn rates<const F: usize, const J: usize>(
     let trajectory_hz = hand.trajectory_hz;
     rate(examiner, Root::Hand, "trajectory_hz", trajectory_hz)?;
     rate(examiner, Root::Hand, "servo_hz", hand.servo_hz)?;
+    // So many servo ticks can be between two set-points.
+    let most = f64::from(u16::MAX) * f64::from(trajectory_hz);
+    let servo_hz = f64::from(hand.servo_hz);
+    examiner.number(Root::Hand, "servo_hz", servo_hz, Bound::AtMost(most))?;
     for (index, processor) in hand.processors.iter().enumerate() {
         if let Some(rate_hz) = processor.rate_hz {
             rate(examiner, Root::Processor(index), "rate_hz", rate_hz)?;
@@ -48,8 +52,15 @@ pub(super) fn constants<const F: usize, const J: usize>(
     examiner.name(Root::Hand, &hand.name, core::iter::empty())?;
     examiner.number(Root::Hand, "transition_s", hand.transition_s, Bound::Above0)?;
     let faults = &hand.faults;
+    // The way to the least tensions takes two ticks or more, which 32 bits count.
+    let servo_hz = f64::from(hand.servo_hz);
     let rows = [
-        ("safe_s", faults.safe_s, Bound::Above0),
+        ("safe_s", faults.safe_s, Bound::AtLeast(2.0 / servo_hz)),
+        (
+            "safe_s",
+            faults.safe_s,
+            Bound::AtMost(f64::from(u32::MAX) / servo_hz),
+        ),
         ("stale_s", faults.stale_s, Bound::Above0),
         (
             "tension_samples",

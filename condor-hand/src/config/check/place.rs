@@ -122,6 +122,9 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         rate_hz: u32,
     ) -> Result<(), Mistake> {
         self.number(root, field, cutoff_hz, Bound::Above0)?;
+        // A filter that is slower still would never move.
+        let least = 1e-9 * f64::from(rate_hz);
+        self.number(root, field, cutoff_hz, Bound::AtLeast(least))?;
         if cutoff_hz < 0.5 * f64::from(rate_hz) {
             return Ok(());
         }
@@ -190,8 +193,8 @@ pub(super) fn resolve<const FINGERS: usize, const JOINTS: usize>(
 
 /// The index and the rest of a path into this list.
 fn entry<'p>(path: &'p str, list: &str) -> Option<(usize, &'p str)> {
-    let (index, rest) = path.strip_prefix(list)?.split_once("].")?;
-    Some((index.parse().ok()?, rest))
+    let (index, rest) = path.strip_prefix(list)?.split_once(']')?;
+    Some((index.parse().ok()?, rest.strip_prefix('.')?))
 }
 
 fn place<const FINGERS: usize, const JOINTS: usize>(

@@ -38,7 +38,7 @@ impl<T: Real> PlanarFinger<T> {
         }
         let mut branches = Branches::new();
         let mut short = far();
-        for aim in self.aims(target, present)? {
+        for aim in &self.aims(target, present)? {
             let bend = match self.bend(distance(aim.along, aim.down), ratio) {
                 Ok(bend) => bend,
                 Err(by) => {

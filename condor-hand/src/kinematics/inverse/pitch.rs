@@ -30,7 +30,7 @@ impl<T: Real> PlanarFinger<T> {
         let pitch = wrap(pitch);
         let mut branches = Branches::new();
         let mut short = far();
-        for aim in self.aims(target, present)? {
+        for aim in &self.aims(target, present)? {
             let axis = self.last_axis(&aim, pitch);
             for flexed in [true, false] {
                 match self.two_links(axis, flexed) {

@@ -45,7 +45,7 @@ impl<T: Real> PlanarFinger<T> {
         let mut best: Option<Candidate<T>> = None;
         let mut turned: Option<Tightest<T>> = None;
         let mut short = far();
-        for mut aim in self.aims(target, present)? {
+        for &(mut aim) in &self.aims(target, present)? {
             let d = distance(aim.along, aim.down);
             let reach = self.reach();
             let by = max(d - reach.greatest, reach.least - d);

@@ -1,0 +1,22 @@
+//! What no text, no image, no user and no sensor brings about.
+#![cfg(feature = "text")]
+
+mod hostile;
+
+use hostile::{configuration, control};
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn what_is_read_keeps_the_rules(bytes in vec(any::<u8>(), 0..40)) {
+        configuration::run(&bytes);
+    }
+
+    #[test]
+    fn commands_stay_within_what_actuators_have(bytes in vec(any::<u8>(), 0..800)) {
+        control::run(&bytes);
+    }
+}

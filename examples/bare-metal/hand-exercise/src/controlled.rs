@@ -1,0 +1,402 @@
+use condor_hand::controller::FingerController;
+use condor_hand::dynamics::Dynamics;
+use condor_hand::math::clamp;
+use condor_hand::plant::{
+    self, AxisParameters, Converter, Drive, DriveKind, Elastic, FaultKind, FingerParameters,
+    Ground, HandParameters, JointParameters, Object, ObjectParameters, Pneumatic, SensorBank, Stop,
+    Surface,
+};
+use condor_hand::servo::{JointGains, Mode, PositionLaw, Sensed, Target};
+use condor_hand::tendon::Pair;
+use condor_hand::trajectory::SetPoint;
+use condor_hand::{config, kinematics::PlanarFinger};
+use nalgebra::{SVector, Vector3};
+
+use crate::Shipped;
+use crate::corpus::{Between, HOSTILE};
+use crate::digest::Digest;
+use crate::grasping::POSTURES;
+
+type Finger = config::Finger<4>;
+
+/// A finger through all modes and gains, with sensors that fail, to a fault and back.
+pub(crate) fn finger(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    let finger = hand.fingers.first()?;
+    ticks(digest, hand, finger, finger.planar()?)?;
+    ticks(digest, hand, finger, finger.chain())
+}
+
+fn ticks(
+    digest: &mut Digest,
+    hand: &Shipped,
+    finger: &Finger,
+    mechanism: impl Dynamics<f64, 4>,
+) -> Option<()> {
+    let mut controller = FingerController::new(hand, finger, mechanism).ok()?;
+    let gravity = Vector3::from(hand.gravity);
+    let period_s = 1.0 / f64::from(hand.servo_hz);
+    let mut between = Between::seeded(10);
+    let mut sensed = Sensed {
+        position: SVector::from([0.1, 0.6, 0.8, 0.7]),
+        tension: finger.least_tensions(),
+    };
+    for number in 0..800_u32 {
+        for joint in 0..4 {
+            change(digest, &mut controller, number, joint, &mut between);
+        }
+        if number % 8 == 0 && (200..320).contains(&number) {
+            let share = f64::from(number - 200) / 120.0;
+            let points = [0.1, 0.6, 0.8, 0.7].map(|start| SetPoint {
+                position: start + 0.2 * share,
+                velocity: 0.2 / 0.3,
+                acceleration: 0.0,
+            });
+            let followed = controller.follow(&points);
+            digest.answer(followed.ok());
+        }
+        if number == 600 {
+            controller.clear();
+        }
+        let mut said = sensed;
+        // A few lost samples are no fault yet; from 400 on a sensor is dead.
+        if number % 40 == 39 || (400..500).contains(&number) {
+            let hostile = HOSTILE.into_iter().cycle().nth(number as usize / 40)?;
+            said.position.x = hostile;
+            let [first, ..] = &mut said.tension;
+            first.flexor = hostile;
+        }
+        let tick = controller.tick(&said, &gravity, period_s);
+        digest.pairs(&tick.output.command);
+        digest.pairs(&tick.output.tension);
+        digest.numbers(&tick.output.torque);
+        digest.numbers(&tick.output.position);
+        digest.numbers(&tick.output.velocity);
+        digest.bits(u64::from(tick.output.saturated));
+        for target in tick.target {
+            if let Some(target) = digest.answer(target) {
+                digest.number(target);
+            }
+        }
+        if let Some(fault) = digest.answer(tick.fault) {
+            // What a sensor said.
+            digest.reading(fault.value);
+        }
+        // The tendons follow, and the joints wander.
+        sensed.tension = tick.output.tension;
+        sensed.position += between.vector::<f64, 4>(-1e-3, 1e-3);
+    }
+    Some(())
+}
+
+/// What a user does to a joint before a tick.
+fn change<M: Dynamics<f64, 4>>(
+    digest: &mut Digest,
+    controller: &mut FingerController<M, 4>,
+    number: u32,
+    joint: usize,
+    between: &mut Between,
+) {
+    let mode = match number {
+        10 | 120 => Some(Mode::Torque),
+        30 => Some(Mode::Tension),
+        50 | 650 => Some(Mode::Position),
+        150 => Some(Mode::Grasp),
+        180 => Some(Mode::Position),
+        700 => Some(Mode::Off),
+        _ => None,
+    };
+    if let Some(mode) = mode {
+        let changed = controller.set_mode(joint, mode);
+        digest.answer(changed.ok());
+    }
+    let target = match number {
+        20 | 130 => Some(Target::Torque(between.one(-0.3, 0.3))),
+        40 => Some(Target::Tension(Pair {
+            flexor: between.one(4.0, 60.0),
+            extensor: between.one(4.0, 60.0),
+        })),
+        60 | 100 => Some(Target::Position(SetPoint::rest(between.one(0.1, 0.4)))),
+        160 => Some(Target::Grasp(between.one(-0.3, 0.3))),
+        170 => Some(Target::Grasp(f64::NAN)),
+        _ => None,
+    };
+    if let Some(target) = target {
+        let changed = controller.set_target(joint, target);
+        digest.answer(changed.ok());
+    }
+    if number == 80 || number == 690 {
+        if let Some(&gains) = controller.gains(joint) {
+            let law = PositionLaw::Pd {
+                kp: between.one(0.5, 3.0),
+                kv: 0.03,
+                ki: 1.0,
+                integral_nm: 0.1,
+            };
+            let changed = controller.set_gains(joint, &JointGains { law, ..gains });
+            digest.answer(changed.ok());
+        }
+    }
+}
+
+const FINGERS: usize = 4;
+/// A position and two tensions of each joint of a finger.
+const CHANNELS: usize = 12;
+const LOOPS: u32 = 120;
+
+type Simulated = plant::Hand<PlanarFinger, FINGERS, 4>;
+
+/// Four fingers on a table that close about a ball on the ground, by what converters say of them.
+pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    let mut simulated = simulated(hand)?;
+    let mut fingers = hand.fingers.iter();
+    let [first, second, third, fourth] = [(); FINGERS].map(|()| controller(hand, fingers.next()));
+    let mut controllers = [first?, second?, third?, fourth?];
+    let script = [
+        plant::Fault {
+            channel: 2,
+            from_s: 0.1,
+            until_s: 0.12,
+            kind: FaultKind::NotANumber,
+        },
+        plant::Fault {
+            channel: 5,
+            from_s: 0.05,
+            until_s: 0.2,
+            kind: FaultKind::Dropout(0.1),
+        },
+    ];
+    let mut banks = [
+        bank(hand, &script, 1)?,
+        bank(hand, &script, 2)?,
+        bank(hand, &[], 3)?,
+        bank(hand, &[], 4)?,
+    ];
+    let gravity = Vector3::from(hand.gravity);
+    let period_s = 1.0 / f64::from(hand.servo_hz);
+    let mut commands = [[Pair::both(4.0); 4]; FINGERS];
+    for number in 0..LOOPS {
+        let now_s = simulated.time_s();
+        let parts = controllers
+            .iter_mut()
+            .zip(&mut banks)
+            .zip(simulated.fingers());
+        for (command, ((controller, bank), finger)) in commands.iter_mut().zip(parts) {
+            let sensed = sense(digest, bank, now_s, finger);
+            if number % 8 == 0 {
+                let closing = 0.002 * f64::from(number / 8);
+                let points = finger_points(closing);
+                let followed = controller.follow(&points);
+                digest.answer(followed.ok());
+            }
+            let tick = controller.tick(&sensed, &gravity, period_s);
+            digest.bits(u64::from(tick.fault.is_some()));
+            *command = tick.output.command;
+            digest.pairs(command);
+        }
+        simulated.step(&commands).ok()?;
+        observe(digest, &simulated);
+    }
+    Some(())
+}
+
+/// Where all joints are to be.
+fn finger_points(closing: f64) -> [SetPoint<f64>; 4] {
+    [0.0, 0.85 + closing, 0.8 + closing, 0.55].map(SetPoint::rest)
+}
+
+fn controller(
+    hand: &Shipped,
+    finger: Option<&Finger>,
+) -> Option<FingerController<PlanarFinger, 4>> {
+    let finger = finger?;
+    let mut controller = FingerController::new(hand, finger, finger.planar()?).ok()?;
+    for joint in 0..4 {
+        controller.set_mode(joint, Mode::Position).ok()?;
+    }
+    Some(controller)
+}
+
+/// What the converters of a finger say.
+fn sense(
+    digest: &mut Digest,
+    bank: &mut SensorBank<'_, CHANNELS>,
+    now_s: f64,
+    finger: &plant::Finger<PlanarFinger, 4>,
+) -> Sensed<f64, 4> {
+    let mut values = [0.0; CHANNELS];
+    let (chunks, _) = values.as_chunks_mut::<3>();
+    for ((chunk, &q), tension) in chunks.iter_mut().zip(finger.q()).zip(finger.tensions()) {
+        *chunk = [q, tension.flexor, tension.extensor];
+    }
+    let readings = bank.read(now_s, &values);
+    readings.iter().for_each(|&reading| digest.reading(reading));
+    let mut sensed = Sensed {
+        position: SVector::zeros(),
+        tension: [Pair::both(0.0); 4],
+    };
+    let (chunks, _) = readings.as_chunks::<3>();
+    let places = sensed.position.iter_mut().zip(&mut sensed.tension);
+    for ((position, tension), &[q, flexor, extensor]) in places.zip(chunks) {
+        *position = q;
+        *tension = Pair { flexor, extensor };
+    }
+    sensed
+}
+
+/// The whole state.
+fn observe(digest: &mut Digest, simulated: &Simulated) {
+    for finger in simulated.fingers() {
+        digest.numbers(finger.q());
+        digest.numbers(finger.qd());
+        digest.pairs(finger.tensions());
+    }
+    for contact in simulated.object_contacts() {
+        digest.bits(u64::from(contact.is_touching()) | u64::from(contact.is_sliding()) << 1);
+        digest.numbers(contact.force());
+    }
+    digest.numbers(simulated.object_ground_contact().force());
+    if let Some(object) = simulated.object() {
+        digest.numbers(&object.pose().position);
+        digest.numbers(&object.orientation().coords);
+        digest.numbers(object.velocity());
+        digest.numbers(&object.angular_velocity());
+    }
+    if let Some(table) = simulated.table() {
+        digest.numbers(table.position());
+        digest.numbers(table.velocity());
+        digest.numbers(table.acceleration());
+    }
+}
+
+fn simulated(hand: &Shipped) -> Option<Simulated> {
+    let mut fingers = hand.fingers.iter();
+    let mut numbers = 0_usize..;
+    let [first, second, third, fourth] = POSTURES.map(|posture| {
+        let number = numbers.next()?;
+        simulated_finger(fingers.next()?, posture, number)
+    });
+    let surface = Surface {
+        stiffness: 2e4,
+        damping: 20.0,
+        shear_stiffness: 2e4,
+        shear_damping: 20.0,
+        friction: 0.6,
+    };
+    let parameters = HandParameters {
+        period_s: 1.0 / f64::from(hand.servo_hz),
+        updates: 10,
+        gravity: Vector3::from(hand.gravity),
+        tip_radius: 0.008,
+        tip_object: surface,
+        tip_ground: surface,
+        object_ground: surface,
+    };
+    let axis = AxisParameters {
+        mass: 10.0,
+        viscous: 20.0,
+        max_n: 200.0,
+        range: (-0.2, 0.2),
+        stop: Stop {
+            stiffness: 1e4,
+            damping: 100.0,
+        },
+    };
+    let ball = Object::new(
+        ObjectParameters::ball(0.1, 0.03),
+        Vector3::new(0.07, 0.005, -0.06),
+    );
+    let ground = Ground::new(Vector3::new(0.0, 0.0, -0.1), Vector3::z());
+    let mut simulated = Simulated::new([first?, second?, third?, fourth?], parameters)
+        .ok()?
+        .with_object(ball.ok()?)
+        .with_ground(ground.ok()?)
+        .with_table(plant::Table::new([axis; 3]).ok()?);
+    simulated.drive_table(Vector3::new(3.0, -2.0, 500.0)).ok()?;
+    Some(simulated)
+}
+
+fn simulated_finger(
+    finger: &Finger,
+    posture: [f64; 4],
+    number: usize,
+) -> Option<plant::Finger<PlanarFinger, 4>> {
+    let of_joint = |joint: &config::Joint<4>| JointParameters {
+        armature: joint.friction.armature,
+        damping: joint.friction.viscous,
+        coulomb: 2e-3,
+        tendon_friction: 0.02,
+        fade: 0.05,
+        stiffness: 0.0,
+        rest: 0.0,
+        range: (joint.limits.low, joint.limits.high),
+        stop: Stop {
+            stiffness: joint.stop.stiffness,
+            damping: joint.stop.damping,
+        },
+    };
+    let [first, second, third, fourth] = finger.joints.as_slice() else {
+        return None;
+    };
+    let tendon = &first.flexor;
+    let time_constant_s = 1.0 / (core::f64::consts::TAU * tendon.actuator_hz);
+    let kind = match number {
+        0 => DriveKind::Euler { time_constant_s },
+        1 => DriveKind::Exact { time_constant_s },
+        2 => DriveKind::Pneumatic(cylinder(None)),
+        _ => DriveKind::Pneumatic(cylinder(Some(Elastic {
+            stiffness: 2e4,
+            damping: 20.0,
+            piston_kg: 0.02,
+        }))),
+    };
+    let max_n = tendon.max_n;
+    let parameters = FingerParameters {
+        arms: finger.moment_arms().ok()?,
+        joints: [first, second, third, fourth].map(of_joint),
+        drives: [Pair::both(Drive { max_n, kind }); 4],
+    };
+    let limits = finger.limits();
+    let mut q = SVector::from(posture);
+    for (q, (&low, &high)) in q.iter_mut().zip(limits.low.iter().zip(&limits.high)) {
+        *q = clamp(*q, low, high);
+    }
+    plant::Finger::new(finger.planar()?, parameters, q).ok()
+}
+
+fn cylinder(elastic: Option<Elastic>) -> Pneumatic {
+    Pneumatic {
+        area_m2: 2.355e-4,
+        valve_hz: 60.0,
+        valve_damping: 0.7,
+        fill_s: 0.008,
+        heat_ratio: 1.4,
+        atmosphere_pa: 101_325.0,
+        volume_m3: 2e-6,
+        viscous: 5.0,
+        coulomb_n: 0.3,
+        fade: 0.01,
+        elastic,
+    }
+}
+
+/// The converters of one finger: for each joint a position and two tensions.
+fn bank<'a>(
+    hand: &Shipped,
+    script: &'a [plant::Fault],
+    seed: u64,
+) -> Option<SensorBank<'a, CHANNELS>> {
+    let finger = hand.fingers.first()?;
+    let mut converters = [Converter {
+        bits: 12,
+        range: (0.0, 200.0),
+        noise: 0.05,
+    }; CHANNELS];
+    for (joint, converter) in finger.joints.iter().zip(converters.iter_mut().step_by(3)) {
+        *converter = Converter {
+            bits: u32::from(joint.adc.bits),
+            range: (joint.adc.value(0), joint.adc.value(joint.adc.full_scale())),
+            noise: 5e-4,
+        };
+    }
+    SensorBank::new(converters, script, seed).ok()
+}

@@ -1,0 +1,146 @@
+use condor_hand::Real;
+use condor_hand::dynamics::Dynamics;
+use condor_hand::grasp::{
+    Contacts, FingerState, Friction, GraspStiffness, GraspTuning, Normals, Posture, SpatialGain,
+    Squeeze, Surface, TorqueLimits, Wrench,
+};
+use condor_hand::kinematics::PlanarFinger;
+use condor_hand::math::real;
+use nalgebra::{SVector, Vector3};
+
+use crate::Shipped;
+use crate::corpus::{Between, HOSTILE};
+use crate::digest::Digest;
+use crate::mechanism::planar;
+
+/// Tips about an object between thumb and fingers.
+pub(crate) const POSTURES: [[f64; 4]; 4] = [
+    [0.1, 0.9, 0.8, 0.5],
+    [0.0, 0.8, 0.9, 0.5],
+    [-0.1, 0.9, 0.7, 0.6],
+    [0.05, 0.9, 0.8, 0.6],
+];
+
+/// About the middle of those tips, m.
+const CENTER: [f64; 3] = [0.07, 0.005, -0.06];
+
+/// The law of a held object that is moved, pushed, overloaded and lost.
+pub(crate) fn grasps(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    held::<f64>(digest, hand)?;
+    held::<f32>(digest, hand)
+}
+
+fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    let fingers = [
+        planar::<T>(hand, 0)?,
+        planar(hand, 1)?,
+        planar(hand, 2)?,
+        planar(hand, 3)?,
+    ];
+    let gravity = Vector3::from(hand.gravity).map(real);
+    let mut between = Between::seeded(9);
+    let engaged = states(&fingers, &gravity, 0.0, &mut between);
+    let mut tuning = tuning::<T>()?;
+    let mut grasp = GraspStiffness::engage(&engaged, tuning).ok()?;
+    for step in 0..60_u32 {
+        // Displaced by ever more, until it is no rigid displacement.
+        let size = 0.002 * f64::from(step / 2);
+        if step == 20 {
+            tuning.limits = [TorqueLimits::symmetric(&SVector::repeat(real(0.15))); 4];
+            tuning.friction = Friction::soft(real(0.5), real(0.002)).ok()?;
+            grasp.set_tuning(tuning).ok()?;
+        }
+        let mut states = states(&fingers, &gravity, size, &mut between);
+        if step % 8 == 7 {
+            let hostile = HOSTILE.into_iter().cycle().nth(step as usize / 8)?;
+            let [first, ..] = &mut states;
+            first.tip.x = real(hostile);
+        }
+        let output = grasp.update(&states).ok();
+        let Some(output) = digest.answer(output) else {
+            continue;
+        };
+        output
+            .torques
+            .iter()
+            .for_each(|torque| digest.numbers(torque));
+        for twist in [output.deviation, output.velocity] {
+            digest.numbers(&twist.linear);
+            digest.numbers(&twist.angular);
+        }
+        digest.numbers(&output.wrench.force);
+        digest.numbers(&output.wrench.moment);
+        output.forces.iter().for_each(|force| digest.numbers(force));
+        digest.numbers(&output.margins);
+        digest.number(output.squeeze_share);
+        if let Some(excess) = digest.answer(output.squeeze_limit) {
+            digest.numbers(&[excess.torque, excess.limit]);
+        }
+        if let Some(excess) = digest.answer(output.overload) {
+            digest.numbers(&[excess.torque, excess.limit]);
+        }
+        squeezes(digest, &tuning, &states, &output.wrench_forces);
+    }
+    grasp.release().iter().for_each(|q| digest.numbers(q));
+    Some(())
+}
+
+/// How hard the fingers must press.
+fn squeezes<T: Real>(
+    digest: &mut Digest,
+    tuning: &GraspTuning<T, 4, 4>,
+    states: &[FingerState<T, 4>; 4],
+    forces: &[Vector3<T>; 4],
+) -> Option<()> {
+    let contacts = Contacts::new(states.map(|state| state.tip)).ok();
+    let contacts = digest.answer(contacts)?;
+    let normals = Normals::of_ball(&contacts, &tuning.center).ok();
+    let normals = digest.answer(normals)?;
+    let directions = contacts.internal_forces(&tuning.squeeze).ok();
+    let directions = digest.answer(directions)?;
+    let range = tuning
+        .friction
+        .squeeze_range(&normals, forces, &[T::zero(); 4], &directions);
+    let range = digest.answer(range.ok())?;
+    digest.number(range.least);
+    let greatest = digest.answer(range.greatest)?;
+    digest.number(greatest);
+    Some(())
+}
+
+fn tuning<T: Real>() -> Option<GraspTuning<T, 4, 4>> {
+    let center = Vector3::from(CENTER).map(real);
+    Some(GraspTuning {
+        stiffness: SpatialGain::diagonal([200.0, 250.0, 150.0, 0.1, 0.12, 0.09].map(real)).ok()?,
+        damping: SpatialGain::diagonal([2.0, 2.0, 2.0, 1e-3, 2e-3, 1e-3].map(real)).ok()?,
+        center,
+        feed_forward: Wrench {
+            force: Vector3::new(T::zero(), T::zero(), real(0.5)),
+            moment: Vector3::zeros(),
+        },
+        squeeze: Squeeze::equal(real(1.5)).ok()?,
+        surface: Surface::Ball(center),
+        friction: Friction::point(real(0.8)).ok()?,
+        posture: Posture {
+            stiffness: real(0.05),
+            damping: real(1e-3),
+        },
+        limits: [TorqueLimits::none(); 4],
+    })
+}
+
+/// What the fingers measure `size` rad about the posture of the grasp.
+fn states<T: Real>(
+    fingers: &[PlanarFinger<T>; 4],
+    gravity: &Vector3<T>,
+    size: f64,
+    between: &mut Between,
+) -> [FingerState<T, 4>; 4] {
+    let mut postures = POSTURES.into_iter();
+    fingers.each_ref().map(|finger| {
+        let q = postures.next().unwrap_or_default();
+        let q = SVector::from(q.map(real)) + between.vector(-size, size);
+        let rates = between.vector(-size, size);
+        FingerState::new(finger, &q, &rates, &finger.gravity_torque(&q, gravity))
+    })
+}

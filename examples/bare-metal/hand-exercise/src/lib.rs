@@ -1,0 +1,126 @@
+//! The same input gives the same bits: a corpus runs through every level of `condor-hand`, and what
+//! comes out is hashed to one number for each level.
+//!
+//! The numbers are committed here. A host and a firmware make the same checks, so a target on which
+//! one bit differs fails. The corpus has zeros of both signs, subnormal numbers, singular postures,
+//! limits and saturation, and NaN and infinities wherever sensors and users can say such things.
+#![no_std]
+
+mod control;
+mod controlled;
+mod corpus;
+mod digest;
+mod grasping;
+mod mechanism;
+mod numbers;
+mod tendons;
+mod trajectories;
+
+use checks::Checks;
+use condor_hand::config::Hand;
+use digest::Digest;
+
+/// The hand that ships with the crate.
+type Shipped = Hand<4, 4>;
+
+/// As the host makes it of the text.
+const IMAGE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/utah-mit.image"));
+
+/// One level of the hierarchy, and the hash of what it answers to the corpus.
+struct Level {
+    name: &'static str,
+    /// `None` if the level refused what it takes elsewhere.
+    run: fn(&mut Digest, &Shipped) -> Option<()>,
+    hash: u64,
+}
+
+const LEVELS: [Level; 12] = [
+    level(
+        "elementary functions",
+        numbers::functions,
+        0x64df_1752_e212_c56c,
+    ),
+    level("kinematics", mechanism::kinematics, 0x8e41_207f_1112_400b),
+    level(
+        "inverse kinematics",
+        mechanism::inverse,
+        0x4fec_bcf0_0fd7_9b93,
+    ),
+    level("dynamics", mechanism::dynamics, 0x4341_c450_a41c_0e91),
+    level(
+        "filters and controllers",
+        control::control,
+        0x3228_9249_d551_554a,
+    ),
+    level(
+        "tensions of torques",
+        tendons::allocation,
+        0x3c79_e894_aacb_6983,
+    ),
+    level("servos of tendons", tendons::servos, 0xdad2_aa8d_1c45_9801),
+    level("profiles", trajectories::profiles, 0x6adf_de8f_2656_493f),
+    level(
+        "generator and interpolator",
+        trajectories::motion,
+        0xb57b_7ca7_6d18_76f0,
+    ),
+    level("grasps", grasping::grasps, 0x8035_f984_0f9e_c5ba),
+    level(
+        "a finger's controller",
+        controlled::finger,
+        0x7cc2_4ace_e9f9_cebd,
+    ),
+    level(
+        "a simulated hand in closed loop",
+        controlled::hand,
+        0x9055_15f7_6112_3ad2,
+    ),
+];
+
+/// Of the hashes above, in their order.
+const TOTAL: u64 = 0xc65d_059b_2c31_f4ce;
+
+const fn level(
+    name: &'static str,
+    run: fn(&mut Digest, &Shipped) -> Option<()>,
+    hash: u64,
+) -> Level {
+    Level { name, run, hash }
+}
+
+/// Runs the corpus through all levels and compares; `print` puts text on the console.
+pub fn same_bits(checks: &mut Checks<'_>, print: &dyn Fn(&str)) {
+    checks.group("the same bits as everywhere");
+    let Ok(hand) = Shipped::from_image(IMAGE) else {
+        checks.that("the image of the hand is read", false);
+        return;
+    };
+    let mut total = Digest::new();
+    for Level { name, run, hash } in &LEVELS {
+        let mut digest = Digest::new();
+        let complete = run(&mut digest, &hand).is_some();
+        if !complete {
+            checks.that("the level takes the whole corpus", false);
+        }
+        if digest.is_spoilt() {
+            checks.that("no NaN comes out of the level", false);
+        }
+        total.bits(digest.hash());
+        compare(checks, print, name, digest.hash(), *hash);
+    }
+    compare(checks, print, "all levels", total.hash(), TOTAL);
+}
+
+fn compare(checks: &mut Checks<'_>, print: &dyn Fn(&str), what: &str, found: u64, expected: u64) {
+    print("  0x");
+    let digits = found.to_be_bytes().map(|byte| [byte >> 4, byte & 15]);
+    for digit in digits.as_flattened() {
+        let digit = [if *digit < 10 {
+            b'0' + digit
+        } else {
+            b'a' - 10 + digit
+        }];
+        print(core::str::from_utf8(&digit).unwrap_or_default());
+    }
+    checks.same(what, found, expected);
+}

@@ -1,0 +1,166 @@
+use condor_hand::dynamics::Dynamics;
+use condor_hand::kinematics::{
+    JointLimits, Kinematics, PlanarFinger, Redundancy, Rod, SearchOptions, damped_rates,
+    joint_rates, manipulability, search, singular_values,
+};
+use condor_hand::math::real;
+use condor_hand::{Pose, Real};
+use nalgebra::{SVector, Vector3};
+
+use crate::Shipped;
+use crate::corpus::{Between, HOSTILE, postures};
+use crate::digest::Digest;
+
+/// A finger of the shipped hand in another width.
+pub(crate) fn planar<T: Real>(hand: &Shipped, finger: usize) -> Option<PlanarFinger<T>> {
+    let finger = hand.fingers.get(finger)?.planar()?;
+    Some(PlanarFinger {
+        base: Pose {
+            rotation: finger.base.rotation.map(real),
+            position: finger.base.position.map(real),
+        },
+        lengths: finger.lengths.map(real),
+        bodies: finger.bodies.map(|body| Rod {
+            mass: real(body.mass),
+            center: real(body.center),
+            inertia: body.inertia.map(real),
+        }),
+    })
+}
+
+/// Poses, Jacobians and what is made of them.
+pub(crate) fn kinematics(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    // The index finger and the thumb, which is turned.
+    for finger in [0, 3] {
+        let wide = planar::<f64>(hand, finger)?;
+        let narrow = planar::<f32>(hand, finger)?;
+        moved(digest, &wide);
+        moved(digest, &wide.chain());
+        moved(digest, &narrow);
+        moved(digest, &narrow.chain());
+    }
+    Some(())
+}
+
+fn moved<T: Real>(digest: &mut Digest, finger: &impl Kinematics<T, 4>) {
+    let mut between = Between::seeded(2);
+    for q in postures() {
+        let rates = between.vector(-5.0, 5.0);
+        let velocity = between.vector(-0.5, 0.5);
+        let (pose, jacobian) = finger.kinematics(&q);
+        digest.numbers(&pose.rotation);
+        digest.numbers(&pose.position);
+        digest.numbers(&jacobian);
+        digest.numbers(&finger.tip(&q).position);
+        digest.numbers(&finger.tip_velocity(&q, &rates));
+        let along = finger.self_motion(&q);
+        if let Some(along) = digest.answer(along) {
+            digest.numbers(&along);
+        }
+        digest.number(manipulability(&jacobian));
+        digest.numbers(&singular_values(&jacobian));
+        for damping in [0.0, 1e-3] {
+            let damping = real(damping);
+            let found = damped_rates(&jacobian, &velocity, damping).ok();
+            if let Some(found) = digest.answer(found) {
+                digest.numbers(&found);
+            }
+            let found = joint_rates(finger, &q, &velocity, damping, T::one()).ok();
+            if let Some(found) = digest.answer(found) {
+                digest.numbers(&found);
+            }
+        }
+    }
+}
+
+/// Postures for points: reachable ones, ones too far, ones on the first axis, and no points at all.
+pub(crate) fn inverse(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    postures_for::<f64>(digest, hand)?;
+    postures_for::<f32>(digest, hand)
+}
+
+fn postures_for<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    let finger = planar::<T>(hand, 0)?;
+    let configured = hand.fingers.first()?.limits();
+    let limits = JointLimits::new(configured.low.map(real), configured.high.map(real)).ok()?;
+    let options = SearchOptions {
+        tolerance: real(1e-5),
+        damping: real(1e-3),
+        iterations: 30,
+    };
+    let present = SVector::repeat(real(0.3));
+    let within = postures().map(|q| finger.tip(&limits.clamp(&q)).position);
+    let reached = postures().map(|q| finger.tip(&q).position);
+    let hostile = HOSTILE.map(|x| Vector3::new(real(0.1), real(x), T::zero()));
+    let base = finger.base.position;
+    let on_axis = [0.0, -0.0, 0.05, -0.05, 10.0]
+        .map(|height| base + Vector3::new(T::zero(), T::zero(), real(height)));
+    let targets = within.chain(reached).chain(hostile).chain(on_axis);
+    for (number, target) in targets.enumerate() {
+        for redundancy in [
+            Redundancy::Pitch(real(1.5)),
+            Redundancy::Coupled(real(1.0)),
+            Redundancy::Coupled(real(0.7)),
+            Redundancy::Roomiest,
+        ] {
+            let found = finger.inverse(&target, redundancy, &present, &limits).ok();
+            if let Some(q) = digest.answer(found) {
+                digest.numbers(&q);
+            }
+        }
+        for branches in [
+            finger.pitch_branches(&target, real(-0.4), &present),
+            finger.coupled_branches(&target, real(1.3), &present),
+        ] {
+            for q in digest.answer(branches.ok()).iter().flatten() {
+                digest.numbers(q);
+            }
+        }
+        if number % 8 == 0 {
+            let found = search(&finger, &target, &present, &limits, &options).ok();
+            if let Some(q) = digest.answer(found) {
+                digest.numbers(&q);
+            }
+        }
+    }
+    Some(())
+}
+
+/// Torques for accelerations, and accelerations for torques.
+pub(crate) fn dynamics(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    let wide = planar::<f64>(hand, 3)?;
+    let narrow = planar::<f32>(hand, 3)?;
+    driven(digest, &wide);
+    driven(digest, &wide.chain());
+    driven(digest, &narrow);
+    driven(digest, &narrow.chain());
+    Some(())
+}
+
+fn driven<T: Real>(digest: &mut Digest, finger: &impl Dynamics<T, 4>) {
+    let mut between = Between::seeded(3);
+    let gravity = Vector3::new(real(0.5), real(-0.25), real(-9.81));
+    for q in postures() {
+        let rates = between.vector(-10.0, 10.0);
+        let accelerations = between.vector(-300.0, 300.0);
+        let torque = between.vector(-1.0, 1.0);
+        digest.numbers(&finger.inverse_dynamics(&q, &rates, &accelerations, &gravity));
+        digest.numbers(&finger.bias(&q, &rates, &gravity));
+        digest.numbers(&finger.gravity_torque(&q, &gravity));
+        digest.numbers(&finger.mass_matrix(&q));
+        for armature in [0.0, 1.6e-5] {
+            let armature = SVector::repeat(real(armature));
+            let found = finger.forward_dynamics(&q, &rates, &torque, &gravity, &armature);
+            if let Some(found) = digest.answer(found) {
+                digest.numbers(&found);
+            }
+        }
+        for hostile in HOSTILE {
+            let torque = SVector::repeat(real(hostile));
+            let found = finger.forward_dynamics(&q, &rates, &torque, &gravity, &SVector::zeros());
+            if let Some(found) = digest.answer(found) {
+                digest.numbers(&found);
+            }
+        }
+    }
+}

@@ -1,0 +1,53 @@
+use condor_hand::Real;
+use condor_hand::math;
+
+use crate::Shipped;
+use crate::corpus::{FINITE, any};
+use crate::digest::Digest;
+
+/// Every function of `math`.
+pub(crate) fn functions(digest: &mut Digest, _: &Shipped) -> Option<()> {
+    each::<f64>(digest);
+    each::<f32>(digest);
+    Some(())
+}
+
+fn each<T: Real>(digest: &mut Digest) {
+    for x in FINITE.map(math::real::<T>) {
+        let (sine, cosine) = math::sin_cos(x);
+        digest.numbers(&[sine, cosine]);
+        for function in [
+            math::tan,
+            math::acos,
+            math::sqrt,
+            math::cbrt,
+            math::exp,
+            math::tanh,
+            math::round,
+            math::abs,
+            math::wrap,
+        ] {
+            digest.number(function(x));
+        }
+        for y in FINITE.map(math::real::<T>) {
+            digest.numbers(&[
+                math::atan2(x, y),
+                math::hypot(x, y),
+                math::min(x, y),
+                math::max(x, y),
+            ]);
+        }
+    }
+    for x in any::<T>() {
+        for (low, high) in [
+            (-1.0, 1.0),
+            (0.0, 0.0),
+            (-0.0, 0.0),
+            (0.0, -0.0),
+            (2.0, 1.0),
+        ] {
+            digest.number(math::clamp(x, math::real(low), math::real(high)));
+        }
+        digest.bits(u64::from(math::is_finite(x)));
+    }
+}

@@ -1,0 +1,228 @@
+use condor_hand::Real;
+use condor_hand::math::real;
+use condor_hand::trajectory::{
+    Begin, Bounds, Ended, Generator, Guard, Happening, Interpolator, Limits, Observations, Pace,
+    Peaks, Polynomial, Primitive, PrimitiveError, Profile, Segments, SetPoint, Spline, Target, Via,
+};
+
+use crate::Shipped;
+use crate::corpus::{Between, FINITE, HOSTILE};
+use crate::digest::Digest;
+
+/// Samples of one profile, from before its begin to after its end.
+const SAMPLES: u32 = 9;
+
+fn sampled<T: Real>(
+    digest: &mut Digest,
+    duration: T,
+    peaks: &Peaks<T>,
+    at: impl Fn(T) -> SetPoint<T>,
+) {
+    digest.numbers(&[
+        duration,
+        peaks.low,
+        peaks.high,
+        peaks.velocity,
+        peaks.acceleration,
+    ]);
+    for sample in 0..SAMPLES {
+        let share = (f64::from(sample) - 1.0) / f64::from(SAMPLES - 3);
+        digest.point(&at(duration * real(share)));
+    }
+}
+
+/// Polynomials, splines and time-optimal motions between states of all kinds.
+pub(crate) fn profiles(digest: &mut Digest, _: &Shipped) -> Option<()> {
+    between_states::<f64>(digest)?;
+    between_states::<f32>(digest)
+}
+
+fn between_states<T: Real>(digest: &mut Digest) -> Option<()> {
+    let mut between = Between::seeded(7);
+    let ends = FINITE.into_iter().chain(HOSTILE).map(real::<T>);
+    for end in ends {
+        for moving in [0.0, 1.0] {
+            let start = SetPoint {
+                position: between.one(-1.0, 1.0),
+                velocity: between.one(-4.0 * moving, 4.0 * moving),
+                acceleration: between.one(-50.0 * moving, 50.0 * moving),
+            };
+            let stop = SetPoint::rest(end);
+            let duration = between.one(0.1, 2.0);
+            let quintic = Polynomial::quintic(&start, &stop, duration);
+            let smooth = Polynomial::minimum_jerk(start.position, end, duration);
+            for polynomial in [quintic, smooth] {
+                if let Some(found) = digest.answer(polynomial.ok()) {
+                    sampled(digest, found.duration(), &found.peaks(), |t| found.at(t));
+                }
+            }
+            for jerk in [None, Some(real(2e4))] {
+                let bounds = Bounds {
+                    velocity: real(3.0),
+                    acceleration: real(200.0),
+                    jerk,
+                };
+                let found = Segments::fastest(&start, end, &bounds);
+                let Some(fastest) = digest.answer(found.ok()) else {
+                    continue;
+                };
+                sampled(digest, fastest.duration(), &fastest.peaks(), |t| {
+                    fastest.at(t)
+                });
+                let longer = fastest.duration() * real(1.5);
+                let found = Segments::lasting(&start, end, &bounds, longer);
+                if let Some(found) = digest.answer(found.ok()) {
+                    sampled(digest, found.duration(), &found.peaks(), |t| found.at(t));
+                }
+            }
+        }
+    }
+    for _ in 0..20 {
+        let times = [0.0, 0.3, 0.4, 1.1, 2.0].map(real);
+        let positions: [T; 5] = core::array::from_fn(|_| between.one(-1.0, 1.0));
+        let velocities = (between.one(-1.0, 1.0), T::zero());
+        let spline = Spline::<T, 5>::clamped(&times, &positions, velocities).ok()?;
+        sampled(digest, spline.duration(), &spline.peaks(), |t| spline.at(t));
+    }
+    Some(())
+}
+
+const JOINTS: usize = 8;
+const TICKS: u32 = 220;
+const SUBSTEPS: u16 = 8;
+
+/// Primitives at 50 Hz, and what servos at 400 Hz make of them when some ticks do not come.
+pub(crate) fn motion(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    moves::<f64>(digest, hand)?;
+    moves::<f32>(digest, hand)
+}
+
+fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    let mut joints = hand.fingers.iter().flat_map(|finger| &finger.joints);
+    let mut limits = [Limits {
+        low: T::zero(),
+        high: T::one(),
+        velocity: T::one(),
+        acceleration: T::one(),
+        jerk: T::one(),
+    }; JOINTS];
+    for (limits, joint) in limits.iter_mut().zip(&mut joints) {
+        *limits = Limits {
+            low: real(joint.limits.low),
+            high: real(joint.limits.high),
+            velocity: real(joint.limits.velocity),
+            acceleration: real(joint.limits.acceleration),
+            jerk: real(3e4),
+        };
+    }
+    let start = limits.map(|limits| (limits.low + limits.high) * real(0.5));
+    let tick_s = real(1.0 / f64::from(hand.trajectory_hz));
+    let bounds = limits.map(|limits| Bounds {
+        velocity: limits.velocity,
+        acceleration: limits.acceleration,
+        jerk: None,
+    });
+    let mut generator = Generator::<JOINTS, 4, T>::new(limits, start, tick_s).ok()?;
+    let mut interpolator = Interpolator::<JOINTS, T>::new(SUBSTEPS, tick_s, start, bounds).ok()?;
+    let mut between = Between::seeded(8);
+    let mut seen = Observations::none();
+    for tick in 0..TICKS {
+        if let Some(primitive) = primitive(tick, &limits, &mut between) {
+            let ticket = generator.enqueue(primitive.ok()?);
+            digest.answer(ticket.ok());
+        }
+        match tick {
+            90 => generator.pause(),
+            100 => generator.resume(),
+            200 => generator.abort(),
+            _ => {}
+        }
+        // A torque that stops one of the motions, and sensors that say nothing of use.
+        seen.torques = [between.one(0.0, if tick == 70 { 3.0 } else { 0.5 }); JOINTS];
+        if tick % 32 == 31 {
+            seen.torques = [real(f64::NAN); JOINTS];
+        }
+        let points = generator.tick(&seen);
+        points.iter().for_each(|point| digest.point(point));
+        while let Some(event) = generator.take_event() {
+            digest.bits(u64::from(event.ticket.0));
+            digest.bits(number(&event.happening));
+        }
+        // Ticks of the master that are lost, and one that makes no sense.
+        let lost = (110..115).contains(&tick);
+        if !lost {
+            let taken = interpolator.tick(&points);
+            digest.answer(taken.ok());
+        }
+        if tick == 150 {
+            let nonsense =
+                HOSTILE.map(|value| interpolator.tick(&[SetPoint::rest(real(value)); JOINTS]));
+            for taken in nonsense {
+                digest.answer(taken.ok());
+            }
+        }
+        for _ in 0..SUBSTEPS {
+            let points = interpolator.step();
+            points.iter().for_each(|point| digest.point(point));
+        }
+        digest.bits(u64::from(interpolator.is_rejoining()));
+    }
+    Some(())
+}
+
+/// What begins with a tick.
+fn primitive<T: Real>(
+    tick: u32,
+    limits: &[Limits<T>; JOINTS],
+    between: &mut Between,
+) -> Option<Result<Primitive<JOINTS, T>, PrimitiveError>> {
+    let (profile, pace) = match tick {
+        1 => (Profile::Trapezoid, Pace::Speed(real(0.5))),
+        3 => (Profile::JerkLimited, Pace::Speed(real(0.3))),
+        5 => (Profile::MinimumJerk, Pace::Duration(real(0.8))),
+        60 => (Profile::Cubic, Pace::Duration(real(1.2))),
+        120 => (Profile::Trapezoid, Pace::Speed(real(1.0))),
+        125 => (Profile::JerkLimited, Pace::Speed(real(1.0))),
+        190 => (Profile::MinimumJerk, Pace::Duration(real(0.01))),
+        _ => return None,
+    };
+    let mut primitive = Primitive::new(pace, profile);
+    for (joint, limits) in limits.iter().enumerate() {
+        if tick == 3 && joint < 4 {
+            continue;
+        }
+        let share = between.one(0.1, 0.9);
+        let position = limits.low + (limits.high - limits.low) * share;
+        primitive = match primitive.with(joint, Target::Absolute(position)) {
+            Ok(primitive) => primitive,
+            Err(error) => return Some(Err(error)),
+        };
+    }
+    primitive.begin = match tick {
+        3 => Begin::Beside,
+        125 => Begin::Now,
+        _ => Begin::After,
+    };
+    if tick == 60 {
+        let positions = limits.map(|limits| (limits.low + limits.high) * real(0.5));
+        // As many as there is room for.
+        let _ = primitive.vias.push(Via {
+            at: real(0.4),
+            positions,
+        });
+    }
+    primitive.stop.torque = (tick == 60).then_some(real(2.5));
+    Some(Ok(primitive))
+}
+
+fn number(happening: &Happening) -> u64 {
+    match happening {
+        Happening::Started { adjusted } => u64::from(*adjusted),
+        Happening::Ended(Ended::Reached) => 2,
+        Happening::Ended(Ended::Stopped(Guard::Torque { .. })) => 3,
+        Happening::Ended(Ended::Stopped(_)) => 4,
+        Happening::Ended(Ended::Aborted) => 5,
+        Happening::Ended(Ended::Superseded { .. }) => 6,
+        Happening::Refused(_) => 7,
+    }
+}
