@@ -298,9 +298,9 @@ impl<const M: usize> Bench<M> {
     }
 
     /// What acts on the ball beside the fingers.
-    fn pushes(&self) -> plant::Wrench {
+    fn pushes(&self) -> Wrench {
         let [fx, fy, fz, mx, my, mz] = self.push;
-        let mut wrench = plant::Wrench {
+        let mut wrench = Wrench {
             force: Vector3::new(fx, fy, fz),
             moment: Vector3::new(mx, my, mz),
         };

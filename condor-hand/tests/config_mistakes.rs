@@ -160,7 +160,7 @@ cases! {
         "adc = { bits = 12, gain = 7" => "adc = { bits = 33, gain = 7",
         "hand.toml:98:16: `adc.bits` of joint `abduction` of finger `index` is 33; it must be at most 32\n    33";
     cutoff: UTAH,
-        "zeta = 1.0\nvelocity_cutoff_hz = 60.0" => "zeta = 1.0\nvelocity_cutoff_hz = 200.0",
+        "zeta = 1.0\nvelocity_cutoff_hz = 100.0" => "zeta = 1.0\nvelocity_cutoff_hz = 200.0",
         "hand.toml:111:22: `servo.velocity_cutoff_hz` of joint `abduction` of finger `index` is 200; a loop of 400 Hz filters below half of that\n    200.0";
     tendon_cutoff: TRIPOD,
         "cutoff_hz = 200.0" => "cutoff_hz = 1000.0",

@@ -12,8 +12,8 @@ use condor_hand::message::{
     ALL_JOINTS, ClientError, Identity, REQUEST_WORDS, Refusal, SERVO, ServoClient, ServoLoop,
     ServoObject, ServoPlaces, Verb,
 };
-use condor_hand::servo::{JointGains, Mode, PositionLaw, Sensed, Target};
-use condor_hand::tendon::fault::{Channel, FaultCode};
+use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
+use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::tendon::{Pair, TensionGains};
 use condor_hand::trajectory::SetPoint;
 use condor_mbox::sim::{Mailbox, SimDoorbell, SimWindow, System};
@@ -231,23 +231,23 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
     let limits = hand().fingers[0].joints[1].limits;
     let point = SetPoint::rest(0.7);
     for target in [
-        Target::Position(point),
-        Target::Torque(0.01),
-        Target::Grasp(-0.01),
-        Target::Tension(Pair {
+        JointTarget::Position(point),
+        JointTarget::Torque(0.01),
+        JointTarget::Grasp(-0.01),
+        JointTarget::Tension(Pair {
             flexor: 12.0,
             extensor: 9.0,
         }),
-        Target::Off,
+        JointTarget::Off,
     ] {
         client.set_target(0, 1, &target, SECOND).unwrap();
         assert_eq!(rig.modes(0)[1], target.mode());
     }
     client
-        .set_target(0, 1, &Target::Position(point), SECOND)
+        .set_target(0, 1, &JointTarget::Position(point), SECOND)
         .unwrap();
     let position = 9.5;
-    let refused = client.set_target(0, 1, &Target::Position(SetPoint::rest(position)), SECOND);
+    let refused = client.set_target(0, 1, &JointTarget::Position(SetPoint::rest(position)), SECOND);
     assert_eq!(
         refused,
         Err(ClientError::Refused(Refusal::Position {
@@ -257,17 +257,17 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
             high: limits.high
         }))
     );
-    let refused = client.set_target(0, 1, &Target::Torque(1e3), SECOND);
+    let refused = client.set_target(0, 1, &JointTarget::Torque(1e3), SECOND);
     assert!(
         matches!(refused, Err(ClientError::Refused(Refusal::Torque { joint: 1, torque, .. })) if torque > 999.0),
         "{refused:?}"
     );
-    let refused = client.set_target(0, 1, &Target::Tension(Pair::both(1e3)), SECOND);
+    let refused = client.set_target(0, 1, &JointTarget::Tension(Pair::both(1e3)), SECOND);
     assert!(
         matches!(refused, Err(ClientError::Refused(Refusal::Tension { joint: 1, tension, .. })) if tension > 999.0),
         "{refused:?}"
     );
-    let refused = client.set_target(0, 1, &Target::Torque(f64::NAN), SECOND);
+    let refused = client.set_target(0, 1, &JointTarget::Torque(f64::NAN), SECOND);
     assert!(
         matches!(refused, Err(ClientError::Refused(Refusal::Number { number: 0, value })) if value.is_nan()),
         "{refused:?}"
@@ -319,7 +319,7 @@ fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
     let status = client.status(0, SECOND).unwrap();
     let fault = status.fault.unwrap();
     assert_eq!(fault.code, FaultCode::NotFinite);
-    assert_eq!(fault.channel, Channel::Joint(3));
+    assert_eq!(fault.site, FaultSite::Joint(3));
     assert!(status.is_resting);
     assert_eq!(status.modes, [Mode::Off; 4]);
     assert_eq!(client.status(1, SECOND).unwrap().fault, None);

@@ -48,7 +48,7 @@ impl<T: Real> PlanarFinger<T> {
             };
             for q2 in [bend, -bend] {
                 // There is room for four.
-                let _ = branches.push(self.coupled_posture(&aim, q2, ratio));
+                let _ = branches.push(self.coupled_posture(aim, q2, ratio));
             }
         }
         reached(branches, short)

@@ -31,7 +31,7 @@ impl<T: Real> PlanarFinger<T> {
         let mut branches = Branches::new();
         let mut short = far();
         for aim in &self.aims(target, present)? {
-            let axis = self.last_axis(&aim, pitch);
+            let axis = self.last_axis(aim, pitch);
             for flexed in [true, false] {
                 match self.two_links(axis, flexed) {
                     Ok((q1, q2)) => {

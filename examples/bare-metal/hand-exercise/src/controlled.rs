@@ -2,11 +2,11 @@ use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::math::clamp;
 use condor_hand::plant::{
-    self, AxisParameters, Converter, Drive, DriveKind, Elastic, FaultKind, FingerParameters,
-    Ground, HandParameters, JointParameters, Object, ObjectParameters, Pneumatic, SensorBank, Stop,
-    Surface,
+    self, AxisParameters, Drive, DriveKind, Elastic, FingerParameters, Ground, HandParameters,
+    JointParameters, Object, ObjectParameters, Pneumatic, Sensor, SensorBank, SensorFault,
+    SensorFaultKind, Stop, Surface,
 };
-use condor_hand::servo::{JointGains, Mode, PositionLaw, Sensed, Target};
+use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
 use condor_hand::tendon::Pair;
 use condor_hand::trajectory::SetPoint;
 use condor_hand::{config, kinematics::PlanarFinger};
@@ -110,14 +110,14 @@ fn change<M: Dynamics<f64, 4>>(
         digest.answer(changed.ok());
     }
     let target = match number {
-        20 | 130 => Some(Target::Torque(between.one(-0.3, 0.3))),
-        40 => Some(Target::Tension(Pair {
+        20 | 130 => Some(JointTarget::Torque(between.one(-0.3, 0.3))),
+        40 => Some(JointTarget::Tension(Pair {
             flexor: between.one(4.0, 60.0),
             extensor: between.one(4.0, 60.0),
         })),
-        60 | 100 => Some(Target::Position(SetPoint::rest(between.one(0.1, 0.4)))),
-        160 => Some(Target::Grasp(between.one(-0.3, 0.3))),
-        170 => Some(Target::Grasp(f64::NAN)),
+        60 | 100 => Some(JointTarget::Position(SetPoint::rest(between.one(0.1, 0.4)))),
+        160 => Some(JointTarget::Grasp(between.one(-0.3, 0.3))),
+        170 => Some(JointTarget::Grasp(f64::NAN)),
         _ => None,
     };
     if let Some(target) = target {
@@ -152,17 +152,17 @@ pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let [first, second, third, fourth] = [(); FINGERS].map(|()| controller(hand, fingers.next()));
     let mut controllers = [first?, second?, third?, fourth?];
     let script = [
-        plant::Fault {
+        SensorFault {
             channel: 2,
             from_s: 0.1,
             until_s: 0.12,
-            kind: FaultKind::NotANumber,
+            kind: SensorFaultKind::NotANumber,
         },
-        plant::Fault {
+        SensorFault {
             channel: 5,
             from_s: 0.05,
             until_s: 0.2,
-            kind: FaultKind::Dropout(0.1),
+            kind: SensorFaultKind::Dropout(0.1),
         },
     ];
     let mut banks = [
@@ -379,24 +379,23 @@ fn cylinder(elastic: Option<Elastic>) -> Pneumatic {
     }
 }
 
-/// The converters of one finger: for each joint a position and two tensions.
+/// The sensors of one finger: for each joint a position and two tensions.
 fn bank<'a>(
     hand: &Shipped,
-    script: &'a [plant::Fault],
+    script: &'a [SensorFault],
     seed: u64,
 ) -> Option<SensorBank<'a, CHANNELS>> {
     let finger = hand.fingers.first()?;
-    let mut converters = [Converter {
-        bits: 12,
-        range: (0.0, 200.0),
+    let newtons = finger.joints.first()?.flexor.adc;
+    let mut sensors = [Sensor {
+        adc: newtons,
         noise: 0.05,
     }; CHANNELS];
-    for (joint, converter) in finger.joints.iter().zip(converters.iter_mut().step_by(3)) {
-        *converter = Converter {
-            bits: u32::from(joint.adc.bits),
-            range: (joint.adc.value(0), joint.adc.value(joint.adc.full_scale())),
+    for (joint, sensor) in finger.joints.iter().zip(sensors.iter_mut().step_by(3)) {
+        *sensor = Sensor {
+            adc: joint.adc,
             noise: 5e-4,
         };
     }
-    SensorBank::new(converters, script, seed).ok()
+    SensorBank::new(sensors, script, seed).ok()
 }
