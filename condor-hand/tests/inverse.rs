@@ -552,6 +552,9 @@ fn a_jacobian_that_is_no_number_is_singular() {
         let mut jacobian = condor_hand::kinematics::Jacobian::<f64, 4>::from_element(0.01);
         jacobian[(1, 2)] = entry;
         assert!(manipulability(&jacobian) == 0.0, "{entry}");
-        assert_eq!(singular_values(&jacobian), [0.0; 3], "{entry}");
+        assert!(
+            singular_values(&jacobian).iter().all(|&value| value == 0.0),
+            "{entry}"
+        );
     }
 }
