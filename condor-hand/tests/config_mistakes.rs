@@ -120,6 +120,9 @@ cases! {
     not_finite: UTAH,
         "kv = 0.03" => "kv = nan",
         "hand.toml:107:6: `servo.kv` of joint `abduction` of finger `index` is NaN, which is no finite number\n    nan";
+    law_without_its_gain: UTAH,
+        "bandwidth_hz = 10.0" => "bandwidth_hz = 0.0",
+        "hand.toml:109:16: `servo.bandwidth_hz` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
     not_finite_in_a_list: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, inf, 0.0]",
         "hand.toml:163:44: `body.center[1]` of joint `proximal` of finger `index` is inf, which is no finite number\n    inf";

@@ -136,15 +136,18 @@ pub enum Shape {
 
 /// Gains and filters of a joint's servo.
 ///
-/// Units are those of a rotating joint; a sliding joint has N for N m and m for rad.
+/// Units are those of a rotating joint; a sliding joint has N for N m and m for rad. The main gain of the
+/// law, `kp` or `bandwidth_hz`, must be above zero; what the law does not use may be left out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointServo {
     /// Which law uses the gains.
     pub law: ServoLaw,
     /// Of the position error in the law `pd`, N m/rad.
+    #[serde(default)]
     pub kp: f64,
     /// Of the velocity error in the law `pd`, N m s/rad.
+    #[serde(default)]
     pub kv: f64,
     /// Of the integral of the position error, N m/(rad s).
     #[serde(default)]
@@ -153,8 +156,10 @@ pub struct JointServo {
     #[serde(default)]
     pub integral_max: f64,
     /// The natural frequency of the law `decoupled`, Hz.
+    #[serde(default)]
     pub bandwidth_hz: f64,
     /// The damping ratio of the law `decoupled`.
+    #[serde(default)]
     pub zeta: f64,
     /// Of the torque error that the tension sensors show.
     #[serde(default)]

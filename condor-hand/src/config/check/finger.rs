@@ -6,7 +6,7 @@ use super::machine::processor;
 use super::place::{Bound, Examiner, Root, join, owner};
 use crate::config::{
     Body, Finger, Form, Input, Joint, Limits, Mistake, Motion, Output, ProcessorKind, Rotation,
-    Shape, Tendon,
+    ServoLaw, Shape, Tendon,
 };
 use crate::math::{abs, is_finite, max, sqrt};
 use crate::tendon::{ArmError, Rectification};
@@ -187,7 +187,11 @@ fn joint<const F: usize, const J: usize>(
             servo.integral_max,
             Bound::AtLeast(0.0),
         ),
-        ("servo.bandwidth_hz", servo.bandwidth_hz, Bound::Above0),
+        (
+            "servo.bandwidth_hz",
+            servo.bandwidth_hz,
+            Bound::AtLeast(0.0),
+        ),
         ("servo.zeta", servo.zeta, Bound::AtLeast(0.0)),
         ("servo.k_tau", servo.k_tau, Bound::AtLeast(0.0)),
         ("stop.zone", stop.zone, Bound::AtLeast(0.0)),
@@ -205,6 +209,12 @@ fn joint<const F: usize, const J: usize>(
         ("friction.tendon", friction.tendon, Bound::AtLeast(0.0)),
     ];
     examiner.numbers(root, "", rows)?;
+    // Zero, or left out, is no law at all.
+    let (field, gain) = match servo.law {
+        ServoLaw::Pd => ("servo.kp", servo.kp),
+        ServoLaw::Decoupled => ("servo.bandwidth_hz", servo.bandwidth_hz),
+    };
+    examiner.number(root, field, gain, Bound::Above0)?;
     if friction.coulomb > 0.0 {
         let rate = friction.coulomb_rate;
         examiner.number(root, "friction.coulomb_rate", rate, Bound::Above0)?;
