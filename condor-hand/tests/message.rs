@@ -247,7 +247,12 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
         .set_target(0, 1, &JointTarget::Position(point), SECOND)
         .unwrap();
     let position = 9.5;
-    let refused = client.set_target(0, 1, &JointTarget::Position(SetPoint::rest(position)), SECOND);
+    let refused = client.set_target(
+        0,
+        1,
+        &JointTarget::Position(SetPoint::rest(position)),
+        SECOND,
+    );
     assert_eq!(
         refused,
         Err(ClientError::Refused(Refusal::Position {

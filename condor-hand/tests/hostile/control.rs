@@ -1,12 +1,12 @@
 //! A finger of the shipped hand with other numbers, used by somebody who asks for anything, with
 //! sensors that say anything.
 
-use condor_hand::config::{Joint, Rectification, ServoLaw, Tendon};
+use condor_hand::config::{Joint, ServoLaw, Tendon};
 use condor_hand::controller::{FingerController, Tick};
 use condor_hand::dynamics::Dynamics;
-use condor_hand::servo::{JointGains, Mode, PositionLaw, Sensed, Target};
+use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
 use condor_hand::tendon::fault::Fault;
-use condor_hand::tendon::{Pair, Pairs, TensionGains};
+use condor_hand::tendon::{Pair, Pairs, Rectification, TensionGains};
 use condor_hand::trajectory::SetPoint;
 use nalgebra::{SVector, Vector3};
 
@@ -29,7 +29,7 @@ pub(crate) fn run(bytes: &[u8]) {
         }
     }
     let finger = &hand.fingers[number];
-    if source.byte() % 2 == 0 {
+    if source.byte().is_multiple_of(2) {
         if let Some(planar) = finger.planar() {
             drive(&hand, number, planar, &mut source);
         }
@@ -50,7 +50,7 @@ fn vary(hand: &mut Shipped, finger: usize, source: &mut Source<'_>) {
         3 => &mut hand.faults.tracking_rad,
         4 => &mut hand.faults.overtravel_rad,
         5 => {
-            hand.servo_hz = u32::from(source.byte()) * 50 << (source.byte() % 24);
+            hand.servo_hz = (u32::from(source.byte()) * 50) << (source.byte() % 24);
             hand.trajectory_hz = hand.servo_hz / u32::from(source.byte().max(1));
             return;
         }
@@ -116,7 +116,7 @@ fn vary_joint(joint: &mut Joint<4>, kind: usize, source: &mut Source<'_>) {
             None => return,
         },
         _ => {
-            let tendon = if source.byte() % 2 == 0 {
+            let tendon = if source.byte().is_multiple_of(2) {
                 &mut joint.flexor
             } else {
                 &mut joint.extensor
@@ -235,7 +235,7 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
             kd: source.number(0.001),
             kv: source.number(1.0),
         });
-        let law = if source.byte() % 2 == 0 {
+        let law = if source.byte().is_multiple_of(2) {
             PositionLaw::Pd {
                 kp: source.number(1.0),
                 kv: source.number(0.03),
@@ -305,7 +305,7 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
         }
         if let Some(fault) = self.fault {
             let latched = tick.fault.is_some_and(|other| {
-                (other.code, other.channel) == (fault.code, fault.channel)
+                (other.code, other.site) == (fault.code, fault.site)
                     && other.value.to_bits() == fault.value.to_bits()
             });
             assert!(latched, "{fault:?} became {:?}", tick.fault);
@@ -315,19 +315,19 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
     }
 }
 
-fn target(source: &mut Source<'_>) -> Target<f64> {
+fn target(source: &mut Source<'_>) -> JointTarget<f64> {
     match source.byte() % 5 {
-        0 => Target::Off,
-        1 => Target::Tension(Pair {
+        0 => JointTarget::Off,
+        1 => JointTarget::Tension(Pair {
             flexor: source.number(30.0),
             extensor: source.number(30.0),
         }),
-        2 => Target::Torque(source.number(0.3)),
-        3 => Target::Position(SetPoint {
+        2 => JointTarget::Torque(source.number(0.3)),
+        3 => JointTarget::Position(SetPoint {
             position: source.number(0.6),
             velocity: source.number(1.0),
             acceleration: source.number(1.0),
         }),
-        _ => Target::Grasp(source.number(0.3)),
+        _ => JointTarget::Grasp(source.number(0.3)),
     }
 }
