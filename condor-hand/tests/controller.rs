@@ -1,5 +1,10 @@
 //! What a finger of the shipped hand promises, whatever its sensors and its users say.
 
+#![allow(
+    clippy::float_cmp,
+    reason = "what does not move has a rate of exactly zero"
+)]
+
 use condor_hand::config::Hand;
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;

@@ -206,7 +206,14 @@ impl<T: Real, const M: usize> Contacts<T, M> {
                 }
                 Vector3::zeros()
             }
-            2 => moment - turn * (self.trace * real(0.5)),
+            2 => {
+                let lost = moment - turn * (self.trace * real(0.5));
+                // A moment near the largest number rounds to beyond it.
+                if !finite(&lost) {
+                    return Err(not_finite(wrench, about));
+                }
+                lost
+            }
             _ => Vector3::zeros(),
         };
         Ok(FingerForces {

@@ -1,8 +1,8 @@
 //! Numbers that no sensor should give: errors or finite answers, never NaN and never a panic.
 
 use condor_hand::grasp::{
-    Contacts, Friction, GraspOutput, GraspStiffness, GraspTuning, Normals, Posture, SpatialGain,
-    Squeeze, Surface, TorqueLimits, Wrench,
+    Contacts, Friction, GraspError, GraspOutput, GraspStiffness, GraspTuning, Normals, Posture,
+    SpatialGain, Squeeze, Surface, TorqueLimits, Wrench,
 };
 use nalgebra::{Matrix6, SVector, Vector3};
 use proptest::prelude::*;
@@ -108,6 +108,22 @@ fn sound(output: &GraspOutput<f64, 4, 4>) -> bool {
 const Q: [f64; 16] = [
     0.1, 0.9, 0.8, 0.5, 0.0, 0.8, 0.9, 0.5, -0.1, 0.9, 0.7, 0.6, 0.05, 0.9, 0.8, 0.6,
 ];
+
+#[test]
+fn a_moment_that_rounds_to_infinity_is_too_large() {
+    let points = [
+        Vector3::zeros(),
+        Vector3::new(0.0, 0.0, 7.305_536_173_729_305e75),
+    ];
+    let wrench = Wrench {
+        force: Vector3::zeros(),
+        moment: Vector3::new(f64::MAX, 0.0, 0.0),
+    };
+    let held = Contacts::new(points)
+        .unwrap()
+        .forces(&wrench, &Vector3::zeros());
+    assert!(matches!(held, Err(GraspError::TooLarge { .. })), "{held:?}");
+}
 
 proptest! {
     #![proptest_config(ProptestConfig {
