@@ -40,6 +40,8 @@ pub(super) struct Entered {
     pub(super) three: Lanes,
     pub(super) four: Lanes,
     pub(super) residual: f64,
+    /// That of Cholesky's.
+    pub(super) of_cholesky: f64,
 }
 
 /// Checks that all find the same forces, and lets them take part.
@@ -47,13 +49,15 @@ pub(super) struct Entered {
 /// # Errors
 /// One of them finds other forces, or none.
 pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Entered> {
-    let mut residual = 0.0;
-    let three = enter_three(race, subject, [0, 1, 3], &mut residual)?;
-    let four = enter_four(race, subject, [0, 1, 2, 3], &mut residual)?;
+    let mut residuals = [0.0; 2];
+    let three = enter_three(race, subject, [0, 1, 3], &mut residuals)?;
+    let four = enter_four(race, subject, [0, 1, 2, 3], &mut residuals)?;
+    let [residual, of_cholesky] = residuals;
     Ok(Entered {
         three,
         four,
         residual,
+        of_cholesky,
     })
 }
 
@@ -95,7 +99,7 @@ macro_rules! with_peers {
             race: &mut Race,
             subject: &'static Subject,
             fingers: [usize; $fingers],
-            residual: &mut f64,
+            residuals: &mut [f64; 2],
         ) -> Result<Lanes> {
             type Forces = SVector<f64, $columns>;
 
@@ -130,10 +134,10 @@ macro_rules! with_peers {
             let mut chance = Shuffle($fingers);
             let pool: &'static [_; GRASPS] =
                 Box::leak(Box::new(grasps(subject, fingers, &mut chance)));
+            let none = "no forces by the peer";
             for grasp in pool {
                 let ours = ours(grasp)?;
                 let ours: Vec<f64> = ours.iter().flatten().copied().collect();
-                let none = "no forces by the peer";
                 let theirs = cholesky(grasp).ok_or(none)?;
                 agree("the forces by Cholesky", &ours, theirs.as_slice(), 1e-9)?;
                 let theirs = svd(grasp).ok_or(none)?;
@@ -143,20 +147,23 @@ macro_rules! with_peers {
                 for grasp in &grasps(subject, fingers, &mut chance) {
                     let forces = ours(grasp)?;
                     let forces = Forces::from_iterator(forces.iter().flatten().copied());
-                    let error = matrix(grasp) * forces - grasp.wrench;
-                    *residual = residual.max(error.norm() / grasp.wrench.norm());
+                    let theirs = cholesky(grasp).ok_or(none)?;
+                    for (residual, forces) in residuals.iter_mut().zip([forces, theirs]) {
+                        let error = matrix(grasp) * forces - grasp.wrench;
+                        *residual = residual.max(error.norm() / grasp.wrench.norm());
+                    }
                 }
             }
             let all = move |call: usize| &black_box(pool)[call % GRASPS];
             Ok(Lanes {
                 ours: race.enter(move |call| {
-                    let _ = black_box(ours(all(call)));
+                    let _ = black_box(&ours(all(call)));
                 }),
                 cholesky: race.enter(move |call| {
-                    black_box(cholesky(all(call)));
+                    black_box(&cholesky(all(call)));
                 }),
                 svd: race.enter(move |call| {
-                    black_box(svd(all(call)));
+                    black_box(&svd(all(call)));
                 }),
             })
         }

@@ -76,8 +76,8 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     }
     writeln!(
         text,
-        "\nLargest |G f - w| / |w| of 20000 grasps: {:.1e}. No tick has allocated.",
-        lanes.grasp.residual
+        "\nLargest |G f - w| / |w| of 20000 grasps: {:.1e}, by Cholesky {:.1e}. No tick has allocated.",
+        lanes.grasp.residual, lanes.grasp.of_cholesky
     )?;
     let goals = goals(&lanes, &times);
     Ok(Report { text, goals })

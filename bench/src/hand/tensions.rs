@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use condor_hand::tendon::{Allocation, MomentArms, Pairs, Rectification};
+use condor_hand::tendon::{Allocation, MomentArms, Pair, Pairs, Rectification};
 use nalgebra::{Cholesky, Const, SMatrix, SVector};
 
 use super::race::{Lane, Race};
@@ -95,21 +95,10 @@ pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Lanes>
             agree(what, torque.as_slice(), made.as_slice(), ROUNDING)?;
         }
     }
-    let ours = |race: &mut Race, allocation: fn(&Finger) -> &[Allocation<f64>; JOINTS]| {
-        let mut all = [[condor_hand::tendon::Pair::both(0.0); JOINTS]; FINGERS];
-        race.enter(move |call| {
-            let torques = &black_box(subject).state(call).torque;
-            for ((tensions, finger), torque) in all.iter_mut().zip(black_box(fingers)).zip(torques)
-            {
-                *tensions = finger.arms.allocate(torque, allocation(finger)).tensions;
-            }
-            black_box(&mut all);
-        })
-    };
     let mut all = [Tensions::zeros(); FINGERS];
     Ok(Lanes {
-        smooth: ours(race, |finger| &finger.smooth),
-        hard: ours(race, |finger| &finger.hard),
+        smooth: enter_ours(race, subject, fingers, |finger| &finger.smooth),
+        hard: enter_ours(race, subject, fingers, |finger| &finger.hard),
         cholesky: race.enter(move |call| {
             let torques = &black_box(subject).state(call).torque;
             for ((tensions, finger), torque) in all.iter_mut().zip(black_box(fingers)).zip(torques)
@@ -128,6 +117,22 @@ pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Lanes>
             }
             black_box(&mut all);
         }),
+    })
+}
+
+fn enter_ours(
+    race: &mut Race,
+    subject: &'static Subject,
+    fingers: &'static [Finger; FINGERS],
+    allocation: impl Fn(&Finger) -> &[Allocation<f64>; JOINTS] + 'static,
+) -> Lane {
+    let mut all = [[Pair::both(0.0); JOINTS]; FINGERS];
+    race.enter(move |call| {
+        let torques = &black_box(subject).state(call).torque;
+        for ((tensions, finger), torque) in all.iter_mut().zip(black_box(fingers)).zip(torques) {
+            *tensions = finger.arms.allocate(torque, allocation(finger)).tensions;
+        }
+        black_box(&mut all);
     })
 }
 
