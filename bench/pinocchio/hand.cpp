@@ -168,7 +168,7 @@ private:
         return {x, y, z};
     }
 
-    // The faster of the two on a hand.
+    // In the frames of the joints, as the articulated-body algorithm was published.
     static constexpr pin::Convention CONVENTION = pin::Convention::LOCAL;
 
     pin::Model model_;
