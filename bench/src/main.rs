@@ -2,8 +2,10 @@
 //!
 //! `cargo run --release --manifest-path bench/Cargo.toml -- COMMAND [--json] [--rounds N] [--quick]`
 
+mod allocations;
 mod clock;
 mod dev;
+mod hand;
 mod machine;
 mod mbox;
 mod measure;
@@ -36,6 +38,11 @@ const COMMANDS: &[Command] = &[
         run: dev::run,
     },
     Command {
+        name: "hand",
+        about: "laws of condor-hand beside k, dynibo, nalgebra's decompositions and Pinocchio",
+        run: hand::run,
+    },
+    Command {
         name: "mbox",
         about: "round trips of condor-mbox beside raw atomics, futexes, queues, sockets and iceoryx2",
         run: mbox::run,
@@ -54,7 +61,8 @@ const COMMANDS: &[Command] = &[
 
 /// Objects that peers allocate can be placed in shared memory; see [`mbox::arena`].
 #[global_allocator]
-static ALLOCATOR: mbox::arena::Allocator = mbox::arena::Allocator;
+static ALLOCATOR: allocations::Counting<mbox::arena::Allocator> =
+    allocations::Counting(mbox::arena::Allocator);
 
 fn print_usage() {
     eprintln!("usage: condor-bench COMMAND {}", options::USAGE);

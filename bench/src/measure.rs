@@ -65,10 +65,20 @@ impl Estimate {
 impl fmt::Display for Estimate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let digits = f.precision().unwrap_or(2);
-        let Self { value, low, high } = self;
-        let text = format!("{value:.digits$} [{low:.digits$}, {high:.digits$}]");
+        let Self { value, low, high } = *self;
+        let [value, low, high] = [value, low, high].map(|figure| number(figure, digits));
+        let text = format!("{value} [{low}, {high}]");
         // The precision was for the numbers; `pad` would cut the text to it.
         write!(f, "{text:<width$}", width = f.width().unwrap_or(0))
+    }
+}
+
+/// With so many digits after the point, or as a power of ten where those would all be zero.
+fn number(value: f64, digits: usize) -> String {
+    if value != 0.0 && value.abs() < 0.1_f64.powi(i32::try_from(digits).unwrap_or(i32::MAX)) {
+        format!("{value:.1e}")
+    } else {
+        format!("{value:.digits$}")
     }
 }
 
@@ -156,9 +166,10 @@ impl Report {
                 Better::Higher => "higher",
             };
             let Estimate { value, low, high } = goal.estimate;
+            let [value, low, high] = [value, low, high].map(|figure| number(figure, 4));
             format!(
-                "  \"{}\": {{\"value\": {value:.4}, \"goal\": {}, \"better\": \"{better}\", \
-                 \"low\": {low:.4}, \"high\": {high:.4}}}",
+                "  \"{}\": {{\"value\": {value}, \"goal\": {}, \"better\": \"{better}\", \
+                 \"low\": {low}, \"high\": {high}}}",
                 goal.name, goal.limit,
             )
         });
@@ -190,8 +201,10 @@ impl fmt::Display for Report {
             };
             writeln!(
                 f,
-                "{:38} {:22} {sign} {:5.2}  {verdict}",
-                goal.name, goal.estimate, goal.limit
+                "{:38} {:22} {sign} {:>5}  {verdict}",
+                goal.name,
+                goal.estimate,
+                number(goal.limit, 2)
             )?;
         }
         Ok(())
@@ -262,6 +275,13 @@ mod tests {
         assert_eq!(goal(2.1, 2.5, 3.0, Better::Lower), Verdict::Short);
         assert_eq!(goal(1.0, 1.5, 1.9, Better::Higher), Verdict::Short);
         assert_eq!(goal(1.0, 1.5, 2.9, Better::Higher), Verdict::Open);
+    }
+
+    #[test]
+    fn small_figures_are_no_zeros() {
+        let figures = [0.0, 0.0123, 1.5, 3.3e-16].map(|figure| number(figure, 2));
+        assert_eq!(figures, ["0.00", "0.01", "1.50", "3.3e-16"]);
+        assert_eq!(number(-1e-12, 4), "-1.0e-12");
     }
 
     #[test]

@@ -1,13 +1,15 @@
 //! What the command line asks of a sub-command.
 
+use std::path::PathBuf;
+
 /// The options, for the usage text.
-pub(crate) const USAGE: &str = "[--json] [--rounds N] [--quick]";
+pub(crate) const USAGE: &str = "[--json] [--rounds N] [--quick] [--pinocchio VENV]";
 
 /// An interval of a median over fewer rounds says nothing.
 const LEAST_ROUNDS: usize = 7;
 
 /// The options that every sub-command takes.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Options {
     /// Print one JSON object instead of tables.
     pub(crate) json: bool,
@@ -15,6 +17,8 @@ pub(crate) struct Options {
     pub(crate) rounds: Option<usize>,
     /// Take some ten seconds, at the price of wider intervals.
     pub(crate) quick: bool,
+    /// The virtual environment with Pinocchio, which `hand` asks for; its own if `None`.
+    pub(crate) pinocchio: Option<PathBuf>,
 }
 
 impl Options {
@@ -28,6 +32,9 @@ impl Options {
             match argument.as_str() {
                 "--json" => options.json = true,
                 "--quick" => options.quick = true,
+                "--pinocchio" => {
+                    options.pinocchio = Some(arguments.next().ok_or(argument)?.into());
+                }
                 "--rounds" => {
                     let rounds = arguments.next().and_then(|text| text.parse().ok());
                     options.rounds = Some(rounds.filter(|n| *n >= LEAST_ROUNDS).ok_or(argument)?);

@@ -1,4 +1,4 @@
-//! The order of the contestants, which changes from turn to turn.
+//! The order of the contestants, which changes from turn to turn, and other chances.
 
 /// Permutations that are the same in every run (splitmix64).
 pub(crate) struct Shuffle(pub(crate) u64);
@@ -9,6 +9,13 @@ impl Shuffle {
         for last in (1..items.len()).rev() {
             items.swap(last, (self.next() % (last as u64 + 1)) as usize);
         }
+    }
+
+    /// A number between two, each as likely as any other.
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+        // 53 bits are exact.
+        let part = (self.next() >> 11) as f64 / (1_u64 << 53) as f64;
+        low + (high - low) * part
     }
 
     fn next(&mut self) -> u64 {

@@ -308,8 +308,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
             } else {
                 SetPoint::rest(position)
             };
-            // A set-point that is refused leaves the joint at the last one.
-            let _ = self.servo.set_target(joint, JointTarget::Position(within));
+            self.servo.follow(joint, &within);
         }
         core::array::from_fn(|joint| match self.servo.target(joint) {
             Some(JointTarget::Position(point)) => Some(point.position),

@@ -6,6 +6,7 @@ use crate::control::OnePole;
 use crate::dynamics::{Drive, Dynamics};
 use crate::math::{Real, clamp, is_finite, max};
 use crate::tendon::{Allocation, MomentArms, Pair, Pairs};
+use crate::trajectory::SetPoint;
 
 /// What the sensors of a finger say.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -159,6 +160,19 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             *hold = None;
         }
         Ok(())
+    }
+
+    /// The next set-point of a joint that follows positions; one that it cannot have is refused.
+    #[inline]
+    pub(crate) fn follow(&mut self, joint: usize, point: &SetPoint<T>) {
+        let held = self.holds.get(joint).copied().flatten();
+        let follows = |servo: &&mut JointServo<T>| held.is_none() && servo.may_go_on(point);
+        if let Some(servo) = self.joints.get_mut(joint).filter(follows) {
+            servo.target = Target::Position(*point);
+        } else {
+            // Refused, it leaves the joint at the last one.
+            let _ = self.set_target(joint, Target::Position(*point));
+        }
     }
 
     /// Gives a joint another mode, from the next tick on, in which it keeps the position, torque

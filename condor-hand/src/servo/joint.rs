@@ -134,6 +134,17 @@ impl<T: Real> JointServo<T> {
         Ok(())
     }
 
+    /// Whether nothing but the set-point changes, and that to one which the joint can have.
+    #[inline(always)]
+    pub(super) fn may_go_on(&self, point: &SetPoint<T>) -> bool {
+        // Zero times each: the sum is NaN if one of them is not finite.
+        let nothing = (point.velocity + point.acceleration) * T::zero();
+        matches!(self.target, Target::Position(_))
+            && point.position >= self.stop.low
+            && point.position <= self.stop.high
+            && nothing == T::zero()
+    }
+
     /// The target that keeps a joint where it is, in another mode.
     pub(super) fn hold(
         &self,

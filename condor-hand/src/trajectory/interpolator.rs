@@ -25,8 +25,9 @@ pub struct Interpolator<const J: usize, T: Real = f64> {
 #[derive(Clone, Debug)]
 struct Joint<T: Real> {
     bounds: Bounds<T>,
-    from: SetPoint<T>,
     to: SetPoint<T>,
+    /// The way to there, since the first tick came.
+    way: Option<Polynomial<T>>,
     gap: Option<Segments<T>>,
     /// Time on the way through the gap, s.
     gap_at: T,
@@ -111,8 +112,8 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
                 let rest = SetPoint::rest(positions.next().unwrap_or(T::zero()));
                 Joint {
                     bounds,
-                    from: rest,
                     to: rest,
+                    way: None,
                     gap: None,
                     gap_at: T::zero(),
                 }
@@ -155,10 +156,9 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
             } else {
                 self.base(joint)
             };
-            joint.from = from;
+            let way = Polynomial::cubic(&from, point, self.seconds(length));
+            joint.way = Some(way.map_err(|_| error())?);
             joint.to = *point;
-            let polynomial = joint.polynomial(self.seconds(length));
-            polynomial.map_err(|_| error())?;
         }
         self.joints = joints;
         self.step = 0;
@@ -253,9 +253,8 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
             if self.step == self.length {
                 return joint.to;
             }
-            // Each polynomial was made once when its tick came.
-            let polynomial = joint.polynomial(self.seconds(self.length));
-            return polynomial.map_or(joint.to, |p| p.at(self.seconds(self.step)));
+            let at = self.seconds(self.step);
+            return joint.way.as_ref().map_or(joint.to, |way| way.at(at));
         }
         let SetPoint {
             position, velocity, ..
@@ -285,10 +284,6 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
 }
 
 impl<T: Real> Joint<T> {
-    fn polynomial(&self, duration: T) -> Result<Polynomial<T>, ProfileError> {
-        Polynomial::cubic(&self.from, &self.to, duration)
-    }
-
     /// Begins to close what is between two states.
     fn bridge(&mut self, now: &SetPoint<T>, onto: &SetPoint<T>) -> Result<(), ProfileError> {
         let gap = SetPoint {

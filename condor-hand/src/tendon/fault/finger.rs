@@ -57,6 +57,7 @@ impl<T: Real, const N: usize> State<T, N> {
     }
 
     /// Judges one site and keeps the first fault of all.
+    #[inline(always)]
     fn judge(
         first: &mut Option<Fault>,
         site: FaultSite,

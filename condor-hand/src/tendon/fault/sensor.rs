@@ -9,6 +9,7 @@ pub(super) struct Run(u16);
 
 impl Run {
     /// Whether `bad` has been true for so many samples in a row; never for none.
+    #[inline(always)]
     pub(super) fn reaches(&mut self, samples: u16, bad: bool) -> bool {
         self.0 = if bad { self.0.saturating_add(1) } else { 0 };
         samples > 0 && self.0 >= samples
@@ -35,9 +36,17 @@ pub(super) struct Latch<'a> {
 }
 
 impl Latch<'_> {
+    #[inline(always)]
     pub(super) fn report<T: Real>(&mut self, code: FaultCode, is_fault: bool, value: T) {
-        if is_fault && self.latched.insert(code) && self.first.is_none() {
-            self.first = Some((code, value.to_f64()));
+        if is_fault {
+            self.latch(code, value.to_f64());
+        }
+    }
+
+    #[cold]
+    fn latch(&mut self, code: FaultCode, value: f64) {
+        if self.latched.insert(code) && self.first.is_none() {
+            self.first = Some((code, value));
         }
     }
 }
@@ -67,6 +76,7 @@ impl<T> Default for Sensor<T> {
 
 impl<T: Real> Sensor<T> {
     /// Judges a sample; false if it is not finite, and tells nothing else.
+    #[inline(always)]
     fn update(
         &mut self,
         limits: &SensorFaultLimits<T>,
@@ -74,10 +84,11 @@ impl<T: Real> Sensor<T> {
         measured: T,
         latch: &mut Latch<'_>,
     ) -> bool {
-        let broken = [Some(measured), desired]
-            .into_iter()
-            .flatten()
-            .find(|&value| !is_finite(value));
+        let broken = if is_finite(measured) {
+            desired.filter(|&desired| !is_finite(desired))
+        } else {
+            Some(measured)
+        };
         let fault = self
             .not_finite
             .reaches(limits.not_finite_samples, broken.is_some());
@@ -101,6 +112,7 @@ impl<T: Real> Sensor<T> {
     }
 
     /// Whether the sensor stays while its set-point has gone.
+    #[inline(always)]
     fn stays(&mut self, limits: &SensorFaultLimits<T>, desired: Option<T>, measured: T) -> bool {
         let Some(desired) = desired else {
             self.moved = None;
@@ -137,6 +149,7 @@ impl<T> Default for Tendon<T> {
 }
 
 impl<T: Real> Tendon<T> {
+    #[inline(always)]
     pub(super) fn update(
         &mut self,
         limits: &TendonFaultLimits<T>,
@@ -176,6 +189,7 @@ impl<T> Default for Joint<T> {
 }
 
 impl<T: Real> Joint<T> {
+    #[inline(always)]
     pub(super) fn update(
         &mut self,
         limits: &JointFaultLimits<T>,

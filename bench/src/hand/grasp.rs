@@ -1,0 +1,174 @@
+//! Forces of fingers that make a wrench: the least ones, from places of tips that are new each time.
+
+use std::hint::black_box;
+
+use condor_hand::grasp::{Contacts, GraspError, Wrench};
+use condor_hand::kinematics::Kinematics as _;
+use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+
+use super::race::{Lane, Race};
+use super::subject::{FINGERS, Subject, agree};
+use crate::Result;
+use crate::shuffle::Shuffle;
+
+/// Grasps that calls go through in turn.
+const GRASPS: usize = 64;
+
+/// Grasps at which the residual is looked for.
+const TRIALS: usize = 10_000;
+
+/// Below this, relative to the largest, a singular value counts as none.
+const SINGULAR: f64 = 1e-12;
+
+/// What is asked of the fingers.
+#[derive(Clone, Copy, Debug)]
+struct Grasp<const M: usize> {
+    tips: [Vector3<f64>; M],
+    about: Vector3<f64>,
+    wrench: Vector6<f64>,
+}
+
+/// The lanes for one number of fingers.
+pub(super) struct Lanes {
+    pub(super) ours: Lane,
+    pub(super) cholesky: Lane,
+    pub(super) svd: Lane,
+}
+
+/// The lanes for three and four fingers, and the largest residual of either.
+pub(super) struct Entered {
+    pub(super) three: Lanes,
+    pub(super) four: Lanes,
+    pub(super) residual: f64,
+    /// That of Cholesky's.
+    pub(super) of_cholesky: f64,
+}
+
+/// Checks that all find the same forces, and lets them take part.
+///
+/// # Errors
+/// One of them finds other forces, or none.
+pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Entered> {
+    let mut residuals = [0.0; 2];
+    let three = enter_three(race, subject, [0, 1, 3], &mut residuals)?;
+    let four = enter_four(race, subject, [0, 1, 2, 3], &mut residuals)?;
+    let [residual, of_cholesky] = residuals;
+    Ok(Entered {
+        three,
+        four,
+        residual,
+        of_cholesky,
+    })
+}
+
+fn grasps<const M: usize>(
+    subject: &Subject,
+    fingers: [usize; M],
+    chance: &mut Shuffle,
+) -> [Grasp<M>; GRASPS] {
+    std::array::from_fn(|grasp| {
+        let state = subject.state(grasp);
+        let tips: [_; FINGERS] =
+            std::array::from_fn(|finger| subject.planar[finger].tip(&state.q[finger]).position);
+        let tips = fingers.map(|finger| tips[finger]);
+        let mut vector = |size: f64| Vector3::from_fn(|_, _| size * chance.between(-1.0, 1.0));
+        let (force, moment, beside) = (vector(5.0), vector(0.1), vector(0.01));
+        Grasp {
+            tips,
+            about: tips.iter().sum::<Vector3<f64>>() / M as f64 + beside,
+            wrench: Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z),
+        }
+    })
+}
+
+#[inline(always)]
+fn ours<const M: usize>(grasp: &Grasp<M>) -> std::result::Result<[Vector3<f64>; M], GraspError> {
+    let [fx, fy, fz, mx, my, mz] = grasp.wrench.data.0[0];
+    let wrench = Wrench {
+        force: Vector3::new(fx, fy, fz),
+        moment: Vector3::new(mx, my, mz),
+    };
+    let contacts = Contacts::new(grasp.tips)?;
+    Ok(contacts.forces(&wrench, &grasp.about)?.forces)
+}
+
+/// What is written once for each number of fingers, since matrices of 3 M columns cannot be named.
+macro_rules! with_peers {
+    ($enter:ident, $fingers:literal, $columns:literal) => {
+        fn $enter(
+            race: &mut Race,
+            subject: &'static Subject,
+            fingers: [usize; $fingers],
+            residuals: &mut [f64; 2],
+        ) -> Result<Lanes> {
+            type Forces = SVector<f64, $columns>;
+
+            /// The grasp matrix: forces and moments of the fingers' forces.
+            #[inline(always)]
+            fn matrix(grasp: &Grasp<$fingers>) -> SMatrix<f64, 6, $columns> {
+                let mut matrix = SMatrix::<f64, 6, $columns>::zeros();
+                for (finger, tip) in grasp.tips.iter().enumerate() {
+                    let arm = tip - grasp.about;
+                    matrix
+                        .fixed_view_mut::<3, 3>(0, 3 * finger)
+                        .fill_with_identity();
+                    matrix
+                        .fixed_view_mut::<3, 3>(3, 3 * finger)
+                        .copy_from(&arm.cross_matrix());
+                }
+                matrix
+            }
+
+            fn cholesky(grasp: &Grasp<$fingers>) -> Option<Forces> {
+                let matrix = matrix(grasp);
+                let factor = (matrix * matrix.transpose()).cholesky()?;
+                Some(matrix.tr_mul(&factor.solve(&grasp.wrench)))
+            }
+
+            fn svd(grasp: &Grasp<$fingers>) -> Option<Forces> {
+                let svd = matrix(grasp).svd(true, true);
+                let least = svd.singular_values.max() * SINGULAR;
+                svd.solve(&grasp.wrench, least).ok()
+            }
+
+            let mut chance = Shuffle($fingers);
+            let pool: &'static [_; GRASPS] =
+                Box::leak(Box::new(grasps(subject, fingers, &mut chance)));
+            let none = "no forces by the peer";
+            for grasp in pool {
+                let ours = ours(grasp)?;
+                let ours: Vec<f64> = ours.iter().flatten().copied().collect();
+                let theirs = cholesky(grasp).ok_or(none)?;
+                agree("the forces by Cholesky", &ours, theirs.as_slice(), 1e-9)?;
+                let theirs = svd(grasp).ok_or(none)?;
+                agree("the forces by SVD", &ours, theirs.as_slice(), 1e-9)?;
+            }
+            for _ in 0..TRIALS / GRASPS {
+                for grasp in &grasps(subject, fingers, &mut chance) {
+                    let forces = ours(grasp)?;
+                    let forces = Forces::from_iterator(forces.iter().flatten().copied());
+                    let theirs = cholesky(grasp).ok_or(none)?;
+                    for (residual, forces) in residuals.iter_mut().zip([forces, theirs]) {
+                        let error = matrix(grasp) * forces - grasp.wrench;
+                        *residual = residual.max(error.norm() / grasp.wrench.norm());
+                    }
+                }
+            }
+            let all = move |call: usize| &black_box(pool)[call % GRASPS];
+            Ok(Lanes {
+                ours: race.enter(move |call| {
+                    let _ = black_box(&ours(all(call)));
+                }),
+                cholesky: race.enter(move |call| {
+                    black_box(&cholesky(all(call)));
+                }),
+                svd: race.enter(move |call| {
+                    black_box(&svd(all(call)));
+                }),
+            })
+        }
+    };
+}
+
+with_peers!(enter_three, 3, 9);
+with_peers!(enter_four, 4, 12);

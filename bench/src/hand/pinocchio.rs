@@ -1,0 +1,163 @@
+//! The same tasks in Pinocchio, by a program in C++ that is compiled here and asked line by line.
+
+use std::cell::RefCell;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::rc::Rc;
+
+use nalgebra::SVector;
+
+use super::dynamics::{self, FORWARD_ROUNDING, INVERSE_ROUNDING};
+use super::kinematics::{list, no_tips, tips};
+use super::race::{Lane, Race};
+use super::subject::{FINGERS, GRAVITY, Subject, agree, flat};
+use crate::Result;
+
+/// The lanes of its tasks, and what it was compiled with.
+pub(super) struct Lanes {
+    pub(super) kinematics: Lane,
+    pub(super) inverse: Lane,
+    pub(super) forward: Lane,
+    pub(super) version: String,
+}
+
+/// The program while it runs.
+struct Pinocchio {
+    child: Child,
+    asked: ChildStdin,
+    answers: BufReader<ChildStdout>,
+}
+
+/// Compiles the program, checks that it has the same results, and lets it take part.
+///
+/// # Errors
+/// The packages cannot be had, the program cannot be compiled, or its results are others.
+pub(super) fn enter(
+    race: &mut Race,
+    subject: &'static Subject,
+    environment: Option<&Path>,
+) -> Result<Lanes> {
+    let (program, compiler) = compile(environment)?;
+    let (mut pinocchio, version) = Pinocchio::start(&program, subject)?;
+    for (number, state) in subject.states.iter().enumerate() {
+        let mut ours = no_tips();
+        tips(&subject.planar, &state.q, &mut ours);
+        let theirs = pinocchio.show("kinematics", number)?;
+        agree("the tips of Pinocchio", &list(&ours), &theirs, 1e-12)?;
+
+        let mut ours = [SVector::zeros(); FINGERS];
+        dynamics::inverse(&subject.planar, state, &mut ours);
+        let theirs = pinocchio.show("inverse", number)?;
+        let what = "the inverse dynamics of Pinocchio";
+        agree(what, &flat(&ours), &theirs, INVERSE_ROUNDING)?;
+
+        dynamics::forward(&subject.planar, state, &mut ours);
+        let theirs = pinocchio.show("forward", number)?;
+        let what = "the forward dynamics of Pinocchio";
+        agree(what, &flat(&ours), &theirs, FORWARD_ROUNDING)?;
+    }
+    let pinocchio = Rc::new(RefCell::new(pinocchio));
+    let mut task = |name: &'static str| {
+        let pinocchio = Rc::clone(&pinocchio);
+        race.enter_timed(move |calls| {
+            let line = pinocchio.borrow_mut().ask(&format!("{name} {calls}"))?;
+            Ok(line.trim().parse()?)
+        })
+    };
+    Ok(Lanes {
+        kinematics: task("kinematics"),
+        inverse: task("inverse"),
+        forward: task("forward"),
+        version: format!("Pinocchio {version}: {compiler}"),
+    })
+}
+
+/// The program, and the compiler with its flags.
+fn compile(environment: Option<&Path>) -> Result<(PathBuf, String)> {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let target = here.join("target");
+    std::fs::create_dir_all(&target)?;
+    let own = target.join("pinocchio");
+    let program = target.join("pinocchio-hand");
+    let output = Command::new(here.join("pinocchio/build.sh"))
+        .arg(environment.unwrap_or(&own))
+        .arg(&program)
+        .stdin(Stdio::null())
+        .output()?;
+    if !output.status.success() {
+        let message = String::from_utf8_lossy(&output.stderr);
+        let last = message.lines().rev().find(|line| line.contains("rror"));
+        let last = last.or(message.lines().next_back()).unwrap_or_default();
+        return Err(format!("build.sh: {}: {last}", output.status).into());
+    }
+    let compiler = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+    Ok((program, compiler))
+}
+
+impl Pinocchio {
+    /// Starts the program and tells it the hand and its states.
+    fn start(program: &Path, subject: &Subject) -> Result<(Self, String)> {
+        let mut child = Command::new(program)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let (Some(asked), Some(answers)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err("the program has no input or output".into());
+        };
+        let mut pinocchio = Self {
+            child,
+            asked,
+            answers: BufReader::new(answers),
+        };
+        let version = pinocchio.ask(&numbers(subject))?;
+        Ok((pinocchio, version.trim().to_owned()))
+    }
+
+    fn ask(&mut self, line: &str) -> Result<String> {
+        writeln!(self.asked, "{line}")?;
+        self.asked.flush()?;
+        let mut answer = String::new();
+        if self.answers.read_line(&mut answer)? == 0 {
+            return Err(format!("the program has ended: {:?}", self.child.try_wait()?).into());
+        }
+        Ok(answer)
+    }
+
+    fn show(&mut self, task: &str, state: usize) -> Result<Vec<f64>> {
+        let line = self.ask(&format!("show {task} {state}"))?;
+        let numbers = line.split_whitespace().map(str::parse);
+        Ok(numbers.collect::<std::result::Result<_, _>>()?)
+    }
+}
+
+impl Drop for Pinocchio {
+    fn drop(&mut self) {
+        // Nothing can be done about a failure of either: the process is not there any more.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// All numbers of the hand and of its states, in the order of `hand.cpp`.
+fn numbers(subject: &Subject) -> String {
+    let mut numbers = vec![FINGERS as f64];
+    for finger in &subject.planar {
+        numbers.extend(finger.base.rotation.transpose().iter());
+        numbers.extend(finger.base.position.iter());
+        numbers.extend(finger.lengths);
+        for rod in &finger.bodies {
+            numbers.extend([rod.mass, rod.center]);
+            numbers.extend(rod.inertia.iter());
+        }
+    }
+    numbers.extend(GRAVITY.iter());
+    numbers.push(subject.states.len() as f64);
+    for state in &subject.states {
+        for joints in [&state.q, &state.qd, &state.qdd, &state.torque] {
+            numbers.extend(flat(joints));
+        }
+    }
+    let numbers: Vec<String> = numbers.iter().map(f64::to_string).collect();
+    numbers.join(" ")
+}
