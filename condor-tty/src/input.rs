@@ -160,7 +160,7 @@ impl<const N: usize> Input<N> {
         let settings = self.settings();
         let outcome = match settings.mode {
             Mode::Raw => self.accept_raw(character),
-            Mode::Cooked => self.accept_cooked(character, &settings.characters),
+            Mode::Cooked => self.accept_cooked(character, settings.characters),
         };
         match outcome {
             Outcome::Taken(_) if !settings.echo => Outcome::Taken(Echo::Nothing),
@@ -182,7 +182,7 @@ impl<const N: usize> Input<N> {
         Outcome::Taken(echo(character))
     }
 
-    fn accept_cooked(&self, character: u8, special: &Characters) -> Outcome {
+    fn accept_cooked(&self, character: u8, special: Characters) -> Outcome {
         let is = |one: u8| one != 0 && character == one;
         if is(special.interrupt) {
             self.read.set(self.typed.get());
@@ -309,10 +309,15 @@ impl<const N: usize> Input<N> {
                 return Taken::Bytes { count, last: true };
             }
         }
-        match count {
-            0 => Taken::Nothing,
-            count => Taken::Bytes { count, last: false },
+        if count == 0 {
+            return Taken::Nothing;
         }
+        // What ends the line here is not the end of the file to the next read.
+        let last = self.is_ready() && self.element(self.read.get()) & END_OF_FILE != 0;
+        if last {
+            self.read.set(self.read.get().wrapping_add(1));
+        }
+        Taken::Bytes { count, last }
     }
 
     /// Whether a character has been refused, and nothing taken out since.

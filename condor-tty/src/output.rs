@@ -112,7 +112,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         match PolicyKind::from_word(self.policy.get()) {
             Some(PolicyKind::DropOld) => Policy::DropOld,
             Some(PolicyKind::Block) => {
-                let [low, high] = [&self.timeout[0], &self.timeout[1]].map(|word| word.get());
+                let [low, high] = [&self.timeout[0], &self.timeout[1]].map(Word::get);
                 let ns = u64::from(high) << 32 | u64::from(low);
                 Policy::Block {
                     timeout: Duration::from_nanos(ns),
