@@ -219,11 +219,13 @@ impl<W: MemoryWindow> Reader<W> {
                 }
             }
         } else {
-            for at in words::RECORDS {
-                self.store(at, 0, StoreOrder::Relaxed)?;
+            // The record that is not of the present tail never has its key: it may be half written.
+            for (at, key) in words::RECORDS.into_iter().zip([u32::MAX, 0]) {
+                self.store(at, key, StoreOrder::Relaxed)?;
                 self.store(at.wrapping_add(4), 0, StoreOrder::Relaxed)?;
             }
             self.store(words::TAIL, 0, StoreOrder::Relaxed)?;
+            self.record = 1;
         }
         self.begin = self.tail;
         self.end = self.tail;
