@@ -237,9 +237,7 @@ impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> ReadReady
     }
 }
 
-impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> BufRead
-    for Console<'_, W, X, L, IN>
-{
+impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> BufRead for Console<'_, W, X, L, IN> {
     fn fill_buf(&mut self) -> Result<&[u8], ConsoleError> {
         if self.begin >= self.end {
             self.fill()?;

@@ -146,9 +146,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         if self.load(host::LIFE, LoadOrder::Acquire)? != self.life {
             return Ok(None);
         }
-        let [number, ..] = self
-            .load(host::ATTACHED, LoadOrder::Relaxed)?
-            .to_le_bytes();
+        let [number, ..] = self.load(host::ATTACHED, LoadOrder::Relaxed)?.to_le_bytes();
         Ok(number.checked_sub(1).map(Processor))
     }
 
@@ -200,7 +198,8 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         let (first, middle, _) = split(position, bytes);
         let mut at = self.index(position.wrapping_add(first.len() as u32));
         let until_end = (self.capacity.wrapping_sub(at) as usize).min(middle.len());
-        let (before_end, from_beginning) = middle.split_at_checked(until_end).unwrap_or((middle, &[]));
+        let (before_end, from_beginning) =
+            middle.split_at_checked(until_end).unwrap_or((middle, &[]));
         for part in [before_end, from_beginning] {
             if !part.is_empty() {
                 self.region.write(self.ring_offset(at), part)?;

@@ -226,7 +226,11 @@ fn killed_a_thousand_times(policy: Policy, check: impl Fn(u32)) -> (u32, u32, u3
         if watcher.kills < 1000 {
             watcher.lives_for(u32::from(random >> 8) % 50);
         }
-        watcher.run(usize::from(random % 40), usize::from(random % 3), &text.borrow());
+        watcher.run(
+            usize::from(random % 40),
+            usize::from(random % 3),
+            &text.borrow(),
+        );
     };
     // The first one lives until it has attached: before, nobody is waited for.
     host.borrow_mut().run(0, 0, &[]);
@@ -234,7 +238,9 @@ fn killed_a_thousand_times(policy: Policy, check: impl Fn(u32)) -> (u32, u32, u3
     let (mut given, mut next) = (0_u32, 0_u8);
     while host.borrow().kills < 1000 {
         let len = 1 + usize::from(next) % 7;
-        let bytes: Vec<u8> = (0..len as u8).map(|index| next.wrapping_add(index)).collect();
+        let bytes: Vec<u8> = (0..len as u8)
+            .map(|index| next.wrapping_add(index))
+            .collect();
         next = next.wrapping_add(len as u8);
         given += len as u32;
         // As it is written piece by piece: the host looks at what there is so far.
@@ -267,7 +273,11 @@ fn killed_a_thousand_times(policy: Policy, check: impl Fn(u32)) -> (u32, u32, u3
         host.run(64, 0, &written);
     }
     assert_eq!(written.len() as u32 + terminal.lost(), given);
-    (host.kills, terminal.lost() + host.overwritten, host.overwritten)
+    (
+        host.kills,
+        terminal.lost() + host.overwritten,
+        host.overwritten,
+    )
 }
 
 #[test]
@@ -278,11 +288,17 @@ fn nobody_waits_before_a_host_has_attached_nor_after_it_has_left() {
     let board = Board1::new();
     let mut console = terminal.console(&board);
     console.write_all(&[0; 40]).unwrap();
-    assert_eq!((terminal.lost(), board.pauses.get(), board.rings.get()), (8, 0, 0));
+    assert_eq!(
+        (terminal.lost(), board.pauses.get(), board.rings.get()),
+        (8, 0, 0)
+    );
 
     let reader = Reader::attach(Region::whole(memory), OFFSET, HOST).unwrap();
     let refused = console.write_all(&[0; 5]);
-    assert!(matches!(refused, Err(condor_tty::ConsoleError::TimedOut { lost: 5 })), "{refused:?}");
+    assert!(
+        matches!(refused, Err(condor_tty::ConsoleError::TimedOut { lost: 5 })),
+        "{refused:?}"
+    );
     assert_eq!((terminal.lost(), board.now_ns()), (13, 25_000_000));
     // `write` gives the bytes back.
     assert!(console.write(&[0; 5]).is_err());
@@ -311,7 +327,14 @@ fn a_servo_loop_is_never_held_up() {
         }
         assert_eq!((board.pauses.get(), board.now_ns()), (0, 0), "{policy:?}");
         assert_eq!(written as u32 + terminal.lost(), 16_000);
-        assert_eq!(terminal.lost(), if policy == Policy::DropOld { 0 } else { 16_000 - CAPACITY });
+        assert_eq!(
+            terminal.lost(),
+            if policy == Policy::DropOld {
+                0
+            } else {
+                16_000 - CAPACITY
+            }
+        );
     }
 }
 
@@ -324,14 +347,23 @@ fn a_new_life_of_the_terminal_is_noticed_and_counted_from_its_beginning() {
     before.poster(&board).post(&[1; 50]).unwrap();
     let after = hand(&memory, Policy::DropNew);
     let noticed = reader.fetch(&mut [0; 8]);
-    assert!(matches!(noticed, Err(condor_tty::ReaderError::Restarted { life: 2, .. })), "{noticed:?}");
+    assert!(
+        matches!(
+            noticed,
+            Err(condor_tty::ReaderError::Restarted { life: 2, .. })
+        ),
+        "{noticed:?}"
+    );
     assert!(reader.acknowledge(1).is_err());
     assert_eq!(after.attached().unwrap(), None);
     after.poster(&board).post(&[2; 3]).unwrap();
     let mut reader = Reader::attach(Region::whole(memory), OFFSET, HOST).unwrap();
     let mut bytes = [0; 8];
     assert_eq!(reader.fetch(&mut bytes).unwrap().len, 3);
-    assert_eq!((bytes[..3].to_vec(), reader.status().unwrap().overwritten), (vec![2; 3], 0));
+    assert_eq!(
+        (bytes[..3].to_vec(), reader.status().unwrap().overwritten),
+        (vec![2; 3], 0)
+    );
 }
 
 #[test]

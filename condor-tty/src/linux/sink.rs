@@ -81,8 +81,8 @@ impl<A: Sink, B: Sink> Sink for Tee<A, B> {
     fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let [first, second] = &mut self.ahead;
         // An error of one does not undo what the other one has taken.
-        let outcome = give(&mut self.first, bytes, first)
-            .and(give(&mut self.second, bytes, second));
+        let outcome =
+            give(&mut self.first, bytes, first).and(give(&mut self.second, bytes, second));
         let both = (*first).min(*second);
         if both == 0 {
             outcome?;
@@ -99,7 +99,10 @@ impl<A: Sink, B: Sink> Sink for Tee<A, B> {
 
     fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let count = self.first.typed(into)?;
-        Ok(count + self.second.typed(into.get_mut(count..).unwrap_or_default())?)
+        Ok(count
+            + self
+                .second
+                .typed(into.get_mut(count..).unwrap_or_default())?)
     }
 
     fn restarted(&mut self) {

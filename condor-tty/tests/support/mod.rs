@@ -142,7 +142,8 @@ impl Messenger for Board<'_> {
     }
 
     fn post(&self, message: Message) -> Result<(), Error> {
-        assert_eq!((message.to, message.vector), (HOST, Vector(56)));
+        // To whomever the host's words name.
+        assert_eq!(message.vector, Vector(56));
         self.rings.set(self.rings.get() + 1);
         // A full ring of messages loses nothing.
         Err(NOT_SENT)
