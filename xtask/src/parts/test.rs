@@ -6,7 +6,14 @@ use crate::tests_run;
 
 /// The members of the workspace, tested one by one: a program has one implementation of critical
 /// sections, and the tests of condor-mos need another one than those of the rest.
-const PACKAGES: [&str; 4] = ["condor-dev", "condor-mbox", "condor-mos", "xtask"];
+const PACKAGES: [&str; 6] = [
+    "condor-dev",
+    "condor-hand",
+    "condor-mbox",
+    "condor-mos",
+    "condor-tty",
+    "xtask",
+];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let mut passed = 0;
