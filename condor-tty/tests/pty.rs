@@ -72,7 +72,7 @@ fn what_a_full_one_does_not_take_is_kept() {
 #[test]
 fn one_that_nobody_watches_can_discard() {
     let mut pty = Pty::open(Unwatched::Discard).unwrap();
-    assert_eq!(pty.take(&[b'a'; 100_000]).unwrap(), 100_000);
+    assert_eq!(pty.take(&vec![b'a'; 100_000]).unwrap(), 100_000);
     assert_eq!(
         (pty.discarded(), pty.is_watched().unwrap()),
         (100_000, false)
