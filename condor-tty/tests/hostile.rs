@@ -34,7 +34,7 @@ fn word() -> impl Strategy<Value = u32> {
     prop_oneof![
         any::<u32>(),
         0..80_u32,
-        (0..80_u32).prop_map(|near| near.wrapping_neg()),
+        (0..80_u32).prop_map(u32::wrapping_neg),
         (0..80_u32).prop_map(|near| 0x8000_0000_u32.wrapping_sub(near)),
         (0..32_u32).prop_map(|bit| 1 << bit),
     ]

@@ -19,6 +19,7 @@ struct Line {
     masked: Cell<bool>,
     hand: RefCell<Weak<Hand>>,
     written: Cell<Option<usize>>,
+    host: RefCell<Option<Reader<SimWindow>>>,
 }
 
 impl Line {
@@ -31,6 +32,13 @@ impl Line {
             let hand = self.hand.borrow().upgrade().unwrap();
             let written = hand.poster(&Board::new()).post(b"INTER").unwrap();
             self.written.set(Some(written));
+            // The host sees nothing of a write that has not ended.
+            let mut bytes = [0; 64];
+            let mut host = self.host.borrow_mut();
+            let seen = host.as_mut().unwrap().fetch(&mut bytes).unwrap().len;
+            let both = [OUTER, b"INTER"].concat();
+            let whole = [b"", &b"INTER"[..], &both];
+            assert!(whole.contains(&&bytes[..seen]), "{:?}", &bytes[..seen]);
         }
     }
 }
@@ -91,9 +99,11 @@ fn interrupt(policy: Policy, begin: usize, at: u32) -> bool {
     assert_eq!(host.fetch(&mut bytes).unwrap().len, begin);
     host.acknowledge(begin).unwrap();
 
+    *line.host.borrow_mut() = Some(host);
     line.accesses_left.set(Some(at));
     let written = hand.poster(&board).post(OUTER).unwrap();
     line.accesses_left.set(None);
+    let mut host = line.host.borrow_mut().take().unwrap();
     let fetched = host.fetch(&mut bytes).unwrap();
     let text = String::from_utf8(bytes[..fetched.len].to_vec()).unwrap();
     let came = line.written.get();

@@ -179,10 +179,10 @@ proptest! {
         while (host.position as usize) < written.len() {
             host.run(64, 0, &written);
         }
-        if policy != Policy::DropOld {
-            prop_assert_eq!(host.overwritten, 0);
-        } else {
+        if policy == Policy::DropOld {
             prop_assert_eq!(terminal.lost(), 0);
+        } else {
+            prop_assert_eq!(host.overwritten, 0);
         }
         prop_assert_eq!(terminal.ignored(), 0);
         prop_assert_eq!(terminal.unread().unwrap(), 0);
