@@ -37,7 +37,7 @@ fn hand(policy: Policy) -> (Region<SimWindow>, Arc<Hand>) {
 
 fn model(body: impl Fn() + Sync + Send + 'static) {
     let mut builder = loom::model::Builder::new();
-    builder.preemption_bound = Some(2);
+    builder.preemption_bound = Some(3);
     builder.check(body);
 }
 
