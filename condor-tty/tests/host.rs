@@ -107,7 +107,7 @@ fn output_arrives_whole_and_input_is_answered() {
     });
     let mut expected = String::new();
     for number in 0..2000 {
-        expected += &format!("line {number}\r\n");
+        expected.extend(["line ", &number.to_string(), "\r\n"]);
     }
     expected += "got hello\r\n";
     assert_eq!(String::from_utf8(sink.first.0).unwrap(), expected);
