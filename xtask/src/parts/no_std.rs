@@ -18,6 +18,7 @@ const LIBRARIES: [(&str, &[&str]); 4] = [
     ("condor-hand", &["", "sim"]),
     ("condor-mbox", &["", "conformance", "riscv"]),
     ("condor-mos", &["", "conformance", "cortex-m", "riscv"]),
+    ("condor-tty", &[""]),
 ];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {

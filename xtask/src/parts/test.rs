@@ -6,11 +6,12 @@ use crate::tests_run;
 
 /// The members of the workspace, tested one by one: a program has one implementation of critical
 /// sections, and the tests of condor-mos need another one than those of the rest.
-const PACKAGES: [&str; 5] = [
+const PACKAGES: [&str; 6] = [
     "condor-dev",
     "condor-hand",
     "condor-mbox",
     "condor-mos",
+    "condor-tty",
     "xtask",
 ];
 

@@ -1,0 +1,351 @@
+//! [`Console`] and [`Poster`]: a terminal for programs that read and write.
+
+use core::fmt;
+use core::time::Duration;
+
+use condor_mbox::{
+    AccessError, Exclusion, Instant, MemoryWindow, Message, Messenger, Processor, Vector,
+};
+use embedded_io::{BufRead, ErrorType, Read, ReadReady, Write, WriteReady};
+
+use crate::error::ConsoleError;
+use crate::link::Link;
+use crate::policy::Policy;
+use crate::terminal::{LONGEST_NAP, Terminal};
+
+/// Characters that a console holds for [`BufRead`].
+const HELD: usize = 64;
+
+/// A [`Terminal`] for the background, which waits in its mailbox and serves meanwhile.
+///
+/// * [`Write`]: as the terminal's [`Policy`] says. `write` loses nothing under
+///   [`Policy::Block`]; `write_all` and formatted writes have one timeout for all their bytes, and
+///   give up, and count, what is left after it. `flush` waits, under [`Policy::Block`], until the
+///   host has dealt with everything.
+/// * [`Read`], [`BufRead`]: at least one byte and at most a line in cooked mode, 0 bytes at the end
+///   of the file, which somebody types; waits for as long as
+///   [`with_read_timeout`](Self::with_read_timeout) says.
+/// * [`fmt::Write`]: what cannot be written is counted as lost, and is no error.
+///
+/// Characters that a console holds after [`BufRead::fill_buf`] go with it.
+#[derive(Debug)]
+pub struct Console<'t, W, X, L, const IN: usize> {
+    terminal: &'t Terminal<W, X, IN>,
+    link: &'t L,
+    read_timeout: Duration,
+    held: [u8; HELD],
+    /// Where in `held` there is something.
+    begin: usize,
+    end: usize,
+}
+
+impl<'t, W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Console<'t, W, X, L, IN> {
+    pub(crate) const fn new(terminal: &'t Terminal<W, X, IN>, link: &'t L) -> Self {
+        Self {
+            terminal,
+            link,
+            read_timeout: Duration::from_secs(1),
+            held: [0; HELD],
+            begin: 0,
+            end: 0,
+        }
+    }
+
+    /// Reads wait for so long; one second unless told.
+    #[must_use]
+    pub const fn with_read_timeout(self, read_timeout: Duration) -> Self {
+        Self {
+            read_timeout,
+            ..self
+        }
+    }
+
+    fn ring(&self) -> Result<(), AccessError> {
+        ring(self.terminal, self.link)
+    }
+
+    /// Writes at least one byte of `from`, which is not empty, or loses some where the policy says
+    /// so; gives how many are done with, which may be none.
+    ///
+    /// `begun` is when the write found no room, and its timeout began.
+    fn write_some(&self, from: &[u8], begun: &mut Option<Instant>) -> Result<usize, ConsoleError> {
+        let written = self.terminal.put_text(from)?;
+        if written > 0 {
+            self.ring()?;
+            return Ok(written);
+        }
+        let Some(timeout) = self.waits()? else {
+            self.terminal.output().count_lost(from.len())?;
+            return Ok(from.len());
+        };
+        let now = self.link.now();
+        let deadline = begun.get_or_insert(now).after(timeout);
+        // Looked at here, too: a host that comes and goes ends each wait at once.
+        if now >= deadline {
+            return Err(ConsoleError::TimedOut { lost: 0 });
+        }
+        let needed = room_for(from);
+        self.wait(deadline, || {
+            Ok(self.terminal.output().room()? >= needed || self.waits()?.is_none())
+        })?;
+        Ok(0)
+    }
+
+    /// For how long a write waits for room, if it does.
+    fn waits(&self) -> Result<Option<Duration>, AccessError> {
+        match self.terminal.policy() {
+            Policy::Block { timeout } if self.terminal.attached()?.is_some() => Ok(Some(timeout)),
+            _ => Ok(None),
+        }
+    }
+
+    /// Waits until `done`, with the host knowing that somebody does.
+    fn wait(
+        &self,
+        deadline: Instant,
+        done: impl Fn() -> Result<bool, AccessError>,
+    ) -> Result<(), ConsoleError> {
+        self.terminal.output().set_waiting(true)?;
+        let outcome = self.pause_until(deadline, done);
+        self.terminal.output().set_waiting(false)?;
+        outcome
+    }
+
+    fn pause_until(
+        &self,
+        deadline: Instant,
+        done: impl Fn() -> Result<bool, AccessError>,
+    ) -> Result<(), ConsoleError> {
+        while !done()? {
+            let left = Duration::from_nanos(deadline.ns_since(self.link.now()));
+            if left.is_zero() {
+                return Err(ConsoleError::TimedOut { lost: 0 });
+            }
+            self.link.pause(left.min(LONGEST_NAP))?;
+        }
+        Ok(())
+    }
+
+    /// Fills the empty buffer; leaves it empty at the end of the file.
+    fn fill(&mut self) -> Result<(), ConsoleError> {
+        let mut held = [0; HELD];
+        self.begin = 0;
+        self.end = 0;
+        self.end = self.read_into(&mut held)?;
+        self.held = held;
+        Ok(())
+    }
+
+    fn read_into(&self, into: &mut [u8]) -> Result<usize, ConsoleError> {
+        let deadline = self.link.now().after(self.read_timeout);
+        loop {
+            if self.terminal.take_interrupt() {
+                return Err(ConsoleError::Interrupted);
+            }
+            let post = |to, vector, data| {
+                // If it cannot be sent, the host looks by itself a little later.
+                let _ = self.link.post(Message { to, vector, data });
+            };
+            if let Some(count) = self.terminal.take(into, post)? {
+                return Ok(count);
+            }
+            self.pause_until(deadline, || Ok(self.terminal.has_input()))?;
+        }
+    }
+}
+
+impl<W, X, L, const IN: usize> ErrorType for Console<'_, W, X, L, IN> {
+    type Error = ConsoleError;
+}
+
+impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Write for Console<'_, W, X, L, IN> {
+    fn write(&mut self, from: &[u8]) -> Result<usize, ConsoleError> {
+        if from.is_empty() {
+            return Ok(0);
+        }
+        let mut begun = None;
+        loop {
+            match self.write_some(from, &mut begun)? {
+                0 => {}
+                written => return Ok(written),
+            }
+        }
+    }
+
+    fn write_all(&mut self, mut from: &[u8]) -> Result<(), ConsoleError> {
+        let mut begun = None;
+        while !from.is_empty() {
+            match self.write_some(from, &mut begun) {
+                Ok(written) => from = from.get(written..).unwrap_or(&[]),
+                Err(error) => {
+                    self.terminal.output().count_lost(from.len())?;
+                    return Err(match error {
+                        ConsoleError::TimedOut { .. } => {
+                            ConsoleError::TimedOut { lost: from.len() }
+                        }
+                        error => error,
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<(), ConsoleError> {
+        let Some(timeout) = self.waits()? else {
+            return Ok(());
+        };
+        self.wait(self.link.now().after(timeout), || {
+            Ok(self.terminal.unread()? == 0 || self.waits()?.is_none())
+        })
+    }
+}
+
+impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> WriteReady
+    for Console<'_, W, X, L, IN>
+{
+    /// Whether a write of one byte would not wait.
+    fn write_ready(&mut self) -> Result<bool, ConsoleError> {
+        let room = self.terminal.output().room()?;
+        Ok(room >= room_for(b"\n") || self.waits()?.is_none())
+    }
+}
+
+impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Read for Console<'_, W, X, L, IN> {
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, ConsoleError> {
+        if into.is_empty() {
+            return Ok(0);
+        }
+        let held = self.held.get(self.begin..self.end).unwrap_or(&[]);
+        if held.is_empty() {
+            return self.read_into(into);
+        }
+        let count = held.len().min(into.len());
+        for (place, byte) in into.iter_mut().zip(held) {
+            *place = *byte;
+        }
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> ReadReady
+    for Console<'_, W, X, L, IN>
+{
+    fn read_ready(&mut self) -> Result<bool, ConsoleError> {
+        Ok(self.begin < self.end || self.terminal.has_input())
+    }
+}
+
+impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> BufRead for Console<'_, W, X, L, IN> {
+    fn fill_buf(&mut self) -> Result<&[u8], ConsoleError> {
+        if self.begin >= self.end {
+            self.fill()?;
+        }
+        Ok(self.held.get(self.begin..self.end).unwrap_or(&[]))
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.begin = self.begin.saturating_add(count).min(self.end);
+    }
+}
+
+impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> fmt::Write
+    for Console<'_, W, X, L, IN>
+{
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        match Write::write_all(self, text.as_bytes()) {
+            Ok(()) | Err(ConsoleError::TimedOut { .. }) => Ok(()),
+            Err(_) => Err(fmt::Error),
+        }
+    }
+}
+
+/// A [`Terminal`] for servo loops, handlers and interrupts: it writes and never waits.
+///
+/// What finds no room is lost and counted, or overwrites under [`Policy::DropOld`]. Writes
+/// take as long as copying their bytes, a few dozen instructions of it masked.
+#[derive(Debug)]
+pub struct Poster<'t, W, X, M: ?Sized, const IN: usize> {
+    terminal: &'t Terminal<W, X, IN>,
+    messenger: &'t M,
+}
+
+impl<'t, W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize>
+    Poster<'t, W, X, M, IN>
+{
+    pub(crate) const fn new(terminal: &'t Terminal<W, X, IN>, messenger: &'t M) -> Self {
+        Self {
+            terminal,
+            messenger,
+        }
+    }
+
+    /// Writes what there is room for, and says how many bytes that were; the rest is lost and
+    /// counted.
+    ///
+    /// # Errors
+    /// The window's.
+    pub fn post(&self, bytes: &[u8]) -> Result<usize, AccessError> {
+        let mut written = 0;
+        // Once, unless it overwrites: then as often as the bytes fill the ring.
+        while let Some(rest) = bytes.get(written..)
+            && !rest.is_empty()
+        {
+            match self.terminal.put_text(rest)? {
+                0 => break,
+                count => written += count,
+            }
+        }
+        self.terminal
+            .output()
+            .count_lost(bytes.len().saturating_sub(written))?;
+        if written > 0 {
+            ring(self.terminal, self.messenger)?;
+        }
+        Ok(written)
+    }
+}
+
+impl<W, X, M: ?Sized, const IN: usize> ErrorType for Poster<'_, W, X, M, IN> {
+    type Error = ConsoleError;
+}
+
+impl<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize> Write
+    for Poster<'_, W, X, M, IN>
+{
+    /// Takes all of `from`: what is not written is lost and counted.
+    fn write(&mut self, from: &[u8]) -> Result<usize, ConsoleError> {
+        self.post(from)?;
+        Ok(from.len())
+    }
+
+    /// Does nothing: it would have to wait.
+    fn flush(&mut self) -> Result<(), ConsoleError> {
+        Ok(())
+    }
+}
+
+impl<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize> fmt::Write
+    for Poster<'_, W, X, M, IN>
+{
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.post(text.as_bytes()).map(drop).map_err(|_| fmt::Error)
+    }
+}
+
+/// Sends the host one message, if it can be sent now.
+fn ring<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize>(
+    terminal: &Terminal<W, X, IN>,
+    messenger: &M,
+) -> Result<(), AccessError> {
+    terminal.ring(|to: Processor, vector: Vector, data: u32| {
+        // What the message would say, the cursors say.
+        let _ = messenger.post(Message { to, vector, data });
+    })
+}
+
+/// Room without which nothing of `from` can be written: two bytes for a newline.
+fn room_for(from: &[u8]) -> u32 {
+    if from.first() == Some(&b'\n') { 2 } else { 1 }
+}

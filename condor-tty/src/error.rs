@@ -1,0 +1,61 @@
+//! What can go wrong on the processor's side.
+
+use condor_mbox::{AccessError, Error as MailboxError};
+use embedded_io::ErrorKind;
+
+use crate::layout::{ALIGNMENT, MAX_CAPACITY, MIN_CAPACITY};
+
+/// Why there is no terminal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TerminalError {
+    /// Its memory cannot be reached.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// The ring's size is not a power of two, or out of range.
+    #[error("{capacity} bytes are no power of two from {MIN_CAPACITY} to {MAX_CAPACITY}")]
+    Capacity {
+        /// The size that was asked for, in bytes.
+        capacity: u32,
+    },
+    /// The block would begin where no message can name it.
+    #[error("offset {offset:#x} is no multiple of {ALIGNMENT} below 2^30")]
+    Offset {
+        /// Where it would begin, in bytes.
+        offset: u32,
+    },
+}
+
+/// Why a console did not read or write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConsoleError {
+    /// The host made no room in time, or nobody typed anything.
+    ///
+    /// `write`, `read` and `flush` have lost nothing then; `write_all` and formatted writes give
+    /// up the rest.
+    #[error("timed out, and {lost} bytes were given up")]
+    TimedOut {
+        /// Bytes that were given up, and counted as lost.
+        lost: usize,
+    },
+    /// Somebody typed the character that interrupts, which this reports once.
+    #[error("interrupted from the keyboard")]
+    Interrupted,
+    /// The terminal's memory is gone.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// The mailbox cannot be waited in.
+    #[error(transparent)]
+    Mailbox(#[from] MailboxError),
+}
+
+impl embedded_io::Error for ConsoleError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::TimedOut { .. } => ErrorKind::TimedOut,
+            Self::Interrupted => ErrorKind::Interrupted,
+            Self::Access(_) | Self::Mailbox(_) => ErrorKind::Other,
+        }
+    }
+}

@@ -1,0 +1,128 @@
+#![doc = include_str!("../WIRE.md")]
+
+use static_assertions::const_assert;
+
+use condor_mbox::Vector;
+use condor_mbox::layout::LINE;
+
+/// "CTTY" in little-endian order.
+pub const MAGIC: u32 = u32::from_le_bytes(*b"CTTY");
+/// The version of this layout.
+pub const VERSION: u32 = 1;
+/// Bytes before the ring: the processor's line and the host's.
+pub const BLOCK_BYTES: u32 = 2 * LINE;
+/// Terminals begin at multiples of this, so that a message has room for a character.
+pub const ALIGNMENT: u32 = LINE;
+/// Bytes that a ring has at least.
+pub const MIN_CAPACITY: u32 = 8;
+/// Bytes that a ring has at most.
+pub const MAX_CAPACITY: u32 = 1 << 30;
+
+/// Offsets, in bytes from the beginning of a block, of the words that the processor writes.
+pub mod processor {
+    /// [`MAGIC`](super::MAGIC).
+    pub const MAGIC: u32 = 0;
+    /// [`VERSION`](super::VERSION).
+    pub const VERSION: u32 = 4;
+    /// The life of the terminal; 0 while the block is not in order.
+    pub const LIFE: u32 = 8;
+    /// Bytes of the ring, a power of two.
+    pub const CAPACITY: u32 = 12;
+    /// Bytes whose writing has begun.
+    pub const RESERVED: u32 = 16;
+    /// Bytes that have been written.
+    pub const HEAD: u32 = 20;
+    /// Bytes that found no room.
+    pub const LOST: u32 = 24;
+    /// What happens when there is no room.
+    pub const POLICY: u32 = 28;
+    /// The mode, and the character that interrupts.
+    pub const MODE: u32 = 32;
+    /// Whether somebody waits for room.
+    pub const WAITING: u32 = 36;
+    /// Values of the host's cursor that were not believed.
+    pub const IGNORED: u32 = 40;
+}
+
+/// Offsets, in bytes from the beginning of a block, of the words that the host writes.
+pub mod host {
+    use super::LINE;
+
+    /// Bytes that have been dealt with.
+    pub const TAIL: u32 = LINE;
+    /// Who is attached.
+    pub const ATTACHED: u32 = LINE + 4;
+    /// The life of the terminal that these words are about.
+    pub const LIFE: u32 = LINE + 8;
+    /// Two records of a tail and of the bytes overwritten before it.
+    pub const RECORDS: [u32; 2] = [LINE + 16, LINE + 24];
+}
+
+/// Bits of [`processor::MODE`].
+pub mod mode {
+    /// Lines are edited here.
+    pub const COOKED: u32 = 1;
+    /// A person has stopped the output.
+    pub const STOPPED: u32 = 2;
+    /// A character has been refused, and the program has read nothing since.
+    pub const FULL: u32 = 4;
+    /// Where the character that interrupts begins; 0 if there is none.
+    pub const INTERRUPT_SHIFT: u32 = 8;
+}
+
+/// Replies to an input message.
+pub mod reply {
+    /// There is no such terminal.
+    pub const NO_TERMINAL: u32 = 0;
+    /// The character has been taken.
+    pub const ACCEPTED: u32 = 1;
+    /// There is no room: keep the character and try again.
+    pub const FULL: u32 = 2;
+}
+
+/// The vectors of the protocol; both ends must use the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Vectors {
+    /// To the host: bytes have been written; the data is the terminal's offset.
+    pub output: Vector,
+    /// To the processor: a character, as [`input_data`] packs it.
+    pub input: Vector,
+    /// To the processor: there is room again; the data is the terminal's offset.
+    pub room: Vector,
+}
+
+impl Vectors {
+    /// 56, 57 and 58.
+    pub const DEFAULT: Self = Self {
+        output: Vector(56),
+        input: Vector(57),
+        room: Vector(58),
+    };
+}
+
+impl Default for Vectors {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// The data of an input message: the terminal at `offset` gets `character`.
+#[must_use]
+pub const fn input_data(offset: u32, character: u8) -> u32 {
+    (offset / ALIGNMENT) << 8 | character as u32
+}
+
+/// Whether a terminal can begin at `offset`: a multiple of a line, below 1 GiB.
+#[must_use]
+pub const fn is_offset(offset: u32) -> bool {
+    offset.is_multiple_of(ALIGNMENT) && offset / ALIGNMENT < 1 << 24
+}
+
+/// Whether a ring can have `capacity` bytes.
+#[must_use]
+pub const fn is_capacity(capacity: u32) -> bool {
+    capacity.is_power_of_two() && capacity >= MIN_CAPACITY && capacity <= MAX_CAPACITY
+}
+
+const_assert!(processor::IGNORED + 4 <= LINE);
+const_assert!(host::RECORDS[1] + 8 <= BLOCK_BYTES);

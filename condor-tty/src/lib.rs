@@ -1,0 +1,40 @@
+// The first definition of a link counts: here those of README.md lead to items instead of files.
+#![cfg_attr(feature = "linux", doc = "[linux]: mod@linux")]
+//! [wire]: mod@layout
+//! [terminal]: Terminal
+//! [console]: Console
+//! [policy]: Policy
+//! [reader]: Reader
+//!
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
+
+// Documents of their own.
+pub mod layout;
+#[cfg(feature = "linux")]
+pub mod linux;
+
+mod console;
+mod error;
+mod input;
+mod link;
+mod output;
+mod policy;
+mod reader;
+mod settings;
+mod sync;
+mod terminal;
+
+// The processor's end.
+pub use console::{Console, Poster};
+pub use error::{ConsoleError, TerminalError};
+pub use link::Link;
+pub use policy::{Policy, PolicyKind};
+pub use settings::{Characters, Mode, Settings};
+pub use terminal::{Accepted, Terminal};
+
+// The host's end, anywhere.
+pub use reader::{Fetched, Reader, ReaderError, Status};
+
+// Both.
+pub use layout::Vectors;

@@ -1,0 +1,345 @@
+//! [`Host`]: a processor's terminal as the host has it.
+
+use std::collections::VecDeque;
+use std::io;
+
+use condor_mbox::{
+    AccessError, Error as MailboxError, MemoryWindow, Message, Messenger, Pending, Processor,
+    Region,
+};
+
+use super::sink::Sink;
+use crate::layout::{Vectors, input_data, reply};
+use crate::reader::{Reader, ReaderError, Status};
+
+/// A terminal of the processor `to`, attached to a sink.
+///
+/// Nothing here waits. The host's loop serves its mailbox, sleeps there or until a descriptor is
+/// ready, and calls [`serve`](Self::serve) for each terminal. Its handler for
+/// [`Vectors::output`] may do nothing: it only ends the sleep.
+#[derive(Debug)]
+pub struct Host<W, S> {
+    region: Region<W>,
+    reader: Reader<W>,
+    to: Processor,
+    me: Processor,
+    vectors: Vectors,
+    /// Where the terminal's output goes.
+    pub sink: S,
+    /// What has been read and not been taken by the sink: from `begin` to `end`.
+    buffer: Box<[u8]>,
+    begin: usize,
+    end: usize,
+    typed: VecDeque<u8>,
+    /// A character whose reply has not come.
+    sent: Option<Sent>,
+    dropped: u64,
+}
+
+#[derive(Debug)]
+struct Sent {
+    character: u8,
+    pending: Pending,
+    /// It is to be kept if there is no room for it: nobody has interrupted since.
+    keep: bool,
+}
+
+/// What a call of [`Host::serve`] did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Served {
+    /// Bytes that the sink has taken.
+    pub output: usize,
+    /// Bytes that had been overwritten.
+    pub overwritten: u32,
+    /// Characters that the processor has accepted.
+    pub input: usize,
+    /// Whether another call would find more to do at once.
+    pub more: bool,
+}
+
+/// Why a host does not serve a terminal.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HostError {
+    /// The terminal.
+    #[error(transparent)]
+    Reader(#[from] ReaderError),
+    /// The sink.
+    #[error("the sink of a terminal fails: {0}")]
+    Sink(#[from] io::Error),
+    /// The mailbox.
+    #[error(transparent)]
+    Mailbox(#[from] MailboxError),
+}
+
+impl From<AccessError> for HostError {
+    fn from(error: AccessError) -> Self {
+        Self::Reader(error.into())
+    }
+}
+
+/// Bytes that are read at once.
+const BUFFER: usize = 64 * 1024;
+/// Characters that are kept for a processor that does not take them.
+const TYPED: usize = 64 * 1024;
+/// How often one call looks at the ring.
+const LOOKS: usize = 16;
+
+impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
+    /// Attaches `me` to the terminal at `offset` of `region`, the users' region of `to`.
+    ///
+    /// # Errors
+    /// As [`Reader::attach`].
+    pub fn attach(
+        region: Region<W>,
+        offset: u32,
+        to: Processor,
+        me: Processor,
+        sink: S,
+    ) -> Result<Self, HostError> {
+        let reader = Reader::attach(region.clone(), offset, me)?;
+        Ok(Self {
+            region,
+            reader,
+            to,
+            me,
+            vectors: Vectors::DEFAULT,
+            sink,
+            buffer: vec![0; BUFFER].into_boxed_slice(),
+            begin: 0,
+            end: 0,
+            typed: VecDeque::new(),
+            sent: None,
+            dropped: 0,
+        })
+    }
+
+    /// With other vectors than [`Vectors::DEFAULT`].
+    #[must_use]
+    pub fn with_vectors(self, vectors: Vectors) -> Self {
+        Self { vectors, ..self }
+    }
+
+    /// Types characters, as the sink's [`typed`](Sink::typed) do: for a user interface.
+    ///
+    /// The character that interrupts overtakes all others, and drops them.
+    ///
+    /// # Errors
+    /// The window's.
+    pub fn type_in(&mut self, characters: &[u8]) -> Result<(), HostError> {
+        let interrupt = self.reader.status()?.interrupt;
+        for character in characters {
+            if interrupt == Some(*character) {
+                self.typed.clear();
+                if let Some(sent) = &mut self.sent {
+                    sent.keep = false;
+                }
+            }
+            if self.typed.len() < TYPED {
+                self.typed.push_back(*character);
+            } else {
+                self.dropped += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves what there is in both directions, and waits for nothing.
+    ///
+    /// A processor that began a new life is attached to again. A processor that is not there, or
+    /// takes no messages, is no error: what was typed is kept for it.
+    ///
+    /// # Errors
+    /// [`ReaderError::Displaced`] if another host has attached; [`ReaderError::Broken`],
+    /// [`ReaderError::Access`]; [`HostError::Sink`]; [`HostError::Mailbox`] if this mailbox has not
+    /// joined or its memory is gone. Nothing is lost by them.
+    pub fn serve<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> Result<Served, HostError> {
+        let mut served = Served::default();
+        match self.serve_output(mailbox, &mut served) {
+            Err(HostError::Reader(ReaderError::Restarted { .. })) => self.attach_again()?,
+            other => other?,
+        }
+        self.serve_input(mailbox, &mut served)?;
+        Ok(served)
+    }
+
+    fn attach_again(&mut self) -> Result<(), HostError> {
+        match Reader::attach(self.region.clone(), self.reader.offset(), self.me) {
+            Ok(reader) => {
+                self.reader = reader;
+                self.begin = 0;
+                self.end = 0;
+                self.sink.restarted();
+                Ok(())
+            }
+            // The processor is at it.
+            Err(ReaderError::NotReady { .. }) => Ok(()),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn serve_output<M: Messenger + ?Sized>(
+        &mut self,
+        mailbox: &M,
+        served: &mut Served,
+    ) -> Result<(), HostError> {
+        for _ in 0..LOOKS {
+            served.more = false;
+            if self.reader.status()?.stopped {
+                // To notice a new life also while nothing is read.
+                self.reader.acknowledge(0)?;
+                return Ok(());
+            }
+            if self.begin == self.end && !self.fetch(served)? {
+                return Ok(());
+            }
+            let offered = self.buffer.get(self.begin..self.end).unwrap_or_default();
+            let taken = self.sink.take(offered)?.min(offered.len());
+            self.begin += taken;
+            served.output += taken;
+            self.acknowledge(mailbox, taken)?;
+            if self.begin < self.end {
+                return Ok(());
+            }
+            served.more = true;
+        }
+        Ok(())
+    }
+
+    /// Fills the buffer; says whether there is anything in it.
+    fn fetch(&mut self, served: &mut Served) -> Result<bool, HostError> {
+        let fetched = self.reader.fetch(&mut self.buffer)?;
+        self.begin = 0;
+        self.end = fetched.len;
+        served.overwritten = served.overwritten.wrapping_add(fetched.skipped);
+        if fetched.skipped > 0 {
+            self.sink.overwritten(fetched.skipped)?;
+        }
+        Ok(fetched.len > 0 || fetched.skipped > 0)
+    }
+
+    fn acknowledge<M: Messenger + ?Sized>(
+        &mut self,
+        mailbox: &M,
+        taken: usize,
+    ) -> Result<(), HostError> {
+        if self.reader.acknowledge(taken)? && taken > 0 {
+            // If it cannot be sent, the processor looks by itself a little later.
+            let _ = mailbox.post(Message {
+                to: self.to,
+                vector: self.vectors.room,
+                data: self.reader.offset(),
+            });
+        }
+        Ok(())
+    }
+
+    fn serve_input<M: Messenger + ?Sized>(
+        &mut self,
+        mailbox: &M,
+        served: &mut Served,
+    ) -> Result<(), HostError> {
+        let mut characters = [0; 256];
+        let count = self.sink.typed(&mut characters)?;
+        let characters = characters.get(..count).unwrap_or_default();
+        self.type_in(characters)?;
+        if let Some(sent) = self.sent.take() {
+            match mailbox.look(&sent.pending) {
+                Ok(None) => {
+                    self.sent = Some(sent);
+                    return Ok(());
+                }
+                Ok(Some(reply)) => {
+                    if reply == reply::FULL {
+                        self.keep(&sent);
+                    } else {
+                        served.input += 1;
+                    }
+                }
+                // It was not answered, and its program has gone; the next one gets it.
+                Err(error) => {
+                    self.keep(&sent);
+                    fatal(error, self.me)?;
+                }
+            }
+            mailbox.abandon(&sent.pending);
+        }
+        self.send_next(mailbox)
+    }
+
+    /// Puts a character that was not taken before all others, unless somebody interrupted since.
+    fn keep(&mut self, sent: &Sent) {
+        if sent.keep {
+            self.typed.push_front(sent.character);
+        }
+    }
+
+    /// Sends the next character, if it can be sent now.
+    fn send_next<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> Result<(), HostError> {
+        let Some(&character) = self.typed.front() else {
+            return Ok(());
+        };
+        let status = self.reader.status()?;
+        if status.full && status.interrupt != Some(character) {
+            // The processor sends a message when its program has read.
+            return Ok(());
+        }
+        let message = Message {
+            to: self.to,
+            vector: self.vectors.input,
+            data: input_data(self.reader.offset(), character),
+        };
+        match mailbox.open(message) {
+            Ok(pending) => {
+                self.typed.pop_front();
+                self.sent = Some(Sent {
+                    character,
+                    pending,
+                    keep: true,
+                });
+                Ok(())
+            }
+            Err(error) => fatal(error, self.me),
+        }
+    }
+
+    /// What is known of the terminal beside its output.
+    ///
+    /// # Errors
+    /// The window's.
+    pub fn status(&self) -> Result<Status, AccessError> {
+        self.reader.status()
+    }
+
+    /// Characters that wait for the processor to take them.
+    #[must_use]
+    pub fn waiting_input(&self) -> usize {
+        self.typed.len() + usize::from(self.sent.is_some())
+    }
+
+    /// Characters that were typed when too many waited already.
+    #[must_use]
+    pub const fn dropped_input(&self) -> u64 {
+        self.dropped
+    }
+
+    /// Detaches, and gives back the sink. A host that is dropped instead is waited for.
+    ///
+    /// # Errors
+    /// As [`Reader::detach`].
+    pub fn detach(self) -> Result<S, HostError> {
+        self.reader.detach()?;
+        Ok(self.sink)
+    }
+}
+
+/// Errors of this mailbox, in contrast to those of whom it sends to.
+fn fatal(error: MailboxError, me: Processor) -> Result<(), HostError> {
+    match error {
+        MailboxError::NotJoined { .. }
+        | MailboxError::NoSuchProcessor { .. }
+        | MailboxError::NoSuchVector { .. } => Err(error.into()),
+        MailboxError::Window { processor, .. } if processor == me => Err(error.into()),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,122 @@
+//! [`Sink`]: where the output of a terminal goes, and [`Tee`]: to two places.
+
+use std::io;
+
+/// Where the output of a terminal goes, and where its input comes from.
+///
+/// # For implementers
+/// Nothing here may wait. What cannot be taken now is offered again.
+pub trait Sink {
+    /// Takes a prefix of `bytes`, and says how many.
+    ///
+    /// # Errors
+    /// The sink's; then nothing of `bytes` was taken.
+    fn take(&mut self, bytes: &[u8]) -> io::Result<usize>;
+
+    /// `bytes` before those that come next were overwritten before they could be read.
+    ///
+    /// # Errors
+    /// The sink's.
+    fn overwritten(&mut self, bytes: u32) -> io::Result<()> {
+        let _ = bytes;
+        Ok(())
+    }
+
+    /// What has been typed here; says how many bytes it put into `into`.
+    ///
+    /// # Errors
+    /// The sink's.
+    fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let _ = into;
+        Ok(0)
+    }
+
+    /// What was offered and not taken will not be offered again: the terminal has begun a new life.
+    fn restarted(&mut self) {}
+}
+
+impl<S: Sink + ?Sized> Sink for Box<S> {
+    fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        (**self).take(bytes)
+    }
+
+    fn overwritten(&mut self, bytes: u32) -> io::Result<()> {
+        (**self).overwritten(bytes)
+    }
+
+    fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        (**self).typed(into)
+    }
+
+    fn restarted(&mut self) {
+        (**self).restarted();
+    }
+}
+
+/// Two sinks that get the same; each may itself be a `Tee`.
+///
+/// The one that takes less holds the terminal; the other one is at most a buffer ahead of it.
+#[derive(Debug)]
+pub struct Tee<A, B> {
+    /// One of them.
+    pub first: A,
+    /// The other one.
+    pub second: B,
+    /// Bytes that each has taken of what is offered next; one of the two is 0.
+    ahead: [usize; 2],
+}
+
+impl<A: Sink, B: Sink> Tee<A, B> {
+    /// Both of them.
+    pub const fn new(first: A, second: B) -> Self {
+        Self {
+            first,
+            second,
+            ahead: [0, 0],
+        }
+    }
+}
+
+impl<A: Sink, B: Sink> Sink for Tee<A, B> {
+    fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let [first, second] = &mut self.ahead;
+        // An error of one does not undo what the other one has taken.
+        let outcome =
+            give(&mut self.first, bytes, first).and(give(&mut self.second, bytes, second));
+        let both = (*first).min(*second);
+        if both == 0 {
+            outcome?;
+        }
+        *first -= both;
+        *second -= both;
+        Ok(both)
+    }
+
+    fn overwritten(&mut self, bytes: u32) -> io::Result<()> {
+        let first = self.first.overwritten(bytes);
+        self.second.overwritten(bytes).and(first)
+    }
+
+    fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let count = self.first.typed(into)?;
+        Ok(count
+            + self
+                .second
+                .typed(into.get_mut(count..).unwrap_or_default())?)
+    }
+
+    fn restarted(&mut self) {
+        self.ahead = [0, 0];
+        self.first.restarted();
+        self.second.restarted();
+    }
+}
+
+/// Offers a sink what it has not taken yet.
+fn give(sink: &mut impl Sink, bytes: &[u8], taken: &mut usize) -> io::Result<()> {
+    let rest = bytes.get(*taken..).unwrap_or_default();
+    if !rest.is_empty() {
+        *taken += sink.take(rest)?.min(rest.len());
+    }
+    Ok(())
+}

@@ -1,0 +1,432 @@
+//! [`Reader`]: the host's half of a terminal's ring in shared memory.
+
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Processor, Region, StoreOrder};
+
+use crate::layout::{
+    BLOCK_BYTES, MAGIC, VERSION, host as words, is_capacity, is_offset, mode, processor,
+};
+use crate::policy::PolicyKind;
+use crate::sync::{Ordering, fence};
+
+/// The output of one terminal as a host reads it; any window, no allocation.
+///
+/// What a host has dealt with is in shared memory, not here: a host that dies, however, is
+/// followed by the next one at the byte where it stopped. What it had dealt with and not
+/// [acknowledged](Self::acknowledge), the next one gets again. Only one host at a time reads a
+/// terminal; who attaches last displaces who was there before.
+///
+/// ```
+/// use condor_mbox::{CriticalSection, Processor, Region, StaticMemory};
+/// use condor_tty::{Reader, Terminal};
+///
+/// static MEMORY: StaticMemory<512> = StaticMemory::new();
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let ram = Region::users(MEMORY.window())?;
+/// let terminal = Terminal::<_, _, 64>::new(ram, &mut ram.places(), 256, CriticalSection)?;
+/// terminal.accept(b'a')?; // which is echoed
+///
+/// let mut reader = Reader::attach(ram, terminal.offset(), Processor(1))?;
+/// let mut bytes = [0; 64];
+/// let fetched = reader.fetch(&mut bytes)?;
+/// assert_eq!((&bytes[..fetched.len], fetched.skipped), (&b"a"[..], 0));
+/// reader.acknowledge(fetched.len)?;
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct Reader<W> {
+    region: Region<W>,
+    offset: u32,
+    capacity: u32,
+    life: u32,
+    /// The word that says that it is this host that is attached.
+    attached: u32,
+    /// What has been acknowledged, as in shared memory.
+    tail: u32,
+    overwritten: u32,
+    /// Which record is that of `tail`.
+    record: usize,
+    /// Where the last fetch began and ended, after what it found overwritten.
+    begin: u32,
+    end: u32,
+    skipped: u32,
+}
+
+/// What a look at the ring gave.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Fetched {
+    /// Bytes that were copied.
+    pub len: usize,
+    /// Bytes before them that had been overwritten.
+    pub skipped: u32,
+}
+
+/// What is known of a terminal, beside its output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Status {
+    /// Bytes that found no room; the processor's count, which wraps.
+    pub lost: u32,
+    /// Bytes that were overwritten before a host had dealt with them; wraps.
+    pub overwritten: u32,
+    /// Bytes that have not been dealt with, and are still there.
+    pub unread: u32,
+    /// Values of the host's cursor that the processor did not believe; wraps.
+    pub ignored: u32,
+    /// What happens to output that finds no room; `None` if the word is of no policy.
+    pub policy: Option<PolicyKind>,
+    /// Whether lines are edited on the processor.
+    pub cooked: bool,
+    /// Whether a person has stopped the output.
+    pub stopped: bool,
+    /// Whether a character has been refused, and the program has read nothing since.
+    pub full: bool,
+    /// The character that interrupts.
+    pub interrupt: Option<u8>,
+}
+
+/// Why a terminal cannot be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReaderError {
+    /// Its memory cannot be reached.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// There is no terminal of this layout.
+    #[error("no terminal at offset {offset:#x}: magic {magic:#x}, version {version}")]
+    NoTerminal {
+        /// Where it was looked for.
+        offset: u32,
+        /// The word where the magic number would be.
+        magic: u32,
+        /// The word where the version would be.
+        version: u32,
+    },
+    /// Its processor is putting it in order: try again.
+    #[error("the terminal at offset {offset:#x} is not ready")]
+    NotReady {
+        /// Where it is.
+        offset: u32,
+    },
+    /// Its processor has begun it anew: attach again.
+    #[error("the terminal at offset {offset:#x} has a new life, {life}")]
+    Restarted {
+        /// Where it is.
+        offset: u32,
+        /// Its present life.
+        life: u32,
+    },
+    /// Another host has attached.
+    #[error("another host is attached to the terminal at offset {offset:#x}: {attached:#x}")]
+    Displaced {
+        /// Where it is.
+        offset: u32,
+        /// The word of the host that is attached.
+        attached: u32,
+    },
+    /// The processor's words are such as no terminal writes.
+    #[error("the terminal at offset {offset:#x} is broken: word {word} is {value:#x}")]
+    Broken {
+        /// Where it is.
+        offset: u32,
+        /// Offset of the word in the block.
+        word: u32,
+        /// What is there.
+        value: u32,
+    },
+}
+
+/// How often a fetch tries before it says that there is nothing: each time the processor has
+/// overwritten all that was copied.
+const ATTEMPTS: u32 = 4;
+
+impl<W: MemoryWindow> Reader<W> {
+    /// Attaches the host `me` to the terminal at `offset` of `region`, its processor's.
+    ///
+    /// From then on the processor's [`Policy::Block`](crate::Policy::Block) waits, and its messages
+    /// go to `me`. A terminal whose output nobody has read yet is read from the oldest byte that is
+    /// still there.
+    ///
+    /// # Errors
+    /// [`ReaderError`], except `Displaced`.
+    pub fn attach(region: Region<W>, offset: u32, me: Processor) -> Result<Self, ReaderError> {
+        let mut this = Self {
+            region,
+            offset,
+            capacity: 0,
+            life: 0,
+            attached: 0,
+            tail: 0,
+            overwritten: 0,
+            record: 0,
+            begin: 0,
+            end: 0,
+            skipped: 0,
+        };
+        this.look()?;
+        this.take_over(me)?;
+        Ok(this)
+    }
+
+    /// Checks that there is a terminal, and notes what does not change in its life.
+    fn look(&mut self) -> Result<(), ReaderError> {
+        let offset = self.offset;
+        if !is_offset(offset) {
+            let (magic, version) = (0, 0);
+            return Err(ReaderError::NoTerminal {
+                offset,
+                magic,
+                version,
+            });
+        }
+        // Acquire: pairs with the Release store that ends `Output::format`; the block is in order.
+        let life = self.load(processor::LIFE, LoadOrder::Acquire)?;
+        let magic = self.load(processor::MAGIC, LoadOrder::Relaxed)?;
+        let version = self.load(processor::VERSION, LoadOrder::Relaxed)?;
+        if life == 0 && (magic == 0 || magic == MAGIC) {
+            return Err(ReaderError::NotReady { offset });
+        }
+        if magic != MAGIC || version != VERSION {
+            return Err(ReaderError::NoTerminal {
+                offset,
+                magic,
+                version,
+            });
+        }
+        let capacity = self.load(processor::CAPACITY, LoadOrder::Relaxed)?;
+        if !is_capacity(capacity) {
+            return Err(self.broken(processor::CAPACITY, capacity));
+        }
+        self.region
+            .check(offset, (BLOCK_BYTES + capacity) as usize)?;
+        self.life = life;
+        self.capacity = capacity;
+        Ok(())
+    }
+
+    /// Goes on where the host before stopped.
+    fn take_over(&mut self, me: Processor) -> Result<(), AccessError> {
+        let before = self.load(words::ATTACHED, LoadOrder::Relaxed)?;
+        let number = u32::from(me.0).wrapping_add(1) & 0xff;
+        self.attached = (before | 0xff).wrapping_add(1) | number;
+        if self.load(words::LIFE, LoadOrder::Acquire)? == self.life {
+            // Acquire: pairs with the Release store in `commit`; its record is there.
+            self.tail = self.load(words::TAIL, LoadOrder::Acquire)?;
+            for (record, at) in words::RECORDS.into_iter().enumerate() {
+                if self.load(at, LoadOrder::Relaxed)? == self.tail {
+                    self.record = record;
+                    self.overwritten = self.load(at.wrapping_add(4), LoadOrder::Relaxed)?;
+                }
+            }
+        } else {
+            // The record that is not of the present tail never has its key: it may be half written.
+            for (at, key) in words::RECORDS.into_iter().zip([u32::MAX, 0]) {
+                self.store(at, key, StoreOrder::Relaxed)?;
+                self.store(at.wrapping_add(4), 0, StoreOrder::Relaxed)?;
+            }
+            self.store(words::TAIL, 0, StoreOrder::Relaxed)?;
+            self.record = 1;
+        }
+        self.begin = self.tail;
+        self.end = self.tail;
+        self.store(words::ATTACHED, self.attached, StoreOrder::Relaxed)?;
+        // Release: pairs with the Acquire loads in `Output`; the words above are about this life.
+        self.store(words::LIFE, self.life, StoreOrder::Release)
+    }
+
+    /// Copies what follows the acknowledged bytes, as much as there is and `into` has room for.
+    ///
+    /// # Errors
+    /// [`ReaderError`], except `NoTerminal` and `NotReady`.
+    pub fn fetch(&mut self, into: &mut [u8]) -> Result<Fetched, ReaderError> {
+        self.check_attached()?;
+        self.begin = self.tail;
+        self.skipped = 0;
+        let mut len = 0;
+        for _ in 0..ATTEMPTS {
+            self.skip_overwritten()?;
+            // Acquire: pairs with the Release store in `Output::publish`; the bytes are there.
+            let head = self.load(processor::HEAD, LoadOrder::Acquire)?;
+            let available = head.wrapping_sub(self.begin);
+            if available > u32::MAX / 2 {
+                return Err(self.broken(processor::HEAD, head));
+            }
+            // More than the capacity if the processor has overtaken this host just now.
+            len = (available.min(self.capacity) as usize).min(into.len());
+            let copied = into.get_mut(..len).unwrap_or_default();
+            self.copy(copied)?;
+            // Pairs with the fence in `Output::reserve`: if a byte of a later round was copied, its
+            // mark is seen below.
+            fence(Ordering::Acquire);
+            let gone = self.skip_overwritten()? as usize;
+            if gone < len || gone == 0 {
+                copied.copy_within(gone.., 0);
+                len -= gone;
+                break;
+            }
+            len = 0;
+        }
+        // A new life that began meanwhile has bytes of its own.
+        self.check_attached()?;
+        self.end = self.begin.wrapping_add(len as u32);
+        Ok(Fetched {
+            len,
+            skipped: self.skipped,
+        })
+    }
+
+    /// Moves the beginning past what has been overwritten; gives by how much.
+    fn skip_overwritten(&mut self) -> Result<u32, AccessError> {
+        // Acquire: pairs with the Release store in `Output::reserve`; the head that is seen
+        // afterwards is not behind what is skipped here.
+        let reserved = self.load(processor::RESERVED, LoadOrder::Acquire)?;
+        let gone = reserved
+            .wrapping_sub(self.begin)
+            .saturating_sub(self.capacity);
+        self.begin = self.begin.wrapping_add(gone);
+        self.skipped = self.skipped.wrapping_add(gone);
+        Ok(gone)
+    }
+
+    /// Copies the bytes from the beginning on.
+    fn copy(&self, into: &mut [u8]) -> Result<(), AccessError> {
+        let mut position = self.begin;
+        let mut rest = into;
+        while !rest.is_empty() {
+            let index = position & (self.capacity - 1);
+            let at = self.offset.wrapping_add(BLOCK_BYTES).wrapping_add(index);
+            let until_end = self.capacity.wrapping_sub(index) as usize;
+            let within = at as usize % 4;
+            let len = if within == 0 {
+                until_end.min(rest.len())
+            } else {
+                (4 - within).min(rest.len())
+            };
+            let Some((part, others)) = rest.split_at_mut_checked(len) else {
+                return Ok(());
+            };
+            if within == 0 {
+                self.region.read(at, part)?;
+            } else {
+                let word = self.region.load(at & !3, LoadOrder::Relaxed)?.to_le_bytes();
+                for (place, byte) in part.iter_mut().zip(word.iter().skip(within)) {
+                    *place = *byte;
+                }
+            }
+            position = position.wrapping_add(len as u32);
+            rest = others;
+        }
+        Ok(())
+    }
+
+    /// Says that the next `count` bytes of the last fetch, and what was overwritten before them,
+    /// have been dealt with; gives whether the processor waits for room, and wants a message.
+    ///
+    /// # Errors
+    /// [`ReaderError::Displaced`], [`ReaderError::Restarted`], [`ReaderError::Access`].
+    pub fn acknowledge(&mut self, count: usize) -> Result<bool, ReaderError> {
+        self.check_attached()?;
+        let fetched = self.end.wrapping_sub(self.begin) as usize;
+        let tail = self.begin.wrapping_add(count.min(fetched) as u32);
+        if tail != self.tail {
+            self.commit(tail, self.overwritten.wrapping_add(self.skipped))?;
+            self.begin = tail;
+            self.skipped = 0;
+        }
+        // Pairs with the fence in `Output::set_waiting`.
+        fence(Ordering::SeqCst);
+        Ok(self.load(processor::WAITING, LoadOrder::Relaxed)? != 0)
+    }
+
+    /// One store says both where the host is and how much was overwritten before: whoever comes
+    /// next finds the record that belongs to the tail.
+    fn commit(&mut self, tail: u32, overwritten: u32) -> Result<(), AccessError> {
+        let record = 1 - self.record.min(1);
+        let [first, second] = words::RECORDS;
+        let at = if record == 0 { first } else { second };
+        self.store(at.wrapping_add(4), overwritten, StoreOrder::Relaxed)?;
+        self.store(at, tail, StoreOrder::Relaxed)?;
+        // Release: pairs with the Acquire loads in `Output` and in `take_over`; the bytes have been
+        // copied, and the record is there.
+        self.store(words::TAIL, tail, StoreOrder::Release)?;
+        self.tail = tail;
+        self.record = record;
+        self.overwritten = overwritten;
+        Ok(())
+    }
+
+    /// Detaches: from now on nobody waits for this host.
+    ///
+    /// # Errors
+    /// As [`acknowledge`](Self::acknowledge).
+    pub fn detach(self) -> Result<(), ReaderError> {
+        self.check_attached()?;
+        Ok(self.store(words::ATTACHED, self.attached & !0xff, StoreOrder::Release)?)
+    }
+
+    /// What is known of the terminal beside its output.
+    ///
+    /// # Errors
+    /// The window's.
+    pub fn status(&self) -> Result<Status, AccessError> {
+        let word = |word| self.load(word, LoadOrder::Relaxed);
+        let behind = word(processor::RESERVED)?.wrapping_sub(self.tail);
+        let mode = word(processor::MODE)?;
+        let interrupt = (mode >> mode::INTERRUPT_SHIFT).to_le_bytes()[0];
+        Ok(Status {
+            lost: word(processor::LOST)?,
+            overwritten: self
+                .overwritten
+                .wrapping_add(behind.saturating_sub(self.capacity)),
+            unread: behind.min(self.capacity),
+            ignored: word(processor::IGNORED)?,
+            policy: PolicyKind::from_word(word(processor::POLICY)?),
+            cooked: mode & mode::COOKED != 0,
+            stopped: mode & mode::STOPPED != 0,
+            full: mode & mode::FULL != 0,
+            interrupt: (interrupt != 0).then_some(interrupt),
+        })
+    }
+
+    /// Where the terminal is in its processor's region, in bytes.
+    #[must_use]
+    pub const fn offset(&self) -> u32 {
+        self.offset
+    }
+
+    /// Bytes of the ring.
+    #[must_use]
+    pub const fn capacity(&self) -> u32 {
+        self.capacity
+    }
+
+    fn check_attached(&self) -> Result<(), ReaderError> {
+        let offset = self.offset;
+        let life = self.load(processor::LIFE, LoadOrder::Relaxed)?;
+        if life != self.life {
+            return Err(ReaderError::Restarted { offset, life });
+        }
+        let attached = self.load(words::ATTACHED, LoadOrder::Relaxed)?;
+        if attached != self.attached {
+            return Err(ReaderError::Displaced { offset, attached });
+        }
+        Ok(())
+    }
+
+    const fn broken(&self, word: u32, value: u32) -> ReaderError {
+        ReaderError::Broken {
+            offset: self.offset,
+            word,
+            value,
+        }
+    }
+
+    fn load(&self, word: u32, order: LoadOrder) -> Result<u32, AccessError> {
+        self.region.load(self.offset.wrapping_add(word), order)
+    }
+
+    fn store(&self, word: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
+        self.region
+            .store(self.offset.wrapping_add(word), value, order)
+    }
+}

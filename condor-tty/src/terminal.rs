@@ -1,0 +1,395 @@
+//! [`Terminal`]: a terminal as its processor has it.
+
+use core::time::Duration;
+
+use condor_mbox::{
+    AccessError, Call, Exclusion, MemoryWindow, Messenger, Places, Processor, Region, Vector,
+};
+
+use crate::console::{Console, Poster};
+use crate::error::TerminalError;
+use crate::input::{Echo, Input, Outcome, Taken};
+use crate::layout::{self, ALIGNMENT, BLOCK_BYTES, Vectors, reply};
+use crate::link::Link;
+use crate::output::Output;
+use crate::policy::Policy;
+use crate::settings::Settings;
+
+/// A virtual terminal of this processor (memo, section 3.6.3).
+///
+/// `W` is the window in which its output lies, `X` the [`Exclusion`] between the contexts of the
+/// processor, and `IN` the number of characters, a power of two, that can be typed ahead. All
+/// calls take `&self`: background, handlers and servo loops may each be in the middle of one.
+///
+/// | context | reads and writes through |
+/// |---|---|
+/// | background | a [`Console`], which waits as the [`Policy`] says, and serves meanwhile |
+/// | handler, interrupt, servo loop | a [`Poster`], which never waits: what finds no room is lost, and counted |
+///
+/// It begins with [`Settings::COOKED`] and [`Policy::DropNew`].
+///
+/// ```
+/// use std::time::Duration;
+///
+/// use condor_mbox::sim::System;
+/// use condor_mbox::{Call, CriticalSection, Processor, Region};
+/// use condor_tty::{Terminal, Vectors};
+/// use embedded_io::{Read, Write};
+///
+/// # const HOST: Processor = Processor(0);
+/// const HAND: Processor = Processor(1);
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let system = System::<2>::in_virtual_time(4096);
+/// // The terminal before the mailbox, whose handlers borrow it.
+/// let [_, windows] = system.windows(HAND);
+/// let ram = Region::users(windows.data)?;
+/// let terminal = Terminal::<_, _, 128>::new(ram.clone(), &mut ram.places(), 1024, CriticalSection)?;
+/// let receive = |call: &Call<'_>| terminal.receive(call);
+/// let mut hand = system.mailbox(HAND)?;
+/// hand.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
+/// hand.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
+/// hand.join()?;
+///
+/// let mut console = terminal.console(&hand).with_read_timeout(Duration::from_secs(1));
+/// write!(console, "joint {} is at {:.3} rad\n", 3, 0.25)?;
+/// let mut line = [0; 80];
+/// assert!(console.read(&mut line).is_err()); // nobody types here
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct Terminal<W, X, const IN: usize> {
+    output: Output<W, X>,
+    input: Input<IN>,
+    vectors: Vectors,
+}
+
+/// What became of a character that was typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Accepted {
+    /// It has been taken.
+    Taken,
+    /// It has been taken, and interrupts the program.
+    Interrupts,
+    /// There is no room until the program reads: keep it.
+    Full,
+}
+
+impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
+    /// A new terminal at the next of `places` in `own`, the processor's own region, with a ring
+    /// of `capacity` bytes, a power of two.
+    ///
+    /// A host that was attached to a former life at the same place notices, and attaches anew.
+    ///
+    /// # Errors
+    /// [`TerminalError`].
+    pub fn new(
+        own: Region<W>,
+        places: &mut Places,
+        capacity: u32,
+        exclusion: X,
+    ) -> Result<Self, TerminalError> {
+        if !layout::is_capacity(capacity) {
+            return Err(TerminalError::Capacity { capacity });
+        }
+        let offset = places.bytes((BLOCK_BYTES + capacity) as usize)?;
+        let this = Self {
+            output: Output::new(own, offset, capacity, exclusion)?,
+            input: Input::new(),
+            vectors: Vectors::DEFAULT,
+        };
+        this.output.set_mode(this.input.mode_word())?;
+        Ok(this)
+    }
+
+    /// With other vectors than [`Vectors::DEFAULT`].
+    #[must_use]
+    pub fn with_vectors(self, vectors: Vectors) -> Self {
+        Self { vectors, ..self }
+    }
+
+    /// Where the terminal is in the processor's region, in bytes: by this the host names it.
+    #[must_use]
+    pub const fn offset(&self) -> u32 {
+        self.output.offset()
+    }
+
+    /// The terminal for the background: reads, and writes as the policy says.
+    pub const fn console<'t, L: Link>(&'t self, link: &'t L) -> Console<'t, W, X, L, IN> {
+        Console::new(self, link)
+    }
+
+    /// The terminal for servo loops, handlers and interrupts: writes, and never waits.
+    pub const fn poster<'t, M: Messenger + ?Sized>(
+        &'t self,
+        messenger: &'t M,
+    ) -> Poster<'t, W, X, M, IN> {
+        Poster::new(self, messenger)
+    }
+
+    /// Handles a message of the host: what runs for the vectors of input and room.
+    ///
+    /// Gives the reply, [`reply::NO_TERMINAL`] if the message is for another terminal.
+    pub fn receive(&self, call: &Call<'_>) -> u32 {
+        self.receive_and(call, || ())
+    }
+
+    /// As [`receive`](Self::receive), and calls `on_interrupt` if the character interrupts.
+    pub fn receive_and(&self, call: &Call<'_>, on_interrupt: impl FnOnce()) -> u32 {
+        if call.vector() == self.vectors.room {
+            // It has ended the wait of whom it was for.
+            return reply::ACCEPTED;
+        }
+        let [character, ..] = call.data().to_le_bytes();
+        if call.data() >> 8 != self.offset() / ALIGNMENT {
+            return reply::NO_TERMINAL;
+        }
+        let post = |to, vector, data| {
+            // What a doorbell would say, the cursors say.
+            let _ = call.try_send(to, vector, data);
+        };
+        // A terminal whose memory is gone has nothing to show, but still takes what is typed.
+        match self.accept_and(character, post).unwrap_or(Accepted::Taken) {
+            Accepted::Full => reply::FULL,
+            Accepted::Taken => reply::ACCEPTED,
+            Accepted::Interrupts => {
+                on_interrupt();
+                reply::ACCEPTED
+            }
+        }
+    }
+
+    /// Takes a character that was typed elsewhere than at the host, such as at a serial line.
+    ///
+    /// Its echo waits in the ring until the next message or look of the host.
+    ///
+    /// # Errors
+    /// The window's; the character has been taken all the same.
+    pub fn accept(&self, character: u8) -> Result<Accepted, AccessError> {
+        self.accept_and(character, |_, _, _| ())
+    }
+
+    fn accept_and(
+        &self,
+        character: u8,
+        post: impl Fn(Processor, Vector, u32),
+    ) -> Result<Accepted, AccessError> {
+        let (outcome, told) = self.telling_mode(|| self.input.accept(character));
+        told?;
+        let (accepted, echo) = match outcome {
+            Outcome::Full => return Ok(Accepted::Full),
+            Outcome::Taken(echo) => (Accepted::Taken, echo),
+            Outcome::Interrupts(echo) => (Accepted::Interrupts, echo),
+        };
+        // An interrupt reaches the program even if its echo does not reach the host.
+        if self.echo(echo).is_ok() && echo != Echo::Nothing {
+            let _ = self.ring(post);
+        }
+        Ok(accepted)
+    }
+
+    fn echo(&self, echo: Echo) -> Result<(), AccessError> {
+        match echo {
+            Echo::Nothing => Ok(()),
+            Echo::Byte(byte) => self.put_or_lose(&[byte]),
+            Echo::Caret(byte) => self.put_or_lose(&[b'^', byte ^ 0x40]),
+            Echo::CaretAndNewline(byte) => self.put_or_lose(&[b'^', byte ^ 0x40, b'\r', b'\n']),
+            Echo::Newline => self.put_or_lose(b"\r\n"),
+            Echo::Wipe(columns) => {
+                // No line has more columns than two for each place of the queue.
+                for _ in 0..columns {
+                    self.put_or_lose(b"\x08 \x08")?;
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn put_or_lose(&self, bytes: &[u8]) -> Result<(), AccessError> {
+        let written = self.output.put(bytes, false)?;
+        self.output.count_lost(bytes.len().saturating_sub(written))
+    }
+
+    /// Writes what there is room for now, newlines as they are set, and says how many of `bytes`
+    /// that were.
+    pub(crate) fn put_text(&self, bytes: &[u8]) -> Result<usize, AccessError> {
+        if !self.exclusive(|| self.input.settings()).newlines {
+            return self.put_raw(bytes);
+        }
+        let mut written = 0;
+        for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+            let text = line.strip_suffix(b"\n").unwrap_or(line);
+            let put = self.put_raw(text)?;
+            written += put;
+            if put < text.len() {
+                break;
+            }
+            if text.len() < line.len() {
+                if self.output.put(b"\r\n", true)? == 0 {
+                    break;
+                }
+                written += 1;
+            }
+        }
+        Ok(written)
+    }
+
+    /// Writes bytes as they are, in as many pieces as the ring makes of them.
+    fn put_raw(&self, bytes: &[u8]) -> Result<usize, AccessError> {
+        let mut written = 0;
+        while let Some(rest) = bytes.get(written..)
+            && !rest.is_empty()
+        {
+            match self.output.put(rest, false)? {
+                0 => break,
+                count => written += count,
+            }
+        }
+        Ok(written)
+    }
+
+    /// Tells the host, if one is attached, that there is output.
+    pub(crate) fn ring(&self, post: impl Fn(Processor, Vector, u32)) -> Result<(), AccessError> {
+        if let Some(host) = self.output.attached()? {
+            post(host, self.vectors.output, self.offset());
+        }
+        Ok(())
+    }
+
+    /// A read's worth of what has been typed, in pieces that are taken in one section each; `None`
+    /// if there is nothing. `post` tells a host that keeps a character.
+    pub(crate) fn take(
+        &self,
+        into: &mut [u8],
+        post: impl Fn(Processor, Vector, u32),
+    ) -> Result<Option<usize>, AccessError> {
+        let was_full = self.exclusive(|| self.input.is_full());
+        let mut count = 0;
+        let mut ended = false;
+        for piece in into.chunks_mut(TAKEN_AT_ONCE) {
+            let (taken, told) = self.telling_mode(|| self.input.take(piece, count > 0));
+            told?;
+            match taken {
+                Taken::Nothing => break,
+                Taken::EndOfFile => {
+                    ended = true;
+                    break;
+                }
+                Taken::Bytes { count: more, last } => {
+                    count += more;
+                    if last {
+                        break;
+                    }
+                }
+            }
+        }
+        if was_full {
+            self.ring(post)?;
+        }
+        Ok((ended || count > 0).then_some(count))
+    }
+
+    /// Tells the host of the mode if `body`, which runs alone, changed it.
+    fn telling_mode<R>(&self, body: impl FnOnce() -> R) -> (R, Result<(), AccessError>) {
+        self.exclusive(|| {
+            let before = self.input.mode_word();
+            let outcome = body();
+            let mode = self.input.mode_word();
+            let told = if mode == before {
+                Ok(())
+            } else {
+                self.output.set_mode(mode)
+            };
+            (outcome, told)
+        })
+    }
+
+    /// Changes how what is typed and written is treated.
+    ///
+    /// In raw mode the line that was being edited can be read as it stands.
+    ///
+    /// # Errors
+    /// The window's; the settings hold all the same.
+    pub fn configure(&self, settings: &Settings) -> Result<(), AccessError> {
+        self.telling_mode(|| self.input.configure(settings)).1
+    }
+
+    /// How what is typed and written is treated.
+    pub fn settings(&self) -> Settings {
+        self.exclusive(|| self.input.settings())
+    }
+
+    /// Chooses what happens to output that finds no room.
+    ///
+    /// # Errors
+    /// The window's.
+    pub fn set_policy(&self, policy: Policy) -> Result<(), AccessError> {
+        self.output.set_policy(policy)
+    }
+
+    /// What happens to output that finds no room.
+    pub fn policy(&self) -> Policy {
+        self.output.policy()
+    }
+
+    /// Whether somebody has typed the character that interrupts since the last time that this, or
+    /// a read, said so.
+    pub fn take_interrupt(&self) -> bool {
+        self.exclusive(|| self.input.take_interrupt())
+    }
+
+    /// The host that is attached, which may be dead.
+    ///
+    /// # Errors
+    /// The window's.
+    pub fn attached(&self) -> Result<Option<Processor>, AccessError> {
+        self.output.attached()
+    }
+
+    /// Bytes of the ring that the host has not dealt with; at most its capacity.
+    ///
+    /// # Errors
+    /// The window's.
+    pub fn unread(&self) -> Result<u32, AccessError> {
+        self.output.unread()
+    }
+
+    /// Bytes that found no room and were given up; wraps. What [`Policy::DropOld`] overwrites is
+    /// counted by the host, who alone knows what it has seen.
+    pub fn lost(&self) -> u32 {
+        self.output.lost()
+    }
+
+    /// Values of the host's cursor that no host of this layout writes; wraps.
+    ///
+    /// Each was ignored. The cursor of a host that comes back late after the policy changed from
+    /// [`Policy::DropOld`] may be among them.
+    pub fn ignored(&self) -> u32 {
+        self.output.ignored()
+    }
+
+    /// Characters that were typed into a line that was as long as the queue; wraps.
+    pub fn overlong(&self) -> u32 {
+        self.exclusive(|| self.input.overlong())
+    }
+
+    pub(crate) const fn output(&self) -> &Output<W, X> {
+        &self.output
+    }
+
+    pub(crate) fn has_input(&self) -> bool {
+        self.exclusive(|| self.input.is_ready() || self.input.is_interrupted())
+    }
+
+    fn exclusive<R>(&self, body: impl FnOnce() -> R) -> R {
+        self.output.exclusion().with(body)
+    }
+}
+
+/// Characters that are taken out in one exclusive section.
+const TAKEN_AT_ONCE: usize = 16;
+
+/// The longest sleep of a wait for room or for input: what a host that died before its message
+/// costs.
+pub(crate) const LONGEST_NAP: Duration = Duration::from_millis(10);

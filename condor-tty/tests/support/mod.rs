@@ -1,0 +1,175 @@
+//! Memory that dies, a mailbox that only counts, and a clock that only waits move.
+#![allow(dead_code, reason = "every test file includes it and uses a part")]
+
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+use std::time::Duration;
+
+use condor_mbox::sim::{SimWindow, SimWindowError};
+use condor_mbox::{
+    AccessError, Error, Instant, LoadOrder, MemoryWindow, Message, Messenger, Pending, Processor,
+    StoreOrder, Vector, WindowError, WindowErrorKind,
+};
+use condor_tty::Link;
+
+pub(crate) const HOST: Processor = Processor(0);
+pub(crate) const HAND: Processor = Processor(1);
+
+/// Memory as seen by a program that is killed after some accesses.
+#[derive(Clone)]
+pub(crate) struct Mortal {
+    memory: SimWindow,
+    left: Rc<Cell<u32>>,
+}
+
+impl Mortal {
+    pub(crate) fn new(memory: &SimWindow) -> Self {
+        Self {
+            memory: memory.clone(),
+            left: Rc::new(Cell::new(u32::MAX)),
+        }
+    }
+
+    /// From now on it lives for `accesses`.
+    pub(crate) fn lives_for(&self, accesses: u32) {
+        self.left.set(accesses);
+    }
+
+    pub(crate) fn is_dead(&self) -> bool {
+        self.left.get() == 0
+    }
+
+    fn live(&self, offset: u32) -> Result<(), AccessError> {
+        match self.left.get().checked_sub(1) {
+            Some(left) => {
+                self.left.set(left);
+                Ok(())
+            }
+            None => Err(AccessError {
+                offset,
+                len: 4,
+                size: self.memory.size(),
+                kind: WindowErrorKind::Lost,
+            }),
+        }
+    }
+
+    fn error(&self, offset: u32, error: SimWindowError) -> AccessError {
+        AccessError {
+            offset,
+            len: 4,
+            size: self.memory.size(),
+            kind: error.kind(),
+        }
+    }
+}
+
+impl MemoryWindow for Mortal {
+    type Error = AccessError;
+
+    fn size(&self) -> u32 {
+        self.memory.size()
+    }
+
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
+        self.live(offset)?;
+        let loaded = self.memory.load(offset, order);
+        loaded.map_err(|error| self.error(offset, error))
+    }
+
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
+        self.live(offset)?;
+        let stored = self.memory.store(offset, value, order);
+        stored.map_err(|error| self.error(offset, error))
+    }
+
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
+        let checked = self.memory.check(offset, len);
+        checked.map_err(|error| self.error(offset, error))
+    }
+}
+
+/// A mailbox that counts rings, and in whose waits the host runs.
+pub(crate) struct Board<'h> {
+    now: Cell<u64>,
+    pub(crate) rings: Cell<u32>,
+    pub(crate) pauses: Cell<u32>,
+    while_paused: RefCell<Box<dyn FnMut() + 'h>>,
+}
+
+impl<'h> Board<'h> {
+    pub(crate) fn new() -> Self {
+        Self::with(|| ())
+    }
+
+    /// With a host that runs once a wait.
+    pub(crate) fn with(host: impl FnMut() + 'h) -> Self {
+        Self {
+            now: Cell::new(0),
+            rings: Cell::new(0),
+            pauses: Cell::new(0),
+            while_paused: RefCell::new(Box::new(host)),
+        }
+    }
+
+    pub(crate) fn now_ns(&self) -> u64 {
+        self.now.get()
+    }
+}
+
+const NOT_SENT: Error = Error::NotConnected { to: HOST };
+
+impl Messenger for Board<'_> {
+    fn number(&self) -> Processor {
+        HAND
+    }
+
+    fn send_before(&self, _: Message, _: Duration, _: Instant) -> Result<(), Error> {
+        Err(NOT_SENT)
+    }
+
+    fn open_before(
+        &self,
+        _: Message,
+        _: Duration,
+        _: Instant,
+    ) -> Result<(Pending, Instant), Error> {
+        Err(NOT_SENT)
+    }
+
+    fn wait_before(&self, _: &Pending, _: Duration, _: Instant) -> Result<u32, Error> {
+        Err(NOT_SENT)
+    }
+
+    fn post(&self, message: Message) -> Result<(), Error> {
+        // To whomever the host's words name.
+        assert_eq!(message.vector, Vector(56));
+        self.rings.set(self.rings.get() + 1);
+        // A full ring of messages loses nothing.
+        Err(NOT_SENT)
+    }
+
+    fn open(&self, _: Message) -> Result<Pending, Error> {
+        Err(NOT_SENT)
+    }
+
+    fn look(&self, _: &Pending) -> Result<Option<u32>, Error> {
+        Err(NOT_SENT)
+    }
+
+    fn abandon(&self, _: &Pending) {}
+}
+
+impl Link for Board<'_> {
+    fn now(&self) -> Instant {
+        Instant::from_ns(self.now.get())
+    }
+
+    fn pause(&self, timeout: Duration) -> Result<(), Error> {
+        self.pauses.set(self.pauses.get() + 1);
+        self.now
+            .set(self.now.get() + u64::try_from(timeout.as_nanos()).unwrap());
+        (self.while_paused.borrow_mut())();
+        Ok(())
+    }
+}
