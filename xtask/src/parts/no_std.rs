@@ -13,8 +13,9 @@ const TARGETS: [&str; 4] = [
 ];
 
 /// The libraries that run without an operating system, with each set of features to build.
-const LIBRARIES: [(&str, &[&str]); 3] = [
+const LIBRARIES: [(&str, &[&str]); 4] = [
     ("condor-dev", &["", "conformance", "riscv"]),
+    ("condor-fs", &[""]),
     ("condor-mbox", &["", "conformance", "riscv"]),
     ("condor-mos", &["", "cortex-m", "riscv"]),
 ];

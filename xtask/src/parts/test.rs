@@ -6,7 +6,7 @@ use crate::tests_run;
 
 /// The members of the workspace, tested one by one: a program has one implementation of critical
 /// sections, and the tests of condor-mos need another one than those of the rest.
-const PACKAGES: [&str; 4] = ["condor-dev", "condor-mbox", "condor-mos", "xtask"];
+const PACKAGES: [&str; 5] = ["condor-dev", "condor-fs", "condor-mbox", "condor-mos", "xtask"];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let mut passed = 0;
