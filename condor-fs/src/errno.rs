@@ -122,7 +122,13 @@ mod tests {
         ] {
             assert_eq!(i32::from(ours.0), linux.raw_os_error(), "{ours}");
         }
-        assert_eq!(std::format!("{}", Errno::NOENT), "No such file or directory (ENOENT)");
-        assert_eq!(std::format!("{:?} {}", Errno::STALE, Errno(999)), "ESTALE error 999");
+        assert_eq!(
+            std::format!("{}", Errno::NOENT),
+            "No such file or directory (ENOENT)"
+        );
+        assert_eq!(
+            std::format!("{:?} {}", Errno::STALE, Errno(999)),
+            "ESTALE error 999"
+        );
     }
 }

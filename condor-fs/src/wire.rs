@@ -290,11 +290,8 @@ impl Evidence {
     /// As words.
     #[must_use]
     pub fn to_words(self) -> [u32; 8] {
-        let ([device, device_high], [inode, inode_high], [born, born_high]) = (
-            halves(self.device),
-            halves(self.inode),
-            halves(self.born_s),
-        );
+        let ([device, device_high], [inode, inode_high], [born, born_high]) =
+            (halves(self.device), halves(self.inode), halves(self.born_s));
         [
             device,
             device_high,
@@ -310,7 +307,16 @@ impl Evidence {
     /// From words.
     #[must_use]
     pub fn from_words(words: &[u32; 8]) -> Self {
-        let &[device, device_high, inode, inode_high, born, born_high, ns, _] = words;
+        let &[
+            device,
+            device_high,
+            inode,
+            inode_high,
+            born,
+            born_high,
+            ns,
+            _,
+        ] = words;
         Self {
             device: whole(device, device_high),
             inode: whole(inode, inode_high),
@@ -389,7 +395,13 @@ mod tests {
         let request = Request::from_words(&words).expect("it has the magic");
         assert_eq!(request.to_words(), words);
         assert_eq!(request.position, whole(7 * 12, 7 * 13));
-        assert_eq!(request.buffer, Span { offset: 7 * 14, len: 7 * 15 });
+        assert_eq!(
+            request.buffer,
+            Span {
+                offset: 7 * 14,
+                len: 7 * 15
+            }
+        );
         let mut bad = words;
         bad[0] ^= 1;
         assert_eq!(Request::from_words(&bad), None);

@@ -34,24 +34,47 @@ fn what_is_not_inside_is_a_bad_address() {
     let memory = file_of(&[0; 4096]);
     let window = LinuxWindow::map(&memory, 0, 1024, Access::ReadWrite).expect("it is mapped");
     let file = file_of(&[1; 4096]);
-    for (offset, len) in [(1024, 1), (1020, 5), (2, 4), (u32::MAX - 3, 8), (0, usize::MAX)] {
+    for (offset, len) in [
+        (1024, 1),
+        (1020, 5),
+        (2, 4),
+        (u32::MAX - 3, 8),
+        (0, usize::MAX),
+    ] {
         for result in [
             window.read_file(&file, 0, offset, len),
             window.write_file(&file, 0, offset, len),
         ] {
             let error = result.expect_err("it is not inside");
-            assert_eq!(error.raw_os_error(), Some(libc::EFAULT), "{len} at {offset}");
+            assert_eq!(
+                error.raw_os_error(),
+                Some(libc::EFAULT),
+                "{len} at {offset}"
+            );
         }
     }
-    assert_eq!(window.read_file(&file, 0, 1020, 4).expect("it is inside"), 4);
-    assert_eq!(window.read_file(&file, 0, 1024, 0).expect("it is nothing"), 0);
-    let error = window.read_file(&file, u64::MAX, 0, 4).expect_err("there is no such position");
+    assert_eq!(
+        window.read_file(&file, 0, 1020, 4).expect("it is inside"),
+        4
+    );
+    assert_eq!(
+        window.read_file(&file, 0, 1024, 0).expect("it is nothing"),
+        0
+    );
+    let error = window
+        .read_file(&file, u64::MAX, 0, 4)
+        .expect_err("there is no such position");
     assert_eq!(error.raw_os_error(), Some(libc::EINVAL));
 
     let window = LinuxWindow::map(&memory, 0, 1024, Access::ReadOnly).expect("it is mapped");
-    let error = window.read_file(&file, 0, 0, 4).expect_err("it is read-only");
+    let error = window
+        .read_file(&file, 0, 0, 4)
+        .expect_err("it is read-only");
     assert_eq!(error.raw_os_error(), Some(libc::EFAULT));
-    assert_eq!(window.write_file(&file, 0, 0, 4).expect("it can be read"), 4);
+    assert_eq!(
+        window.write_file(&file, 0, 0, 4).expect("it can be read"),
+        4
+    );
 }
 
 #[test]

@@ -58,7 +58,8 @@ impl<const FILES: usize> Area<FILES> {
             Err(error) => return Err(error),
         };
         // One for each file, and two for the paths of an operation.
-        let paths = match places.bytes(FILES.saturating_add(2).saturating_mul(path_bytes as usize)) {
+        let paths = match places.bytes(FILES.saturating_add(2).saturating_mul(path_bytes as usize))
+        {
             Ok(paths) => paths,
             Err(error) => return Err(error),
         };

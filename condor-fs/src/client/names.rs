@@ -106,18 +106,14 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S,
 
     /// After a rename, whose paths of these lengths are still in the window.
     pub(super) fn rewrite_paths(&self, from_len: u32, to_len: u32) -> Result<(), Error> {
-        let (from, to) = (
-            self.area.path(FILES),
-            self.area.path(FILES.wrapping_add(1)),
-        );
+        let (from, to) = (self.area.path(FILES), self.area.path(FILES.wrapping_add(1)));
         for (file, cell) in self.files.iter().enumerate() {
             let mut open = cell.get();
             let path = self.area.path(file);
             if open.state == State::Free
                 || open.path_len < from_len
                 || !self.equal(path, from, from_len)?
-                || (open.path_len > from_len
-                    && self.byte(path.saturating_add(from_len))? != b'/')
+                || (open.path_len > from_len && self.byte(path.saturating_add(from_len))? != b'/')
             {
                 continue;
             }

@@ -32,7 +32,8 @@ impl Journal {
         let mode = Mode::RUSR | Mode::WUSR;
         let file = rustix::fs::openat(tree.stage(), "journal", flags, mode)?;
         rustix::fs::ftruncate(&file, u64::from(BYTES))?;
-        let window = LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).map_err(io::Error::other)?;
+        let window =
+            LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).map_err(io::Error::other)?;
         Ok(Self { window })
     }
 

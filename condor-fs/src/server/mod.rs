@@ -156,10 +156,7 @@ impl<S: Steps> Server<S> {
         let Some(Windows { data, .. }) = windows.get(sender.index()) else {
             return refused(Errno::FAULT);
         };
-        let ask = || {
-            call.send_with_reply(sender, wire::OPEN_FILES, 0, ASK)
-                .ok()
-        };
+        let ask = || call.send_with_reply(sender, wire::OPEN_FILES, 0, ASK).ok();
         self.serve_slot(sender, data, call.data(), &ask)
     }
 

@@ -53,7 +53,8 @@ impl<S: Steps> Server<S> {
         {
             return Err(Errno::STALE.into());
         }
-        self.open.keep(job, request.sequence, Opened { file, flags });
+        self.open
+            .keep(job, request.sequence, Opened { file, flags });
         Ok(Outcome {
             value: 0,
             about: Some(found),
@@ -66,7 +67,9 @@ impl<S: Steps> Server<S> {
             Ok(place) => self.look(&place)?,
             // It ends with "." or "..".
             Err(Errno::BUSY) => {
-                let file = self.tree.open_path(&path, OFlags::PATH | OFlags::DIRECTORY, 0)?;
+                let file = self
+                    .tree
+                    .open_path(&path, OFlags::PATH | OFlags::DIRECTORY, 0)?;
                 about(&file, c"")?
             }
             Err(errno) => return Err(errno.into()),
@@ -215,7 +218,10 @@ impl<S: Steps> Server<S> {
         self.table(job)?;
         self.begin(job)?;
         let staged = log.staged()?;
-        let places = self.tree.place(&from).and_then(|from| Ok((from, self.tree.place(&to)?)));
+        let places = self
+            .tree
+            .place(&from)
+            .and_then(|from| Ok((from, self.tree.place(&to)?)));
         let evidence = staged.map(|staged| Evidence::from_words(&staged.evidence));
         let present = places
             .as_ref()

@@ -253,7 +253,17 @@ impl Block {
     /// The block at `at`, if something is open in it.
     fn read(job: &Job<'_>, at: u32) -> Result<Option<Self>, Errno> {
         let words: [u32; block::WORDS] = words(&job.region, at)?;
-        let [magic, session, high, handle, flags, path, path_len, silly, evidence @ ..] = words;
+        let [
+            magic,
+            session,
+            high,
+            handle,
+            flags,
+            path,
+            path_len,
+            silly,
+            evidence @ ..,
+        ] = words;
         let session = wire::whole(session, high);
         let open = magic == block::MAGIC && handle != 0 && session == job.request.session;
         Ok(open.then_some(Self {

@@ -47,9 +47,11 @@ impl Tree {
             Err(errno) => return Err(at(errno)),
         }
         let nofollow = directory | OFlags::NOFOLLOW;
-        let stage = rustix::fs::openat2(&root, OWN, nofollow, Mode::empty(), CONFINED).map_err(at)?;
+        let stage =
+            rustix::fs::openat2(&root, OWN, nofollow, Mode::empty(), CONFINED).map_err(at)?;
         let flags = OFlags::RDWR | OFlags::CREATE | OFlags::CLOEXEC | OFlags::NOFOLLOW;
-        let lock = rustix::fs::openat(&stage, "lock", flags, Mode::RUSR | Mode::WUSR).map_err(at)?;
+        let lock =
+            rustix::fs::openat(&stage, "lock", flags, Mode::RUSR | Mode::WUSR).map_err(at)?;
         match rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => {}
             Err(Linux::WOULDBLOCK) => {
@@ -105,7 +107,12 @@ impl Tree {
     }
 
     /// Opens a regular file or directory; `flags` are those of Linux.
-    pub(super) fn open_path(&self, path: &[u8], flags: OFlags, mode: u32) -> Result<OwnedFd, Errno> {
+    pub(super) fn open_path(
+        &self,
+        path: &[u8],
+        flags: OFlags,
+        mode: u32,
+    ) -> Result<OwnedFd, Errno> {
         // Never waits for a FIFO that was put there after the look.
         let flags = flags | OFlags::CLOEXEC | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY;
         let mode = if flags.contains(OFlags::CREATE) {
