@@ -154,6 +154,9 @@ impl<S: Steps> Server<S> {
                 (false, true) => check_empty(&place)?,
                 (true, false) => {}
             }
+            if job.operation == Operation::Unlink {
+                self.open_blocks(job)?; // A table that is none is found before anything is touched.
+            }
             log.stage(&evidence.to_words())?;
             self.reached(job, Step::Staged);
         }
@@ -177,7 +180,8 @@ impl<S: Steps> Server<S> {
         if status.is_directory() {
             return self.remove_taken(job, log, &unique, &path, step);
         }
-        if !self.mark_silly(job, evidence)? {
+        // A table that has become none by now has no files.
+        if !self.mark_silly(job, evidence).unwrap_or(false) {
             rustix::fs::unlinkat(self.tree.stage(), &*unique, AtFlags::empty())?;
         }
         Ok(())

@@ -94,7 +94,7 @@ impl Tree {
             return Err(Errno::BUSY);
         }
         let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::CLOEXEC;
-        let parent = rustix::fs::openat2(&self.root, parent, flags, Mode::empty(), CONFINED)?;
+        let parent = confined(&self.root, parent, flags, Mode::empty())?;
         if about(&parent, c"")?.0 == self.stage_is {
             return Err(Errno::NOENT); // By a link.
         }
@@ -154,7 +154,7 @@ impl Tree {
                 Err(errno) => return Err(errno.into()),
             }
         }
-        let file = rustix::fs::openat2(&at, name, flags, mode, CONFINED)?;
+        let file = confined(&at, name, flags, mode)?;
         let (evidence, status) = about(&file, c"")?;
         check_kind(FileType::from_raw_mode(status.mode))?;
         if evidence == self.stage_is {
@@ -204,6 +204,23 @@ impl Tree {
             let _ = rustix::fs::unlinkat(&self.stage, unique, AtFlags::REMOVEDIR);
         }
     }
+}
+
+/// Opens what stays inside. Where `..` meets a rename elsewhere, the kernel cannot tell, and asks to
+/// be asked again.
+fn confined(
+    at: impl AsFd,
+    path: impl rustix::path::Arg + Copy,
+    flags: OFlags,
+    mode: Mode,
+) -> Result<OwnedFd, Linux> {
+    for _ in 0..128 {
+        match rustix::fs::openat2(&at, path, flags, mode, CONFINED) {
+            Err(Linux::AGAIN | Linux::INTR) => {}
+            outcome => return outcome,
+        }
+    }
+    Err(Linux::AGAIN)
 }
 
 /// Evidence and status of a name, or with an empty name of the open file itself.
