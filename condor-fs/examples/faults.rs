@@ -21,6 +21,8 @@ use embedded_io::SeekFrom;
 use serving::{AnyError, BYTES, Files, N, ServerProcess, on_processor, served};
 
 const CLIENTS: [Processor; 2] = [Processor(1), Processor(2)];
+/// The kind of file system that never uses an inode number again.
+const TMPFS: u64 = 0x0102_1994;
 /// Bytes of a record in the log that both clients append to.
 const RECORD: usize = 16;
 
@@ -59,7 +61,6 @@ fn main() -> Result<(), AnyError> {
     let options = Options::of_arguments()?;
     println!("seed {} (repeat with --seed)", options.seed);
     let root = tempfile::tempdir_in(&options.directory)?;
-    const TMPFS: u64 = 0x0102_1994;
     if rustix::fs::statfs(root.path())?.f_type.cast_unsigned() == TMPFS {
         return Err("the directory is on a tmpfs: give --directory on a disk".into());
     }
@@ -202,7 +203,7 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                             model.resize(model.len().max(at + written), 0);
                             model[at..at + written].copy_from_slice(&data);
                         }
-                        self.check(&mut file, &path, &model)?;
+                        check(&mut file, &path, &model)?;
                         file.close()?;
                         self.model.insert(name, Some(model));
                     }
@@ -232,7 +233,7 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                     self.model.remove(&name);
                 }
             }
-            7 | 8 => self.rename(&name, found)?,
+            7 | 8 => self.rename(&name)?,
             9 => {
                 let expected = found.is_some().then_some(Errno::EXIST);
                 expect(&path, self.files.make_directory(&path).err(), expected)?;
@@ -254,7 +255,8 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
         Ok(())
     }
 
-    fn rename(&mut self, name: &str, found: Option<Option<Vec<u8>>>) -> Result<(), AnyError> {
+    fn rename(&mut self, name: &str) -> Result<(), AnyError> {
+        let found = self.model.get(name).cloned();
         let to = format!("n{}", self.random.below(6));
         let target = self.model.get(&to);
         let expected = match (&found, target) {
@@ -285,37 +287,37 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
         self.appended += 1;
         Ok(())
     }
+}
 
-    fn check(
-        &self,
-        file: &mut condor_fs::File<
-            '_,
-            '_,
-            condor_mbox::linux::Mailbox<'_, N>,
-            condor_mbox::linux::LinuxWindow,
-            { serving::FILES },
-        >,
-        path: &str,
-        model: &[u8],
-    ) -> Result<(), AnyError> {
-        file.seek(SeekFrom::Start(0))?;
-        let mut read = vec![0; model.len() + 1];
-        let mut len = 0;
-        loop {
-            match file.read(&mut read[len..])? {
-                0 => break,
-                more => len += more,
-            }
+/// Reads all of a file, and compares it with what it should hold.
+fn check(
+    file: &mut condor_fs::File<
+        '_,
+        '_,
+        condor_mbox::linux::Mailbox<'_, N>,
+        condor_mbox::linux::LinuxWindow,
+        { serving::FILES },
+    >,
+    path: &str,
+    model: &[u8],
+) -> Result<(), AnyError> {
+    file.seek(SeekFrom::Start(0))?;
+    let mut read = vec![0; model.len() + 1];
+    let mut len = 0;
+    loop {
+        match file.read(&mut read[len..])? {
+            0 => break,
+            more => len += more,
         }
-        if &read[..len] != model {
-            return Err(format!(
-                "{path} has {len} bytes that differ from the {} of the model",
-                model.len()
-            )
-            .into());
-        }
-        Ok(())
     }
+    if &read[..len] != model {
+        return Err(format!(
+            "{path} has {len} bytes that differ from the {} of the model",
+            model.len()
+        )
+        .into());
+    }
+    Ok(())
 }
 
 fn expect(what: &str, found: Option<Error>, expected: Option<Errno>) -> Result<(), AnyError> {
@@ -344,9 +346,10 @@ fn judge(root: &Path, models: &[(Model, u64)]) -> Result<u64, AnyError> {
         let mut found = Model::new();
         for entry in std::fs::read_dir(root.join(number.to_string()))? {
             let entry = entry?;
-            let data = match entry.file_type()?.is_dir() {
-                true => None,
-                false => Some(std::fs::read(entry.path())?),
+            let data = if entry.file_type()?.is_dir() {
+                None
+            } else {
+                Some(std::fs::read(entry.path())?)
             };
             found.insert(entry.file_name().to_string_lossy().into_owned(), data);
         }
@@ -359,7 +362,7 @@ fn judge(root: &Path, models: &[(Model, u64)]) -> Result<u64, AnyError> {
         let name = entry?.file_name();
         // A file that was dropped open and unlinked may be left; nothing here is.
         if name != "lock" && name != "journal" {
-            println!("{name:?} was left over");
+            println!("{} was left over", name.display());
             wrong += 1;
         }
     }

@@ -2,6 +2,7 @@
 
 use std::ffi::{CStr, CString};
 
+use condor_mbox::MemoryWindow;
 use rustix::fs::{AtFlags, Dir, Mode, OFlags, RenameFlags};
 use rustix::io::Errno as Linux;
 
@@ -11,7 +12,7 @@ use super::open_files::{Opened, system_flags, unique_name};
 use super::tree::{OWN, Place, about};
 use super::{Job, Server, Step, Steps};
 use crate::errno::Errno;
-use crate::wire::{Evidence, Operation, Span, open as flag, rename};
+use crate::wire::{Evidence, MAX_PATH, Operation, Span, Status, open as flag, rename};
 
 /// The steps of a removal.
 const TAKEN: u32 = 2;
@@ -30,7 +31,7 @@ impl<S: Steps> Server<S> {
         {
             return Err(Errno::INVAL.into());
         }
-        let path = self.path(job, request.path)?;
+        let path = job.path(request.path)?;
         if has(flag::WRITE) {
             self.check_writable()?;
         }
@@ -62,9 +63,9 @@ impl<S: Steps> Server<S> {
     }
 
     pub(super) fn path_status(&self, job: &Job<'_>) -> Result<Outcome, Stop> {
-        let path = self.path(job, job.request.path)?;
+        let path = job.path(job.request.path)?;
         let found = match self.tree.place(&path) {
-            Ok(place) => self.look(&place)?,
+            Ok(place) => look(&place)?,
             // It ends with "." or "..".
             Err(Errno::BUSY) => {
                 let file = self
@@ -81,7 +82,7 @@ impl<S: Steps> Server<S> {
     }
 
     pub(super) fn make_directory(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
-        let path = self.path(job, job.request.path)?;
+        let path = job.path(job.request.path)?;
         self.check_writable()?;
         self.begin(job)?;
         self.make_at_once(job, log, &path)
@@ -137,7 +138,7 @@ impl<S: Steps> Server<S> {
 
     /// Unlink and remove directory.
     pub(super) fn remove(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
-        let path = self.path(job, job.request.path)?;
+        let path = job.path(job.request.path)?;
         self.check_writable()?;
         if job.operation == Operation::Unlink {
             self.table(job)?; // Before anything is begun: the client may have to be asked.
@@ -147,7 +148,7 @@ impl<S: Steps> Server<S> {
         let staged = log.staged()?;
         if staged.is_none() {
             let place = self.tree.place(&path)?;
-            let (evidence, status) = self.look(&place)?;
+            let (evidence, status) = look(&place)?;
             match (job.operation == Operation::Unlink, status.is_directory()) {
                 (true, true) => return Err(Errno::ISDIR.into()),
                 (false, false) => return Err(Errno::NOTDIR.into()),
@@ -214,10 +215,7 @@ impl<S: Steps> Server<S> {
         if request.flags & !rename::NO_REPLACE != 0 {
             return Err(Errno::INVAL.into());
         }
-        let (from, to) = (
-            self.path(job, request.path)?,
-            self.path(job, request.second_path)?,
-        );
+        let (from, to) = (job.path(request.path)?, job.path(request.second_path)?);
         self.check_writable()?;
         self.table(job)?;
         self.begin(job)?;
@@ -237,7 +235,7 @@ impl<S: Steps> Server<S> {
             return Ok(()); // It has gone to its new name.
         }
         let (from, to) = places?;
-        let (evidence, status) = self.look(&from)?;
+        let (evidence, status) = look(&from)?;
         if to.directory && !status.is_directory() {
             return Err(Errno::NOTDIR.into());
         }
@@ -277,26 +275,18 @@ impl<S: Steps> Server<S> {
         self.reached(job, Step::Marked);
         Ok(())
     }
+}
 
-    /// What a name stands for; a name with a slash behind it is a directory's.
-    fn look(&self, place: &Place) -> Result<(Evidence, crate::wire::Status), Stop> {
-        let found = about(&place.parent, &place.name)?;
-        if place.directory && !found.1.is_directory() {
-            return Err(Errno::NOTDIR.into());
-        }
-        Ok(found)
-    }
-
+impl Job<'_> {
     /// Copies a path out of the window, once.
-    pub(super) fn path(&self, job: &Job<'_>, span: Span) -> Result<Vec<u8>, Stop> {
-        use condor_mbox::MemoryWindow;
+    pub(super) fn path(&self, span: Span) -> Result<Vec<u8>, Stop> {
         match span.len {
             0 => return Err(Errno::NOENT.into()),
-            1..=crate::wire::MAX_PATH => {}
+            1..=MAX_PATH => {}
             _ => return Err(Errno::NAMETOOLONG.into()),
         }
         let mut path = vec![0; span.len as usize];
-        job.region.read(span.offset, &mut path)?;
+        self.region.read(span.offset, &mut path)?;
         if path.contains(&0) {
             return Err(Errno::INVAL.into());
         }
@@ -310,9 +300,7 @@ impl<S: Steps> Server<S> {
         }
         Ok(path)
     }
-}
 
-impl Job<'_> {
     pub(super) fn unique_name(&self) -> CString {
         unique_name(self.processor, self.request.session, self.request.sequence)
     }
@@ -327,4 +315,13 @@ fn check_empty(place: &Place) -> Result<(), Stop> {
         }
     }
     Ok(())
+}
+
+/// What a name stands for; a name with a slash behind it is a directory's.
+fn look(place: &Place) -> Result<(Evidence, Status), Stop> {
+    let found = about(&place.parent, &place.name)?;
+    if place.directory && !found.1.is_directory() {
+        return Err(Errno::NOTDIR.into());
+    }
+    Ok(found)
 }

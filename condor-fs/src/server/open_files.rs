@@ -123,7 +123,7 @@ impl<S: Steps> Server<S> {
         }
         let block = self.block(job)?.ok_or(Errno::BADF)?;
         let file = if block.silly == 0 {
-            let path = self.path(job, block.path)?;
+            let path = job.path(block.path)?;
             self.tree
                 .open_path(&path, system_flags(block.flags), 0)
                 .map_err(|errno| match errno {

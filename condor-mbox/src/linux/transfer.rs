@@ -5,7 +5,7 @@ use std::io;
 use std::os::fd::{AsFd, AsRawFd};
 
 use super::window::LinuxWindow;
-use crate::window::{MemoryWindow, WindowError, WindowErrorKind};
+use crate::window::MemoryWindow;
 
 impl LinuxWindow {
     /// Reads up to `len` bytes of `file`, from `position` on, into the window at `offset`.
@@ -23,7 +23,7 @@ impl LinuxWindow {
         offset: u32,
         len: usize,
     ) -> io::Result<usize> {
-        self.check_store(offset, len).map_err(fault)?;
+        self.check_store(offset, len).map_err(|_| bad_address())?;
         let (memory, position) = (self.range(offset, len)?, offset_of(position)?);
         let descriptor = file.as_fd().as_raw_fd();
         // SAFETY: `range` found the bytes inside the mapping, which `self` keeps and which can be
@@ -54,7 +54,7 @@ impl LinuxWindow {
 
     /// The address of `len` bytes at `offset`, for the kernel alone.
     fn range(&self, offset: u32, len: usize) -> io::Result<*mut c_void> {
-        self.check(offset, len).map_err(fault)?;
+        self.check(offset, len).map_err(|_| bad_address())?;
         if self.is_lost() {
             return Err(bad_address());
         }
@@ -77,11 +77,6 @@ fn offset_of(position: u64) -> io::Result<libc::off64_t> {
     position
         .try_into()
         .map_err(|_| io::Error::from_raw_os_error(libc::EINVAL))
-}
-
-fn fault(error: impl WindowError) -> io::Error {
-    debug_assert_ne!(error.kind(), WindowErrorKind::Lost, "not found by a check");
-    bad_address()
 }
 
 fn bad_address() -> io::Error {
