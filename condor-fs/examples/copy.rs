@@ -45,8 +45,8 @@ fn main() -> Result<(), AnyError> {
             copied
         });
         let kills = kill_until(&done, &system, root.path());
-        let copied = copier.join().map_err(|_| "the copier panicked")?;
-        Ok::<_, AnyError>((kills?, copied?))
+        let outcome = copier.join().map_err(|_| "the copier panicked")?;
+        Ok::<_, AnyError>((kills?, outcome?))
     })?;
     let seconds = begun.elapsed().as_secs_f64();
     println!("copied {copied} bytes in {seconds:.2} s; the server was killed {kills} times");

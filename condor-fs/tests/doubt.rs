@@ -118,7 +118,9 @@ fn a_new_client_ends_what_the_former_left_open() {
         drop(file);
     });
     with_client(&system, support::OTHER, |_, _, _, _| {
-        assert_eq!(left(), 3, "not its own")
+        assert_eq!(left(), 3, "not its own");
     });
-    with_client(&system, CLIENT, |_, _, _, _| assert_eq!(left(), 2));
+    with_client(&system, CLIENT, |_, _, _, _| {
+        assert_eq!(left(), 2);
+    });
 }

@@ -27,16 +27,16 @@ fn a_file_is_written_and_read() {
     let disk = disk();
     with_server(disk.path(), "", |fs, _, _, _| {
         let mut file = fs.open("data", WRITE.read().create()).unwrap();
-        let long: Vec<u8> = (0..10_000_u32).map(|n| (n % 251) as u8).collect();
-        assert_eq!(file.write(&long).unwrap(), 4096, "its buffer is no longer");
-        file.write_all(&long[4096..]).unwrap();
+        let bytes: Vec<u8> = (0..10_000_u32).map(|n| (n % 251) as u8).collect();
+        assert_eq!(file.write(&bytes).unwrap(), 4096, "its buffer is no longer");
+        file.write_all(&bytes[4096..]).unwrap();
         assert_eq!(file.position().unwrap(), 10_000);
-        assert_eq!(std::fs::read(disk.path().join("data")).unwrap(), long);
+        assert_eq!(std::fs::read(disk.path().join("data")).unwrap(), bytes);
 
         assert_eq!(file.seek(SeekFrom::Start(5)).unwrap(), 5);
         let mut read = vec![0; 9_995];
         file.read_exact(&mut read).unwrap();
-        assert_eq!(read, long[5..]);
+        assert_eq!(read, bytes[5..]);
         assert_eq!(file.read(&mut read).unwrap(), 0);
         assert_eq!(file.seek(SeekFrom::End(-10)).unwrap(), 9_990);
         assert_eq!(file.seek(SeekFrom::Current(-90)).unwrap(), 9_900);

@@ -15,6 +15,9 @@ use condor_fs::{Area, FileSystem};
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
 use condor_mbox::{CriticalSection, Places, Processor, Region};
 
+/// The kind of file system that never uses an inode number again.
+const TMPFS: u64 = 0x0102_1994;
+
 pub(crate) const N: usize = 3;
 pub(crate) const FILES: usize = 8;
 pub(crate) const SERVER: Processor = Processor(0);
@@ -76,17 +79,17 @@ pub(crate) fn server_process() {
 }
 
 /// A directory on a disk, where inode numbers are used again, as they are not on tmpfs: in cargo's
-/// directory for tests, or in the one that CONDOR_FS_TEST_DIR names.
+/// directory for tests, or in the one that `CONDOR_FS_TEST_DIR` names.
 pub(crate) fn disk() -> tempfile::TempDir {
     let place = std::env::var("CONDOR_FS_TEST_DIR").map_or_else(
         |_| PathBuf::from(env!("CARGO_TARGET_TMPDIR")),
         PathBuf::from,
     );
     let directory = tempfile::tempdir_in(place).unwrap();
-    const TMPFS: u64 = 0x0102_1994;
     let kind = rustix::fs::statfs(directory.path()).unwrap().f_type;
     assert_ne!(
-        kind as u64, TMPFS,
+        kind.cast_unsigned(),
+        TMPFS,
         "{directory:?} is on a tmpfs: set CONDOR_FS_TEST_DIR to a directory on a disk"
     );
     directory
