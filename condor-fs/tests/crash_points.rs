@@ -54,6 +54,10 @@ fn program(fs: &Fs<'_, '_>) -> Vec<String> {
             note("append", log.write(line.as_bytes()).map(|n| n as u64));
         }
         note("close", log.close().map(|()| 0));
+        let mut lines = fs.open("log", OpenOptions::new().read()).unwrap();
+        note("read log", lines.read(&mut read).map(|n| n as u64));
+        assert_eq!(&read[..14], b"one two three ");
+        note("close log", lines.close().map(|()| 0));
         let mut again = fs.open("log", write.truncate().create()).unwrap();
         note("write 3", again.write(b"new").map(|n| n as u64));
         // Goes on under a silly name, while a file of the same name comes into being.
@@ -120,7 +124,7 @@ fn every_operation_takes_effect_once_wherever_the_server_dies() {
     let first = disk();
     let (expected, tree, deaths) = run(first.path(), None);
     assert_eq!(deaths, 0);
-    // What Unix does, from the file systems's own mouth.
+    // What Unix does, from the file system's own mouth.
     let reference = [
         (".condor-fs", None),
         ("d", None),

@@ -6,7 +6,7 @@ use embedded_io::{ErrorType, Read, Seek, SeekFrom, Write};
 use super::operation::After;
 use super::{Buffer, Error, FileSystem, Kept, Lent, Open, State, Station, request};
 use crate::errno::Errno;
-use crate::wire::{NO_SESSION, Operation, Request, Span, Status, block, halves, open as flag};
+use crate::wire::{Operation, Request, Span, Status, block, halves, open as flag};
 
 /// How a file is opened: as the options of the same names in the standard library.
 ///
@@ -136,7 +136,6 @@ impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m
         ] {
             self.own.set_word(at.wrapping_add(offset), word)?;
         }
-        debug_assert_ne!(self.session.get(), NO_SESSION, "connect has asked for one");
         self.change(index, |open| {
             *open = Open {
                 // Nobody else may take it while the operation is in doubt.
