@@ -168,10 +168,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         let held = self.holds.get(joint).copied().flatten();
         let follows = |servo: &&mut JointServo<T>| held.is_none() && servo.may_go_on(point);
         if let Some(servo) = self.joints.get_mut(joint).filter(follows) {
-            servo.target = Target::Position(*point);
+            servo.target = JointTarget::Position(*point);
         } else {
             // Refused, it leaves the joint at the last one.
-            let _ = self.set_target(joint, Target::Position(*point));
+            let _ = self.set_target(joint, JointTarget::Position(*point));
         }
     }
 

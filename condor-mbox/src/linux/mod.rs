@@ -83,6 +83,7 @@ mod family;
 mod fault;
 mod lock;
 mod system;
+mod transfer;
 mod window;
 
 pub use claim::Claim;

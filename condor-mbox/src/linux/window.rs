@@ -339,8 +339,13 @@ impl LinuxWindow {
         }
     }
 
+    /// The address of the byte at `offset`, which is inside the window.
+    pub(super) fn address(&self, offset: u32) -> *mut u8 {
+        self.base.as_ptr().wrapping_byte_add(offset as usize)
+    }
+
     #[inline(always)]
-    fn check_store(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
+    pub(super) fn check_store(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
         match self.access {
             Access::ReadWrite => Ok(()),
             Access::ReadOnly => Err(self.refused(WindowErrorKind::ReadOnly, offset, len)),

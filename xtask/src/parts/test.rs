@@ -6,8 +6,9 @@ use crate::tests_run;
 
 /// The members of the workspace, tested one by one: a program has one implementation of critical
 /// sections, and the tests of condor-mos need another one than those of the rest.
-const PACKAGES: [&str; 6] = [
+const PACKAGES: [&str; 7] = [
     "condor-dev",
+    "condor-fs",
     "condor-hand",
     "condor-mbox",
     "condor-mos",

@@ -1,0 +1,74 @@
+//! Serves a directory tree to the processors of a named system.
+
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+
+use condor_fs::server::{Options, Server};
+use condor_mbox::Processor;
+use condor_mbox::linux::System;
+
+const USAGE: &str = "\
+usage: condor-fs-server --system NAME --bytes N [--processor N] [options] DIRECTORY
+
+Serves DIRECTORY to the processors of a system of 32, as condor_mbox::linux::System::<32>::named(NAME, N).
+
+  --system NAME         the name of the system
+  --bytes N             bytes of data of each processor, as all its programs say
+  --processor N         the server's own number (0)
+  --read-only           nothing in the tree can be changed
+  --max-file-bytes N    no file can be made longer
+  --quota-bytes N       all files together cannot be made longer";
+
+struct Arguments {
+    system: String,
+    bytes: u32,
+    processor: u8,
+    directory: String,
+    options: Options,
+}
+
+fn main() -> ExitCode {
+    let Some(arguments) = parse(std::env::args().skip(1)) else {
+        eprintln!("{USAGE}");
+        return ExitCode::from(2);
+    };
+    match serve(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("condor-fs-server: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn serve(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
+    let server = Server::new(&arguments.directory, arguments.options)?;
+    let system = System::<32>::named(&arguments.system, arguments.bytes)?;
+    let claim = system.claim(Processor(arguments.processor))?;
+    // Whoever wants it to end may kill it.
+    Ok(server.serve(claim, &AtomicBool::new(false))?)
+}
+
+fn parse(mut words: impl Iterator<Item = String>) -> Option<Arguments> {
+    let (mut system, mut bytes, mut directory) = (None, None, None);
+    let (mut processor, mut options) = (0, Options::default());
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--system" => system = Some(words.next()?),
+            "--bytes" => bytes = Some(words.next()?.parse().ok()?),
+            "--processor" => processor = words.next()?.parse().ok()?,
+            "--read-only" => options.read_only = true,
+            "--max-file-bytes" => options.max_file_bytes = Some(words.next()?.parse().ok()?),
+            "--quota-bytes" => options.quota_bytes = Some(words.next()?.parse().ok()?),
+            _ if word.starts_with("--") || directory.is_some() => return None,
+            _ => directory = Some(word),
+        }
+    }
+    Some(Arguments {
+        system: system?,
+        bytes: bytes?,
+        processor,
+        directory: directory?,
+        options,
+    })
+}

@@ -1,0 +1,129 @@
+//! [`Area`]: where a client's blocks are in its window.
+
+use condor_mbox::{AccessError, Call, Places};
+
+use crate::wire::{block, slot, table};
+
+/// The places of a client with up to `FILES` open files, in the users' region of its own `data`.
+///
+/// It is laid out before the mailbox is made, because the mailbox borrows the
+/// [handler](Self::handler) by which the server asks for the open files.
+///
+/// ```
+/// use condor_fs::Area;
+/// use condor_mbox::Places;
+///
+/// // 4 files, paths of up to 100 bytes, and a buffer of 512 bytes for each file.
+/// let mut places = Places::new(8192);
+/// let area = Area::<4>::new(&mut places, 100, 512)?;
+/// assert!(Area::<64>::new(&mut places, 100, 512).is_err(), "there is no room left for 64");
+/// # Ok::<(), condor_mbox::AccessError>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Area<const FILES: usize> {
+    slot: u32,
+    table: u32,
+    blocks: u32,
+    paths: u32,
+    buffers: u32,
+    path_bytes: u32,
+    buffer_bytes: u32,
+}
+
+impl<const FILES: usize> Area<FILES> {
+    /// Takes its room from `places`: paths of up to `path_bytes` bytes, and a buffer of
+    /// `buffer_bytes` bytes for every file; both are rounded up to whole words.
+    ///
+    /// A directory's buffer must hold its longest name and 16 bytes.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if there is no room.
+    pub const fn new(
+        places: &mut Places,
+        path_bytes: u32,
+        buffer_bytes: u32,
+    ) -> Result<Self, AccessError> {
+        let path_bytes = round_up(path_bytes);
+        let buffer_bytes = round_up(buffer_bytes);
+        let slot = match places.bytes(slot::BYTES as usize) {
+            Ok(slot) => slot,
+            Err(error) => return Err(error),
+        };
+        let table = match places.bytes(table::BYTES as usize) {
+            Ok(table) => table,
+            Err(error) => return Err(error),
+        };
+        let blocks = match places.bytes(FILES.saturating_mul(block::BYTES as usize)) {
+            Ok(blocks) => blocks,
+            Err(error) => return Err(error),
+        };
+        // One for each file, and two for the paths of an operation.
+        let paths = match places.bytes(FILES.saturating_add(2).saturating_mul(path_bytes as usize))
+        {
+            Ok(paths) => paths,
+            Err(error) => return Err(error),
+        };
+        let buffers = match places.bytes(FILES.saturating_mul(buffer_bytes as usize)) {
+            Ok(buffers) => buffers,
+            Err(error) => return Err(error),
+        };
+        Ok(Self {
+            slot,
+            table,
+            blocks,
+            paths,
+            buffers,
+            path_bytes,
+            buffer_bytes,
+        })
+    }
+
+    /// What a mailbox does for [`OPEN_FILES`](crate::wire::OPEN_FILES): it tells where the table is.
+    pub fn handler(self) -> impl Fn(&Call<'_>) -> u32 + Sync {
+        move |_| self.table
+    }
+
+    pub(super) const fn slot(&self) -> u32 {
+        self.slot
+    }
+
+    pub(super) const fn table(&self) -> u32 {
+        self.table
+    }
+
+    pub(super) const fn blocks(&self) -> u32 {
+        self.blocks
+    }
+
+    /// The block of a file; `file` is below `FILES`, so nothing wraps that had room.
+    pub(super) const fn block(&self, file: usize) -> u32 {
+        self.blocks
+            .wrapping_add((file as u32).wrapping_mul(block::BYTES))
+    }
+
+    /// Room for the path of a file, or after those for one of the two of an operation.
+    pub(super) const fn path(&self, file: usize) -> u32 {
+        self.paths
+            .wrapping_add((file as u32).wrapping_mul(self.path_bytes))
+    }
+
+    pub(super) const fn buffer(&self, file: usize) -> u32 {
+        self.buffers
+            .wrapping_add((file as u32).wrapping_mul(self.buffer_bytes))
+    }
+
+    pub(super) const fn path_bytes(&self) -> u32 {
+        self.path_bytes
+    }
+
+    pub(super) const fn buffer_bytes(&self) -> u32 {
+        self.buffer_bytes
+    }
+}
+
+const fn round_up(bytes: u32) -> u32 {
+    match bytes.checked_next_multiple_of(4) {
+        Some(bytes) => bytes,
+        None => u32::MAX - 3,
+    }
+}

@@ -1,0 +1,136 @@
+//! [`Directory`]: the entries of a directory, one after the other.
+
+use condor_mbox::MemoryWindow;
+
+use super::operation::After;
+use super::{Error, FileSystem, Station};
+use crate::errno::Errno;
+use crate::wire::{Operation, Request, Span, open as flag, whole};
+
+/// Bytes of an entry before its name.
+const HEAD: u32 = 16;
+
+/// An open directory.
+pub struct Directory<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
+    system: &'f FileSystem<'m, S, W, FILES>,
+    index: usize,
+    /// Where the server goes on.
+    cookie: u64,
+    /// Where the next entry is in the buffer.
+    next: u32,
+    /// How many bytes of the buffer are entries.
+    filled: u32,
+}
+
+/// A name in a directory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry<'n> {
+    /// The name, which need not be UTF-8.
+    pub name: &'n [u8],
+    /// The type bits of `st_mode`, shifted right by 12: 4 for a directory, 8 for a file, 10 for a
+    /// symbolic link; 0 if the file system does not tell.
+    pub kind: u32,
+}
+
+impl Entry<'_> {
+    /// Whether it is a directory.
+    #[must_use]
+    pub const fn is_directory(&self) -> bool {
+        self.kind == 4
+    }
+
+    /// Whether it is a regular file.
+    #[must_use]
+    pub const fn is_file(&self) -> bool {
+        self.kind == 8
+    }
+}
+
+impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+    /// Opens the directory at `path`; the tree itself is ".".
+    ///
+    /// # Errors
+    /// [`Errno::NOTDIR`]; as [`open`](Self::open).
+    pub fn open_directory(
+        &self,
+        path: impl AsRef<[u8]>,
+    ) -> Result<Directory<'_, 'm, S, W, FILES>, Error> {
+        let index = self.open_block(path.as_ref(), flag::READ | flag::DIRECTORY)?;
+        Ok(Directory {
+            system: self,
+            index,
+            cookie: 0,
+            next: 0,
+            filled: 0,
+        })
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '_, S, W, FILES> {
+    /// The next entry, with its name in `name`; `None` at the end. `.` and `..` are left out.
+    ///
+    /// Entries that come or go meanwhile may be seen or not; every other one is seen once.
+    ///
+    /// # Errors
+    /// [`Errno::NAMETOOLONG`] if `name` is too short, and the entry is passed over;
+    /// [`Errno::INVAL`] if the buffer of the area is too short for a name; see [`Error`].
+    pub fn next<'n>(&mut self, name: &'n mut [u8]) -> Result<Option<Entry<'n>>, Error> {
+        loop {
+            if self.next >= self.filled && !self.fill()? {
+                return Ok(None);
+            }
+            let at = self.system.area.buffer(self.index).wrapping_add(self.next);
+            let word = |n: u32| self.system.own.word(at.wrapping_add(4 * n));
+            let (kind, len) = (word(2)?, word(3)?);
+            let cookie = whole(word(0)?, word(1)?);
+            let room = self.filled.wrapping_sub(self.next).saturating_sub(HEAD);
+            if len > room {
+                return Err(Errno::IO.into());
+            }
+            self.cookie = cookie;
+            self.next = (self.next.wrapping_add(HEAD)).saturating_add(len.next_multiple_of(4));
+            let Some(into) = name.get_mut(..len as usize) else {
+                return Err(Errno::NAMETOOLONG.into());
+            };
+            self.system.own.read(at.wrapping_add(HEAD), into)?;
+            if into != b"." && into != b".." {
+                return Ok(name.get(..len as usize).map(|name| Entry { name, kind }));
+            }
+        }
+    }
+
+    /// Closes the directory, as [`File::close`](super::File::close).
+    ///
+    /// # Errors
+    /// As there.
+    pub fn close(self) -> Result<(), Error> {
+        let directory = core::mem::ManuallyDrop::new(self);
+        directory.system.close_block(directory.index)
+    }
+
+    /// Asks for more entries; whether there are.
+    fn fill(&mut self) -> Result<bool, Error> {
+        let buffer = Span {
+            offset: self.system.area.buffer(self.index),
+            len: self.system.area.buffer_bytes(),
+        };
+        let request = Request {
+            position: self.cookie,
+            buffer,
+            ..self.system.about(Operation::ReadDirectory, self.index)?
+        };
+        self.next = 0;
+        self.filled = 0;
+        let done = self.system.perform(&request, After::Nothing)?;
+        self.filled = u32::try_from(done.value).map_or(buffer.len, |len| len.min(buffer.len));
+        Ok(self.filled > 0)
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Drop
+    for Directory<'_, '_, S, W, FILES>
+{
+    fn drop(&mut self) {
+        self.system.leave(self.index);
+    }
+}

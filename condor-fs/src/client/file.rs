@@ -1,0 +1,403 @@
+//! [`File`]: an open file.
+
+use condor_mbox::MemoryWindow;
+use embedded_io::{ErrorType, Read, Seek, SeekFrom, Write};
+
+use super::operation::After;
+use super::{Buffer, Error, FileSystem, Kept, Lent, Open, State, Station, request};
+use crate::errno::Errno;
+use crate::wire::{Operation, Request, Span, Status, block, halves, open as flag};
+
+/// How a file is opened: as the options of the same names in the standard library.
+///
+/// ```
+/// use condor_fs::OpenOptions;
+///
+/// const LOG: OpenOptions = OpenOptions::new().append().create();
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OpenOptions {
+    flags: u32,
+}
+
+impl OpenOptions {
+    /// For nothing yet: ask for reading or writing at least.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { flags: 0 }
+    }
+
+    const fn with(self, flags: u32) -> Self {
+        Self {
+            flags: self.flags | flags,
+        }
+    }
+
+    /// For reading.
+    #[must_use]
+    pub const fn read(self) -> Self {
+        self.with(flag::READ)
+    }
+
+    /// For writing.
+    #[must_use]
+    pub const fn write(self) -> Self {
+        self.with(flag::WRITE)
+    }
+
+    /// For writing at the end, wherever that is at the time of each write.
+    #[must_use]
+    pub const fn append(self) -> Self {
+        self.with(flag::APPEND | flag::WRITE)
+    }
+
+    /// Creates the file if it does not exist.
+    #[must_use]
+    pub const fn create(self) -> Self {
+        self.with(flag::CREATE)
+    }
+
+    /// Cuts it to nothing.
+    #[must_use]
+    pub const fn truncate(self) -> Self {
+        self.with(flag::TRUNCATE)
+    }
+
+    /// Creates the file, and fails with [`Errno::EXIST`] if it exists.
+    #[must_use]
+    pub const fn exclusive(self) -> Self {
+        self.with(flag::CREATE | flag::EXCLUSIVE)
+    }
+}
+
+/// An open file.
+///
+/// Dropping it leaves its end to the next [`open`](FileSystem::open); [`close`](Self::close) tells
+/// whether it went well. A file that was unlinked while it was open needs room until then.
+///
+/// The traits of `embedded-io` and the methods of the same names copy once, through the buffer of
+/// the file in the window; [`read_buffer`](Self::read_buffer) and
+/// [`write_buffer`](Self::write_buffer) do not copy at all.
+///
+/// After [`Error::TimedOut`] the position is moved by what turns out to have been done: see
+/// [`FileSystem::settle`].
+pub struct File<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
+    system: &'f FileSystem<'m, S, W, FILES>,
+    index: usize,
+}
+
+impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+    /// Opens the file at `path`.
+    ///
+    /// # Errors
+    /// [`Errno::MFILE`] if `FILES` files are open; [`Errno::OPNOTSUPP`] for what is neither file nor
+    /// directory; [`Errno::ISDIR`] for a directory; others as Unix; see [`Error`].
+    pub fn open(
+        &self,
+        path: impl AsRef<[u8]>,
+        options: OpenOptions,
+    ) -> Result<File<'_, 'm, S, W, FILES>, Error> {
+        let index = self.open_block(path.as_ref(), options.flags)?;
+        Ok(File {
+            system: self,
+            index,
+        })
+    }
+
+    /// Opens `path` in a free block, whose index it gives.
+    pub(super) fn open_block(&self, path: &[u8], flags: u32) -> Result<usize, Error> {
+        let alone = self.enter()?;
+        for (index, cell) in self.files.iter().enumerate() {
+            let deadline = self.clear()?;
+            if cell.get().state == State::Left {
+                let after = After::Closed { file: index };
+                let request = self.about(Operation::Close, index)?;
+                match self.perform_next(&alone, &request, after, deadline) {
+                    Ok(_) | Err(Error::Errno(_)) => {}
+                    Err(error) => return Err(error),
+                }
+            }
+        }
+        let deadline = self.clear()?;
+        let free = |cell: &core::cell::Cell<Open>| cell.get().state == State::Free;
+        let index = self.files.iter().position(free).ok_or(Errno::MFILE)?;
+        let path = self.put_path(index, path)?;
+        let at = self.area.block(index);
+        let [session, session_high] = halves(self.session.get());
+        for (offset, word) in [
+            (block::HANDLE, 0),
+            (0, block::MAGIC),
+            (block::SESSION, session),
+            (block::SESSION + 4, session_high),
+            (block::FLAGS, flags),
+            (block::PATH, path.offset),
+            (block::PATH + 4, path.len),
+            (block::SILLY, 0),
+        ] {
+            self.own.set_word(at.wrapping_add(offset), word)?;
+        }
+        self.change(index, |open| {
+            *open = Open {
+                // Nobody else may take it while the operation is in doubt.
+                state: State::Held,
+                flags,
+                path_len: path.len,
+                ..Open::NONE
+            };
+        });
+        let request = Request {
+            path,
+            flags,
+            file: index as u32,
+            ..request(Operation::Open)
+        };
+        let after = After::Opened { file: index };
+        self.perform_next(&alone, &request, after, deadline)?;
+        self.change(index, |open| open.state = State::Held);
+        Ok(index)
+    }
+
+    /// A request about an open file.
+    pub(super) fn about(&self, operation: Operation, index: usize) -> Result<Request, Errno> {
+        Ok(Request {
+            handle: self.file(index)?.get().handle,
+            file: index as u32,
+            ..request(operation)
+        })
+    }
+
+    pub(super) fn leave(&self, index: usize) {
+        self.change(index, |open| open.state = State::Left);
+    }
+
+    pub(super) fn close_block(&self, index: usize) -> Result<(), Error> {
+        self.leave(index);
+        let alone = self.enter()?;
+        let deadline = self.clear()?;
+        let request = self.about(Operation::Close, index)?;
+        let after = After::Closed { file: index };
+        self.perform_next(&alone, &request, after, deadline)?;
+        Ok(())
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, FILES> {
+    /// Reads into `into` from the position on, and moves it: at most as many bytes as the file's
+    /// buffer holds. 0 at the end of the file.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
+        let buffer = self.buffer(into.len());
+        let done = self.transfer(Operation::Read, buffer)?.min(into.len());
+        if let Some(into) = into.get_mut(..done) {
+            self.system.own.read(buffer.offset, into)?;
+        }
+        Ok(done)
+    }
+
+    /// Writes from `from` at the position, or at the end if it was opened so, and moves it: at most
+    /// as many bytes as the file's buffer holds.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
+        let buffer = self.buffer(from.len());
+        let alone = self.system.enter()?;
+        // Before the buffer is touched: it may belong to a write in doubt.
+        self.system.clear()?;
+        if let Some(from) = from.get(..buffer.len as usize) {
+            self.system.own.write(buffer.offset, from)?;
+        }
+        drop(alone);
+        self.transfer(self.writing()?, buffer)
+    }
+
+    /// Reads `len` bytes at most from the position on straight into `buffer`, and moves it.
+    ///
+    /// # Errors
+    /// [`Errno::FAULT`] if the buffer is shorter; [`Errno::BUSY`] if a former buffer has not been
+    /// [taken back](FileSystem::take_buffer); see [`Error`].
+    pub fn read_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
+        self.lend(Ok(Operation::Read), buffer, len)
+    }
+
+    /// Writes the first `len` bytes of `buffer` at the position, or at the end if it was opened so,
+    /// and moves it.
+    ///
+    /// # Errors
+    /// As [`read_buffer`](Self::read_buffer).
+    pub fn write_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
+        self.lend(self.writing(), buffer, len)
+    }
+
+    /// Moves the position, which may be behind the end; gives it.
+    ///
+    /// # Errors
+    /// [`Errno::INVAL`] if it would be before the beginning or past 2⁶³ − 1; from the end, see
+    /// [`Error`].
+    pub fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
+        let position = match to {
+            SeekFrom::Start(position) => Some(position),
+            SeekFrom::Current(step) => self.position()?.checked_add_signed(step),
+            SeekFrom::End(step) => self.status()?.size.checked_add_signed(step),
+        };
+        match position {
+            Some(position) if i64::try_from(position).is_ok() => {
+                self.system
+                    .change(self.index, |open| open.position = position);
+                Ok(position)
+            }
+            _ => Err(Errno::INVAL.into()),
+        }
+    }
+
+    /// Where the next read or write begins, in bytes from the beginning.
+    ///
+    /// # Errors
+    /// None in a file that is open.
+    pub fn position(&self) -> Result<u64, Error> {
+        Ok(self.system.file(self.index)?.get().position)
+    }
+
+    /// What is known of the file.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub fn status(&self) -> Result<Status, Error> {
+        let request = self.system.about(Operation::FileStatus, self.index)?;
+        Ok(self.system.perform(&request, After::Nothing)?.status)
+    }
+
+    /// Makes the file `size` bytes long; what is added is zeros.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub fn truncate(&mut self, size: u64) -> Result<(), Error> {
+        let request = Request {
+            position: size,
+            ..self.system.about(Operation::Truncate, self.index)?
+        };
+        self.system.perform(&request, After::Nothing).map(drop)
+    }
+
+    /// Waits until the file is on the disk.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub fn sync(&mut self) -> Result<(), Error> {
+        let request = self.system.about(Operation::Sync, self.index)?;
+        self.system.perform(&request, After::Nothing).map(drop)
+    }
+
+    /// Closes the file. After an error that is no [`Errno`] it is closed by a later
+    /// [`open`](FileSystem::open).
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub fn close(self) -> Result<(), Error> {
+        let file = core::mem::ManuallyDrop::new(self);
+        file.system.close_block(file.index)
+    }
+
+    fn writing(&self) -> Result<Operation, Error> {
+        let flags = self.system.file(self.index)?.get().flags;
+        Ok(if flags & flag::APPEND == 0 {
+            Operation::Write
+        } else {
+            Operation::Append
+        })
+    }
+
+    /// As much of the file's buffer as `len` bytes need.
+    fn buffer(&self, len: usize) -> Span {
+        let most = self.system.area.buffer_bytes();
+        Span {
+            offset: self.system.area.buffer(self.index),
+            len: u32::try_from(len).map_or(most, |len| len.min(most)),
+        }
+    }
+
+    fn transfer(&self, operation: Operation, buffer: Span) -> Result<usize, Error> {
+        let system = self.system;
+        let alone = system.enter()?;
+        let deadline = system.clear()?;
+        // Only now: what was in doubt may have moved the position.
+        let request = Request {
+            position: self.position()?,
+            buffer,
+            ..system.about(operation, self.index)?
+        };
+        let after = After::Moved { file: self.index };
+        let done = system.perform_next(&alone, &request, after, deadline)?;
+        Ok(usize::try_from(done.value).unwrap_or(usize::MAX))
+    }
+
+    fn lend(&self, operation: Result<Operation, Error>, buffer: Buffer<W>, len: u32) -> Lent<W> {
+        let kept = self.system.kept.take();
+        let outcome = if kept.is_some() {
+            Err(Errno::BUSY.into())
+        } else if len > buffer.memory().size() {
+            Err(Errno::FAULT.into())
+        } else {
+            let offset = buffer.offset();
+            let before = self.system.sequence.get();
+            match operation.and_then(|it| self.transfer(it, Span { offset, len })) {
+                Ok(done) => Ok(done),
+                // In doubt, and about this buffer: not if a former operation is.
+                Err(error) if self.system.in_doubt() && self.system.sequence.get() != before => {
+                    self.system.kept.set(Some(buffer));
+                    return Err(Kept {
+                        error,
+                        buffer: None,
+                    });
+                }
+                Err(error) => Err(error),
+            }
+        };
+        if kept.is_some() {
+            self.system.kept.set(kept);
+        }
+        match outcome {
+            Ok(done) => Ok((done, buffer)),
+            Err(error) => Err(Kept {
+                error,
+                buffer: Some(buffer),
+            }),
+        }
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Drop for File<'_, '_, S, W, FILES> {
+    fn drop(&mut self) {
+        self.system.leave(self.index);
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
+    for File<'_, '_, S, W, FILES>
+{
+    type Error = Error;
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Read for File<'_, '_, S, W, FILES> {
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
+        File::read(self, into)
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Write for File<'_, '_, S, W, FILES> {
+    fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
+        File::write(self, from)
+    }
+
+    fn flush(&mut self) -> Result<(), Error> {
+        Ok(()) // Nothing is held back.
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Seek for File<'_, '_, S, W, FILES> {
+    fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
+        File::seek(self, to)
+    }
+}

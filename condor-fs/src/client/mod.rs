@@ -1,0 +1,195 @@
+//! The processor's end.
+
+mod area;
+mod buffer;
+mod directory;
+mod error;
+mod file;
+mod names;
+mod operation;
+mod station;
+
+pub use area::Area;
+pub use buffer::{Buffer, Kept, Lent};
+pub use directory::{Directory, Entry};
+pub use error::Error;
+pub use file::{File, OpenOptions};
+pub use station::Station;
+
+use core::cell::Cell;
+use core::time::Duration;
+
+use condor_mbox::{MemoryWindow, Pending, Processor, Region};
+
+use crate::errno::Errno;
+use crate::wire::{self, Operation, Request, block, table};
+use operation::After;
+
+/// The host's files, for the background of one processor.
+///
+/// `S` is its mailbox, `W` its own window, `FILES` how many files and directories can be open at a
+/// time. Everything that there is to know of them lies here and in the window: the server may be
+/// killed and started again at any moment, and a call in progress then only takes longer.
+///
+/// One operation is in progress at a time. What a handler begins while its background waits in one
+/// is refused with [`Errno::BUSY`].
+///
+/// A processor has one file system at a time: [`connect`](Self::connect) ends all former ones.
+pub struct FileSystem<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
+    station: &'m S,
+    server: Processor,
+    own: Region<W>,
+    area: Area<FILES>,
+    timeout: Cell<Duration>,
+    session: Cell<u64>,
+    sequence: Cell<u32>,
+    /// What is to follow the end of the operation in the slot, if that has not been seen.
+    doubt: Cell<Option<After>>,
+    /// The message about it, if its receiver has not died.
+    pending: Cell<Option<Pending>>,
+    busy: Cell<bool>,
+    files: [Cell<Open>; FILES],
+    /// The buffer of an operation that was in doubt.
+    kept: Cell<Option<Buffer<W>>>,
+}
+
+/// What is known of a block.
+#[derive(Clone, Copy, Default)]
+struct Open {
+    state: State,
+    handle: u32,
+    flags: u32,
+    position: u64,
+    path_len: u32,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+enum State {
+    #[default]
+    Free,
+    /// Somebody has it.
+    Held,
+    /// Nobody has it, and the server does not know.
+    Left,
+}
+
+impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+    /// Asks `server` for a session. `own` is the users' region of the processor's own `data`, in
+    /// which `area` was laid out; the mailbox has joined, with the area's
+    /// [handler](Area::handler) at [`OPEN_FILES`](wire::OPEN_FILES).
+    ///
+    /// `timeout` is how long an operation may take, restarts of the server included.
+    ///
+    /// # Errors
+    /// [`Error::TimedOut`]; [`Error::Mailbox`]; [`Error::Access`] if the area is not in `own`.
+    pub fn connect(
+        station: &'m S,
+        server: Processor,
+        own: Region<W>,
+        area: Area<FILES>,
+        timeout: Duration,
+    ) -> Result<Self, Error> {
+        own.set_word(area.table(), table::MAGIC)?;
+        own.set_word(area.table().wrapping_add(4), FILES as u32)?;
+        own.set_word(area.table().wrapping_add(8), area.blocks())?;
+        own.set_word(area.table().wrapping_add(12), block::BYTES)?;
+        for file in 0..FILES {
+            own.write(area.block(file), &[0; block::BYTES as usize])?;
+        }
+        let system = Self {
+            station,
+            server,
+            own,
+            area,
+            timeout: Cell::new(timeout),
+            session: Cell::new(wire::NO_SESSION),
+            sequence: Cell::new(0),
+            doubt: Cell::new(None),
+            pending: Cell::new(None),
+            busy: Cell::new(false),
+            files: [const { Cell::new(Open::NONE) }; FILES],
+            kept: Cell::new(None),
+        };
+        let session = system.perform(&request(Operation::Session), After::Nothing)?;
+        system.session.set(session.value);
+        Ok(system)
+    }
+
+    /// How long an operation may take from now on.
+    pub fn set_timeout(&self, timeout: Duration) {
+        self.timeout.set(timeout);
+    }
+
+    /// Waits for the end of the operation that is in doubt, for at most `timeout`: `None` if there
+    /// is none, else its result, which is what it would have given, as a number.
+    ///
+    /// Every other operation does so first, too, but does not tell that result.
+    ///
+    /// # Errors
+    /// As all operations; after [`Error::TimedOut`] the operation remains in doubt.
+    pub fn settle(&self, timeout: Duration) -> Result<Option<Result<u64, Errno>>, Error> {
+        let _alone = self.enter()?;
+        if !self.in_doubt() {
+            return Ok(None);
+        }
+        match self.finish(self.station.now().after(timeout)) {
+            Ok(done) => Ok(Some(Ok(done.value))),
+            Err(Error::Errno(errno)) => Ok(Some(Err(errno))),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Whether the end of the last operation is not known.
+    pub fn in_doubt(&self) -> bool {
+        self.doubt.get().is_some()
+    }
+
+    /// The buffer that was lent to an operation that timed out, once that is not in doubt any more.
+    pub fn take_buffer(&self) -> Option<Buffer<W>> {
+        if self.in_doubt() {
+            None
+        } else {
+            self.kept.take()
+        }
+    }
+
+    fn file(&self, file: usize) -> Result<&Cell<Open>, Errno> {
+        self.files.get(file).ok_or(Errno::BADF)
+    }
+
+    fn change(&self, file: usize, change: impl FnOnce(&mut Open)) {
+        if let Some(cell) = self.files.get(file) {
+            let mut open = cell.get();
+            change(&mut open);
+            cell.set(open);
+        }
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Drop
+    for FileSystem<'_, S, W, FILES>
+{
+    fn drop(&mut self) {
+        if let Some(pending) = self.pending.take() {
+            self.station.abandon(&pending);
+        }
+    }
+}
+
+impl Open {
+    const NONE: Self = Self {
+        state: State::Free,
+        handle: 0,
+        flags: 0,
+        position: 0,
+        path_len: 0,
+    };
+}
+
+/// A request without arguments.
+fn request(operation: Operation) -> Request {
+    Request {
+        operation: operation as u32,
+        ..Request::default()
+    }
+}

@@ -1,0 +1,167 @@
+//! Operations on paths.
+
+use condor_mbox::{LoadOrder, MemoryWindow, StoreOrder};
+
+use super::operation::After;
+use super::{Error, FileSystem, State, Station, request};
+use crate::errno::Errno;
+use crate::wire::{self, Operation, Request, Span, Status};
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
+    /// What is known of the file or directory at `path`; of a symbolic link, not of what it names.
+    ///
+    /// # Errors
+    /// [`Errno::NOENT`] and others as Unix; see [`Error`].
+    pub fn status(&self, path: impl AsRef<[u8]>) -> Result<Status, Error> {
+        self.on_path(Operation::PathStatus, path.as_ref())
+    }
+
+    /// Makes a directory.
+    ///
+    /// # Errors
+    /// [`Errno::EXIST`] and others as Unix; see [`Error`].
+    pub fn make_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
+        self.on_path(Operation::MakeDirectory, path.as_ref())
+            .map(drop)
+    }
+
+    /// Removes an empty directory.
+    ///
+    /// # Errors
+    /// [`Errno::NOTEMPTY`] and others as Unix; see [`Error`].
+    pub fn remove_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
+        self.on_path(Operation::RemoveDirectory, path.as_ref())
+            .map(drop)
+    }
+
+    /// Removes a name of a file. What this processor has open stays until it is closed; what others
+    /// have open is [`Errno::STALE`] to them.
+    ///
+    /// # Errors
+    /// [`Errno::NOENT`] and others as Unix; see [`Error`].
+    pub fn unlink(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
+        self.on_path(Operation::Unlink, path.as_ref()).map(drop)
+    }
+
+    /// Gives a file or directory another name, replacing what has it as Unix does.
+    ///
+    /// Files that this processor opened by the old name, or inside of a directory of it, go on. If
+    /// they were opened by another spelling of it, they are [`Errno::STALE`] after the server's next
+    /// restart.
+    ///
+    /// # Errors
+    /// [`Errno::NOENT`] and others as Unix; see [`Error`].
+    pub fn rename(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
+        self.rename_with(from.as_ref(), to.as_ref(), 0)
+    }
+
+    /// As [`rename`](Self::rename), but does not replace anything.
+    ///
+    /// # Errors
+    /// [`Errno::EXIST`] if the new name exists; else as there.
+    pub fn rename_new(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
+        self.rename_with(from.as_ref(), to.as_ref(), wire::rename::NO_REPLACE)
+    }
+
+    fn rename_with(&self, from: &[u8], to: &[u8], flags: u32) -> Result<(), Error> {
+        let alone = self.enter()?;
+        let deadline = self.clear()?;
+        let request = Request {
+            path: self.put_path(FILES, from)?,
+            second_path: self.put_path(FILES.wrapping_add(1), to)?,
+            flags,
+            ..request(Operation::Rename)
+        };
+        let after = After::Renamed {
+            from: request.path.len,
+            to: request.second_path.len,
+        };
+        self.perform_next(&alone, &request, after, deadline)?;
+        Ok(())
+    }
+
+    fn on_path(&self, operation: Operation, path: &[u8]) -> Result<Status, Error> {
+        let alone = self.enter()?;
+        let deadline = self.clear()?;
+        let request = Request {
+            path: self.put_path(FILES, path)?,
+            ..request(operation)
+        };
+        let done = self.perform_next(&alone, &request, After::Nothing, deadline)?;
+        Ok(done.status)
+    }
+
+    /// Writes a path to the window; `place` is that of a file, or one of the two after those.
+    pub(super) fn put_path(&self, place: usize, path: &[u8]) -> Result<Span, Error> {
+        let offset = self.area.path(place);
+        match u32::try_from(path.len()) {
+            Ok(0) => Err(Errno::NOENT.into()),
+            Ok(len) if len <= self.area.path_bytes() => {
+                self.own.write(offset, path)?;
+                Ok(Span { offset, len })
+            }
+            _ => Err(Errno::NAMETOOLONG.into()),
+        }
+    }
+
+    /// After a rename, whose paths of these lengths are still in the window.
+    pub(super) fn rewrite_paths(&self, from_len: u32, to_len: u32) -> Result<(), Error> {
+        let (from, to) = (self.area.path(FILES), self.area.path(FILES.wrapping_add(1)));
+        for (file, cell) in self.files.iter().enumerate() {
+            let mut open = cell.get();
+            let path = self.area.path(file);
+            if open.state == State::Free
+                || open.path_len < from_len
+                || !self.equal(path, from, from_len)?
+                || (open.path_len > from_len && self.byte(path.saturating_add(from_len))? != b'/')
+            {
+                continue;
+            }
+            let rest = open.path_len.wrapping_sub(from_len);
+            let len = to_len.saturating_add(rest);
+            if len > self.area.path_bytes() {
+                continue; // Stale after the next restart.
+            }
+            let (old, new) = (path.wrapping_add(from_len), path.wrapping_add(to_len));
+            for n in 0..rest {
+                // The end first if it moves up, so that nothing is overwritten before it is read.
+                let n = if to_len > from_len {
+                    rest.wrapping_sub(1).wrapping_sub(n)
+                } else {
+                    n
+                };
+                self.put_byte(new.wrapping_add(n), self.byte(old.wrapping_add(n))?)?;
+            }
+            for n in 0..to_len {
+                self.put_byte(path.wrapping_add(n), self.byte(to.wrapping_add(n))?)?;
+            }
+            open.path_len = len;
+            cell.set(open);
+            let at = self.area.block(file).wrapping_add(wire::block::PATH);
+            self.own.set_word(at.wrapping_add(4), len)?;
+        }
+        Ok(())
+    }
+
+    fn equal(&self, one: u32, other: u32, len: u32) -> Result<bool, Error> {
+        for n in 0..len {
+            if self.byte(one.wrapping_add(n))? != self.byte(other.wrapping_add(n))? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn byte(&self, offset: u32) -> Result<u8, Error> {
+        let word = self.own.load(offset & !3, LoadOrder::Relaxed)?;
+        Ok((word >> (8 * (offset & 3))) as u8)
+    }
+
+    fn put_byte(&self, offset: u32, byte: u8) -> Result<(), Error> {
+        let shift = 8 * (offset & 3);
+        let word = self.own.load(offset & !3, LoadOrder::Relaxed)?;
+        let word = word & !(0xff << shift) | u32::from(byte) << shift;
+        self.own.store(offset & !3, word, StoreOrder::Relaxed)?;
+        Ok(())
+    }
+}

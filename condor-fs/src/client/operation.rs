@@ -1,0 +1,272 @@
+//! One operation: through the slot, over as many lives of the server as it takes.
+
+use core::cell::Cell;
+use core::time::Duration;
+
+use condor_mbox::{Error as MailError, Instant, MemoryWindow, Message, Place};
+
+use super::{Error, FileSystem, State, Station};
+use crate::errno::Errno;
+use crate::wire::{self, Evidence, Request, Status, block, slot, state};
+
+/// How long to wait before a server that was not there is looked for again.
+const PAUSE: Duration = Duration::from_millis(1);
+
+/// What a client does when an operation has ended, however late.
+#[derive(Clone, Copy)]
+pub(super) enum After {
+    Nothing,
+    /// The block was for a file to be opened.
+    Opened {
+        file: usize,
+    },
+    Closed {
+        file: usize,
+    },
+    /// Data were moved at the file's own position.
+    Moved {
+        file: usize,
+    },
+    /// The paths of open files begin with another name.
+    Renamed {
+        from: u32,
+        to: u32,
+    },
+}
+
+/// A result.
+#[derive(Clone, Copy)]
+pub(super) struct Done {
+    pub(super) value: u64,
+    pub(super) evidence: Evidence,
+    pub(super) status: Status,
+}
+
+/// While it lives, no other operation begins.
+pub(super) struct Alone<'f>(&'f Cell<bool>);
+
+impl Drop for Alone<'_> {
+    fn drop(&mut self) {
+        self.0.set(false);
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
+    pub(super) fn enter(&self) -> Result<Alone<'_>, Errno> {
+        if self.busy.replace(true) {
+            return Err(Errno::BUSY);
+        }
+        Ok(Alone(&self.busy))
+    }
+
+    /// Does `request`, whose paths are in the window, and then `after`.
+    pub(super) fn perform(&self, request: &Request, after: After) -> Result<Done, Error> {
+        let alone = self.enter()?;
+        let deadline = self.clear()?;
+        self.perform_next(&alone, request, after, deadline)
+    }
+
+    /// As [`perform`](Self::perform), for one who has entered and cleared.
+    pub(super) fn perform_next(
+        &self,
+        _: &Alone<'_>,
+        request: &Request,
+        after: After,
+        deadline: Instant,
+    ) -> Result<Done, Error> {
+        let sequence = match self.sequence.get().wrapping_add(1) {
+            0 => 1,
+            next => next,
+        };
+        let request = Request {
+            session: self.session.get(),
+            sequence,
+            ..*request
+        };
+        self.write(&request)?;
+        self.sequence.set(sequence);
+        self.doubt.set(Some(after));
+        self.finish(deadline)
+    }
+
+    /// Ends the operation that is in doubt, so that another may begin; gives the deadline.
+    pub(super) fn clear(&self) -> Result<Instant, Error> {
+        let deadline = self.station.now().after(self.timeout.get());
+        if self.in_doubt() {
+            match self.finish(deadline) {
+                Ok(_) | Err(Error::Errno(_)) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(deadline)
+    }
+
+    /// Puts a request into the slot. A message of a former time may be under way, so the server
+    /// finds no magic, or another sequence, while it is not whole.
+    fn write(&self, request: &Request) -> Result<(), Error> {
+        let at = self.area.slot();
+        self.own.set_word(at, 0)?;
+        self.own.set_word(at.wrapping_add(12), request.sequence)?;
+        self.own
+            .set_word(at.wrapping_add(slot::STATE), state::NONE)?;
+        let words = request.to_words();
+        for (word, offset) in words.iter().zip((at..).step_by(4)).skip(1) {
+            self.own.set_word(offset, *word)?;
+        }
+        self.own.set_word(at, slot::MAGIC)?;
+        Ok(())
+    }
+
+    /// Waits for the end of the operation in the slot, and does what is to follow it.
+    pub(super) fn finish(&self, deadline: Instant) -> Result<Done, Error> {
+        let outcome = self.await_answer(deadline);
+        if let Ok(_) | Err(Error::Errno(_)) = outcome
+            && let Some(after) = self.doubt.take()
+        {
+            self.follow(after, outcome.ok().as_ref())?;
+        }
+        outcome
+    }
+
+    fn await_answer(&self, deadline: Instant) -> Result<Done, Error> {
+        let mut cause = None;
+        loop {
+            let left = Duration::from_nanos(deadline.ns_since(self.station.now()));
+            if left.is_zero() {
+                return Err(Error::TimedOut {
+                    server: self.server,
+                    cause,
+                });
+            }
+            match self.ask(left, deadline) {
+                Ok(wire::DONE) => {
+                    if let Some(outcome) = self.result()? {
+                        return outcome.map_err(Error::Errno);
+                    }
+                }
+                Ok(refused) => {
+                    let errno = Errno((refused & !wire::REFUSED) as u16);
+                    if refused & wire::REFUSED == 0 {
+                        return Err(Errno::IO.into());
+                    }
+                    if errno != Errno::AGAIN {
+                        return Err(errno.into());
+                    }
+                }
+                Err(error) if passes(&error) => cause = Some(error),
+                Err(error) => return Err(error.into()),
+            }
+            self.station.pause(PAUSE.min(left))?;
+        }
+    }
+
+    /// Sends the slot, unless the server still has it, and waits for the reply.
+    fn ask(&self, left: Duration, deadline: Instant) -> Result<u32, MailError> {
+        let pending = if let Some(pending) = self.pending.get() {
+            pending
+        } else {
+            let message = Message {
+                to: self.server,
+                vector: wire::FILES,
+                data: self.area.slot(),
+            };
+            let (pending, _) = self.station.open_before(message, left, deadline)?;
+            self.pending.set(Some(pending));
+            pending
+        };
+        let outcome = self.station.wait_before(&pending, left, deadline);
+        if !matches!(
+            outcome,
+            Err(MailError::TimedOut { .. } | MailError::Stalled { .. })
+        ) {
+            self.pending.set(None);
+            self.station.abandon(&pending);
+        }
+        outcome
+    }
+
+    /// What the server wrote; `None` if it is not about this operation.
+    fn result(&self) -> Result<Option<Result<Done, Errno>>, Error> {
+        let at = |offset: u32| self.area.slot().wrapping_add(offset);
+        // Acquire, as `set_word` of the server is Release: the rest was written before.
+        let found = self.own.word(at(slot::STATE))?;
+        let words: [u32; 3] = self.words(at(slot::STATE_SESSION))?;
+        let [session, session_high, sequence] = words;
+        if found != state::DONE
+            || wire::whole(session, session_high) != self.session.get()
+            || sequence != self.sequence.get()
+        {
+            return Ok(None);
+        }
+        let [errno, value, value_high] = self.words(at(slot::ERRNO))?;
+        if errno != 0 {
+            return Ok(Some(Err(Errno(errno as u16))));
+        }
+        Ok(Some(Ok(Done {
+            value: wire::whole(value, value_high),
+            evidence: Evidence::from_words(&self.words(at(slot::EVIDENCE))?),
+            status: Status::from_words(&self.words(at(slot::STATUS))?),
+        })))
+    }
+
+    fn words<const K: usize>(&self, offset: u32) -> Result<[u32; K], Error> {
+        let words: [[u8; 4]; K] = {
+            let mut words = [[0; 4]; K];
+            for (word, at) in words.iter_mut().zip((offset..).step_by(4)) {
+                *word = self.own.get(Place::at(at))?;
+            }
+            words
+        };
+        Ok(words.map(u32::from_le_bytes))
+    }
+
+    fn follow(&self, after: After, done: Option<&Done>) -> Result<(), Error> {
+        match (after, done) {
+            (After::Opened { file }, Some(done)) => {
+                let at = self.area.block(file);
+                for (word, offset) in (done.evidence.to_words().iter())
+                    .zip((at.wrapping_add(block::EVIDENCE)..).step_by(4))
+                {
+                    self.own.set_word(offset, *word)?;
+                }
+                let handle = self.sequence.get();
+                self.own.set_word(at.wrapping_add(block::SILLY), 0)?;
+                self.own.set_word(at.wrapping_add(block::HANDLE), handle)?;
+                // Whoever opens it and is told so in time, holds it.
+                self.change(file, |open| {
+                    open.state = State::Left;
+                    open.handle = handle;
+                });
+            }
+            (After::Opened { file }, None) => self.change(file, |open| open.state = State::Free),
+            // A handle that the server does not know is closed all the same.
+            (After::Closed { file }, _) => {
+                let at = self.area.block(file);
+                self.own.set_word(at.wrapping_add(block::HANDLE), 0)?;
+                self.change(file, |open| open.state = State::Free);
+            }
+            (After::Moved { file }, Some(done)) => self.change(file, |open| {
+                open.position = open.position.saturating_add(done.value);
+            }),
+            (After::Renamed { from, to }, Some(_)) => self.rewrite_paths(from, to)?,
+            (After::Nothing | After::Moved { .. } | After::Renamed { .. }, _) => {}
+        }
+        Ok(())
+    }
+}
+
+/// Whether an error of the mailbox passes when the server is back.
+fn passes(error: &MailError) -> bool {
+    matches!(
+        error,
+        MailError::NotConnected { .. }
+            | MailError::NoSlot { .. }
+            | MailError::TimedOut { .. }
+            | MailError::Stalled { .. }
+            | MailError::PeerDied { .. }
+            | MailError::PeerLeft { .. }
+            | MailError::PeerRestarted { .. }
+            | MailError::NoHandler { .. }
+            | MailError::HandlerFailed { .. }
+    )
+}

@@ -1,0 +1,19 @@
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(feature = "std"), no_std)]
+
+#[cfg(test)]
+extern crate std;
+
+// Documents of their own.
+#[cfg(all(feature = "linux", target_os = "linux"))]
+pub mod server;
+pub mod wire;
+
+mod client;
+mod errno;
+
+pub use client::{
+    Area, Buffer, Directory, Entry, Error, File, FileSystem, Kept, Lent, OpenOptions, Station,
+};
+pub use errno::Errno;
+pub use wire::Status;

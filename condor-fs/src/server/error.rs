@@ -1,0 +1,82 @@
+//! What can go wrong with a server.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use condor_mbox::AccessError;
+
+use crate::errno::Errno;
+
+/// Why a server cannot serve.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ServerError {
+    /// A live server has the tree.
+    #[error("{root:?} is being served already")]
+    Served {
+        /// The tree.
+        root: PathBuf,
+    },
+    /// The system refused something.
+    #[error("cannot serve {root:?}: {source}")]
+    System {
+        /// The tree.
+        root: PathBuf,
+        /// The system's answer.
+        source: io::Error,
+    },
+    /// The mailbox refused something.
+    #[error(transparent)]
+    Mailbox(#[from] condor_mbox::Error),
+}
+
+impl ServerError {
+    pub(super) fn at<E: Into<io::Error>>(root: &Path) -> impl FnOnce(E) -> Self {
+        let root = root.to_owned();
+        |source| Self::System {
+            root,
+            source: source.into(),
+        }
+    }
+}
+
+/// Why an operation goes no further.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stop {
+    /// Its result.
+    Errno(Errno),
+    /// Nothing was done, for want of an answer of the client.
+    Again,
+}
+
+impl From<Errno> for Stop {
+    fn from(errno: Errno) -> Self {
+        Self::Errno(errno)
+    }
+}
+
+impl From<rustix::io::Errno> for Stop {
+    fn from(errno: rustix::io::Errno) -> Self {
+        Self::Errno(errno.into())
+    }
+}
+
+impl From<rustix::io::Errno> for Errno {
+    fn from(errno: rustix::io::Errno) -> Self {
+        Self(u16::try_from(errno.raw_os_error()).unwrap_or(Self::IO.0))
+    }
+}
+
+impl From<io::Error> for Stop {
+    fn from(error: io::Error) -> Self {
+        let code = error.raw_os_error().and_then(|code| code.try_into().ok());
+        Self::Errno(code.map_or(Errno::IO, Errno))
+    }
+}
+
+/// An offset or a length in a request is not inside of the client's window.
+impl From<AccessError> for Stop {
+    fn from(_: AccessError) -> Self {
+        Self::Errno(Errno::FAULT)
+    }
+}

@@ -1,0 +1,101 @@
+//! What each operation is, and what is around all of them.
+
+use rustix::fs::Dir;
+use rustix::rand::GetRandomFlags;
+
+use super::error::Stop;
+use super::journal::Record;
+use super::log::{Log, Outcome};
+use super::open_files::unique_name;
+use super::{Job, Server, Step, Steps};
+use crate::errno::Errno;
+use crate::wire::{self, Operation};
+
+impl<S: Steps> Server<S> {
+    pub(super) fn execute(&self, job: &Job<'_>, log: &Log<'_>) -> Result<Outcome, Stop> {
+        let nothing = |()| Outcome::default();
+        let value = |value| Outcome { value, about: None };
+        match job.operation {
+            Operation::Session => self.session(job).map(value),
+            Operation::Open => self.open(job, log),
+            Operation::Close => self.close(job).map(nothing),
+            Operation::Read => self.read(job).map(value),
+            Operation::Write | Operation::Append => self.write(job, log).map(value),
+            Operation::Truncate => self.truncate(job).map(nothing),
+            Operation::Sync => self.sync(job).map(nothing),
+            Operation::FileStatus => self.file_status(job),
+            Operation::PathStatus => self.path_status(job),
+            Operation::ReadDirectory => self.read_directory(job).map(value),
+            Operation::MakeDirectory => self.make_directory(job, log).map(nothing),
+            Operation::RemoveDirectory | Operation::Unlink => self.remove(job, log).map(nothing),
+            Operation::Rename => self.rename(job, log).map(nothing),
+        }
+    }
+
+    /// From here on a next life of the server must finish this before it does anything else.
+    pub(super) fn begin(&self, job: &Job<'_>) -> Result<(), Stop> {
+        // Only what has been asked already: nothing else may be served from here on.
+        let table = match job.operation {
+            Operation::Open | Operation::MakeDirectory | Operation::RemoveDirectory => wire::NONE,
+            _ => self.table(job)?,
+        };
+        self.journal.begin(&Record {
+            processor: job.processor,
+            session: job.request.session,
+            sequence: job.request.sequence,
+            slot: job.slot,
+            table,
+        });
+        self.reached(job, Step::Begun);
+        Ok(())
+    }
+
+    pub(super) fn check_writable(&self) -> Result<(), Errno> {
+        if self.options.read_only {
+            Err(Errno::ROFS)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// A number that no session had, and the end of all former ones of this processor.
+    fn session(&self, job: &Job<'_>) -> Result<u64, Stop> {
+        if job.request.session != wire::NO_SESSION {
+            return Err(Errno::INVAL.into());
+        }
+        self.open.forget_all(job.processor);
+        let prefix = format!("{:02x}-", job.processor.0);
+        let mut left = Vec::new();
+        for entry in Dir::read_from(self.tree.stage())? {
+            let entry = entry?;
+            if entry.file_name().to_bytes().starts_with(prefix.as_bytes()) {
+                left.push(entry.file_name().to_owned());
+            }
+        }
+        for name in left {
+            self.tree.discard(&name);
+        }
+        loop {
+            let mut bytes = [0; 8];
+            rustix::rand::getrandom(&mut bytes, GetRandomFlags::empty())?;
+            let session = u64::from_le_bytes(bytes);
+            if session != wire::NO_SESSION {
+                return Ok(session);
+            }
+        }
+    }
+
+    /// Removes what an operation whose result is recorded may have left.
+    pub(super) fn clean(&self, job: &Job<'_>, failed: bool) {
+        let makes = match job.operation {
+            Operation::Open => job.request.flags & wire::open::EXCLUSIVE != 0,
+            Operation::MakeDirectory => true,
+            _ => false,
+        };
+        if failed && makes {
+            let request = &job.request;
+            let unique = unique_name(job.processor, request.session, request.sequence);
+            self.tree.discard(&unique);
+        }
+    }
+}

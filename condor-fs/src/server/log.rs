@@ -1,0 +1,122 @@
+//! [`Log`]: the server's part of a slot.
+
+use condor_mbox::linux::LinuxWindow;
+use condor_mbox::{MemoryWindow, Region};
+
+use super::Job;
+use super::error::Stop;
+use crate::errno::Errno;
+use crate::wire::{self, Evidence, Status, slot, state};
+
+/// What an operation gave.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Outcome {
+    pub(super) value: u64,
+    pub(super) about: Option<(Evidence, Status)>,
+}
+
+/// What was recorded of an operation that was begun.
+#[derive(Clone, Copy)]
+pub(super) struct Staged {
+    pub(super) step: u32,
+    pub(super) evidence: [u32; 8],
+}
+
+/// The record of one operation.
+pub(super) struct Log<'l> {
+    region: Region<&'l LinuxWindow>,
+    at: u32,
+    session: u64,
+    sequence: u32,
+}
+
+impl<'l> Log<'l> {
+    pub(super) fn of(job: &Job<'l>) -> Self {
+        Self {
+            region: job.region,
+            at: job.slot,
+            session: job.request.session,
+            sequence: job.request.sequence,
+        }
+    }
+
+    /// The errno, if the operation is done.
+    pub(super) fn done(&self) -> Result<Option<u32>, Stop> {
+        if self.state()? == state::DONE {
+            Ok(Some(self.region.word(self.at + slot::ERRNO)?))
+        } else {
+            Ok(None)
+        }
+    }
+
+    /// What was recorded, if it was begun.
+    pub(super) fn staged(&self) -> Result<Option<Staged>, Stop> {
+        if self.state()? != state::STAGED {
+            return Ok(None);
+        }
+        Ok(Some(Staged {
+            step: self.region.word(self.at + slot::STEP)?,
+            evidence: words(&self.region, self.at + slot::EVIDENCE)?,
+        }))
+    }
+
+    /// Records the intent, with what a next life must know; step 1.
+    pub(super) fn stage(&self, evidence: &[u32; 8]) -> Result<(), Stop> {
+        self.set(slot::EVIDENCE, evidence)?;
+        self.set(slot::STEP, &[1])?;
+        self.set_state(state::STAGED)
+    }
+
+    pub(super) fn step(&self, step: u32) -> Result<(), Stop> {
+        self.set(slot::STEP, &[step])
+    }
+
+    pub(super) fn record(&self, outcome: &Result<Outcome, Errno>) -> Result<(), Stop> {
+        let (errno, outcome) = match outcome {
+            Ok(outcome) => (0, *outcome),
+            Err(errno) => (u32::from(errno.0), Outcome::default()),
+        };
+        self.set(slot::ERRNO, &[errno])?;
+        self.set(slot::VALUE, &wire::halves(outcome.value))?;
+        if let Some((evidence, status)) = outcome.about {
+            self.set(slot::EVIDENCE, &evidence.to_words())?;
+            self.set(slot::STATUS, &status.to_words())?;
+        }
+        self.set_state(state::DONE)
+    }
+
+    /// The state, if it is that of this operation.
+    fn state(&self) -> Result<u32, Stop> {
+        let state = self.region.word(self.at + slot::STATE)?;
+        let [session, high, sequence] = words(&self.region, self.at + slot::STATE_SESSION)?;
+        let of_this = wire::whole(session, high) == self.session && sequence == self.sequence;
+        Ok(if of_this { state } else { state::NONE })
+    }
+
+    fn set_state(&self, state: u32) -> Result<(), Stop> {
+        self.set(slot::STATE_SESSION, &wire::halves(self.session))?;
+        self.set(slot::STATE_SEQUENCE, &[self.sequence])?;
+        self.set(slot::STATE, &[state])
+    }
+
+    /// In order: the next server sees no word without those before it.
+    fn set(&self, offset: u32, words: &[u32]) -> Result<(), Stop> {
+        for (word, at) in words.iter().zip((self.at + offset..).step_by(4)) {
+            self.region.set_word(at, *word)?;
+        }
+        Ok(())
+    }
+}
+
+/// Words of the client's window, each read once.
+pub(super) fn words<const K: usize>(
+    region: &Region<&LinuxWindow>,
+    offset: u32,
+) -> Result<[u32; K], Errno> {
+    region.check(offset, 4 * K).map_err(|_| Errno::FAULT)?;
+    let mut words = [0; K];
+    for (word, at) in words.iter_mut().zip((offset..).step_by(4)) {
+        *word = region.word(at).map_err(|_| Errno::FAULT)?;
+    }
+    Ok(words)
+}

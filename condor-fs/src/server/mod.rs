@@ -1,0 +1,251 @@
+//! The host's end: serves one directory tree to the processors of a system.
+//!
+//! [`Server::serve`] is all that most programs need; the program `condor-fs-server` is little more.
+
+mod error;
+mod execute;
+mod journal;
+mod log;
+mod names;
+mod open_files;
+mod options;
+mod quota;
+mod steps;
+mod transfer;
+mod tree;
+
+pub use error::ServerError;
+pub use options::Options;
+pub use steps::{Step, Steps};
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use condor_mbox::linux::{Claim, LinuxWindow};
+use condor_mbox::{Call, Mailbox, Processor, Region, SingleContext, Windows};
+
+use crate::errno::Errno;
+use crate::wire::{self, Operation, Request, slot};
+use error::Stop;
+use journal::{Journal, Record};
+use log::Log;
+use open_files::OpenFiles;
+use quota::Quota;
+use tree::Tree;
+
+/// How long a client may take to say where its table is.
+const ASK: Duration = Duration::from_millis(100);
+/// How often a server looks whether it is to stop.
+const LOOK: Duration = Duration::from_millis(250);
+
+/// A server of one directory tree, which it holds locked.
+///
+/// It keeps nothing that it cannot lose: it may be killed at any moment, and another one started.
+/// In the tree it has a directory of its own, `.condor-fs`, that no client sees.
+///
+/// `S` is told of every step; leave it out.
+pub struct Server<S: Steps = ()> {
+    tree: Tree,
+    options: Options,
+    journal: Journal,
+    open: OpenFiles,
+    quota: Quota,
+    steps: S,
+}
+
+/// A request, and where it came from.
+struct Job<'j> {
+    processor: Processor,
+    window: &'j LinuxWindow,
+    region: Region<&'j LinuxWindow>,
+    slot: u32,
+    request: Request,
+    operation: Operation,
+    ask: &'j dyn Fn() -> Option<u32>,
+}
+
+impl Server {
+    /// A server of the tree at `root`, a directory.
+    ///
+    /// # Errors
+    /// [`ServerError::Served`] if a live server has this tree; [`ServerError::System`].
+    pub fn new(root: impl AsRef<Path>, options: Options) -> Result<Self, ServerError> {
+        Self::with_steps(root, options, ())
+    }
+}
+
+impl<S: Steps> Server<S> {
+    /// As [`new`](Server::new), with somebody to be told of every step.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn with_steps(
+        root: impl AsRef<Path>,
+        options: Options,
+        steps: S,
+    ) -> Result<Self, ServerError> {
+        let root = root.as_ref();
+        let tree = Tree::open(root)?;
+        let journal = Journal::open(&tree).map_err(ServerError::at(root))?;
+        Ok(Self {
+            tree,
+            options,
+            journal,
+            open: OpenFiles::default(),
+            quota: Quota::default(),
+            steps,
+        })
+    }
+
+    /// Recovers, joins with the number of `claim` and serves until `stop` is set.
+    ///
+    /// # Errors
+    /// [`ServerError::Mailbox`].
+    pub fn serve<const N: usize>(
+        &self,
+        claim: Claim<N>,
+        stop: &AtomicBool,
+    ) -> Result<(), ServerError> {
+        let number = claim.number();
+        let (windows, doorbell) = claim.into_parts();
+        self.recover(&windows);
+        let handler = |call: &Call<'_>| self.answer(call, &windows);
+        let mut mailbox = Mailbox::new(number, windows.clone(), doorbell, SingleContext::new())?;
+        mailbox.set_waiting(self.options.waiting);
+        mailbox.set_vector(wire::FILES, &handler, "files")?;
+        mailbox.join()?;
+        while !stop.load(Ordering::Relaxed) {
+            mailbox.serve(LOOK)?;
+        }
+        Ok(())
+    }
+
+    /// Finishes what the former server of this tree was in the middle of, if its client still wants
+    /// it. Call it before the mailbox joins; [`serve`](Self::serve) does.
+    pub fn recover<const N: usize>(&self, windows: &[Windows<LinuxWindow>; N]) {
+        if let Some(record) = self.journal.read() {
+            self.finish(&record, windows);
+            self.journal.end();
+        }
+    }
+
+    fn finish(&self, record: &Record, windows: &[Windows<LinuxWindow>]) {
+        let Some(Windows { data, .. }) = windows.get(record.processor.index()) else {
+            return;
+        };
+        let Ok(region) = Region::users(data) else {
+            return;
+        };
+        let wanted = read_request(&region, record.slot).is_ok_and(|request| {
+            request.session == record.session && request.sequence == record.sequence
+        });
+        if wanted {
+            self.serve_slot(record.processor, data, record.slot, &|| Some(record.table));
+        }
+    }
+
+    /// The handler for [`wire::FILES`], for a program that has a mailbox of its own: `windows` are
+    /// those of all processors, by number. One call at a time.
+    pub fn answer<const N: usize>(
+        &self,
+        call: &Call<'_>,
+        windows: &[Windows<LinuxWindow>; N],
+    ) -> u32 {
+        let sender = call.sender();
+        let Some(Windows { data, .. }) = windows.get(sender.index()) else {
+            return refused(Errno::FAULT);
+        };
+        let ask = || call.send_with_reply(sender, wire::OPEN_FILES, 0, ASK).ok();
+        self.serve_slot(sender, data, call.data(), &ask)
+    }
+
+    fn serve_slot(
+        &self,
+        processor: Processor,
+        window: &LinuxWindow,
+        slot: u32,
+        ask: &dyn Fn() -> Option<u32>,
+    ) -> u32 {
+        let Ok(region) = Region::users(window) else {
+            return refused(Errno::FAULT);
+        };
+        let request = match read_request(&region, slot) {
+            Ok(request) => request,
+            Err(errno) => return refused(errno),
+        };
+        let Some(operation) = Operation::from_word(request.operation) else {
+            return refused(Errno::NOSYS);
+        };
+        let job = Job {
+            processor,
+            window,
+            region,
+            slot,
+            request,
+            operation,
+            ask,
+        };
+        match self.run(&job) {
+            Ok(()) => wire::DONE,
+            Err(Stop::Again) => refused(Errno::AGAIN),
+            Err(Stop::Errno(errno)) => refused(errno),
+        }
+    }
+
+    /// Does a job whose result is not in its slot yet; fails only if the slot cannot have one.
+    fn run(&self, job: &Job<'_>) -> Result<(), Stop> {
+        let log = Log::of(job);
+        if let Some(errno) = log.done()? {
+            // Its former server may have died before this.
+            self.clean(job, errno != 0);
+            return Ok(());
+        }
+        self.reached(job, Step::Taken);
+        let outcome = match self.execute(job, &log) {
+            Err(Stop::Again) => {
+                self.journal.end();
+                return Err(Stop::Again);
+            }
+            Ok(outcome) => Ok(outcome),
+            Err(Stop::Errno(errno)) => Err(errno),
+        };
+        self.reached(job, Step::Acted);
+        let recorded = log.record(&outcome);
+        self.reached(job, Step::Recorded);
+        self.clean(job, outcome.is_err());
+        self.reached(job, Step::Cleaned);
+        self.journal.end();
+        recorded
+    }
+
+    fn reached(&self, job: &Job<'_>, step: Step) {
+        self.steps.reached(job.operation, step);
+    }
+}
+
+fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno> {
+    let fault = |_| Errno::FAULT;
+    if !at.is_multiple_of(64) || at.checked_add(slot::BYTES).is_none() {
+        return Err(Errno::FAULT);
+    }
+    // Acquire: the client's Release store of the magic comes after the rest.
+    if region.word(at).map_err(fault)? != slot::MAGIC {
+        return Err(Errno::FAULT);
+    }
+    let words = log::words(region, at)?;
+    let request = Request::from_words(&words).ok_or(Errno::FAULT)?;
+    // A client that changed it meanwhile first took away the magic, then changed the sequence.
+    let (magic, sequence) = (
+        region.word(at).map_err(fault)?,
+        region.word(at + 12).map_err(fault)?,
+    );
+    if magic != slot::MAGIC || sequence != request.sequence {
+        return Err(Errno::AGAIN);
+    }
+    Ok(request)
+}
+
+const fn refused(errno: Errno) -> u32 {
+    wire::REFUSED | errno.0 as u32
+}

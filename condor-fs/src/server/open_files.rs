@@ -1,0 +1,302 @@
+//! [`OpenFiles`]: what the server has opened, and how it learns anew what clients have opened.
+
+use std::collections::HashMap;
+use std::ffi::CString;
+use std::os::fd::OwnedFd;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use condor_mbox::Processor;
+use rustix::fs::{Mode, OFlags};
+
+use super::error::Stop;
+use super::log::words;
+use super::tree::about;
+use super::{Job, Server, Steps};
+use crate::errno::Errno;
+use crate::wire::{self, Evidence, Span, block, open as flag, table};
+
+/// How many files are kept open; beyond it all are opened again as they are needed.
+const MOST: usize = 512;
+
+/// What can be lost.
+#[derive(Default)]
+pub(super) struct OpenFiles {
+    cache: Mutex<Cache>,
+}
+
+#[derive(Default)]
+struct Cache {
+    /// By processor, session and handle.
+    files: HashMap<(Processor, u64, u32), Arc<Opened>>,
+    /// Where the table of a session is.
+    tables: HashMap<Processor, (u64, u32)>,
+}
+
+/// An open file.
+pub(super) struct Opened {
+    pub(super) file: OwnedFd,
+    pub(super) flags: u32,
+}
+
+/// A block of a client's table, copied.
+pub(super) struct Block {
+    at: u32,
+    session: u64,
+    handle: u32,
+    flags: u32,
+    path: Span,
+    silly: u32,
+    evidence: Evidence,
+}
+
+impl Opened {
+    pub(super) fn for_reading(&self) -> Result<&OwnedFd, Errno> {
+        self.allowing(flag::READ)
+    }
+
+    pub(super) fn for_writing(&self) -> Result<&OwnedFd, Errno> {
+        self.allowing(flag::WRITE)
+    }
+
+    fn allowing(&self, flag: u32) -> Result<&OwnedFd, Errno> {
+        if self.flags & flag == 0 {
+            Err(Errno::BADF)
+        } else {
+            Ok(&self.file)
+        }
+    }
+}
+
+impl OpenFiles {
+    /// A panic elsewhere does not make the cache wrong: what is in it is whole.
+    fn lock(&self) -> MutexGuard<'_, Cache> {
+        self.cache.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn keep(&self, job: &Job<'_>, handle: u32, opened: Opened) -> Arc<Opened> {
+        let opened = Arc::new(opened);
+        let mut cache = self.lock();
+        if cache.files.len() >= MOST {
+            cache.files.clear();
+        }
+        let key = (job.processor, job.request.session, handle);
+        cache.files.insert(key, Arc::clone(&opened));
+        opened
+    }
+
+    pub(super) fn forget(&self, job: &Job<'_>) {
+        let key = (job.processor, job.request.session, job.request.handle);
+        self.lock().files.remove(&key);
+    }
+
+    /// A new session of a processor begins.
+    pub(super) fn forget_all(&self, processor: Processor) {
+        let mut cache = self.lock();
+        cache.files.retain(|(of, _, _), _| *of != processor);
+        cache.tables.remove(&processor);
+    }
+}
+
+impl<S: Steps> Server<S> {
+    /// Where the client's table is; asks it if need be.
+    pub(super) fn table(&self, job: &Job<'_>) -> Result<u32, Stop> {
+        let known = self.open.lock().tables.get(&job.processor).copied();
+        if let Some((session, table)) = known
+            && session == job.request.session
+        {
+            return Ok(table);
+        }
+        let table = (job.ask)().ok_or(Stop::Again)?;
+        let mut cache = self.open.lock();
+        cache
+            .tables
+            .insert(job.processor, (job.request.session, table));
+        Ok(table)
+    }
+
+    /// The file that the request is about, opened again if need be.
+    pub(super) fn opened(&self, job: &Job<'_>) -> Result<Arc<Opened>, Stop> {
+        let request = &job.request;
+        let key = (job.processor, request.session, request.handle);
+        if let Some(opened) = self.open.lock().files.get(&key) {
+            return Ok(Arc::clone(opened));
+        }
+        let block = self.block(job)?.ok_or(Errno::BADF)?;
+        let file = if block.silly == 0 {
+            let path = job.path(block.path)?;
+            self.tree
+                .open_path(&path, system_flags(block.flags), 0)
+                .map_err(|errno| match errno {
+                    Errno::NOENT | Errno::ISDIR | Errno::NOTDIR | Errno::LOOP => Errno::STALE,
+                    other => other,
+                })?
+        } else {
+            let name = unique_name(job.processor, block.session, block.silly);
+            let flags = system_flags(block.flags) | OFlags::CLOEXEC | OFlags::NOFOLLOW;
+            self.tree
+                .open_at(self.tree.stage(), &name, flags, Mode::empty())
+                .map_err(|_| Errno::STALE)?
+        };
+        if block.flags & flag::WRITE != 0 {
+            self.check_writable()?;
+        }
+        if about(&file, c"")?.0 != block.evidence {
+            return Err(Errno::STALE.into());
+        }
+        let flags = block.flags;
+        Ok(self.open.keep(job, request.handle, Opened { file, flags }))
+    }
+
+    /// The block of the file that the request is about, if it is open.
+    pub(super) fn block(&self, job: &Job<'_>) -> Result<Option<Block>, Stop> {
+        let blocks = self.blocks(job)?;
+        let index = job.request.file;
+        let Some(at) = blocks.at(index) else {
+            return Ok(None);
+        };
+        let block = Block::read(job, at)?;
+        Ok(block.filter(|block| block.handle == job.request.handle))
+    }
+
+    /// All blocks in which the client has something open.
+    pub(super) fn open_blocks(&self, job: &Job<'_>) -> Result<Vec<Block>, Stop> {
+        let blocks = self.blocks(job)?;
+        let mut open = Vec::new();
+        for at in (0..blocks.count).filter_map(|index| blocks.at(index)) {
+            open.extend(Block::read(job, at)?);
+        }
+        Ok(open)
+    }
+
+    fn blocks(&self, job: &Job<'_>) -> Result<Blocks, Stop> {
+        let at = self.table(job)?;
+        if at == wire::NONE {
+            return Ok(Blocks::NONE);
+        }
+        let [magic, count, first, stride] = words(&job.region, at)?;
+        if magic != table::MAGIC || count > wire::MAX_FILES || stride < block::BYTES {
+            return Err(Errno::FAULT.into());
+        }
+        Ok(Blocks {
+            count,
+            first,
+            stride,
+        })
+    }
+
+    /// Lets the files that have this evidence and are open keep their inode under the unique name of
+    /// this operation; whether there are any.
+    pub(super) fn mark_silly(&self, job: &Job<'_>, evidence: Evidence) -> Result<bool, Stop> {
+        let sequence = job.request.sequence;
+        let mut any = false;
+        for block in self.open_blocks(job)? {
+            if block.evidence == evidence && (block.silly == 0 || block.silly == sequence) {
+                job.region.set_word(block.at + block::SILLY, sequence)?;
+                any = true;
+            }
+        }
+        Ok(any)
+    }
+
+    /// Whether the client has a file open that has this evidence, by a name that clients see.
+    pub(super) fn is_open(&self, job: &Job<'_>, evidence: Evidence) -> Result<bool, Stop> {
+        let blocks = self.open_blocks(job)?;
+        Ok(blocks
+            .iter()
+            .any(|block| block.evidence == evidence && block.silly == 0))
+    }
+
+    /// The last end of a file that has a silly name removes it.
+    pub(super) fn close(&self, job: &Job<'_>) -> Result<(), Stop> {
+        self.open.forget(job);
+        let Some(block) = self.block(job)? else {
+            return Ok(()); // Closed already.
+        };
+        if block.silly == 0 {
+            return Ok(());
+        }
+        let blocks = self.open_blocks(job)?;
+        let others = blocks
+            .iter()
+            .any(|other| other.at != block.at && other.silly == block.silly);
+        if !others {
+            let name = unique_name(job.processor, block.session, block.silly);
+            self.tree.discard(&name);
+        }
+        Ok(())
+    }
+}
+
+/// A table, checked.
+struct Blocks {
+    count: u32,
+    first: u32,
+    stride: u32,
+}
+
+impl Blocks {
+    const NONE: Self = Self {
+        count: 0,
+        first: 0,
+        stride: 0,
+    };
+
+    fn at(&self, index: u32) -> Option<u32> {
+        if index >= self.count {
+            return None;
+        }
+        self.first.checked_add(index.checked_mul(self.stride)?)
+    }
+}
+
+impl Block {
+    /// The block at `at`, if something is open in it.
+    fn read(job: &Job<'_>, at: u32) -> Result<Option<Self>, Errno> {
+        let words: [u32; block::WORDS] = words(&job.region, at)?;
+        let [
+            magic,
+            session,
+            high,
+            handle,
+            flags,
+            path,
+            path_len,
+            silly,
+            evidence @ ..,
+        ] = words;
+        let session = wire::whole(session, high);
+        let open = magic == block::MAGIC && handle != 0 && session == job.request.session;
+        Ok(open.then_some(Self {
+            at,
+            session,
+            handle,
+            flags,
+            path: Span {
+                offset: path,
+                len: path_len,
+            },
+            silly,
+            evidence: Evidence::from_words(&evidence),
+        }))
+    }
+}
+
+/// What stays of the flags of an open after it.
+pub(super) fn system_flags(flags: u32) -> OFlags {
+    let access = match (flags & flag::READ != 0, flags & flag::WRITE != 0) {
+        (true, true) => OFlags::RDWR,
+        (false, true) => OFlags::WRONLY,
+        _ => OFlags::RDONLY,
+    };
+    if flags & flag::DIRECTORY == 0 {
+        access
+    } else {
+        access | OFlags::DIRECTORY
+    }
+}
+
+/// The name X of WIRE.md.
+pub(super) fn unique_name(processor: Processor, session: u64, sequence: u32) -> CString {
+    let name = format!("{:02x}-{session:016x}-{sequence:08x}", processor.0);
+    CString::new(name).unwrap_or_default() // It has no zero.
+}

@@ -1,0 +1,422 @@
+//! The words of WIRE.md: where they are, and what they mean.
+
+use condor_mbox::Vector;
+
+/// The vector of the server.
+pub const FILES: Vector = Vector(40);
+/// The vector at which the server asks a client for its table of open files.
+pub const OPEN_FILES: Vector = Vector(41);
+
+/// The reply after which the slot holds the result.
+pub const DONE: u32 = 1;
+/// Added to the errno in the reply to a slot that was refused.
+pub const REFUSED: u32 = 0x8000_0000;
+/// No offset.
+pub const NONE: u32 = u32::MAX;
+/// The session of a request for a session.
+pub const NO_SESSION: u64 = 0;
+
+/// The most blocks that a table may have.
+pub const MAX_FILES: u32 = 4096;
+/// The most bytes that a path may have.
+pub const MAX_PATH: u32 = 4095;
+
+/// The slot of a client, in bytes from its beginning.
+pub mod slot {
+    /// "CFS1".
+    pub const MAGIC: u32 = 0x3153_4643;
+    /// Bytes of a slot.
+    pub const BYTES: u32 = 192;
+    /// Words of the client's part.
+    pub const REQUEST_WORDS: usize = 16;
+    /// Words of the server's part.
+    pub const RESULT_WORDS: usize = 24;
+    /// Where the server's part begins: its state.
+    pub const STATE: u32 = 64;
+    /// Session of the state.
+    pub const STATE_SESSION: u32 = 68;
+    /// Sequence of the state.
+    pub const STATE_SEQUENCE: u32 = 76;
+    /// Errno.
+    pub const ERRNO: u32 = 80;
+    /// Value.
+    pub const VALUE: u32 = 84;
+    /// Step.
+    pub const STEP: u32 = 92;
+    /// Evidence.
+    pub const EVIDENCE: u32 = 96;
+    /// Status.
+    pub const STATUS: u32 = 128;
+}
+
+/// States of a slot.
+pub mod state {
+    /// Nothing was begun.
+    pub const NONE: u32 = 0;
+    /// Something may have been done.
+    pub const STAGED: u32 = 1;
+    /// All is done.
+    pub const DONE: u32 = 2;
+}
+
+/// The table of open files, in bytes from its beginning.
+pub mod table {
+    /// "CFT1".
+    pub const MAGIC: u32 = 0x3154_4643;
+    /// Bytes of a table without its blocks.
+    pub const BYTES: u32 = 16;
+}
+
+/// The block of an open file, in bytes from its beginning.
+pub mod block {
+    /// "CFF1".
+    pub const MAGIC: u32 = 0x3146_4643;
+    /// Bytes of a block.
+    pub const BYTES: u32 = 64;
+    /// Words of a block.
+    pub const WORDS: usize = 16;
+    /// Session.
+    pub const SESSION: u32 = 4;
+    /// Handle.
+    pub const HANDLE: u32 = 12;
+    /// Flags.
+    pub const FLAGS: u32 = 16;
+    /// Path: offset and length.
+    pub const PATH: u32 = 20;
+    /// The operation after which the file has a silly name.
+    pub const SILLY: u32 = 28;
+    /// Evidence.
+    pub const EVIDENCE: u32 = 32;
+}
+
+/// Flags of an open.
+pub mod open {
+    /// Read.
+    pub const READ: u32 = 1;
+    /// Write.
+    pub const WRITE: u32 = 2;
+    /// Write at the end.
+    pub const APPEND: u32 = 4;
+    /// Create if it does not exist.
+    pub const CREATE: u32 = 8;
+    /// Cut to nothing.
+    pub const TRUNCATE: u32 = 16;
+    /// Fail if it exists.
+    pub const EXCLUSIVE: u32 = 32;
+    /// A directory, to read its entries.
+    pub const DIRECTORY: u32 = 64;
+    /// All of them.
+    pub const ALL: u32 = 127;
+}
+
+/// Flags of a rename.
+pub mod rename {
+    /// Fail if the new name exists.
+    pub const NO_REPLACE: u32 = 1;
+}
+
+/// What a slot asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[allow(missing_docs)] // The table of WIRE.md.
+pub enum Operation {
+    Session = 1,
+    Open = 2,
+    Close = 3,
+    Read = 4,
+    Write = 5,
+    Append = 6,
+    Truncate = 7,
+    Sync = 8,
+    FileStatus = 9,
+    PathStatus = 10,
+    ReadDirectory = 11,
+    MakeDirectory = 12,
+    RemoveDirectory = 13,
+    Unlink = 14,
+    Rename = 15,
+}
+
+impl Operation {
+    /// All of them, by number from 1 on.
+    pub const ALL: [Self; 15] = [
+        Self::Session,
+        Self::Open,
+        Self::Close,
+        Self::Read,
+        Self::Write,
+        Self::Append,
+        Self::Truncate,
+        Self::Sync,
+        Self::FileStatus,
+        Self::PathStatus,
+        Self::ReadDirectory,
+        Self::MakeDirectory,
+        Self::RemoveDirectory,
+        Self::Unlink,
+        Self::Rename,
+    ];
+
+    /// The operation of a number.
+    #[must_use]
+    pub fn from_word(word: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|it| *it as u32 == word)
+    }
+}
+
+/// The client's part of a slot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Request {
+    /// The client's session.
+    pub session: u64,
+    /// Which operation of the session.
+    pub sequence: u32,
+    /// An [`Operation`], as its number.
+    pub operation: u32,
+    /// Flags of the operation.
+    pub flags: u32,
+    /// The sequence of the open.
+    pub handle: u32,
+    /// Index of the file's block.
+    pub file: u32,
+    /// Offset and length of a path.
+    pub path: Span,
+    /// Offset and length of a second path.
+    pub second_path: Span,
+    /// Position in a file.
+    pub position: u64,
+    /// Offset and length of a buffer.
+    pub buffer: Span,
+}
+
+/// A range of the client's users' region, in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Span {
+    /// Where it begins.
+    pub offset: u32,
+    /// How long it is.
+    pub len: u32,
+}
+
+/// The low and the high word of a number.
+#[must_use]
+pub const fn halves(number: u64) -> [u32; 2] {
+    [number as u32, (number >> 32) as u32]
+}
+
+/// The number of a low and a high word.
+#[must_use]
+pub const fn whole(low: u32, high: u32) -> u64 {
+    low as u64 | (high as u64) << 32
+}
+
+impl Request {
+    /// As words, the magic first.
+    #[must_use]
+    pub fn to_words(&self) -> [u32; slot::REQUEST_WORDS] {
+        let ([session, session_high], [position, position_high]) =
+            (halves(self.session), halves(self.position));
+        [
+            slot::MAGIC,
+            session,
+            session_high,
+            self.sequence,
+            self.operation,
+            self.flags,
+            self.handle,
+            self.file,
+            self.path.offset,
+            self.path.len,
+            self.second_path.offset,
+            self.second_path.len,
+            position,
+            position_high,
+            self.buffer.offset,
+            self.buffer.len,
+        ]
+    }
+
+    /// From words; `None` without the magic.
+    #[must_use]
+    pub fn from_words(words: &[u32; slot::REQUEST_WORDS]) -> Option<Self> {
+        let &[
+            magic,
+            session,
+            session_high,
+            sequence,
+            operation,
+            flags,
+            handle,
+            file,
+            path,
+            path_len,
+            second,
+            second_len,
+            position,
+            position_high,
+            buffer,
+            buffer_len,
+        ] = words;
+        let span = |offset, len| Span { offset, len };
+        (magic == slot::MAGIC).then_some(Self {
+            session: whole(session, session_high),
+            sequence,
+            operation,
+            flags,
+            handle,
+            file,
+            path: span(path, path_len),
+            second_path: span(second, second_len),
+            position: whole(position, position_high),
+            buffer: span(buffer, buffer_len),
+        })
+    }
+}
+
+/// What proves that a file is the same: inode numbers alone are used again.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Evidence {
+    /// The device of the file system.
+    pub device: u64,
+    /// The number of the inode.
+    pub inode: u64,
+    /// When it was created, in seconds since 1970.
+    pub born_s: u64,
+    /// And nanoseconds.
+    pub born_ns: u32,
+}
+
+impl Evidence {
+    /// As words.
+    #[must_use]
+    pub fn to_words(self) -> [u32; 8] {
+        let ([device, device_high], [inode, inode_high], [born, born_high]) =
+            (halves(self.device), halves(self.inode), halves(self.born_s));
+        [
+            device,
+            device_high,
+            inode,
+            inode_high,
+            born,
+            born_high,
+            self.born_ns,
+            0,
+        ]
+    }
+
+    /// From words.
+    #[must_use]
+    pub fn from_words(words: &[u32; 8]) -> Self {
+        let &[
+            device,
+            device_high,
+            inode,
+            inode_high,
+            born,
+            born_high,
+            ns,
+            _,
+        ] = words;
+        Self {
+            device: whole(device, device_high),
+            inode: whole(inode, inode_high),
+            born_s: whole(born, born_high),
+            born_ns: ns,
+        }
+    }
+}
+
+/// What is known of a file or directory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Status {
+    /// Its length in bytes.
+    pub size: u64,
+    /// When it was last written, in seconds since 1970.
+    pub modified_s: u64,
+    /// And nanoseconds.
+    pub modified_ns: u32,
+    /// Type and permissions, as `st_mode` of Linux.
+    pub mode: u32,
+    /// How many names it has.
+    pub links: u32,
+}
+
+impl Status {
+    /// Whether it is a directory.
+    #[must_use]
+    pub const fn is_directory(&self) -> bool {
+        self.mode & 0o170_000 == 0o040_000
+    }
+
+    /// Whether it is a regular file.
+    #[must_use]
+    pub const fn is_file(&self) -> bool {
+        self.mode & 0o170_000 == 0o100_000
+    }
+
+    /// As words.
+    #[must_use]
+    pub fn to_words(self) -> [u32; 8] {
+        let ([size, size_high], [modified, modified_high]) =
+            (halves(self.size), halves(self.modified_s));
+        [
+            size,
+            size_high,
+            modified,
+            modified_high,
+            self.modified_ns,
+            self.mode,
+            self.links,
+            0,
+        ]
+    }
+
+    /// From words.
+    #[must_use]
+    pub fn from_words(words: &[u32; 8]) -> Self {
+        let &[size, size_high, modified, modified_high, ns, mode, links, _] = words;
+        Self {
+            size: whole(size, size_high),
+            modified_s: whole(modified, modified_high),
+            modified_ns: ns,
+            mode,
+            links,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_come_back() {
+        let words = core::array::from_fn(|n| if n == 0 { slot::MAGIC } else { 7 * n as u32 });
+        let request = Request::from_words(&words).expect("it has the magic");
+        assert_eq!(request.to_words(), words);
+        assert_eq!(request.position, whole(7 * 12, 7 * 13));
+        assert_eq!(
+            request.buffer,
+            Span {
+                offset: 7 * 14,
+                len: 7 * 15
+            }
+        );
+        let mut bad = words;
+        bad[0] ^= 1;
+        assert_eq!(Request::from_words(&bad), None);
+        let words = [1, 2, 3, 4, 5, 6, 7, 0];
+        assert_eq!(Evidence::from_words(&words).to_words(), words);
+        assert_eq!(Status::from_words(&words).to_words(), words);
+    }
+
+    #[test]
+    fn operations_have_the_numbers_of_their_table() {
+        for (number, operation) in (1..).zip(Operation::ALL) {
+            assert_eq!(operation as u32, number);
+            assert_eq!(Operation::from_word(number), Some(operation));
+        }
+        assert_eq!(Operation::from_word(0), None);
+        assert_eq!(Operation::from_word(16), None);
+    }
+}
