@@ -16,7 +16,7 @@ use condor_hand::grasp::{
     Surface, TorqueLimits, Wrench,
 };
 use condor_hand::kinematics::{Kinematics as _, PlanarFinger};
-use condor_hand::servo::{Mode, Sensed, Target};
+use condor_hand::servo::{JointTarget, Mode, Sensed};
 use condor_hand::tendon::Pairs;
 use condor_hand::trajectory::SetPoint;
 use nalgebra::{SVector, Vector3};
@@ -183,7 +183,7 @@ impl Hand {
             Ok(GraspOutput { torques, .. }) => {
                 for (controller, torques) in self.controllers.iter_mut().zip(&torques) {
                     for (joint, &torque) in torques.iter().enumerate() {
-                        let set = controller.set_target(joint, Target::Grasp(torque));
+                        let set = controller.set_target(joint, JointTarget::Grasp(torque));
                         self.faults += usize::from(set.is_err());
                     }
                 }

@@ -139,7 +139,7 @@ impl<T: Real> JointServo<T> {
     pub(super) fn may_go_on(&self, point: &SetPoint<T>) -> bool {
         // Zero times each: the sum is NaN if one of them is not finite.
         let nothing = (point.velocity + point.acceleration) * T::zero();
-        matches!(self.target, Target::Position(_))
+        matches!(self.target, JointTarget::Position(_))
             && point.position >= self.stop.low
             && point.position <= self.stop.high
             && nothing == T::zero()
