@@ -103,10 +103,10 @@ pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Lanes>
     Ok(Lanes {
         inverse: [
             ours(race, |subject, state, torque| {
-                inverse(&subject.planar, state, torque)
+                inverse(&subject.planar, state, torque);
             }),
             ours(race, |subject, state, torque| {
-                inverse(&subject.chains, state, torque)
+                inverse(&subject.chains, state, torque);
             }),
             race.enter_timed(move |calls| {
                 let mut torque = [0.0; 16];
@@ -121,10 +121,10 @@ pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Lanes>
         ],
         forward: [
             ours(race, |subject, state, result| {
-                forward(&subject.planar, state, result)
+                forward(&subject.planar, state, result);
             }),
             ours(race, |subject, state, result| {
-                forward(&subject.chains, state, result)
+                forward(&subject.chains, state, result);
             }),
             race.enter_timed(move |calls| {
                 let mut acceleration = [0.0; 16];

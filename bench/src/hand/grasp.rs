@@ -81,7 +81,7 @@ fn grasps<const M: usize>(
     })
 }
 
-#[inline(always)]
+#[inline]
 fn ours<const M: usize>(grasp: &Grasp<M>) -> std::result::Result<[Vector3<f64>; M], GraspError> {
     let [fx, fy, fz, mx, my, mz] = grasp.wrench.data.0[0];
     let wrench = Wrench {
@@ -104,7 +104,7 @@ macro_rules! with_peers {
             type Forces = SVector<f64, $columns>;
 
             /// The grasp matrix: forces and moments of the fingers' forces.
-            #[inline(always)]
+            #[inline]
             fn matrix(grasp: &Grasp<$fingers>) -> SMatrix<f64, 6, $columns> {
                 let mut matrix = SMatrix::<f64, 6, $columns>::zeros();
                 for (finger, tip) in grasp.tips.iter().enumerate() {

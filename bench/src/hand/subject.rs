@@ -88,7 +88,7 @@ impl Subject {
     }
 
     /// The state of a call.
-    #[inline(always)]
+    #[inline]
     pub(super) fn state(&self, call: usize) -> &State {
         &self.states[call % STATES]
     }
@@ -123,11 +123,11 @@ impl Subject {
                 );
                 parent = link;
             }
-            let _ = write!(
+            let _ = writeln!(
                 text,
                 "<link name=\"{finger}.tip\"/><joint name=\"joint {finger}.tip\" type=\"fixed\">\
                  <parent link=\"{parent}\"/><child link=\"{finger}.tip\"/>\
-                 <origin xyz=\"{}\" rpy=\"0 0 0\"/></joint>\n",
+                 <origin xyz=\"{}\" rpy=\"0 0 0\"/></joint>",
                 list(&chain.tip),
             );
         }

@@ -261,7 +261,7 @@ pub(super) fn enter(race: &mut Race, subject: &Subject) -> Result<Lanes> {
     let mut grasp = grasp(&holding)?;
     let positions = watched("positions", following, Hand::tick_positions)?;
     let grasp = watched("the grasp", holding, move |hand| {
-        hand.tick_grasp(&mut grasp)
+        hand.tick_grasp(&mut grasp);
     })?;
     Ok(Lanes {
         positions: race.enter_timed(positions),
