@@ -124,17 +124,17 @@ fn change<M: Dynamics<f64, 4>>(
         let changed = controller.set_target(joint, target);
         digest.answer(changed.ok());
     }
-    if number == 80 || number == 690 {
-        if let Some(&gains) = controller.gains(joint) {
-            let law = PositionLaw::Pd {
-                kp: between.one(0.5, 3.0),
-                kv: 0.03,
-                ki: 1.0,
-                integral_nm: 0.1,
-            };
-            let changed = controller.set_gains(joint, &JointGains { law, ..gains });
-            digest.answer(changed.ok());
-        }
+    if (number == 80 || number == 690)
+        && let Some(&gains) = controller.gains(joint)
+    {
+        let law = PositionLaw::Pd {
+            kp: between.one(0.5, 3.0),
+            kv: 0.03,
+            ki: 1.0,
+            integral_nm: 0.1,
+        };
+        let changed = controller.set_gains(joint, &JointGains { law, ..gains });
+        digest.answer(changed.ok());
     }
 }
 
@@ -229,7 +229,9 @@ fn sense(
         *chunk = [q, tension.flexor, tension.extensor];
     }
     let readings = bank.read(now_s, &values);
-    readings.iter().for_each(|&reading| digest.reading(reading));
+    for &reading in &readings {
+        digest.reading(reading);
+    }
     let mut sensed = Sensed {
         position: SVector::zeros(),
         tension: [Pair::both(0.0); 4],

@@ -5,6 +5,15 @@
 //! one bit differs fails. The corpus has zeros of both signs, subnormal numbers, singular postures,
 //! limits and saturation, and NaN and infinities wherever sensors and users can say such things.
 #![no_std]
+#![allow(
+    clippy::match_same_arms,
+    reason = "scripts are read in the order of their ticks"
+)]
+#![allow(clippy::unnecessary_wraps, reason = "all levels have one signature")]
+#![allow(
+    clippy::large_stack_arrays,
+    reason = "the firmwares have a stack for a whole hand"
+)]
 
 mod control;
 mod controlled;

@@ -143,7 +143,9 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
             seen.torques = [real(f64::NAN); JOINTS];
         }
         let points = generator.tick(&seen);
-        points.iter().for_each(|point| digest.point(point));
+        for point in &points {
+            digest.point(point);
+        }
         while let Some(event) = generator.take_event() {
             digest.bits(u64::from(event.ticket.0));
             digest.bits(number(&event.happening));
@@ -163,7 +165,9 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         }
         for _ in 0..SUBSTEPS {
             let points = interpolator.step();
-            points.iter().for_each(|point| digest.point(point));
+            for point in &points {
+                digest.point(point);
+            }
         }
         digest.bits(u64::from(interpolator.is_rejoining()));
     }
