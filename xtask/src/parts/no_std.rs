@@ -16,7 +16,7 @@ const TARGETS: [&str; 4] = [
 const LIBRARIES: [(&str, &[&str]); 6] = [
     ("condor-dev", &["", "conformance", "riscv"]),
     ("condor-fs", &[""]),
-    ("condor-hand", &["", "mbox", "sim"]),
+    ("condor-hand", &["", "mbox,sim"]),
     ("condor-mbox", &["", "conformance", "riscv"]),
     ("condor-mos", &["", "conformance", "cortex-m", "riscv"]),
     ("condor-tty", &[""]),
