@@ -135,8 +135,11 @@ impl<const F: usize, const N: usize> FingerVariables<F, N> {
         let of_tendon = |joint: usize, side, variable| {
             let what = TENDON.get(variable as usize)?.1;
             let joint = joints.get(joint)?;
-            let name = format_args!("{finger}.{joint}.{side}.{what}");
-            Some(Variable::new(name, "N", Kind::Real))
+            Some(Variable::new(
+                format_args!("{finger}.{joint}.{side}.{what}"),
+                "N",
+                Kind::Real,
+            ))
         };
         match quantity {
             Quantity::Joint(joint, variable) => {
