@@ -14,11 +14,11 @@ const TARGETS: [&str; 4] = [
 
 /// The libraries that run without an operating system, with each set of features to build.
 const LIBRARIES: [(&str, &[&str]); 6] = [
-    ("condor-dev", &["", "conformance", "riscv"]),
+    ("condor-dev", &["", "conformance,riscv"]),
     ("condor-fs", &[""]),
     ("condor-hand", &["", "mbox,sim"]),
-    ("condor-mbox", &["", "conformance", "riscv"]),
-    ("condor-mos", &["", "conformance", "cortex-m", "riscv"]),
+    ("condor-mbox", &["", "conformance,riscv"]),
+    ("condor-mos", &["", "conformance,cortex-m,riscv"]),
     ("condor-tty", &[""]),
 ];
 
