@@ -156,7 +156,8 @@ fn a_handler_of_another_thread_is_not_called() {
 /// As that of two schedulers which are statics. This is about what compiles.
 #[test]
 fn a_platform_that_is_borrowed_for_ever_has_loops_that_borrow_for_less() {
-    let processor: &'static Processor = Box::leak(Box::new(Processor::new(FREQUENCY)));
+    static PROCESSOR: std::sync::OnceLock<Processor> = std::sync::OnceLock::new();
+    let processor: &'static Processor = PROCESSOR.get_or_init(|| Processor::new(FREQUENCY));
     let schedule = Scan::new([Rate::hz(10)], Clock::of::<u64>(FREQUENCY));
     let scheduler: Scheduler<&'static Processor, _, 1> = Scheduler::new(processor, schedule);
     let mut runs = 0;
