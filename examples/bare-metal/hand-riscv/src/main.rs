@@ -9,9 +9,14 @@ use core::panic::PanicInfo;
 use checks::Checks;
 use machine::{print, switch_off};
 
-core::arch::global_asm!(include_str!("start.s"));
+// Floating point is on: `FS` is initial.
+core::arch::global_asm!(
+    include_str!("../../one-hart.s"),
+    include_str!("trap.s"),
+    mstatus = const 0x2000
+);
 
-/// Where hart 0 comes from `start.s`.
+/// Where hart 0 comes from `one-hart.s`.
 #[unsafe(no_mangle)]
 extern "C" fn main(hart: usize) {
     let mut checks = Checks::new(&print);
