@@ -13,10 +13,11 @@ const TARGETS: [&str; 4] = [
 ];
 
 /// The libraries that run without an operating system, with each set of features to build.
-const LIBRARIES: [(&str, &[&str]); 6] = [
+const LIBRARIES: [(&str, &[&str]); 7] = [
     ("condor-dev", &["", "conformance,riscv"]),
     ("condor-fs", &[""]),
     ("condor-hand", &["", "mbox,sim"]),
+    ("condor-host", &[""]),
     ("condor-mbox", &["", "conformance,riscv"]),
     ("condor-mos", &["", "conformance,cortex-m,riscv"]),
     ("condor-tty", &[""]),

@@ -6,10 +6,11 @@ use crate::tests_run;
 
 /// The members of the workspace, tested one by one: a program has one implementation of critical
 /// sections, and the tests of condor-mos need another one than those of the rest.
-const PACKAGES: [&str; 7] = [
+const PACKAGES: [&str; 8] = [
     "condor-dev",
     "condor-fs",
     "condor-hand",
+    "condor-host",
     "condor-mbox",
     "condor-mos",
     "condor-tty",

@@ -1,0 +1,78 @@
+//! [`Machine`]: what a program needs to know of the processor on which it runs.
+
+use core::fmt;
+
+use condor_dev::Bus;
+use condor_mbox::{Doorbell, Exclusion, MemoryWindow, Processor, Windows};
+use condor_mos::Platform;
+
+use crate::numbers::PROCESSORS;
+
+/// The processor on which a program runs, whatever it is: a process of Linux, one of several
+/// processors in virtual time, or a hart without an operating system.
+///
+/// A program that is written for any `Machine` is the same text on all of them. It makes its mailbox,
+/// its scheduler, its terminal and its files of the parts that the machine has; see
+/// [`Program`].
+pub trait Machine: Sync {
+    /// The memory that processors and host share.
+    type Window: MemoryWindow + Clone + Send + Sync;
+    /// The mailbox interrupt; its clock is that of the program.
+    type Doorbell: Doorbell + Clone + Sync;
+    /// How background, handlers and loops keep apart.
+    type Exclusion: Exclusion + Clone + Sync;
+    /// The timer, and how loops nest.
+    type Platform: Platform<Instant = u64> + Sync;
+    /// The bus on which the boards are.
+    type Bus: Bus + Clone + Sync;
+    /// What cannot be had of this machine.
+    type Error: fmt::Debug + fmt::Display;
+
+    /// The number of this processor.
+    fn number(&self) -> Processor;
+
+    /// The windows of all processors, by number.
+    fn windows(&self) -> [Windows<Self::Window>; PROCESSORS];
+
+    /// The doorbell of this processor.
+    fn doorbell(&self) -> Self::Doorbell;
+
+    /// What keeps the contexts of this processor apart.
+    fn exclusion(&self) -> Self::Exclusion;
+
+    /// The timer for a scheduler; one scheduler at a time has it.
+    fn platform(&self) -> Self::Platform;
+
+    /// The bus on which the boards are.
+    fn bus(&self) -> Self::Bus;
+
+    /// An argument that the system description gives to the program, counted from 0.
+    fn argument(&self, index: usize) -> Option<&str>;
+
+    /// Whether the program is to end; its background looks at least every 100 ms.
+    fn is_stopping(&self) -> bool;
+
+    /// Runs `background`, while the timer's interrupt calls `handler`, which is to call
+    /// [`Scheduler::on_timer`](condor_mos::Scheduler::on_timer).
+    ///
+    /// # Errors
+    /// The timer cannot be had; `background` has not run then.
+    fn with_timer<R>(
+        &self,
+        platform: &Self::Platform,
+        handler: impl Fn() + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, Self::Error>;
+}
+
+/// A program for any [`Machine`].
+pub trait Program {
+    /// Why it ended before it was told to.
+    type Error: fmt::Debug + fmt::Display;
+
+    /// Runs until the machine [is stopping](Machine::is_stopping).
+    ///
+    /// # Errors
+    /// What the program says; it has failed then, and whoever started it decides what follows.
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Self::Error>;
+}
