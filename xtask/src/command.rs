@@ -3,6 +3,9 @@
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
 
 use crate::Result;
 use crate::context::Context;
@@ -87,6 +90,22 @@ impl Line {
         self.judge(child.wait()?)
     }
 
+    /// Runs it; all that it printed goes to the log once it has ended, and is given.
+    fn collect(&self) -> Result<String, String> {
+        let output = self
+            .command()
+            .output()
+            .map_err(|error| self.not_started(&error))?;
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let printed = text(&output.stdout);
+        // In one piece, between those of other lines.
+        eprintln!("$ {self}\n{}{printed}", text(&output.stderr));
+        match self.judge(output.status) {
+            Ok(()) => Ok(printed),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+
     fn command(&self) -> Command {
         let mut command = Command::new(&self.words[0]);
         command.args(&self.words[1..]).current_dir(match &self.dir {
@@ -122,6 +141,32 @@ impl Line {
             Err(format!("`{self}`: {status}").into())
         }
     }
+}
+
+/// Runs lines that each keep one core busy, as many at a time as there are cores, and gives what each
+/// printed to its standard output, in their order.
+///
+/// # Errors
+/// As [`Line::run`], of the first line that fails; all are run.
+pub(crate) fn together(lines: &[Line]) -> Result<Vec<String>> {
+    let next = AtomicUsize::new(0);
+    let results = Mutex::new(vec![None; lines.len()]);
+    thread::scope(|scope| {
+        for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(line) = lines.get(number) else { break };
+                    let result = line.collect();
+                    let mut results = results.lock().unwrap_or_else(PoisonError::into_inner);
+                    results[number] = Some(result);
+                }
+            });
+        }
+    });
+    let results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let printed: Result<Vec<_>, String> = results.into_iter().flatten().collect();
+    Ok(printed?)
 }
 
 impl std::fmt::Display for Line {

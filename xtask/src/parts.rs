@@ -41,7 +41,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part { name: "no-std",   about: "the libraries, built for bare-metal targets",     run: no_std::run },
     Part { name: "qemu",     about: "the bare-metal firmwares, run in QEMU",           run: qemu::run },
     Part { name: "panics",   about: "no path that panics in the linked firmwares",     run: panics::run },
-    Part { name: "features", about: "clippy with every combination of features",       run: features::run },
+    Part { name: "features", about: "clippy with each two features, and each alone",      run: features::run },
     Part { name: "deny",     about: "licences, duplicates, sources, advisories",       run: deny::run },
     Part { name: "msrv",     about: "the oldest toolchain that the manifests promise", run: msrv::run },
     Part { name: "loom",     about: "the concurrency models: tests named loom",        run: loom::run },

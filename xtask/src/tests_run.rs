@@ -1,7 +1,7 @@
 //! How many tests a run of libtest has made.
 
 use crate::Result;
-use crate::command::Line;
+use crate::command::{Line, together};
 
 /// Runs a `cargo test` command and gives the number of tests that passed in it.
 ///
@@ -14,6 +14,22 @@ pub(crate) fn count(tests: &Line) -> Result<u32> {
         return Err(format!("`{tests}` ran no test").into());
     }
     Ok(passed)
+}
+
+/// As [`count`], of lines that each keep one core busy.
+///
+/// # Errors
+/// As there, of the first that fails.
+pub(crate) fn count_together(tests: &[Line]) -> Result<u32> {
+    let mut all = 0;
+    for (line, printed) in tests.iter().zip(together(tests)?) {
+        let passed: u32 = printed.lines().filter_map(passed_in).sum();
+        if passed == 0 {
+            return Err(format!("`{line}` ran no test").into());
+        }
+        all += passed;
+    }
+    Ok(all)
 }
 
 /// The number in libtest's `test result: ok. 12 passed; 0 failed; …`.

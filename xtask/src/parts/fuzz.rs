@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use crate::Result;
-use crate::command::command;
+use crate::command::{command, together};
 use crate::context::Context;
 use crate::outcome::Summary;
 use crate::tools::{need_cargo_tool, need_debian, need_toolchain};
@@ -25,6 +25,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         }
     }
     let seconds = context.fuzz_seconds;
+    command(context, "cargo +nightly fuzz build --fuzz-dir fuzz").run()?;
+    let mut runs = Vec::new();
     for target in &targets {
         // libFuzzer adds to the first directory and only reads the second.
         std::fs::create_dir_all(context.root.join("fuzz/corpus").join(target))?;
@@ -36,8 +38,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             "cargo +nightly fuzz run --fuzz-dir fuzz {target} {inputs} -- \
              -max_total_time={seconds} -timeout=10 -verbosity=0 -print_final_stats=1"
         );
-        command(context, &line).run()?;
+        runs.push(command(context, &line));
     }
+    together(&runs)?;
     Ok(Summary::of(format!(
         "{} targets, {seconds} s each",
         targets.len()

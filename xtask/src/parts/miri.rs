@@ -1,5 +1,5 @@
 use crate::Result;
-use crate::command::command;
+use crate::command::{Line, command};
 use crate::context::Context;
 use crate::outcome::Summary;
 use crate::tests_run;
@@ -51,25 +51,27 @@ const PROPTEST_CASES: &str = "4";
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_component(context, Some("nightly"), "miri")?;
     need_component(context, Some("nightly"), "rust-src")?;
-    let mut passed = 0;
-    for suite in &SUITES {
-        let mut line = format!(
-            "cargo +nightly miri test -p {} --features {} --lib",
-            suite.package, suite.features
-        );
-        for test in suite.integration_tests {
-            line += " --test ";
-            line += test;
-        }
-        line += " --";
-        for test in suite.skipped {
-            line += " --skip ";
-            line += test;
-        }
-        let tests = command(context, &line)
-            .env("MIRIFLAGS", FLAGS)
-            .env("PROPTEST_CASES", PROPTEST_CASES);
-        passed += tests_run::count(&tests)?;
-    }
+    // Miri interprets on one core.
+    let suites = SUITES.each_ref().map(|suite| tests(context, suite));
+    let passed = tests_run::count_together(&suites)?;
     Ok(Summary::of(format!("{passed} tests")))
+}
+
+fn tests(context: &Context, suite: &Suite) -> Line {
+    let mut line = format!(
+        "cargo +nightly miri test -p {} --features {} --lib",
+        suite.package, suite.features
+    );
+    for test in suite.integration_tests {
+        line += " --test ";
+        line += test;
+    }
+    line += " --";
+    for test in suite.skipped {
+        line += " --skip ";
+        line += test;
+    }
+    command(context, &line)
+        .env("MIRIFLAGS", FLAGS)
+        .env("PROPTEST_CASES", PROPTEST_CASES)
 }
