@@ -2,6 +2,8 @@
 //! nothing written outside of the terminal.
 
 mod support;
+#[path = "hostile/mod.rs"]
+mod terminals;
 
 use std::time::Duration;
 
@@ -101,6 +103,19 @@ proptest! {
         for at in (0..OFFSET).chain(END..END + 64).filter(|at| at % 4 == 0) {
             prop_assert_eq!(memory.load(at, LoadOrder::Relaxed).unwrap(), CANARY);
         }
+    }
+}
+
+proptest! {
+    // The scenarios of the fuzz targets, in which words change between any two accesses.
+    #[test]
+    fn terminals_bear_any_host(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+        terminals::processor::run(&bytes);
+    }
+
+    #[test]
+    fn readers_bear_any_processor(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+        terminals::reader::run(&bytes);
     }
 }
 
