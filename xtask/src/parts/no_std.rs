@@ -19,7 +19,7 @@ const LIBRARIES: [(&str, &[&str]); 6] = [
     ("condor-hand", &["", "mbox,sim"]),
     ("condor-mbox", &["", "conformance,riscv"]),
     ("condor-mos", &["", "conformance,cortex-m,riscv"]),
-    ("condor-tty", &[""]),
+    ("condor-tty", &["", "dev"]),
 ];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
