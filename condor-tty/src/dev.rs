@@ -321,7 +321,7 @@ impl<T: Terminals> Driver for Tty<T> {
 
     fn read_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
         let terminal = T::terminal(registers.base());
-        Ok(terminal.is_some_and(|terminal| terminal.read_ready()))
+        Ok(terminal.is_some_and(sealed::Transfers::read_ready))
     }
 
     fn write_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {

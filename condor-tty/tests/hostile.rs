@@ -1,7 +1,6 @@
 //! Every shared word may become anything at any moment: no panic, no end that does not come,
 //! nothing written outside of the terminal.
 
-mod support;
 #[path = "hostile/mod.rs"]
 mod terminals;
 
@@ -12,7 +11,7 @@ use condor_mbox::{LoadOrder, MemoryWindow, Region, SingleContext, StoreOrder};
 use condor_tty::{Policy, Reader, Terminal};
 use embedded_io::{Read, Write};
 use proptest::prelude::*;
-use support::{Board, HOST};
+use terminals::support::{Board, HOST};
 
 const OFFSET: u32 = 64;
 const CAPACITY: u32 = 32;

@@ -14,6 +14,7 @@ mod host;
 mod judge;
 mod scene;
 
+use std::env::VarError;
 use std::process::{Command, ExitCode};
 use std::time::SystemTime;
 
@@ -61,11 +62,11 @@ const PART: &str = "CONDOR_TTY_FAULTS_PART";
 
 /// What this process is, if it is a child.
 fn part() -> Result<Option<Vec<String>>, AnyError> {
-    let Some(part) = std::env::var_os(PART) else {
-        return Ok(None);
-    };
-    let part = part.into_string().map_err(|part| format!("{part:?}"))?;
-    Ok(Some(part.split('\n').map(str::to_owned).collect()))
+    match std::env::var(PART) {
+        Ok(part) => Ok(Some(part.split('\n').map(str::to_owned).collect())),
+        Err(VarError::NotPresent) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// This program again, as a child of that part.

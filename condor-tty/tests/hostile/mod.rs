@@ -11,4 +11,4 @@ pub(crate) mod processor;
 pub(crate) mod reader;
 pub(crate) mod script;
 #[path = "../support/mod.rs"]
-mod support;
+pub(crate) mod support;
