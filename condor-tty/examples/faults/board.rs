@@ -62,6 +62,11 @@ impl Board {
         self.load(processor::LOST)
     }
 
+    /// Cursors of hosts that were not believed.
+    pub(crate) fn ignored(&self) -> Result<u32, AccessError> {
+        self.load(processor::IGNORED)
+    }
+
     pub(crate) fn head(&self) -> Result<u32, AccessError> {
         self.load(processor::HEAD)
     }

@@ -16,6 +16,8 @@ pub(crate) struct Account {
     delivered: u64,
     /// Bytes that the processor counted: they found no room.
     pub(crate) lost: u32,
+    /// Cursors that the processor did not believe, of which a true host writes none.
+    pub(crate) ignored: u32,
     /// Bytes that the hosts counted.
     overwritten: u64,
     /// Bytes that were shown, and not acknowledged when their host was killed: the next one shows
@@ -66,7 +68,9 @@ impl Account {
 
     /// Bytes that are not accounted for, or not right.
     pub(crate) fn discrepancies(&self) -> u64 {
-        self.wrong + self.written.abs_diff(self.delivered + self.counted())
+        self.wrong
+            + u64::from(self.ignored)
+            + self.written.abs_diff(self.delivered + self.counted())
     }
 }
 
@@ -75,7 +79,7 @@ impl fmt::Display for Account {
         write!(
             f,
             "{} kills in {:.1} s; {} B written = {} delivered + {} lost + {} overwritten; \
-             {} B shown and not acknowledged, in {} kills; {} wrong",
+             {} B shown and not acknowledged, in {} kills; {} wrong, {} ignored",
             self.kills,
             self.took.as_secs_f64(),
             self.written,
@@ -84,7 +88,8 @@ impl fmt::Display for Account {
             self.overwritten,
             self.again,
             self.doubtful,
-            self.wrong
+            self.wrong,
+            self.ignored
         )
     }
 }

@@ -66,6 +66,7 @@ pub(crate) fn play(
     host.kill()?;
     account.enter(&std::fs::read(&journal)?, before, board.acknowledged()?);
     account.lost = board.lost()?;
+    account.ignored = board.ignored()?;
     account.took = begun.elapsed();
     let status = hand.0.wait()?;
     if status.success() {
