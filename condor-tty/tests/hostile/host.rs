@@ -110,7 +110,10 @@ pub(crate) fn run(bytes: &[u8]) {
                 let policies = [Policy::DropNew, Policy::DropOld];
                 hand.set_policy(policies[script.below(2)]).unwrap();
             }
-            3 => reply.store(script.near(1), Ordering::Relaxed),
+            3 => {
+                let replies = [0, 1, 2, script.word()];
+                reply.store(replies[script.below(4)], Ordering::Relaxed);
+            }
             4 => {
                 processor.serve(Duration::from_micros(1)).unwrap();
                 mailbox.serve(Duration::from_micros(1)).unwrap();
