@@ -10,7 +10,6 @@ use embedded_io::{BufRead, ErrorType, Read, ReadReady, Write, WriteReady};
 
 use crate::error::ConsoleError;
 use crate::link::Link;
-use crate::policy::Policy;
 use crate::terminal::{LONGEST_NAP, Terminal};
 
 /// Characters that a console holds for [`BufRead`].
@@ -18,9 +17,9 @@ const HELD: usize = 64;
 
 /// A [`Terminal`] for the background, which waits in its mailbox and serves meanwhile.
 ///
-/// * [`Write`]: as the terminal's [`Policy`] says. `write` loses nothing under
-///   [`Policy::Block`]; `write_all` and formatted writes have one timeout for all their bytes, and
-///   give up, and count, what is left after it. `flush` waits, under [`Policy::Block`], until the
+/// * [`Write`]: as the terminal's [`Policy`](crate::Policy) says. `write` loses nothing under
+///   [`Policy::Block`](crate::Policy::Block); `write_all` and formatted writes have one timeout for all their bytes, and
+///   give up, and count, what is left after it. `flush` waits, where a write may, until the
 ///   host has dealt with everything.
 /// * [`Read`], [`BufRead`]: at least one byte and at most a line in cooked mode, 0 bytes at the end
 ///   of the file, which somebody types; waits for as long as
@@ -74,7 +73,7 @@ impl<'t, W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Console<'t, W,
             self.ring()?;
             return Ok(written);
         }
-        let Some(timeout) = self.waits()? else {
+        let Some(timeout) = self.terminal.waits()? else {
             self.terminal.output().count_lost(from.len())?;
             return Ok(from.len());
         };
@@ -86,17 +85,9 @@ impl<'t, W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Console<'t, W,
         }
         let needed = room_for(from);
         self.wait(deadline, || {
-            Ok(self.terminal.output().room()? >= needed || self.waits()?.is_none())
+            Ok(self.terminal.output().room()? >= needed || self.terminal.waits()?.is_none())
         })?;
         Ok(0)
-    }
-
-    /// For how long a write waits for room, if it does.
-    fn waits(&self) -> Result<Option<Duration>, AccessError> {
-        match self.terminal.policy() {
-            Policy::Block { timeout } if self.terminal.attached()?.is_some() => Ok(Some(timeout)),
-            _ => Ok(None),
-        }
     }
 
     /// Waits until `done`, with the host knowing that somebody does.
@@ -192,11 +183,11 @@ impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Write for Console<
     }
 
     fn flush(&mut self) -> Result<(), ConsoleError> {
-        let Some(timeout) = self.waits()? else {
+        let Some(timeout) = self.terminal.waits()? else {
             return Ok(());
         };
         self.wait(self.link.now().after(timeout), || {
-            Ok(self.terminal.unread()? == 0 || self.waits()?.is_none())
+            Ok(self.terminal.unread()? == 0 || self.terminal.waits()?.is_none())
         })
     }
 }
@@ -207,7 +198,7 @@ impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> WriteReady
     /// Whether a write of one byte would not wait.
     fn write_ready(&mut self) -> Result<bool, ConsoleError> {
         let room = self.terminal.output().room()?;
-        Ok(room >= room_for(b"\n") || self.waits()?.is_none())
+        Ok(room >= room_for(b"\n") || self.terminal.waits()?.is_none())
     }
 }
 
@@ -263,7 +254,7 @@ impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> fmt::Write
 
 /// A [`Terminal`] for servo loops, handlers and interrupts: it writes and never waits.
 ///
-/// What finds no room is lost and counted, or overwrites under [`Policy::DropOld`]. Writes
+/// What finds no room is lost and counted, or overwrites under [`Policy::DropOld`](crate::Policy::DropOld). Writes
 /// take as long as copying their bytes, a few dozen instructions of it masked.
 #[derive(Debug)]
 pub struct Poster<'t, W, X, M: ?Sized, const IN: usize> {
@@ -335,7 +326,7 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize> fmt:
 }
 
 /// Sends the host one message, if it can be sent now.
-fn ring<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize>(
+pub(crate) fn ring<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize>(
     terminal: &Terminal<W, X, IN>,
     messenger: &M,
 ) -> Result<(), AccessError> {
@@ -346,6 +337,6 @@ fn ring<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize>(
 }
 
 /// Room without which nothing of `from` can be written: two bytes for a newline.
-fn room_for(from: &[u8]) -> u32 {
+pub(crate) fn room_for(from: &[u8]) -> u32 {
     if from.first() == Some(&b'\n') { 2 } else { 1 }
 }

@@ -1,4 +1,5 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
+#![cfg_attr(feature = "dev", doc = "[dev]: mod@dev")]
 #![cfg_attr(feature = "linux", doc = "[linux]: mod@linux")]
 //! [wire]: mod@layout
 //! [terminal]: Terminal
@@ -10,6 +11,8 @@
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
 // Documents of their own.
+#[cfg(feature = "dev")]
+pub mod dev;
 pub mod layout;
 #[cfg(feature = "linux")]
 pub mod linux;

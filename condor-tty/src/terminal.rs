@@ -374,6 +374,14 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.exclusive(|| self.input.overlong())
     }
 
+    /// For how long a write waits for room, if it does.
+    pub(crate) fn waits(&self) -> Result<Option<Duration>, AccessError> {
+        match self.policy() {
+            Policy::Block { timeout } if self.attached()?.is_some() => Ok(Some(timeout)),
+            _ => Ok(None),
+        }
+    }
+
     pub(crate) const fn output(&self) -> &Output<W, X> {
         &self.output
     }
@@ -382,7 +390,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.exclusive(|| self.input.is_ready() || self.input.is_interrupted())
     }
 
-    fn exclusive<R>(&self, body: impl FnOnce() -> R) -> R {
+    pub(crate) fn exclusive<R>(&self, body: impl FnOnce() -> R) -> R {
         self.output.exclusion().with(body)
     }
 }

@@ -1,7 +1,8 @@
 //! Every shared word may become anything at any moment: no panic, no end that does not come,
 //! nothing written outside of the terminal.
 
-mod support;
+#[path = "hostile/mod.rs"]
+mod terminals;
 
 use std::time::Duration;
 
@@ -10,7 +11,7 @@ use condor_mbox::{LoadOrder, MemoryWindow, Region, SingleContext, StoreOrder};
 use condor_tty::{Policy, Reader, Terminal};
 use embedded_io::{Read, Write};
 use proptest::prelude::*;
-use support::{Board, HOST};
+use terminals::support::{Board, HOST};
 
 const OFFSET: u32 = 64;
 const CAPACITY: u32 = 32;
@@ -101,6 +102,19 @@ proptest! {
         for at in (0..OFFSET).chain(END..END + 64).filter(|at| at % 4 == 0) {
             prop_assert_eq!(memory.load(at, LoadOrder::Relaxed).unwrap(), CANARY);
         }
+    }
+}
+
+proptest! {
+    // The scenarios of the fuzz targets, in which words change between any two accesses.
+    #[test]
+    fn terminals_bear_any_host(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+        terminals::processor::run(&bytes);
+    }
+
+    #[test]
+    fn readers_bear_any_processor(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+        terminals::reader::run(&bytes);
     }
 }
 

@@ -7,6 +7,10 @@ mod hands;
 mod progress;
 #[path = "../../condor-mbox/tests/hostile/mod.rs"]
 mod scenario;
+#[path = "../../condor-tty/tests/hostile/host.rs"]
+mod terminal_host;
+#[path = "../../condor-tty/tests/hostile/mod.rs"]
+mod terminals;
 
 /// Two honest processors keep every promise while a third writes whatever it can.
 ///
@@ -46,4 +50,24 @@ pub fn hand_config(bytes: &[u8]) {
 /// If a command left what actuators have, or a fault was forgotten.
 pub fn hand_control(bytes: &[u8]) {
     hands::control::run(bytes);
+}
+
+/// A terminal bears a host that writes anything anywhere at any moment.
+///
+/// # Panics
+/// If it broke a promise.
+pub fn tty_processor(bytes: &[u8]) {
+    terminals::processor::run(bytes);
+}
+
+/// The host's end of a terminal bears a processor that writes and replies anything at any moment.
+///
+/// # Panics
+/// If it broke a promise.
+pub fn tty_host(bytes: &[u8]) {
+    match bytes.split_first() {
+        Some((0..128, rest)) => terminals::reader::run(rest),
+        Some((_, rest)) => terminal_host::run(rest),
+        None => {}
+    }
 }

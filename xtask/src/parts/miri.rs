@@ -15,7 +15,7 @@ struct Suite {
     skipped: &'static [&'static str],
 }
 
-const SUITES: [Suite; 4] = [
+const SUITES: [Suite; 5] = [
     Suite {
         package: "condor-dev",
         features: "sim,conformance",
@@ -39,6 +39,12 @@ const SUITES: [Suite; 4] = [
         features: "sim",
         integration_tests: &["scope", "latest"],
         skipped: &["injector", "the_largest_numbers_end"],
+    },
+    Suite {
+        package: "condor-tty",
+        features: "dev",
+        integration_tests: &["cooked", "dev"],
+        skipped: &["lines_are_edited", "raw_mode_gives_every_character"],
     },
 ];
 

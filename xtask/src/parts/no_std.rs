@@ -20,7 +20,7 @@ const LIBRARIES: [(&str, &[&str]); 7] = [
     ("condor-host", &[""]),
     ("condor-mbox", &["", "conformance,riscv"]),
     ("condor-mos", &["", "conformance,cortex-m,riscv"]),
-    ("condor-tty", &[""]),
+    ("condor-tty", &["", "dev"]),
 ];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {

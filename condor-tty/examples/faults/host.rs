@@ -1,0 +1,67 @@
+//! The host: shows a terminal in a journal, until it is killed.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::Path;
+use std::time::Duration;
+
+use condor_mbox::linux::{Mailbox, System};
+use condor_mbox::{CriticalSection, Region};
+use condor_tty::linux::{Host, HostError, Sink};
+use condor_tty::{ReaderError, Vectors};
+
+use super::{AnyError, HAND, HOST, N};
+
+const LOOK: Duration = Duration::from_millis(10);
+
+/// Records in the order in which they were shown: how many bytes were overwritten before, how many
+/// follow, both as little-endian words, and these.
+struct Journal {
+    file: File,
+    skipped: u32,
+    record: Vec<u8>,
+}
+
+impl Sink for Journal {
+    fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if bytes.is_empty() && self.skipped == 0 {
+            return Ok(0);
+        }
+        self.record.clear();
+        self.record.extend(self.skipped.to_le_bytes());
+        self.record.extend((bytes.len() as u32).to_le_bytes());
+        self.record.extend(bytes);
+        self.skipped = 0;
+        self.file.write_all(&self.record)?;
+        Ok(bytes.len())
+    }
+
+    fn overwritten(&mut self, bytes: u32) -> io::Result<()> {
+        self.skipped += bytes;
+        Ok(())
+    }
+}
+
+pub(crate) fn play(journal: &Path) -> Result<(), AnyError> {
+    let (windows, doorbell) = System::<N>::inherited()?.claim(HOST)?.into_parts();
+    let ram = Region::users(windows[HAND.index()].data.clone())?;
+    let mut mailbox = Mailbox::<N>::new(HOST, windows, doorbell, CriticalSection)?;
+    mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
+    mailbox.join()?;
+    let mut tty = loop {
+        let sink = Journal {
+            file: OpenOptions::new().append(true).open(journal)?,
+            skipped: 0,
+            record: Vec::new(),
+        };
+        match Host::attach(ram.clone(), 0, HAND, HOST, sink) {
+            Err(HostError::Reader(ReaderError::NotReady { .. })) => mailbox.serve(LOOK)?,
+            attached => break attached?,
+        };
+    };
+    loop {
+        if !tty.serve(&mailbox)?.more {
+            mailbox.serve(LOOK)?;
+        }
+    }
+}

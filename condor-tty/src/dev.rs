@@ -1,0 +1,341 @@
+//! Terminals as boards of a `condor-dev` device switch.
+//!
+//! [`Tty`] is the driver. A terminal is not found at an address, so the program says by [`Terminals`]
+//! which one is at which of its places; before it does, start-up finds none. From then on
+//! `open(":tty", board, mode)` gives a descriptor, like that of any device, and `condor-dev`'s
+//! [`Stream`](condor_dev::Stream) and buffered standard output and input work over it.
+//!
+//! ```
+//! use std::sync::OnceLock;
+//! use std::time::Duration;
+//!
+//! use condor_dev::sim::Bus;
+//! use condor_dev::stdio::{self, Buffering, Output};
+//! use condor_dev::{Mode, NoInterrupts, Place, Stream, Switch, device_switch};
+//! use condor_mbox::sim::{Mailbox, SimWindow, System};
+//! use condor_mbox::{Call, CriticalSection, Processor, Region};
+//! use condor_tty::dev::{AnyTerminal, Terminals, TerminalBoard, Tty};
+//! use condor_tty::{Reader, Terminal, Vectors};
+//!
+//! # const HOST: Processor = Processor(0);
+//! const HAND: Processor = Processor(1);
+//!
+//! static TERMINAL: OnceLock<Terminal<SimWindow, CriticalSection, 128>> = OnceLock::new();
+//! static MAILBOX: OnceLock<Mailbox<'static, 2>> = OnceLock::new();
+//! type Board = TerminalBoard<'static, SimWindow, CriticalSection, Mailbox<'static, 2>, 128>;
+//! static BOARD: OnceLock<Board> = OnceLock::new();
+//!
+//! /// One terminal, at a place that is nobody's address.
+//! struct Panel;
+//!
+//! impl Terminals for Panel {
+//!     fn terminal(base: usize) -> Option<&'static dyn AnyTerminal> {
+//!         (base == 0).then(|| BOARD.get().map(|board| board as _)).flatten()
+//!     }
+//! }
+//!
+//! device_switch! {
+//!     struct Devices { tty: Tty<Panel> = [Place::at(0)] }
+//! }
+//! type Hand = Switch<Bus, NoInterrupts, Devices, 4>;
+//!
+//! /// What the program does while it waits for a terminal: a second at most.
+//! fn serve(looks: u32) -> bool {
+//!     let served = MAILBOX.get().map(|mailbox| mailbox.serve(Duration::from_millis(10)));
+//!     served.is_some_and(|served| served.is_ok()) && looks < 100
+//! }
+//!
+//! static SWITCH: OnceLock<Hand> = OnceLock::new();
+//! static OUTPUT: Output<Stream<'static, Hand, fn(u32) -> bool>, 256> = Output::new(Buffering::Line);
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let system = System::<2>::in_virtual_time(4096);
+//! # let [_, windows] = system.windows(HAND);
+//! # let bus = Bus::new();
+//! let ram = Region::users(windows.data)?;
+//! let terminal = Terminal::new(ram.clone(), &mut ram.places(), 1024, CriticalSection)?;
+//! let terminal = TERMINAL.get_or_init(|| terminal);
+//! let mut mailbox = system.mailbox(HAND)?;
+//! let receive: &(dyn Fn(&Call<'_>) -> u32 + Sync) =
+//!     &|call| TERMINAL.get().map_or(0, |terminal| terminal.receive(call));
+//! mailbox.set_vector(Vectors::DEFAULT.input, receive, "terminal input")?;
+//! mailbox.set_vector(Vectors::DEFAULT.room, receive, "terminal room")?;
+//! mailbox.join()?;
+//! let mailbox = MAILBOX.get_or_init(|| mailbox);
+//! BOARD.get_or_init(|| TerminalBoard::new(terminal, mailbox));
+//!
+//! let devices = SWITCH.get_or_init(|| Switch::new(bus, NoInterrupts, Devices::new()));
+//! devices.start();
+//! let fd = devices.open(":tty", 0, Mode::READ | Mode::WRITE)?;
+//! OUTPUT.open(Stream::new(devices, fd, serve as fn(u32) -> bool)).ok();
+//! stdio::set_output(&OUTPUT)?;
+//! condor_dev::println!("joint {} is at {:.3} rad", 3, 0.25);
+//! # let mut reader = Reader::attach(ram, 0, HOST)?;
+//! # let mut shown = [0; 64];
+//! # let count = reader.fetch(&mut shown)?.len;
+//! # assert_eq!(&shown[..count], b"joint 3 is at 0.250 rad\r\n");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Without std, cells that are filled once at start-up take the place of `OnceLock`: of the crate
+//! `static_cell`, for example.
+//!
+//! # What a descriptor does
+//!
+//! | call | |
+//! |---|---|
+//! | `write` | as the terminal's [`Policy`](crate::Policy) says, but for waiting, which no driver does: under `Block`, with a host attached, [`WouldBlock`](DeviceError::WouldBlock), and nothing is lost. How long to wait, and what to do meanwhile, is the stream's. |
+//! | `read` | at least one byte, at most a line in cooked mode |
+//! | `is_flushed` | whether the host has dealt with everything; true where a write would not wait for one |
+//!
+//! Errors of the terminal are [`DeviceError::Device`] with these bits: [`END_OF_FILE`],
+//! [`INTERRUPTED`], [`UNREACHABLE`].
+
+use core::marker::PhantomData;
+
+use condor_dev::{Bus, DeviceError, Driver, Registers};
+use condor_mbox::{AccessError, Exclusion, MemoryWindow, Message, Messenger};
+
+use crate::console::{ring, room_for};
+use crate::sync::Word;
+use crate::terminal::Terminal;
+
+/// Somebody typed the end of the file, which this reports once; a read of no bytes, which would
+/// say so elsewhere, means to a stream that there is nothing yet.
+pub const END_OF_FILE: u8 = 1;
+/// Somebody typed the character that interrupts, which this reports once.
+pub const INTERRUPTED: u8 = 2;
+/// The terminal's memory cannot be reached.
+pub const UNREACHABLE: u8 = 4;
+
+/// The terminals of a program, as [`Tty`] finds them; for the program to implement.
+pub trait Terminals: Sync + 'static {
+    /// The device's name, without the colon.
+    const NAME: &'static str = "tty";
+
+    /// The terminal at the place `base`; `None` as long as there is none.
+    ///
+    /// Places are those that the program gave to `device_switch!`. They are numbers of its choice,
+    /// of which none is the address of a board in the same switch.
+    fn terminal(base: usize) -> Option<&'static dyn AnyTerminal>;
+}
+
+/// A [`TerminalBoard`], whatever its window, its mailbox and the size of its queue are.
+pub trait AnyTerminal: Sync + sealed::Transfers {}
+
+/// A terminal, and the mailbox by which its host hears of output.
+#[derive(Debug)]
+pub struct TerminalBoard<'t, W, X, M: ?Sized, const IN: usize> {
+    terminal: &'t Terminal<W, X, IN>,
+    messenger: &'t M,
+    /// Whether the host has been asked for a message when there is room.
+    asked: Word,
+}
+
+impl<'t, W, X, M, const IN: usize> TerminalBoard<'t, W, X, M, IN>
+where
+    W: MemoryWindow,
+    X: Exclusion,
+    M: Messenger + ?Sized,
+{
+    /// `terminal`, with the mailbox of its processor.
+    pub fn new(terminal: &'t Terminal<W, X, IN>, messenger: &'t M) -> Self {
+        Self {
+            terminal,
+            messenger,
+            asked: Word::new(0),
+        }
+    }
+
+    /// Writes what there is room for, or loses it where the policy says so.
+    fn put(&self, from: &[u8]) -> Result<Option<usize>, AccessError> {
+        let written = self.terminal.put_text(from)?;
+        if written > 0 {
+            ring(self.terminal, self.messenger)?;
+            return Ok(Some(written));
+        }
+        if self.terminal.waits()?.is_some() {
+            return Ok(None);
+        }
+        self.terminal.output().count_lost(from.len())?;
+        Ok(Some(from.len()))
+    }
+
+    /// Whether the host has dealt with everything, or is not waited for.
+    fn is_read(&self) -> Result<bool, AccessError> {
+        Ok(self.terminal.unread()? == 0 || self.terminal.waits()?.is_none())
+    }
+
+    /// Asks the host for a message when there is room, or no longer.
+    fn ask(&self, for_room: bool) -> Result<(), AccessError> {
+        let changed = self.terminal.exclusive(|| {
+            let changed = (self.asked.get() != 0) != for_room;
+            self.asked.set(for_room.into());
+            changed
+        });
+        if changed {
+            self.terminal.output().set_waiting(for_room)?;
+        }
+        Ok(())
+    }
+}
+
+mod sealed {
+    use super::{AccessError, DeviceError};
+
+    /// What [`Tty`](super::Tty) does with a terminal, before it is known of which bus its switch is.
+    pub trait Transfers {
+        fn read(&self, into: &mut [u8]) -> Result<usize, DeviceError<AccessError>>;
+        fn write(&self, from: &[u8]) -> Result<usize, DeviceError<AccessError>>;
+        fn close(&self) -> Result<(), AccessError>;
+        fn is_flushed(&self) -> Result<bool, AccessError>;
+        fn read_ready(&self) -> bool;
+        fn write_ready(&self) -> Result<bool, AccessError>;
+    }
+}
+
+impl<W, X, M, const IN: usize> AnyTerminal for TerminalBoard<'_, W, X, M, IN>
+where
+    W: MemoryWindow + Sync,
+    X: Exclusion + Sync,
+    M: Messenger + Sync + ?Sized,
+{
+}
+
+impl<W, X, M, const IN: usize> sealed::Transfers for TerminalBoard<'_, W, X, M, IN>
+where
+    W: MemoryWindow,
+    X: Exclusion,
+    M: Messenger + ?Sized,
+{
+    fn read(&self, into: &mut [u8]) -> Result<usize, DeviceError<AccessError>> {
+        if self.terminal.take_interrupt() {
+            return Err(DeviceError::Device(INTERRUPTED));
+        }
+        let post = |to, vector, data| {
+            // If it cannot be sent, the host looks by itself a little later.
+            let _ = self.messenger.post(Message { to, vector, data });
+        };
+        match self.terminal.take(into, post)? {
+            None => Err(DeviceError::WouldBlock),
+            Some(0) => Err(DeviceError::Device(END_OF_FILE)),
+            Some(count) => Ok(count),
+        }
+    }
+
+    fn write(&self, from: &[u8]) -> Result<usize, DeviceError<AccessError>> {
+        if let Some(written) = self.put(from)? {
+            self.ask(false)?;
+            return Ok(written);
+        }
+        self.ask(true)?;
+        // The host may have made room before it was asked.
+        if let Some(written) = self.put(from)? {
+            self.ask(false)?;
+            return Ok(written);
+        }
+        Err(DeviceError::WouldBlock)
+    }
+
+    fn close(&self) -> Result<(), AccessError> {
+        self.ask(false)
+    }
+
+    fn is_flushed(&self) -> Result<bool, AccessError> {
+        if !self.is_read()? {
+            self.ask(true)?;
+            // The host may have read it before it was asked.
+            if !self.is_read()? {
+                return Ok(false);
+            }
+        }
+        self.ask(false)?;
+        Ok(true)
+    }
+
+    fn read_ready(&self) -> bool {
+        self.terminal.has_input()
+    }
+
+    fn write_ready(&self) -> Result<bool, AccessError> {
+        let room = self.terminal.output().room()?;
+        Ok(room >= room_for(b"\n") || self.terminal.waits()?.is_none())
+    }
+}
+
+/// The driver of a program's terminals, for its `device_switch!`; see the [module](self).
+pub struct Tty<T>(PhantomData<fn() -> T>);
+
+impl<T> core::fmt::Debug for Tty<T> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("Tty")
+    }
+}
+
+impl<T: Terminals> Driver for Tty<T> {
+    const NAME: &'static str = T::NAME;
+    const NEW: Self = Self(PhantomData);
+    const READS: bool = true;
+    const WRITES: bool = true;
+
+    fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
+        T::terminal(registers.base()).is_some()
+    }
+
+    fn init<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
+        Ok(())
+    }
+
+    fn close<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        if let Some(terminal) = T::terminal(registers.base()) {
+            // Memory that is gone asks nobody for anything.
+            let _ = terminal.close();
+        }
+        Ok(())
+    }
+
+    fn read<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        into: &mut [u8],
+    ) -> Result<usize, DeviceError<B::Error>> {
+        let terminal = T::terminal(registers.base()).ok_or(DeviceError::Device(UNREACHABLE))?;
+        terminal.read(into).map_err(without_bus)
+    }
+
+    fn write<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        from: &[u8],
+    ) -> Result<usize, DeviceError<B::Error>> {
+        let terminal = T::terminal(registers.base()).ok_or(DeviceError::Device(UNREACHABLE))?;
+        terminal.write(from).map_err(without_bus)
+    }
+
+    fn is_flushed<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        // Where there is nothing to wait for, nobody waits; the next write says why.
+        let terminal = T::terminal(registers.base());
+        Ok(terminal.is_none_or(|terminal| terminal.is_flushed().unwrap_or(true)))
+    }
+
+    fn read_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        let terminal = T::terminal(registers.base());
+        Ok(terminal.is_some_and(sealed::Transfers::read_ready))
+    }
+
+    fn write_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        let terminal = T::terminal(registers.base());
+        Ok(terminal.is_some_and(|terminal| terminal.write_ready().unwrap_or(true)))
+    }
+}
+
+/// The same error for a switch of any bus: the terminal's memory is not behind it.
+fn without_bus<E>(error: DeviceError<AccessError>) -> DeviceError<E> {
+    match error {
+        DeviceError::WouldBlock => DeviceError::WouldBlock,
+        DeviceError::Length { bytes, unit } => DeviceError::Length { bytes, unit },
+        DeviceError::Device(bits) => DeviceError::Device(bits),
+        DeviceError::Bus(_) => DeviceError::Device(UNREACHABLE),
+    }
+}
