@@ -6,6 +6,7 @@ use condor_fs::{Entry, Errno, Error, OpenOptions};
 use crate::files::{System, errno};
 
 /// Makes some, and reads them.
+#[inline(never)]
 pub(crate) fn directories(checks: &mut Checks<'_>, system: &System<'_>) -> Result<(), Error> {
     checks.group("directories");
     checks.same("one is made", system.make_directory("log"), Ok(()));

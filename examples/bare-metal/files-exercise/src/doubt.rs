@@ -11,6 +11,7 @@ use crate::pair::{PATIENCE, Pair, SHORT, Window};
 const TEXT: &[u8] = b"0123456789abcdef";
 
 /// Lends buffers to a host that answers, and to one that does not.
+#[inline(never)]
 pub(crate) fn doubt(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,

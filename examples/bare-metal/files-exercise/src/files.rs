@@ -3,7 +3,7 @@
 use checks::Checks;
 use condor_fs::{Errno, Error, File, FileSystem, OpenOptions, Station};
 use condor_mbox::MemoryWindow;
-use embedded_io::{Read as _, Seek as _, SeekFrom, Write as _};
+use embedded_io::{Read as _, ReadExactError, Seek as _, SeekFrom, Write as _};
 
 use crate::memory::HOST;
 use crate::pair::{FILES, Mail, PATIENCE, Pair, SHORT, Window};
@@ -67,6 +67,7 @@ pub(crate) fn connect<'p>(checks: &mut Checks<'_>, pair: &Pair<'p>) -> Result<Sy
 }
 
 /// Opens, reads and writes in all ways that copy.
+#[inline(never)]
 pub(crate) fn files(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
@@ -207,6 +208,26 @@ pub(crate) fn files(
         "a failure moves nothing",
         (errno(cut.write(b"x")), cut.position()),
         (Some(Errno::IO), Ok(10)),
+    );
+    checks.that("formatted text is written", write!(cut, "{}", 98).is_ok());
+    pair.server.lie(0);
+    checks.same(
+        "a host that writes nothing ends it",
+        cut.write_all(b"x"),
+        Err(Errno::IO.into()),
+    );
+    cut.seek(SeekFrom::Start(0))?;
+    pair.server.lie(1000);
+    checks.same("no more is written than was given", cut.write(b"01"), Ok(2));
+    reader.seek(SeekFrom::Start(8))?;
+    checks.same("it seeks by a step", reader.seek_relative(2), Ok(()));
+    same_bytes(checks, "all was written", &mut reader, b"98x")?;
+    reader.seek(SeekFrom::Start(10))?;
+    let exact = reader.read_exact(&mut [0; 4]);
+    checks.same(
+        "there is no more",
+        exact,
+        Err(ReadExactError::UnexpectedEof),
     );
     cut.close()?;
     reader.close()

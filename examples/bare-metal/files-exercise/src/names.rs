@@ -7,6 +7,7 @@ use embedded_io::SeekFrom;
 use crate::files::{System, errno, same_bytes};
 
 /// Renames and removes.
+#[inline(never)]
 pub(crate) fn names(checks: &mut Checks<'_>, system: &System<'_>) -> Result<(), Error> {
     checks.group("names");
     let create = OpenOptions::new().read().write().create();

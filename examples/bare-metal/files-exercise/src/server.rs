@@ -33,6 +33,8 @@ pub(crate) struct Server<'s> {
     refusal: AtomicU32,
     /// What the next request ends with; 0 if it is carried out.
     failure: AtomicU32,
+    /// What the next request, which is carried out, says of itself, and one; 0 for the truth.
+    lie: AtomicU32,
     /// How many requests have come.
     pub(crate) requests: AtomicU32,
 }
@@ -66,6 +68,7 @@ impl<'s> Server<'s> {
             session: AtomicU32::new(0),
             refusal: AtomicU32::new(0),
             failure: AtomicU32::new(0),
+            lie: AtomicU32::new(0),
             requests: AtomicU32::new(0),
         }
     }
@@ -78,6 +81,11 @@ impl<'s> Server<'s> {
     /// Lets the next request fail.
     pub(crate) fn fail(&self, errno: Errno) {
         self.failure.store(errno.0.into(), Relaxed);
+    }
+
+    /// Lets the next request say that it has moved so many bytes.
+    pub(crate) fn lie(&self, value: u32) {
+        self.lie.store(value.saturating_add(1), Relaxed);
     }
 
     /// What a mailbox does for [`FILES`].
@@ -126,7 +134,11 @@ impl<'s> Server<'s> {
             Err(Errno(failure as u16))
         };
         let errno = outcome.as_ref().err().map_or(0, |errno| errno.0);
-        let answer = outcome.unwrap_or_default();
+        let mut answer = outcome.unwrap_or_default();
+        if let Some(lie) = self.lie.load(Relaxed).checked_sub(1) {
+            self.lie.store(0, Relaxed);
+            answer.value = lie.into();
+        }
         self.theirs.set_word(at(slot::ERRNO), errno.into())?;
         self.put(at(slot::VALUE), &halves(answer.value))?;
         self.put(at(slot::EVIDENCE), &answer.evidence.to_words())?;

@@ -14,6 +14,7 @@ use crate::pair::{OTHERS, PATIENCE, Pair, RING, Tty};
 use crate::trouble::Trouble;
 
 /// Before a host has attached, and one that comes and goes.
+#[inline(never)]
 pub(crate) fn terminals(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
@@ -102,6 +103,7 @@ pub(crate) fn terminals(
 }
 
 /// New lives of terminals, new hosts, and words that nobody writes.
+#[inline(never)]
 pub(crate) fn lives(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,

@@ -6,7 +6,7 @@ use checks::Checks;
 use condor_mbox::{CriticalSection, StaticWindow};
 use condor_tty::layout::{input_data, reply};
 use condor_tty::{Accepted, Characters, Console, ConsoleError, Link, Settings, Vectors};
-use embedded_io::{BufRead as _, Read as _, ReadReady as _, Write as _};
+use embedded_io::{BufRead as _, Read as _, ReadExactError, ReadReady as _, Write as _};
 
 use crate::memory::{HAND, HOST};
 use crate::pair::{AHEAD, Mail, OTHERS, PATIENCE, Pair, SHORT};
@@ -16,6 +16,7 @@ use crate::trouble::Trouble;
 type Reading<'t, 'p> = Console<'t, StaticWindow<'static>, CriticalSection, Mail<'p>, AHEAD>;
 
 /// Lines, keys that do something, and raw characters.
+#[inline(never)]
 pub(crate) fn typing(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
     let mut console = pair.terminal.console(pair.hand).with_read_timeout(PATIENCE);
     lines(checks, pair, &mut console)?;
@@ -55,6 +56,20 @@ fn lines(
     checks.same("the rest of it is read", reads(console)?.bytes(), b"o\n");
     checks.same("then the next one", console.fill_buf(), Ok(&b"lines\n"[..]));
     console.consume(6);
+    pair.viewer.type_all(pair.host, b"four\n\x04");
+    let mut four = [0; 4];
+    let exact = console.read_exact(&mut four);
+    checks.same(
+        "as much as is asked for is read",
+        (exact, &four),
+        (Ok(()), b"four"),
+    );
+    let exact = console.read_exact(&mut four);
+    checks.same(
+        "and the end of it is told",
+        exact,
+        Err(ReadExactError::UnexpectedEof),
+    );
     checks.same("that was all", console.read_ready(), Ok(false));
     Link::pause(pair.hand, SHORT)?;
     Ok(())

@@ -26,6 +26,7 @@ const NOBODY: MailError = MailError::NoHandler {
 };
 
 /// What needs neither a window nor a mailbox.
+#[inline(never)]
 pub(crate) fn words(checks: &mut Checks<'_>) {
     checks.group("words");
     of_files(checks);

@@ -16,6 +16,7 @@ const LONG: &[u8; 100] = b"\
 const LATE: ConsoleError = ConsoleError::TimedOut { lost: 0 };
 
 /// Each policy, with a host that looks and with one that does not.
+#[inline(never)]
 pub(crate) fn writing(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
     let (terminal, viewer) = (pair.terminal, pair.viewer);
     let mut console = terminal.console(pair.hand);
@@ -70,12 +71,23 @@ pub(crate) fn writing(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Tr
         embedded_io::Write::write(&mut poster, LONG),
         Ok(LONG.len()),
     );
+    checks.same(
+        "either way",
+        embedded_io::Write::write_all(&mut poster, b"end"),
+        Ok(()),
+    );
     checks.same("it does not wait", poster.flush(), Ok(()));
     checks.that(
         "nor fail",
         fmt::Write::write_fmt(&mut poster, format_args!("{ring}")).is_ok(),
     );
-    checks.same("it counts", lost(before), (rest + LONG.len() + 2) as u32);
+    let formatted = embedded_io::Write::write_fmt(&mut poster, format_args!("!"));
+    checks.that("in any way", formatted.is_ok());
+    checks.same(
+        "it counts",
+        lost(before),
+        (rest + LONG.len() + 3 + 2 + 1) as u32,
+    );
     let shown = viewer.look(pair.host);
     checks.same(
         "what had room is shown",
