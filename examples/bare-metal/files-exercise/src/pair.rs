@@ -63,7 +63,7 @@ pub(crate) struct Pair<'p> {
     /// How often somebody has interrupted at the terminal.
     pub(crate) interrupts: &'p AtomicU32,
     /// How many messages about output have come to the host.
-    pub(crate) rung: &'p AtomicU32,
+    pub(crate) told: &'p AtomicU32,
 }
 
 /// Makes every call, and checks what comes of it.
@@ -85,7 +85,7 @@ fn together(
     let table = area.handler();
     let terminal = Tty::new(own, &mut places, RING, CriticalSection)?;
     let second = Tty::new(own, &mut places, RING, CriticalSection)?.with_vectors(OTHERS);
-    let (interrupts, rung) = (AtomicU32::new(0), AtomicU32::new(0));
+    let (interrupts, told) = (AtomicU32::new(0), AtomicU32::new(0));
     let receive = |call: &Call<'_>| terminal.receive_and(call, || count(&interrupts));
     let receive_second = |call: &Call<'_>| second.receive(call);
     let server = Server::new(&memory.disk, own);
@@ -98,7 +98,7 @@ fn together(
     });
     let serve = |call: &Call<'_>| server.serve(call);
     let ring = |_: &Call<'_>| {
-        count(&rung);
+        count(&told);
         0
     };
 
@@ -151,14 +151,15 @@ fn together(
         terminal: &terminal,
         second: &second,
         interrupts: &interrupts,
-        rung: &rung,
+        told: &told,
     };
     exercise(checks, &pair, &mut places)
 }
 
 fn exercise(checks: &mut Checks<'_>, pair: &Pair<'_>, places: &mut Places) -> Result<(), Trouble> {
     let system = files::connect(checks, pair)?;
-    files::files(checks, pair, &system)?;
+    files::files(checks, &system)?;
+    files::several(checks, pair, &system)?;
     directories::directories(checks, &system)?;
     names::names(checks, &system)?;
     doubt::doubt(checks, pair, &system, places)?;

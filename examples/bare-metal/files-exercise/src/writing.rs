@@ -27,11 +27,11 @@ pub(crate) fn writing(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Tr
 
     checks.group("a policy that blocks");
     terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
-    let (before, rung) = (terminal.lost(), pair.rung.load(Relaxed));
+    let (before, told) = (terminal.lost(), pair.told.load(Relaxed));
     checks.same("a writer waits for room", console.write_all(LONG), Ok(()));
     checks.same("and for the host", console.flush(), Ok(()));
     checks.same("all is shown", viewer.look(pair.host).bytes(), &LONG[..]);
-    checks.that("the host was told", pair.rung.load(Relaxed) != rung);
+    checks.that("the host was told", pair.told.load(Relaxed) != told);
     checks.same("there is room", console.write_ready(), Ok(true));
     pair.attentive.set(false);
     terminal.set_policy(Policy::Block { timeout: SHORT })?;
