@@ -6,7 +6,7 @@ use core::time::Duration;
 use condor_mbox::{
     AccessError, Exclusion, Instant, MemoryWindow, Message, Messenger, Processor, Vector,
 };
-use embedded_io::{BufRead, ErrorType, Read, ReadReady, Write, WriteReady};
+use embedded_io::{BufRead, ErrorType, Read, ReadExactError, ReadReady, Write, WriteReady};
 
 use crate::error::ConsoleError;
 use crate::link::Link;
@@ -218,6 +218,18 @@ impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Read for Console<'
         self.consume(count);
         Ok(count)
     }
+
+    // What `embedded-io` does by itself, without its path that panics.
+    fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<ConsoleError>> {
+        let mut rest = into;
+        while !rest.is_empty() {
+            rest = match self.read(rest)? {
+                0 => return Err(ReadExactError::UnexpectedEof),
+                count => rest.get_mut(count..).unwrap_or_default(),
+            };
+        }
+        Ok(())
+    }
 }
 
 impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> ReadReady
@@ -309,6 +321,12 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize> Writ
     fn write(&mut self, from: &[u8]) -> Result<usize, ConsoleError> {
         self.post(from)?;
         Ok(from.len())
+    }
+
+    /// As [`write`](Write::write), which takes all.
+    fn write_all(&mut self, from: &[u8]) -> Result<(), ConsoleError> {
+        self.post(from)?;
+        Ok(())
     }
 
     /// Does nothing: it would have to wait.

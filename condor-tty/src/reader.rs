@@ -258,8 +258,12 @@ impl<W: MemoryWindow> Reader<W> {
             // Pairs with the fence in `Output::reserve`: if a byte of a later round was copied, its
             // mark is seen below.
             fence(Ordering::Acquire);
+            len = copied.len();
             let gone = self.skip_overwritten()? as usize;
-            if gone < len || gone == 0 {
+            if gone == 0 {
+                break;
+            }
+            if gone < copied.len() {
                 copied.copy_within(gone.., 0);
                 len -= gone;
                 break;

@@ -218,19 +218,25 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
             return self.put_raw(bytes);
         }
         let mut written = 0;
-        for line in bytes.split_inclusive(|byte| *byte == b'\n') {
-            let text = line.strip_suffix(b"\n").unwrap_or(line);
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let newline = rest.iter().position(|byte| *byte == b'\n');
+            let (text, after) = newline
+                .and_then(|at| rest.split_at_checked(at))
+                .unwrap_or((rest, &[]));
             let put = self.put_raw(text)?;
             written += put;
             if put < text.len() {
                 break;
             }
-            if text.len() < line.len() {
-                if self.output.put(b"\r\n", true)? == 0 {
-                    break;
-                }
-                written += 1;
+            let Some((_, next)) = after.split_first() else {
+                break;
+            };
+            if self.output.put(b"\r\n", true)? == 0 {
+                break;
             }
+            written += 1;
+            rest = next;
         }
         Ok(written)
     }

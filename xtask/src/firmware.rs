@@ -30,7 +30,7 @@ pub(crate) struct Firmware {
     pub machine: &'static str,
 }
 
-pub(crate) const FIRMWARES: [Firmware; 9] = [
+pub(crate) const FIRMWARES: [Firmware; 11] = [
     Firmware {
         package: "riscv-virt",
         exercise: "exercise",
@@ -60,6 +60,22 @@ pub(crate) const FIRMWARES: [Firmware; 9] = [
     Firmware {
         package: "dev-cortex-m",
         exercise: "dev-exercise",
+        target: "thumbv6m-none-eabi",
+        qemu: "qemu-system-arm",
+        debian: "qemu-system-arm",
+        machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
+    },
+    Firmware {
+        package: "files-riscv",
+        exercise: "files-exercise",
+        target: "riscv64gc-unknown-none-elf",
+        qemu: "qemu-system-riscv64",
+        debian: "qemu-system-misc",
+        machine: "-machine virt -bios none -nographic",
+    },
+    Firmware {
+        package: "files-cortex-m",
+        exercise: "files-exercise",
         target: "thumbv6m-none-eabi",
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",

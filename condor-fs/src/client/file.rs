@@ -1,7 +1,7 @@
 //! [`File`]: an open file.
 
 use condor_mbox::MemoryWindow;
-use embedded_io::{ErrorType, Read, Seek, SeekFrom, Write};
+use embedded_io::{ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
 use super::operation::After;
 use super::{Buffer, Error, FileSystem, Kept, Lent, Open, State, Station, request};
@@ -330,7 +330,8 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W
         };
         let after = After::Moved { file: self.index };
         let done = system.perform_next(&alone, &request, after, deadline)?;
-        Ok(usize::try_from(done.value).unwrap_or(usize::MAX))
+        // Whatever the server says, no more than it was asked for.
+        Ok(done.value.min(buffer.len.into()) as usize)
     }
 
     fn lend(&self, operation: Result<Operation, Error>, buffer: Buffer<W>, len: u32) -> Lent<W> {
@@ -384,11 +385,35 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Read for File<'_,
     fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
         File::read(self, into)
     }
+
+    // What `embedded-io` does by itself, without its paths that panic.
+    fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<Error>> {
+        let mut rest = into;
+        while !rest.is_empty() {
+            rest = match File::read(self, rest)? {
+                0 => return Err(ReadExactError::UnexpectedEof),
+                count => rest.get_mut(count..).unwrap_or_default(),
+            };
+        }
+        Ok(())
+    }
 }
 
 impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Write for File<'_, '_, S, W, FILES> {
     fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
         File::write(self, from)
+    }
+
+    /// [`Errno::IO`] if the server writes nothing, and names no error.
+    fn write_all(&mut self, from: &[u8]) -> Result<(), Error> {
+        let mut rest = from;
+        while !rest.is_empty() {
+            rest = match File::write(self, rest)? {
+                0 => return Err(Errno::IO.into()),
+                count => rest.get(count..).unwrap_or_default(),
+            };
+        }
+        Ok(())
     }
 
     fn flush(&mut self) -> Result<(), Error> {

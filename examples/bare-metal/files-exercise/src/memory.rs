@@ -1,0 +1,62 @@
+//! [`Memory`]: what the two processors share, and the host's disk.
+
+use core::cell::RefCell;
+
+use condor_mbox::{Processor, StaticMemory, StaticWindow, Windows, layout};
+use critical_section::Mutex;
+
+use crate::disk::Disk;
+
+/// The processors of the system.
+pub(crate) const PROCESSORS: usize = 2;
+/// Whose files they are, and who looks at the terminals.
+pub(crate) const HOST: Processor = Processor(0);
+/// Who opens files, and has terminals.
+pub(crate) const HAND: Processor = Processor(1);
+
+const MAIL_WORDS: usize = layout::mail_bytes(PROCESSORS as u32) as usize / 4;
+const DATA_WORDS: usize = 3072 / 4;
+/// The host's users have nothing in its `data`.
+const HOST_DATA_WORDS: usize = layout::BELL_BYTES as usize / 4 + 16;
+
+/// The windows of the two processors, and the disk; it belongs into a `static`.
+pub struct Memory {
+    mail: [StaticMemory<MAIL_WORDS>; PROCESSORS],
+    host: StaticMemory<HOST_DATA_WORDS>,
+    hand: StaticMemory<DATA_WORDS>,
+    /// The host's own.
+    pub(crate) disk: Mutex<RefCell<Disk>>,
+}
+
+impl Memory {
+    /// Zeros.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            mail: [const { StaticMemory::new() }; PROCESSORS],
+            host: StaticMemory::new(),
+            hand: StaticMemory::new(),
+            disk: Mutex::new(RefCell::new(Disk::new())),
+        }
+    }
+
+    pub(crate) fn windows(&self) -> [Windows<StaticWindow<'_>>; PROCESSORS] {
+        let [host, hand] = &self.mail;
+        [
+            Windows {
+                mail: host.window(),
+                data: self.host.window(),
+            },
+            Windows {
+                mail: hand.window(),
+                data: self.hand.window(),
+            },
+        ]
+    }
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,175 @@
+//! The two ends, and what one does while the other waits.
+
+use core::cell::Cell;
+use core::mem::ManuallyDrop;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::time::Duration;
+
+use checks::Checks;
+use condor_fs::{Area, wire};
+use condor_mbox::{
+    Call, CriticalSection, Instant, Mailbox, Places, Processor, Region, StaticWindow, Waiting,
+};
+use condor_tty::{Terminal, Vectors};
+
+use crate::bell::{Bell, Turns};
+use crate::disk::Kind;
+use crate::memory::{HAND, HOST, Memory, PROCESSORS};
+use crate::server::Server;
+use crate::trouble::Trouble;
+use crate::viewer::Viewer;
+use crate::{directories, doubt, files, names, terminals, typing, words, writing};
+
+/// Nothing here takes as long, unless something is broken.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+/// For waits that must end without success.
+pub(crate) const SHORT: Duration = Duration::from_millis(20);
+
+/// Files that can be open.
+pub(crate) const FILES: usize = 3;
+const PATH_BYTES: u32 = 32;
+/// Bytes of a file's own buffer.
+pub(crate) const BUFFER_BYTES: u32 = 64;
+/// Bytes of a terminal's ring.
+pub(crate) const RING: u32 = 64;
+/// Characters that can be typed ahead.
+pub(crate) const AHEAD: usize = 16;
+
+/// Vectors that are not the default, for a second terminal.
+pub(crate) const OTHERS: Vectors = Vectors {
+    output: condor_mbox::Vector(20),
+    input: condor_mbox::Vector(21),
+    room: condor_mbox::Vector(22),
+};
+
+pub(crate) type Window = StaticWindow<'static>;
+pub(crate) type Mail<'p> = Mailbox<'p, Window, Bell<'p>, CriticalSection, PROCESSORS>;
+pub(crate) type Tty = Terminal<Window, CriticalSection, AHEAD>;
+pub(crate) type Layout = Area<FILES>;
+
+/// Everything that the checks need.
+pub(crate) struct Pair<'p> {
+    pub(crate) hand: &'p Mail<'p>,
+    pub(crate) host: &'p Mail<'p>,
+    /// Whether the host takes its turns.
+    pub(crate) attentive: &'p Cell<bool>,
+    pub(crate) server: &'p Server<'static>,
+    pub(crate) viewer: &'p Viewer,
+    pub(crate) own: Region<Window>,
+    pub(crate) area: Layout,
+    pub(crate) terminal: &'p Tty,
+    /// With [`OTHERS`].
+    pub(crate) second: &'p Tty,
+    /// How often somebody has interrupted at the terminal.
+    pub(crate) interrupts: &'p AtomicU32,
+    /// How many messages about output have come to the host.
+    pub(crate) told: &'p AtomicU32,
+}
+
+/// Makes every call, and checks what comes of it.
+pub fn everything(checks: &mut Checks<'_>, memory: &'static Memory, now: fn() -> Instant) {
+    words::words(checks);
+    let exercised = together(checks, memory, now);
+    checks.same("what must succeed does", exercised, Ok(()));
+}
+
+fn together(
+    checks: &mut Checks<'_>,
+    memory: &'static Memory,
+    now: fn() -> Instant,
+) -> Result<(), Trouble> {
+    let [_, windows] = memory.windows();
+    let own = Region::users(windows.data)?;
+    let mut places = own.places();
+    let area = Layout::new(&mut places, PATH_BYTES, BUFFER_BYTES)?;
+    let table = area.handler();
+    let terminal = Tty::new(own, &mut places, RING, CriticalSection)?;
+    let second = Tty::new(own, &mut places, RING, CriticalSection)?.with_vectors(OTHERS);
+    let (interrupts, told) = (AtomicU32::new(0), AtomicU32::new(0));
+    let receive = |call: &Call<'_>| terminal.receive_and(call, || count(&interrupts));
+    let receive_second = |call: &Call<'_>| second.receive(call);
+    let server = Server::new(&memory.disk, own);
+    critical_section::with(|token| {
+        // The host has a link, which clients cannot make.
+        if let Ok(mut disk) = memory.disk.borrow(token).try_borrow_mut() {
+            let made = disk.make(b"latest", Kind::Link).is_ok();
+            checks.that("the host's disk has room", made);
+        }
+    });
+    let serve = |call: &Call<'_>| server.serve(call);
+    let ring = |_: &Call<'_>| {
+        count(&told);
+        0
+    };
+
+    let turns = Turns::new();
+    let bell = |other: Processor| Bell {
+        other,
+        turns: &turns,
+        now,
+    };
+    // Neither is dropped: each is borrowed by what the other one does in its waits.
+    let mut host = Mail::new(HOST, memory.windows(), bell(HAND), CriticalSection)?;
+    host.set_waiting(Waiting::Sleep);
+    host.set_vector(wire::FILES, &serve, "files")?;
+    host.set_vector(Vectors::DEFAULT.output, &ring, "terminal output")?;
+    host.set_vector(OTHERS.output, &ring, "other output")?;
+    host.join()?;
+    let host = ManuallyDrop::new(host);
+    let mut hand = Mail::new(HAND, memory.windows(), bell(HOST), CriticalSection)?;
+    hand.set_waiting(Waiting::Sleep);
+    hand.set_vector(wire::OPEN_FILES, &table, "open files")?;
+    for (vectors, receive) in [
+        (Vectors::DEFAULT, &receive as condor_mbox::Handler<'_>),
+        (OTHERS, &receive_second),
+    ] {
+        hand.set_vector(vectors.input, receive, "terminal input")?;
+        hand.set_vector(vectors.room, receive, "terminal room")?;
+    }
+    hand.join()?;
+    let hand = ManuallyDrop::new(hand);
+    let (viewer, attentive) = (Viewer::new(), Cell::new(true));
+    let host_program = || {
+        if attentive.get() {
+            viewer.turn(&host);
+        }
+    };
+    let hand_program = || {
+        // Its own memory is there.
+        let _ = hand.service(PATIENCE);
+    };
+    turns.assign(HOST, &host_program);
+    turns.assign(HAND, &hand_program);
+    let pair = Pair {
+        hand: &hand,
+        host: &host,
+        attentive: &attentive,
+        server: &server,
+        viewer: &viewer,
+        own,
+        area,
+        terminal: &terminal,
+        second: &second,
+        interrupts: &interrupts,
+        told: &told,
+    };
+    exercise(checks, &pair, &mut places)
+}
+
+fn exercise(checks: &mut Checks<'_>, pair: &Pair<'_>, places: &mut Places) -> Result<(), Trouble> {
+    let system = files::connect(checks, pair)?;
+    files::files(checks, &system)?;
+    files::several(checks, pair, &system)?;
+    directories::directories(checks, &system)?;
+    names::names(checks, &system)?;
+    doubt::doubt(checks, pair, &system, places)?;
+    terminals::terminals(checks, pair, places)?;
+    writing::writing(checks, pair)?;
+    typing::typing(checks, pair)?;
+    terminals::lives(checks, pair, &system)
+}
+
+/// The handlers of one vector do not interrupt each other here: no indivisible addition.
+fn count(counter: &AtomicU32) {
+    counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
+}

@@ -1,0 +1,248 @@
+//! What is typed.
+
+use core::sync::atomic::Ordering::Relaxed;
+
+use checks::Checks;
+use condor_mbox::{CriticalSection, StaticWindow};
+use condor_tty::layout::{input_data, reply};
+use condor_tty::{Accepted, Characters, Console, ConsoleError, Link, Settings, Vectors};
+use embedded_io::{BufRead as _, Read as _, ReadExactError, ReadReady as _, Write as _};
+
+use crate::memory::{HAND, HOST};
+use crate::pair::{AHEAD, Mail, OTHERS, PATIENCE, Pair, SHORT};
+use crate::text::Text;
+use crate::trouble::Trouble;
+
+type Reading<'t, 'p> = Console<'t, StaticWindow<'static>, CriticalSection, Mail<'p>, AHEAD>;
+
+/// Lines, keys that do something, and raw characters.
+#[inline(never)]
+pub(crate) fn typing(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
+    let mut console = pair.terminal.console(pair.hand).with_read_timeout(PATIENCE);
+    lines(checks, pair, &mut console)?;
+    keys(checks, pair, &mut console)?;
+    full(checks, pair, &mut console)?;
+    raw(checks, pair, &mut console)?;
+    second(checks, pair)
+}
+
+fn lines(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'_>,
+    console: &mut Reading<'_, '_>,
+) -> Result<(), Trouble> {
+    checks.group("lines");
+    let mut impatient = pair.terminal.console(pair.hand).with_read_timeout(SHORT);
+    let before = Link::now(pair.hand);
+    let late = impatient.read(&mut [0; 8]);
+    checks.same(
+        "nobody types",
+        late,
+        Err(ConsoleError::TimedOut { lost: 0 }),
+    );
+    let waited = Link::now(pair.hand).ns_since(before);
+    checks.that(
+        "for as long as was said",
+        u128::from(waited) >= SHORT.as_nanos(),
+    );
+    checks.same("nothing is there", console.read_ready(), Ok(false));
+    types(checks, pair, console, b"hellp\x7fo\n", b"hello\n")?;
+    let shown = pair.viewer.look(pair.host);
+    checks.same("it is echoed", shown.bytes(), b"hellp\x08 \x08o\r\n");
+    pair.viewer.type_all(pair.host, b"two\nlines\n");
+    checks.same("something is there", console.read_ready(), Ok(true));
+    checks.same("a line is held", console.fill_buf(), Ok(&b"two\n"[..]));
+    console.consume(2);
+    checks.same("the rest of it is read", reads(console)?.bytes(), b"o\n");
+    checks.same("then the next one", console.fill_buf(), Ok(&b"lines\n"[..]));
+    console.consume(6);
+    pair.viewer.type_all(pair.host, b"four\n\x04");
+    let mut four = [0; 4];
+    let exact = console.read_exact(&mut four);
+    checks.same(
+        "as much as is asked for is read",
+        (exact, &four),
+        (Ok(()), b"four"),
+    );
+    let exact = console.read_exact(&mut four);
+    checks.same(
+        "and the end of it is told",
+        exact,
+        Err(ReadExactError::UnexpectedEof),
+    );
+    checks.same("that was all", console.read_ready(), Ok(false));
+    Link::pause(pair.hand, SHORT)?;
+    Ok(())
+}
+
+fn keys(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'_>,
+    console: &mut Reading<'_, '_>,
+) -> Result<(), Trouble> {
+    checks.group("keys");
+    types(checks, pair, console, b"one two\x17three\n", b"one three\n")?;
+    types(checks, pair, console, b"junk\x15good\n", b"good\n")?;
+    types(checks, pair, console, b"now\x04", b"now")?;
+    types(checks, pair, console, b"\x04", b"")?;
+    let before = pair.interrupts.load(Relaxed);
+    pair.viewer.typing.set(b"abc\x03");
+    let interrupted = console.read(&mut [0; 8]);
+    checks.same(
+        "a read is interrupted",
+        interrupted,
+        Err(ConsoleError::Interrupted),
+    );
+    checks.same(
+        "and who asked to be told",
+        pair.interrupts.load(Relaxed).wrapping_sub(before),
+        1,
+    );
+    pair.viewer.type_all(pair.host, b"\x03");
+    let asked = [
+        pair.terminal.take_interrupt(),
+        pair.terminal.take_interrupt(),
+    ];
+    checks.same("who asks is told once", asked, [true, false]);
+    pair.viewer.look(pair.host);
+    pair.viewer.type_all(pair.host, b"\x13");
+    console.write_all(b"held")?;
+    checks.same(
+        "output is stopped",
+        pair.viewer.look(pair.host).bytes(),
+        b"",
+    );
+    pair.viewer.type_all(pair.host, b"\x11");
+    checks.same("and goes on", pair.viewer.look(pair.host).bytes(), b"held");
+    Ok(())
+}
+
+fn full(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'_>,
+    console: &mut Reading<'_, '_>,
+) -> Result<(), Trouble> {
+    checks.group("a full queue");
+    let before = pair.terminal.overlong();
+    pair.viewer.type_all(pair.host, b"0123456789abcdefghi");
+    let overlong = pair.terminal.overlong().wrapping_sub(before);
+    checks.same("a line can be too long", overlong as usize, 20 - AHEAD);
+    let shown = pair.viewer.look(pair.host);
+    checks.same(
+        "a bell says so",
+        shown.bytes(),
+        b"0123456789abcde\x07\x07\x07\x07",
+    );
+    types(checks, pair, console, b"\n", b"0123456789abcde\n")?;
+    pair.viewer.type_all(pair.host, b"0123456789abcd\nx\n");
+    checks.that(
+        "the host keeps what is refused",
+        pair.viewer.refused.get() > 0,
+    );
+    checks.same(
+        "who is here, too",
+        pair.terminal.accept(b'y'),
+        Ok(Accepted::Full),
+    );
+    checks.same(
+        "a line is read",
+        reads(console)?.bytes(),
+        b"0123456789abcd\n",
+    );
+    checks.same("then it goes on", reads(console)?.bytes(), b"x\n");
+    Ok(())
+}
+
+fn raw(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'_>,
+    console: &mut Reading<'_, '_>,
+) -> Result<(), Trouble> {
+    checks.group("settings");
+    pair.viewer.look(pair.host);
+    pair.terminal.configure(&Settings::RAW)?;
+    checks.same("they hold", pair.terminal.settings(), Settings::RAW);
+    types(checks, pair, console, b"\x03", b"\x03")?;
+    console.write_all(b"a\nb")?;
+    checks.same(
+        "bytes are as they are",
+        pair.viewer.look(pair.host).bytes(),
+        b"a\nb",
+    );
+    let characters = Characters {
+        end_of_file: b'.',
+        interrupt: 0,
+        ..Characters::UNIX
+    };
+    let own = Settings {
+        characters,
+        ..Settings::COOKED
+    };
+    pair.terminal.configure(&own)?;
+    types(checks, pair, console, b"end.", b"end")?;
+    pair.terminal.configure(&Settings::COOKED)?;
+    let outcomes = [b'z', 0x03].map(|character| pair.terminal.accept(character));
+    checks.same(
+        "somebody types here",
+        outcomes,
+        [Ok(Accepted::Taken), Ok(Accepted::Interrupts)],
+    );
+    checks.that("and interrupts", pair.terminal.take_interrupt());
+    checks.same(
+        "which is shown",
+        pair.viewer.look(pair.host).bytes(),
+        b"endz^C\r\n",
+    );
+    Ok(())
+}
+
+fn second(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
+    checks.group("a second terminal");
+    let send = |vector, data| pair.host.send_with_reply(HAND, vector, data, PATIENCE);
+    let input = input_data(pair.second.offset(), b'?');
+    checks.same(
+        "each has its vectors",
+        send(Vectors::DEFAULT.input, input),
+        Ok(reply::NO_TERMINAL),
+    );
+    checks.same(
+        "room is taken notice of",
+        send(OTHERS.room, 0),
+        Ok(reply::ACCEPTED),
+    );
+    if let Some(reader) = pair.viewer.take() {
+        reader.detach()?;
+    }
+    pair.viewer
+        .attach(pair.own, pair.second.offset(), HOST, OTHERS)?;
+    let mut console = pair.second.console(pair.hand).with_read_timeout(PATIENCE);
+    types(checks, pair, &mut console, b"hi\n", b"hi\n")?;
+    checks.same(
+        "it is echoed",
+        pair.viewer.look(pair.host).bytes(),
+        b"hi\r\n",
+    );
+    Ok(())
+}
+
+/// Somebody types while the program waits in a read.
+fn types(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'_>,
+    console: &mut Reading<'_, '_>,
+    typed: &'static [u8],
+    expected: &'static [u8],
+) -> Result<(), Trouble> {
+    pair.viewer.typing.set(typed);
+    let line = reads(console)?;
+    checks.same("it is read as it was meant", line.bytes(), expected);
+    Ok(())
+}
+
+fn reads(console: &mut Reading<'_, '_>) -> Result<Text<32>, ConsoleError> {
+    let mut line = [0; 32];
+    let count = console.read(&mut line)?;
+    let mut text = Text::new();
+    text.push(line.get(..count).unwrap_or_default());
+    Ok(text)
+}

@@ -1,0 +1,132 @@
+//! [`Viewer`]: the host's end of a terminal, and who sits there.
+
+use core::cell::{Cell, RefCell};
+
+use condor_mbox::{Processor, Region};
+use condor_tty::layout::{input_data, reply};
+use condor_tty::{Reader, ReaderError, Vectors};
+
+use crate::memory::HAND;
+use crate::pair::{Mail, PATIENCE, Window};
+use crate::text::Text;
+
+/// What is fetched in one turn: less than a ring, so that writers do wait.
+const FETCHED: usize = 24;
+
+/// It looks at most at one terminal at a time.
+pub(crate) struct Viewer {
+    reader: Cell<Option<Reader<Window>>>,
+    vectors: Cell<Vectors>,
+    /// What has been shown since the last look.
+    shown: RefCell<Text<256>>,
+    pub(crate) skipped: Cell<u32>,
+    /// What is yet to be typed.
+    pub(crate) typing: Cell<&'static [u8]>,
+    /// How often a character was refused.
+    pub(crate) refused: Cell<u32>,
+    /// What ended the view.
+    pub(crate) ended: Cell<Option<ReaderError>>,
+}
+
+impl Viewer {
+    pub(crate) const fn new() -> Self {
+        Self {
+            reader: Cell::new(None),
+            vectors: Cell::new(Vectors::DEFAULT),
+            shown: RefCell::new(Text::new()),
+            skipped: Cell::new(0),
+            typing: Cell::new(b""),
+            refused: Cell::new(0),
+            ended: Cell::new(None),
+        }
+    }
+
+    /// Looks at the terminal at `offset` from now on.
+    pub(crate) fn attach(
+        &self,
+        own: Region<Window>,
+        offset: u32,
+        me: Processor,
+        vectors: Vectors,
+    ) -> Result<(), ReaderError> {
+        self.vectors.set(vectors);
+        self.reader.set(Some(Reader::attach(own, offset, me)?));
+        Ok(())
+    }
+
+    /// Looks away; gives what looked.
+    pub(crate) fn take(&self) -> Option<Reader<Window>> {
+        self.reader.take()
+    }
+
+    /// One turn of the host: serves, shows, and types.
+    pub(crate) fn turn(&self, host: &Mail<'_>) {
+        // Its own memory is there.
+        let _ = host.service(PATIENCE);
+        let Some(mut reader) = self.reader.take() else {
+            return;
+        };
+        match self.show(host, &mut reader) {
+            Ok(()) => {
+                self.type_one(host, &reader);
+                self.reader.set(Some(reader));
+            }
+            Err(error) => self.ended.set(Some(error)),
+        }
+    }
+
+    fn show(&self, host: &Mail<'_>, reader: &mut Reader<Window>) -> Result<(), ReaderError> {
+        if reader.status()?.stopped {
+            return Ok(());
+        }
+        let mut bytes = [0; FETCHED];
+        let fetched = reader.fetch(&mut bytes)?;
+        if let Ok(mut shown) = self.shown.try_borrow_mut() {
+            shown.push(bytes.get(..fetched.len).unwrap_or_default());
+        }
+        self.skipped
+            .set(self.skipped.get().wrapping_add(fetched.skipped));
+        if reader.acknowledge(fetched.len)? && fetched.len > 0 {
+            // Who waits looks by itself, too.
+            let _ = host.try_send(HAND, self.vectors.get().room, reader.offset());
+        }
+        Ok(())
+    }
+
+    fn type_one(&self, host: &Mail<'_>, reader: &Reader<Window>) {
+        let Some((character, rest)) = self.typing.get().split_first() else {
+            return;
+        };
+        if reader.status().is_ok_and(|status| status.full) {
+            return;
+        }
+        let input = input_data(reader.offset(), *character);
+        match host.send_with_reply(HAND, self.vectors.get().input, input, PATIENCE) {
+            Ok(reply::ACCEPTED) => self.typing.set(rest),
+            Ok(reply::FULL) => self.refused.set(self.refused.get().wrapping_add(1)),
+            // Nobody is there to type to.
+            _ => self.typing.set(b""),
+        }
+    }
+
+    /// Types all of `text`, and looks at what is shown meanwhile.
+    pub(crate) fn type_all(&self, host: &Mail<'_>, text: &'static [u8]) {
+        self.typing.set(text);
+        for _ in 0..4 * text.len() {
+            self.turn(host);
+        }
+    }
+
+    /// What has been shown since the last look, and what is there to be shown.
+    pub(crate) fn look(&self, host: &Mail<'_>) -> Text<256> {
+        for _ in 0..8 {
+            self.turn(host);
+        }
+        let mut seen = Text::new();
+        if let Ok(mut shown) = self.shown.try_borrow_mut() {
+            seen.push(shown.bytes());
+            shown.clear();
+        }
+        seen
+    }
+}
