@@ -2,17 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+use rustix::fs::FsWord;
 use tempfile::TempDir;
 
 use crate::Result;
 
 /// `TMPFS_MAGIC` and `RAMFS_MAGIC` of Linux: file systems without a page cache of their own.
-const IN_MEMORY: [i64; 2] = [0x0102_1994, 0x8584_58f6];
+const IN_MEMORY: [FsWord; 2] = [0x0102_1994, 0x8584_58f6];
 
 /// A directory that is removed when this is dropped.
 pub(super) struct Place {
     directory: TempDir,
-    magic: i64,
+    magic: FsWord,
 }
 
 impl Place {
@@ -22,7 +23,7 @@ impl Place {
     /// There is none on a disk.
     pub(super) fn new() -> Result<Self> {
         for parent in [std::env::temp_dir(), PathBuf::from("/var/tmp")] {
-            let magic = i64::try_from(rustix::fs::statfs(&parent)?.f_type)?;
+            let magic = rustix::fs::statfs(&parent)?.f_type;
             if !IN_MEMORY.contains(&magic) {
                 let directory = tempfile::Builder::new()
                     .prefix("condor-bench-")

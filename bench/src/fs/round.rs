@@ -36,7 +36,7 @@ pub(super) struct Plan {
 }
 
 /// A round that takes longer has gone wrong.
-const ROUND_LIMIT: Duration = Duration::from_secs(120);
+const ROUND_LIMIT: Duration = Duration::from_secs(100);
 
 /// The largest transfer.
 const MOST: usize = SIZES[SIZES.len() - 1];

@@ -125,11 +125,13 @@ impl Client for Native<'_> {
     }
 
     fn fill(&mut self, bytes: &[u8]) -> Result<bool> {
-        fill(&mut self.data, bytes)
+        self.data[..bytes.len()].copy_from_slice(bytes);
+        Ok(true)
     }
 
     fn held(&self, into: &mut [u8]) -> Result<()> {
-        held(&self.data, into)
+        into.copy_from_slice(&self.data[..into.len()]);
+        Ok(())
     }
 }
 
@@ -216,11 +218,13 @@ where
     }
 
     fn fill(&mut self, bytes: &[u8]) -> Result<bool> {
-        fill(&mut self.data, bytes)
+        self.data[..bytes.len()].copy_from_slice(bytes);
+        Ok(true)
     }
 
     fn held(&self, into: &mut [u8]) -> Result<()> {
-        held(&self.data, into)
+        into.copy_from_slice(&self.data[..into.len()]);
+        Ok(())
     }
 }
 
@@ -236,11 +240,13 @@ impl Client for Socket<'_> {
     }
 
     fn fill(&mut self, bytes: &[u8]) -> Result<bool> {
-        fill(&mut self.data, bytes)
+        self.data[..bytes.len()].copy_from_slice(bytes);
+        Ok(true)
     }
 
     fn held(&self, into: &mut [u8]) -> Result<()> {
-        held(&self.data, into)
+        into.copy_from_slice(&self.data[..into.len()]);
+        Ok(())
     }
 }
 
@@ -259,20 +265,12 @@ impl Client for Chunked<'_> {
     }
 
     fn fill(&mut self, bytes: &[u8]) -> Result<bool> {
-        fill(&mut self.data, bytes)
+        self.data[..bytes.len()].copy_from_slice(bytes);
+        Ok(true)
     }
 
     fn held(&self, into: &mut [u8]) -> Result<()> {
-        held(&self.data, into)
+        into.copy_from_slice(&self.data[..into.len()]);
+        Ok(())
     }
-}
-
-fn fill(data: &mut [u8], bytes: &[u8]) -> Result<bool> {
-    data[..bytes.len()].copy_from_slice(bytes);
-    Ok(true)
-}
-
-fn held(data: &[u8], into: &mut [u8]) -> Result<()> {
-    into.copy_from_slice(&data[..into.len()]);
-    Ok(())
 }
