@@ -56,7 +56,7 @@ mod blocks {
     /// How many whole blocks can be copied, each of `bytes` for a word.
     fn count(words: &[AtomicU32], bytes: usize) -> usize {
         let count = words.len().min(bytes / 4) / WORDS;
-        let aligned = words.as_ptr().cast::<u128>().is_aligned();
+        let aligned = words.as_ptr().addr().is_multiple_of(16);
         if count > 0 && aligned && std::arch::is_x86_feature_detected!("avx") {
             count
         } else {
