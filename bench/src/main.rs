@@ -5,6 +5,7 @@
 mod allocations;
 mod clock;
 mod dev;
+mod fs;
 mod hand;
 mod machine;
 mod mbox;
@@ -14,6 +15,7 @@ mod mos_instructions;
 mod options;
 mod process;
 mod shuffle;
+mod tty;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -38,6 +40,11 @@ const COMMANDS: &[Command] = &[
         run: dev::run,
     },
     Command {
+        name: "fs",
+        about: "reads and writes of condor-fs beside native ones, a socket protocol and chunks",
+        run: fs::run,
+    },
+    Command {
         name: "hand",
         about: "laws of condor-hand beside k, dynibo, nalgebra's decompositions and Pinocchio",
         run: hand::run,
@@ -56,6 +63,11 @@ const COMMANDS: &[Command] = &[
         name: "mos",
         about: "servo loops of condor-mos beside FIFO threads, sleeps, tokio and embassy",
         run: mos::run,
+    },
+    Command {
+        name: "tty",
+        about: "blocks of condor-tty into memory beside memcpy, and into a pty beside write(2)",
+        run: tty::run,
     },
 ];
 

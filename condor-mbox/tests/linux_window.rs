@@ -192,3 +192,27 @@ fn what_cannot_be_mapped_is_refused() {
     let error = LinuxWindow::uio(u32::MAX, 0, Access::ReadOnly).expect_err("no such device");
     assert!(matches!(error, MapError::System { .. }), "{error}");
 }
+
+#[test]
+fn long_copies_are_copies_of_all_words() {
+    let window = window_of(4096, Access::ReadWrite);
+    for (offset, len) in [(0, 4096), (4, 1027), (60, 130), (12, 64), (8, 3)] {
+        for at in (0..4096).step_by(4) {
+            window.store(at, u32::MAX, StoreOrder::Relaxed).unwrap();
+        }
+        let from: Vec<u8> = (0..len).map(|at| (at * 7 % 251) as u8).collect();
+        window.write(offset, &from).unwrap();
+        let (start, end) = (offset as usize, offset as usize + from.len());
+        let found: Vec<u8> = (0..4096)
+            .step_by(4)
+            .flat_map(|at| window.load(at, LoadOrder::Relaxed).unwrap().to_le_bytes())
+            .collect();
+        assert_eq!(found[start..end], from, "{len} bytes at {offset}");
+        let mut others = found[..start].iter().chain(&found[end..]);
+        assert!(others.all(|byte| *byte == 0xff), "{len} bytes at {offset}");
+
+        let mut into = vec![0; from.len()];
+        window.read(offset, &mut into).unwrap();
+        assert_eq!(into, from, "{len} bytes at {offset}");
+    }
+}

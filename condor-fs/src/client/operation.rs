@@ -1,9 +1,10 @@
 //! One operation: through the slot, over as many lives of the server as it takes.
 
 use core::cell::Cell;
+use core::sync::atomic::{Ordering, fence};
 use core::time::Duration;
 
-use condor_mbox::{Error as MailError, Instant, MemoryWindow, Message, Place};
+use condor_mbox::{Error as MailError, Instant, MemoryWindow, Message};
 
 use super::{Error, FileSystem, State, Station};
 use crate::errno::Errno;
@@ -109,10 +110,12 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S,
         self.own.set_word(at.wrapping_add(12), request.sequence)?;
         self.own
             .set_word(at.wrapping_add(slot::STATE), state::NONE)?;
-        let words = request.to_words();
-        for (word, offset) in words.iter().zip((at..).step_by(4)).skip(1) {
-            self.own.set_word(offset, *word)?;
-        }
+        // Pairs with the fence in the server's `read_request`: who finds a word of this request there
+        // finds afterwards that the magic was taken away, or the new sequence.
+        fence(Ordering::Release);
+        let words = request.to_words().map(u32::to_le_bytes);
+        let behind_magic = words.as_flattened().get(4..).unwrap_or_default();
+        self.own.write(at.wrapping_add(4), behind_magic)?;
         self.own.set_word(at, slot::MAGIC)?;
         Ok(())
     }
@@ -210,13 +213,8 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S,
     }
 
     fn words<const K: usize>(&self, offset: u32) -> Result<[u32; K], Error> {
-        let words: [[u8; 4]; K] = {
-            let mut words = [[0; 4]; K];
-            for (word, at) in words.iter_mut().zip((offset..).step_by(4)) {
-                *word = self.own.get(Place::at(at))?;
-            }
-            words
-        };
+        let mut words = [[0; 4]; K];
+        self.own.read(offset, words.as_flattened_mut())?;
         Ok(words.map(u32::from_le_bytes))
     }
 

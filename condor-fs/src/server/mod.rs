@@ -19,11 +19,13 @@ pub use options::Options;
 pub use steps::{Step, Steps};
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering, fence};
 use std::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxWindow};
-use condor_mbox::{Call, Mailbox, Processor, Region, SingleContext, Windows};
+use condor_mbox::{
+    Call, LoadOrder, Mailbox, MemoryWindow, Processor, Region, SingleContext, Windows,
+};
 
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, slot};
@@ -229,12 +231,19 @@ fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno
     if !at.is_multiple_of(64) || at.checked_add(slot::BYTES).is_none() {
         return Err(Errno::FAULT);
     }
+    // The line of the state is on its way while the request is being read.
+    region
+        .load(at + slot::STATE, LoadOrder::Relaxed)
+        .map_err(fault)?;
     // Acquire: the client's Release store of the magic comes after the rest.
     if region.word(at).map_err(fault)? != slot::MAGIC {
         return Err(Errno::FAULT);
     }
-    let words = log::words(region, at)?;
-    let request = Request::from_words(&words).ok_or(Errno::FAULT)?;
+    let mut words = [[0; 4]; slot::REQUEST_WORDS];
+    region.read(at, words.as_flattened_mut()).map_err(fault)?;
+    // Pairs with the fence in the client's `write`: what is read below is no older than these words.
+    fence(Ordering::Acquire);
+    let request = Request::from_words(&words.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
     // A client that changed it meanwhile first took away the magic, then changed the sequence.
     let (magic, sequence) = (
         region.word(at).map_err(fault)?,

@@ -76,6 +76,7 @@
 //! allocate or block and may be called from a signal handler.
 
 mod claim;
+mod copy;
 mod directory;
 mod doorbell;
 mod error;

@@ -12,6 +12,7 @@ use rustix::fs::FileType;
 use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags};
 
+use super::copy;
 use super::fault::{self, GuardError, Guarded};
 use crate::window::{
     CompareExchange, LoadOrder, LoadStep, MemoryWindow, StoreOrder, StoreStep, WindowError,
@@ -329,6 +330,16 @@ impl LinuxWindow {
         })
     }
 
+    /// So many words from `offset` on; as [`words`](Self::words).
+    fn run(&self, offset: u32, count: usize) -> Result<&[AtomicU32], LinuxWindowError> {
+        self.check(offset, 4 * count)?;
+        // SAFETY: inside the mapping and aligned, as `check` found; else as in `words`.
+        Ok(unsafe {
+            let first = self.base.byte_add(offset as usize).cast::<AtomicU32>();
+            core::slice::from_raw_parts(first.as_ptr(), count)
+        })
+    }
+
     #[cold]
     fn refused(&self, kind: WindowErrorKind, offset: u32, len: usize) -> LinuxWindowError {
         LinuxWindowError {
@@ -424,11 +435,12 @@ impl MemoryWindow for LinuxWindow {
         if len == 0 {
             return Ok(());
         }
-        let mut at = offset;
-        for bytes in into.chunks_mut(4) {
-            let word = u32::from_le(self.word(at)?.load(Ordering::Relaxed)).to_le_bytes();
-            bytes.copy_from_slice(&word[..bytes.len()]);
-            at = at.wrapping_add(4);
+        let (whole, rest) = into.split_at_mut(len / 4 * 4);
+        copy::read(self.run(offset, whole.len() / 4)?, whole);
+        if !rest.is_empty() {
+            let last = self.word(offset.wrapping_add(whole.len() as u32))?;
+            let value = u32::from_le(last.load(Ordering::Relaxed)).to_le_bytes();
+            rest.copy_from_slice(&value[..rest.len()]);
         }
         // Orders the loads above before the flag.
         fence(Ordering::Acquire);
@@ -442,16 +454,13 @@ impl MemoryWindow for LinuxWindow {
             return Ok(());
         }
         self.check_store(offset, len)?;
-        let mut at = offset;
-        for bytes in from.chunks(4) {
-            let word = self.word(at)?;
-            let mut value = [0; 4];
-            if bytes.len() < 4 {
-                value = u32::from_le(word.load(Ordering::Relaxed)).to_le_bytes();
-            }
-            value[..bytes.len()].copy_from_slice(bytes);
-            word.store(u32::from_le_bytes(value).to_le(), Ordering::Relaxed);
-            at = at.wrapping_add(4);
+        let (whole, rest) = from.split_at(len / 4 * 4);
+        copy::write(self.run(offset, whole.len() / 4)?, whole);
+        if !rest.is_empty() {
+            let last = self.word(offset.wrapping_add(whole.len() as u32))?;
+            let mut value = u32::from_le(last.load(Ordering::Relaxed)).to_le_bytes();
+            value[..rest.len()].copy_from_slice(rest);
+            last.store(u32::from_le_bytes(value).to_le(), Ordering::Relaxed);
         }
         self.check_lost(offset, len)
     }

@@ -1,0 +1,51 @@
+//! [`Place`]: a directory on a disk's file system.
+
+use std::path::{Path, PathBuf};
+
+use rustix::fs::FsWord;
+use tempfile::TempDir;
+
+use crate::Result;
+
+/// `TMPFS_MAGIC` and `RAMFS_MAGIC` of Linux: file systems without a page cache of their own.
+const IN_MEMORY: [FsWord; 2] = [0x0102_1994, 0x8584_58f6];
+
+/// A directory that is removed when this is dropped.
+pub(super) struct Place {
+    directory: TempDir,
+    magic: FsWord,
+}
+
+impl Place {
+    /// In the temporary directory, or in another one if that is in memory.
+    ///
+    /// # Errors
+    /// There is none on a disk.
+    pub(super) fn new() -> Result<Self> {
+        for parent in [std::env::temp_dir(), PathBuf::from("/var/tmp")] {
+            let magic = rustix::fs::statfs(&parent)?.f_type;
+            if !IN_MEMORY.contains(&magic) {
+                let directory = tempfile::Builder::new()
+                    .prefix("condor-bench-")
+                    .tempdir_in(parent)?;
+                return Ok(Self { directory, magic });
+            }
+        }
+        Err("no temporary directory is on a disk: set TMPDIR".into())
+    }
+
+    /// Its path.
+    pub(super) fn directory(&self) -> &Path {
+        self.directory.path()
+    }
+
+    /// What it is on.
+    pub(super) fn file_system(&self) -> String {
+        match self.magic {
+            0xef53 => "ext4".to_owned(),
+            0x5846_5342 => "xfs".to_owned(),
+            0x9123_683e => "btrfs".to_owned(),
+            other => format!("file system {other:#x}"),
+        }
+    }
+}

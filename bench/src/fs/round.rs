@@ -1,0 +1,262 @@
+//! A round: a fresh file, one client, one server, and every way in short turns.
+
+use std::cell::RefCell;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::unix::fs::FileExt;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::time::Duration;
+
+use condor_fs::{Area, Buffer, FileSystem, OpenOptions, Station, wire};
+use condor_mbox::linux::{LinuxWindow, System};
+use condor_mbox::{Call, Places, Processor, Region, SingleContext, Waiting};
+use embedded_io::SeekFrom;
+
+use super::chunks::CHUNK;
+use super::serving::{self, Mail, N, NAME, SERVER, SLEEPER, SPINNER, Shared, TIMEOUT, Turn};
+use super::turns::{Figures, Turns, cells};
+use super::ways::{
+    Chunked, Client, Copying, Lender, Lending, Native, Operation, RoundTrip, Socket, Way,
+};
+use super::{SIZES, socket};
+use crate::Result;
+use crate::process::{Child, CorePair, pin, wait_for_all};
+use crate::shuffle::Shuffle;
+
+/// How long a round is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plan {
+    /// Turns of every way, operation and size.
+    pub(super) turns: usize,
+    /// Nanoseconds of each.
+    pub(super) turn_ns: f64,
+    /// The client's and the server's core.
+    pub(super) cores: CorePair,
+}
+
+/// A round that takes longer has gone wrong.
+const ROUND_LIMIT: Duration = Duration::from_secs(100);
+
+/// The largest transfer.
+const MOST: usize = SIZES[SIZES.len() - 1];
+
+/// Users' bytes of a window: two buffers of the largest transfer, and the blocks.
+const WINDOW: u32 = 2 * MOST as u32 + 64 * 1024;
+
+/// Plays a round.
+///
+/// # Safety
+/// The calling process must have one thread only, since it is forked.
+pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Figures> {
+    let directory = place.join(number.to_string());
+    std::fs::create_dir(&directory)?;
+    let path = directory.join(NAME);
+    std::fs::write(&path, pattern())?;
+    let file = File::options().read(true).write(true).open(path)?;
+    let shared = Shared {
+        spinning: System::family(WINDOW)?,
+        sleeping: System::family(WINDOW)?,
+        block: laid_out()?.1,
+    };
+    let (order_end, server_orders) = UnixStream::pair()?;
+    let (request_end, server_requests) = UnixStream::pair()?;
+    let (mut results, client_results) = UnixStream::pair()?;
+    // SAFETY: one thread only, by this function's contract.
+    let server = unsafe {
+        Child::fork("server", || {
+            pin(plan.cores.second)?;
+            serving::serve(&shared, &directory, &server_orders, &server_requests)
+        })
+    }?;
+    // SAFETY: as above.
+    let client = unsafe {
+        Child::fork("client", || {
+            pin(plan.cores.first)?;
+            let figures = compete(&shared, &file, &order_end, &request_end, plan, number)?;
+            Ok((&client_results).write_all(&figures.bytes())?)
+        })
+    }?;
+    wait_for_all(&mut [client, server], ROUND_LIMIT)?;
+    drop(client_results);
+    let mut bytes = Vec::new();
+    results.read_to_end(&mut bytes)?;
+    std::fs::remove_dir_all(&directory)?;
+    Ok(Figures::from_bytes(&bytes))
+}
+
+/// What the file holds, from its beginning on.
+fn pattern() -> Vec<u8> {
+    (0..MOST as u32)
+        .map(|at| (at.wrapping_mul(0x9e37_79b1) >> 24) as u8)
+        .collect()
+}
+
+/// The places of a client, and those of its chunks and of its buffer.
+fn laid_out() -> Result<(Area<1>, u32, Places)> {
+    let mut places = Places::new(WINDOW);
+    let area = Area::<1>::new(&mut places, 64, MOST as u32)?;
+    let block = places.bytes(CHUNK)?;
+    Ok((area, block, places))
+}
+
+/// A client's mailbox, which spins, and its own region.
+fn join<'v>(
+    system: &System<N>,
+    number: Processor,
+    handler: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
+) -> Result<(Mail<'v>, Region<LinuxWindow>)> {
+    let (windows, doorbell) = system.claim(number)?.into_parts();
+    let own = Region::users(windows[number.index()].data.clone())?;
+    let mut mailbox = Mail::new(number, windows, doorbell, SingleContext::new())?;
+    mailbox.set_waiting(Waiting::Spin);
+    mailbox.set_vector(wire::OPEN_FILES, handler, "open files")?;
+    mailbox.join()?;
+    Ok((mailbox, own))
+}
+
+impl<S: Station> Lender for condor_fs::File<'_, '_, S, LinuxWindow, 1> {
+    fn lend(
+        &mut self,
+        operation: Operation,
+        buffer: Buffer<LinuxWindow>,
+        len: u32,
+    ) -> Result<(usize, Buffer<LinuxWindow>)> {
+        self.seek(SeekFrom::Start(0))?;
+        let lent = match operation {
+            Operation::Read => self.read_buffer(buffer, len),
+            Operation::Write => self.write_buffer(buffer, len),
+        };
+        lent.map_err(|kept| kept.error.to_string().into())
+    }
+}
+
+/// The client's process: gives every way its turns, in an order that changes.
+fn compete(
+    shared: &Shared,
+    file: &File,
+    orders: &UnixStream,
+    requests: &UnixStream,
+    plan: &Plan,
+    seed: u64,
+) -> Result<Figures> {
+    let (area, block, mut places) = laid_out()?;
+    let handler = area.handler();
+    let (spinner, own) = join(&shared.spinning, SPINNER, &handler)?;
+    let (sleeper, others) = join(&shared.sleeping, SLEEPER, &handler)?;
+    let options = OpenOptions::new().read().write();
+    let buffer = Buffer::new(&own, &mut places.clone(), MOST as u32)?;
+    let slept_buffer = Buffer::new(&others, &mut places, MOST as u32)?;
+
+    Turn::Spinning.begin(orders)?;
+    let files = FileSystem::connect(&spinner, SERVER, own.clone(), area, TIMEOUT)?;
+    let ours = RefCell::new(files.open(NAME, options)?);
+    serving::end(&spinner)?;
+    Turn::Sleeping.begin(orders)?;
+    let slept = FileSystem::connect(&sleeper, SERVER, others, area, TIMEOUT)?;
+    let ours_sleeping = RefCell::new(slept.open(NAME, options)?);
+    serving::end(&sleeper)?;
+
+    let data = || vec![0; MOST];
+    let native = || Native { file, data: data() };
+    let mut ways: [(Way, Option<Turn>, Box<dyn Client + '_>); Way::ALL.len()] = [
+        (Way::Native, None, Box::new(native())),
+        (Way::Control, None, Box::new(native())),
+        (
+            Way::RoundTrip,
+            Some(Turn::Spinning),
+            Box::new(RoundTrip { mailbox: &spinner }),
+        ),
+        (
+            Way::Ours,
+            Some(Turn::Spinning),
+            Box::new(Lending {
+                file: &ours,
+                buffer: Some(buffer),
+            }),
+        ),
+        (
+            Way::OursSleeping,
+            Some(Turn::Sleeping),
+            Box::new(Lending {
+                file: &ours_sleeping,
+                buffer: Some(slept_buffer),
+            }),
+        ),
+        (
+            Way::OursCopied,
+            Some(Turn::Spinning),
+            Box::new(Copying {
+                file: &ours,
+                data: data(),
+            }),
+        ),
+        (
+            Way::Socket,
+            Some(Turn::Socket),
+            Box::new(Socket {
+                stream: requests,
+                data: data(),
+            }),
+        ),
+        (
+            Way::Chunked,
+            Some(Turn::Spinning),
+            Box::new(Chunked {
+                mailbox: &spinner,
+                own: &own,
+                block,
+                data: data(),
+            }),
+        ),
+    ];
+    let mut turns = Turns::of(plan.turn_ns);
+    let mut order = Shuffle(seed);
+    let mut cells: Vec<_> = cells().collect();
+    for _ in 0..plan.turns {
+        order.shuffle(&mut cells);
+        for (operation, size) in &cells {
+            order.shuffle(&mut ways);
+            for (way, turn, client) in &mut ways {
+                if let Some(turn) = turn {
+                    turn.begin(orders)?;
+                }
+                check(&mut **client, file, *size)
+                    .map_err(|error| format!("{}: {error}", way.name()))?;
+                turns.take((*way, *operation, *size), || client.call(*operation, *size))?;
+                match turn {
+                    None | Some(Turn::Quit) => {}
+                    Some(Turn::Spinning) => serving::end(&spinner)?,
+                    Some(Turn::Sleeping) => serving::end(&sleeper)?,
+                    Some(Turn::Socket) => socket::end(requests)?,
+                }
+            }
+        }
+    }
+    Turn::Quit.begin(orders)?;
+    Ok(turns.figures())
+}
+
+/// That reads and writes arrive; leaves the file, and what the client holds, as the file was.
+fn check(client: &mut dyn Client, file: &File, size: usize) -> Result<()> {
+    let pattern = &pattern()[..size];
+    let other: Vec<u8> = pattern.iter().map(|byte| !byte).collect();
+    let mut found = vec![0; size];
+    for written in [&other[..], pattern] {
+        if !client.fill(written)? {
+            return Ok(());
+        }
+        client.call(Operation::Write, size)?;
+        file.read_exact_at(&mut found, 0)?;
+        if found != written {
+            return Err("a write did not arrive".into());
+        }
+        client.fill(&vec![0; size])?;
+        client.call(Operation::Read, size)?;
+        client.held(&mut found)?;
+        if found != written {
+            return Err("a read did not arrive".into());
+        }
+    }
+    Ok(())
+}

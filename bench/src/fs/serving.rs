@@ -1,0 +1,140 @@
+//! The server's process, and the mailboxes of both.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use condor_fs::server::{Options, Server};
+use condor_fs::wire;
+use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
+use condor_mbox::{Call, Mailbox, Processor, SingleContext, Vector, Waiting, Windows};
+use rustix::fd::OwnedFd;
+
+use super::{chunks, socket};
+use crate::Result;
+
+/// The server, and a client in each of two systems: one file server tells them apart by number.
+pub(super) const N: usize = 3;
+/// The number of the server.
+pub(super) const SERVER: Processor = Processor(0);
+/// The client whose server spins.
+pub(super) const SPINNER: Processor = Processor(1);
+/// The client whose server sleeps.
+pub(super) const SLEEPER: Processor = Processor(2);
+
+/// Gives back what came.
+pub(super) const ECHO: Vector = Vector(1);
+/// Ends the server's turn.
+const END: Vector = Vector(2);
+
+/// Deadline of everything.
+pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
+
+/// The name of the file, in its directory.
+pub(super) const NAME: &str = "file";
+
+/// A mailbox.
+pub(super) type Mail<'v> = Mailbox<'v, LinuxWindow, LinuxDoorbell<N>, SingleContext, N>;
+
+/// What both processes have from the beginning.
+pub(super) struct Shared {
+    pub(super) spinning: System<N>,
+    pub(super) sleeping: System<N>,
+    /// Where chunks lie in the spinner's region.
+    pub(super) block: u32,
+}
+
+/// Which of its ends the server serves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// The mailbox that spins.
+    Spinning = 1,
+    /// The one that sleeps.
+    Sleeping,
+    /// The socket.
+    Socket,
+    /// None ever again.
+    Quit,
+}
+
+impl Turn {
+    /// Asks the server for it; the server is there when this returns.
+    pub(super) fn begin(self, mut orders: &UnixStream) -> Result<()> {
+        orders.write_all(&[self as u8])?;
+        let mut ready = [0];
+        Ok(orders.read_exact(&mut ready)?)
+    }
+}
+
+/// Ends the turn of a mailbox.
+pub(super) fn end(mailbox: &Mail<'_>) -> Result<()> {
+    Ok(mailbox.send_with_reply(SERVER, END, 0, TIMEOUT).map(drop)?)
+}
+
+/// The server's process: serves what it is asked for, until the last.
+pub(super) fn serve(
+    shared: &Shared,
+    directory: &Path,
+    mut orders: &UnixStream,
+    requests: &UnixStream,
+) -> Result<()> {
+    let server = Server::new(directory, Options::default())?;
+    let path = directory.join(NAME);
+    let file: OwnedFd = File::options().read(true).write(true).open(path)?.into();
+    let ended = AtomicBool::new(false);
+    let end = |_: &Call<'_>| {
+        // Read by this thread alone.
+        ended.store(true, Ordering::Relaxed);
+        0
+    };
+    let echo = |call: &Call<'_>| call.data();
+
+    let claim = shared.spinning.claim(SERVER)?;
+    let windows: [Windows<LinuxWindow>; N] = claim.windows().clone();
+    let files = |call: &Call<'_>| server.answer(call, &windows);
+    let chunks = |call: &Call<'_>| {
+        let window = &windows[SPINNER.index()].data;
+        chunks::answer(call, window, &file, shared.block)
+    };
+    let (its_windows, doorbell) = claim.into_parts();
+    let mut spinning = Mail::new(SERVER, its_windows, doorbell, SingleContext::new())?;
+    spinning.set_waiting(Waiting::Spin);
+    spinning.set_vector(wire::FILES, &files, "files")?;
+    spinning.set_vector(ECHO, &echo, "echo")?;
+    spinning.set_vector(END, &end, "end")?;
+    for vector in chunks::VECTORS {
+        spinning.set_vector(vector, &chunks, "chunk")?;
+    }
+    spinning.join()?;
+
+    let claim = shared.sleeping.claim(SERVER)?;
+    let slept: [Windows<LinuxWindow>; N] = claim.windows().clone();
+    let files = |call: &Call<'_>| server.answer(call, &slept);
+    let (its_windows, doorbell) = claim.into_parts();
+    let mut sleeping = Mail::new(SERVER, its_windows, doorbell, SingleContext::new())?;
+    sleeping.set_waiting(Waiting::Sleep);
+    sleeping.set_vector(wire::FILES, &files, "files")?;
+    sleeping.set_vector(END, &end, "end")?;
+    sleeping.join()?;
+
+    let mut order = [0];
+    loop {
+        orders.read_exact(&mut order)?;
+        orders.write_all(&order)?;
+        let mailbox = match order[0] {
+            it if it == Turn::Spinning as u8 => &spinning,
+            it if it == Turn::Sleeping as u8 => &sleeping,
+            it if it == Turn::Socket as u8 => {
+                socket::serve(requests, &file)?;
+                continue;
+            }
+            _ => return Ok(()),
+        };
+        while !ended.swap(false, Ordering::Relaxed) {
+            mailbox.serve(TIMEOUT)?;
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! [`Station`]: a terminal's processor and its host, both in this thread.
+
+use std::time::Duration;
+
+use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
+use condor_mbox::{Mailbox, Processor, Region, SingleContext};
+use condor_tty::linux::{Host, Sink};
+use condor_tty::{Policy, Settings, Terminal, Vectors};
+
+use crate::Result;
+
+const HOST: Processor = Processor(0);
+const HAND: Processor = Processor(1);
+
+/// Bytes of a ring.
+pub(super) const RING: u32 = 256 << 10;
+
+/// Whoever waits so long for the host has lost.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+type Mail = Mailbox<'static, LinuxWindow, LinuxDoorbell<2>, SingleContext, 2>;
+type Tty = Terminal<LinuxWindow, SingleContext, 64>;
+
+/// A processor with a terminal, and a host that has it.
+pub(super) struct Station<S> {
+    processor: Mail,
+    terminal: Tty,
+    mailbox: Mail,
+    pub(super) host: Host<LinuxWindow, S>,
+}
+
+impl<S: Sink> Station<S> {
+    /// A terminal whose output, as it is, goes to `sink`.
+    pub(super) fn new(sink: S) -> Result<Self> {
+        let system = System::<2>::family(RING + 4096)?;
+        let join = |number: Processor| -> Result<(Mail, Region<LinuxWindow>)> {
+            let (windows, doorbell) = system.claim(number)?.into_parts();
+            let ram = Region::users(windows[HAND.index()].data.clone())?;
+            let mut mailbox = Mail::new(number, windows, doorbell, SingleContext::new())?;
+            if number == HOST {
+                mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
+            }
+            mailbox.join()?;
+            Ok((mailbox, ram))
+        };
+        let (mailbox, seen) = join(HOST)?;
+        let (processor, ram) = join(HAND)?;
+        let mut places = ram.places();
+        let terminal = Tty::new(ram, &mut places, RING, SingleContext::new())?;
+        terminal.configure(&Settings::RAW)?;
+        terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
+        let host = Host::attach(seen, terminal.offset(), HAND, HOST, sink)?;
+        Ok(Self {
+            processor,
+            terminal,
+            mailbox,
+            host,
+        })
+    }
+
+    /// The processor writes a block: into the ring, and a message to the host.
+    #[inline]
+    pub(super) fn write(&self, block: &[u8]) -> Result<()> {
+        let written = self.terminal.poster(&self.processor).post(block)?;
+        if written == block.len() {
+            Ok(())
+        } else {
+            Err(format!("{written} bytes of {} were written", block.len()).into())
+        }
+    }
+
+    /// The host takes the message, and moves what it can; gives how many bytes.
+    #[inline]
+    pub(super) fn serve(&mut self) -> Result<usize> {
+        self.mailbox.serve(Duration::ZERO)?;
+        Ok(self.host.serve(&self.mailbox)?.output)
+    }
+}

@@ -1,0 +1,187 @@
+//! Long copies between words that peers may access and memory of the caller's own.
+//!
+//! To peers every copy is one relaxed access of each word. The compiler keeps relaxed accesses one
+//! by one, four bytes at a time, which is a fraction of what the processor can copy.
+//!
+//! On `x86_64` blocks are therefore copied by aligned moves of 16 bytes. On processors with AVX these
+//! are indivisible (Intel, *Software Developer's Manual*, volume 3A, "Guaranteed Atomic Operations";
+//! AMD, *Programmer's Manual*, volume 2, "Access Atomicity"). So each does to memory what relaxed
+//! accesses of its four words can do, and accesses of Rust's atomics keep one size.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+/// Copies words out; `into` has four bytes for each of them.
+pub(super) fn read(words: &[AtomicU32], into: &mut [u8]) {
+    let (head, words) = words.split_at(unaligned(words));
+    let (bytes, into) = into.split_at_mut(4 * head.len());
+    read_words(head, bytes);
+    let done = blocks::read(words, into);
+    read_words(&words[done..], &mut into[4 * done..]);
+}
+
+/// Copies words in; `from` has four bytes for each of them.
+pub(super) fn write(words: &[AtomicU32], from: &[u8]) {
+    let (head, words) = words.split_at(unaligned(words));
+    let (bytes, from) = from.split_at(4 * head.len());
+    write_words(head, bytes);
+    let done = blocks::write(words, from);
+    write_words(&words[done..], &from[4 * done..]);
+}
+
+/// How many words there are before the first that is aligned to 16 bytes.
+fn unaligned(words: &[AtomicU32]) -> usize {
+    words.as_ptr().align_offset(16).min(words.len())
+}
+
+fn read_words(words: &[AtomicU32], into: &mut [u8]) {
+    for (word, bytes) in words.iter().zip(into.as_chunks_mut::<4>().0) {
+        *bytes = word.load(Ordering::Relaxed).to_ne_bytes();
+    }
+}
+
+fn write_words(words: &[AtomicU32], from: &[u8]) {
+    for (word, bytes) in words.iter().zip(from.as_chunks::<4>().0) {
+        word.store(u32::from_ne_bytes(*bytes), Ordering::Relaxed);
+    }
+}
+
+#[cfg(all(target_arch = "x86_64", not(miri)))]
+mod blocks {
+    use core::arch::asm;
+    use core::sync::atomic::AtomicU32;
+
+    /// Words of a block.
+    const WORDS: usize = 16;
+
+    /// How many whole blocks can be copied, each of `bytes` for a word.
+    fn count(words: &[AtomicU32], bytes: usize) -> usize {
+        let count = words.len().min(bytes / 4) / WORDS;
+        let aligned = words.as_ptr().addr().is_multiple_of(16);
+        if count > 0 && aligned && std::arch::is_x86_feature_detected!("avx") {
+            count
+        } else {
+            0
+        }
+    }
+
+    /// Copies whole blocks out; gives how many words those are.
+    pub(super) fn read(words: &[AtomicU32], into: &mut [u8]) -> usize {
+        let count = count(words, into.len());
+        if count == 0 {
+            return 0;
+        }
+        // SAFETY: reads so many blocks of `words`, which may be read atomically, by indivisible
+        // aligned moves, and writes as many of `into`: `count` found that both have them. Memory that
+        // vanishes is the handler's of `fault`, after which a move is tried again.
+        unsafe {
+            asm!(
+                "2:",
+                "movdqa {a}, [{from}]",
+                "movdqa {b}, [{from} + 16]",
+                "movdqa {c}, [{from} + 32]",
+                "movdqa {d}, [{from} + 48]",
+                "movdqu [{to}], {a}",
+                "movdqu [{to} + 16], {b}",
+                "movdqu [{to} + 32], {c}",
+                "movdqu [{to} + 48], {d}",
+                "add {from}, 64",
+                "add {to}, 64",
+                "dec {count}",
+                "jnz 2b",
+                from = inout(reg) words.as_ptr() => _,
+                to = inout(reg) into.as_mut_ptr() => _,
+                count = inout(reg) count => _,
+                a = out(xmm_reg) _,
+                b = out(xmm_reg) _,
+                c = out(xmm_reg) _,
+                d = out(xmm_reg) _,
+                options(nostack)
+            );
+        }
+        count * WORDS
+    }
+
+    /// Copies whole blocks in; gives how many words those are.
+    pub(super) fn write(words: &[AtomicU32], from: &[u8]) -> usize {
+        let count = count(words, from.len());
+        if count == 0 {
+            return 0;
+        }
+        // SAFETY: as in `read`, the other way; the words are atomics, which may be written through a
+        // shared reference.
+        unsafe {
+            asm!(
+                "2:",
+                "movdqu {a}, [{from}]",
+                "movdqu {b}, [{from} + 16]",
+                "movdqu {c}, [{from} + 32]",
+                "movdqu {d}, [{from} + 48]",
+                "movdqa [{to}], {a}",
+                "movdqa [{to} + 16], {b}",
+                "movdqa [{to} + 32], {c}",
+                "movdqa [{to} + 48], {d}",
+                "add {from}, 64",
+                "add {to}, 64",
+                "dec {count}",
+                "jnz 2b",
+                from = inout(reg) from.as_ptr() => _,
+                to = inout(reg) words.as_ptr() => _,
+                count = inout(reg) count => _,
+                a = out(xmm_reg) _,
+                b = out(xmm_reg) _,
+                c = out(xmm_reg) _,
+                d = out(xmm_reg) _,
+                options(nostack)
+            );
+        }
+        count * WORDS
+    }
+}
+
+#[cfg(not(all(target_arch = "x86_64", not(miri))))]
+mod blocks {
+    use core::sync::atomic::AtomicU32;
+
+    pub(super) const fn read(_: &[AtomicU32], _: &mut [u8]) -> usize {
+        0
+    }
+
+    pub(super) const fn write(_: &[AtomicU32], _: &[u8]) -> usize {
+        0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Words around what is copied.
+    const MARGIN: usize = 5;
+
+    /// Copies of every length come whole, at every alignment of either side, and touch nothing else.
+    #[test]
+    fn every_word_is_copied_and_no_other() {
+        for count in (0..70).chain([128, 1000]) {
+            for (skip, unaligned) in [(0, 0), (1, 3), (2, 8), (3, 1)] {
+                let words: Vec<AtomicU32> = (0..count + 2 * MARGIN)
+                    .map(|_| AtomicU32::new(u32::MAX))
+                    .collect();
+                let from: Vec<u8> = (0..4 * count + unaligned).map(|at| at as u8).collect();
+                let (from, start) = (&from[unaligned..], MARGIN - skip);
+                write(&words[start..start + count], from);
+                let found: Vec<u8> = words
+                    .iter()
+                    .flat_map(|word| word.load(Ordering::Relaxed).to_ne_bytes())
+                    .collect();
+                let (before, rest) = found.split_at(4 * start);
+                let (inside, after) = rest.split_at(4 * count);
+                assert_eq!(inside, from, "{count} words, {skip}");
+                assert!(before.iter().chain(after).all(|byte| *byte == 0xff));
+
+                let mut into = vec![0; 4 * count + unaligned];
+                read(&words[start..start + count], &mut into[unaligned..]);
+                assert_eq!(&into[unaligned..], from, "{count} words, {skip}");
+            }
+        }
+    }
+}
