@@ -12,6 +12,8 @@ pub mod wire;
 mod client;
 mod errno;
 
+#[cfg(feature = "dev")]
+pub use client::dev;
 pub use client::{
     Area, Buffer, Directory, Entry, Error, File, FileSystem, Kept, Lent, OpenOptions, Station,
 };

@@ -27,6 +27,11 @@ impl OpenOptions {
         Self { flags: 0 }
     }
 
+    #[cfg(feature = "dev")]
+    pub(super) const fn flags(self) -> u32 {
+        self.flags
+    }
+
     const fn with(self, flags: u32) -> Self {
         Self {
             flags: self.flags | flags,
@@ -178,6 +183,14 @@ impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m
         let after = After::Closed { file: index };
         self.perform_next(&alone, &request, after, deadline)?;
         Ok(())
+    }
+}
+
+#[cfg(feature = "dev")]
+impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
+    /// What is open in a block.
+    pub(super) fn at(system: &'f FileSystem<'m, S, W, FILES>, index: usize) -> Self {
+        Self { system, index }
     }
 }
 

@@ -2,6 +2,8 @@
 
 mod area;
 mod buffer;
+#[cfg(feature = "dev")]
+pub mod dev;
 mod directory;
 mod error;
 mod file;

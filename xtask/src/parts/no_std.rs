@@ -15,7 +15,7 @@ const TARGETS: [&str; 4] = [
 /// The libraries that run without an operating system, with each set of features to build.
 const LIBRARIES: [(&str, &[&str]); 6] = [
     ("condor-dev", &["", "conformance,riscv"]),
-    ("condor-fs", &[""]),
+    ("condor-fs", &["", "dev"]),
     ("condor-hand", &["", "mbox,sim"]),
     ("condor-mbox", &["", "conformance,riscv"]),
     ("condor-mos", &["", "conformance,cortex-m,riscv"]),
