@@ -2,6 +2,7 @@
 
 mod area;
 mod buffer;
+mod buffered;
 #[cfg(feature = "dev")]
 pub mod dev;
 mod directory;
@@ -13,6 +14,7 @@ mod station;
 
 pub use area::Area;
 pub use buffer::{Buffer, Kept, Lent};
+pub use buffered::{FileReader, FileWriter, Unwritten};
 pub use directory::{Directory, Entry};
 pub use error::Error;
 pub use file::{File, OpenOptions};
