@@ -39,7 +39,7 @@ fn lock(disk: &Shared) -> MutexGuard<'_, Disk> {
 
 impl Disk {
     fn answer(&mut self, own: &Own, slot: u32) -> u32 {
-        let request = peer::request(own, slot);
+        let request = peer::request(own, slot).unwrap();
         // As every server: what is recorded is not done again.
         let done = own.word(slot + wire::slot::STATE).unwrap() == wire::state::DONE
             && own.word(slot + wire::slot::STATE_SEQUENCE).unwrap() == request.sequence;

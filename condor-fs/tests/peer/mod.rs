@@ -93,6 +93,10 @@ impl Pair {
         *self.answer.lock().unwrap_or_else(PoisonError::into_inner) = answer;
     }
 
+    pub(crate) fn own(&self) -> &Own {
+        &self.own
+    }
+
     pub(crate) fn connect(&self) -> Result<Fs, Error> {
         FileSystem::connect(self.client, HOST, self.own.clone(), self.area, TIMEOUT)
     }
@@ -103,10 +107,10 @@ impl Pair {
     }
 }
 
-/// Words of the request in a slot.
-pub(crate) fn request(own: &Own, slot: u32) -> wire::Request {
+/// The request in a slot, if there is one.
+pub(crate) fn request(own: &Own, slot: u32) -> Option<wire::Request> {
     let words = std::array::from_fn(|n| own.word(slot + 4 * n as u32).unwrap());
-    wire::Request::from_words(&words).unwrap()
+    wire::Request::from_words(&words)
 }
 
 /// Writes the result of `request` to its slot.
