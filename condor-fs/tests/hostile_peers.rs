@@ -7,7 +7,6 @@ mod peer;
 
 use condor_fs::wire::{self, Operation};
 use condor_fs::{Errno, Error};
-use condor_mbox::MemoryWindow;
 use hostile::{client, host};
 use proptest::collection::vec;
 use proptest::prelude::*;

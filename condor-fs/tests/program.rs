@@ -1,7 +1,6 @@
 //! The program `condor-fs-server`, with its options, and a client of another process.
 #![cfg(all(feature = "linux", target_os = "linux"))]
 
-#[allow(dead_code)]
 mod support;
 
 use std::os::unix::fs::PermissionsExt;

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 use condor_fs::wire::{self, slot, state};
-use condor_fs::{Buffer, Error, File, OpenOptions};
+use condor_fs::{Buffer, Errno, Error, File, OpenOptions};
 use condor_mbox::MemoryWindow;
 use condor_mbox::sim::{Mailbox, SimWindow};
 use embedded_io::{BufRead, Read, SeekFrom, Write};
@@ -132,7 +132,7 @@ impl Hostile {
         match self.byte() % 8 {
             0 => wire::REFUSED | u32::from(self.byte()),
             1 => u32::from_le_bytes(std::array::from_fn(|_| self.byte())),
-            2 => wire::REFUSED | 11,
+            2 => wire::REFUSED | u32::from(Errno::AGAIN.0),
             _ => wire::DONE,
         }
     }
