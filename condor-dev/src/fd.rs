@@ -29,6 +29,17 @@ pub struct Fd {
 }
 
 impl Fd {
+    /// A descriptor of a table of one's own, for an implementation of
+    /// [`Descriptors`](crate::Descriptors); to a [`Switch`](crate::Switch) it is what its place and
+    /// generation say.
+    #[must_use]
+    pub const fn new(number: u16, generation: u16) -> Self {
+        Self {
+            index: number,
+            generation,
+        }
+    }
+
     /// The small number: the place in the table.
     #[must_use]
     pub const fn number(self) -> u16 {

@@ -19,8 +19,9 @@ use crate::switch::{IoError, Switch};
 ///
 /// # For implementers
 /// [`Switch`] is the implementation; a program writes another one for descriptors of its own, or
-/// around a switch. No call waits, and none moves no bytes without an error unless the buffer is
-/// empty.
+/// around a switch, whose descriptors are made by [`Fd::new`]. No call waits for a device, and
+/// none moves no bytes without an error unless the buffer is empty: at the end of what has one,
+/// that is [`IoError::End`].
 pub trait Descriptors {
     /// The bus's error.
     type Error: BusError;
@@ -162,7 +163,8 @@ pub enum StreamError<E: fmt::Debug> {
     /// The device was not ready for as long as the stream [waits](Wait). Nothing was moved.
     #[error("the device was not ready in time")]
     TimedOut,
-    /// The switch, the device or the bus; never [`IoError::WouldBlock`].
+    /// The switch, the device or the bus; never [`IoError::WouldBlock`], nor [`IoError::End`] from
+    /// a read.
     #[error(transparent)]
     Io(#[from] IoError<E>),
 }
@@ -185,7 +187,7 @@ impl<E: BusError> embedded_io::Error for IoError<E> {
             | Self::Length { .. } => ErrorKind::InvalidInput,
             // What a look that is not followed by another one found.
             Self::WouldBlock => ErrorKind::TimedOut,
-            Self::Fd(FdError::InUse { .. }) | Self::Device(_) => ErrorKind::Other,
+            Self::Fd(FdError::InUse { .. }) | Self::End | Self::Device(_) => ErrorKind::Other,
             Self::Bus(error) => match error.kind() {
                 BusErrorKind::NoAnswer => ErrorKind::NotConnected,
                 BusErrorKind::Misaligned | BusErrorKind::OutOfRange => ErrorKind::InvalidInput,
@@ -264,7 +266,10 @@ impl<S: Descriptors + ?Sized, W: Wait> Read for Stream<'_, S, W> {
         if into.is_empty() {
             return Ok(0);
         }
-        self.moved(|switch, fd| switch.read(fd, into))
+        match self.moved(|switch, fd| switch.read(fd, into)) {
+            Err(StreamError::Io(IoError::End)) => Ok(0),
+            outcome => outcome,
+        }
     }
 }
 

@@ -94,6 +94,10 @@ pub enum IoError<E> {
     /// The device has nothing to read, or no room, at this moment.
     #[error("the device is not ready")]
     WouldBlock,
+    /// There is nothing more to read: the end of a file, say. Devices have none; a
+    /// [`Stream`](crate::Stream) reads 0 bytes.
+    #[error("there is no more to read")]
+    End,
     /// The device does not transfer this many bytes at a time.
     #[error("{bytes} bytes, where the device moves a multiple of {unit} at a time")]
     Length {

@@ -169,3 +169,47 @@ fn a_device_that_takes_nothing_is_not_ready() {
     assert_eq!(stream.write(&[]), Ok(0));
     assert!(stream.write_ready().unwrap());
 }
+
+/// A file of two bytes.
+struct File(Cell<usize>);
+
+impl Descriptors for File {
+    type Error = std::convert::Infallible;
+
+    fn read(&self, _: Fd, into: &mut [u8]) -> Result<usize, IoError<Self::Error>> {
+        let read = into.len().min(self.0.get());
+        self.0.set(self.0.get() - read);
+        if read == 0 {
+            return Err(IoError::End);
+        }
+        Ok(read)
+    }
+
+    fn write(&self, _: Fd, _: &[u8]) -> Result<usize, IoError<Self::Error>> {
+        Err(IoError::End)
+    }
+
+    fn read_ready(&self, _: Fd) -> Result<bool, IoError<Self::Error>> {
+        Ok(true)
+    }
+
+    fn write_ready(&self, _: Fd) -> Result<bool, IoError<Self::Error>> {
+        Ok(false)
+    }
+
+    fn is_flushed(&self, _: Fd) -> Result<bool, IoError<Self::Error>> {
+        Ok(true)
+    }
+}
+
+#[test]
+fn an_end_reads_as_no_bytes_and_is_not_waited_for() {
+    let file = File(Cell::new(2));
+    let never = |_| panic!("there is nothing to wait for");
+    let mut stream = Stream::new(&file, Fd::new(7, 1), never);
+    let mut bytes = [0; 4];
+    assert_eq!(stream.read(&mut bytes), Ok(2));
+    assert_eq!(stream.read(&mut bytes), Ok(0));
+    assert_eq!(stream.write(&bytes), Err(StreamError::Io(IoError::End)));
+    assert_eq!(stream.fd().number(), 7);
+}

@@ -12,8 +12,11 @@ pub mod wire;
 mod client;
 mod errno;
 
+#[cfg(feature = "dev")]
+pub use client::dev;
 pub use client::{
-    Area, Buffer, Directory, Entry, Error, File, FileSystem, Kept, Lent, OpenOptions, Station,
+    Area, Buffer, Directory, Entry, Error, File, FileReader, FileSystem, FileWriter, Kept, Lent,
+    OpenOptions, Station, Unwritten,
 };
 pub use errno::Errno;
 pub use wire::Status;

@@ -2,8 +2,13 @@
 
 #[path = "../../condor-dev/tests/hostile/mod.rs"]
 mod devices;
+#[path = "../../condor-fs/tests/hostile/mod.rs"]
+mod files;
 #[path = "../../condor-hand/tests/hostile/mod.rs"]
 mod hands;
+#[allow(dead_code)]
+#[path = "../../condor-fs/tests/peer/mod.rs"]
+mod peer;
 mod progress;
 #[path = "../../condor-mbox/tests/hostile/mod.rs"]
 mod scenario;
@@ -70,4 +75,20 @@ pub fn tty_host(bytes: &[u8]) {
         Some((_, rest)) => terminal_host::run(rest),
         None => {}
     }
+}
+
+/// A file server bears any client, which goes on writing while it works.
+///
+/// # Panics
+/// If something outside of the tree or of the client's window was read or written.
+pub fn fs_client(bytes: &[u8]) {
+    files::client::run(bytes);
+}
+
+/// A client of the file service bears any host.
+///
+/// # Panics
+/// If a call did not end, gave more than it was asked for, or wrote outside of its area.
+pub fn fs_host(bytes: &[u8]) {
+    files::host::run(bytes);
 }

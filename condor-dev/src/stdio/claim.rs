@@ -5,7 +5,19 @@ use core::ops::{Deref, DerefMut};
 use core::sync::atomic::{AtomicBool, Ordering};
 
 /// A value in a `static` that is claimed, used and given back; who comes meanwhile goes away.
-pub(super) struct Claim<T> {
+///
+/// ```
+/// use condor_dev::stdio::Claim;
+///
+/// static COUNT: Claim<u32> = Claim::new(1);
+///
+/// let mut first = COUNT.claim().unwrap();
+/// *first += 1;
+/// assert!(COUNT.claim().is_none());
+/// drop(first);
+/// assert_eq!(*COUNT.claim().unwrap(), 2);
+/// ```
+pub struct Claim<T> {
     claimed: AtomicBool,
     value: UnsafeCell<T>,
 }
@@ -14,7 +26,9 @@ pub(super) struct Claim<T> {
 unsafe impl<T: Send> Sync for Claim<T> {}
 
 impl<T> Claim<T> {
-    pub(super) const fn new(value: T) -> Self {
+    /// A value that nobody has.
+    #[must_use]
+    pub const fn new(value: T) -> Self {
         Self {
             claimed: AtomicBool::new(false),
             value: UnsafeCell::new(value),
@@ -22,7 +36,7 @@ impl<T> Claim<T> {
     }
 
     /// The value, unless somebody has it.
-    pub(super) fn claim(&self) -> Option<Claimed<'_, T>> {
+    pub fn claim(&self) -> Option<Claimed<'_, T>> {
         let free = critical_section::with(|_| {
             // Acquire: pairs with the Release store of `Claimed::drop`. In a critical section
             // nobody comes between load and store, on processors without compare-and-swap too.
@@ -38,7 +52,7 @@ impl<T> Claim<T> {
 }
 
 /// The claimed value; given back when dropped.
-pub(super) struct Claimed<'c, T> {
+pub struct Claimed<'c, T> {
     claim: &'c Claim<T>,
 }
 

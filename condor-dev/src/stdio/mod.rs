@@ -56,6 +56,7 @@ mod ring;
 mod standard;
 mod write;
 
+pub use claim::{Claim, Claimed};
 pub use input::{Input, InputError, StandardInput};
 pub use output::{Output, OutputError, StandardOutput};
 pub use read::{BufReader, End, LineError, ReadLine, Taken, UntilError};

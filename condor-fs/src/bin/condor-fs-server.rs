@@ -16,8 +16,14 @@ Serves DIRECTORY to the processors of a system of 32, as condor_mbox::linux::Sys
   --bytes N             bytes of data of each processor, as all its programs say
   --processor N         the server's own number (0)
   --read-only           nothing in the tree can be changed
+  --read-only-for N     the same for processor N only; may be given again
+  --refuse N            processor N is not served; may be given again
+  --file-mode OCTAL     permissions of new files, less the umask (666)
+  --directory-mode OCTAL  permissions of new directories, less the umask (777)
   --max-file-bytes N    no file can be made longer
-  --quota-bytes N       all files together cannot be made longer";
+  --quota-bytes N       all files together cannot be made longer
+
+It serves with the rights of its own user, until it is killed.";
 
 struct Arguments {
     system: String,
@@ -58,6 +64,12 @@ fn parse(mut words: impl Iterator<Item = String>) -> Option<Arguments> {
             "--bytes" => bytes = Some(words.next()?.parse().ok()?),
             "--processor" => processor = words.next()?.parse().ok()?,
             "--read-only" => options.read_only = true,
+            "--read-only-for" => {
+                options.read_only_for = options.read_only_for.with(number(words.next())?);
+            }
+            "--refuse" => options.refused = options.refused.with(number(words.next())?),
+            "--file-mode" => options.file_mode = mode(words.next())?,
+            "--directory-mode" => options.directory_mode = mode(words.next())?,
             "--max-file-bytes" => options.max_file_bytes = Some(words.next()?.parse().ok()?),
             "--quota-bytes" => options.quota_bytes = Some(words.next()?.parse().ok()?),
             _ if word.starts_with("--") || directory.is_some() => return None,
@@ -71,4 +83,14 @@ fn parse(mut words: impl Iterator<Item = String>) -> Option<Arguments> {
         directory: directory?,
         options,
     })
+}
+
+fn number(word: Option<String>) -> Option<Processor> {
+    word?.parse().ok().map(Processor)
+}
+
+/// Permissions alone, as `chmod` has them.
+fn mode(word: Option<String>) -> Option<u32> {
+    let mode = u32::from_str_radix(&word?, 8).ok()?;
+    (mode <= 0o777).then_some(mode)
 }

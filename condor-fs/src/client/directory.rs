@@ -9,6 +9,8 @@ use crate::wire::{Operation, Request, Span, open as flag, whole};
 
 /// Bytes of an entry before its name.
 const HEAD: u32 = 16;
+/// Entries that a directory has and that are left out: `.` and `..`.
+const LEFT_OUT: u32 = 2;
 
 /// An open directory.
 pub struct Directory<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
@@ -75,7 +77,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '_,
     /// [`Errno::NAMETOOLONG`] if `name` is too short, and the entry is passed over;
     /// [`Errno::INVAL`] if the buffer of the area is too short for a name; see [`Error`].
     pub fn next<'n>(&mut self, name: &'n mut [u8]) -> Result<Option<Entry<'n>>, Error> {
-        loop {
+        for _ in 0..=LEFT_OUT {
             if self.next >= self.filled && !self.fill()? {
                 return Ok(None);
             }
@@ -97,6 +99,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '_,
                 return Ok(name.get(..len as usize).map(|name| Entry { name, kind }));
             }
         }
+        Err(Errno::IO.into()) // A server could go on like this for ever.
     }
 
     /// Closes the directory, as [`File::close`](super::File::close).

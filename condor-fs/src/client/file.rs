@@ -27,6 +27,11 @@ impl OpenOptions {
         Self { flags: 0 }
     }
 
+    #[cfg(feature = "dev")]
+    pub(super) const fn flags(self) -> u32 {
+        self.flags
+    }
+
     const fn with(self, flags: u32) -> Self {
         Self {
             flags: self.flags | flags,
@@ -79,10 +84,13 @@ impl OpenOptions {
 /// the file in the window; [`read_buffer`](Self::read_buffer) and
 /// [`write_buffer`](Self::write_buffer) do not copy at all.
 ///
+/// Every call asks the server once. [`reader`](Self::reader) and [`writer`](Self::writer) make many
+/// small ones to few.
+///
 /// After [`Error::TimedOut`] the position is moved by what turns out to have been done: see
 /// [`FileSystem::settle`].
 pub struct File<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
-    system: &'f FileSystem<'m, S, W, FILES>,
+    pub(super) system: &'f FileSystem<'m, S, W, FILES>,
     index: usize,
 }
 
@@ -178,6 +186,14 @@ impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m
         let after = After::Closed { file: index };
         self.perform_next(&alone, &request, after, deadline)?;
         Ok(())
+    }
+}
+
+#[cfg(feature = "dev")]
+impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
+    /// What is open in a block.
+    pub(super) fn at(system: &'f FileSystem<'m, S, W, FILES>, index: usize) -> Self {
+        Self { system, index }
     }
 }
 
@@ -300,7 +316,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W
         file.system.close_block(file.index)
     }
 
-    fn writing(&self) -> Result<Operation, Error> {
+    pub(super) fn writing(&self) -> Result<Operation, Error> {
         let flags = self.system.file(self.index)?.get().flags;
         Ok(if flags & flag::APPEND == 0 {
             Operation::Write
@@ -310,7 +326,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W
     }
 
     /// As much of the file's buffer as `len` bytes need.
-    fn buffer(&self, len: usize) -> Span {
+    pub(super) fn buffer(&self, len: usize) -> Span {
         let most = self.system.area.buffer_bytes();
         Span {
             offset: self.system.area.buffer(self.index),
@@ -318,7 +334,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W
         }
     }
 
-    fn transfer(&self, operation: Operation, buffer: Span) -> Result<usize, Error> {
+    pub(super) fn transfer(&self, operation: Operation, buffer: Span) -> Result<usize, Error> {
         let system = self.system;
         let alone = system.enter()?;
         let deadline = system.clear()?;

@@ -2,6 +2,9 @@
 
 mod area;
 mod buffer;
+mod buffered;
+#[cfg(feature = "dev")]
+pub mod dev;
 mod directory;
 mod error;
 mod file;
@@ -11,6 +14,7 @@ mod station;
 
 pub use area::Area;
 pub use buffer::{Buffer, Kept, Lent};
+pub use buffered::{FileReader, FileWriter, Unwritten};
 pub use directory::{Directory, Entry};
 pub use error::Error;
 pub use file::{File, OpenOptions};

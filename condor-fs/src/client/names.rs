@@ -152,12 +152,12 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S,
         Ok(true)
     }
 
-    fn byte(&self, offset: u32) -> Result<u8, Error> {
+    pub(super) fn byte(&self, offset: u32) -> Result<u8, Error> {
         let word = self.own.load(offset & !3, LoadOrder::Relaxed)?;
         Ok((word >> (8 * (offset & 3))) as u8)
     }
 
-    fn put_byte(&self, offset: u32, byte: u8) -> Result<(), Error> {
+    pub(super) fn put_byte(&self, offset: u32, byte: u8) -> Result<(), Error> {
         let shift = 8 * (offset & 3);
         let word = self.own.load(offset & !3, LoadOrder::Relaxed)?;
         let word = word & !(0xff << shift) | u32::from(byte) << shift;

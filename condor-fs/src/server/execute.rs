@@ -50,8 +50,9 @@ impl<S: Steps> Server<S> {
         Ok(())
     }
 
-    pub(super) fn check_writable(&self) -> Result<(), Errno> {
-        if self.options.read_only {
+    pub(super) fn check_writable(&self, job: &Job<'_>) -> Result<(), Errno> {
+        let options = &self.options;
+        if options.read_only || options.read_only_for.contains(job.processor) {
             Err(Errno::ROFS)
         } else {
             Ok(())

@@ -15,7 +15,7 @@ mod transfer;
 mod tree;
 
 pub use error::ServerError;
-pub use options::Options;
+pub use options::{Options, Processors};
 pub use steps::{Step, Steps};
 
 use std::path::Path;
@@ -169,6 +169,9 @@ impl<S: Steps> Server<S> {
         slot: u32,
         ask: &dyn Fn() -> Option<u32>,
     ) -> u32 {
+        if self.options.refused.contains(processor) {
+            return refused(Errno::ACCES);
+        }
         let Ok(region) = Region::users(window) else {
             return refused(Errno::FAULT);
         };

@@ -33,7 +33,7 @@ impl<S: Steps> Server<S> {
         }
         let path = job.path(request.path)?;
         if has(flag::WRITE) {
-            self.check_writable()?;
+            self.check_writable(job)?;
         }
         if has(flag::CREATE | flag::TRUNCATE) {
             self.begin(job)?;
@@ -83,7 +83,7 @@ impl<S: Steps> Server<S> {
 
     pub(super) fn make_directory(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
         let path = job.path(job.request.path)?;
-        self.check_writable()?;
+        self.check_writable(job)?;
         self.begin(job)?;
         self.make_at_once(job, log, &path)
     }
@@ -139,7 +139,7 @@ impl<S: Steps> Server<S> {
     /// Unlink and remove directory.
     pub(super) fn remove(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
         let path = job.path(job.request.path)?;
-        self.check_writable()?;
+        self.check_writable(job)?;
         if job.operation == Operation::Unlink {
             self.table(job)?; // Before anything is begun: the client may have to be asked.
         }
@@ -216,7 +216,7 @@ impl<S: Steps> Server<S> {
             return Err(Errno::INVAL.into());
         }
         let (from, to) = (job.path(request.path)?, job.path(request.second_path)?);
-        self.check_writable()?;
+        self.check_writable(job)?;
         self.table(job)?;
         self.begin(job)?;
         let staged = log.staged()?;

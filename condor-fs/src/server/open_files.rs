@@ -138,7 +138,7 @@ impl<S: Steps> Server<S> {
                 .map_err(|_| Errno::STALE)?
         };
         if block.flags & flag::WRITE != 0 {
-            self.check_writable()?;
+            self.check_writable(job)?;
         }
         if about(&file, c"")?.0 != block.evidence {
             return Err(Errno::STALE.into());

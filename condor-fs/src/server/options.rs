@@ -1,12 +1,16 @@
 //! [`Options`] of a server.
 
-use condor_mbox::Waiting;
+use condor_mbox::{Processor, Waiting};
 
 /// What a server allows, and how it waits.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Nothing in the tree can be changed: `EROFS`.
     pub read_only: bool,
+    /// The same for some processors only.
+    pub read_only_for: Processors,
+    /// Processors that are not served at all: `EACCES`.
+    pub refused: Processors,
     /// The most bytes that a file may be written or truncated to: `EFBIG` beyond.
     pub max_file_bytes: Option<u64>,
     /// The most bytes that all files of the tree together may have, by their sizes: `EDQUOT` for what
@@ -25,11 +29,45 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             read_only: false,
+            read_only_for: Processors::NONE,
+            refused: Processors::NONE,
             max_file_bytes: None,
             quota_bytes: None,
             file_mode: 0o666,
             directory_mode: 0o777,
             waiting: Waiting::default(),
         }
+    }
+}
+
+/// A set of processors.
+///
+/// ```
+/// # #[cfg(target_os = "linux")] {
+/// use condor_fs::server::Processors;
+/// use condor_mbox::Processor;
+///
+/// const GUESTS: Processors = Processors::NONE.with(Processor(3)).with(Processor(200));
+/// assert!(GUESTS.contains(Processor(200)) && !GUESTS.contains(Processor(2)));
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Processors([u64; 4]);
+
+impl Processors {
+    /// No processor.
+    pub const NONE: Self = Self([0; 4]);
+
+    /// The same and one more.
+    #[must_use]
+    pub const fn with(mut self, processor: Processor) -> Self {
+        self.0[(processor.0 / 64) as usize] |= 1 << (processor.0 % 64);
+        self
+    }
+
+    /// Whether it has `processor`.
+    #[must_use]
+    pub const fn contains(self, processor: Processor) -> bool {
+        self.0[(processor.0 / 64) as usize] >> (processor.0 % 64) & 1 != 0
     }
 }

@@ -184,6 +184,17 @@ pub(crate) fn with_client<R>(
     number: Processor,
     program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
 ) -> R {
+    with_own_client(system, number, |files, own, places, mail| {
+        program(&files, own, places, mail)
+    })
+}
+
+/// The same, with the file system to keep.
+pub(crate) fn with_own_client<R>(
+    system: &System<N>,
+    number: Processor,
+    program: impl FnOnce(Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
+) -> R {
     let (windows, doorbell) = system.claim(number).unwrap().into_parts();
     let own = Region::users(windows[number.index()].data.clone()).unwrap();
     let mut places = own.places();
@@ -195,7 +206,7 @@ pub(crate) fn with_client<R>(
         .unwrap();
     mailbox.join().unwrap();
     let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT).unwrap();
-    program(&files, &own, &mut places, &mailbox)
+    program(files, &own, &mut places, &mailbox)
 }
 
 /// With a server of `root` that never dies.

@@ -15,7 +15,7 @@ const TARGETS: [&str; 4] = [
 /// The libraries that run without an operating system, with each set of features to build.
 const LIBRARIES: [(&str, &[&str]); 7] = [
     ("condor-dev", &["", "conformance,riscv"]),
-    ("condor-fs", &[""]),
+    ("condor-fs", &["", "dev"]),
     ("condor-hand", &["", "mbox,sim"]),
     ("condor-host", &[""]),
     ("condor-mbox", &["", "conformance,riscv"]),

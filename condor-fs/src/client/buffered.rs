@@ -1,0 +1,405 @@
+//! [`FileReader`] and [`FileWriter`]: many small reads or writes in one call of the server.
+
+use core::fmt;
+
+use condor_mbox::MemoryWindow;
+use embedded_io::{BufRead, ErrorType, Read, Seek, SeekFrom, Write};
+
+use super::{Error, File, Station};
+use crate::errno::Errno;
+use crate::wire::Operation;
+
+/// Reads a file in pieces of the buffer that it has in the window, and gives them out in any size.
+///
+/// `N` bytes of them, a multiple of four, are held outside of the window, for
+/// [`BufRead::fill_buf`]: memory of the window cannot be a slice. The server is asked once for as
+/// much as the file's buffer in the [`Area`](super::Area) holds, whatever `N` is.
+///
+/// Nothing is lost or read twice by an error, nor by a time-out: what the operation turns out to
+/// have read is what comes next.
+pub struct FileReader<
+    'f,
+    'm,
+    S: Station + ?Sized,
+    W: MemoryWindow,
+    const FILES: usize,
+    const N: usize,
+> {
+    file: File<'f, 'm, S, W, FILES>,
+    /// The part of the file's buffer that was not taken out of it.
+    left: Part,
+    bytes: [u8; N],
+    /// The part of `bytes` that was not given out.
+    held: Part,
+    asked: Asked,
+}
+
+/// Writes a file in pieces of the buffer that it has in the window: small writes are gathered there
+/// and become one call of the server when it is full, or on [`Write::flush`].
+///
+/// Nothing is lost by an error: a call that fails has taken nothing, and what was taken before and
+/// the server has not is [held](Self::held) until a later call gets rid of it. After a time-out,
+/// too: what the operation turns out to have written is not written again.
+///
+/// Dropping it drops what is held. [`close`](Self::close) and [`into_inner`](Self::into_inner) tell
+/// what could not be written, and give the writer back.
+pub struct FileWriter<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
+    file: File<'f, 'm, S, W, FILES>,
+    /// How many bytes of the file's buffer are to be written.
+    held: u32,
+    asked: Asked,
+}
+
+/// A writer that could not write what it holds.
+pub struct Unwritten<T> {
+    /// Why.
+    pub error: Error,
+    /// The writer, with what it holds; `None` if all was written, and closing the file failed.
+    pub writer: Option<T>,
+}
+
+/// A range of a buffer.
+#[derive(Clone, Copy, Default)]
+struct Part {
+    begin: u32,
+    end: u32,
+}
+
+impl Part {
+    const fn len(self) -> u32 {
+        self.end.saturating_sub(self.begin)
+    }
+}
+
+/// The position at which an operation began whose end has not been seen.
+type Asked = Option<u64>;
+
+impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
+    /// Reads with a buffer, from the position on; `N` bytes of it are in the reader itself.
+    #[must_use]
+    pub fn reader<const N: usize>(self) -> FileReader<'f, 'm, S, W, FILES, N> {
+        const { assert!(N > 0 && N.is_multiple_of(4), "words come out of the window") };
+        FileReader {
+            file: self,
+            left: Part::default(),
+            bytes: [0; N],
+            held: Part::default(),
+            asked: None,
+        }
+    }
+
+    /// Writes with a buffer: the file's own, in the window.
+    #[must_use]
+    pub fn writer(self) -> FileWriter<'f, 'm, S, W, FILES> {
+        FileWriter {
+            file: self,
+            held: 0,
+            asked: None,
+        }
+    }
+
+    /// How many bytes the operation in `asked` moved, which may be in doubt: then waits for its end.
+    fn settled(&self, asked: &mut Asked) -> Result<u32, Error> {
+        let Some(before) = *asked else {
+            return Ok(0);
+        };
+        let system = self.system;
+        let alone = system.enter()?;
+        system.clear()?;
+        drop(alone);
+        *asked = None;
+        let moved = self.position()?.saturating_sub(before);
+        Ok(u32::try_from(moved).map_or(self.capacity(), |moved| moved.min(self.capacity())))
+    }
+
+    /// Moves the first `len` bytes of the file's buffer; how many were moved.
+    fn move_buffer(&self, operation: Operation, len: u32, asked: &mut Asked) -> Result<u32, Error> {
+        *asked = Some(self.position()?);
+        let buffer = self.buffer(len as usize);
+        let moved = self.transfer(operation, buffer)?;
+        *asked = None;
+        Ok(u32::try_from(moved).map_or(len, |moved| moved.min(len)))
+    }
+
+    fn capacity(&self) -> u32 {
+        self.system.area.buffer_bytes()
+    }
+}
+
+impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
+    FileReader<'f, 'm, S, W, FILES, N>
+{
+    /// Where the next read begins, in bytes from the beginning of the file.
+    ///
+    /// # Errors
+    /// As [`File::position`].
+    pub fn position(&self) -> Result<u64, Error> {
+        Ok(self.file.position()?.saturating_sub(self.ahead()))
+    }
+
+    /// The file, at the position of the reader.
+    ///
+    /// # Errors
+    /// As [`File::seek`]. The file is then dropped.
+    pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Error> {
+        self.seek(SeekFrom::Current(0))?;
+        Ok(self.file)
+    }
+
+    /// How many bytes were read and not given out.
+    fn ahead(&self) -> u64 {
+        u64::from(self.left.len()).saturating_add(u64::from(self.held.len()))
+    }
+
+    /// What a read turned out to have read that was in doubt is in the file's buffer.
+    fn settle(&mut self) -> Result<(), Error> {
+        let end = self.file.settled(&mut self.asked)?;
+        if end > 0 {
+            self.left = Part { begin: 0, end };
+        }
+        Ok(())
+    }
+
+    /// Asks the server for more if all was taken out of the file's buffer.
+    fn fetch(&mut self) -> Result<(), Error> {
+        self.settle()?;
+        if self.left.len() > 0 {
+            return Ok(());
+        }
+        let (operation, most) = (Operation::Read, self.file.capacity());
+        if most == 0 {
+            return Err(Errno::INVAL.into());
+        }
+        let end = self.file.move_buffer(operation, most, &mut self.asked)?;
+        self.left = Part { begin: 0, end };
+        Ok(())
+    }
+
+    /// Takes bytes out of the file's buffer: all that are left, or whole words.
+    fn take(&mut self, into: Option<&mut [u8]>) -> Result<u32, Error> {
+        let (own, left) = (&self.file.system.own, self.left);
+        let into = into.unwrap_or(&mut self.bytes);
+        let mut len = u32::try_from(into.len()).map_or(left.len(), |most| most.min(left.len()));
+        if len < left.len() {
+            len &= !3;
+        }
+        let from = self.file.buffer(0).offset.wrapping_add(left.begin);
+        if let Some(into) = into.get_mut(..len as usize) {
+            own.read(from, into)?;
+        }
+        self.left.begin = left.begin.wrapping_add(len);
+        Ok(len)
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> ErrorType
+    for FileReader<'_, '_, S, W, FILES, N>
+{
+    type Error = Error;
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> BufRead
+    for FileReader<'_, '_, S, W, FILES, N>
+{
+    /// At least one byte, none at the end of the file; [`Errno::INVAL`] if the area has no buffers.
+    fn fill_buf(&mut self) -> Result<&[u8], Error> {
+        if self.held.len() == 0 {
+            self.fetch()?;
+            let end = self.take(None)?;
+            self.held = Part { begin: 0, end };
+        }
+        let Part { begin, end } = self.held;
+        Ok(self.bytes.get(begin as usize..end as usize).unwrap_or(&[]))
+    }
+
+    /// Gives up the first `bytes` of what is held, all if there are less.
+    fn consume(&mut self, bytes: usize) {
+        let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
+        self.held.begin = self.held.begin.saturating_add(bytes).min(self.held.end);
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Read
+    for FileReader<'_, '_, S, W, FILES, N>
+{
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
+        if into.is_empty() {
+            return Ok(0);
+        }
+        if self.held.len() == 0 && into.len() >= N {
+            self.fetch()?;
+            return Ok(self.take(Some(into))? as usize);
+        }
+        let mut read = 0;
+        for (place, byte) in into.iter_mut().zip(self.fill_buf()?) {
+            *place = *byte;
+            read += 1;
+        }
+        self.consume(read);
+        Ok(read)
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Seek
+    for FileReader<'_, '_, S, W, FILES, N>
+{
+    /// What was read ahead is dropped.
+    fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
+        self.settle()?; // The position is not known before.
+        let to = match to {
+            SeekFrom::Current(step) => {
+                let position = self.position()?.checked_add_signed(step);
+                SeekFrom::Start(position.ok_or(Errno::INVAL)?)
+            }
+            other => other,
+        };
+        let position = self.file.seek(to)?;
+        self.left = Part::default();
+        self.held = Part::default();
+        Ok(position)
+    }
+
+    fn stream_position(&mut self) -> Result<u64, Error> {
+        self.settle()?;
+        self.position()
+    }
+}
+
+impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize>
+    FileWriter<'f, 'm, S, W, FILES>
+{
+    /// How many bytes were taken and are not known to be written.
+    #[must_use]
+    pub const fn held(&self) -> u32 {
+        self.held
+    }
+
+    /// The file, when all is written.
+    ///
+    /// # Errors
+    /// [`Unwritten`], with the writer.
+    pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Unwritten<Self>> {
+        match self.flush() {
+            Ok(()) => Ok(self.file),
+            Err(error) => Err(Unwritten {
+                error,
+                writer: Some(self),
+            }),
+        }
+    }
+
+    /// Writes what is held and closes the file.
+    ///
+    /// # Errors
+    /// [`Unwritten`]: with the writer if not all was written; else as [`File::close`].
+    pub fn close(self) -> Result<(), Unwritten<Self>> {
+        let writer = None;
+        (self.into_inner()?.close()).map_err(|error| Unwritten { error, writer })
+    }
+
+    /// Takes off what was written of an operation that was in doubt.
+    fn settle(&mut self) -> Result<(), Error> {
+        let written = self.file.settled(&mut self.asked)?;
+        self.forget(written)
+    }
+
+    /// The first `written` bytes of what is held are with the server.
+    fn forget(&mut self, written: u32) -> Result<(), Error> {
+        let left = self.held.saturating_sub(written);
+        if written > 0 {
+            let (system, at) = (self.file.system, self.file.buffer(0).offset);
+            for n in 0..left {
+                let byte = system.byte(at.wrapping_add(written).wrapping_add(n))?;
+                system.put_byte(at.wrapping_add(n), byte)?;
+            }
+        }
+        self.held = left;
+        Ok(())
+    }
+
+    fn drain(&mut self) -> Result<(), Error> {
+        self.settle()?;
+        while self.held > 0 {
+            let operation = self.file.writing()?;
+            let written = (self.file).move_buffer(operation, self.held, &mut self.asked)?;
+            if written == 0 {
+                return Err(Errno::IO.into());
+            }
+            self.forget(written)?;
+        }
+        Ok(())
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
+    for FileWriter<'_, '_, S, W, FILES>
+{
+    type Error = Error;
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Write
+    for FileWriter<'_, '_, S, W, FILES>
+{
+    /// Takes at least one byte; [`Errno::INVAL`] if the area has no buffers.
+    fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
+        if from.is_empty() {
+            return Ok(0);
+        }
+        // The buffer must not change while the server may be reading it.
+        self.settle()?;
+        let capacity = self.file.capacity();
+        if self.held >= capacity {
+            self.drain()?;
+        }
+        let (system, at) = (self.file.system, self.file.buffer(0).offset);
+        let room = capacity.saturating_sub(self.held) as usize;
+        let from = from.get(..room).unwrap_or(from);
+        if from.is_empty() {
+            return Err(Errno::INVAL.into());
+        }
+        // Up to the next word by bytes: the words before it are not to be written again.
+        let begin = at.wrapping_add(self.held);
+        let (bytes, words) = from.split_at(from.len().min((begin.wrapping_neg() & 3) as usize));
+        for (place, byte) in (begin..).zip(bytes) {
+            system.put_byte(place, *byte)?;
+        }
+        if !words.is_empty() {
+            system
+                .own
+                .write(begin.wrapping_add(bytes.len() as u32), words)?;
+        }
+        self.held = self.held.wrapping_add(from.len() as u32);
+        Ok(from.len())
+    }
+
+    fn flush(&mut self) -> Result<(), Error> {
+        self.drain()
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Seek
+    for FileWriter<'_, '_, S, W, FILES>
+{
+    /// What is held is written before.
+    fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
+        self.drain()?;
+        self.file.seek(to)
+    }
+}
+
+impl<T> fmt::Debug for Unwritten<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let writer = self.writer.as_ref().map(|_| "..");
+        (f.debug_struct("Unwritten").field("error", &self.error))
+            .field("writer", &writer)
+            .finish()
+    }
+}
+
+impl<T> fmt::Display for Unwritten<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.error.fmt(f)
+    }
+}
+
+impl<T> core::error::Error for Unwritten<T> {}

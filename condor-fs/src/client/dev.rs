@@ -1,0 +1,355 @@
+//! Files by the descriptors of `condor-dev`: feature `dev`.
+//!
+//! A [`FileSwitch`] is a device switch with the host's files beside its boards: names that begin with
+//! `fs/` are files, all others boards, and a descriptor of either is read, written and closed in the
+//! same way. It is a [`Descriptors`], so a [`Stream`](condor_dev::Stream) of a file and all of
+//! [`condor_dev::stdio`] work over it, standard input and output among them.
+
+use core::fmt::Debug;
+use core::mem::ManuallyDrop;
+
+use condor_dev::stdio::Claim;
+use condor_dev::{
+    Bus, BusError, BusErrorKind, Descriptors, DeviceSet, Fd, FdError, InterruptController, IoError,
+    Mode, Switch,
+};
+use condor_mbox::MemoryWindow;
+
+use super::{Error, File, FileSystem, OpenOptions, Station};
+use crate::errno::Errno;
+use crate::wire::open as flag;
+
+/// What the names of files begin with, behind the colon that any name may have.
+const PREFIX: &str = "fs/";
+
+/// A device switch and the files of a host, by one kind of name and descriptor.
+///
+/// `F` are the descriptors of the switch, `FILES` those of files, which have the numbers behind
+/// them.
+///
+/// Nobody waits for anybody else's use of a file: in a context that interrupts one, a file is
+/// [`IoError::WouldBlock`], and nothing happens to it. Unlike a device, a file is waited for: a
+/// call lasts as long as the [`FileSystem`] lets it. Servo loops leave text with
+/// [`post!`](condor_dev::post!) instead.
+pub struct FileSwitch<
+    'd,
+    'm,
+    B,
+    C,
+    D,
+    S: Station + ?Sized,
+    W: MemoryWindow,
+    const F: usize,
+    const FILES: usize,
+> {
+    devices: &'d Switch<B, C, D, F>,
+    files: Claim<Files<'m, S, W, FILES>>,
+}
+
+struct Files<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
+    system: FileSystem<'m, S, W, FILES>,
+    /// Of the blocks of the file system: block and descriptor have one index.
+    places: [Place; FILES],
+}
+
+#[derive(Clone, Copy)]
+struct Place {
+    generation: u16,
+    /// `None` if no descriptor is open.
+    mode: Option<Mode>,
+}
+
+/// Why nothing was opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OpenError<'n> {
+    /// The switch, or a board or mode that files do not have.
+    #[error("{0}")]
+    Device(condor_dev::OpenError<'n>),
+    /// The file: with its error number, if it has one.
+    #[error("{name}: {error}")]
+    File {
+        /// What was asked for.
+        name: &'n str,
+        /// Why not.
+        error: Error,
+    },
+}
+
+impl<'n> From<condor_dev::OpenError<'n>> for OpenError<'n> {
+    fn from(error: condor_dev::OpenError<'n>) -> Self {
+        Self::Device(error)
+    }
+}
+
+/// What is behind a descriptor failed; to `condor-dev` this is the error of a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TransferError<E: Debug> {
+    /// The bus of a board.
+    #[error("bus error: {0:?}")]
+    Device(E),
+    /// The file system: with its error number, if it has one.
+    #[error(transparent)]
+    File(#[from] Error),
+}
+
+impl<E: BusError> BusError for TransferError<E> {
+    /// Of a file, what is next to its error number.
+    fn kind(&self) -> BusErrorKind {
+        match self {
+            Self::Device(error) => error.kind(),
+            Self::File(Error::Errno(Errno::ACCES | Errno::PERM | Errno::ROFS)) => {
+                BusErrorKind::ReadOnly
+            }
+            Self::File(Error::Errno(Errno::FBIG | Errno::INVAL | Errno::OVERFLOW)) => {
+                BusErrorKind::OutOfRange
+            }
+            Self::File(Error::TimedOut { .. } | Error::Mailbox(_)) => BusErrorKind::NoAnswer,
+            Self::File(_) => BusErrorKind::Lost,
+        }
+    }
+}
+
+impl<'d, 'm, B, C, D, S, W, const F: usize, const FILES: usize>
+    FileSwitch<'d, 'm, B, C, D, S, W, F, FILES>
+where
+    B: Bus,
+    C: InterruptController,
+    D: DeviceSet,
+    S: Station + ?Sized,
+    W: MemoryWindow,
+{
+    /// The boards of `devices` and the files of `system`.
+    #[must_use]
+    pub const fn new(devices: &'d Switch<B, C, D, F>, system: FileSystem<'m, S, W, FILES>) -> Self {
+        const {
+            assert!(
+                F + FILES <= u16::MAX as usize,
+                "a descriptor has 16 bits for its number"
+            );
+        };
+        let free = Place {
+            generation: 0,
+            mode: None,
+        };
+        Self {
+            devices,
+            files: Claim::new(Files {
+                system,
+                places: [free; FILES],
+            }),
+        }
+    }
+
+    /// Opens `fs/` and a path, or a board of the switch as [`Switch::open`] does; either may begin
+    /// with a colon.
+    ///
+    /// A file is board 0. For [`Mode::READ`] it must exist. With [`Mode::WRITE`] it is made if it
+    /// does not, and what is written is added at its end, so that nothing that was written before
+    /// is lost; [`open_file`](Self::open_file) opens in all other ways. No file can be
+    /// [`Mode::EXCLUSIVE`]: the host's own programs have it, too.
+    ///
+    /// # Errors
+    /// [`OpenError`].
+    pub fn open<'n>(&self, name: &'n str, board: u8, mode: Mode) -> Result<Fd, OpenError<'n>> {
+        let plain = name.strip_prefix(':').unwrap_or(name);
+        let Some(path) = plain.strip_prefix(PREFIX) else {
+            return Ok(self.devices.open(name, board, mode)?);
+        };
+        if board != 0 {
+            let boards = 1;
+            let none = condor_dev::OpenError::NoSuchBoard {
+                name,
+                board,
+                boards,
+            };
+            return Err(none.into());
+        }
+        let mut options = OpenOptions::new();
+        if mode.contains(Mode::READ) {
+            options = options.read();
+        }
+        if mode.contains(Mode::WRITE) {
+            options = options.append().create();
+        }
+        if mode.contains(Mode::EXCLUSIVE) || options == OpenOptions::new() {
+            return Err(condor_dev::OpenError::Direction { name, mode }.into());
+        }
+        self.open_file(path, options)
+            .map_err(|error| OpenError::File { name, error })
+    }
+
+    /// Opens the file at `path`, as [`FileSystem::open`].
+    ///
+    /// # Errors
+    /// As there; [`Errno::BUSY`] in the middle of somebody else's use of a file.
+    pub fn open_file(&self, path: impl AsRef<[u8]>, options: OpenOptions) -> Result<Fd, Error> {
+        let mut files = self.files.claim().ok_or(Errno::BUSY)?;
+        let index = files.system.open_block(path.as_ref(), options.flags())?;
+        let place = files.places.get_mut(index).ok_or(Errno::BADF)?;
+        let mut mode = Mode::empty();
+        mode.set(Mode::READ, options.flags() & flag::READ != 0);
+        mode.set(Mode::WRITE, options.flags() & flag::WRITE != 0);
+        place.mode = Some(mode);
+        Ok(Fd::new(F.wrapping_add(index) as u16, place.generation))
+    }
+
+    /// The file of a descriptor, for the calls that only files have: seek, status, truncate, sync
+    /// and those without a copy.
+    ///
+    /// # Errors
+    /// [`IoError::Fd`]; [`IoError::WouldBlock`] in the middle of somebody else's use of a file;
+    /// what `calls` gives, in [`IoError::Bus`].
+    pub fn with_file<R>(
+        &self,
+        fd: Fd,
+        calls: impl FnOnce(&mut File<'_, 'm, S, W, FILES>) -> Result<R, Error>,
+    ) -> Result<R, IoError<TransferError<B::Error>>> {
+        self.with(fd, Mode::empty(), calls)
+    }
+
+    /// The file system, for names, directories and what is open without a descriptor; `None` in the
+    /// middle of somebody else's use of a file.
+    pub fn with_system<R>(
+        &self,
+        calls: impl FnOnce(&FileSystem<'m, S, W, FILES>) -> R,
+    ) -> Option<R> {
+        let files = self.files.claim()?;
+        Some(calls(&files.system))
+    }
+
+    /// Closes a descriptor.
+    ///
+    /// # Errors
+    /// As [`Switch::close`]; of a file as [`File::close`], and the descriptor is closed all the same.
+    pub fn close(&self, fd: Fd) -> Result<(), IoError<TransferError<B::Error>>> {
+        if Self::is_device(fd) {
+            return self.devices.close(fd).map_err(of_device);
+        }
+        let mut files = self.files.claim().ok_or(IoError::WouldBlock)?;
+        let index = files.index(fd, F, Mode::empty())?;
+        if let Some(place) = files.places.get_mut(index) {
+            place.mode = None;
+            place.generation = place.generation.wrapping_add(1);
+        }
+        files.system.close_block(index).map_err(of_file)
+    }
+
+    fn with<R>(
+        &self,
+        fd: Fd,
+        wanted: Mode,
+        calls: impl FnOnce(&mut File<'_, 'm, S, W, FILES>) -> Result<R, Error>,
+    ) -> Result<R, IoError<TransferError<B::Error>>> {
+        let files = self.files.claim().ok_or(IoError::WouldBlock)?;
+        let index = files.index(fd, F, wanted)?;
+        // Its end is the descriptor's.
+        let mut file = ManuallyDrop::new(File::at(&files.system, index));
+        calls(&mut file).map_err(of_file)
+    }
+
+    fn is_device(fd: Fd) -> bool {
+        usize::from(fd.number()) < F
+    }
+
+    /// A file is ready if its descriptor is good: its call then waits, and gives something.
+    fn ready(&self, fd: Fd, wanted: Mode) -> Result<bool, IoError<TransferError<B::Error>>> {
+        match self.with(fd, wanted, |_| Ok(true)) {
+            Err(IoError::WouldBlock) => Ok(false),
+            outcome => outcome,
+        }
+    }
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Files<'_, S, W, FILES> {
+    /// The index of an open descriptor; `first` is the number of the first one.
+    fn index(&self, fd: Fd, first: usize, wanted: Mode) -> Result<usize, FdError> {
+        let index = usize::from(fd.number()).wrapping_sub(first);
+        let Some(place) = self.places.get(index) else {
+            let count = first.wrapping_add(FILES);
+            return Err(FdError::NoSuchFd { fd, count });
+        };
+        match place.mode {
+            Some(opened) if place.generation == fd.generation() => {
+                if opened.contains(wanted) {
+                    Ok(index)
+                } else {
+                    Err(FdError::Direction { fd, wanted, opened })
+                }
+            }
+            None if place.generation == fd.generation().wrapping_add(1) => {
+                Err(FdError::Closed { fd })
+            }
+            _ => Err(FdError::Stale { fd }),
+        }
+    }
+}
+
+impl<B, C, D, S, W, const F: usize, const FILES: usize> Descriptors
+    for FileSwitch<'_, '_, B, C, D, S, W, F, FILES>
+where
+    B: Bus,
+    C: InterruptController,
+    D: DeviceSet,
+    S: Station + ?Sized,
+    W: MemoryWindow,
+{
+    type Error = TransferError<B::Error>;
+
+    /// At the end of a file, [`IoError::End`].
+    fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<Self::Error>> {
+        if Self::is_device(fd) {
+            return self.devices.read(fd, into).map_err(of_device);
+        }
+        let empty = into.is_empty();
+        match self.with(fd, Mode::READ, |file| file.read(into)) {
+            Ok(0) if !empty => Err(IoError::End),
+            outcome => outcome,
+        }
+    }
+
+    fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<Self::Error>> {
+        if Self::is_device(fd) {
+            return self.devices.write(fd, from).map_err(of_device);
+        }
+        self.with(fd, Mode::WRITE, |file| file.write(from))
+    }
+
+    fn read_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>> {
+        if Self::is_device(fd) {
+            return self.devices.read_ready(fd).map_err(of_device);
+        }
+        self.ready(fd, Mode::READ)
+    }
+
+    fn write_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>> {
+        if Self::is_device(fd) {
+            return self.devices.write_ready(fd).map_err(of_device);
+        }
+        self.ready(fd, Mode::WRITE)
+    }
+
+    /// What was written to a file is with the host; on its disk it is after a sync.
+    fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<Self::Error>> {
+        if Self::is_device(fd) {
+            return self.devices.is_flushed(fd).map_err(of_device);
+        }
+        self.ready(fd, Mode::WRITE)
+    }
+}
+
+fn of_file<E: Debug>(error: Error) -> IoError<TransferError<E>> {
+    IoError::Bus(TransferError::File(error))
+}
+
+fn of_device<E: Debug>(error: IoError<E>) -> IoError<TransferError<E>> {
+    match error {
+        IoError::Fd(error) => IoError::Fd(error),
+        IoError::WouldBlock => IoError::WouldBlock,
+        IoError::End => IoError::End,
+        IoError::Length { bytes, unit } => IoError::Length { bytes, unit },
+        IoError::Device(bits) => IoError::Device(bits),
+        IoError::Bus(error) => IoError::Bus(TransferError::Device(error)),
+    }
+}

@@ -1,0 +1,131 @@
+//! A client in virtual time, and a host that answers each slot as a closure says.
+//!
+//! Property tests and fuzz targets include this module, hence no names of either.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use condor_fs::{Area, Error, FileSystem, wire};
+use condor_mbox::sim::{Mailbox, SimWindow, System};
+use condor_mbox::{Call, Processor, Region};
+
+pub(crate) const HOST: Processor = Processor(0);
+pub(crate) const CLIENT: Processor = Processor(1);
+pub(crate) const FILES: usize = 3;
+/// Bytes of a path, and of a file's buffer.
+pub(crate) const PATH: u32 = 32;
+pub(crate) const BUFFER: u32 = 24;
+pub(crate) const TIMEOUT: Duration = Duration::from_millis(10);
+const BYTES: u32 = 2048;
+
+/// The users' region of the client's data.
+pub(crate) type Own = Region<SimWindow>;
+pub(crate) type Fs = FileSystem<'static, Mailbox<'static, 2>, SimWindow, FILES>;
+/// What the host does with the slot at an offset: the reply.
+pub(crate) type Answer = Box<dyn FnMut(&Own, u32) -> u32 + Send>;
+
+/// Both processors, for all runs of a thread: mailboxes are not given back.
+pub(crate) struct Pair {
+    system: System<2>,
+    answer: Arc<Mutex<Option<Answer>>>,
+    client: &'static Mailbox<'static, 2>,
+    area: Area<FILES>,
+    own: Own,
+}
+
+thread_local! {
+    static PAIR: Pair = Pair::new();
+}
+
+/// Runs `program` with a client whose host answers so.
+pub(crate) fn run<R>(
+    answer: impl FnMut(&Own, u32) -> u32 + Send + 'static,
+    program: impl FnOnce(&Pair) -> R,
+) -> R {
+    PAIR.with(|pair| {
+        pair.stall(false);
+        pair.set(Some(Box::new(answer)));
+        let outcome = program(pair);
+        pair.set(None);
+        outcome
+    })
+}
+
+impl Pair {
+    fn new() -> Self {
+        let system = System::<2>::in_virtual_time(BYTES);
+        let answer = Arc::new(Mutex::new(None::<Answer>));
+        let [_, windows] = system.windows(HOST);
+        let seen = Region::users(windows.data).unwrap();
+        let answers = answer.clone();
+        let handler = Box::leak(Box::new(move |call: &Call<'_>| {
+            let mut answer = answers.lock().unwrap_or_else(PoisonError::into_inner);
+            answer
+                .as_mut()
+                .map_or(0, |answer| answer(&seen, call.data()))
+        }));
+        let mut host = system.mailbox(HOST).unwrap();
+        host.set_vector(wire::FILES, handler, "files").unwrap();
+        host.join().unwrap();
+        system.while_waiting(HOST, move || {
+            host.service(TIMEOUT).unwrap();
+        });
+
+        let [_, windows] = system.windows(CLIENT);
+        let own = Region::users(windows.data).unwrap();
+        let area = Area::<FILES>::new(&mut own.places(), PATH, BUFFER).unwrap();
+        let mut client = system.mailbox(CLIENT).unwrap();
+        let handler = Box::leak(Box::new(area.handler()));
+        client
+            .set_vector(wire::OPEN_FILES, handler, "open files")
+            .unwrap();
+        client.join().unwrap();
+        Self {
+            system,
+            answer,
+            client: Box::leak(Box::new(client)),
+            area,
+            own,
+        }
+    }
+
+    fn set(&self, answer: Option<Answer>) {
+        *self.answer.lock().unwrap_or_else(PoisonError::into_inner) = answer;
+    }
+
+    pub(crate) fn own(&self) -> &Own {
+        &self.own
+    }
+
+    pub(crate) fn connect(&self) -> Result<Fs, Error> {
+        FileSystem::connect(self.client, HOST, self.own.clone(), self.area, TIMEOUT)
+    }
+
+    /// Lets the host stop, or go on: what is asked meanwhile is in doubt.
+    pub(crate) fn stall(&self, stalled: bool) {
+        self.system.stall(HOST, stalled);
+    }
+}
+
+/// The request in a slot, if there is one.
+pub(crate) fn request(own: &Own, slot: u32) -> Option<wire::Request> {
+    let words = std::array::from_fn(|n| own.word(slot + 4 * n as u32).unwrap());
+    wire::Request::from_words(&words)
+}
+
+/// Writes the result of `request` to its slot.
+pub(crate) fn record(own: &Own, slot: u32, request: &wire::Request, outcome: Result<u64, u16>) {
+    let [session, session_high] = wire::halves(request.session);
+    let [value, value_high] = wire::halves(outcome.unwrap_or(0));
+    for (offset, word) in [
+        (wire::slot::STATE_SESSION, session),
+        (wire::slot::STATE_SESSION + 4, session_high),
+        (wire::slot::STATE_SEQUENCE, request.sequence),
+        (wire::slot::ERRNO, outcome.err().unwrap_or(0).into()),
+        (wire::slot::VALUE, value),
+        (wire::slot::VALUE + 4, value_high),
+        (wire::slot::STATE, wire::state::DONE),
+    ] {
+        own.set_word(slot + offset, word).unwrap();
+    }
+}
