@@ -5,9 +5,7 @@ use crate::config::{Finger, Hand};
 use crate::dynamics::Dynamics;
 use crate::math::clamp;
 use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
-use crate::tendon::fault::{
-    Fault, FaultLimitsError, FingerMonitor, Observation, RampError, SafeRamp,
-};
+use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, RampError, SafeRamp};
 use crate::tendon::{ArmError, Pairs};
 use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
 
@@ -258,14 +256,12 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         let target = self.aim();
         self.age = self.age.saturating_add(1);
         let age = if self.following == 0 { 0 } else { self.age };
-        let fault = self.monitor.update(&Observation {
-            desired_tensions: self.desired,
-            tensions: sensed.tension,
-            desired_positions: target,
-            positions: sensed.position,
+        let fault = self.monitor.judge(
+            (&self.desired, &sensed.tension),
+            (&target, &sensed.position),
             period_s,
-            set_point_age_s: f64::from(age) / self.sample_hz,
-        });
+            f64::from(age) / self.sample_hz,
+        );
         if fault.is_some() && self.ramp.is_none() {
             self.give_up();
         }
