@@ -189,6 +189,8 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
 
     /// The tensions where none is beyond its limits, which is nearly always so.
     #[inline(always)]
+    #[allow(clippy::needless_bitwise_bool, reason = "no branches")]
+    #[allow(clippy::needless_range_loop, reason = "so it stays in registers")]
     fn within(
         &self,
         torque: &SVector<T, N>,

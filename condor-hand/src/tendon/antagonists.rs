@@ -69,6 +69,7 @@ impl<T: Real> Antagonists<T> {
     /// The commands in newtons for desired and measured tensions in newtons and the rates of the
     /// tendons' lengths in m/s.
     #[inline(always)]
+    #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
     pub(crate) fn update(
         &mut self,
         desired: &Pair<T>,

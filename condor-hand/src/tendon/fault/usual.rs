@@ -121,6 +121,7 @@ impl<T: Real, const L: usize> Usual<T, L> {
     /// The checks one by one would do nothing more with a sample that has passed here, so they may
     /// still be made.
     #[inline(always)]
+    #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
     pub(super) fn pass(
         &self,
         places: &mut Places<T, L>,
