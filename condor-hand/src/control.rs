@@ -3,6 +3,7 @@
 //! Everything runs at one sample rate, allocates nothing, and keeps what is not finite out of its
 //! state.
 
+pub(crate) mod bank;
 mod filter;
 mod limit;
 pub mod linear;

@@ -1,12 +1,14 @@
 //! From torques of joints to tensions of antagonistic tendons, and to the commands of actuators.
 
 mod allocation;
+mod antagonists;
 mod arms;
 pub mod fault;
 mod pair;
 mod servo;
 
 pub use allocation::{Allocated, Allocation, AllocationError, Rectification};
+pub(crate) use antagonists::Antagonists;
 pub use arms::{ArmError, MomentArms};
 pub use pair::{Pair, Pairs};
 pub use servo::{TensionGains, TensionServo, TensionServoError};

@@ -55,7 +55,7 @@ impl FilterError {
 
 /// Zero instead of a number that is denormal or soon will be.
 #[inline(always)]
-fn flush<T: Real>(x: T) -> T {
+pub(super) fn flush<T: Real>(x: T) -> T {
     if abs(x) < real(1e-30) { T::zero() } else { x }
 }
 
@@ -86,6 +86,11 @@ impl<T: Real> OnePole<T> {
             primed: false,
             rejected: 0,
         })
+    }
+
+    /// The part of the way to a new input that one sample goes.
+    pub(super) fn alpha(&self) -> T {
+        self.alpha
     }
 
     /// The output for the next sample.
@@ -239,6 +244,24 @@ impl<T: Real> Derivative<T> {
             primed: false,
             rejected: 0,
         })
+    }
+
+    /// The part of the way to a new slope that one sample goes.
+    pub(super) fn alpha(&self) -> T {
+        self.alpha
+    }
+
+    /// The last sample, if the next is one period after it, and the rate.
+    pub(super) fn state(&self) -> (Option<T>, T) {
+        let next = self.primed && self.intervals == T::one();
+        (next.then_some(self.last), self.rate)
+    }
+
+    /// Makes this the state, with the next sample one period after it.
+    pub(super) fn go_on_from(&mut self, last: T, rate: T) {
+        (self.last, self.rate) = (last, rate);
+        self.intervals = T::one();
+        self.primed = true;
     }
 
     /// The rate at the next sample, in units of `x` per second.

@@ -5,9 +5,7 @@ use crate::config::{Finger, Hand};
 use crate::dynamics::Dynamics;
 use crate::math::clamp;
 use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
-use crate::tendon::fault::{
-    Fault, FaultLimitsError, FingerMonitor, Observation, RampError, SafeRamp,
-};
+use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, RampError, SafeRamp};
 use crate::tendon::{ArmError, Pairs};
 use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
 
@@ -217,6 +215,21 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     ///
     /// The first set-point that is not finite or too far to go to; it is as if none had come.
     pub fn follow(&mut self, points: &[SetPoint<f64>; N]) -> Result<(), SetPointError> {
+        let joins = |joint: usize| {
+            self.following & 1 << joint == 0 && self.servo.mode(joint) == Some(Mode::Position)
+        };
+        if (0..N).any(joins) {
+            self.follow_anew(points)?;
+        } else {
+            self.interpolator.tick(points)?;
+        }
+        self.age = 0;
+        Ok(())
+    }
+
+    /// The same with joints that come to follow.
+    #[cold]
+    fn follow_anew(&mut self, points: &[SetPoint<f64>; N]) -> Result<(), SetPointError> {
         let mut interpolator = self.interpolator.clone();
         interpolator.tick(points)?;
         let mut following = self.following;
@@ -233,7 +246,6 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         }
         self.interpolator = interpolator;
         self.following = following;
-        self.age = 0;
         Ok(())
     }
 
@@ -258,14 +270,12 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         let target = self.aim();
         self.age = self.age.saturating_add(1);
         let age = if self.following == 0 { 0 } else { self.age };
-        let fault = self.monitor.update(&Observation {
-            desired_tensions: self.desired,
-            tensions: sensed.tension,
-            desired_positions: target,
-            positions: sensed.position,
+        let fault = self.monitor.judge(
+            (&self.desired, &sensed.tension),
+            (&target, &sensed.position),
             period_s,
-            set_point_age_s: f64::from(age) / self.sample_hz,
-        });
+            f64::from(age) / self.sample_hz,
+        );
         if fault.is_some() && self.ramp.is_none() {
             self.give_up();
         }
@@ -293,27 +303,32 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
 
     /// The set-points of this tick, given to the joints that follow.
     fn aim(&mut self) -> [Option<f64>; N] {
-        let points = self.interpolator.step();
-        for (joint, point) in points.iter().enumerate() {
-            if self.following & (1 << joint) == 0 {
-                continue;
-            }
-            let (low, high) = (
-                self.low.get(joint).copied().unwrap_or(0.0),
-                self.high.get(joint).copied().unwrap_or(0.0),
-            );
-            let position = clamp(point.position, low, high);
-            let within = if position == point.position {
-                *point
-            } else {
-                SetPoint::rest(position)
-            };
-            self.servo.follow(joint, &within);
+        self.interpolator.advance();
+        if self.following != 0 {
+            self.lead();
         }
         core::array::from_fn(|joint| match self.servo.target(joint) {
             Some(JointTarget::Position(point)) => Some(point.position),
             _ => None,
         })
+    }
+
+    /// Gives the joints that follow their set-points.
+    #[inline(always)]
+    fn lead(&mut self) {
+        let points = self.interpolator.set_points();
+        let limits = self.low.iter().zip(&self.high);
+        for (joint, (point, (&low, &high))) in points.iter().zip(limits).enumerate() {
+            if self.following & (1 << joint) == 0 {
+                continue;
+            }
+            let position = clamp(point.position, low, high);
+            if position == point.position {
+                self.servo.follow(joint, point);
+            } else {
+                self.servo.follow(joint, &SetPoint::rest(position));
+            }
+        }
     }
 
     /// On a fault: all joints off, and all tensions on their way to the least.

@@ -190,7 +190,10 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         let moment = wrench.moment - lever.cross(&wrench.force);
         let turn = self.turn(&moment);
         let part = wrench.force * share::<T, M>();
-        let forces = self.arms.map(|arm| part + turn.cross(&arm));
+        // The arms are from the rounded centroid. Near a line the turn is so large that their sum,
+        // which is not zero, would be most of what the wrench lacks.
+        let rest = sum(&self.arms) * share::<T, M>();
+        let forces = self.arms.map(|arm| part + turn.cross(&(arm - rest)));
         let total = sum(&forces);
         // One sum is cheaper than a test for each component: infinities and NaN stay in it.
         if !is_finite(total.x + total.y + total.z + moment.x + moment.y + moment.z) {

@@ -1,8 +1,9 @@
 use nalgebra::{SVector, Vector3};
 
-use super::joint::{Felt, JointServo};
+use super::joint::{Felt, JointServo, low_pass};
 use super::{FingerSettings, JointGains, JointTarget, Mode, PositionLaw, SettingError};
-use crate::control::OnePole;
+use crate::control::Derivative;
+use crate::control::bank::{Poles, Rates, sum_is_finite};
 use crate::dynamics::{Drive, Dynamics};
 use crate::math::{Real, clamp, is_finite, max};
 use crate::tendon::{Allocation, MomentArms, Pair, Pairs};
@@ -47,6 +48,10 @@ pub struct FingerServo<M, T: Real, const N: usize> {
     drive: Drive<T, N>,
     allocation: [Allocation<T>; N],
     joints: [JointServo<T>; N],
+    position_filters: Poles<T, N>,
+    velocities: Rates<T, N>,
+    /// All positions have been numbers once.
+    all_seen: bool,
     /// A change of modes or gains that the next tick smooths.
     changed: bool,
     /// Joints that hold what they have in another mode from the next tick on.
@@ -84,14 +89,21 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             }
         }
         let mut joints = heapless::Vec::<_, N>::new();
+        let mut position_filters = [None; N];
+        let mut velocities = heapless::Vec::<_, N>::new();
         for (joint, (of_joint, row)) in settings.joints.iter().zip(arms.rows()).enumerate() {
             let own = row.get(joint).copied().unwrap_or(Pair::both(T::zero()));
             let servo = JointServo::new(joint, of_joint, own, settings.sample_hz)?;
-            // As many as there is room for: both have N.
-            let _ = joints.push(servo);
+            if let Some(filter) = position_filters.get_mut(joint) {
+                *filter = low_pass(joint, of_joint.position_cutoff_hz, settings.sample_hz)?;
+            }
+            let velocity = Derivative::new(of_joint.velocity_cutoff_hz, settings.sample_hz)
+                .map_err(|error| SettingError::Filter { joint, error })?;
+            // As many as there is room for: all have N.
+            let _ = (joints.push(servo), velocities.push(velocity));
         }
         let count = joints.len();
-        let Ok(joints) = joints.into_array() else {
+        let (Ok(joints), Ok(velocities)) = (joints.into_array(), velocities.into_array()) else {
             return Err(SettingError::NoJoint {
                 joint: N,
                 joints: count,
@@ -105,6 +117,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             drive: settings.drive,
             allocation,
             joints,
+            position_filters: Poles::new(position_filters),
+            velocities: Rates::new(velocities, settings.sample_hz),
+            all_seen: false,
             changed: false,
             holds: [None; N],
             desired,
@@ -226,85 +241,96 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// One tick: from sensors to commands, in a gravity in the axes of the palm, m/s²; for a palm
     /// that is accelerated, less its acceleration.
+    #[inline]
     pub fn tick(&mut self, sensed: &Sensed<T, N>, gravity: &Vector3<T>) -> ServoOutput<T, N> {
-        let (position, velocity, tension) = self.sense(sensed);
+        let (position, velocity) = self.sense_positions(&sensed.position);
+        let tension = self.sense_tensions(&sensed.tension);
         self.take_holds(&position);
 
         let torque = self.torques(&position, &velocity, &tension, gravity);
         let given = core::array::from_fn(|joint| self.joints.get(joint)?.given_tensions());
         let allocated = self.arms.allocate_around(&torque, &self.allocation, &given);
-        let desired = self.smooth(allocated.tensions);
-        self.desired = desired;
+        let before = core::mem::replace(&mut self.desired, allocated.tensions);
+        self.smooth(&before);
 
         let rates = self.arms.length_rates(&velocity);
-        let mut command = desired;
+        let mut command = self.desired;
         for (((command, servo), measured), rate) in command
             .iter_mut()
             .zip(&mut self.joints)
             .zip(&tension)
             .zip(&rates)
         {
-            let Pair { flexor, extensor } = &mut servo.tendons;
-            command.flexor = flexor.update(command.flexor, measured.flexor, rate.flexor);
-            command.extensor = extensor.update(command.extensor, measured.extensor, rate.extensor);
+            *command = servo.tendons.update(command, measured, rate);
         }
         ServoOutput {
             command,
-            tension: desired,
-            torque: self.arms.torque(&desired),
+            tension: self.desired,
+            torque: self.arms.torque(&self.desired),
             position,
             velocity,
             saturated: allocated.saturated,
         }
     }
 
-    /// What the sensors say, filtered, and the rates of the joints.
-    fn sense(&mut self, sensed: &Sensed<T, N>) -> (SVector<T, N>, SVector<T, N>, Pairs<T, N>) {
-        fn kept<T: Real>(value: T, last: &mut T) -> T {
-            if is_finite(value) {
-                *last = value;
-            }
-            *last
+    /// The positions that the sensors say, filtered, and their rates.
+    #[inline(always)]
+    fn sense_positions(&mut self, sensed: &SVector<T, N>) -> (SVector<T, N>, SVector<T, N>) {
+        let [positions] = sensed.data.0;
+        if !(self.all_seen && sum_is_finite(&positions)) {
+            return self.sense_each(positions);
         }
-        fn filtered<T: Real>(filter: &mut Option<OnePole<T>>, value: T) -> T {
-            match filter {
-                Some(filter) => filter.update(value),
-                None => value,
-            }
-        }
-        let mut position = sensed.position;
-        let mut velocity = SVector::<T, N>::zeros();
-        let mut tension = sensed.tension;
-        let mut changed = false;
-        for (((servo, position), velocity), last) in self
+        self.last.position = *sensed;
+        let positions = self.position_filters.update(&positions);
+        let velocities = self.velocities.update(&positions);
+        (positions.into(), velocities.into())
+    }
+
+    /// The same where a position is not finite, or was never seen.
+    #[cold]
+    #[inline(never)]
+    fn sense_each(&mut self, mut positions: [T; N]) -> (SVector<T, N>, SVector<T, N>) {
+        let mut seen = [false; N];
+        for (((servo, position), last), seen) in self
             .joints
             .iter_mut()
-            .zip(position.iter_mut())
-            .zip(velocity.iter_mut())
+            .zip(&mut positions)
             .zip(self.last.position.iter_mut())
+            .zip(&mut seen)
         {
             // A filter that began with a position that never was would show a rate.
-            let seen = servo.seen || is_finite(*position);
-            *position = kept(*position, last);
-            if seen {
-                *position = filtered(&mut servo.position_filter, *position);
-                *velocity = servo.velocity.update(*position);
-            }
-            changed |= seen != servo.seen;
-            servo.seen = seen;
+            *seen = servo.seen || is_finite(*position);
+            keep(position, last);
+            self.changed |= *seen != servo.seen;
+            servo.seen = *seen;
         }
-        self.changed |= changed;
+        self.all_seen = seen.iter().all(|&seen| seen);
+        let positions = self.position_filters.update_each(&positions, &seen);
+        let velocities = self.velocities.update_each(&positions, &seen);
+        (positions.into(), velocities.into())
+    }
+
+    /// The tensions that the sensors say, filtered.
+    #[inline(always)]
+    fn sense_tensions(&mut self, sensed: &Pairs<T, N>) -> Pairs<T, N> {
+        let mut tensions = *sensed;
         for ((servo, tension), last) in self
             .joints
             .iter_mut()
-            .zip(&mut tension)
+            .zip(&mut tensions)
             .zip(&mut self.last.tension)
         {
-            let Pair { flexor, extensor } = &mut servo.tension_filter;
-            tension.flexor = filtered(flexor, kept(tension.flexor, &mut last.flexor));
-            tension.extensor = filtered(extensor, kept(tension.extensor, &mut last.extensor));
+            if is_finite(tension.flexor + tension.extensor) {
+                *last = *tension;
+            } else {
+                keep(&mut tension.flexor, &mut last.flexor);
+                keep(&mut tension.extensor, &mut last.extensor);
+            }
+            let samples = [tension.flexor, tension.extensor];
+            let [flexor, extensor] = servo.tension_filter.update(&samples);
+            *tension = Pair { flexor, extensor };
         }
-        (position, velocity, tension)
+        tensions
     }
 
     /// Joints that change their mode take over what they have.
@@ -333,6 +359,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     }
 
     /// The torques of the laws of all joints, N m.
+    #[inline(always)]
     fn torques(
         &mut self,
         position: &SVector<T, N>,
@@ -340,71 +367,90 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         tension: &Pairs<T, N>,
         gravity: &Vector3<T>,
     ) -> SVector<T, N> {
-        let follows = |servo: &JointServo<T>, pd: bool| {
-            servo.target.mode() == Mode::Position
-                && matches!(servo.gains.law, PositionLaw::Pd { .. }) == pd
-        };
-        let inverse = if self.joints.iter().any(|servo| follows(servo, false)) {
-            let acceleration = SVector::from_fn(|joint, _| {
-                let of_joint = (
-                    self.joints.get(joint),
-                    position.get(joint),
-                    velocity.get(joint),
-                );
-                match of_joint {
-                    (Some(servo), Some(&position), Some(&velocity)) => {
-                        servo.acceleration(position, velocity)
+        // What no law asks for is not computed.
+        let (mut computed, mut falls, mut moves, mut turns) = (false, false, false, false);
+        let mut acceleration = SVector::<T, N>::zeros();
+        let mut asked = SVector::<T, N>::zeros();
+        let motion = position.iter().zip(velocity);
+        let wanted = acceleration.iter_mut().zip(asked.iter_mut());
+        for ((servo, (&position, &velocity)), (acceleration, asked)) in
+            self.joints.iter().zip(motion).zip(wanted)
+        {
+            match (servo.target, servo.gains.law) {
+                (JointTarget::Position(point), law) => {
+                    moves = true;
+                    *asked = point.velocity;
+                    *acceleration = servo.acceleration(position, velocity);
+                    match law {
+                        PositionLaw::ComputedTorque { .. } => computed = true,
+                        PositionLaw::Pd { .. } => falls = true,
                     }
-                    _ => T::zero(),
                 }
-            });
+                (JointTarget::Torque(_) | JointTarget::Grasp(_), _) => turns = true,
+                (JointTarget::Off | JointTarget::Tension(_), _) => {}
+            }
+        }
+        let zero = SVector::zeros();
+        let inverse = if computed {
             self.mechanism
                 .inverse_dynamics(position, velocity, &acceleration, gravity)
                 + self.drive.armature.component_mul(&acceleration)
         } else {
-            SVector::zeros()
+            zero
         };
-        let weight = if self.joints.iter().any(|servo| follows(servo, true)) {
+        let weight = if falls {
             self.mechanism.gravity_torque(position, gravity)
         } else {
-            SVector::zeros()
+            zero
         };
-        let asked = SVector::from_fn(|joint, _| {
-            self.joints
-                .get(joint)
-                .map_or(T::zero(), JointServo::asked_rate)
-        });
-        let friction = self.drive.torque(&asked);
-        let measured = self.arms.torque(tension);
+        let friction = if moves {
+            self.drive.torque(&asked)
+        } else {
+            zero
+        };
+        let measured = if turns {
+            self.arms.torque(tension)
+        } else {
+            zero
+        };
 
-        let mut torque = SVector::<T, N>::zeros();
-        for (joint, (torque, servo)) in torque.iter_mut().zip(&mut self.joints).enumerate() {
-            let of = |vector: &SVector<T, N>| vector.get(joint).map_or(T::zero(), |&value| value);
+        let mut torque = zero;
+        let felt = position.iter().zip(velocity).zip(&measured);
+        let fed = inverse.iter().zip(&weight).zip(&friction);
+        for (
+            ((torque, servo), ((&position, &rate), &measured)),
+            ((&inverse, &gravity), &friction),
+        ) in torque.iter_mut().zip(&mut self.joints).zip(felt).zip(fed)
+        {
             *torque = servo.torque(&Felt {
-                position: of(position),
-                rate: of(velocity),
-                torque: of(&measured),
-                inverse: of(&inverse),
-                gravity: of(&weight),
-                friction: of(&friction),
+                position,
+                rate,
+                torque: measured,
+                inverse,
+                gravity,
+                friction,
             });
         }
         torque
     }
 
-    /// The tensions of the laws, without the step that a change would make at once.
-    fn smooth(&mut self, mut tensions: Pairs<T, N>) -> Pairs<T, N> {
+    /// Takes from the desired tensions the step that a change would make at once.
+    #[inline(always)]
+    fn smooth(&mut self, before: &Pairs<T, N>) {
         if self.changed {
             self.changed = false;
             self.left = T::one();
-            for ((step, last), new) in self.step.iter_mut().zip(&self.desired).zip(&tensions) {
+            for ((step, last), new) in self.step.iter_mut().zip(before).zip(&self.desired) {
                 step.flexor = last.flexor - new.flexor;
                 step.extensor = last.extensor - new.extensor;
             }
         }
         if self.left > T::zero() {
-            for ((tension, step), allocation) in
-                tensions.iter_mut().zip(&self.step).zip(&self.allocation)
+            for ((tension, step), allocation) in self
+                .desired
+                .iter_mut()
+                .zip(&self.step)
+                .zip(&self.allocation)
             {
                 let within = |tension| clamp(tension, allocation.min_n, allocation.max_n);
                 tension.flexor = within(tension.flexor + self.left * step.flexor);
@@ -412,6 +458,14 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             }
             self.left = max(self.left - self.work_off, T::zero());
         }
-        tensions
     }
+}
+
+/// The last value that was finite, where one is not.
+#[inline(always)]
+fn keep<T: Real>(value: &mut T, last: &mut T) {
+    if is_finite(*value) {
+        *last = *value;
+    }
+    *value = *last;
 }

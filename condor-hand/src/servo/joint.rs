@@ -1,7 +1,8 @@
 use super::{JointGains, JointSettings, JointTarget, Mode, PositionLaw, SettingError, SoftStop};
-use crate::control::{Derivative, Integrator, OnePole};
+use crate::control::bank::Poles;
+use crate::control::{Integrator, OnePole};
 use crate::math::{Real, clamp, is_finite, real};
-use crate::tendon::{Allocation, Pair, TensionServo};
+use crate::tendon::{Allocation, Antagonists, Pair, TensionServo};
 use crate::trajectory::SetPoint;
 
 /// The servo of one joint, but what couples it to the others.
@@ -9,10 +10,8 @@ use crate::trajectory::SetPoint;
 pub(super) struct JointServo<T: Real> {
     pub(super) gains: JointGains<T>,
     pub(super) target: JointTarget<T>,
-    pub(super) tendons: Pair<TensionServo<T>>,
-    pub(super) tension_filter: Pair<Option<OnePole<T>>>,
-    pub(super) position_filter: Option<OnePole<T>>,
-    pub(super) velocity: Derivative<T>,
+    pub(super) tendons: Antagonists<T>,
+    pub(super) tension_filter: Poles<T, 2>,
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,
     stop: SoftStop<T>,
@@ -38,6 +37,18 @@ pub(super) struct Felt<T> {
     pub(super) friction: T,
 }
 
+/// The filter of a cutoff (Hz), where there is one.
+pub(super) fn low_pass<T: Real>(
+    joint: usize,
+    cutoff_hz: Option<T>,
+    sample_hz: T,
+) -> Result<Option<OnePole<T>>, SettingError> {
+    cutoff_hz
+        .map(|cutoff_hz| OnePole::low_pass(cutoff_hz, sample_hz))
+        .transpose()
+        .map_err(|error| SettingError::Filter { joint, error })
+}
+
 impl<T: Real> JointServo<T> {
     pub(super) fn new(
         joint: usize,
@@ -45,12 +56,7 @@ impl<T: Real> JointServo<T> {
         own: Pair<T>,
         sample_hz: T,
     ) -> Result<Self, SettingError> {
-        let filter = |error| SettingError::Filter { joint, error };
-        let low_pass = |cutoff: Option<T>| {
-            cutoff
-                .map(|cutoff_hz| OnePole::low_pass(cutoff_hz, sample_hz).map_err(filter))
-                .transpose()
-        };
+        let low_pass = |cutoff| low_pass(joint, cutoff, sample_hz);
         settings.gains.check(joint)?;
         settings.stop.check(joint)?;
         let Allocation { min_n, max_n, .. } = settings.allocation;
@@ -65,16 +71,14 @@ impl<T: Real> JointServo<T> {
         Ok(Self {
             gains: settings.gains,
             target: JointTarget::Off,
-            tendons: Pair {
+            tendons: Antagonists::new(Pair {
                 flexor: servo(settings.gains.tension.flexor)?,
                 extensor: servo(settings.gains.tension.extensor)?,
-            },
-            tension_filter: Pair {
-                flexor: low_pass(settings.tension_cutoff_hz.flexor)?,
-                extensor: low_pass(settings.tension_cutoff_hz.extensor)?,
-            },
-            position_filter: low_pass(settings.position_cutoff_hz)?,
-            velocity: Derivative::new(settings.velocity_cutoff_hz, sample_hz).map_err(filter)?,
+            }),
+            tension_filter: Poles::new([
+                low_pass(settings.tension_cutoff_hz.flexor)?,
+                low_pass(settings.tension_cutoff_hz.extensor)?,
+            ]),
             seen: false,
             stop: settings.stop,
             torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
@@ -176,6 +180,7 @@ impl<T: Real> JointServo<T> {
     }
 
     /// The acceleration that its law asks of the inverse dynamics, rad/s²; zero if it does not.
+    #[inline(always)]
     pub(super) fn acceleration(&self, position: T, rate: T) -> T {
         match (self.target, self.gains.law) {
             _ if !self.seen => T::zero(),
@@ -196,15 +201,8 @@ impl<T: Real> JointServo<T> {
         }
     }
 
-    /// The rate that is asked of it, rad/s.
-    pub(super) fn asked_rate(&self) -> T {
-        match self.target {
-            JointTarget::Position(set_point) => set_point.velocity,
-            _ => T::zero(),
-        }
-    }
-
     /// The torque of its law, N m; zero where its tensions are given.
+    #[inline(always)]
     pub(super) fn torque(&mut self, felt: &Felt<T>) -> T {
         let law = match self.target {
             JointTarget::Off | JointTarget::Tension(_) => return T::zero(),
@@ -244,8 +242,7 @@ impl<T: Real> JointServo<T> {
     /// Off, with nothing in any integral.
     pub(super) fn rest(&mut self) {
         self.take(JointTarget::Off);
-        self.tendons.flexor.reset();
-        self.tendons.extensor.reset();
+        self.tendons.reset();
     }
 
     /// The tensions that are given to it, where it has no torque of its own.
@@ -268,14 +265,7 @@ impl<T: Real> JointServo<T> {
         integrator.set(self.integrator.term());
         let mut tendons = self.tendons;
         let servo = |error| SettingError::TensionServo { joint, error };
-        tendons
-            .flexor
-            .set_gains(gains.tension.flexor)
-            .map_err(servo)?;
-        tendons
-            .extensor
-            .set_gains(gains.tension.extensor)
-            .map_err(servo)?;
+        tendons.set_gains(&gains.tension).map_err(servo)?;
         self.gains = *gains;
         self.integrator = integrator;
         self.tendons = tendons;

@@ -140,38 +140,105 @@ pub struct Allocated<T: Real, const N: usize> {
     pub not_finite: u32,
 }
 
+impl<T: Real, const N: usize> Allocated<T, N> {
+    #[inline(always)]
+    fn as_asked(tensions: Pairs<T, N>, torque: &SVector<T, N>) -> Self {
+        Self {
+            tensions,
+            torque: *torque,
+            saturated: 0,
+            not_finite: 0,
+        }
+    }
+}
+
 impl<T: Real, const N: usize> MomentArms<T, N> {
     /// The tensions that make these torques, N m, by back-substitution from the distal joint.
     ///
     /// `P f = torque` to rounding, unless a joint is saturated: then the torque that is nearest
     /// to the one asked for. A finger has at most 32 joints.
-    #[inline]
+    #[inline(always)]
     pub fn allocate(
         &self,
         torque: &SVector<T, N>,
         allocation: &[Allocation<T>; N],
     ) -> Allocated<T, N> {
-        self.allocate_around(torque, allocation, &[None; N])
+        match self.within(torque, allocation) {
+            Some(tensions) => Allocated::as_asked(tensions, torque),
+            None => self.one_by_one(torque, allocation, &[None; N]),
+        }
     }
 
     /// The same, around joints whose tensions are given, N: their torque is what comes of it, and
     /// the joints proximal to them reckon with it.
     ///
     /// Given tensions are taken within the limits of their joint; a NaN is the minimum.
-    #[inline]
+    #[inline(always)]
     pub fn allocate_around(
         &self,
         torque: &SVector<T, N>,
         allocation: &[Allocation<T>; N],
         given: &[Option<Pair<T>>; N],
     ) -> Allocated<T, N> {
+        if given.iter().all(Option::is_none) {
+            self.allocate(torque, allocation)
+        } else {
+            self.one_by_one(torque, allocation, given)
+        }
+    }
+
+    /// The tensions where none is beyond its limits, which is nearly always so.
+    #[inline(always)]
+    #[allow(clippy::needless_bitwise_bool, reason = "no branches")]
+    #[allow(clippy::needless_range_loop, reason = "so it stays in registers")]
+    fn within(
+        &self,
+        torque: &SVector<T, N>,
+        allocation: &[Allocation<T>; N],
+    ) -> Option<Pairs<T, N>> {
+        let mut tensions = [Pair::both(T::zero()); N];
+        let mut inside = true;
+        let [mut net] = torque.data.0;
+        for joint in 0..N {
+            let (own, (low, _)) = (&self.rows()[joint][joint], allocation[joint].limits());
+            net[joint] -= low * (own.flexor + own.extensor);
+        }
+        for joint in (0..N).rev() {
+            let allocation = &allocation[joint];
+            let (own, reciprocal) = (&self.rows()[joint][joint], &self.reciprocals()[joint]);
+            let (low, high) = allocation.limits();
+            let of_joint = net[joint];
+            let u = allocation.rectification.agonist(of_joint, low, own);
+            let pair = Pair {
+                flexor: low + u * reciprocal.flexor,
+                extensor: low - (u - of_joint) * reciprocal.extensor,
+            };
+            // A NaN is not.
+            inside &= (pair.flexor >= low)
+                & (pair.flexor <= high)
+                & (pair.extensor >= low)
+                & (pair.extensor <= high);
+            tensions[joint] = pair;
+            // As soon as they are known, while they are in registers.
+            for proximal in 0..joint {
+                let arm = &self.rows()[proximal][joint];
+                net[proximal] -= arm.flexor * pair.flexor + arm.extensor * pair.extensor;
+            }
+        }
+        inside.then_some(tensions)
+    }
+
+    /// The same where tensions are given, or beyond their limits.
+    #[cold]
+    #[inline(never)]
+    fn one_by_one(
+        &self,
+        torque: &SVector<T, N>,
+        allocation: &[Allocation<T>; N],
+        given: &[Option<Pair<T>>; N],
+    ) -> Allocated<T, N> {
         const { assert!(N <= 32, "a joint is a bit of 32") };
-        let mut allocated = Allocated {
-            tensions: [Pair::both(T::zero()); N],
-            torque: *torque,
-            saturated: 0,
-            not_finite: 0,
-        };
+        let mut allocated = Allocated::as_asked([Pair::both(T::zero()); N], torque);
         let mut fixed = 0;
         for joint in (0..N).rev() {
             let (Some(row), Some(reciprocal), Some(allocation), Some(&torque)) = (
@@ -203,7 +270,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
                 flexor: low + u * reciprocal.flexor,
                 extensor: low - (u - net) * reciprocal.extensor,
             };
-            // Nearly always so; a NaN is not.
+            // A NaN is not.
             let inside = (pair.flexor >= low)
                 && (pair.flexor <= high)
                 && (pair.extensor >= low)

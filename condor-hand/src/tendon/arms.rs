@@ -110,27 +110,28 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     }
 
     /// The torques of tensions: `P f`, N m.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn torque(&self, tensions: &Pairs<T, N>) -> SVector<T, N> {
-        SVector::from_fn(|joint, _| {
-            let mut torque = T::zero();
-            if let Some(row) = self.rows.get(joint) {
-                for (arm, tension) in row.iter().zip(tensions).skip(joint) {
-                    torque += arm.flexor * tension.flexor + arm.extensor * tension.extensor;
-                }
+        let mut torques = SVector::<T, N>::zeros();
+        let rows = self.rows.iter().enumerate();
+        for (torque, (joint, row)) in torques.iter_mut().zip(rows) {
+            for tendon in joint..N {
+                let (arm, tension) = (&row[tendon], &tensions[tendon]);
+                *torque += arm.flexor * tension.flexor + arm.extensor * tension.extensor;
             }
-            torque
-        })
+        }
+        torques
     }
 
     /// The rates of the lengths of the tendons: `-Pᵀ qd`, m/s; a shortening flexor flexes.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn length_rates(&self, qd: &SVector<T, N>) -> Pairs<T, N> {
         let mut rates = [Pair::both(T::zero()); N];
-        for (row, &rate) in self.rows.iter().zip(qd.iter()) {
-            for (length, arm) in rates.iter_mut().zip(row) {
+        for (joint, (row, &rate)) in self.rows.iter().zip(qd.iter()).enumerate() {
+            for tendon in joint..N {
+                let (length, arm) = (&mut rates[tendon], &row[tendon]);
                 length.flexor -= arm.flexor * rate;
                 length.extensor -= arm.extensor * rate;
             }

@@ -9,6 +9,7 @@ mod finger;
 mod limits;
 mod ramp;
 mod sensor;
+mod usual;
 
 pub use code::{Fault, FaultCode, FaultSet, FaultSite};
 pub use finger::{FingerMonitor, Observation};

@@ -53,13 +53,13 @@ pub enum TensionServoError {
 /// length there is no damping. [`rejected`](TensionServo::rejected) counts such updates.
 #[derive(Clone, Copy, Debug)]
 pub struct TensionServo<T: Real = f64> {
-    gains: TensionGains<T>,
-    integrator: Integrator<T>,
-    max_n: T,
-    period: T,
-    sample_hz: T,
-    desired: T,
-    last_error: Option<T>,
+    pub(super) gains: TensionGains<T>,
+    pub(super) integrator: Integrator<T>,
+    pub(super) max_n: T,
+    pub(super) period: T,
+    pub(super) sample_hz: T,
+    pub(super) desired: T,
+    pub(super) last_error: Option<T>,
     rejected: u32,
 }
 

@@ -14,23 +14,37 @@ pub struct Interpolator<const J: usize, T: Real = f64> {
     substeps: u32,
     /// From step to step, s.
     period: T,
-    /// Steps from the beginning of the polynomial, and its length in steps.
+    /// Steps from the beginning of the polynomials, and their length in steps.
     step: u32,
     length: u32,
-    /// Steps since its end.
+    /// One over that length.
+    part: T,
+    /// Steps since their end.
     late: u32,
-    joints: [Joint<T>; J],
+    bounds: [Bounds<T>; J],
+    to: [SetPoint<T>; J],
+    /// The ways to there.
+    ways: [Way<T>; J],
+    gaps: [Option<Gap<T>>; J],
+    /// There is a gap.
+    rejoining: bool,
 }
 
+/// A cubic polynomial of the part of the way in time, and its derivatives to time: what does not
+/// change from step to step is computed once.
+#[derive(Clone, Copy, Debug)]
+struct Way<T> {
+    position: [T; 4],
+    velocity: [T; 3],
+    acceleration: [T; 2],
+}
+
+/// What is between a joint and the motion of the ticks.
 #[derive(Clone, Debug)]
-struct Joint<T: Real> {
-    bounds: Bounds<T>,
-    to: SetPoint<T>,
-    /// The way to there, since the first tick came.
-    way: Option<Polynomial<T>>,
-    gap: Option<Segments<T>>,
-    /// Time on the way through the gap, s.
-    gap_at: T,
+struct Gap<T: Real> {
+    way: Segments<T>,
+    /// Time on it, s.
+    at: T,
 }
 
 /// Whether ticks come in time.
@@ -100,24 +114,20 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
                 }
             }
         }
-        let mut positions = positions.iter().copied();
         let substeps = u32::from(substeps);
+        let to = positions.map(SetPoint::rest);
         Ok(Self {
             substeps,
             period: tick_s / T::of(f64::from(substeps)),
             step: substeps,
             length: substeps,
+            part: T::one() / T::of(f64::from(substeps)),
             late: 0,
-            joints: bounds.map(|bounds| {
-                let rest = SetPoint::rest(positions.next().unwrap_or(T::zero()));
-                Joint {
-                    bounds,
-                    to: rest,
-                    way: None,
-                    gap: None,
-                    gap_at: T::zero(),
-                }
-            }),
+            bounds,
+            to,
+            ways: to.map(|point| Way::rest(point.position)),
+            gaps: [const { None }; J],
+            rejoining: false,
         })
     }
 
@@ -128,43 +138,56 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     ///
     /// The first set-point that is not finite or too far to go to; then it is as if none had come.
     pub fn tick(&mut self, points: &[SetPoint<T>; J]) -> Result<(), SetPointError> {
-        let tick = self.seconds(self.substeps);
         let early = self.length - self.step;
         // After a burst of ticks only the newest says where to be.
-        let off = self.late > 0 || early > self.substeps;
-        let length = if off {
-            self.substeps
-        } else {
-            early + self.substeps
-        };
-        let mut joints = self.joints.clone();
-        for (number, (joint, point)) in joints.iter_mut().zip(points).enumerate() {
-            let error = || SetPointError::NotFinite {
-                joint: number,
-                position: point.position.to_f64(),
-                velocity: point.velocity.to_f64(),
-            };
-            let from = if off {
-                let now = self.moving(joint);
-                let line = SetPoint {
-                    position: point.position - point.velocity * tick,
-                    velocity: point.velocity,
-                    acceleration: T::zero(),
-                };
-                joint.bridge(&now, &line).map_err(|_| error())?;
-                line
-            } else {
-                self.base(joint)
-            };
-            let way = Polynomial::cubic(&from, point, self.seconds(length));
-            joint.way = Some(way.map_err(|_| error())?);
-            joint.to = *point;
+        if self.late > 0 || early > self.substeps {
+            return self.begin_anew(points);
         }
-        self.joints = joints;
+        let length = early + self.substeps;
+        let duration = self.seconds(length);
+        let (mut ways, from) = (self.ways, self.base());
+        for (joint, (way, (from, point))) in
+            ways.iter_mut().zip(from.iter().zip(points)).enumerate()
+        {
+            *way = Way::between(from, point, duration).map_err(|_| error(joint, points))?;
+        }
+        self.ways = ways;
+        self.set_out(points, length);
+        Ok(())
+    }
+
+    /// Follows the line through the next points from now on, and closes what is between.
+    #[cold]
+    fn begin_anew(&mut self, points: &[SetPoint<T>; J]) -> Result<(), SetPointError> {
+        let tick = self.seconds(self.substeps);
+        let lines = points.each_ref().map(|point| SetPoint {
+            position: point.position - point.velocity * tick,
+            velocity: point.velocity,
+            acceleration: T::zero(),
+        });
+        let duration = self.seconds(self.substeps);
+        let (mut gaps, mut ways) = (self.gaps.clone(), self.ways);
+        let states = self.set_points();
+        let moves = gaps.iter_mut().zip(&mut ways);
+        let ends = states.iter().zip(&lines).zip(points).zip(&self.bounds);
+        for (joint, ((gap, way), (((now, line), point), bounds))) in moves.zip(ends).enumerate() {
+            let error = |_| error(joint, points);
+            *gap = Some(Gap::between(now, line, bounds).map_err(error)?);
+            *way = Way::between(line, point, duration).map_err(error)?;
+        }
+        self.ways = ways;
+        self.gaps = gaps;
+        self.rejoining = true;
+        self.set_out(points, self.substeps);
+        Ok(())
+    }
+
+    fn set_out(&mut self, points: &[SetPoint<T>; J], length: u32) {
+        self.to = *points;
         self.step = 0;
         self.length = length;
+        self.part = T::one() / T::of(f64::from(length));
         self.late = 0;
-        Ok(())
     }
 
     /// Lets a joint that is elsewhere join the motion of the ticks: from this state on it closes
@@ -174,42 +197,79 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     ///
     /// A state that is not finite or too far away; then the joint stays where it is.
     pub fn join(&mut self, joint: usize, now: &SetPoint<T>) -> Result<(), SetPointError> {
-        let Some(onto) = self.joints.get(joint).map(|joint| self.base(joint)) else {
+        let base = self.base();
+        let (Some(onto), Some(bounds), Some(gap)) = (
+            base.get(joint),
+            self.bounds.get(joint),
+            self.gaps.get_mut(joint),
+        ) else {
             return Ok(());
         };
-        let Some(moved) = self.joints.get_mut(joint) else {
-            return Ok(());
-        };
-        moved
-            .bridge(now, &onto)
-            .map_err(|_| SetPointError::NotFinite {
-                joint,
-                position: now.position.to_f64(),
-                velocity: now.velocity.to_f64(),
-            })
+        let bridge = Gap::between(now, onto, bounds).map_err(|_| SetPointError::NotFinite {
+            joint,
+            position: now.position.to_f64(),
+            velocity: now.velocity.to_f64(),
+        })?;
+        *gap = Some(bridge);
+        self.rejoining = true;
+        Ok(())
     }
 
     /// The set-points one servo period later.
+    #[inline]
     pub fn step(&mut self) -> [SetPoint<T>; J] {
+        self.advance();
+        self.set_points()
+    }
+
+    /// Goes on by one servo period.
+    #[inline]
+    pub(crate) fn advance(&mut self) {
         if self.step < self.length {
             self.step += 1;
         } else {
             self.late = self.late.saturating_add(1);
         }
-        for joint in &mut self.joints {
-            joint.gap_at += self.period;
-            let over = |gap: &Segments<T>| !(joint.gap_at < gap.duration());
-            if joint.gap.as_ref().is_some_and(over) {
-                joint.gap = None;
+        if self.rejoining {
+            self.go_on_in_gaps();
+        }
+    }
+
+    #[cold]
+    fn go_on_in_gaps(&mut self) {
+        for gap in &mut self.gaps {
+            if let Some(Gap { way, at }) = gap {
+                *at += self.period;
+                if !(*at < way.duration()) {
+                    *gap = None;
+                }
             }
         }
-        self.set_points()
+        self.rejoining = self.gaps.iter().any(Option::is_some);
     }
 
     /// The present set-points.
+    #[inline]
     #[must_use]
     pub fn set_points(&self) -> [SetPoint<T>; J] {
-        self.joints.each_ref().map(|joint| self.moving(joint))
+        let mut points = self.base();
+        if self.rejoining {
+            self.add_gaps(&mut points);
+        }
+        points
+    }
+
+    /// Adds what is left of gaps to the motion of the ticks.
+    #[cold]
+    fn add_gaps(&self, points: &mut [SetPoint<T>; J]) {
+        for (point, gap) in points.iter_mut().zip(&self.gaps) {
+            if let Some(Gap { way, at }) = gap {
+                let gap = way.at(*at);
+                point.position += gap.position;
+                point.velocity += gap.velocity;
+                point.acceleration += gap.acceleration;
+            }
+        }
     }
 
     /// Whether ticks come in time.
@@ -227,72 +287,132 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// Some joint has not rejoined the motion of the ticks.
     #[must_use]
     pub fn is_rejoining(&self) -> bool {
-        self.joints.iter().any(|joint| joint.gap.is_some())
+        self.rejoining
     }
 
     fn seconds(&self, steps: u32) -> T {
         T::of(f64::from(steps)) * self.period
     }
 
-    /// The motion of the ticks, with what is left of a gap.
-    fn moving(&self, joint: &Joint<T>) -> SetPoint<T> {
-        let base = self.base(joint);
-        let Some(gap) = &joint.gap else {
-            return base;
-        };
-        let gap = gap.at(joint.gap_at);
-        SetPoint {
-            position: base.position + gap.position,
-            velocity: base.velocity + gap.velocity,
-            acceleration: base.acceleration + gap.acceleration,
+    /// The motion of the ticks.
+    #[inline(always)]
+    fn base(&self) -> [SetPoint<T>; J] {
+        if self.late > 0 {
+            return self.without_ticks();
+        }
+        if self.step == self.length {
+            return self.to;
+        }
+        let s = T::of(f64::from(self.step)) * self.part;
+        self.ways.each_ref().map(|way| way.at(s))
+    }
+
+    /// What comes after the last tick: the velocity is held for a while, and braked then.
+    fn without_ticks(&self) -> [SetPoint<T>; J] {
+        let held = self.late.min(self.substeps);
+        let (holding, braking) = (self.seconds(held), self.seconds(self.late - held));
+        let mut points = self.to;
+        for (point, bounds) in points.iter_mut().zip(&self.bounds) {
+            *point = braked(point, bounds, holding, braking);
+        }
+        points
+    }
+}
+
+/// What becomes of a set-point while its velocity is held and then braked, for so many seconds each.
+fn braked<T: Real>(
+    &SetPoint {
+        position, velocity, ..
+    }: &SetPoint<T>,
+    bounds: &Bounds<T>,
+    holding: T,
+    braking: T,
+) -> SetPoint<T> {
+    let position = position + velocity * holding;
+    let deceleration = if velocity > T::zero() {
+        bounds.acceleration
+    } else {
+        -bounds.acceleration
+    };
+    let over = abs(velocity / deceleration);
+    let t = min(braking, over);
+    let stands = !(braking < over);
+    let moves = braking > T::zero() && !stands;
+    SetPoint {
+        position: position + (velocity - deceleration * t * real::<T>(0.5)) * t,
+        velocity: if stands {
+            T::zero()
+        } else {
+            velocity - deceleration * t
+        },
+        acceleration: if moves { -deceleration } else { T::zero() },
+    }
+}
+
+/// The set-point that a joint cannot follow.
+#[cold]
+fn error<T: Real, const J: usize>(joint: usize, points: &[SetPoint<T>; J]) -> SetPointError {
+    let none = SetPoint::rest(T::zero());
+    let point = points.get(joint).unwrap_or(&none);
+    SetPointError::NotFinite {
+        joint,
+        position: point.position.to_f64(),
+        velocity: point.velocity.to_f64(),
+    }
+}
+
+impl<T: Real> Way<T> {
+    fn rest(position: T) -> Self {
+        let zero = T::zero();
+        Self {
+            position: [position, zero, zero, zero],
+            velocity: [zero; 3],
+            acceleration: [zero; 2],
         }
     }
 
-    fn base(&self, joint: &Joint<T>) -> SetPoint<T> {
-        if self.late == 0 {
-            if self.step == self.length {
-                return joint.to;
-            }
-            let at = self.seconds(self.step);
-            return joint.way.as_ref().map_or(joint.to, |way| way.at(at));
-        }
-        let SetPoint {
-            position, velocity, ..
-        } = joint.to;
-        let held = self.late.min(self.substeps);
-        let braking = self.seconds(self.late - held);
-        let position = position + velocity * self.seconds(held);
-        let deceleration = if velocity > T::zero() {
-            joint.bounds.acceleration
-        } else {
-            -joint.bounds.acceleration
-        };
-        let over = abs(velocity / deceleration);
-        let t = min(braking, over);
-        let stands = !(braking < over);
-        let moves = braking > T::zero() && !stands;
+    /// The cubic Hermite polynomial between two states, in a duration in s.
+    #[inline(always)]
+    fn between(from: &SetPoint<T>, to: &SetPoint<T>, duration: T) -> Result<Self, ProfileError> {
+        let [c0, c1, c2, c3] = Polynomial::cubic(from, to, duration)?.cubic_coefficients();
+        let hz = T::one() / duration;
+        let (d2, d3) = (c2 + c2, real::<T>(3.0) * c3);
+        Ok(Self {
+            position: [c0, c1, c2, c3],
+            velocity: [c1 * hz, d2 * hz, d3 * hz],
+            acceleration: [d2 * hz * hz, (d3 + d3) * hz * hz],
+        })
+    }
+
+    /// The state where this part of the time is over.
+    #[inline(always)]
+    fn at(&self, s: T) -> SetPoint<T> {
+        let [c0, c1, c2, c3] = self.position;
+        let [v0, v1, v2] = self.velocity;
+        let [a0, a1] = self.acceleration;
         SetPoint {
-            position: position + (velocity - deceleration * t * real::<T>(0.5)) * t,
-            velocity: if stands {
-                T::zero()
-            } else {
-                velocity - deceleration * t
-            },
-            acceleration: if moves { -deceleration } else { T::zero() },
+            position: ((c3 * s + c2) * s + c1) * s + c0,
+            velocity: (v2 * s + v1) * s + v0,
+            acceleration: a1 * s + a0,
         }
     }
 }
 
-impl<T: Real> Joint<T> {
-    /// Begins to close what is between two states.
-    fn bridge(&mut self, now: &SetPoint<T>, onto: &SetPoint<T>) -> Result<(), ProfileError> {
+impl<T: Real> Gap<T> {
+    /// Closes what is between two states.
+    fn between(
+        now: &SetPoint<T>,
+        onto: &SetPoint<T>,
+        bounds: &Bounds<T>,
+    ) -> Result<Self, ProfileError> {
         let gap = SetPoint {
             position: now.position - onto.position,
             velocity: now.velocity - onto.velocity,
             acceleration: T::zero(),
         };
-        self.gap = Some(Segments::fastest(&gap, T::zero(), &self.bounds)?);
-        self.gap_at = T::zero();
-        Ok(())
+        Ok(Self {
+            way: Segments::fastest(&gap, T::zero(), bounds)?,
+            at: T::zero(),
+        })
     }
 }

@@ -20,6 +20,7 @@ impl<T: Real> Polynomial<T> {
     /// # Errors
     ///
     /// A duration in s that is not above zero, and what is not finite.
+    #[inline]
     pub fn cubic(
         start: &SetPoint<T>,
         end: &SetPoint<T>,
@@ -66,6 +67,7 @@ impl<T: Real> Polynomial<T> {
         Self::quintic(&SetPoint::rest(start), &SetPoint::rest(end), duration)
     }
 
+    #[inline]
     fn checked(coefficients: [T; 6], duration: T, end: &SetPoint<T>) -> Result<Self, ProfileError> {
         if !(duration > T::zero()) {
             let duration = duration.to_f64();
@@ -85,6 +87,13 @@ impl<T: Real> Polynomial<T> {
             duration,
             end: (end.position, end.velocity),
         })
+    }
+
+    /// Those of a cubic, lowest power first.
+    #[inline(always)]
+    pub(super) fn cubic_coefficients(&self) -> [T; 4] {
+        let [c0, c1, c2, c3, _, _] = self.coefficients;
+        [c0, c1, c2, c3]
     }
 
     /// How long it lasts, s.

@@ -1,6 +1,7 @@
 use nalgebra::SVector;
 
 use super::sensor::{Joint, Latch, Run, Tendon};
+use super::usual::{Places, Usual, threshold};
 use super::{Fault, FaultCode, FaultLimits, FaultLimitsError, FaultSet, FaultSite};
 use crate::math::{Real, is_finite};
 use crate::tendon::{Pair, Pairs};
@@ -30,14 +31,28 @@ pub struct Observation<T: Real, const N: usize> {
 #[derive(Clone, Copy, Debug)]
 pub struct FingerMonitor<T: Real, const N: usize> {
     limits: FaultLimits<T, N>,
+    usual: AllUsual<T, N>,
     state: State<T, N>,
+}
+
+/// The bounds within which a tick passes all checks.
+#[derive(Clone, Copy, Debug)]
+struct AllUsual<T, const N: usize> {
+    tendons: [Usual<T, 2>; N],
+    joints: Usual<T, N>,
+    period_s: T,
+    set_point_age_s: T,
 }
 
 /// All that `clear` forgets.
 #[derive(Clone, Copy, Debug)]
 struct State<T, const N: usize> {
-    tendons: [Pair<(Tendon<T>, FaultSet)>; N],
-    joints: [(Joint<T>, FaultSet); N],
+    tendons: [Pair<(Tendon, FaultSet)>; N],
+    joints: [(Joint, FaultSet); N],
+    tendon_places: [Places<T, 2>; N],
+    joint_places: Places<T, N>,
+    /// No check has failed in the last tick: nothing is being counted.
+    quiet: bool,
     period: Run,
     set_point: Run,
     finger: FaultSet,
@@ -49,6 +64,9 @@ impl<T: Real, const N: usize> State<T, N> {
         Self {
             tendons: [Pair::both((Tendon::default(), FaultSet::default())); N],
             joints: [(Joint::default(), FaultSet::default()); N],
+            tendon_places: [Places::never(); N],
+            joint_places: Places::never(),
+            quiet: true,
             period: Run::default(),
             set_point: Run::default(),
             finger: FaultSet::default(),
@@ -57,7 +75,6 @@ impl<T: Real, const N: usize> State<T, N> {
     }
 
     /// Judges one site and keeps the first fault of all.
-    #[inline(always)]
     fn judge(
         first: &mut Option<Fault>,
         site: FaultSite,
@@ -83,6 +100,12 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
     pub fn new(limits: FaultLimits<T, N>) -> Result<Self, FaultLimitsError> {
         limits.check()?;
         Ok(Self {
+            usual: AllUsual {
+                tendons: limits.tendons.each_ref().map(Usual::of_tendons),
+                joints: Usual::of_joints(&limits.joints),
+                period_s: threshold(&limits.period_s),
+                set_point_age_s: threshold(&limits.set_point_age_s),
+            },
             limits,
             state: State::new(),
         })
@@ -90,63 +113,152 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
 
     /// Judges a tick; gives the fault that came first since the last [`clear`](Self::clear).
     pub fn update(&mut self, observation: &Observation<T, N>) -> Option<Fault> {
-        let Self { limits, state } = self;
+        self.judge(
+            (&observation.desired_tensions, &observation.tensions),
+            (&observation.desired_positions, &observation.positions),
+            observation.period_s,
+            observation.set_point_age_s,
+        )
+    }
+
+    /// The same of an observation in its parts: desired and measured tensions, desired and measured
+    /// positions, the time since the last tick and the age of the set-points.
+    #[inline(always)]
+    pub(crate) fn judge(
+        &mut self,
+        tensions: (&Pairs<T, N>, &Pairs<T, N>),
+        positions: (&[Option<T>; N], &SVector<T, N>),
+        period_s: T,
+        age_s: T,
+    ) -> Option<Fault> {
+        if !self.passes(tensions, positions, period_s, age_s) {
+            self.examine(tensions, positions, period_s, age_s);
+        }
+        self.state.first
+    }
+
+    /// Whether nothing is wrong in a tick after one in which nothing was.
+    #[inline(always)]
+    fn passes(
+        &mut self,
+        tensions: (&Pairs<T, N>, &Pairs<T, N>),
+        (desired, measured): (&[Option<T>; N], &SVector<T, N>),
+        period_s: T,
+        age_s: T,
+    ) -> bool {
+        let Self { usual, state, .. } = self;
+        let mut pass = state.quiet
+            && is_finite(period_s)
+            && period_s <= usual.period_s
+            && is_finite(age_s)
+            && age_s <= usual.set_point_age_s;
+        for (((usual, places), desired), measured) in usual
+            .tendons
+            .iter()
+            .zip(&mut state.tendon_places)
+            .zip(tensions.0)
+            .zip(tensions.1)
+        {
+            let desired = [desired.flexor, desired.extensor];
+            let measured = [measured.flexor, measured.extensor];
+            pass &= usual.pass(places, &desired, &measured);
+        }
+        let [measured] = measured.data.0;
+        let mut wanted = measured;
+        for (wanted, &desired) in wanted.iter_mut().zip(desired) {
+            *wanted = desired.unwrap_or(*wanted);
+        }
+        pass &= usual
+            .joints
+            .pass(&mut state.joint_places, &wanted, &measured);
+        // What has no set-point is not compared with where it was.
+        for (lane, desired) in desired.iter().enumerate() {
+            if pass && desired.is_none() {
+                state.joint_places.forget(lane);
+            }
+        }
+        pass
+    }
+
+    /// Makes the checks one by one.
+    #[cold]
+    #[inline(never)]
+    fn examine(
+        &mut self,
+        (desired_tensions, tensions): (&Pairs<T, N>, &Pairs<T, N>),
+        (desired_positions, positions): (&[Option<T>; N], &SVector<T, N>),
+        period_s: T,
+        age_s: T,
+    ) {
+        let Self { limits, state, .. } = self;
         let State {
             tendons,
             joints,
+            tendon_places,
+            joint_places,
+            quiet,
             period,
             set_point,
             finger,
             first,
         } = state;
-        for (joint, (((state, limits), desired), measured)) in tendons
-            .iter_mut()
-            .zip(&limits.tendons)
-            .zip(&observation.desired_tensions)
-            .zip(&observation.tensions)
-            .enumerate()
+        let sites = tendons.iter_mut().zip(tendon_places).zip(&limits.tendons);
+        for (joint, (((state, places), limits), (desired, measured))) in
+            sites.zip(desired_tensions.iter().zip(tensions)).enumerate()
         {
             let sites = FaultSite::tendons(joint);
             let (tendon, latched) = &mut state.flexor;
+            let mut moved = places.of(0);
             State::<T, N>::judge(first, sites.flexor, latched, |latch| {
-                tendon.update(&limits.flexor, desired.flexor, measured.flexor, latch);
+                let (desired, measured) = (desired.flexor, measured.flexor);
+                tendon.update(&limits.flexor, &mut moved, desired, measured, latch);
             });
+            places.set(0, moved);
             let (tendon, latched) = &mut state.extensor;
+            let mut moved = places.of(1);
             State::<T, N>::judge(first, sites.extensor, latched, |latch| {
-                tendon.update(&limits.extensor, desired.extensor, measured.extensor, latch);
+                let (desired, measured) = (desired.extensor, measured.extensor);
+                tendon.update(&limits.extensor, &mut moved, desired, measured, latch);
             });
+            places.set(1, moved);
         }
-        for (joint, ((((state, latched), limits), &desired), &measured)) in joints
+        for (joint, (((state, latched), limits), (&desired, &measured))) in joints
             .iter_mut()
             .zip(&limits.joints)
-            .zip(&observation.desired_positions)
-            .zip(&observation.positions)
+            .zip(desired_positions.iter().zip(positions))
             .enumerate()
         {
+            let mut moved = joint_places.of(joint);
             State::<T, N>::judge(first, FaultSite::Joint(joint), latched, |latch| {
-                state.update(limits, desired, measured, latch);
+                state.update(limits, &mut moved, desired, measured, latch);
             });
+            joint_places.set(joint, moved);
         }
         State::<T, N>::judge(first, FaultSite::Finger, finger, |latch| {
             for (code, run, limit, seconds) in [
                 (
                     FaultCode::MissedDeadline,
-                    period,
+                    &mut *period,
                     &limits.period_s,
-                    observation.period_s,
+                    period_s,
                 ),
                 (
                     FaultCode::StaleSetPoint,
-                    set_point,
+                    &mut *set_point,
                     &limits.set_point_age_s,
-                    observation.set_point_age_s,
+                    age_s,
                 ),
             ] {
                 let late = !is_finite(seconds) || limit.is_below(seconds);
                 latch.report(code, run.reaches(limit.samples, late), seconds);
             }
         });
-        state.first
+        *quiet = period.is_over()
+            && set_point.is_over()
+            && tendons
+                .iter()
+                .all(|pair| pair.flexor.0.is_quiet() && pair.extensor.0.is_quiet())
+            && joints.iter().all(|(joint, _)| joint.is_quiet());
     }
 
     /// The fault that came first since the last [`clear`](Self::clear).

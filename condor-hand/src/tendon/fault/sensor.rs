@@ -1,5 +1,6 @@
 use super::{
-    FaultCode, FaultSet, JointFaultLimits, Range, SensorFaultLimits, TendonFaultLimits, Threshold,
+    FaultCode, FaultSet, JointFaultLimits, Range, SensorFaultLimits, Stuck, TendonFaultLimits,
+    Threshold,
 };
 use crate::math::{Real, abs, is_finite};
 
@@ -11,8 +12,17 @@ impl Run {
     /// Whether `bad` has been true for so many samples in a row; never for none.
     #[inline(always)]
     pub(super) fn reaches(&mut self, samples: u16, bad: bool) -> bool {
-        self.0 = if bad { self.0.saturating_add(1) } else { 0 };
+        self.0 = if bad && samples > 0 {
+            self.0.saturating_add(1)
+        } else {
+            0
+        };
         samples > 0 && self.0 >= samples
+    }
+
+    /// Whether the last sample that counts was good.
+    pub(super) const fn is_over(self) -> bool {
+        self.0 == 0
     }
 }
 
@@ -36,14 +46,12 @@ pub(super) struct Latch<'a> {
 }
 
 impl Latch<'_> {
-    #[inline(always)]
     pub(super) fn report<T: Real>(&mut self, code: FaultCode, is_fault: bool, value: T) {
         if is_fault {
             self.latch(code, value.to_f64());
         }
     }
 
-    #[cold]
     fn latch(&mut self, code: FaultCode, value: f64) {
         if self.latched.insert(code) && self.first.is_none() {
             self.first = Some((code, value));
@@ -52,34 +60,20 @@ impl Latch<'_> {
 }
 
 /// The state of the checks of one sensor.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sensor<T> {
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sensor {
     not_finite: Run,
     range: Run,
     stuck: Run,
     tracking: Run,
-    /// What was measured when the sensor moved last, and desired.
-    moved: Option<(T, T)>,
 }
 
-impl<T> Default for Sensor<T> {
-    fn default() -> Self {
-        Self {
-            not_finite: Run::default(),
-            range: Run::default(),
-            stuck: Run::default(),
-            tracking: Run::default(),
-            moved: None,
-        }
-    }
-}
-
-impl<T: Real> Sensor<T> {
+impl Sensor {
     /// Judges a sample; false if it is not finite, and tells nothing else.
-    #[inline(always)]
-    fn update(
+    fn update<T: Real>(
         &mut self,
         limits: &SensorFaultLimits<T>,
+        moved: &mut Moved<T>,
         desired: Option<T>,
         measured: T,
         latch: &mut Latch<'_>,
@@ -100,7 +94,7 @@ impl<T: Real> Sensor<T> {
         let fault = self.range.reaches(limits.range.samples, outside);
         latch.report(FaultCode::OutOfRange, fault, measured);
 
-        let stays = self.stays(limits, desired, measured);
+        let stays = moved.stays(&limits.stuck, desired, measured);
         let fault = self.stuck.reaches(limits.stuck.samples, stays);
         latch.report(FaultCode::Stuck, fault, measured);
 
@@ -111,55 +105,65 @@ impl<T: Real> Sensor<T> {
         true
     }
 
+    fn is_quiet(&self) -> bool {
+        let runs = [self.not_finite, self.range, self.stuck, self.tracking];
+        runs.into_iter().all(Run::is_over)
+    }
+}
+
+/// What was measured when a sensor moved last, and what was desired then.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moved<T> {
+    /// NaN if it has never been seen, so that nothing is near it.
+    pub(super) there: T,
+    pub(super) wanted: T,
+}
+
+impl<T: Real> Moved<T> {
+    pub(super) fn never() -> Self {
+        Self {
+            there: T::zero() / T::zero(),
+            wanted: T::zero(),
+        }
+    }
+
     /// Whether the sensor stays while its set-point has gone.
-    #[inline(always)]
-    fn stays(&mut self, limits: &SensorFaultLimits<T>, desired: Option<T>, measured: T) -> bool {
+    fn stays(&mut self, stuck: &Stuck<T>, desired: Option<T>, measured: T) -> bool {
         let Some(desired) = desired else {
-            self.moved = None;
+            *self = Self::never();
             return false;
         };
-        match self.moved {
-            Some((there, wanted)) if abs(measured - there) <= limits.stuck.band => {
-                abs(desired - wanted) > limits.stuck.travel
-            }
-            _ => {
-                self.moved = Some((measured, desired));
-                false
-            }
+        if abs(measured - self.there) <= stuck.band {
+            return abs(desired - self.wanted) > stuck.travel;
         }
+        *self = Self {
+            there: measured,
+            wanted: desired,
+        };
+        false
     }
 }
 
 /// The state of the checks of one tendon.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tendon<T> {
-    sensor: Sensor<T>,
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tendon {
+    sensor: Sensor,
     slack: Run,
     over_tension: Run,
 }
 
-impl<T> Default for Tendon<T> {
-    fn default() -> Self {
-        Self {
-            sensor: Sensor::default(),
-            slack: Run::default(),
-            over_tension: Run::default(),
-        }
-    }
-}
-
-impl<T: Real> Tendon<T> {
-    #[inline(always)]
-    pub(super) fn update(
+impl Tendon {
+    pub(super) fn update<T: Real>(
         &mut self,
         limits: &TendonFaultLimits<T>,
+        moved: &mut Moved<T>,
         desired: T,
         measured: T,
         latch: &mut Latch<'_>,
     ) {
         if !self
             .sensor
-            .update(&limits.sensor, Some(desired), measured, latch)
+            .update(&limits.sensor, moved, Some(desired), measured, latch)
         {
             return;
         }
@@ -170,37 +174,39 @@ impl<T: Real> Tendon<T> {
         let fault = self.over_tension.reaches(limits.over_tension.samples, over);
         latch.report(FaultCode::OverTension, fault, measured);
     }
-}
 
-/// The state of the checks of one joint.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Joint<T> {
-    sensor: Sensor<T>,
-    limit: Run,
-}
-
-impl<T> Default for Joint<T> {
-    fn default() -> Self {
-        Self {
-            sensor: Sensor::default(),
-            limit: Run::default(),
-        }
+    /// Whether all checks have passed in the last sample.
+    pub(super) fn is_quiet(&self) -> bool {
+        self.sensor.is_quiet() && self.slack.is_over() && self.over_tension.is_over()
     }
 }
 
-impl<T: Real> Joint<T> {
-    #[inline(always)]
-    pub(super) fn update(
+/// The state of the checks of one joint.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Joint {
+    sensor: Sensor,
+    limit: Run,
+}
+
+impl Joint {
+    pub(super) fn update<T: Real>(
         &mut self,
         limits: &JointFaultLimits<T>,
+        moved: &mut Moved<T>,
         desired: Option<T>,
         measured: T,
         latch: &mut Latch<'_>,
     ) {
-        if self.sensor.update(&limits.sensor, desired, measured, latch) {
+        let sensor = &mut self.sensor;
+        if sensor.update(&limits.sensor, moved, desired, measured, latch) {
             let past = limits.limit.excludes(measured);
             let fault = self.limit.reaches(limits.limit.samples, past);
             latch.report(FaultCode::JointLimit, fault, measured);
         }
+    }
+
+    /// Whether all checks have passed in the last sample.
+    pub(super) fn is_quiet(&self) -> bool {
+        self.sensor.is_quiet() && self.limit.is_over()
     }
 }
