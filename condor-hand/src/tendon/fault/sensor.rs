@@ -105,7 +105,7 @@ impl Sensor {
         true
     }
 
-    fn is_quiet(&self) -> bool {
+    fn is_quiet(self) -> bool {
         let runs = [self.not_finite, self.range, self.stuck, self.tracking];
         runs.into_iter().all(Run::is_over)
     }
