@@ -82,7 +82,10 @@ impl Program for Talker<'_> {
                             Err(_) => self.note((number.0, now, "no reply", count)),
                         }
                     }
-                    mailbox.serve(Duration::from_millis(7)).unwrap();
+                    let next = machine.doorbell().now().after(Duration::from_millis(5));
+                    while machine.doorbell().now() < next {
+                        mailbox.serve(Duration::from_millis(5)).unwrap();
+                    }
                 }
             };
             machine
