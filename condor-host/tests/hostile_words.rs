@@ -2,7 +2,7 @@
 
 use condor_host::directory::{self, Directory, DirectoryError, ENTRIES, Entry, Kind, Name};
 use condor_host::loops::{self, LoopReports};
-use condor_mbox::{MemoryWindow as _, Published, Region, StaticMemory, StoreOrder};
+use condor_mbox::{Published, Region, StaticMemory};
 use condor_mos::{Rate, Statistics};
 use proptest::prelude::*;
 
@@ -125,18 +125,19 @@ fn word() -> impl Strategy<Value = u32> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
     /// Reading any words ends, and what it gives can be printed.
     #[test]
     fn any_words_can_be_read(
-        words in prop::collection::vec(word(), WORDS),
+        words in prop::collection::vec(word(), 300),
         is_directory in any::<bool>(),
         numbers in prop::collection::vec(word(), 2),
     ) {
         let memory = StaticMemory::<WORDS>::new();
         let own = Region::users(memory.window()).unwrap();
         for (at, word) in (0..).zip(&words) {
-            // More words than the region has.
-            let _ = own.store(4 * at, *word, StoreOrder::Relaxed);
+            own.set_word(4 * at, *word).unwrap();
         }
         if is_directory {
             own.set_word(0, u32::from_le_bytes(*b"CDIR")).unwrap();
