@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use condor_host::sim::{Cause, Failure, SimError, System};
 use condor_host::{Machine, Program};
-use condor_mbox::{Call, Clock as _, Doorbell as _, Instant, Mailbox, Processor, Vector};
+use condor_mbox::{Call, Clock as _, Doorbell as _, Evidence, Instant, Mailbox, Processor, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _};
 
 const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
@@ -221,4 +221,29 @@ fn programs_that_do_not_end_are_ended() {
     };
     let causes: Vec<_> = failures.iter().map(|failure| &failure.cause).collect();
     assert_eq!(causes, [&Cause::NotStopping, &Cause::WaitsForever]);
+}
+
+#[test]
+fn a_late_program_is_dead_before_and_after() {
+    let mut system = System::new(64).unwrap();
+    system.begin_at(Processor(1), 5000).unwrap();
+    system
+        .host(Processor(1), |machine| {
+            assert_eq!(machine.now(), 5000);
+            machine.work(2000);
+            Ok::<_, String>(())
+        })
+        .unwrap();
+    system
+        .host(Processor(2), |machine| {
+            let bell = machine.doorbell();
+            for evidence in [Evidence::Dead, Evidence::Alive, Evidence::Dead] {
+                assert_eq!(bell.evidence(Processor(1)), evidence, "{}", machine.now());
+                assert_eq!(bell.evidence(Processor(2)), Evidence::Alive);
+                machine.work(6000);
+            }
+            Ok::<_, String>(())
+        })
+        .unwrap();
+    assert_eq!(system.run().unwrap(), 18_000);
 }
