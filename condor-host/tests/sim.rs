@@ -4,6 +4,8 @@
 use std::sync::Mutex;
 use std::time::Duration;
 
+use condor_dev::Bus as _;
+use condor_dev::linux::{Access, LinuxBus};
 use condor_host::sim::{Cause, Failure, SimError, System};
 use condor_host::{Machine, Program};
 use condor_mbox::{Call, Clock as _, Doorbell as _, Evidence, Instant, Mailbox, Processor, Vector};
@@ -246,4 +248,37 @@ fn a_late_program_is_dead_before_and_after() {
         })
         .unwrap();
     assert_eq!(system.run().unwrap(), 18_000);
+}
+
+#[test]
+fn processors_share_a_bus() {
+    let file = tempfile::tempfile().unwrap();
+    file.set_len(64).unwrap();
+    let bus = LinuxBus::map(&file, 0, 0, 64, Access::ReadWrite).unwrap();
+    let mut system = System::with_bus(64, bus).unwrap();
+    for (number, before) in [(1, 0), (2, 1), (3, 2)] {
+        system
+            .host(Processor(number), move |machine| {
+                machine.work(1000);
+                assert_eq!(machine.bus().read32(60)?, before);
+                machine.bus().write32(60, before + 1)
+            })
+            .unwrap();
+    }
+    assert_eq!(system.run().unwrap(), 1000);
+}
+
+#[test]
+fn numbers_are_checked() {
+    let mut system = System::new(64).unwrap();
+    let idle = |_: &_| Ok::<_, String>(());
+    system.host(Processor(15), idle).unwrap();
+    let error = system.host(Processor(15), idle).unwrap_err();
+    assert!(matches!(error, SimError::Taken { .. }), "{error}");
+    let error = system.host(Processor(16), idle).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "processor 16 does not exist: a system has 16 processors"
+    );
+    assert_eq!(system.run().unwrap(), 0);
 }
