@@ -282,3 +282,25 @@ fn numbers_are_checked() {
     );
     assert_eq!(system.run().unwrap(), 0);
 }
+
+#[test]
+fn a_handler_that_polls_is_ended() {
+    let mut system = System::new(64).unwrap();
+    system
+        .host(Processor(0), |machine| {
+            let (timer, bell) = (machine.platform(), machine.doorbell());
+            let handler = || while bell.now() < Instant::from_ns(2000) {};
+            machine.with_timer(&timer, handler, || {
+                let _ = timer.arm(1000);
+                bell.wait(bell.prepare(), Instant::from_ns(5000));
+            })
+        })
+        .unwrap();
+    let Err(SimError::Failed(failures)) = system.run() else {
+        panic!("it fails");
+    };
+    assert_eq!(
+        (&failures[0].cause, failures[0].at_ns),
+        (&Cause::Polls, 1000)
+    );
+}
