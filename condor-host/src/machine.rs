@@ -3,7 +3,7 @@
 use core::fmt;
 
 use condor_dev::Bus;
-use condor_mbox::{Doorbell, Exclusion, MemoryWindow, Processor, Windows};
+use condor_mbox::{Doorbell, Exclusion, MemoryWindow, Processor, Waiting, Windows};
 use condor_mos::Platform;
 
 use crate::numbers::PROCESSORS;
@@ -46,6 +46,11 @@ pub trait Machine: Sync {
     /// The bus on which the boards are.
     fn bus(&self) -> Self::Bus;
 
+    /// How the mailbox of the program waits, for [`Mailbox::set_waiting`](condor_mbox::Mailbox::set_waiting).
+    fn waiting(&self) -> Waiting {
+        Waiting::default()
+    }
+
     /// An argument that the system description gives to the program, counted from 0.
     fn argument(&self, index: usize) -> Option<&str>;
 
@@ -66,6 +71,10 @@ pub trait Machine: Sync {
 }
 
 /// A program for any [`Machine`].
+///
+/// Its loops neither wait, nor allocate, print or lock: on most machines they are interrupts. What they
+/// and the background share lies in the windows, in a [`CeilingLock`](condor_mos::CeilingLock) or in a
+/// [`Latest`](condor_mos::Latest).
 pub trait Program {
     /// Why it ended before it was told to.
     type Error: fmt::Debug + fmt::Display;
