@@ -196,7 +196,7 @@ fn what_cannot_be_mapped_is_refused() {
 #[test]
 fn long_copies_are_copies_of_all_words() {
     let window = window_of(4096, Access::ReadWrite);
-    for (offset, len) in [(0, 4096), (4, 1027), (60, 130), (12, 64), (8, 3)] {
+    for (offset, len) in [(0, 4096_u32), (4, 1027), (60, 130), (12, 64), (8, 3)] {
         for at in (0..4096).step_by(4) {
             window.store(at, u32::MAX, StoreOrder::Relaxed).unwrap();
         }
