@@ -9,3 +9,9 @@ pub mod numbers;
 
 pub use machine::{Machine, Program};
 pub use numbers::PROCESSORS;
+
+// The program `condor`.
+#[cfg(feature = "program")]
+pub mod description;
+#[cfg(feature = "program")]
+pub mod supervisor;

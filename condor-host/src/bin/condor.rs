@@ -1,0 +1,3 @@
+//! Brings up a robot, and looks after it.
+
+fn main() {}

@@ -1,0 +1,3 @@
+//! Brings a system up, watches it, and takes it down.
+
+pub mod image;
