@@ -12,6 +12,10 @@ pub use numbers::PROCESSORS;
 
 // The program `condor`.
 #[cfg(feature = "program")]
+pub mod control;
+#[cfg(feature = "program")]
 pub mod description;
 #[cfg(feature = "program")]
 pub mod supervisor;
+#[cfg(feature = "program")]
+pub mod system;
