@@ -35,6 +35,7 @@ mod tree;
 
 use std::path::PathBuf;
 
+pub(crate) use check::find_program;
 pub use mistake::{Mistake, Mistakes, Problem};
 
 /// A system that passed every check.

@@ -12,9 +12,13 @@ pub use numbers::PROCESSORS;
 
 // The program `condor`.
 #[cfg(feature = "program")]
+pub mod cli;
+#[cfg(feature = "program")]
 pub mod control;
 #[cfg(feature = "program")]
 pub mod description;
+#[cfg(feature = "program")]
+pub mod services;
 #[cfg(feature = "program")]
 pub mod supervisor;
 #[cfg(feature = "program")]

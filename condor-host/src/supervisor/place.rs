@@ -81,7 +81,7 @@ impl Place {
     }
 
     /// Removes everything but the lock and the log.
-    pub(super) fn clear(&self) -> Result<(), UpError> {
+    fn clear(&self) -> Result<(), UpError> {
         let directory = &self.directory;
         for path in [directory.mailbox(), directory.terminals()] {
             absent(std::fs::remove_dir_all(&path)).map_err(UpError::at("remove", &path))?;
@@ -89,8 +89,22 @@ impl Place {
         self.silence()
     }
 
+    /// Removes everything but the lock and the logs, of the terminals too.
+    pub(super) fn clear_but_logs(&self) -> Result<(), UpError> {
+        let path = self.directory.mailbox();
+        absent(std::fs::remove_dir_all(&path)).map_err(UpError::at("remove", &path))?;
+        let path = self.directory.terminals();
+        for entry in std::fs::read_dir(&path).map_err(UpError::at("read", &path))? {
+            let path = entry.map_err(UpError::at("read", &path))?.path();
+            if path.extension().is_none_or(|extension| extension != "log") {
+                absent(std::fs::remove_file(&path)).map_err(UpError::at("remove", &path))?;
+            }
+        }
+        self.silence()
+    }
+
     /// Removes what makes others believe that the system runs.
-    pub(super) fn silence(&self) -> Result<(), UpError> {
+    fn silence(&self) -> Result<(), UpError> {
         let directory = &self.directory;
         for path in [directory.control(), directory.pids(), directory.bus()] {
             absent(std::fs::remove_file(&path)).map_err(UpError::at("remove", &path))?;
