@@ -36,7 +36,7 @@ use crate::description::Description;
 use crate::system::Directory;
 
 /// Why a program of one's own failed.
-pub type ProgramError = Box<dyn core::error::Error + Send + Sync>;
+pub type ProgramError = Box<dyn core::error::Error>;
 
 /// The programs that a binary has beside `condor`.
 pub trait Programs: Sync {
@@ -127,7 +127,7 @@ pub(crate) struct Which {
 }
 
 /// What a command failed of; it is shown to people.
-type AnyError = Box<dyn core::error::Error>;
+type AnyError = ProgramError;
 
 /// Runs what the arguments of this process say, and gives its exit status: 0 for success, 1 for
 /// failure, 2 for arguments that cannot be understood.
