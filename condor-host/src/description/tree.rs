@@ -13,6 +13,8 @@ pub(super) struct Text<'t> {
     pub(super) file: &'t str,
     pub(super) text: &'t str,
     mistakes: RefCell<Vec<(usize, Mistake)>>,
+    /// Lines that are no TOML: what was read there is not what was meant.
+    unread: Vec<usize>,
 }
 
 impl<'t> Text<'t> {
@@ -21,11 +23,25 @@ impl<'t> Text<'t> {
             file,
             text,
             mistakes: RefCell::default(),
+            unread: Vec::new(),
+        }
+    }
+
+    /// As `wrong`, for what is no TOML; the first of each line.
+    pub(super) fn syntax(&mut self, span: &Range<usize>, message: &str) {
+        let line = self.line(span.start);
+        if !self.unread.contains(&line) {
+            self.wrong(span, Problem::Syntax(message.into()));
+            self.unread.push(line);
         }
     }
 
     pub(super) fn wrong(&self, span: &Range<usize>, problem: Problem) {
         let mistake = Mistake::at(self.file, self.text, span, problem);
+        // What stands for a value that could not be read stands nowhere.
+        if self.unread.contains(&mistake.line) || (!self.unread.is_empty() && span.start == 0) {
+            return;
+        }
         self.mistakes.borrow_mut().push((span.start, mistake));
     }
 
