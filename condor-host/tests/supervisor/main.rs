@@ -121,7 +121,7 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     assert_eq!((loaded.state, loaded.restarts), (State::Running, 0));
     assert_eq!(loaded.arguments, ["writer", "other"]);
     up.read_terminal("a", "writer other 0\r\n");
-    let error = up.refused(Request::Load {
+    let error = up.refused(&Request::Load {
         processor: "a".into(),
         program: Some("no-such-program".into()),
         arguments: Vec::new(),
@@ -130,14 +130,14 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
         error.contains("there is no program `no-such-program`"),
         "{error}"
     );
-    let error = up.refused(Request::Stop {
+    let error = up.refused(&Request::Stop {
         processor: "c".into(),
     });
     assert_eq!(
         error,
         "there is no processor `c`; there are files, terminals, a, b"
     );
-    let error = up.refused(Request::Start {
+    let error = up.refused(&Request::Start {
         processor: "a".into(),
     });
     assert_eq!(error, "`a` is running");
@@ -235,6 +235,19 @@ fn what_is_typed_on_a_socket_reaches_the_program() {
     // Who comes later is shown what was before.
     let mut second = up.terminal("b");
     running::read_until(&mut second, "typed hello\r\n");
+}
+
+#[test]
+fn what_is_typed_on_a_pseudo_terminal_reaches_the_program() {
+    let up = Up::start(TWO, &[]);
+    let path = up.directory().terminals().join("b");
+    let mut pty = std::fs::File::options()
+        .read(true)
+        .write(true)
+        .open(path)
+        .unwrap();
+    pty.write_all(b"hello\r").unwrap();
+    running::read_until(&mut pty, "typed hello\r\n");
 }
 
 #[test]

@@ -21,15 +21,12 @@ const PAUSE: Duration = Duration::from_millis(2);
 fn program() {
     let words = std::env::var("CONDOR_TEST_PROGRAM").unwrap_or_default();
     let mut words = words.split(' ').map(String::from);
-    let code = match words.next().as_deref() {
-        Some("writer") => {
-            // SAFETY: the program has no loops.
-            unsafe { condor_host::linux::run(&Writer, words) }
-        }
-        _ => {
-            eprintln!("this program fails");
-            ExitCode::FAILURE
-        }
+    let code = if words.next().as_deref() == Some("writer") {
+        // SAFETY: the program has no loops.
+        unsafe { condor_host::linux::run(&Writer, words) }
+    } else {
+        eprintln!("this program fails");
+        ExitCode::FAILURE
     };
     if code != ExitCode::SUCCESS {
         std::process::exit(3);
@@ -43,12 +40,12 @@ impl Program for Writer {
     type Error = String;
 
     fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
-        self.write(machine).map_err(|error| error.to_string())
+        Self::write(machine).map_err(|error| error.to_string())
     }
 }
 
 impl Writer {
-    fn write<M: Machine>(&self, machine: &M) -> Result<(), Box<dyn std::error::Error>> {
+    fn write<M: Machine>(machine: &M) -> Result<(), Box<dyn std::error::Error>> {
         let mut name = String::from("writer");
         if let Some(word) = machine.argument(0) {
             name = format!("{name} {word}");

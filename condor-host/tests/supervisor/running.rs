@@ -73,8 +73,8 @@ impl Up {
         self.client().events().unwrap()
     }
 
-    pub(crate) fn refused(&self, request: Request) -> String {
-        match self.client().ask(&request) {
+    pub(crate) fn refused(&self, request: &Request) -> String {
+        match self.client().ask(request) {
             Err(ClientError::Refused(error)) => error,
             other => panic!("{request:?} is answered with {other:?}"),
         }
@@ -199,12 +199,13 @@ pub(crate) fn wait(mut events: Events, name: &str, state: State) -> Events {
         if event.source == name && event.state == Some(state) {
             return events;
         }
-        told.push_str(&format!("{event}\n"));
+        told += &event.to_string();
+        told.push('\n');
     }
     panic!("the system ended:\n{told}");
 }
 
-pub(crate) fn read_until(stream: &mut UnixStream, text: &str) {
+pub(crate) fn read_until(stream: &mut impl Read, text: &str) {
     let mut all = Vec::new();
     let mut piece = [0; 4096];
     loop {
