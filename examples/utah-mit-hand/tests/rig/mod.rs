@@ -11,9 +11,7 @@ use condor_hand::trajectory::SetPoint;
 use condor_host::sim::{Bell, Processor as Simulated, System, Uninterrupted};
 use condor_host::{Machine, PROCESSORS, Program, directory, loops, numbers};
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{
-    Call, Mailbox, Processor, Region, Waiting, Windows,
-};
+use condor_mbox::{Call, Mailbox, Processor, Region, Waiting, Windows};
 use condor_tty::Reader;
 use utah_mit_hand::grasp::{Order, Report};
 use utah_mit_hand::plant::{self, Plant, Truth};
@@ -77,14 +75,7 @@ pub(crate) fn run(
     std::fs::write(files.path().join(IMAGE), &image[..len]).unwrap();
     let memory = tempfile::tempfile().unwrap();
     memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
-    let bus = LinuxBus::map(
-        &memory,
-        0,
-        0,
-        boards::address::BUS_BYTES,
-        Access::ReadWrite,
-    )
-    .unwrap();
+    let bus = LinuxBus::map(&memory, 0, 0, boards::address::BUS_BYTES, Access::ReadWrite).unwrap();
     let server = Server::new(files.path(), Options::default()).unwrap();
     let found = Mutex::new(Run::default());
 
@@ -166,7 +157,12 @@ impl Master<'_> {
         self.next_ns += TICK_NS;
         if let Some(truth) = self.truth() {
             self.run.positions.extend(truth.position.as_bytes());
-            for (is, wanted) in truth.position.iter().flatten().zip(self.wanted.iter().flatten()) {
+            for (is, wanted) in truth
+                .position
+                .iter()
+                .flatten()
+                .zip(self.wanted.iter().flatten())
+            {
                 // What is not controlled is wanted nowhere.
                 self.run.peak_rad = self.run.peak_rad.max((is - wanted).abs());
             }
@@ -196,7 +192,8 @@ impl Master<'_> {
             let region = self.region(number);
             let places = objects::servos(&region).unwrap().unwrap();
             for finger in 0..SERVED {
-                self.points.push(places.set_points(finger, &region).unwrap());
+                self.points
+                    .push(places.set_points(finger, &region).unwrap());
             }
         }
         self.wait(0.3);
@@ -209,9 +206,14 @@ impl Master<'_> {
     ) -> R {
         let region = self.region(number);
         let places = objects::servos(&region).unwrap().unwrap();
-        let mut client =
-            ServoClient::new(self.mailbox, self.mailbox.doorbell(), number, &region, places)
-                .unwrap();
+        let mut client = ServoClient::new(
+            self.mailbox,
+            self.mailbox.doorbell(),
+            number,
+            &region,
+            places,
+        )
+        .unwrap();
         ask(&mut client)
     }
 
@@ -261,11 +263,26 @@ impl Master<'_> {
         });
     }
 
+    /// Stays where everything was to be.
+    pub(crate) fn stay(&mut self, seconds: f64) {
+        let wanted = self.wanted;
+        self.follow(seconds, |_| wanted);
+    }
+
     /// Holds the present posture.
     pub(crate) fn hold(&mut self, seconds: f64) {
         let present = self.present();
         self.follow(seconds, |_| present);
+    }
+
+    /// Whatever was, only what comes counts.
+    pub(crate) fn reset_peak(&mut self) {
         self.run.peak_rad = 0.0;
+    }
+
+    /// The largest distance of a joint from where it was to be, rad.
+    pub(crate) fn peak_rad(&self) -> f64 {
+        self.run.peak_rad
     }
 
     /// No joint is wanted anywhere from now on.
