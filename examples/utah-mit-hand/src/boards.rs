@@ -217,7 +217,7 @@ pub fn zero_of(output: &Output) -> u32 {
 /// What the register of an output holds for so many counts.
 #[must_use]
 pub const fn output_register(zero: u32, counts: u32) -> i16 {
-    counts.wrapping_sub(zero) as u16 as i16
+    (counts.wrapping_sub(zero) as u16).cast_signed()
 }
 
 /// The counts of an output whose register holds this.
@@ -229,13 +229,13 @@ pub const fn output_counts(zero: u32, register: i16) -> u32 {
 /// What the register of an input holds for so many counts.
 #[must_use]
 pub const fn input_register(counts: u32) -> i16 {
-    counts as u16 as i16
+    (counts as u16).cast_signed()
 }
 
 /// The counts in the register of an input.
 #[must_use]
 pub const fn input_counts(register: i16) -> u32 {
-    register as u16 as u32
+    register.cast_unsigned() as u32
 }
 
 /// The counts in a counter of the encoder board; none for a position that the input does not have.
