@@ -275,6 +275,28 @@ mod tests {
     }
 
     #[test]
+    fn two_processors_that_write_one_board_are_named() {
+        let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
+        let mut hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml").unwrap();
+        assert_eq!(check(&hand), Ok(()));
+        // The first tendon of the third finger, on the board of the first two.
+        hand.fingers[2].joints[0].flexor.dac.channel = 15;
+        hand.fingers[1].joints[3].extensor.dac.channel = 16;
+        let refused = check(&hand).unwrap_err();
+        assert!(matches!(refused, BoardError::Shared { board: 0 | 1, .. }));
+        let text = refused.to_string();
+        assert!(text.contains("processors 1 and 2"), "{text}");
+        hand.fingers[0].joints[0].adc.channel = 40;
+        assert!(matches!(check(&hand), Err(BoardError::NoSocket { .. })));
+        hand.fingers[0].joints[0].adc.channel = 0;
+        hand.fingers[0].joints[0].flexor.dac.bits = 16;
+        assert!(matches!(
+            check(&hand),
+            Err(BoardError::Bits { bits: 16, .. })
+        ));
+    }
+
+    #[test]
     fn registers_and_counts_agree() {
         for zero in [0, 2048, 1 << 15] {
             for counts in [0, 1, zero, zero + 77, 2 * zero.max(1) - 1] {

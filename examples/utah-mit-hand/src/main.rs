@@ -2,14 +2,21 @@
 //!
 //! Without arguments it brings up the system of `system.toml`.
 
+mod summary;
+
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use condor_host::cli::{self, Programs};
+use condor_host::cli::{self, AnyError, Programs};
+use condor_host::description::Description;
 use condor_host::linux;
+use condor_host::system::Directory;
 use utah_mit_hand::plant::Plant;
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
+
+/// The system that is meant when none is named.
+const SYSTEM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml");
 
 /// The programs that a processor may run.
 struct Hand;
@@ -37,7 +44,13 @@ impl Programs for Hand {
     }
 
     fn description(&self) -> Option<PathBuf> {
-        Some(concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml").into())
+        Some(SYSTEM.into())
+    }
+
+    fn summarize(&self, directory: &Directory) -> Result<(), AnyError> {
+        let description = Description::read(SYSTEM.as_ref(), self.names());
+        let description = description.map_err(|mistakes| mistakes.to_string())?;
+        summary::of(&description, directory)
     }
 }
 

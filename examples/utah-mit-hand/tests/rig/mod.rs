@@ -15,7 +15,7 @@ use condor_mbox::{Call, Mailbox, Processor, Region, Waiting, Windows};
 use condor_tty::Reader;
 use utah_mit_hand::grasp::{Order, Report};
 use utah_mit_hand::plant::{self, Plant, Truth};
-use utah_mit_hand::servo::Servo;
+use utah_mit_hand::servo::{Servo, Tracking};
 use utah_mit_hand::table::{self, Table};
 use utah_mit_hand::{FINGERS, IMAGE, JOINTS, SERVED, UtahMit, boards, grasp, objects};
 use zerocopy::IntoBytes;
@@ -322,6 +322,13 @@ impl Master<'_> {
         let region = self.region(number);
         let places = objects::grasp(&region).unwrap().unwrap();
         places.reports(&region).unwrap().read().unwrap().value
+    }
+
+    /// How well the joints follow, as their servos find.
+    pub(crate) fn tracking(&self, number: Processor) -> Tracking {
+        let region = self.region(number);
+        let cell = objects::tracking(&region).unwrap().unwrap();
+        cell.subscriber(&region).unwrap().read().unwrap().value
     }
 
     /// The tips as the servos measure them.
