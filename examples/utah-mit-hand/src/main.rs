@@ -48,7 +48,7 @@ impl Programs for Hand {
     }
 
     fn summarize(&self, directory: &Directory) -> Result<(), AnyError> {
-        let description = Description::read(SYSTEM.as_ref(), self.names());
+        let description = Description::read(SYSTEM, self.names());
         let description = description.map_err(|mistakes| mistakes.to_string())?;
         summary::of(&description, directory)
     }

@@ -4,8 +4,8 @@ use std::error::Error;
 
 use condor_hand::config::{Finger, Hand};
 use condor_host::system::{Directory, Windows};
-use condor_host::{directory, loops, numbers};
-use condor_mbox::linux::{LinuxWindow, SystemError};
+use condor_host::{PROCESSORS, directory, loops, numbers};
+use condor_mbox::linux::{Claim, LinuxWindow, SystemError};
 use condor_mbox::{Processor, Region};
 use utah_mit_hand::{FINGERS, JOINTS, objects};
 
@@ -14,10 +14,7 @@ use utah_mit_hand::{FINGERS, JOINTS, objects};
 /// # Errors
 /// The memory's; a configuration that cannot be read.
 fn print(windows: &Windows, hand: &Hand<FINGERS, JOINTS>) -> Result<(), Box<dyn Error>> {
-    let claim = numbers::VISITORS
-        .map(|number| windows.claim(Processor(number)))
-        .find(|claim| !matches!(claim, Err(SystemError::NumberTaken { .. })))
-        .ok_or("all numbers of visitors are taken")??;
+    let claim = claim(windows)?;
     let (windows, _) = claim.into_parts();
     println!(
         "{:>6}  {:<10} {:>10} {:>10} {:>8} {:>10}",
@@ -42,6 +39,17 @@ fn print(windows: &Windows, hand: &Hand<FINGERS, JOINTS>) -> Result<(), Box<dyn 
         print_joints(finger, place, &Region::users(windows.data.clone())?)?;
     }
     Ok(())
+}
+
+/// The number of a visitor that nobody has.
+fn claim(windows: &Windows) -> Result<Claim<PROCESSORS>, Box<dyn Error>> {
+    for number in numbers::VISITORS {
+        match windows.claim(Processor(number)) {
+            Err(SystemError::NumberTaken { .. }) => {}
+            claim => return Ok(claim?),
+        }
+    }
+    Err("all numbers of visitors are taken".into())
 }
 
 fn print_loops(number: u8, region: &Region<LinuxWindow>) -> Result<(), Box<dyn Error>> {
