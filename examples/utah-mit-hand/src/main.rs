@@ -1,0 +1,59 @@
+//! The hand: `condor` with the programs of its processors.
+//!
+//! Without arguments it brings up the system of `system.toml`.
+
+mod summary;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use condor_host::cli::{self, AnyError, Programs};
+use condor_host::description::Description;
+use condor_host::linux;
+use condor_host::system::Directory;
+use utah_mit_hand::plant::Plant;
+use utah_mit_hand::servo::Servo;
+use utah_mit_hand::table::Table;
+
+/// The system that is meant when none is named.
+const SYSTEM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml");
+
+/// The programs that a processor may run.
+struct Hand;
+
+impl Programs for Hand {
+    fn names(&self) -> &[&'static str] {
+        &["plant", "servo", "table"]
+    }
+
+    fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
+        // SAFETY: the loops of these programs neither allocate nor print. They take no lock of the
+        // host's: what they share with their backgrounds is in sections of the processor, which keep
+        // the signals out.
+        unsafe {
+            match name {
+                "plant" => linux::run(&Plant, arguments),
+                "servo" => linux::run(&Servo, arguments),
+                "table" => linux::run(&Table, arguments),
+                _ => {
+                    eprintln!("utah-mit-hand: there is no program `{name}`");
+                    ExitCode::from(2)
+                }
+            }
+        }
+    }
+
+    fn description(&self) -> Option<PathBuf> {
+        Some(SYSTEM.into())
+    }
+
+    fn summarize(&self, directory: &Directory) -> Result<(), AnyError> {
+        let description = Description::read(SYSTEM, self.names());
+        let description = description.map_err(|mistakes| mistakes.to_string())?;
+        summary::of(&description, directory)
+    }
+}
+
+fn main() -> ExitCode {
+    cli::main(&Hand)
+}
