@@ -8,8 +8,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_cargo_tool(context, "cargo-hack")?;
     need_component(context, None, "clippy")?;
     // What is wrong between features is wrong between two of them, or with all, which `lint` looks at.
-    // `default` is empty in every crate: with it, each combination would be checked twice.
-    let powerset = "cargo hack clippy --feature-powerset --depth 2 --skip default --workspace \
+    // `default` is empty in every crate and `std` comes with others: each combination would be checked
+    // twice.
+    let powerset = "cargo hack clippy --feature-powerset --depth 2 --skip default,std --workspace \
                     --exclude xtask";
     let combinations = command(context, &format!("{powerset} --print-command-list")).read()?;
     let combinations = combinations
