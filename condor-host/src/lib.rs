@@ -6,6 +6,12 @@ pub mod directory;
 pub mod loops;
 mod machine;
 pub mod numbers;
+mod silent;
+
+// The machines.
+#[cfg(all(feature = "sim", target_os = "linux"))]
+pub mod sim;
 
 pub use machine::{Machine, Program};
 pub use numbers::PROCESSORS;
+pub use silent::{NobodyAnswers, Silent};

@@ -175,6 +175,15 @@ where
         Ok(())
     }
 
+    /// Takes the object away, or puts another one in its place; nothing touches it yet.
+    pub fn put_object(&mut self, object: Option<Object>) {
+        self.object = object;
+        self.object_ground = Contact::none();
+        for tip in &mut self.tips {
+            tip.object = Contact::none();
+        }
+    }
+
     /// Pushes the object with a wrench about its centre, until the next call.
     ///
     /// # Errors

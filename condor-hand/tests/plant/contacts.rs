@@ -64,6 +64,23 @@ fn a_ball_lies_as_deep_as_its_weight_presses_it() {
 }
 
 #[test]
+fn an_object_that_is_put_in_place_of_another_is_touched_anew() {
+    let ground = Ground::new(Vector3::zeros(), Vector3::z()).unwrap();
+    let mut hand = empty(hand_parameters(down(), 0.5))
+        .with_ground(ground)
+        .with_object(ball(Vector3::new(0.0, 0.0, RADIUS - 1e-5)));
+    run(&mut hand, 10);
+    assert!(hand.object_ground_contact().is_touching());
+    hand.put_object(Some(ball(Vector3::new(0.0, 0.0, 1.0))));
+    assert!(!hand.object_ground_contact().is_touching());
+    run(&mut hand, 10);
+    assert!(hand.object().unwrap().velocity().z < 0.0);
+    hand.put_object(None);
+    run(&mut hand, 10);
+    assert_eq!(hand.object(), None);
+}
+
+#[test]
 fn a_body_that_cannot_roll_sticks_below_the_angle_of_friction_and_slides_above() {
     let friction = 0.4;
     for (slope, slides) in [(0.38, false), (0.42, true)] {

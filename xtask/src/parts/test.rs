@@ -4,9 +4,10 @@ use crate::context::Context;
 use crate::outcome::Summary;
 use crate::tests_run;
 
-/// The members of the workspace, tested one by one: a program has one implementation of critical
-/// sections, and the tests of condor-mos need another one than those of the rest.
-const PACKAGES: [&str; 8] = [
+/// The members of the workspace, called as their directories are, and tested one by one: a program has
+/// one implementation of critical sections, and the tests of condor-mos need another one than those of
+/// the rest.
+const PACKAGES: [&str; 9] = [
     "condor-dev",
     "condor-fs",
     "condor-hand",
@@ -14,12 +15,14 @@ const PACKAGES: [&str; 8] = [
     "condor-mbox",
     "condor-mos",
     "condor-tty",
+    "examples/utah-mit-hand",
     "xtask",
 ];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let mut passed = 0;
-    for package in PACKAGES {
+    for member in PACKAGES {
+        let package = member.rsplit('/').next().unwrap_or(member);
         let line = format!("cargo test -p {package} --all-features");
         passed += tests_run::count(&command(context, &line))?;
     }

@@ -1,0 +1,289 @@
+//! The boards on the bus: where they are, which socket a channel of the hand's configuration is, and
+//! how a processor reads and writes all of its channels in one transfer for each board.
+//!
+//! A board number of the configuration is a slot of the rack. A slot of converters has two boards of
+//! 16 channels side by side, so that its channels count from 0 to 31; slot 2 of the inputs has the
+//! encoder board, whose 8 counters are the positions of the table's axes. A converter of *n* bits puts
+//! its counts into the lowest *n* bits of its register. The registers of outputs count from 0 V, which
+//! is what a drive gets while nobody has its board open: from the counts that mean nothing (0 N).
+
+use condor_dev::drivers::{Adc16, Dac16, Encoder8};
+use condor_dev::{Place, device_switch};
+use condor_hand::config::{Channel, Converter, Hand, Input, Output, Wire};
+use thiserror::Error;
+
+mod rack;
+mod wires;
+
+pub use rack::{Boards as SeenBoards, Rack, RackError};
+pub use wires::{Panel, Wires, WiresError, open};
+
+/// Where the boards begin on the bus.
+pub mod address {
+    /// The analog-to-digital boards.
+    pub const ADC: [usize; 4] = [0x0000, 0x0100, 0x0200, 0x0300];
+    /// The digital-to-analog boards.
+    pub const DAC: [usize; 4] = [0x1000, 0x1100, 0x1200, 0x1300];
+    /// The encoder board.
+    pub const ENCODER: usize = 0x2000;
+    /// Bytes of the bus on which all of them are.
+    pub const BUS_BYTES: usize = 0x4000;
+    /// How many bytes of the bus each board has for itself.
+    pub const BOARD_BYTES: usize = 0x100;
+}
+
+/// The input slot of the encoder board.
+const ENCODER_SLOT: u8 = 2;
+/// Converter boards in a slot.
+const IN_SLOT: u8 = 2;
+
+device_switch! {
+    /// All boards that a processor of the hand may find.
+    #[derive(Debug)]
+    pub struct HandBoards {
+        adc: Adc16 = [
+            Place::at(address::ADC[0]),
+            Place::at(address::ADC[1]),
+            Place::at(address::ADC[2]),
+            Place::at(address::ADC[3]),
+        ],
+        dac: Dac16 = [
+            Place::at(address::DAC[0]),
+            Place::at(address::DAC[1]),
+            Place::at(address::DAC[2]),
+            Place::at(address::DAC[3]),
+        ],
+        encoder: Encoder8 = [Place::at(address::ENCODER)],
+    }
+}
+
+/// A board of the rack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Board {
+    /// An analog-to-digital board, from 0.
+    Adc(u8),
+    /// A digital-to-analog board, from 0.
+    Dac(u8),
+    /// The encoder board.
+    Encoder,
+}
+
+/// One channel of a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Socket {
+    /// The board.
+    pub board: Board,
+    /// The channel, from 0.
+    pub line: u8,
+}
+
+/// A configuration that the boards cannot serve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum BoardError {
+    /// A channel without a socket.
+    #[error(
+        "the rack has no {:?} board {} with a channel {}",
+        channel.converter, channel.board, channel.channel
+    )]
+    NoSocket {
+        /// The channel.
+        channel: Channel,
+    },
+    /// Counts that do not fit into a register.
+    #[error(
+        "{:?} board {} channel {} has {bits} bits from {zero} counts at zero, and a register 16 bits",
+        channel.converter, channel.board, channel.channel
+    )]
+    Bits {
+        /// The channel.
+        channel: Channel,
+        /// Its width.
+        bits: u8,
+        /// The counts at which its register is 0.
+        zero: u32,
+    },
+    /// A board of outputs that two processors write; opening it rests the outputs of both.
+    #[error(
+        "processors {first} and {second} both write D/A board {board}, and a board has one owner"
+    )]
+    Shared {
+        /// The board of the rack, from 0.
+        board: u8,
+        /// The processor of its first wire.
+        first: u8,
+        /// Another one.
+        second: u8,
+    },
+}
+
+/// The socket of a channel of the configuration.
+#[must_use]
+pub fn socket(channel: Channel) -> Option<Socket> {
+    let Channel {
+        converter,
+        board: slot,
+        channel,
+    } = channel;
+    let number = || {
+        let within = channel / Adc16::CHANNELS as u8;
+        let number = slot.checked_mul(IN_SLOT)?.checked_add(within)?;
+        (within < IN_SLOT).then_some(number)
+    };
+    let (board, line) = match converter {
+        Converter::Adc if slot == ENCODER_SLOT => (Board::Encoder, channel),
+        Converter::Adc => (Board::Adc(number()?), channel % Adc16::CHANNELS as u8),
+        Converter::Dac => (Board::Dac(number()?), channel % Dac16::CHANNELS as u8),
+    };
+    let exists = match board {
+        Board::Adc(number) => usize::from(number) < address::ADC.len(),
+        Board::Dac(number) => usize::from(number) < address::DAC.len(),
+        Board::Encoder => usize::from(line) < Encoder8::COUNTERS,
+    };
+    exists.then_some(Socket { board, line })
+}
+
+/// Whether the boards of the rack can serve a hand.
+///
+/// # Errors
+/// See [`BoardError`].
+pub fn check<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<(), BoardError> {
+    let mut owners = [None; address::DAC.len()];
+    for (channel, wire) in hand.wires() {
+        let socket = socket(channel).ok_or(BoardError::NoSocket { channel })?;
+        let (bits, zero, most) = match socket.board {
+            Board::Adc(_) => (hand.input(wire).map(|input| input.bits), 0, 16),
+            Board::Encoder => (hand.input(wire).map(|input| input.bits), 0, 31),
+            Board::Dac(_) => {
+                let output = hand.output(wire);
+                (
+                    output.map(|output| output.bits),
+                    output.map_or(0, zero_of),
+                    15,
+                )
+            }
+        };
+        let bits = bits.unwrap_or(0);
+        // What is as wide as the register fits if zero is in its middle.
+        let fits = bits <= most || (bits == 16 && zero == 1 << 15);
+        if !fits {
+            return Err(BoardError::Bits {
+                channel,
+                bits,
+                zero,
+            });
+        }
+        let Board::Dac(board) = socket.board else {
+            continue;
+        };
+        if let (Some(owner), Some(second)) =
+            (owners.get_mut(usize::from(board)), processor(hand, wire))
+        {
+            let first = *owner.get_or_insert(second);
+            if first != second {
+                return Err(BoardError::Shared {
+                    board,
+                    first,
+                    second,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The processor that serves what is at the end of a wire.
+#[must_use]
+pub fn processor<const F: usize, const N: usize>(hand: &Hand<F, N>, wire: Wire) -> Option<u8> {
+    match wire {
+        Wire::Position { finger, joint }
+        | Wire::Flexor { finger, joint }
+        | Wire::Extensor { finger, joint } => {
+            hand.joint(finger, joint).map(|joint| joint.processor)
+        }
+        Wire::Axis { axis } => {
+            let axes = &hand.table.as_ref()?.axes;
+            axes.get(axis).map(|axis| axis.processor)
+        }
+    }
+}
+
+/// The counts of an output at which its register is 0.
+#[must_use]
+pub fn zero_of(output: &Output) -> u32 {
+    output.counts(0.0)
+}
+
+/// What the register of an output holds for so many counts.
+#[must_use]
+pub const fn output_register(zero: u32, counts: u32) -> i16 {
+    counts.wrapping_sub(zero) as u16 as i16
+}
+
+/// The counts of an output whose register holds this.
+#[must_use]
+pub const fn output_counts(zero: u32, register: i16) -> u32 {
+    zero.saturating_add_signed(register as i32)
+}
+
+/// What the register of an input holds for so many counts.
+#[must_use]
+pub const fn input_register(counts: u32) -> i16 {
+    counts as u16 as i16
+}
+
+/// The counts in the register of an input.
+#[must_use]
+pub const fn input_counts(register: i16) -> u32 {
+    register as u16 as u32
+}
+
+/// The counts in a counter of the encoder board; none for a position that the input does not have.
+#[must_use]
+pub fn encoder_counts(input: &Input, counter: i32) -> Option<u32> {
+    u32::try_from(counter)
+        .ok()
+        .filter(|&counts| counts <= input.full_scale())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channel(converter: Converter, board: u8, channel: u8) -> Channel {
+        Channel {
+            converter,
+            board,
+            channel,
+        }
+    }
+
+    #[test]
+    fn a_slot_has_two_boards_side_by_side() {
+        let adc = |board, line| socket(channel(Converter::Adc, board, line));
+        let at = |board, line| Some(Socket { board, line });
+        assert_eq!(adc(0, 15), at(Board::Adc(0), 15));
+        assert_eq!(adc(0, 16), at(Board::Adc(1), 0));
+        assert_eq!(adc(1, 31), at(Board::Adc(3), 15));
+        assert_eq!(adc(0, 32), None);
+        assert_eq!(adc(2, 7), at(Board::Encoder, 7));
+        assert_eq!(adc(2, 8), None);
+        assert_eq!(adc(3, 0), None);
+        let dac = |board, line| socket(channel(Converter::Dac, board, line));
+        assert_eq!(dac(1, 2), at(Board::Dac(2), 2));
+        assert_eq!(dac(255, 0), None);
+    }
+
+    #[test]
+    fn registers_and_counts_agree() {
+        for zero in [0, 2048, 1 << 15] {
+            for counts in [0, 1, zero, zero + 77, 2 * zero.max(1) - 1] {
+                assert_eq!(output_counts(zero, output_register(zero, counts)), counts);
+            }
+            assert_eq!(output_register(zero, zero), 0);
+        }
+        for counts in [0, 4095, 65_535] {
+            assert_eq!(input_counts(input_register(counts)), counts);
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! [`Rack`]: a bus on which a processor sees its own boards.
+
+use condor_dev::{Bus, BusError, BusErrorKind};
+use thiserror::Error;
+
+use super::{Board, address};
+
+/// Some boards.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Boards(u64);
+
+/// A bus on which nothing answers but some boards.
+///
+/// Start-up initialises every board that answers, and the outputs of a board that is initialised go
+/// to rest. A processor that starts while the others run must therefore not see their boards.
+#[derive(Clone, Debug)]
+pub struct Rack<B> {
+    bus: B,
+    seen: Boards,
+}
+
+/// An access that failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum RackError<E> {
+    /// The board belongs to another processor, or there is none.
+    #[error("nothing that this processor sees is at bus address {address:#x}")]
+    Hidden {
+        /// Where.
+        address: usize,
+    },
+    /// The bus.
+    #[error("bus error: {0:?}")]
+    Bus(E),
+}
+
+impl Board {
+    /// Where it begins on the bus.
+    #[must_use]
+    pub fn address(self) -> Option<usize> {
+        match self {
+            Self::Adc(number) => address::ADC.get(usize::from(number)).copied(),
+            Self::Dac(number) => address::DAC.get(usize::from(number)).copied(),
+            Self::Encoder => Some(address::ENCODER),
+        }
+    }
+}
+
+impl Boards {
+    /// One more.
+    pub fn insert(&mut self, board: Board) {
+        self.0 |= board.address().map_or(0, bit);
+    }
+
+    /// Whether this one is among them.
+    #[must_use]
+    pub fn contains(self, board: Board) -> bool {
+        board.address().is_some_and(|address| self.reaches(address))
+    }
+
+    fn reaches(self, address: usize) -> bool {
+        self.0 & bit(address) != 0
+    }
+}
+
+/// The bit of the board at an address; none past the end of the bus.
+fn bit(address: usize) -> u64 {
+    const { assert!(address::BUS_BYTES / address::BOARD_BYTES == u64::BITS as usize) };
+    let number = u32::try_from(address / address::BOARD_BYTES);
+    number.map_or(0, |number| 1_u64.checked_shl(number).unwrap_or(0))
+}
+
+impl<B> Rack<B> {
+    /// Some of the boards of a bus.
+    pub const fn new(bus: B, seen: Boards) -> Self {
+        Self { bus, seen }
+    }
+
+    fn of(&self, address: usize) -> Option<&B> {
+        self.seen.reaches(address).then_some(&self.bus)
+    }
+}
+
+impl<E: BusError> BusError for RackError<E> {
+    fn kind(&self) -> BusErrorKind {
+        match self {
+            Self::Hidden { .. } => BusErrorKind::NoAnswer,
+            Self::Bus(error) => error.kind(),
+        }
+    }
+}
+
+macro_rules! seen {
+    ($($method:ident($($argument:ident: $kind:ty)?) -> $result:ty;)*) => {
+        $(
+            #[inline]
+            fn $method(&self, address: usize $(, $argument: $kind)?) -> Result<$result, Self::Error> {
+                let bus = self.of(address).ok_or(RackError::Hidden { address })?;
+                bus.$method(address $(, $argument)?).map_err(RackError::Bus)
+            }
+        )*
+    };
+}
+
+impl<B: Bus> Bus for Rack<B> {
+    type Error = RackError<B::Error>;
+
+    seen! {
+        read8() -> u8;
+        read16() -> u16;
+        read32() -> u32;
+        write8(value: u8) -> ();
+        write16(value: u16) -> ();
+        write32(value: u32) -> ();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boards_are_told_apart_by_their_addresses() {
+        let all = (0..4)
+            .flat_map(|number| [Board::Adc(number), Board::Dac(number)])
+            .chain([Board::Encoder]);
+        for one in all.clone() {
+            let mut boards = Boards::default();
+            boards.insert(one);
+            for other in all.clone() {
+                assert_eq!(boards.contains(other), one == other);
+            }
+        }
+        let mut boards = Boards::default();
+        boards.insert(Board::Adc(4));
+        assert_eq!(boards, Boards::default());
+    }
+}

@@ -1,0 +1,232 @@
+//! [`Wires`]: the channels of one processor, transferred board by board.
+
+use condor_dev::drivers::{Adc16, Dac16, Encoder8};
+use condor_dev::{Bus, Device, Mode, NoInterrupts, OpenError, Switch};
+use condor_hand::config::{Channel, Hand};
+use thiserror::Error;
+
+use super::rack::{Boards, Rack};
+use super::{
+    Board, HandBoards, Socket, address, encoder_counts, input_counts, output_register, processor,
+    socket, zero_of,
+};
+
+/// Boards that a processor can have open: all of them.
+const OPEN: usize = address::ADC.len() + address::DAC.len() + 1;
+
+/// The device switch of a processor of the hand.
+pub type Panel<B> = Switch<Rack<B>, NoInterrupts, HandBoards, OPEN>;
+
+type Open<'s, B, D> = Option<Device<'s, Rack<B>, D, OPEN>>;
+
+/// The channels that a processor's own part of the configuration names, on boards that are open.
+///
+/// [`scan`](Self::scan) reads each board of inputs once, [`put`](Self::put) writes each board of
+/// outputs once; in between channels are looked up in memory. The channels that one board has of
+/// several processors are read by each of them.
+#[derive(Debug)]
+pub struct Wires<'s, B> {
+    adc: [Converters<Open<'s, B, Adc16>, Option<i16>>; address::ADC.len()],
+    dac: [Converters<Open<'s, B, Dac16>, (i16, u32)>; address::DAC.len()],
+    encoder: Open<'s, B, Encoder8>,
+    counters: Option<[i32; Encoder8::COUNTERS]>,
+    /// Transfers of a board that failed; wraps.
+    failures: u32,
+}
+
+/// A board and what goes through its lines; for outputs, register and counts of zero.
+#[derive(Debug)]
+struct Converters<D, L> {
+    device: D,
+    lines: [L; Adc16::CHANNELS],
+    /// How many of the lines, from 0, may have a wire.
+    used: usize,
+}
+
+/// Boards that a processor cannot have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum WiresError {
+    /// A board cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError<'static>),
+    /// What was opened is not what it was opened as.
+    #[error(transparent)]
+    Fd(#[from] condor_dev::FdError),
+}
+
+/// The switch of a processor: of all boards it sees those at which it has a wire.
+pub fn open<B: Bus, const F: usize, const N: usize>(
+    bus: B,
+    hand: &Hand<F, N>,
+    number: u8,
+) -> Panel<B> {
+    let mut boards = Boards::default();
+    for socket in sockets(hand, number) {
+        boards.insert(socket.board);
+    }
+    Switch::new(Rack::new(bus, boards), NoInterrupts, HandBoards::new())
+}
+
+/// The sockets of a processor.
+fn sockets<const F: usize, const N: usize>(
+    hand: &Hand<F, N>,
+    number: u8,
+) -> impl Iterator<Item = Socket> + '_ {
+    hand.wires()
+        .filter(move |(_, wire)| processor(hand, *wire) == Some(number))
+        .filter_map(|(channel, _)| socket(channel))
+}
+
+impl<'s, B: Bus> Wires<'s, B> {
+    /// Opens the boards at which a processor has a wire, and gives its outputs the counts of `rest`.
+    ///
+    /// # Errors
+    /// [`WiresError`]; a board that is not there yet can be looked for again.
+    pub fn new<const F: usize, const N: usize>(
+        panel: &'s Panel<B>,
+        hand: &Hand<F, N>,
+        number: u8,
+        mut rest: impl FnMut(Channel) -> u32,
+    ) -> Result<Self, WiresError> {
+        panel.start();
+        let mut wires = Self {
+            adc: [const {
+                Converters {
+                    device: None,
+                    lines: [None; Adc16::CHANNELS],
+                    used: 0,
+                }
+            }; address::ADC.len()],
+            dac: [const {
+                Converters {
+                    device: None,
+                    lines: [(0, 0); Dac16::CHANNELS],
+                    used: 0,
+                }
+            }; address::DAC.len()],
+            encoder: None,
+            counters: None,
+            failures: 0,
+        };
+        for (channel, wire) in hand.wires() {
+            if processor(hand, wire) != Some(number) {
+                continue;
+            }
+            let Some(Socket { board, line }) = socket(channel) else {
+                continue;
+            };
+            let line = usize::from(line);
+            match board {
+                Board::Adc(number) => {
+                    if let Some(adc) = wires.adc.get_mut(usize::from(number)) {
+                        if adc.device.is_none() {
+                            let fd = panel.open("adc", number, Mode::READ)?;
+                            adc.device = Some(panel.device(fd)?);
+                        }
+                        adc.used = adc.used.max(line + 1);
+                    }
+                }
+                Board::Dac(number) => {
+                    let zero = hand.output(wire).map_or(0, zero_of);
+                    if let Some(dac) = wires.dac.get_mut(usize::from(number)) {
+                        if dac.device.is_none() {
+                            let fd = panel.open("dac", number, Mode::WRITE)?;
+                            dac.device = Some(panel.device(fd)?);
+                        }
+                        if let Some(place) = dac.lines.get_mut(line) {
+                            *place = (output_register(zero, rest(channel)), zero);
+                        }
+                    }
+                }
+                Board::Encoder => {
+                    if wires.encoder.is_none() {
+                        let fd = panel.open("encoder", 0, Mode::READ)?;
+                        wires.encoder = Some(panel.device(fd)?);
+                    }
+                }
+            }
+        }
+        wires.put();
+        Ok(wires)
+    }
+
+    /// Reads every board of inputs.
+    pub fn scan(&mut self) {
+        for adc in &mut self.adc {
+            let Some(device) = &adc.device else { continue };
+            let mut registers = [0; Adc16::CHANNELS];
+            let used = registers.split_at_mut(adc.used.min(Adc16::CHANNELS)).0;
+            let is_read = device.scan(used).is_ok();
+            if !is_read {
+                self.failures = self.failures.wrapping_add(1);
+            }
+            for (line, register) in adc.lines.iter_mut().zip(registers) {
+                *line = is_read.then_some(register);
+            }
+        }
+        if let Some(device) = &self.encoder {
+            let mut counters = [0; Encoder8::COUNTERS];
+            self.counters = device.scan(&mut counters).ok().map(|_| counters);
+            if self.counters.is_none() {
+                self.failures = self.failures.wrapping_add(1);
+            }
+        }
+    }
+
+    /// The counts of an input at the last scan; none where its board did not answer, or shows what
+    /// the input does not have.
+    pub fn read<const F: usize, const N: usize>(
+        &self,
+        hand: &Hand<F, N>,
+        channel: Channel,
+    ) -> Option<u32> {
+        let Socket { board, line } = socket(channel)?;
+        let line = usize::from(line);
+        match board {
+            Board::Adc(number) => {
+                let adc = self.adc.get(usize::from(number))?;
+                adc.lines.get(line).copied().flatten().map(input_counts)
+            }
+            Board::Encoder => {
+                // There are three axes at most, and this is asked for them alone.
+                let axes = &hand.table.as_ref()?.axes;
+                let axis = axes.iter().find(|axis| axis.adc.channel() == channel)?;
+                encoder_counts(&axis.adc, *self.counters?.get(line)?)
+            }
+            Board::Dac(_) => None,
+        }
+    }
+
+    /// The counts that an output gets with the next [`put`](Self::put).
+    pub fn write(&mut self, channel: Channel, counts: u32) {
+        if let Some(Socket {
+            board: Board::Dac(number),
+            line,
+        }) = socket(channel)
+            && let Some(dac) = self.dac.get_mut(usize::from(number))
+            && let Some((register, zero)) = dac.lines.get_mut(usize::from(line))
+        {
+            *register = output_register(*zero, counts);
+        }
+    }
+
+    /// Writes every board of outputs; its channels change at the same instant.
+    pub fn put(&mut self) {
+        for dac in &self.dac {
+            let Some(device) = &dac.device else { continue };
+            if device
+                .write_all(&dac.lines.map(|(register, _)| register))
+                .is_err()
+            {
+                self.failures = self.failures.wrapping_add(1);
+            }
+        }
+    }
+
+    /// Transfers of a board that failed; wraps.
+    #[must_use]
+    pub const fn failures(&self) -> u32 {
+        self.failures
+    }
+}

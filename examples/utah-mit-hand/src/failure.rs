@@ -1,0 +1,171 @@
+//! [`Failure`]: why a program of the hand ended before it was told to.
+
+use core::fmt::{Display, Write};
+
+use condor_fs::Error as FileError;
+use condor_hand::config::ImageError;
+use condor_hand::controller::{ControllerError, TableError};
+use condor_hand::kinematics::JointLimitsError;
+use condor_hand::monitor::MonitorError;
+use condor_hand::plant::PlantError;
+use condor_host::directory::DirectoryError;
+use condor_mbox::AccessError;
+use condor_mos::{LoopError, RateError, StartError};
+use condor_tty::TerminalError;
+use thiserror::Error;
+
+use crate::boards::{BoardError, WiresError};
+
+/// What a machine says, as much of it as fits.
+pub type Words = heapless::String<96>;
+
+/// Why a program of the hand ended before it was told to.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Failure {
+    /// Its memory.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// The directory of what others may look at.
+    #[error(transparent)]
+    Directory(#[from] DirectoryError),
+    /// Its terminal.
+    #[error(transparent)]
+    Terminal(#[from] TerminalError),
+    /// Its mailbox.
+    #[error(transparent)]
+    Mailbox(#[from] condor_mbox::Error),
+    /// The file of the configuration.
+    #[error("{name}: {error}")]
+    File {
+        /// Its name.
+        name: &'static str,
+        /// Why it cannot be read.
+        error: FileError,
+    },
+    /// What is in that file.
+    #[error("{name}: {error}")]
+    Image {
+        /// Its name.
+        name: &'static str,
+        /// Why it is no configuration.
+        error: ImageError,
+    },
+    /// The boards of the rack cannot serve the configuration.
+    #[error(transparent)]
+    Boards(#[from] BoardError),
+    /// A board cannot be had.
+    #[error(transparent)]
+    Wires(#[from] WiresError),
+    /// The bus did not answer the simulated robot.
+    #[error("bus error {kind:?} at address {address:#x}")]
+    Bus {
+        /// Where.
+        address: usize,
+        /// What was wrong.
+        kind: condor_dev::BusErrorKind,
+    },
+    /// A configuration that gives this processor another number of fingers than it can serve.
+    #[error(
+        "the configuration gives processor {processor} {fingers} fingers; a servo serves {serves}"
+    )]
+    Fingers {
+        /// The processor.
+        processor: u8,
+        /// How many fingers it has there.
+        fingers: usize,
+        /// How many it must have.
+        serves: usize,
+    },
+    /// A configuration without this processor.
+    #[error("the configuration has no processor {processor}")]
+    NoProcessor {
+        /// The processor.
+        processor: u8,
+    },
+    /// A finger whose form has no closed solution.
+    #[error("finger {finger} is not a planar one of four joints")]
+    Form {
+        /// The finger, from 0.
+        finger: usize,
+    },
+    /// A hand of another number of fingers than the simulated robot has.
+    #[error("the configuration has {fingers} fingers, the simulated robot {simulated}")]
+    Hand {
+        /// How many it has.
+        fingers: usize,
+        /// How many there are.
+        simulated: usize,
+    },
+    /// A finger that cannot be controlled.
+    #[error("finger {finger}: {error}")]
+    Controller {
+        /// The finger, from 0.
+        finger: usize,
+        /// Why not.
+        error: ControllerError,
+    },
+    /// The table.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// The monitor of the controller's variables.
+    #[error(transparent)]
+    Monitor(#[from] MonitorError),
+    /// The limits of a finger's joints.
+    #[error(transparent)]
+    Limits(#[from] JointLimitsError),
+    /// A robot that cannot be.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// The moment arms of a finger.
+    #[error(transparent)]
+    Arms(#[from] condor_hand::tendon::ArmError),
+    /// The rate of a loop.
+    #[error(transparent)]
+    Rate(#[from] RateError),
+    /// A loop.
+    #[error(transparent)]
+    Loop(#[from] LoopError),
+    /// The schedule.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// An argument of the program.
+    #[error("the argument {argument:?} is none of rate=HZ, watchdog_ms=MS, ramp_ms=MS above 0")]
+    Argument {
+        /// What was given.
+        argument: Words,
+    },
+    /// What the machine says of its timer.
+    #[error("the timer: {error}")]
+    Timer {
+        /// Its words.
+        error: Words,
+    },
+}
+
+impl Failure {
+    pub(crate) fn timer(error: &impl Display) -> Self {
+        Self::Timer {
+            error: words(error),
+        }
+    }
+}
+
+/// As much of what something prints as fits.
+pub(crate) fn words(printed: &impl Display) -> Words {
+    struct Cut(Words);
+    impl Write for Cut {
+        fn write_str(&mut self, text: &str) -> core::fmt::Result {
+            for letter in text.chars() {
+                if self.0.push(letter).is_err() {
+                    break;
+                }
+            }
+            Ok(())
+        }
+    }
+    let mut cut = Cut(Words::new());
+    // It takes everything.
+    let _ = write!(cut, "{printed}");
+    cut.0
+}

@@ -1,0 +1,498 @@
+//! [`GraspLaw`]: the grasp in the servo loop of one processor.
+
+use condor_hand::controller::FingerController;
+use condor_hand::dynamics::Dynamics;
+use condor_hand::grasp::{FingerState, GraspError, GraspOutput, GraspStiffness, TorqueLimits};
+use condor_hand::kinematics::PlanarFinger;
+use condor_hand::math::{clamp, min};
+use condor_hand::message::ServoLoop;
+use condor_hand::servo::{JointTarget, Mode};
+use condor_mbox::{AccessError, MemoryWindow, Publisher, Region, Subscriber};
+use nalgebra::{Vector3, Vector4};
+
+use super::partner::{Heard, Partner};
+use super::{GraspPlaces, Joints, LEAST_FINGERS, Order, Reason, Report, State};
+use crate::{FINGERS, Failure, JOINTS, SERVED, UtahMit};
+
+/// Ticks without a publication after which a partner is silent.
+const SILENT_TICKS: u32 = 8;
+/// Ticks within which the partner is to have the order, too: 0.25 s at 400 Hz.
+const PATIENCE_TICKS: u32 = 100;
+/// Every which tick a report is published, if it says nothing new.
+const REPORT_TICKS: u32 = 16;
+
+/// The controllers of the fingers that this processor serves.
+pub(crate) trait Own {
+    fn finger(&mut self, place: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>>;
+}
+
+impl<W: MemoryWindow> Own for ServoLoop<'_, PlanarFinger, W, SERVED, JOINTS> {
+    fn finger(&mut self, place: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+        self.controller_mut(place)
+    }
+}
+
+/// What this processor measures of its fingers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Felt {
+    pub(crate) position: [Vector4<f64>; SERVED],
+    pub(crate) velocity: [Vector4<f64>; SERVED],
+}
+
+/// A finger of the hand, and where it is measured.
+#[derive(Clone, Copy, Debug)]
+struct Member {
+    mechanism: PlanarFinger,
+    limits: TorqueLimits<f64, JOINTS>,
+    /// On this processor, or on the other one.
+    is_own: bool,
+    /// Its place among the fingers of its processor.
+    place: usize,
+}
+
+/// The grasp of one servo processor.
+pub(crate) struct GraspLaw<'p, W> {
+    region: Region<W>,
+    places: GraspPlaces,
+    orders: Subscriber<Order, Region<W>>,
+    reports: Publisher<Report, Region<W>>,
+    partner: &'p Partner<W>,
+    heard: Heard<Joints>,
+    members: [Member; FINGERS],
+    period_s: f64,
+    seen: u32,
+    /// The order in force, and what was in force when it came.
+    order: Order,
+    from: Order,
+    since_s: f64,
+    /// 0 without one.
+    number: u64,
+    law: Option<Law>,
+    waited: u32,
+    has_joined: bool,
+    told: Report,
+    quiet: u32,
+}
+
+/// The law, for as many fingers as hold.
+#[derive(Clone, Copy)]
+enum Law {
+    Three([usize; 3], GraspStiffness<f64, 3, JOINTS>),
+    Four([usize; 4], GraspStiffness<f64, 4, JOINTS>),
+}
+
+/// One step of the law: of each finger of the hand, whether or not it holds.
+struct Step {
+    torques: [Vector4<f64>; FINGERS],
+    squeeze_share: f64,
+    deviation: [f64; 6],
+    margins: [f64; FINGERS],
+}
+
+impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
+    /// No grasp yet, on processor `own`; `region` is its own.
+    pub(crate) fn new(
+        hand: &UtahMit,
+        own: u8,
+        region: Region<W>,
+        places: GraspPlaces,
+        partner: &'p Partner<W>,
+    ) -> Result<Self, Failure> {
+        let mut members = heapless::Vec::<_, FINGERS>::new();
+        for (number, finger) in hand.fingers.iter().enumerate() {
+            let processor = finger.processor().unwrap_or(own);
+            let mut beside = hand.fingers_on(processor);
+            let torque = |joint: &condor_hand::config::Joint<JOINTS>| {
+                min(
+                    joint.flexor.arm_m * (joint.flexor.max_n - joint.flexor.min_n),
+                    -joint.extensor.arm_m * (joint.extensor.max_n - joint.extensor.min_n),
+                )
+            };
+            let member = Member {
+                mechanism: finger.planar().ok_or(Failure::Form { finger: number })?,
+                limits: TorqueLimits::symmetric(&finger.each(torque)),
+                is_own: processor == own,
+                place: beside.position(|(index, _)| index == number).unwrap_or(0),
+            };
+            // As many as the configuration has room for.
+            let _ = members.push(member);
+        }
+        let fingers = members.len();
+        let simulated = FINGERS;
+        let members = members
+            .into_array()
+            .map_err(|_| Failure::Hand { fingers, simulated })?;
+        let rate = hand
+            .processor(own)
+            .map_or(hand.servo_hz, |it| hand.rate_hz(it));
+        Ok(Self {
+            orders: places.order.subscriber(region.clone())?,
+            reports: places.report.publisher(region.clone())?,
+            // What was ordered of a former life is not done.
+            seen: region.word(places.number)?,
+            region,
+            places,
+            partner,
+            heard: Heard::NOTHING,
+            members,
+            period_s: 1.0 / f64::from(rate),
+            order: Order::RELEASE,
+            from: Order::RELEASE,
+            since_s: 0.0,
+            number: 0,
+            law: None,
+            waited: 0,
+            has_joined: false,
+            told: Report::new(0, State::Idle, Reason::None),
+            quiet: REPORT_TICKS,
+        })
+    }
+
+    /// The number of the order in force; 0 for none.
+    pub(crate) const fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// The last report.
+    pub(crate) const fn report(&self) -> &Report {
+        &self.told
+    }
+
+    /// One tick, before that of the servos.
+    pub(crate) fn step(&mut self, felt: &Felt, gravity: &Vector3<f64>, own: &mut impl Own) {
+        self.partner.read(&mut self.heard);
+        let report = self.advance(felt, gravity, own);
+        self.tell(report);
+    }
+
+    fn advance(&mut self, felt: &Felt, gravity: &Vector3<f64>, own: &mut impl Own) -> Report {
+        if let Some((number, order)) = self.look() {
+            if order.fingers == 0 {
+                self.let_go(own);
+                return Report::new(number, State::Idle, Reason::None);
+            }
+            if let Err(reason) = self.take(number, &order, own) {
+                return Report::new(number, State::Refused, reason);
+            }
+        }
+        if self.number == 0 {
+            return self.told;
+        }
+        match self.hold(felt, gravity, own) {
+            Ok(report) => report,
+            Err(reason) => {
+                let number = self.number;
+                self.let_go(own);
+                Report::new(number, State::Left, reason)
+            }
+        }
+    }
+
+    /// The order that has come since the last tick.
+    fn look(&mut self) -> Option<(u64, Order)> {
+        let number = self.region.word(self.places.number).ok()?;
+        if number == self.seen {
+            return None;
+        }
+        // If it cannot be read whole, the next tick looks again.
+        let latest = self.orders.read().ok()?;
+        self.seen = number;
+        Some((number.into(), latest.value))
+    }
+
+    /// Puts an order into force, or leaves everything as it is.
+    fn take(&mut self, number: u64, order: &Order, own: &mut impl Own) -> Result<(), Reason> {
+        let count = order.fingers.count_ones();
+        if order.fingers >> FINGERS != 0 || count < LEAST_FINGERS {
+            return Err(Reason::Fingers);
+        }
+        let [first, ..] = &self.members;
+        let limits = [first.limits; 3];
+        let numbers = order.tips.as_flattened().iter().chain([&order.ramp_s]);
+        if order.tuning(limits).is_err() || numbers.clone().any(|number| !number.is_finite()) {
+            return Err(Reason::Tuning);
+        }
+        if self.law.is_some() && order.fingers == self.order.fingers {
+            self.from = self.now();
+        } else {
+            if self.law.is_some() {
+                self.let_go(own);
+            }
+            self.waited = 0;
+            self.has_joined = false;
+            self.from = Order {
+                tips: order.tips,
+                ..Order::RELEASE
+            };
+        }
+        self.order = *order;
+        self.since_s = 0.0;
+        self.number = number;
+        Ok(())
+    }
+
+    /// The order as far as it has been ramped up.
+    fn now(&self) -> Order {
+        let part = if self.order.ramp_s > 0.0 {
+            clamp(self.since_s / self.order.ramp_s, 0.0, 1.0)
+        } else {
+            1.0
+        };
+        self.order.after(&self.from, part)
+    }
+
+    fn hold(
+        &mut self,
+        felt: &Felt,
+        gravity: &Vector3<f64>,
+        own: &mut impl Own,
+    ) -> Result<Report, Reason> {
+        let partner = self.hear()?;
+        let Some(partner) = partner else {
+            return Ok(Report::new(self.number, State::Waiting, Reason::None));
+        };
+        if self.law.is_none() {
+            self.law = Some(self.engage(felt, &partner, gravity)?);
+        } else if self.is_switched(own) {
+            return Err(if self.has_fault(own) {
+                Reason::Fault
+            } else {
+                Reason::Switched
+            });
+        }
+        let now = self.now();
+        self.since_s += self.period_s;
+        let Some(mut law) = self.law else {
+            return Err(Reason::Law);
+        };
+        let step = match &mut law {
+            Law::Three(fingers, law) => self.update(fingers, law, &now, felt, &partner, gravity),
+            Law::Four(fingers, law) => self.update(fingers, law, &now, felt, &partner, gravity),
+        };
+        self.law = Some(law);
+        let step = step.map_err(|_| Reason::Law)?;
+        for (torques, member) in step.torques.iter().zip(self.holding()) {
+            let Some(member) = member.filter(|member| member.is_own) else {
+                continue;
+            };
+            let finger = own.finger(member.place).ok_or(Reason::Fault)?;
+            for (joint, &torque) in torques.iter().enumerate() {
+                let target = JointTarget::Grasp(torque);
+                finger
+                    .set_target(joint, target)
+                    .map_err(|_| Reason::Fault)?;
+            }
+        }
+        Ok(Report {
+            squeeze_share: step.squeeze_share,
+            deviation: step.deviation,
+            margins: step.margins,
+            ..Report::new(self.number, State::Holding, Reason::None)
+        })
+    }
+
+    /// The joints of the partner, once there are some.
+    fn hear(&mut self) -> Result<Option<Joints>, Reason> {
+        let fresh = self.heard.value.filter(|_| self.heard.age <= SILENT_TICKS);
+        let is_patient = self.waited < PATIENCE_TICKS;
+        self.waited = self.waited.saturating_add(1);
+        match fresh {
+            Some(joints) if joints.order != 0 => {
+                self.has_joined = true;
+                Ok(Some(joints))
+            }
+            // It has not seen the order yet; its joints are known all the same.
+            Some(joints) if !self.has_joined && is_patient => Ok(Some(joints)),
+            None if !self.has_joined && self.law.is_none() && is_patient => Ok(None),
+            _ => Err(Reason::Partner),
+        }
+    }
+
+    /// The fingers of the hand that hold.
+    fn holding(&self) -> impl Iterator<Item = Option<&Member>> {
+        let fingers = self.order.fingers;
+        let members = self.members.iter().enumerate();
+        members.map(move |(number, member)| (fingers >> number & 1 != 0).then_some(member))
+    }
+
+    /// Whether a joint of the own fingers that hold is in another mode than the law gave it.
+    fn is_switched(&self, own: &mut impl Own) -> bool {
+        let mut mine = self.holding().flatten().filter(|member| member.is_own);
+        mine.any(|member| {
+            let finger = own.finger(member.place);
+            finger.is_none_or(|finger| {
+                (0..JOINTS).any(|joint| finger.mode(joint) != Some(Mode::Grasp))
+            })
+        })
+    }
+
+    fn has_fault(&self, own: &mut impl Own) -> bool {
+        (0..SERVED).any(|place| {
+            let finger = own.finger(place);
+            finger.is_some_and(|finger| finger.fault().is_some())
+        })
+    }
+
+    /// Takes the present tips as the desired ones.
+    fn engage(
+        &mut self,
+        felt: &Felt,
+        partner: &Joints,
+        gravity: &Vector3<f64>,
+    ) -> Result<Law, Reason> {
+        let mut numbers = heapless::Vec::<usize, FINGERS>::new();
+        for (number, member) in self.holding().enumerate() {
+            if member.is_some() {
+                // As many as there are.
+                let _ = numbers.push(number);
+            }
+        }
+        let three = <[usize; 3]>::try_from(numbers.as_slice());
+        let four = <[usize; 4]>::try_from(numbers.as_slice());
+        let law = match (three, four) {
+            (Ok(fingers), _) => self
+                .engaged(&fingers, felt, partner, gravity)
+                .map(|law| Law::Three(fingers, law)),
+            (_, Ok(fingers)) => self
+                .engaged(&fingers, felt, partner, gravity)
+                .map(|law| Law::Four(fingers, law)),
+            _ => return Err(Reason::Fingers),
+        };
+        law.map_err(|_| Reason::Law)
+    }
+
+    fn engaged<const M: usize>(
+        &mut self,
+        fingers: &[usize; M],
+        felt: &Felt,
+        partner: &Joints,
+        gravity: &Vector3<f64>,
+    ) -> Result<GraspStiffness<f64, M, JOINTS>, GraspError> {
+        let states = self.states(fingers, felt, partner, gravity);
+        let order = Order {
+            force: [0.0; 3],
+            moment: [0.0; 3],
+            squeeze_n: 0.0,
+            ..self.order
+        };
+        let law = GraspStiffness::engage(&states, order.tuning(self.limits(fingers))?)?;
+        for (&finger, state) in fingers.iter().zip(&states) {
+            if let Some(tip) = self.from.tips.get_mut(finger) {
+                *tip = state.tip.into();
+            }
+        }
+        Ok(law)
+    }
+
+    fn update<const M: usize>(
+        &self,
+        fingers: &[usize; M],
+        law: &mut GraspStiffness<f64, M, JOINTS>,
+        now: &Order,
+        felt: &Felt,
+        partner: &Joints,
+        gravity: &Vector3<f64>,
+    ) -> Result<Step, GraspError> {
+        law.set_tuning(now.tuning(self.limits(fingers))?)?;
+        let tip = |finger: usize| now.tips.get(finger).copied().unwrap_or_default();
+        law.set_desired(&fingers.map(|finger| Vector3::from(tip(finger))))?;
+        let output = law.update(&self.states(fingers, felt, partner, gravity))?;
+        Ok(Step::of(fingers, &output))
+    }
+
+    fn limits<const M: usize>(&self, fingers: &[usize; M]) -> [TorqueLimits<f64, JOINTS>; M] {
+        fingers.map(|finger| {
+            let member = self.members.get(finger);
+            member.map_or(TorqueLimits::none(), |member| member.limits)
+        })
+    }
+
+    fn states<const M: usize>(
+        &self,
+        fingers: &[usize; M],
+        felt: &Felt,
+        partner: &Joints,
+        gravity: &Vector3<f64>,
+    ) -> [FingerState<f64, JOINTS>; M] {
+        fingers.map(|finger| {
+            let [first, ..] = &self.members;
+            let member = self.members.get(finger).unwrap_or(first);
+            let place = member.place;
+            let (q, qd) = if member.is_own {
+                (
+                    felt.position.get(place).copied(),
+                    felt.velocity.get(place).copied(),
+                )
+            } else {
+                (
+                    partner.position.get(place).copied().map(Vector4::from),
+                    partner.velocity.get(place).copied().map(Vector4::from),
+                )
+            };
+            // Both processors serve as many fingers as the type says.
+            let (q, qd) = (q.unwrap_or_default(), qd.unwrap_or_default());
+            let weight = member.mechanism.gravity_torque(&q, gravity);
+            FingerState::new(&member.mechanism, &q, &qd, &weight)
+        })
+    }
+
+    /// Ends the grasp; the own joints that held stay where they are.
+    fn let_go(&mut self, own: &mut impl Own) {
+        if self.law.is_some() {
+            for member in self.holding().flatten().filter(|member| member.is_own) {
+                let Some(finger) = own.finger(member.place) else {
+                    continue;
+                };
+                for joint in 0..JOINTS {
+                    if finger.mode(joint) == Some(Mode::Grasp) {
+                        // After a fault the finger has its own way to rest.
+                        let _ = finger.set_mode(joint, Mode::Position);
+                    }
+                }
+            }
+        }
+        self.law = None;
+        self.number = 0;
+        self.order = Order::RELEASE;
+    }
+
+    fn tell(&mut self, report: Report) {
+        let is_news = (report.order, report.state, report.reason)
+            != (self.told.order, self.told.state, self.told.reason);
+        self.told = report;
+        self.quiet = self.quiet.saturating_add(1);
+        if is_news || self.quiet >= REPORT_TICKS {
+            self.quiet = 0;
+            // Who reads finds the former one then.
+            let _: Result<u32, AccessError> = self.reports.publish(&report);
+        }
+    }
+}
+
+impl Step {
+    fn of<const M: usize>(fingers: &[usize; M], output: &GraspOutput<f64, M, JOINTS>) -> Self {
+        let mut step = Self {
+            torques: [Vector4::zeros(); FINGERS],
+            squeeze_share: output.squeeze_share,
+            deviation: [0.0; 6],
+            margins: [0.0; FINGERS],
+        };
+        let deviation = output.deviation.linear.iter();
+        let deviation = deviation.chain(output.deviation.angular.iter());
+        for (place, part) in step.deviation.iter_mut().zip(deviation) {
+            *place = *part;
+        }
+        for (&finger, (torques, margin)) in fingers
+            .iter()
+            .zip(output.torques.iter().zip(&output.margins))
+        {
+            if let Some(place) = step.torques.get_mut(finger) {
+                *place = *torques;
+            }
+            if let Some(place) = step.margins.get_mut(finger) {
+                *place = *margin;
+            }
+        }
+        step
+    }
+}

@@ -1,0 +1,83 @@
+//! [`Partner`]: what another processor publishes, wherever its program put it.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use condor_host::directory;
+use condor_mbox::{AccessError, MemoryWindow, Published, Region};
+use zerocopy::{FromBytes, IntoBytes};
+
+/// Where nothing lies: the directory does.
+const NOWHERE: u32 = 0;
+
+/// A published value of another processor, found by its name.
+///
+/// The background [looks it up](Self::look) now and then, since a processor may start later, or start
+/// anew with another program; the servo loop reads it.
+#[derive(Debug)]
+pub(crate) struct Partner<W> {
+    region: Region<W>,
+    name: &'static str,
+    offset: AtomicU32,
+}
+
+/// What a servo loop has read of a partner, and for how long it has been the same.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Heard<T> {
+    /// The last value; none before the first.
+    pub(crate) value: Option<T>,
+    sequence: u32,
+    /// Ticks since it was published, as far as this loop could see.
+    pub(crate) age: u32,
+}
+
+impl<W: MemoryWindow + Clone> Partner<W> {
+    pub(crate) const fn new(region: Region<W>, name: &'static str) -> Self {
+        Self {
+            region,
+            name,
+            offset: AtomicU32::new(NOWHERE),
+        }
+    }
+
+    /// Looks where it is now.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub(crate) fn look(&self) -> Result<(), AccessError> {
+        let entry = directory::find(&self.region, self.name)?;
+        let offset = entry.map_or(NOWHERE, |entry| entry.offset);
+        // Relaxed: it says where to look, and the cell there says by itself what is published.
+        self.offset.store(offset, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// The latest value, for the loop that calls this in every tick.
+    pub(crate) fn read<T: FromBytes + IntoBytes + Copy>(&self, heard: &mut Heard<T>) {
+        heard.age = heard.age.saturating_add(1);
+        // Relaxed: pairs with the store of `look`.
+        let offset = self.offset.load(Ordering::Relaxed);
+        if offset == NOWHERE {
+            return;
+        }
+        let Ok(cell) = Published::<T>::at(offset).subscriber(&self.region) else {
+            return;
+        };
+        if let Ok(latest) = cell.read()
+            && (heard.value.is_none() || latest.sequence != heard.sequence)
+        {
+            *heard = Heard {
+                value: Some(latest.value),
+                sequence: latest.sequence,
+                age: 0,
+            };
+        }
+    }
+}
+
+impl<T> Heard<T> {
+    pub(crate) const NOTHING: Self = Self {
+        value: None,
+        sequence: 0,
+        age: u32::MAX,
+    };
+}

@@ -1,0 +1,34 @@
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(any(feature = "std", test)), no_std)]
+#![forbid(unsafe_code)]
+
+// The robot's wires.
+pub mod boards;
+
+// What processors say to each other.
+pub mod desk;
+pub mod grasp;
+
+// The programs.
+pub mod plant;
+pub mod servo;
+pub mod table;
+
+mod failure;
+mod late;
+mod start;
+
+pub use failure::{Failure, Words};
+
+/// Fingers of the hand.
+pub const FINGERS: usize = 4;
+/// Joints of a finger.
+pub const JOINTS: usize = 4;
+/// Fingers that a servo processor serves.
+pub const SERVED: usize = 2;
+
+/// The configuration of the hand.
+pub type UtahMit = condor_hand::config::Hand<FINGERS, JOINTS>;
+
+/// The file of the compiled configuration, as the file service has it.
+pub const IMAGE: &str = "hand.image";

@@ -1,0 +1,76 @@
+//! [`Arguments`]: what the system description tells the robot.
+
+use condor_host::Machine;
+
+use crate::failure::{Failure, words};
+
+/// The numbers of the robot's arguments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Arguments {
+    pub(super) rate_hz: u32,
+    pub(super) watchdog_ms: u32,
+    pub(super) ramp_ms: u32,
+}
+
+impl Default for Arguments {
+    fn default() -> Self {
+        Self {
+            rate_hz: 2000,
+            watchdog_ms: 25,
+            ramp_ms: 250,
+        }
+    }
+}
+
+impl Arguments {
+    pub(super) fn of<M: Machine>(machine: &M) -> Result<Self, Failure> {
+        let mut arguments = Self::default();
+        let mut index = 0;
+        while let Some(argument) = machine.argument(index) {
+            arguments.take(argument).ok_or_else(|| Failure::Argument {
+                argument: words(&argument),
+            })?;
+            index += 1;
+        }
+        Ok(arguments)
+    }
+
+    fn take(&mut self, argument: &str) -> Option<()> {
+        let (name, number) = argument.split_once('=')?;
+        let place = match name {
+            "rate" => &mut self.rate_hz,
+            "watchdog_ms" => &mut self.watchdog_ms,
+            "ramp_ms" => &mut self.ramp_ms,
+            _ => return None,
+        };
+        *place = number.parse().ok().filter(|&number| number > 0)?;
+        Some(())
+    }
+
+    /// So many milliseconds in ticks, at least one.
+    pub(super) fn ticks(&self, ms: u32) -> u32 {
+        let ticks = u64::from(ms) * u64::from(self.rate_hz) / 1000;
+        u32::try_from(ticks).unwrap_or(u32::MAX).max(1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_names_and_numbers() {
+        let mut arguments = Arguments::default();
+        assert_eq!(arguments.take("rate=400"), Some(()));
+        assert_eq!(arguments.take("ramp_ms=5"), Some(()));
+        assert_eq!(
+            (arguments.rate_hz, arguments.watchdog_ms, arguments.ramp_ms),
+            (400, 25, 5)
+        );
+        for wrong in ["rate", "rate=", "rate=0", "rate=-1", "speed=1", "rate=1e3"] {
+            assert_eq!(arguments.take(wrong), None, "{wrong}");
+        }
+        assert_eq!(arguments.ticks(25), 10);
+        assert_eq!(arguments.ticks(1), 1);
+    }
+}

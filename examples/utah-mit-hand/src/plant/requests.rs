@@ -1,0 +1,164 @@
+//! What the robot can be asked for.
+
+use condor_hand::grasp::Wrench;
+use nalgebra::Vector3;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use super::robot::Robot;
+
+/// What a request asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum Verb {
+    /// Nothing but an answer.
+    Status = 0,
+    /// Pushes the ball until the next push: numbers 0 to 2 are the force (N), 3 to 5 the moment about
+    /// its centre (N m).
+    Push = 1,
+    /// Puts a ball in place of the one that there was: numbers 0 to 2 are its centre (m), 3 its radius
+    /// (m), 4 its mass (kg). Somebody holds it there until [`LetGo`](Self::LetGo).
+    PlaceBall = 2,
+    /// Whoever holds the ball lets go of it, within number 0 (s).
+    LetGo = 3,
+    /// Takes the ball away.
+    RemoveBall = 4,
+    /// A sensor stays as it is: `finger`, `joint`, `which`.
+    StickSensor = 5,
+    /// A tendon breaks: `finger`, `joint`, `which`.
+    CutTendon = 6,
+    /// All sensors and tendons are whole again.
+    Mend = 7,
+    /// Pushes a fingertip until the next such push: `finger`, and numbers as for a push.
+    PushTip = 8,
+}
+
+/// Which sensor or tendon of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Which {
+    /// The sensor of the position.
+    Position = 0,
+    /// The flexor.
+    Flexor = 1,
+    /// The extensor.
+    Extensor = 2,
+}
+
+/// A request to the robot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Request {
+    /// The number of a [`Verb`].
+    pub verb: u32,
+    /// The finger, from 0.
+    pub finger: u32,
+    /// The joint, from 0.
+    pub joint: u32,
+    /// The number of a [`Which`].
+    pub which: u32,
+    /// What the verb says.
+    pub numbers: [f64; 6],
+}
+
+/// What the robot answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Response {
+    /// The number of a [`Refusal`]; 0 if it is done.
+    pub refusal: u32,
+    /// A bit for each D/A board that rests.
+    pub resting: u32,
+}
+
+/// Why the robot does not do what it was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// There is no such verb.
+    Verb = 1,
+    /// The program has no configuration yet.
+    NotStarted = 2,
+    /// There is no such finger, joint, sensor or tendon.
+    NoSuchPart = 3,
+    /// A number that is not finite, or is none that a ball can have.
+    Number = 4,
+    /// There is no ball.
+    NoBall = 5,
+}
+
+impl Refusal {
+    /// The refusal of a number; `None` for 0, and for what is none.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            1 => Some(Self::Verb),
+            2 => Some(Self::NotStarted),
+            3 => Some(Self::NoSuchPart),
+            4 => Some(Self::Number),
+            5 => Some(Self::NoBall),
+            _ => None,
+        }
+    }
+}
+
+impl Which {
+    /// The part of a number.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            0 => Some(Self::Position),
+            1 => Some(Self::Flexor),
+            2 => Some(Self::Extensor),
+            _ => None,
+        }
+    }
+}
+
+impl Verb {
+    /// The verb of a number.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            0 => Some(Self::Status),
+            1 => Some(Self::Push),
+            2 => Some(Self::PlaceBall),
+            3 => Some(Self::LetGo),
+            4 => Some(Self::RemoveBall),
+            5 => Some(Self::StickSensor),
+            6 => Some(Self::CutTendon),
+            7 => Some(Self::Mend),
+            8 => Some(Self::PushTip),
+            _ => None,
+        }
+    }
+}
+
+/// Does what is asked for.
+pub(super) fn obey(robot: &mut Robot, request: &Request) -> Result<(), Refusal> {
+    let [x, y, z, a, b, c] = request.numbers;
+    let (finger, joint) = (request.finger as usize, request.joint as usize);
+    let which = Which::from_number(request.which).ok_or(Refusal::NoSuchPart);
+    let wrench = Wrench {
+        force: Vector3::new(x, y, z),
+        moment: Vector3::new(a, b, c),
+    };
+    match Verb::from_number(request.verb).ok_or(Refusal::Verb)? {
+        Verb::Status => Ok(()),
+        Verb::Push => robot.push_ball(wrench),
+        Verb::PlaceBall => robot.place_ball(Vector3::new(x, y, z), a, b),
+        Verb::LetGo => robot.let_go(x),
+        Verb::RemoveBall => {
+            robot.remove_ball();
+            Ok(())
+        }
+        Verb::StickSensor => robot.stick(finger, joint, which?),
+        Verb::CutTendon => robot.cut(finger, joint, which?),
+        Verb::Mend => {
+            robot.mend();
+            Ok(())
+        }
+        Verb::PushTip => robot.push_tip(finger, wrench),
+    }
+}

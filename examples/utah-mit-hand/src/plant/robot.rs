@@ -1,0 +1,490 @@
+//! [`Robot`]: the simulated hand and table, with their sensors and actuators at the boards' lines.
+
+use condor_dev::Bus;
+use condor_dev::drivers::Dac16;
+use condor_hand::config::{Input, Output as Dac, Wire};
+use condor_hand::grasp::Wrench;
+use condor_hand::kinematics::PlanarFinger;
+use condor_hand::math::max;
+use condor_hand::plant::{self, DriveKind, Hand, Machine, Object, ObjectParameters, Stop, Surface};
+use condor_hand::tendon::{Pair, Pairs};
+use nalgebra::Vector3;
+
+use super::Truth;
+use super::arguments::Arguments;
+use super::ball::Support;
+use super::registers::{Output, Registers};
+use super::requests::{Refusal, Which};
+use super::watchdog::{Told, Watchdog};
+use crate::boards::{Board, Socket, address, input_register, output_counts, socket, zero_of};
+use crate::{FINGERS, Failure, JOINTS, UtahMit};
+
+/// The longest update of the simulation, s: contacts of 5e4 N/m bear it.
+const UPDATE_S: f64 = 1e-4;
+/// Where in the range of its joints the hand begins, from 0 to 1.
+const BEGINS_AT: f64 = 0.4;
+/// Sensors of the hand and its table, at most.
+const INPUTS: usize = 3 * FINGERS * JOINTS + AXES;
+const AXES: usize = 3;
+
+/// What the configuration does not say of the robot.
+const MACHINE: Machine = Machine {
+    actuator: DriveKind::exact,
+    joint_stop: Stop {
+        stiffness: 50.0,
+        damping: 0.1,
+    },
+    axis_stop: Stop {
+        stiffness: 1e5,
+        damping: 1e3,
+    },
+    updates: 1,
+    tip_radius: 0.0,
+    surface: Surface {
+        stiffness: 5e4,
+        damping: 20.0,
+        shear_stiffness: 5e4,
+        shear_damping: 20.0,
+        friction: 0.8,
+    },
+};
+
+/// The robot.
+pub(super) struct Robot {
+    hand: Hand<PlanarFinger, FINGERS, JOINTS>,
+    gravity: Vector3<f64>,
+    period_s: f64,
+    ticks: u64,
+    boards: [OutputBoard; address::DAC.len()],
+    inputs: heapless::Vec<Sensor, INPUTS>,
+    /// In the axes of the palm.
+    directions: [Vector3<f64>; AXES],
+    cut: [Pairs<bool, JOINTS>; FINGERS],
+    push: Wrench,
+    support: Option<Support>,
+    failures: u32,
+}
+
+/// A D/A board and what is at its lines.
+#[derive(Clone, Copy)]
+struct OutputBoard {
+    lines: [Option<Line>; Dac16::CHANNELS],
+    watchdog: Watchdog<{ Dac16::CHANNELS }>,
+}
+
+#[derive(Clone, Copy)]
+struct Line {
+    wire: Wire,
+    dac: Dac,
+    zero: u32,
+}
+
+/// A sensor, and the register that shows what it says.
+#[derive(Clone, Copy)]
+struct Sensor {
+    wire: Wire,
+    adc: Input,
+    socket: Socket,
+    /// What it says for ever.
+    stuck: Option<u32>,
+}
+
+impl Robot {
+    pub(super) fn new(hand: &UtahMit, arguments: &Arguments) -> Result<Self, Failure> {
+        let mut fingers = heapless::Vec::<_, FINGERS>::new();
+        for (finger, entry) in hand.fingers.iter().enumerate() {
+            let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
+            let limits = entry.limits();
+            let q = limits.low + (limits.high - limits.low) * BEGINS_AT;
+            // As many as the configuration has room for.
+            let _ = fingers.push(MACHINE.finger(entry, mechanism, q)?);
+        }
+        let count = fingers.len();
+        let fingers = fingers.into_array().map_err(|_| Failure::Hand {
+            fingers: count,
+            simulated: FINGERS,
+        })?;
+        let period_s = 1.0 / f64::from(arguments.rate_hz);
+        let mut parameters = MACHINE.hand_parameters(hand);
+        parameters.period_s = period_s;
+        // A whole number, and small.
+        parameters.updates = 1 + (period_s * (1.0 - 1e-9) / UPDATE_S) as u32;
+        let mut simulated = Hand::new(fingers, parameters)?;
+        let mut directions = [Vector3::zeros(); AXES];
+        if let Some(table) = &hand.table {
+            simulated = simulated.with_table(MACHINE.table(table)?);
+            for (direction, axis) in directions.iter_mut().zip(&table.axes) {
+                *direction = Vector3::from(axis.direction);
+            }
+        }
+        Ok(Self {
+            hand: simulated,
+            gravity: parameters.gravity,
+            period_s,
+            ticks: 0,
+            boards: output_boards(hand, arguments),
+            inputs: sensors(hand),
+            directions,
+            cut: [[Pair::both(false); JOINTS]; FINGERS],
+            push: Wrench::zero(),
+            support: None,
+            failures: 0,
+        })
+    }
+
+    /// One period: actuators do what the boards say, time passes, and sensors are read.
+    pub(super) fn tick<B: Bus>(&mut self, registers: &Registers<B>) -> Truth {
+        if self.advance(registers).is_err() {
+            self.failures = self.failures.wrapping_add(1);
+        }
+        self.truth()
+    }
+
+    fn advance<B: Bus>(&mut self, registers: &Registers<B>) -> Result<(), Failure> {
+        let mut commands = [[Pair::both(0.0); JOINTS]; FINGERS];
+        let mut force = Vector3::zeros();
+        for (number, board) in self.boards.iter_mut().enumerate() {
+            let outputs = board.update(registers.output(number)?);
+            for (line, output) in board.lines.iter().zip(outputs) {
+                match line.map(|line| line.wire) {
+                    Some(Wire::Axis { axis }) => {
+                        let direction = self.directions.get(axis).copied();
+                        force += direction.unwrap_or_default() * output;
+                    }
+                    Some(Wire::Flexor { finger, joint }) => {
+                        if let Some(pair) = part(&mut commands, finger, joint) {
+                            pair.flexor = output;
+                        }
+                    }
+                    Some(Wire::Extensor { finger, joint }) => {
+                        if let Some(pair) = part(&mut commands, finger, joint) {
+                            pair.extensor = output;
+                        }
+                    }
+                    Some(Wire::Position { .. }) | None => {}
+                }
+            }
+        }
+        for (commands, cut) in commands.iter_mut().flatten().zip(self.cut.iter().flatten()) {
+            if cut.flexor {
+                commands.flexor = 0.0;
+            }
+            if cut.extensor {
+                commands.extensor = 0.0;
+            }
+        }
+        self.hand.drive_table(force)?;
+        let wrench = self.on_ball();
+        self.hand.push_object(wrench)?;
+        self.hand.step(&commands)?;
+        self.ticks = self.ticks.wrapping_add(1);
+        self.show(registers)
+    }
+
+    /// What acts on the ball beside fingers and gravity.
+    fn on_ball(&mut self) -> Wrench {
+        let mut wrench = self.push;
+        if let (Some(ball), Some(support)) = (self.hand.object(), &mut self.support) {
+            // Who holds it moves with the palm, and need not know how that is accelerated.
+            let held = support.update(ball, &self.gravity, self.period_s);
+            wrench.force += held.force;
+            wrench.moment += held.moment;
+        }
+        wrench
+    }
+
+    /// Brings what the sensors say into the registers.
+    pub(super) fn show<B: Bus>(&self, registers: &Registers<B>) -> Result<(), Failure> {
+        for sensor in &self.inputs {
+            let Socket { board, line } = sensor.socket;
+            let counts = self.counts(sensor);
+            match board {
+                Board::Adc(board) => registers.set_input(board, line, input_register(counts))?,
+                Board::Encoder => registers.set_counter(line, counts)?,
+                Board::Dac(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn counts(&self, sensor: &Sensor) -> u32 {
+        sensor
+            .stuck
+            .unwrap_or_else(|| sensor.adc.counts(self.value(sensor)))
+    }
+
+    /// What a sensor measures, rad, N or m.
+    fn value(&self, sensor: &Sensor) -> f64 {
+        let fingers = self.hand.fingers();
+        let tension = |finger: usize, joint: usize| {
+            let finger = fingers.get(finger)?;
+            finger.tensions().get(joint).copied()
+        };
+        let value = match sensor.wire {
+            Wire::Position { finger, joint } => {
+                let finger = fingers.get(finger);
+                finger.and_then(|finger| finger.q().get(joint).copied())
+            }
+            Wire::Flexor { finger, joint } => tension(finger, joint).map(|pair| pair.flexor),
+            Wire::Extensor { finger, joint } => tension(finger, joint).map(|pair| pair.extensor),
+            Wire::Axis { axis } => {
+                let direction = self.directions.get(axis);
+                let table = self.hand.table();
+                table
+                    .zip(direction)
+                    .map(|(table, direction)| direction.dot(table.position()))
+            }
+        };
+        value.unwrap_or(0.0)
+    }
+
+    fn truth(&self) -> Truth {
+        let fingers = self.hand.fingers();
+        let ball = self.hand.object();
+        let contacts = self.hand.object_contacts();
+        let bits = |is: fn(&plant::Contact) -> bool| {
+            let contacts = contacts.iter().zip(0_u32..);
+            contacts.fold(0, |bits, (contact, finger)| {
+                bits | u64::from(is(contact)) << finger
+            })
+        };
+        #[allow(clippy::cast_precision_loss, reason = "2^53 ticks are a lifetime")]
+        let ticks = self.ticks as f64;
+        Truth {
+            time_s: ticks * self.period_s,
+            position: fingers.each_ref().map(|finger| (*finger.q()).into()),
+            velocity: fingers.each_ref().map(|finger| (*finger.qd()).into()),
+            tension: fingers
+                .each_ref()
+                .map(|finger| finger.tensions().map(|pair| [pair.flexor, pair.extensor])),
+            table: self
+                .hand
+                .table()
+                .map_or([0.0; 3], |table| (*table.position()).into()),
+            ball: ball.map_or([f64::NAN; 3], |ball| ball.pose().position.into()),
+            orientation: ball.map_or([1.0, 0.0, 0.0, 0.0], |ball| {
+                let q = ball.orientation();
+                [q.w, q.i, q.j, q.k]
+            }),
+            touching: bits(plant::Contact::is_touching),
+            sliding: bits(plant::Contact::is_sliding),
+            resting: self.resting(),
+        }
+    }
+
+    /// A bit for each D/A board whose outputs are those of its watchdog.
+    pub(super) fn resting(&self) -> u64 {
+        self.bits(Watchdog::is_resting)
+    }
+
+    /// A bit for each D/A board that was refreshed once, and is not any more.
+    pub(super) fn tripped(&self) -> u64 {
+        self.bits(Watchdog::is_tripped)
+    }
+
+    fn bits(&self, is: fn(&Watchdog<{ Dac16::CHANNELS }>) -> bool) -> u64 {
+        let boards = self.boards.iter().zip(0_u32..);
+        boards.fold(0, |bits, (board, number)| {
+            bits | u64::from(is(&board.watchdog)) << number
+        })
+    }
+
+    /// Ticks in which the robot or its bus failed; wraps.
+    pub(super) const fn failures(&self) -> u32 {
+        self.failures
+    }
+
+    pub(super) fn push_ball(&mut self, wrench: Wrench) -> Result<(), Refusal> {
+        if self.hand.object().is_none() {
+            return Err(Refusal::NoBall);
+        }
+        if !is_finite(&wrench) {
+            return Err(Refusal::Number);
+        }
+        self.push = wrench;
+        Ok(())
+    }
+
+    pub(super) fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), Refusal> {
+        if !is_finite(&wrench) {
+            return Err(Refusal::Number);
+        }
+        let pushed = self.hand.push_tip(finger, wrench);
+        pushed.map_err(|_| Refusal::NoSuchPart)
+    }
+
+    pub(super) fn place_ball(
+        &mut self,
+        center: Vector3<f64>,
+        radius: f64,
+        mass: f64,
+    ) -> Result<(), Refusal> {
+        let ball = Object::new(ObjectParameters::ball(mass, radius), center);
+        let ball = ball.map_err(|_| Refusal::Number)?;
+        self.hand.put_object(Some(ball));
+        self.push = Wrench::zero();
+        self.support = Some(Support::new(center));
+        Ok(())
+    }
+
+    pub(super) fn let_go(&mut self, within_s: f64) -> Result<(), Refusal> {
+        if !within_s.is_finite() {
+            return Err(Refusal::Number);
+        }
+        let support = self.support.as_mut().ok_or(Refusal::NoBall)?;
+        support.let_go(max(within_s, 0.0));
+        Ok(())
+    }
+
+    pub(super) fn remove_ball(&mut self) {
+        self.hand.put_object(None);
+        self.push = Wrench::zero();
+        self.support = None;
+    }
+
+    pub(super) fn stick(
+        &mut self,
+        finger: usize,
+        joint: usize,
+        which: Which,
+    ) -> Result<(), Refusal> {
+        let wire = match which {
+            Which::Position => Wire::Position { finger, joint },
+            Which::Flexor => Wire::Flexor { finger, joint },
+            Which::Extensor => Wire::Extensor { finger, joint },
+        };
+        let counts = self
+            .inputs
+            .iter()
+            .find(|sensor| sensor.wire == wire)
+            .map(|sensor| self.counts(sensor))
+            .ok_or(Refusal::NoSuchPart)?;
+        for sensor in self.inputs.iter_mut().filter(|sensor| sensor.wire == wire) {
+            sensor.stuck = Some(counts);
+        }
+        Ok(())
+    }
+
+    pub(super) fn cut(&mut self, finger: usize, joint: usize, which: Which) -> Result<(), Refusal> {
+        let pair = part(&mut self.cut, finger, joint).ok_or(Refusal::NoSuchPart)?;
+        match which {
+            Which::Position => return Err(Refusal::NoSuchPart),
+            Which::Flexor => pair.flexor = true,
+            Which::Extensor => pair.extensor = true,
+        }
+        Ok(())
+    }
+
+    pub(super) fn mend(&mut self) {
+        self.cut = [[Pair::both(false); JOINTS]; FINGERS];
+        for sensor in &mut self.inputs {
+            sensor.stuck = None;
+        }
+    }
+}
+
+impl OutputBoard {
+    /// What its lines put out in this tick, N.
+    fn update(&mut self, output: Output) -> [f64; Dac16::CHANNELS] {
+        let told = match output {
+            Output::Disconnected => Told::Closed,
+            Output::Same => Told::Nothing,
+            Output::Strobed(registers) => {
+                let mut values = [0.0; Dac16::CHANNELS];
+                for ((value, line), register) in values.iter_mut().zip(&self.lines).zip(registers) {
+                    *value = line.map_or(0.0, |line| {
+                        // 0 V is nothing, also where no whole number of counts is.
+                        if register == 0 {
+                            0.0
+                        } else {
+                            line.dac.value(output_counts(line.zero, register))
+                        }
+                    });
+                }
+                Told::Values(values)
+            }
+        };
+        self.watchdog.update(told)
+    }
+}
+
+/// The D/A boards with the wires of a configuration.
+fn output_boards(hand: &UtahMit, arguments: &Arguments) -> [OutputBoard; address::DAC.len()] {
+    let patience = arguments.ticks(arguments.watchdog_ms);
+    let ramp = arguments.ticks(arguments.ramp_ms);
+    let mut lines = [[None; Dac16::CHANNELS]; address::DAC.len()];
+    let mut least = [[0.0; Dac16::CHANNELS]; address::DAC.len()];
+    for (channel, wire) in hand.wires() {
+        let (
+            Some(Socket {
+                board: Board::Dac(board),
+                line,
+            }),
+            Some(dac),
+        ) = (socket(channel), hand.output(wire))
+        else {
+            continue;
+        };
+        let (board, line) = (usize::from(board), usize::from(line));
+        if let (Some(place), Some(least)) = (
+            lines.get_mut(board).and_then(|lines| lines.get_mut(line)),
+            least.get_mut(board).and_then(|least| least.get_mut(line)),
+        ) {
+            *place = Some(Line {
+                wire,
+                dac: *dac,
+                zero: zero_of(dac),
+            });
+            *least = match wire {
+                Wire::Flexor { finger, joint } => hand
+                    .joint(finger, joint)
+                    .map_or(0.0, |joint| joint.flexor.min_n),
+                Wire::Extensor { finger, joint } => hand
+                    .joint(finger, joint)
+                    .map_or(0.0, |joint| joint.extensor.min_n),
+                Wire::Position { .. } | Wire::Axis { .. } => 0.0,
+            };
+        }
+    }
+    let mut least = least.into_iter();
+    lines.map(|lines| OutputBoard {
+        lines,
+        // As many of each.
+        watchdog: Watchdog::new(least.next().unwrap_or_default(), patience, ramp),
+    })
+}
+
+/// The sensors with the wires of a configuration.
+fn sensors(hand: &UtahMit) -> heapless::Vec<Sensor, INPUTS> {
+    let mut sensors = heapless::Vec::new();
+    for (channel, wire) in hand.wires() {
+        let adc = hand.input(wire).filter(|adc| adc.channel() == channel);
+        if let (Some(adc), Some(socket)) = (adc, socket(channel)) {
+            // There is room for all that a configuration of this size has.
+            let _ = sensors.push(Sensor {
+                wire,
+                adc: *adc,
+                socket,
+                stuck: None,
+            });
+        }
+    }
+    sensors
+}
+
+/// A joint's part of what all joints have.
+fn part<T>(
+    all: &mut [Pairs<T, JOINTS>; FINGERS],
+    finger: usize,
+    joint: usize,
+) -> Option<&mut Pair<T>>
+where
+    T: Copy,
+{
+    all.get_mut(finger)?.get_mut(joint)
+}
+
+fn is_finite(wrench: &Wrench) -> bool {
+    let parts = wrench.force.iter().chain(wrench.moment.iter());
+    parts.into_iter().all(|part| part.is_finite())
+}

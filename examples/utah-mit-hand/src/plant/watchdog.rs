@@ -1,0 +1,133 @@
+//! [`Watchdog`]: what a board of outputs does when nobody refreshes it.
+
+use condor_hand::math::min;
+
+/// The watchdog of a board with `L` outputs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watchdog<const L: usize> {
+    /// What the outputs are when nothing is asked of them.
+    least: [f64; L],
+    /// What was asked for last.
+    asked: [f64; L],
+    /// What they were when the board began to rest.
+    from: [f64; L],
+    patience: u32,
+    ramp: u32,
+    /// Ticks since something was asked for; at rest, since the rest began.
+    ticks: u32,
+    state: State,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Nothing has been asked for yet.
+    New,
+    Refreshed,
+    Rests,
+}
+
+/// What a board was told in a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Told<const L: usize> {
+    /// These values.
+    Values([f64; L]),
+    /// Nothing.
+    Nothing,
+    /// That nobody has it open.
+    Closed,
+}
+
+impl<const L: usize> Watchdog<L> {
+    /// A board at rest, which rests again after `patience` ticks, within `ramp` ticks.
+    pub(super) const fn new(least: [f64; L], patience: u32, ramp: u32) -> Self {
+        Self {
+            least,
+            asked: least,
+            from: least,
+            patience,
+            ramp,
+            ticks: 0,
+            state: State::New,
+        }
+    }
+
+    /// What the outputs are in this tick.
+    pub(super) fn update(&mut self, told: Told<L>) -> [f64; L] {
+        self.ticks = self.ticks.saturating_add(1);
+        match told {
+            Told::Values(values) => {
+                self.asked = values;
+                self.ticks = 0;
+                self.state = State::Refreshed;
+            }
+            Told::Closed if self.state == State::Refreshed => self.rest(),
+            Told::Nothing if self.state == State::Refreshed && self.ticks >= self.patience => {
+                self.rest();
+            }
+            Told::Closed | Told::Nothing => {}
+        }
+        match self.state {
+            State::New => self.least,
+            State::Refreshed => self.asked,
+            State::Rests => self.on_the_way(),
+        }
+    }
+
+    /// Whether it rests because nothing comes any more.
+    pub(super) fn is_tripped(&self) -> bool {
+        self.state == State::Rests
+    }
+
+    /// Whether its outputs are those of the watchdog.
+    pub(super) fn is_resting(&self) -> bool {
+        self.state != State::Refreshed
+    }
+
+    fn rest(&mut self) {
+        self.from = self.asked;
+        self.ticks = 0;
+        self.state = State::Rests;
+    }
+
+    fn on_the_way(&self) -> [f64; L] {
+        let part = min(f64::from(self.ticks) / f64::from(self.ramp.max(1)), 1.0);
+        let mut outputs = self.from;
+        for (output, least) in outputs.iter_mut().zip(self.least) {
+            *output += (least - *output) * part;
+        }
+        outputs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_board_that_is_not_refreshed_goes_to_its_least_outputs_and_on_again() {
+        let mut board = Watchdog::new([4.0, 0.0], 3, 4);
+        assert_eq!(board.update(Told::Nothing), [4.0, 0.0]);
+        assert!(!board.is_tripped() && board.is_resting());
+        assert_eq!(board.update(Told::Values([12.0, -8.0])), [12.0, -8.0]);
+        assert!(!board.is_resting());
+        for expected in [12.0, 12.0] {
+            assert_eq!(board.update(Told::Nothing)[0], expected);
+        }
+        let down: [[f64; 2]; 6] = core::array::from_fn(|_| board.update(Told::Nothing));
+        assert_eq!(
+            down.map(|outputs| outputs[0]),
+            [12.0, 10.0, 8.0, 6.0, 4.0, 4.0]
+        );
+        assert_eq!(
+            down.map(|outputs| outputs[1]),
+            [-8.0, -6.0, -4.0, -2.0, 0.0, 0.0]
+        );
+        assert!(board.is_tripped());
+        assert_eq!(board.update(Told::Values([7.0, 1.0])), [7.0, 1.0]);
+        assert!(!board.is_tripped());
+        // Closed, it does not wait.
+        assert_eq!(board.update(Told::Closed), [7.0, 1.0]);
+        assert!(board.is_tripped());
+        assert_eq!(board.update(Told::Closed), [6.25, 0.75]);
+    }
+}

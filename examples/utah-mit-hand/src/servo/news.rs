@@ -1,0 +1,56 @@
+//! [`News`]: what the servo loop has to say to people.
+
+use core::fmt::Arguments;
+
+use condor_hand::tendon::fault::Fault;
+
+use crate::SERVED;
+use crate::grasp::{Reason, State};
+
+/// What the loop tells the background, which tells people of what has changed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct News {
+    pub(super) faults: [Option<Fault>; SERVED],
+    pub(super) grasp: (u64, State, Reason),
+    /// Transfers of boards that failed; wraps.
+    pub(super) failures: u32,
+}
+
+impl News {
+    pub(super) const NOTHING: Self = Self {
+        faults: [None; SERVED],
+        grasp: (0, State::Idle, Reason::None),
+        failures: 0,
+    };
+
+    /// Says what differs from `before`.
+    pub(super) fn tell(
+        &self,
+        before: &Self,
+        names: [&str; SERVED],
+        mut say: impl FnMut(Arguments<'_>),
+    ) {
+        for (name, (now, before)) in names.iter().zip(self.faults.iter().zip(&before.faults)) {
+            match now {
+                Some(fault) if now != before => say(format_args!("fault of {name}: {fault}")),
+                None if before.is_some() => say(format_args!("{name} is without fault")),
+                _ => {}
+            }
+        }
+        if self.grasp != before.grasp {
+            let (order, state, reason) = self.grasp;
+            let why = reason.as_str();
+            match state {
+                State::Idle => say(format_args!("grasp {order}: let go")),
+                State::Waiting => say(format_args!("grasp {order}: waiting for the other fingers")),
+                State::Holding => say(format_args!("grasp {order}: holding")),
+                State::Refused => say(format_args!("grasp {order} refused: {why}")),
+                State::Left => say(format_args!("grasp {order} ended: {why}")),
+            }
+        }
+        if self.failures != before.failures {
+            let failures = self.failures.wrapping_sub(before.failures);
+            say(format_args!("{failures} transfers of boards failed"));
+        }
+    }
+}

@@ -1,0 +1,393 @@
+//! The program of the table's processor: three axes that carry the hand.
+//!
+//! Its loop reads the encoder board, moves the axes, and publishes the acceleration that the palm is to
+//! have, which the servos take from gravity. It takes no arguments.
+//!
+//! | name in the directory | is |
+//! |---|---|
+//! | `console` | its terminal |
+//! | `loops` | the counts of its loop |
+//! | `palm` | a published [`Palm`] |
+//! | `table` | the blocks of [`TABLE`]: a [`Desk`] of [`Request`] and [`Response`] |
+//!
+//! A table takes motions after it has been home.
+
+use core::cell::RefCell;
+
+use condor_hand::controller::{
+    AXES, TableController, TableError, TableState, read_table, write_table,
+};
+use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
+use condor_host::directory::{Directory, Kind};
+use condor_host::loops::LoopReports;
+use condor_host::{Machine, Program};
+use condor_mbox::{Call, Published, Publisher, Region, Vector};
+use condor_mos::{LoopId, Overrun, Rate};
+use critical_section::Mutex;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::UtahMit;
+use crate::boards::{self, Wires};
+use crate::desk::Desk;
+use crate::failure::Failure;
+use crate::start::{self, Console, Ground, Post, say};
+
+/// The vector of requests to the table.
+pub const TABLE: Vector = Vector(43);
+/// The name of the table's blocks in its processor's directory.
+pub const NAME: &str = "table";
+/// The name of the published [`Palm`].
+pub const PALM_NAME: &str = "palm";
+
+/// What the table does, published in every tick.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Palm {
+    /// The acceleration that the palm is to have, in its own axes, m/s².
+    pub acceleration: [f64; 3],
+    /// Where the axes are, m.
+    pub position: [f64; AXES],
+    /// Where they are to be, m.
+    pub target: [f64; AXES],
+    /// The number of a [`State`].
+    pub state: u64,
+}
+
+/// What the table is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum State {
+    /// Nothing drives it.
+    Off = 0,
+    /// It goes home.
+    Homing = 1,
+    /// It was stopped on its way home.
+    Stopped = 2,
+    /// It takes motions.
+    Ready = 3,
+    /// A sensor has failed.
+    Failed = 4,
+}
+
+impl State {
+    const fn of(state: TableState) -> Self {
+        match state {
+            TableState::Starting { .. } | TableState::Homing => Self::Homing,
+            TableState::Stopped => Self::Stopped,
+            TableState::Ready => Self::Ready,
+            TableState::Failed { .. } => Self::Failed,
+            _ => Self::Off,
+        }
+    }
+
+    /// The state of a number.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            0 => Some(Self::Off),
+            1 => Some(Self::Homing),
+            2 => Some(Self::Stopped),
+            3 => Some(Self::Ready),
+            4 => Some(Self::Failed),
+            _ => None,
+        }
+    }
+}
+
+/// What a request asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum Verb {
+    /// What it is about.
+    Status = 0,
+    /// Enables the table, which goes home at the fraction `speed` of its limits of velocity.
+    Home = 1,
+    /// Goes to `to` at the fraction `speed`, after the motions before.
+    Move = 2,
+    /// Stops on the way, and forgets all motions.
+    Stop = 3,
+    /// Disables the table: nothing drives it.
+    Disable = 4,
+    /// Forgets a failure.
+    Clear = 5,
+}
+
+/// A request to the table.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Request {
+    /// The number of a [`Verb`].
+    pub verb: u32,
+    /// 0.
+    pub zero: u32,
+    /// Above 0, at most 1.
+    pub speed: f64,
+    /// Where the axes are to go, m; what there is no axis for does not count.
+    pub to: [f64; AXES],
+}
+
+/// What the table answers.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Response {
+    /// The number of a [`Refusal`]; 0 if what was asked for is done, or on its way.
+    pub refusal: u32,
+    /// The number of the [`State`] that it is in now.
+    pub state: u32,
+}
+
+/// Why the table does not do what it was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// There is no such verb.
+    Verb = 1,
+    /// The program has no configuration yet.
+    NotStarted = 2,
+    /// It has not been home, or has failed.
+    NotReady = 3,
+    /// A speed that is not above 0 and at most 1.
+    Speed = 4,
+    /// A motion beyond its limits, or one too many.
+    Motion = 5,
+}
+
+impl Refusal {
+    /// The refusal of a number; `None` for 0, and for what is none.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            1 => Some(Self::Verb),
+            2 => Some(Self::NotStarted),
+            3 => Some(Self::NotReady),
+            4 => Some(Self::Speed),
+            5 => Some(Self::Motion),
+            _ => None,
+        }
+    }
+}
+
+/// The controller, between handlers and the loop.
+type Shared = Mutex<RefCell<Option<Driven>>>;
+
+struct Driven {
+    controller: TableController,
+    /// How many axes there are.
+    axes: usize,
+}
+
+/// The program.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Table;
+
+impl Program for Table {
+    type Error = Failure;
+
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+        let Ground {
+            own,
+            mut places,
+            mut directory,
+            terminal,
+            area,
+        } = Ground::<M>::new(machine)?;
+        let reports = LoopReports::new(&own, &mut places, &mut directory, ["table"])?;
+        let palm: Published<Palm> = places.published()?;
+        let desk = Desk::<Request, Response>::new(&mut places)?;
+
+        let shared: Shared = Mutex::new(RefCell::new(None));
+        let typed = |call: &Call<'_>| terminal.receive(call);
+        let open_files = area.handler();
+        let asked = |call: &Call<'_>| desk.answer(call, &own, |request| respond(&shared, &request));
+        let mut mailbox = start::mailbox(machine, &typed, &open_files)?;
+        mailbox.set_vector(TABLE, &asked, NAME)?;
+        mailbox.join()?;
+        let mailbox = &mailbox;
+        directory.enter(
+            NAME,
+            Kind::Other,
+            desk.offset(),
+            Desk::<Request, Response>::BYTES,
+        )?;
+
+        let outcome = start::configuration::<M>(mailbox, &own, area).and_then(|hand| {
+            let driven = Driven {
+                controller: TableController::new(&hand)?,
+                axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
+            };
+            critical_section::with(|section| {
+                if let Ok(mut place) = shared.borrow(section).try_borrow_mut() {
+                    *place = Some(driven);
+                }
+            });
+            let running = Running {
+                machine,
+                mailbox,
+                own: &own,
+                hand: &hand,
+                shared: &shared,
+            };
+            running.serve(palm, &mut directory, reports, &terminal)
+        });
+        start::told::<M>(&terminal, mailbox, outcome)
+    }
+}
+
+/// What the table runs on.
+struct Running<'r, 'v, M: Machine> {
+    machine: &'r M,
+    mailbox: &'r Post<'v, M>,
+    own: &'r Region<M::Window>,
+    hand: &'r UtahMit,
+    shared: &'r Shared,
+}
+
+impl<M: Machine> Running<'_, '_, M> {
+    fn serve(
+        &self,
+        palm: Published<Palm>,
+        directory: &mut Directory<M::Window>,
+        mut reports: LoopReports<M::Window, 1>,
+        terminal: &Console<M>,
+    ) -> Result<(), Failure> {
+        let (machine, hand, number) = (self.machine, self.hand, self.machine.number().0);
+        let processor = hand
+            .processor(number)
+            .ok_or(Failure::NoProcessor { processor: number })?;
+        let publisher = palm.publisher(self.own.clone())?;
+        let bytes = Published::<Palm>::BYTES;
+        directory.enter(PALM_NAME, Kind::Other, palm.offset(), bytes)?;
+        let panel = boards::open(machine.bus(), hand, number);
+        let wires = start::wires(machine, self.mailbox, &panel, hand, number)?;
+        let rate_hz = hand.rate_hz(processor);
+        let scheduler = start::scheduler(machine, Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1)))?;
+        let mut axes = Axes::<M> {
+            hand,
+            shared: self.shared,
+            wires,
+            publisher,
+        };
+        let mut body = || axes.tick();
+        let mut before = State::Off;
+        say::<M>(
+            terminal,
+            self.mailbox,
+            format_args!("moves the table at {rate_hz} Hz"),
+        );
+        scheduler.scope(|scope| {
+            scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
+            let background = || {
+                scheduler.start()?;
+                let look = || {
+                    let state = with(self.shared, |table| table.controller.state());
+                    let state = state.map_or(before, State::of);
+                    if state != before {
+                        before = state;
+                        say::<M>(terminal, self.mailbox, format_args!("{state:?}"));
+                    }
+                    Ok(())
+                };
+                let outcome = start::attend(machine, self.mailbox, &scheduler, &mut reports, look);
+                scheduler.stop();
+                outcome
+            };
+            machine
+                .with_timer(scheduler.platform(), || scheduler.on_timer(), background)
+                .map_err(|error| Failure::timer(&error))?
+        })
+    }
+}
+
+/// All that happens in a tick of the table's loop.
+struct Axes<'r, M: Machine> {
+    hand: &'r UtahMit,
+    shared: &'r Shared,
+    wires: Wires<'r, M::Bus>,
+    publisher: Publisher<Palm, Region<M::Window>>,
+}
+
+impl<M: Machine> Axes<'_, M> {
+    fn tick(&mut self) {
+        let Some(table) = &self.hand.table else {
+            return;
+        };
+        self.wires.scan();
+        let position = read_table(table, |channel| self.wires.read(self.hand, channel));
+        // Nobody else has it: handlers are interrupted outside of their sections only.
+        let Some(tick) = with(self.shared, |table| table.controller.tick(&position)) else {
+            return;
+        };
+        let wires = &mut self.wires;
+        write_table(table, &tick.force, |channel, counts| {
+            wires.write(channel, counts);
+        });
+        self.wires.put();
+        let palm = Palm {
+            acceleration: tick.acceleration.into(),
+            position,
+            target: tick.target.map(|point| point.position),
+            state: u64::from(State::of(tick.state) as u32),
+        };
+        // The servos take an acceleration that is not published any more for none.
+        let _ = self.publisher.publish(&palm);
+    }
+}
+
+/// Does something with the controller, once there is one.
+fn with<R>(shared: &Shared, work: impl FnOnce(&mut Driven) -> R) -> Option<R> {
+    critical_section::with(|section| {
+        let mut place = shared.borrow(section).try_borrow_mut().ok()?;
+        place.as_mut().map(work)
+    })
+}
+
+fn respond(shared: &Shared, request: &Request) -> Response {
+    let done = with(shared, |table| {
+        let outcome = obey(table, request);
+        (outcome, State::of(table.controller.state()))
+    });
+    let (outcome, state) = done.unwrap_or((Err(Refusal::NotStarted), State::Off));
+    Response {
+        refusal: outcome.err().map_or(0, |refusal| refusal as u32),
+        state: state as u32,
+    }
+}
+
+fn obey(table: &mut Driven, request: &Request) -> Result<(), Refusal> {
+    const STATUS: u32 = Verb::Status as u32;
+    const HOME: u32 = Verb::Home as u32;
+    const MOVE: u32 = Verb::Move as u32;
+    const STOP: u32 = Verb::Stop as u32;
+    const DISABLE: u32 = Verb::Disable as u32;
+    const CLEAR: u32 = Verb::Clear as u32;
+    let Driven { controller, axes } = table;
+    match request.verb {
+        STATUS => {}
+        HOME => controller.start(request.speed).map_err(refusal)?,
+        MOVE => {
+            let pace = Pace::Speed(request.speed);
+            let mut motion = Primitive::new(pace, Profile::MinimumJerk);
+            for (axis, &to) in request.to.iter().enumerate().take(*axes) {
+                let more = motion.with(axis, Target::Absolute(to));
+                motion = more.map_err(|_| Refusal::Motion)?;
+            }
+            controller.enqueue(motion).map_err(refusal)?;
+        }
+        STOP => controller.stop(),
+        DISABLE => controller.disable(),
+        CLEAR => controller.clear(),
+        _ => return Err(Refusal::Verb),
+    }
+    Ok(())
+}
+
+fn refusal(error: TableError) -> Refusal {
+    match error {
+        TableError::NotReady { .. } => Refusal::NotReady,
+        TableError::Speed { .. } => Refusal::Speed,
+        _ => Refusal::Motion,
+    }
+}
