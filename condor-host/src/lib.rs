@@ -9,9 +9,27 @@ pub mod numbers;
 mod silent;
 
 // The machines.
-#[cfg(all(feature = "sim", target_os = "linux"))]
+#[cfg(all(
+    feature = "linux",
+    target_os = "linux",
+    any(
+        target_arch = "x86_64",
+        target_arch = "aarch64",
+        target_arch = "riscv64"
+    )
+))]
+pub mod linux;
+#[cfg(all(
+    feature = "sim",
+    target_os = "linux",
+    any(
+        target_arch = "x86_64",
+        target_arch = "aarch64",
+        target_arch = "riscv64"
+    )
+))]
 pub mod sim;
 
 pub use machine::{Machine, Program};
 pub use numbers::PROCESSORS;
-pub use silent::{NobodyAnswers, Silent};
+pub use silent::Silent;

@@ -15,9 +15,10 @@
 //! | anything else | nothing; inside of loops and handlers of the timer the clocks stand still |
 //!
 //! The timer interrupts at exactly the instant it is armed for, in waits, while the doorbell's
-//! clock is read, and while a slower loop takes its time. Reading the timer itself takes time, but
-//! no interrupt, since schedulers do so in critical sections. A background that only reads its clock gives the baton away
-//! when it is [`LEAD_NS`] ahead of another processor.
+//! clock is read, and while a slower loop takes its time. Reading the timer itself lets no interrupt
+//! in, since schedulers do so in critical sections, and takes time only if it is done a hundred times
+//! in a row. A background that only reads its clock gives the baton away when it is [`LEAD_NS`]
+//! ahead of another processor.
 //!
 //! # What a program must not do
 //!

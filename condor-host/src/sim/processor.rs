@@ -20,6 +20,10 @@ use crate::numbers::PROCESSORS;
 /// How many nanoseconds it takes to read a clock in the background.
 pub const CLOCK_NS: u64 = 100;
 
+/// After how many readings in a row those of the timer take their time, all at once: a scheduler reads
+/// it a few times for one event, which is to take none.
+const READINGS: u32 = 100;
+
 /// How many loops a processor has at most, as schedulers have.
 pub(super) const RANKS: usize = 32;
 
@@ -45,6 +49,8 @@ pub(super) struct Core {
     connected: AtomicBool,
     /// In how many contexts it is in which no time passes.
     still: AtomicU32,
+    /// How often the timer was read since the clock went on last.
+    readings: AtomicU32,
     /// How long the loop of each rank takes.
     work: [u64; RANKS],
 }
@@ -96,6 +102,7 @@ impl Core {
             armed: AtomicU64::new(NEVER),
             connected: AtomicBool::new(false),
             still: AtomicU32::new(0),
+            readings: AtomicU32::new(0),
             work,
         }
     }
@@ -140,11 +147,10 @@ impl Core {
         }
     }
 
-    /// As [`spend_reading`](Self::spend_reading), where no interrupt may come.
-    pub(super) fn spend_reading_masked(&self) {
-        if !self.stands_still() {
-            self.timer.hold_interrupts(CLOCK_NS + 1);
-            self.timer.run_until(self.now() + CLOCK_NS);
+    /// Somebody reads the timer, perhaps where no interrupt may come.
+    pub(super) fn spend_reading_timer(&self) {
+        if !self.stands_still() && self.readings.fetch_add(1, Relaxed) + 1 >= READINGS {
+            self.move_to(self.now() + u64::from(READINGS) * CLOCK_NS);
         }
     }
 
@@ -178,9 +184,7 @@ impl Core {
                 self.next_interrupt()
             };
             let at = until.max(now).min(interrupt);
-            let at = self
-                .baton
-                .turn(self.number, now, at, Until::Ring(seen), 0);
+            let at = self.baton.turn(self.number, now, at, Until::Ring(seen), 0);
             self.move_to(at);
             if interrupt <= at {
                 self.timer.interrupt();
@@ -194,10 +198,11 @@ impl Core {
         }
     }
 
-    /// The clock goes on to `at`, which is not after the next interrupt.
+    /// The clock goes on to `at`, and nothing interrupts on the way.
     fn move_to(&self, at: u64) {
-        // What was held back for a reading of the timer is over or comes by itself.
-        self.timer.hold_interrupts(at.saturating_sub(self.now()) + 1);
+        self.readings.store(0, Relaxed);
+        self.timer
+            .hold_interrupts(at.saturating_sub(self.now()) + 1);
         self.timer.run_until(at);
     }
 

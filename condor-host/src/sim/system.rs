@@ -52,7 +52,7 @@ struct Seat<'env, B> {
     task: Option<Task<'env, B>>,
 }
 
-impl<'env> System<'env> {
+impl System<'_> {
     /// A system whose processors have `window_bytes` of users' data each, and nothing on their bus.
     ///
     /// # Errors
@@ -189,7 +189,7 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
                 let outcome = &outcome;
                 let result = thread::Builder::new()
                     .name(number.to_string())
-                    .spawn_scoped(threads, move || run_one(machine, task, outcome));
+                    .spawn_scoped(threads, move || run_one(&machine, task, outcome));
                 if let Err(source) = result {
                     // Those that have a thread are told to stop at once.
                     baton.withdraw(number);
@@ -222,11 +222,11 @@ struct Outcome {
 }
 
 /// The thread of a processor.
-fn run_one<B>(machine: Processor<B>, task: Task<'_, B>, outcome: &Mutex<Outcome>) {
+fn run_one<B>(machine: &Processor<B>, task: Task<'_, B>, outcome: &Mutex<Outcome>) {
     let baton = machine.core().baton.clone();
     let number = machine.core().number;
     baton.first_turn(number);
-    let ended = catch_unwind(AssertUnwindSafe(|| task(&machine)));
+    let ended = catch_unwind(AssertUnwindSafe(|| task(machine)));
     let cause = match ended {
         Ok(Ok(())) => None,
         Ok(Err(text)) => Some(Cause::Error(text)),

@@ -18,7 +18,7 @@ impl Timer for VirtualTimer {
     }
 
     fn now(&self) -> u64 {
-        self.0.spend_reading_masked();
+        self.0.spend_reading_timer();
         self.0.now()
     }
 
