@@ -58,7 +58,7 @@ type Variables = FingerVariables<SERVED, JOINTS>;
 /// Values of a row of the monitor, and rows.
 const COLUMNS: u32 = 48;
 const ROWS: u32 = 512;
-const RING_BYTES: u32 = ring_bytes(Variables::COUNT as u32, COLUMNS, ROWS);
+pub(crate) const RING_BYTES: u32 = ring_bytes(Variables::COUNT as u32, COLUMNS, ROWS);
 /// Bytes of a request to the monitor, with its response.
 const MONITOR_BLOCK_BYTES: u32 = 128;
 

@@ -1,0 +1,129 @@
+//! The objects of the hand's programs, found by the directories of their processors: for the master,
+//! and for any other program that maps the windows.
+//!
+//! Each function looks into the users' region of a processor's `data`, and finds nothing while the
+//! program there has not begun, or is another one. A program that is started anew, perhaps with
+//! another text, may have its objects elsewhere; look again after a call to it has failed.
+
+use condor_hand::message::ServoPlaces;
+use condor_hand::monitor::{MonitorPlaces, MonitorReader};
+use condor_host::PROCESSORS;
+use condor_host::directory::{self, Entry};
+use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+
+use crate::desk::Desk;
+use crate::grasp::{self, GraspPlaces, Joints};
+use crate::plant::{self, Truth};
+use crate::servo::RING_BYTES;
+use crate::table::{self, Palm};
+use crate::{JOINTS, SERVED};
+
+/// Requests and set-points of a servo processor.
+///
+/// # Errors
+/// The memory's.
+pub fn servos<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<ServoPlaces<SERVED, JOINTS>>, AccessError> {
+    let entry = directory::find(region, "servos")?;
+    entry
+        .map(|entry| ServoPlaces::new(&mut from(region, &entry)?, PROCESSORS as u8))
+        .transpose()
+}
+
+/// The monitor of a servo processor, for requests; its ring is what
+/// [`MonitorPlaces::ring`] gives, and [`monitor_rows`] reads.
+///
+/// # Errors
+/// The memory's.
+pub fn monitor<W: MemoryWindow>(region: &Region<W>) -> Result<Option<MonitorPlaces>, AccessError> {
+    let entry = directory::find(region, "monitor")?;
+    entry
+        .map(|entry| MonitorPlaces::new(&mut from(region, &entry)?, PROCESSORS as u8, RING_BYTES))
+        .transpose()
+}
+
+/// A reader of the rows of the monitor of a servo processor; `None` also while there is no ring yet.
+///
+/// # Errors
+/// The memory's.
+pub fn monitor_rows<W: MemoryWindow + Clone>(
+    region: &Region<W>,
+) -> Result<Option<MonitorReader<W>>, AccessError> {
+    let Some(places) = monitor(region)? else {
+        return Ok(None);
+    };
+    Ok(MonitorReader::open(places.ring(region)?).ok())
+}
+
+/// What a servo processor measures of its joints.
+///
+/// # Errors
+/// The memory's.
+pub fn joints<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<Published<Joints>>, AccessError> {
+    published(region, grasp::JOINTS_NAME)
+}
+
+/// Orders to the grasp law of a servo processor, and its reports.
+///
+/// # Errors
+/// The memory's.
+pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspPlaces>, AccessError> {
+    let entry = directory::find(region, grasp::NAME)?;
+    Ok(entry.map(|entry| GraspPlaces::at(entry.offset)))
+}
+
+/// Requests to the table.
+///
+/// # Errors
+/// The memory's.
+pub fn table<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<Desk<table::Request, table::Response>>, AccessError> {
+    let entry = directory::find(region, table::NAME)?;
+    Ok(entry.map(|entry| Desk::at(entry.offset)))
+}
+
+/// What the table does.
+///
+/// # Errors
+/// The memory's.
+pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm>>, AccessError> {
+    published(region, table::PALM_NAME)
+}
+
+/// Requests to the simulated robot.
+///
+/// # Errors
+/// The memory's.
+pub fn plant<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<Desk<plant::Request, plant::Response>>, AccessError> {
+    let entry = directory::find(region, plant::NAME)?;
+    Ok(entry.map(|entry| Desk::at(entry.offset)))
+}
+
+/// How the simulated robot really is.
+///
+/// # Errors
+/// The memory's.
+pub fn truth<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Truth>>, AccessError> {
+    published(region, plant::TRUTH_NAME)
+}
+
+fn published<W: MemoryWindow, T>(
+    region: &Region<W>,
+    name: &str,
+) -> Result<Option<Published<T>>, AccessError> {
+    let entry = directory::find(region, name)?;
+    Ok(entry.map(|entry| Published::at(entry.offset)))
+}
+
+/// The places from an entry on.
+fn from<W: MemoryWindow>(region: &Region<W>, entry: &Entry) -> Result<Places, AccessError> {
+    let mut places = region.places();
+    places.bytes(entry.offset as usize)?;
+    Ok(places)
+}

@@ -1,0 +1,424 @@
+//! The system of the hand in virtual time, with a master that a test scripts.
+
+use std::sync::Mutex;
+use std::time::Duration;
+
+use condor_dev::linux::{Access, LinuxBus};
+use condor_fs::server::{Options, Server};
+use condor_hand::message::{ServoClient, SetPoints};
+use condor_hand::servo::Mode;
+use condor_hand::trajectory::SetPoint;
+use condor_host::sim::{Bell, Processor as Simulated, System, Uninterrupted};
+use condor_host::{Machine, PROCESSORS, Program, directory, loops, numbers};
+use condor_mbox::linux::LinuxWindow;
+use condor_mbox::{Call, Mailbox, Processor, Region, Waiting, Windows};
+use condor_tty::Reader;
+use utah_mit_hand::grasp::{Order, Report};
+use utah_mit_hand::plant::{self, Plant, Truth};
+use utah_mit_hand::servo::Servo;
+use utah_mit_hand::table::{self, Table};
+use utah_mit_hand::{FINGERS, IMAGE, JOINTS, SERVED, UtahMit, boards, grasp, objects};
+use zerocopy::IntoBytes;
+
+pub(crate) const MASTER: Processor = Processor(0);
+pub(crate) const FIRST: Processor = Processor(1);
+pub(crate) const SECOND: Processor = Processor(2);
+pub(crate) const TABLE: Processor = Processor(3);
+pub(crate) const PLANT: Processor = Processor(4);
+
+pub(crate) type Posture = [[f64; JOINTS]; FINGERS];
+
+const WINDOW_BYTES: u32 = 262_144;
+const TICK_NS: u64 = 20_000_000;
+const SOON: Duration = Duration::from_secs(2);
+const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+
+pub(crate) fn hand() -> UtahMit {
+    UtahMit::from_toml(HAND, "utah-mit.toml").unwrap()
+}
+
+/// What a run left behind.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Run {
+    /// The true positions of the joints at each tick of the master.
+    pub(crate) positions: Vec<u8>,
+    /// The largest distance of a joint from where it was to be, rad.
+    pub(crate) peak_rad: f64,
+    /// Processor, runs and skips of each loop.
+    pub(crate) counts: Vec<(u8, u32, u32)>,
+    /// What the terminals of the processors show.
+    pub(crate) said: Vec<String>,
+}
+
+type Post<'v> = Mailbox<'v, LinuxWindow, Bell, Uninterrupted, PROCESSORS>;
+
+/// The small master.
+pub(crate) struct Master<'m> {
+    machine: &'m Simulated<LinuxBus>,
+    mailbox: &'m Post<'m>,
+    pub(crate) hand: UtahMit,
+    points: Vec<SetPoints<LinuxWindow, JOINTS>>,
+    wanted: Posture,
+    next_ns: u64,
+    run: Run,
+}
+
+/// Runs the system with a script for its master; on `ending` the program ends at an instant, s.
+pub(crate) fn run(
+    seconds: f64,
+    ending: Option<(Processor, f64)>,
+    script: impl FnOnce(&mut Master<'_>) + Send,
+) -> Run {
+    let files = tempfile::tempdir().unwrap();
+    let mut image = vec![0; 16384];
+    let len = hand().to_image(&mut image).unwrap();
+    std::fs::write(files.path().join(IMAGE), &image[..len]).unwrap();
+    let memory = tempfile::tempfile().unwrap();
+    memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
+    let bus = LinuxBus::map(&memory, 0, 0, boards::address::BUS_BYTES, Access::ReadWrite).unwrap();
+    let server = Server::new(files.path(), Options::default()).unwrap();
+    let found = Mutex::new(Run::default());
+
+    let mut system = System::with_bus(WINDOW_BYTES, bus).unwrap();
+    system
+        .host(numbers::FILES, |machine| serve_files(machine, &server))
+        .unwrap();
+    let ends_at = |number: Processor| match ending {
+        Some((ending, at_s)) if ending == number => (at_s * 1e9) as u64,
+        _ => u64::MAX,
+    };
+    for number in [FIRST, SECOND] {
+        let at_ns = ends_at(number);
+        system
+            .host(number, move |machine| Servo.run(&Ending { machine, at_ns }))
+            .unwrap();
+    }
+    system.spawn(TABLE, &Table).unwrap();
+    system.spawn(PLANT, &Plant).unwrap();
+    system
+        .host(MASTER, |machine| {
+            let mut mailbox = Mailbox::new(
+                MASTER,
+                machine.windows(),
+                machine.doorbell(),
+                machine.exclusion(),
+            )?;
+            mailbox.set_waiting(machine.waiting());
+            mailbox.join()?;
+            let mut master = Master {
+                machine,
+                mailbox: &mailbox,
+                hand: hand(),
+                points: Vec::new(),
+                wanted: [[f64::NAN; JOINTS]; FINGERS],
+                next_ns: TICK_NS,
+                run: Run::default(),
+            };
+            script(&mut master);
+            master.count();
+            *found.lock().unwrap() = master.run;
+            Ok::<_, condor_mbox::Error>(())
+        })
+        .unwrap();
+    system.run_until((seconds * 1e9) as u64).unwrap();
+    found.into_inner().unwrap()
+}
+
+fn serve_files(machine: &Simulated<LinuxBus>, server: &Server) -> Result<(), condor_mbox::Error> {
+    let windows = machine.windows();
+    let handler = |call: &Call<'_>| server.answer(call, &windows);
+    let mut mailbox = Mailbox::new(
+        numbers::FILES,
+        windows.clone(),
+        machine.doorbell(),
+        machine.exclusion(),
+    )?;
+    mailbox.set_waiting(machine.waiting());
+    mailbox.set_vector(condor_fs::wire::FILES, &handler, "files")?;
+    mailbox.join()?;
+    while !machine.is_stopping() {
+        mailbox.serve(Duration::from_millis(20))?;
+    }
+    Ok(())
+}
+
+impl Master<'_> {
+    pub(crate) fn region(&self, number: Processor) -> Region<LinuxWindow> {
+        let data = self.machine.windows()[number.index()].data.clone();
+        Region::users(data).unwrap()
+    }
+
+    /// Waits for the next tick of 50 Hz.
+    pub(crate) fn tick(&mut self) {
+        while self.machine.now() < self.next_ns {
+            let left = Duration::from_nanos(self.next_ns - self.machine.now());
+            self.mailbox.serve(left).unwrap();
+        }
+        self.next_ns += TICK_NS;
+        if let Some(truth) = self.truth() {
+            self.run.positions.extend(truth.position.as_bytes());
+            for (is, wanted) in truth
+                .position
+                .iter()
+                .flatten()
+                .zip(self.wanted.iter().flatten())
+            {
+                // What is not controlled is wanted nowhere.
+                self.run.peak_rad = self.run.peak_rad.max((is - wanted).abs());
+            }
+        }
+    }
+
+    pub(crate) fn wait(&mut self, seconds: f64) {
+        for _ in 0..(seconds * 50.0).round() as u32 {
+            self.tick();
+        }
+    }
+
+    pub(crate) fn truth(&self) -> Option<Truth> {
+        let region = self.region(PLANT);
+        let cell = objects::truth(&region).unwrap()?;
+        Some(cell.subscriber(&region).unwrap().read().ok()?.value)
+    }
+
+    /// Until everybody serves.
+    pub(crate) fn wait_for_all(&mut self) {
+        for number in [FIRST, SECOND] {
+            while objects::joints(&self.region(number)).unwrap().is_none() {
+                self.tick();
+            }
+        }
+        for number in [FIRST, SECOND] {
+            let region = self.region(number);
+            let places = objects::servos(&region).unwrap().unwrap();
+            for finger in 0..SERVED {
+                self.points
+                    .push(places.set_points(finger, &region).unwrap());
+            }
+        }
+        self.wait(0.3);
+    }
+
+    pub(crate) fn client<R>(
+        &self,
+        number: Processor,
+        ask: impl FnOnce(&mut ServoClient<'_, Post<'_>, &Bell, LinuxWindow, SERVED, JOINTS>) -> R,
+    ) -> R {
+        let region = self.region(number);
+        let places = objects::servos(&region).unwrap().unwrap();
+        let mut client = ServoClient::new(
+            self.mailbox,
+            self.mailbox.doorbell(),
+            number,
+            &region,
+            places,
+        )
+        .unwrap();
+        ask(&mut client)
+    }
+
+    pub(crate) fn enable(&self, number: Processor) {
+        for finger in 0..SERVED as u32 {
+            self.client(number, |client| {
+                client.enable(finger, None, Mode::Position, SOON).unwrap();
+            });
+        }
+    }
+
+    /// The joints as they are.
+    pub(crate) fn present(&self) -> Posture {
+        self.truth().unwrap().position
+    }
+
+    /// Has the joints follow `posture`, a function of the part of `seconds` that has passed.
+    pub(crate) fn follow(&mut self, seconds: f64, posture: impl Fn(f64) -> Posture) {
+        let ticks = (seconds * 50.0).round();
+        let at = |tick: f64| posture((tick / ticks).clamp(0.0, 1.0));
+        for tick in 1..=ticks as u32 {
+            self.tick();
+            let tick = f64::from(tick);
+            let (before, now, after) = (at(tick - 0.5), at(tick), at(tick + 0.5));
+            for (finger, points) in self.points.iter_mut().enumerate() {
+                let point = |joint: usize| SetPoint {
+                    position: now[finger][joint],
+                    velocity: (after[finger][joint] - before[finger][joint]) * 50.0,
+                    acceleration: 0.0,
+                };
+                points.publish(&std::array::from_fn(point)).unwrap();
+            }
+            self.wanted = now;
+        }
+    }
+
+    /// Goes to a posture within some seconds by a quintic, from where it was to be.
+    pub(crate) fn go(&mut self, seconds: f64, to: Posture) {
+        let from = self.wanted;
+        self.follow(seconds, |s| {
+            let part = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
+            let mut posture = from;
+            for (at, to) in posture.iter_mut().flatten().zip(to.iter().flatten()) {
+                *at += (to - *at) * part;
+            }
+            posture
+        });
+    }
+
+    /// Stays where everything was to be.
+    pub(crate) fn stay(&mut self, seconds: f64) {
+        let wanted = self.wanted;
+        self.follow(seconds, |_| wanted);
+    }
+
+    /// Holds the present posture.
+    pub(crate) fn hold(&mut self, seconds: f64) {
+        let present = self.present();
+        self.follow(seconds, |_| present);
+    }
+
+    /// Whatever was, only what comes counts.
+    pub(crate) fn reset_peak(&mut self) {
+        self.run.peak_rad = 0.0;
+    }
+
+    /// The largest distance of a joint from where it was to be, rad.
+    pub(crate) fn peak_rad(&self) -> f64 {
+        self.run.peak_rad
+    }
+
+    /// No joint is wanted anywhere from now on.
+    pub(crate) fn forget(&mut self) {
+        self.wanted = [[f64::NAN; JOINTS]; FINGERS];
+    }
+
+    pub(crate) fn ask_plant(&self, request: &plant::Request) -> plant::Response {
+        let region = self.region(PLANT);
+        let desk = objects::plant(&region).unwrap().unwrap();
+        let mut exchange = desk.client(self.mailbox, &region).unwrap();
+        exchange.call(PLANT, plant::PLANT, request, SOON).unwrap()
+    }
+
+    pub(crate) fn ask_table(&self, request: &table::Request) -> table::Response {
+        let region = self.region(TABLE);
+        let desk = objects::table(&region).unwrap().unwrap();
+        let mut exchange = desk.client(self.mailbox, &region).unwrap();
+        exchange.call(TABLE, table::TABLE, request, SOON).unwrap()
+    }
+
+    /// The same order to both servo processors.
+    pub(crate) fn grasp(&self, order: &Order) {
+        for number in [FIRST, SECOND] {
+            let region = self.region(number);
+            let places = objects::grasp(&region).unwrap().unwrap();
+            places.orders(&region).unwrap().give(order).unwrap();
+        }
+    }
+
+    pub(crate) fn report(&self, number: Processor) -> Report {
+        let region = self.region(number);
+        let places = objects::grasp(&region).unwrap().unwrap();
+        places.reports(&region).unwrap().read().unwrap().value
+    }
+
+    /// The tips as the servos measure them.
+    pub(crate) fn tips(&self) -> [[f64; 3]; FINGERS] {
+        let joints = grasp::joints(&self.hand, |number| {
+            let region = self.region(Processor(number));
+            let cell = objects::joints(&region).unwrap()?;
+            Some(cell.subscriber(&region).unwrap().read().ok()?.value)
+        });
+        grasp::tips(&self.hand, &joints.unwrap()).unwrap()
+    }
+
+    /// What the terminal of a processor shows.
+    fn console(&self, number: Processor) -> String {
+        let region = self.region(number);
+        let Some(entry) = directory::find(&region, "console").unwrap() else {
+            return String::new();
+        };
+        let mut reader = Reader::attach(region, entry.offset, numbers::TERMINALS).unwrap();
+        let mut bytes = [0; 8192];
+        let mut text = String::new();
+        loop {
+            let fetched = reader.fetch(&mut bytes).unwrap();
+            if fetched.len == 0 {
+                return text;
+            }
+            text += &String::from_utf8_lossy(&bytes[..fetched.len]);
+            reader.acknowledge(fetched.len).unwrap();
+        }
+    }
+
+    fn count(&mut self) {
+        for number in [FIRST, SECOND, TABLE, PLANT] {
+            let region = self.region(number);
+            if let Some(entry) = directory::find(&region, "loops").unwrap()
+                && let Some((_, counts)) = loops::read(&region, &entry, 0).unwrap()
+            {
+                let counts = (number.0, counts.run, counts.skipped);
+                self.run.counts.push(counts);
+            }
+            let said = self.console(number);
+            self.run.said.push(said);
+        }
+    }
+}
+
+/// A machine whose program is to end at an instant.
+struct Ending<'m> {
+    machine: &'m Simulated<LinuxBus>,
+    at_ns: u64,
+}
+
+impl Machine for Ending<'_> {
+    type Window = LinuxWindow;
+    type Doorbell = Bell;
+    type Exclusion = Uninterrupted;
+    type Platform = <Simulated<LinuxBus> as Machine>::Platform;
+    type Bus = LinuxBus;
+    type Error = <Simulated<LinuxBus> as Machine>::Error;
+
+    fn number(&self) -> Processor {
+        self.machine.number()
+    }
+
+    fn windows(&self) -> [Windows<LinuxWindow>; PROCESSORS] {
+        self.machine.windows()
+    }
+
+    fn doorbell(&self) -> Bell {
+        self.machine.doorbell()
+    }
+
+    fn exclusion(&self) -> Uninterrupted {
+        self.machine.exclusion()
+    }
+
+    fn platform(&self) -> Self::Platform {
+        self.machine.platform()
+    }
+
+    fn bus(&self) -> LinuxBus {
+        self.machine.bus()
+    }
+
+    fn waiting(&self) -> Waiting {
+        self.machine.waiting()
+    }
+
+    fn argument(&self, index: usize) -> Option<&str> {
+        self.machine.argument(index)
+    }
+
+    fn is_stopping(&self) -> bool {
+        self.machine.is_stopping() || self.machine.now() >= self.at_ns
+    }
+
+    fn with_timer<R>(
+        &self,
+        platform: &Self::Platform,
+        handler: impl Fn() + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, Self::Error> {
+        self.machine.with_timer(platform, handler, background)
+    }
+}

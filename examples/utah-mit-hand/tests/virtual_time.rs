@@ -1,0 +1,282 @@
+//! The whole hand in virtual time: its robot, both servo processors, the table, and a small master.
+
+#![cfg(feature = "sim")]
+
+mod rig;
+
+use condor_hand::kinematics::{JointLimits, Redundancy};
+use nalgebra::{Vector3, Vector4};
+use rig::{FIRST, Master, Posture, SECOND, hand, run};
+use utah_mit_hand::grasp::{Order, Reason, State};
+use utah_mit_hand::{plant, table};
+
+const READY: Posture = [[0.0, 0.6, 0.8, 0.7]; 4];
+
+/// Switches all joints on where they are, and brings them to `posture`.
+fn begin(master: &mut Master<'_>, posture: Posture) {
+    master.wait_for_all();
+    master.enable(FIRST);
+    master.enable(SECOND);
+    master.hold(0.2);
+    master.go(1.0, posture);
+    master.stay(0.2);
+    master.reset_peak();
+}
+
+/// From a posture, by so much of each joint, rad.
+fn by(from: &Posture, step: [f64; 4]) -> Posture {
+    from.map(|finger| std::array::from_fn(|joint| finger[joint] + step[joint]))
+}
+
+fn moves(master: &mut Master<'_>) {
+    begin(master, READY);
+    // Quintics of 0.4 s, of up to 34 degrees.
+    for step in [[0.2, 0.5, 0.6, 0.4], [-0.2, -0.1, 0.1, 0.3], [0.0; 4]] {
+        master.go(0.4, by(&READY, step));
+    }
+    master.stay(0.2);
+}
+
+#[test]
+fn set_points_are_tracked_and_no_release_is_skipped() {
+    let seen = run(4.0, None, moves);
+    let peak = seen.peak_rad.to_degrees();
+    assert!(peak > 0.1 && peak < 2.5, "{peak} degrees");
+    assert_eq!(seen.counts.len(), 4);
+    for (number, runs, skips) in &seen.counts {
+        assert!(*runs > 1000, "{number} ran {runs} times");
+        assert_eq!(*skips, 0, "{number}");
+    }
+    assert_eq!(seen.said[0], "serves index and middle at 400 Hz\r\n");
+    assert_eq!(seen.said[1], "serves ring and thumb at 400 Hz\r\n");
+}
+
+#[test]
+fn two_runs_are_the_same_to_the_last_bit() {
+    let first = run(4.0, None, moves);
+    assert!(first.positions.len() > 100 * 128);
+    assert!(first == run(4.0, None, moves));
+}
+
+#[test]
+fn a_servo_that_ends_leaves_its_fingers_to_the_watchdog_and_no_others() {
+    let seen = run(4.0, Some((SECOND, 2.0)), |master| {
+        begin(master, READY);
+        while master.truth().unwrap().time_s < 1.9 {
+            master.stay(0.02);
+        }
+        let before = master.truth().unwrap();
+        assert_eq!(before.resting & 0b11, 0);
+        assert!(before.tension[2][1][0] > 5.0, "{:?}", before.tension[2]);
+        master.stay(0.16);
+        let resting = master.truth().unwrap();
+        assert_eq!(resting.resting & 0b11, 0b10);
+        // On the way, not there at once.
+        assert!(resting.tension[2].as_flattened().iter().any(|&n| n > 4.2));
+        master.stay(0.5);
+        let rested = master.truth().unwrap();
+        for tension in rested.tension[2..].as_flattened().as_flattened() {
+            assert!((tension - 4.0).abs() < 0.05, "{tension} N");
+        }
+        // The fingers of the other processor stay where they are to be.
+        for (is, wanted) in rested.position[..2]
+            .as_flattened()
+            .iter()
+            .zip(READY.as_flattened())
+        {
+            assert!((is - wanted).abs() < 0.02);
+        }
+    });
+    assert!(
+        seen.said[3].contains("D/A board 1 rests"),
+        "{:?}",
+        seen.said
+    );
+    assert!(!seen.said[3].contains("D/A board 0"), "{:?}", seen.said);
+}
+
+#[test]
+fn the_table_goes_home_and_where_it_is_sent_and_the_fingers_stay() {
+    run(6.0, None, |master| {
+        begin(master, READY);
+        let ask = |verb, to| table::Request {
+            verb: verb as u32,
+            zero: 0,
+            speed: 0.6,
+            to,
+        };
+        let to = [0.1, -0.05, 0.08];
+        let refused = master.ask_table(&ask(table::Verb::Move, to));
+        assert_eq!(
+            table::Refusal::from_number(refused.refusal),
+            Some(table::Refusal::NotReady)
+        );
+        let answer = master.ask_table(&ask(table::Verb::Home, [0.0; 3]));
+        assert_eq!(answer.refusal, 0);
+        master.stay(0.5);
+        let answer = master.ask_table(&ask(table::Verb::Status, [0.0; 3]));
+        assert_eq!(
+            table::State::from_number(answer.state),
+            Some(table::State::Ready)
+        );
+        let far = master.ask_table(&ask(table::Verb::Move, [0.3, 0.0, 0.0]));
+        assert_eq!(
+            table::Refusal::from_number(far.refusal),
+            Some(table::Refusal::Motion)
+        );
+        assert_eq!(master.ask_table(&ask(table::Verb::Move, to)).refusal, 0);
+        master.reset_peak();
+        master.stay(1.5);
+        let truth = master.truth().unwrap();
+        for (is, to) in truth.table.iter().zip(to) {
+            assert!((is - to).abs() < 1e-3, "{:?}", truth.table);
+        }
+        // What the servos are told of the acceleration holds the fingers.
+        let peak = master.peak_rad().to_degrees();
+        assert!(peak < 0.3, "{peak} degrees");
+    });
+}
+
+const BALL: [f64; 3] = [0.085, 0.004, -0.0625];
+const RADIUS_M: f64 = 0.02;
+const MASS_KG: f64 = 0.05;
+/// From the centre of the ball to the tips.
+const TIPS: [[f64; 3]; 4] = [
+    [0.0, 0.9, 0.4],
+    [0.1, 0.0, 1.0],
+    [0.0, -0.9, 0.4],
+    [0.05, 0.0, -1.0],
+];
+const STIFFNESS: [f64; 6] = [200.0, 250.0, 150.0, 0.1, 0.1, 0.1];
+const DAMPING: [f64; 6] = [4.0, 4.0, 4.0, 2e-3, 2e-3, 2e-3];
+
+/// The joints with which the tips are so far from the middle of the ball, m.
+fn around(distance_m: f64) -> Posture {
+    let hand = hand();
+    std::array::from_fn(|finger| {
+        let entry = &hand.fingers[finger];
+        let limits = JointLimits::new(entry.limits().low, entry.limits().high).unwrap();
+        let middle = (limits.lower() + limits.upper()) / 2.0;
+        let to = Vector3::from(BALL) + Vector3::from(TIPS[finger]).normalize() * distance_m;
+        let mechanism = entry.planar().unwrap();
+        let q: Vector4<f64> = mechanism
+            .inverse(&to, Redundancy::Roomiest, &middle, &limits)
+            .unwrap();
+        q.into()
+    })
+}
+
+fn robot(verb: plant::Verb, numbers: [f64; 6]) -> plant::Request {
+    plant::Request {
+        verb: verb as u32,
+        numbers,
+        ..plant::Request::default()
+    }
+}
+
+/// Has all fingers hold the ball.
+fn take_ball(master: &mut Master<'_>) {
+    begin(master, around(RADIUS_M + 2e-3));
+    let [x, y, z] = BALL;
+    let place = robot(plant::Verb::PlaceBall, [x, y, z, RADIUS_M, MASS_KG, 0.0]);
+    assert_eq!(master.ask_plant(&place).refusal, 0);
+    let mut tips = master.tips();
+    for tip in &mut tips {
+        let from = Vector3::from(*tip) - Vector3::from(BALL);
+        *tip = (Vector3::from(BALL) + from.normalize() * RADIUS_M).into();
+    }
+    let mut order = Order::hold(0b1111, tips, STIFFNESS, DAMPING);
+    order.center = BALL;
+    order.friction = 0.5;
+    master.forget();
+    master.grasp(&order);
+    master.wait(1.5);
+    // It bears its weight from here on.
+    order.force = [0.0, 0.0, 9.81 * MASS_KG];
+    master.grasp(&order);
+    let let_go = robot(plant::Verb::LetGo, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert_eq!(master.ask_plant(&let_go).refusal, 0);
+    master.wait(2.5);
+    for number in [FIRST, SECOND] {
+        assert_eq!(master.report(number).state(), State::Holding);
+    }
+    assert_eq!(master.truth().unwrap().touching, 0b1111);
+}
+
+#[test]
+fn a_ball_that_both_processors_hold_gives_way_as_ordered() {
+    run(12.0, None, |master| {
+        take_ball(master);
+        let before = master.truth().unwrap().ball;
+        let push_n = [0.2, 0.1, -0.1];
+        let push = robot(plant::Verb::Push, [0.2, 0.1, -0.1, 0.0, 0.0, 0.0]);
+        assert_eq!(master.ask_plant(&push).refusal, 0);
+        master.wait(2.0);
+        let truth = master.truth().unwrap();
+        for axis in 0..3 {
+            let moved = truth.ball[axis] - before[axis];
+            let expected = push_n[axis] / STIFFNESS[axis];
+            assert!(
+                (moved - expected).abs() < 0.15 * expected.abs(),
+                "{moved} m along {axis} in place of {expected}"
+            );
+        }
+        assert_eq!((truth.touching, truth.sliding), (0b1111, 0));
+        master.ask_plant(&robot(plant::Verb::Push, [0.0; 6]));
+        master.wait(1.0);
+
+        // Letting go leaves the joints where they are.
+        let held = master.truth().unwrap().position;
+        master.grasp(&Order::RELEASE);
+        master.hold(0.5);
+        assert_eq!(master.report(FIRST).state(), State::Idle);
+        let released = master.truth().unwrap().position;
+        for (is, was) in released.as_flattened().iter().zip(held.as_flattened()) {
+            assert!((is - was).abs() < 0.05, "{is} in place of {was}");
+        }
+    });
+}
+
+#[test]
+fn a_grasp_ends_when_the_other_processor_does() {
+    let seen = run(9.0, Some((SECOND, 7.0)), |master| {
+        take_ball(master);
+        master.wait(2.5);
+        let report = master.report(FIRST);
+        assert_eq!(report.state(), State::Left);
+        assert_eq!(report.reason(), Reason::Partner);
+    });
+    assert!(seen.said[0].contains("grasp 2: holding"), "{:?}", seen.said);
+    assert!(
+        seen.said[0].contains("ended: the processor"),
+        "{:?}",
+        seen.said
+    );
+}
+
+#[test]
+fn orders_that_no_grasp_can_be_are_refused_and_change_nothing() {
+    run(3.0, None, |master| {
+        begin(master, READY);
+        let tips = master.tips();
+        let mut two = Order::hold(0b0011, tips, STIFFNESS, DAMPING);
+        two.squeeze_n = 0.0;
+        let mut soft = Order::hold(0b1101, tips, STIFFNESS, DAMPING);
+        soft.stiffness[0][0] = -1.0;
+        let mut nowhere = Order::hold(0b1101, tips, STIFFNESS, DAMPING);
+        nowhere.tips[3][1] = f64::NAN;
+        for (order, reason) in [
+            (two, Reason::Fingers),
+            (soft, Reason::Tuning),
+            (nowhere, Reason::Tuning),
+        ] {
+            master.grasp(&order);
+            master.stay(0.04);
+            for number in [FIRST, SECOND] {
+                let report = master.report(number);
+                assert_eq!((report.state(), report.reason()), (State::Refused, reason));
+            }
+        }
+        assert!(master.peak_rad() < 0.02);
+    });
+}
