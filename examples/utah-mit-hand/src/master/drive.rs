@@ -199,9 +199,9 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
 }
 
 /// Does something with the drive; `None` if that is in progress already.
-pub(super) fn with<W, R>(
-    shared: &Shared<'_, W>,
-    work: impl FnOnce(&mut Drive<'_, W>) -> R,
+pub(super) fn with<'p, W, R>(
+    shared: &Shared<'p, W>,
+    work: impl FnOnce(&mut Drive<'p, W>) -> R,
 ) -> Option<R> {
     critical_section::with(|section| {
         let mut drive = shared.borrow(section).try_borrow_mut().ok()?;

@@ -48,7 +48,9 @@ pub(super) enum Problem<'l> {
     Nothing,
     #[error("motion {0} has a guard of torque, tension or contact, which the master does not see")]
     Guard(u32),
-    #[error("motion {number}: joint {joint} would go to {value} rad; it may be in {low}..={high} rad")]
+    #[error(
+        "motion {number}: joint {joint} would go to {value} rad; it may be in {low}..={high} rad"
+    )]
     Beyond {
         number: u32,
         joint: usize,
@@ -106,6 +108,11 @@ impl<'l> Words<'l> {
 
     pub(super) fn next(&mut self) -> Option<&'l str> {
         self.0.next()
+    }
+
+    /// The words that are left, without taking them.
+    pub(super) fn peek(&self) -> core::str::SplitWhitespace<'l> {
+        self.0.clone()
     }
 
     /// The next word, which says `what`.
@@ -191,7 +198,10 @@ mod tests {
             "\"1e400\" is not a position, rad"
         );
         assert_eq!(
-            words.positive("a time, s, above 0").unwrap_err().to_string(),
+            words
+                .positive("a time, s, above 0")
+                .unwrap_err()
+                .to_string(),
             "\"0\" is not a time, s, above 0"
         );
         assert_eq!(words.name().unwrap(), "wave");
