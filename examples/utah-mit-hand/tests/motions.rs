@@ -28,7 +28,7 @@ fn bits(all: &[[[f64; 4]; 4]]) -> Vec<[[u64; 4]; 4]> {
 fn all_motions(typist: &mut Typist<'_>) -> Seen {
     typist.begin();
     typist.types("enable");
-    typist.wait(0.6);
+    typist.wait(1.5);
     let peaks = SHIPPED.map(|name| (name, typist.runs(name))).to_vec();
     Seen {
         peaks,
@@ -57,7 +57,7 @@ fn every_motion_that_ships_is_tracked_and_two_runs_are_the_same() {
 fn enabled(typist: &mut Typist<'_>) {
     typist.begin();
     assert_eq!(typist.says("enable"), "");
-    typist.wait(0.3);
+    typist.wait(1.0);
 }
 
 /// The set-points of the sequence in memory, from where its first motion ends, 0.9 s.

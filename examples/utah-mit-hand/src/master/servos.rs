@@ -5,10 +5,11 @@ use core::time::Duration;
 
 use condor_hand::message::{ServoClient, Status};
 use condor_hand::servo::Mode;
+use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
 use condor_host::Machine;
 use condor_mbox::{PeerState, Processor, Region};
 
-use super::drive::{Life, Link, SERVOS, Seat, Shared, with};
+use super::drive::{Life, Link, Motion, SERVOS, Seat, Shared, with};
 use super::words::Problem;
 use crate::failure::Failure;
 use crate::start::{self, Post};
@@ -18,6 +19,9 @@ use crate::{FINGERS, JOINTS, SERVED, UtahMit, objects};
 const ANSWER: Duration = Duration::from_millis(500);
 /// How long a finger may take to its rest.
 const REST: Duration = Duration::from_secs(3);
+/// How joints leave the zones of their stops: so far, rad, and within so long, s.
+const ROOM_RAD: f64 = 0.02;
+const LEAVE_S: f64 = 0.5;
 const NAP: Duration = Duration::from_millis(20);
 
 type Client<'r, 'v, M> = ServoClient<
@@ -316,7 +320,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         Ok(status)
     }
 
-    /// Restarts a finger if it has a fault, and has it hold where it is, and follow.
+    /// Restarts a finger if it has a fault, and has it follow from where it is.
     pub(super) fn enable(&mut self, finger: usize) -> Result<(), Problem<'static>> {
         let named = || self.hand.fingers.get(finger).map(|it| it.name.clone());
         let name = named().unwrap_or_default();
@@ -363,7 +367,40 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         let refreshed = self.refresh(finger);
         self.tell_loop();
         outcome??;
-        refreshed.map(drop)
+        refreshed?;
+        self.leave_stops(finger)
+    }
+
+    /// Has the joints of a finger that are where the servos push them from their stops come out of
+    /// there: a position that is held against such a push makes a joint tremble.
+    fn leave_stops(&self, finger: usize) -> Result<(), Problem<'static>> {
+        let first = finger * JOINTS;
+        let Some(entry) = self.hand.fingers.get(finger) else {
+            return Ok(());
+        };
+        let moved = with(self.shared, |drive| {
+            let points = drive.generator.set_points();
+            let mut motion = Motion::new(Pace::Duration(LEAVE_S), Profile::MinimumJerk);
+            for (joint, (entry, point)) in entry
+                .joints
+                .iter()
+                .zip(points.iter().skip(first))
+                .enumerate()
+            {
+                let room = entry.stop.zone + ROOM_RAD;
+                let (low, high) = (entry.limits.low + room, entry.limits.high - room);
+                if low < high && !(low <= point.position && point.position <= high) {
+                    let to = if point.position < low { low } else { high };
+                    motion = motion.with(first + joint, Target::Absolute(to))?;
+                }
+            }
+            if motion.mask != 0 {
+                motion.begin = Begin::Beside;
+                drive.generator.enqueue(motion)?;
+            }
+            Ok::<_, PrimitiveError>(())
+        });
+        Ok(moved.unwrap_or(Ok(()))?)
     }
 
     /// Switches a finger off.
