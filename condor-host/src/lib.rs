@@ -33,3 +33,17 @@ pub mod sim;
 pub use machine::{Machine, Program};
 pub use numbers::PROCESSORS;
 pub use silent::Silent;
+
+// The program `condor`.
+#[cfg(feature = "program")]
+pub mod cli;
+#[cfg(feature = "program")]
+pub mod control;
+#[cfg(feature = "program")]
+pub mod description;
+#[cfg(feature = "program")]
+pub mod services;
+#[cfg(feature = "program")]
+pub mod supervisor;
+#[cfg(feature = "program")]
+pub mod system;

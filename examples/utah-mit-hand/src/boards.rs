@@ -217,7 +217,7 @@ pub fn zero_of(output: &Output) -> u32 {
 /// What the register of an output holds for so many counts.
 #[must_use]
 pub const fn output_register(zero: u32, counts: u32) -> i16 {
-    counts.wrapping_sub(zero) as u16 as i16
+    (counts.wrapping_sub(zero) as u16).cast_signed()
 }
 
 /// The counts of an output whose register holds this.
@@ -229,13 +229,13 @@ pub const fn output_counts(zero: u32, register: i16) -> u32 {
 /// What the register of an input holds for so many counts.
 #[must_use]
 pub const fn input_register(counts: u32) -> i16 {
-    counts as u16 as i16
+    (counts as u16).cast_signed()
 }
 
 /// The counts in the register of an input.
 #[must_use]
 pub const fn input_counts(register: i16) -> u32 {
-    register as u16 as u32
+    register.cast_unsigned() as u32
 }
 
 /// The counts in a counter of the encoder board; none for a position that the input does not have.
@@ -272,6 +272,28 @@ mod tests {
         let dac = |board, line| socket(channel(Converter::Dac, board, line));
         assert_eq!(dac(1, 2), at(Board::Dac(2), 2));
         assert_eq!(dac(255, 0), None);
+    }
+
+    #[test]
+    fn two_processors_that_write_one_board_are_named() {
+        let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
+        let mut hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml").unwrap();
+        assert_eq!(check(&hand), Ok(()));
+        // The first tendon of the third finger, on the board of the first two.
+        hand.fingers[2].joints[0].flexor.dac.channel = 15;
+        hand.fingers[1].joints[3].extensor.dac.channel = 16;
+        let refused = check(&hand).unwrap_err();
+        assert!(matches!(refused, BoardError::Shared { board: 0 | 1, .. }));
+        let text = refused.to_string();
+        assert!(text.contains("processors 1 and 2"), "{text}");
+        hand.fingers[0].joints[0].adc.channel = 40;
+        assert!(matches!(check(&hand), Err(BoardError::NoSocket { .. })));
+        hand.fingers[0].joints[0].adc.channel = 0;
+        hand.fingers[0].joints[0].flexor.dac.bits = 16;
+        assert!(matches!(
+            check(&hand),
+            Err(BoardError::Bits { bits: 16, .. })
+        ));
     }
 
     #[test]

@@ -3,7 +3,6 @@
 use core::fmt::{Display, Write};
 
 use condor_fs::Error as FileError;
-use condor_hand::config::ImageError;
 use condor_hand::controller::{ControllerError, TableError};
 use condor_hand::kinematics::JointLimitsError;
 use condor_hand::monitor::MonitorError;
@@ -16,8 +15,8 @@ use thiserror::Error;
 
 use crate::boards::{BoardError, WiresError};
 
-/// What a machine says, as much of it as fits.
-pub type Words = heapless::String<96>;
+/// What something else says, as much of it as fits.
+pub type Words = heapless::String<80, u8>;
 
 /// Why a program of the hand ended before it was told to.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -48,8 +47,8 @@ pub enum Failure {
     Image {
         /// Its name.
         name: &'static str,
-        /// Why it is no configuration.
-        error: ImageError,
+        /// Why it is no configuration, in the words of the image's reader.
+        error: Words,
     },
     /// The boards of the rack cannot serve the configuration.
     #[error(transparent)]

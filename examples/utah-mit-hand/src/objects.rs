@@ -15,7 +15,7 @@ use crate::desk::Desk;
 use crate::grasp::{self, GraspPlaces, Joints};
 use crate::master::{self, Wanted};
 use crate::plant::{self, Truth};
-use crate::servo::RING_BYTES;
+use crate::servo::{self, RING_BYTES, Tracking};
 use crate::table::{self, Palm};
 use crate::{JOINTS, SERVED};
 
@@ -65,6 +65,16 @@ pub fn joints<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<Joints>>, AccessError> {
     published(region, grasp::JOINTS_NAME)
+}
+
+/// How well the joints of a servo processor follow.
+///
+/// # Errors
+/// The memory's.
+pub fn tracking<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<Published<Tracking>>, AccessError> {
+    published(region, servo::TRACKING_NAME)
 }
 
 /// Orders to the grasp law of a servo processor, and its reports.

@@ -20,7 +20,11 @@
 //! | `servos` | [`ServoPlaces`]: set-points and requests, vector [`SERVO`] |
 //! | `monitor` | [`MonitorPlaces`]: blocks, then the ring; vector [`MONITOR`] |
 //! | `joints` | a published [`Joints`] |
+//! | `tracking` | a published [`Tracking`] |
 //! | `grasp` | [`GraspPlaces`] |
+//!
+//! When it ends it leaves its board of outputs open: the watchdog of that takes the tensions to the
+//! least ones more gently than closing it would.
 
 use core::cell::OnceCell;
 
@@ -48,9 +52,14 @@ use crate::{FINGERS, JOINTS, SERVED, UtahMit, boards, table};
 
 mod fingers;
 mod news;
+mod tracking;
 
 use fingers::Fingers;
 use news::News;
+pub use tracking::Tracking;
+
+/// The name of the published [`Tracking`].
+pub const TRACKING_NAME: &str = "tracking";
 
 /// What there is to watch.
 type Variables = FingerVariables<SERVED, JOINTS>;
@@ -72,6 +81,7 @@ struct Objects {
     servos: ServoPlaces<SERVED, JOINTS>,
     monitor: MonitorPlaces,
     joints: Published<Joints>,
+    tracking: Published<Tracking>,
     grasp: GraspPlaces,
 }
 
@@ -84,6 +94,7 @@ impl Objects {
             servos: ServoPlaces::new(places, PROCESSORS as u8)?,
             monitor: MonitorPlaces::new(places, PROCESSORS as u8, RING_BYTES)?,
             joints: places.published()?,
+            tracking: places.published()?,
             grasp: GraspPlaces::new(places)?,
         };
         // The first of the servos' objects are the set-points, and the blocks come right after them.
@@ -261,6 +272,10 @@ impl<M: Machine> Running<'_, '_, M> {
             self.objects.joints.offset(),
             Published::<Joints>::BYTES,
         )?;
+        let tracked = self.objects.tracking.publisher(self.own.clone())?;
+        let offset = self.objects.tracking.offset();
+        let bytes = Published::<Tracking>::BYTES;
+        directory.enter(TRACKING_NAME, Kind::Other, offset, bytes)?;
         let offset = self.objects.grasp.offset();
         directory.enter(NAME, Kind::Other, offset, GraspPlaces::BYTES)?;
 
@@ -280,6 +295,8 @@ impl<M: Machine> Running<'_, '_, M> {
             palm: &palm,
             accelerated: Heard::NOTHING,
             joints,
+            tracking: Tracking::default(),
+            tracked,
             velocity: [Vector4::zeros(); SERVED],
             clock: &clock,
             last: None,

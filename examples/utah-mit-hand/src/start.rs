@@ -13,7 +13,7 @@ use condor_mos::{Clock as TickClock, LoopId, Rate, Scan, Schedule, Scheduler, Ti
 use condor_tty::{Terminal, Vectors};
 
 use crate::boards::{Panel, Wires};
-use crate::failure::Failure;
+use crate::failure::{Failure, words};
 use crate::{IMAGE, UtahMit, boards};
 
 /// Characters that can be typed ahead.
@@ -120,7 +120,10 @@ pub(crate) fn configuration<M: Machine>(
         }
     }
     file.close().map_err(failed)?;
-    let broken = |error: ImageError| Failure::Image { name: IMAGE, error };
+    let broken = |error: ImageError| Failure::Image {
+        name: IMAGE,
+        error: words(&error),
+    };
     let hand = UtahMit::from_image(image.get(..len).unwrap_or(&[])).map_err(broken)?;
     boards::check(&hand)?;
     Ok(hand)

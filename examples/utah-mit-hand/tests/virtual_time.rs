@@ -35,6 +35,18 @@ fn moves(master: &mut Master<'_>) {
         master.go(0.4, by(&READY, step));
     }
     master.stay(0.2);
+    // The servos find the same as somebody who knows how the robot really is, but for the way there.
+    for number in [FIRST, SECOND] {
+        let tracking = master.tracking(number);
+        for (finger, joint) in (0..2).flat_map(|finger| [(finger, 0), (finger, 3)]) {
+            let rms = tracking.rms_rad(finger, joint).unwrap().to_degrees();
+            let peak = tracking.peak_rad(finger, joint).unwrap().to_degrees();
+            assert!(
+                rms > 0.01 && rms < 1.5 && rms < peak,
+                "{rms} of {peak} degrees"
+            );
+        }
+    }
 }
 
 #[test]

@@ -13,7 +13,7 @@ const TARGETS: [&str; 4] = [
 ];
 
 /// The libraries that run without an operating system, with each set of features to build.
-const LIBRARIES: [(&str, &[&str]); 7] = [
+const LIBRARIES: [(&str, &[&str]); 8] = [
     ("condor-dev", &["", "conformance,riscv"]),
     ("condor-fs", &[""]),
     ("condor-hand", &["", "mbox,sim"]),
@@ -21,6 +21,7 @@ const LIBRARIES: [(&str, &[&str]); 7] = [
     ("condor-mbox", &["", "conformance,riscv"]),
     ("condor-mos", &["", "conformance,cortex-m,riscv"]),
     ("condor-tty", &["", "dev"]),
+    ("utah-mit-hand", &[""]),
 ];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {

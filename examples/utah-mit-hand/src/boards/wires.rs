@@ -190,9 +190,10 @@ impl<'s, B: Bus> Wires<'s, B> {
             }
             Board::Encoder => {
                 // There are three axes at most, and this is asked for them alone.
-                let axes = &hand.table.as_ref()?.axes;
-                let axis = axes.iter().find(|axis| axis.adc.channel() == channel)?;
-                encoder_counts(&axis.adc, *self.counters?.get(line)?)
+                let table = hand.table.as_ref()?;
+                let mut inputs = table.axes.iter().map(|axis| &axis.adc);
+                let input = inputs.find(|input| input.channel() == channel)?;
+                encoder_counts(input, *self.counters?.get(line)?)
             }
             Board::Dac(_) => None,
         }

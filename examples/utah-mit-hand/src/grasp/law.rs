@@ -76,6 +76,10 @@ pub(crate) struct GraspLaw<'p, W> {
 
 /// The law, for as many fingers as hold.
 #[derive(Clone, Copy)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "nothing is allocated, and four fingers need the room"
+)]
 enum Law {
     Three([usize; 3], GraspStiffness<f64, 3, JOINTS>),
     Four([usize; 4], GraspStiffness<f64, 4, JOINTS>),
@@ -254,7 +258,7 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
         if self.law.is_none() {
             self.law = Some(self.engage(felt, &partner, gravity)?);
         } else if self.is_switched(own) {
-            return Err(if self.has_fault(own) {
+            return Err(if has_fault(own) {
                 Reason::Fault
             } else {
                 Reason::Switched
@@ -323,13 +327,6 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
             finger.is_none_or(|finger| {
                 (0..JOINTS).any(|joint| finger.mode(joint) != Some(Mode::Grasp))
             })
-        })
-    }
-
-    fn has_fault(&self, own: &mut impl Own) -> bool {
-        (0..SERVED).any(|place| {
-            let finger = own.finger(place);
-            finger.is_some_and(|finger| finger.fault().is_some())
         })
     }
 
@@ -467,6 +464,13 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
             let _: Result<u32, AccessError> = self.reports.publish(&report);
         }
     }
+}
+
+fn has_fault(own: &mut impl Own) -> bool {
+    (0..SERVED).any(|place| {
+        let finger = own.finger(place);
+        finger.is_some_and(|finger| finger.fault().is_some())
+    })
 }
 
 impl Step {

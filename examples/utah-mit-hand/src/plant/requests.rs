@@ -137,18 +137,20 @@ impl Verb {
 
 /// Does what is asked for.
 pub(super) fn obey(robot: &mut Robot, request: &Request) -> Result<(), Refusal> {
-    let [x, y, z, a, b, c] = request.numbers;
+    let [first @ .., radius, mass, _] = request.numbers;
+    let [.., mx, my, mz] = request.numbers;
+    let first = Vector3::from(first);
     let (finger, joint) = (request.finger as usize, request.joint as usize);
     let which = Which::from_number(request.which).ok_or(Refusal::NoSuchPart);
     let wrench = Wrench {
-        force: Vector3::new(x, y, z),
-        moment: Vector3::new(a, b, c),
+        force: first,
+        moment: Vector3::new(mx, my, mz),
     };
     match Verb::from_number(request.verb).ok_or(Refusal::Verb)? {
         Verb::Status => Ok(()),
         Verb::Push => robot.push_ball(wrench),
-        Verb::PlaceBall => robot.place_ball(Vector3::new(x, y, z), a, b),
-        Verb::LetGo => robot.let_go(x),
+        Verb::PlaceBall => robot.place_ball(first, radius, mass),
+        Verb::LetGo => robot.let_go(first.x),
         Verb::RemoveBall => {
             robot.remove_ball();
             Ok(())

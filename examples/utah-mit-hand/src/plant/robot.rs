@@ -19,8 +19,8 @@ use super::watchdog::{Told, Watchdog};
 use crate::boards::{Board, Socket, address, input_register, output_counts, socket, zero_of};
 use crate::{FINGERS, Failure, JOINTS, UtahMit};
 
-/// The longest update of the simulation, s: contacts of 5e4 N/m bear it.
-const UPDATE_S: f64 = 1e-4;
+/// The least rate of updates of the simulation, Hz: contacts of 5e4 N/m bear it.
+const UPDATE_HZ: u32 = 10_000;
 /// Where in the range of its joints the hand begins, from 0 to 1.
 const BEGINS_AT: f64 = 0.4;
 /// Sensors of the hand and its table, at most.
@@ -107,8 +107,7 @@ impl Robot {
         let period_s = 1.0 / f64::from(arguments.rate_hz);
         let mut parameters = MACHINE.hand_parameters(hand);
         parameters.period_s = period_s;
-        // A whole number, and small.
-        parameters.updates = 1 + (period_s * (1.0 - 1e-9) / UPDATE_S) as u32;
+        parameters.updates = UPDATE_HZ.div_ceil(arguments.rate_hz).max(1);
         let mut simulated = Hand::new(fingers, parameters)?;
         let mut directions = [Vector3::zeros(); AXES];
         if let Some(table) = &hand.table {

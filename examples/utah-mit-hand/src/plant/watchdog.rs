@@ -100,6 +100,7 @@ impl<const L: usize> Watchdog<L> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "all of these numbers are exact")]
 mod tests {
     use super::*;
 

@@ -11,8 +11,8 @@ use condor_mbox::{Clock, Instant, Publisher, Region};
 use condor_mos::Writer;
 use nalgebra::{Vector3, Vector4};
 
-use super::Variables;
 use super::news::News;
+use super::{Tracking, Variables};
 use crate::boards::Wires;
 use crate::grasp::{Felt, GraspLaw, Heard, Joints, Partner};
 use crate::table::Palm;
@@ -20,6 +20,9 @@ use crate::{JOINTS, SERVED, UtahMit};
 
 /// After so many ticks without one, an acceleration of the table counts as over.
 const SILENT_TICKS: u32 = 40;
+
+/// Every which tick it is published how well the joints follow.
+const TRACKING_TICKS: u64 = 16;
 
 /// All that happens in a tick of the servo loop.
 pub(super) struct Fingers<'r, M: Machine> {
@@ -32,6 +35,8 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) palm: &'r Partner<M::Window>,
     pub(super) accelerated: Heard<Palm>,
     pub(super) joints: Publisher<Joints, Region<M::Window>>,
+    pub(super) tracking: Tracking,
+    pub(super) tracked: Publisher<Tracking, Region<M::Window>>,
     /// Of the last tick, rad/s.
     pub(super) velocity: [Vector4<f64>; SERVED],
     pub(super) clock: &'r M::Doorbell,
@@ -72,6 +77,7 @@ impl<M: Machine> Fingers<'_, M> {
             }
         }
         self.wires.put();
+        self.track(&sensed, &ticks);
         // A row that cannot be written is missing in the ring, and nowhere else.
         let _ = self
             .monitor
@@ -84,6 +90,17 @@ impl<M: Machine> Fingers<'_, M> {
         if news != self.news {
             self.news = news;
             self.writer.write(news);
+        }
+    }
+
+    fn track(&mut self, sensed: &[Sensed<f64, JOINTS>; SERVED], ticks: &[Tick<JOINTS>; SERVED]) {
+        for (place, (sensed, tick)) in sensed.iter().zip(ticks).enumerate() {
+            self.tracking
+                .add(place, &tick.target, sensed.position.iter());
+        }
+        if self.ticks.is_multiple_of(TRACKING_TICKS) {
+            // Whoever reads finds the former one.
+            let _ = self.tracked.publish(&self.tracking);
         }
     }
 

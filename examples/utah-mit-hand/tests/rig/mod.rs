@@ -15,7 +15,7 @@ use condor_mbox::{Call, Mailbox, Processor, Region, Waiting, Windows};
 use condor_tty::Reader;
 use utah_mit_hand::grasp::{Order, Report};
 use utah_mit_hand::plant::{self, Plant, Truth};
-use utah_mit_hand::servo::Servo;
+use utah_mit_hand::servo::{Servo, Tracking};
 use utah_mit_hand::table::{self, Table};
 use utah_mit_hand::{FINGERS, IMAGE, JOINTS, SERVED, UtahMit, boards, grasp, objects};
 use zerocopy::IntoBytes;
@@ -25,6 +25,11 @@ pub(crate) const FIRST: Processor = Processor(1);
 pub(crate) const SECOND: Processor = Processor(2);
 pub(crate) const TABLE: Processor = Processor(3);
 pub(crate) const PLANT: Processor = Processor(4);
+
+#[allow(clippy::cast_sign_loss, reason = "no time is negative")]
+fn whole(number: f64) -> u64 {
+    number.round() as u64
+}
 
 pub(crate) type Posture = [[f64; JOINTS]; FINGERS];
 
@@ -84,7 +89,7 @@ pub(crate) fn run(
         .host(numbers::FILES, |machine| serve_files(machine, &server))
         .unwrap();
     let ends_at = |number: Processor| match ending {
-        Some((ending, at_s)) if ending == number => (at_s * 1e9) as u64,
+        Some((ending, at_s)) if ending == number => whole(at_s * 1e9),
         _ => u64::MAX,
     };
     for number in [FIRST, SECOND] {
@@ -120,7 +125,7 @@ pub(crate) fn run(
             Ok::<_, condor_mbox::Error>(())
         })
         .unwrap();
-    system.run_until((seconds * 1e9) as u64).unwrap();
+    system.run_until(whole(seconds * 1e9)).unwrap();
     found.into_inner().unwrap()
 }
 
@@ -170,7 +175,7 @@ impl Master<'_> {
     }
 
     pub(crate) fn wait(&mut self, seconds: f64) {
-        for _ in 0..(seconds * 50.0).round() as u32 {
+        for _ in 0..whole(seconds * 50.0) {
             self.tick();
         }
     }
@@ -232,9 +237,9 @@ impl Master<'_> {
 
     /// Has the joints follow `posture`, a function of the part of `seconds` that has passed.
     pub(crate) fn follow(&mut self, seconds: f64, posture: impl Fn(f64) -> Posture) {
-        let ticks = (seconds * 50.0).round();
-        let at = |tick: f64| posture((tick / ticks).clamp(0.0, 1.0));
-        for tick in 1..=ticks as u32 {
+        let ticks = whole(seconds * 50.0) as u32;
+        let at = |tick: f64| posture((tick / f64::from(ticks)).clamp(0.0, 1.0));
+        for tick in 1..=ticks {
             self.tick();
             let tick = f64::from(tick);
             let (before, now, after) = (at(tick - 0.5), at(tick), at(tick + 0.5));
@@ -317,6 +322,13 @@ impl Master<'_> {
         let region = self.region(number);
         let places = objects::grasp(&region).unwrap().unwrap();
         places.reports(&region).unwrap().read().unwrap().value
+    }
+
+    /// How well the joints follow, as their servos find.
+    pub(crate) fn tracking(&self, number: Processor) -> Tracking {
+        let region = self.region(number);
+        let cell = objects::tracking(&region).unwrap().unwrap();
+        cell.subscriber(&region).unwrap().read().unwrap().value
     }
 
     /// The tips as the servos measure them.

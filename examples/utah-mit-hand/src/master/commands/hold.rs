@@ -6,8 +6,9 @@ use condor_hand::servo::Mode;
 use condor_host::Machine;
 use nalgebra::Vector3;
 
-use super::{Commands, FINGERS, Order, Problem, Words, grasp, with};
+use super::{Commands, FINGERS, JOINTS, Order, Problem, Words, grasp, with};
 use crate::grasp::{LEAST_FINGERS, State};
+use crate::master::drive::SERVOS;
 use crate::objects;
 
 /// How stiff a ball is held, N/m, unless it is said.
@@ -31,17 +32,21 @@ impl<M: Machine> Commands<'_, '_, '_, M> {
             return Err(Problem::Running);
         }
         let mut fingers = 0_u64;
+        let mut missing = None;
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             let status = self.servos.status(finger);
-            let in_grasp = status.is_some_and(|it| it.modes == [Mode::Grasp; crate::JOINTS]);
+            let in_grasp = status.is_some_and(|it| it.modes == [Mode::Grasp; JOINTS]);
             if in_grasp || self.servos.follows(finger) {
                 fingers |= 1 << finger;
-            } else if fingers.count_ones() + (FINGERS - finger) as u32 <= LEAST_FINGERS {
-                return Err(Problem::NotEnabled(entry.name.clone()));
+            } else {
+                missing = missing.or_else(|| Some(entry.name.clone()));
             }
         }
+        if let Some(name) = missing.filter(|_| fingers.count_ones() < LEAST_FINGERS) {
+            return Err(Problem::NotEnabled(name));
+        }
         let joints = with(self.shared, |drive| drive.measured);
-        let mut all = [[0.0; crate::JOINTS]; FINGERS];
+        let mut all = [[0.0; JOINTS]; FINGERS];
         for (entry, (to, from)) in self
             .hand
             .fingers
@@ -76,13 +81,13 @@ impl<M: Machine> Commands<'_, '_, '_, M> {
 
     /// Gives both processors an order, and waits until they have come to it.
     pub(super) fn order(&mut self, order: &Order) -> Result<(), Problem<'static>> {
-        let mut given = heapless::Vec::<_, { super::super::drive::SERVOS }>::new();
+        let mut given = heapless::Vec::<_, SERVOS>::new();
         for (number, region) in self.servos.regions() {
             let places = objects::grasp(region)?.ok_or(Problem::Absent(number))?;
             // As many as there are.
             let _ = given.push((number, region, places));
         }
-        let mut numbers = heapless::Vec::<_, { super::super::drive::SERVOS }>::new();
+        let mut numbers = heapless::Vec::<_, SERVOS>::new();
         for (_, region, places) in &given {
             let _ = numbers.push(places.orders(region)?.give(order)?);
         }
