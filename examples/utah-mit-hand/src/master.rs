@@ -147,14 +147,14 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
             terminal: self.terminal,
             shared: &shared,
             servos,
-            player: Player::new(limits),
+            player: Player::new(&limits),
             store,
             others: Others::new(machine, hand, mailbox)?,
         };
 
         let scheduler = start::scheduler(machine, Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1)))?;
         let mut body = || {
-            drive::with(&shared, |drive| drive.tick());
+            drive::with(&shared, Drive::tick);
         };
         self.say(format_args!(
             "master of {}, trajectories at {rate_hz} Hz; `help` lists the commands",
@@ -213,7 +213,6 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
                     }
                 }
                 Err(ConsoleError::Interrupted) => commands.obey("abort"),
-                Err(ConsoleError::TimedOut { .. }) => break,
                 Err(ConsoleError::Access(error)) => return Err(error.into()),
                 Err(_) => break,
             }

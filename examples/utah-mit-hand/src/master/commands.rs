@@ -56,7 +56,7 @@ pub(super) struct Commands<'r, 'v, 'p, M: Machine> {
     pub(super) others: Others<'r, 'v, M>,
 }
 
-impl<M: Machine> Commands<'_, '_, '_, M> {
+impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
     /// Obeys a line, or says why not.
     pub(super) fn obey(&mut self, line: &str) {
         let mut words = Words::of(line);
@@ -97,8 +97,8 @@ impl<M: Machine> Commands<'_, '_, '_, M> {
         match verb {
             "help" => self.help(),
             "status" => self.status(),
-            "enable" => return self.each_finger(words, |servos, finger| servos.enable(finger)),
-            "disable" => return self.each_finger(words, |servos, finger| servos.disable(finger)),
+            "enable" => return self.each_finger(words, Servos::enable),
+            "disable" => return self.each_finger(words, Servos::disable),
             "run" => return self.run(words),
             "motions" => {
                 let (terminal, mailbox) = (self.terminal, self.mailbox);
@@ -244,11 +244,8 @@ impl<M: Machine> Commands<'_, '_, '_, M> {
     fn each_finger<'l>(
         &mut self,
         words: &mut Words<'l>,
-        mut work: impl FnMut(&mut Servos<'_, '_, '_, M>, usize) -> Result<(), Problem<'static>>,
-    ) -> Result<(), Problem<'l>>
-    where
-        Self: Sized,
-    {
+        mut work: impl FnMut(&mut Servos<'r, 'v, 'p, M>, usize) -> Result<(), Problem<'static>>,
+    ) -> Result<(), Problem<'l>> {
         let only = words.finger(self.hand)?;
         words.end()?;
         let mut outcome = Ok(());

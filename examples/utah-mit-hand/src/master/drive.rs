@@ -43,7 +43,7 @@ pub struct Wanted {
 pub(super) struct Life<W> {
     mail: W,
     data: Region<W>,
-    life: u32,
+    number: u32,
     entries: usize,
 }
 
@@ -54,7 +54,7 @@ impl<W: MemoryWindow> Life<W> {
         Ok(Self {
             mail,
             data,
-            life,
+            number: life,
             entries,
         })
     }
@@ -65,7 +65,7 @@ impl<W: MemoryWindow> Life<W> {
         // Acquire: what is in the directory is no older than the life.
         let life = self.mail.load(header::LIFE, LoadOrder::Acquire);
         let entries = directory::entries(&self.data).map(Iterator::count);
-        life.ok() != Some(self.life) || entries.ok() != Some(self.entries)
+        life.ok() != Some(self.number) || entries.ok() != Some(self.entries)
     }
 }
 

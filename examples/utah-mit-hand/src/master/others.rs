@@ -19,6 +19,9 @@ const ANSWER: Duration = Duration::from_millis(500);
 type Found<M, Q, R> =
     fn(&Region<<M as Machine>::Window>) -> Result<Option<Desk<Q, R>>, AccessError>;
 
+/// The end of who asks at a desk.
+type End<'r, 'v, M, Q, R> = Exchange<'r, Post<'v, M>, Region<<M as Machine>::Window>, Q, R>;
+
 /// A processor that answers requests at a desk.
 struct Remote<'r, 'v, M: Machine, Q, R> {
     mailbox: &'r Post<'v, M>,
@@ -28,7 +31,7 @@ struct Remote<'r, 'v, M: Machine, Q, R> {
     find: Found<M, Q, R>,
     /// The life at whose desk it asks.
     life: u32,
-    exchange: Option<Exchange<'r, Post<'v, M>, Region<M::Window>, Q, R>>,
+    exchange: Option<End<'r, 'v, M, Q, R>>,
 }
 
 impl<M: Machine, Q, R> Remote<'_, '_, M, Q, R>

@@ -30,9 +30,9 @@ pub(super) struct Player {
 }
 
 impl Player {
-    pub(super) const fn new(limits: [Limits<f64>; ALL]) -> Self {
+    pub(super) const fn new(limits: &[Limits<f64>; ALL]) -> Self {
         Self {
-            limits,
+            limits: *limits,
             running: Sequence::new(),
             title: None,
             next: 0,

@@ -53,7 +53,7 @@ pub(super) struct Servos<'r, 'v, 'p, M: Machine> {
     mailbox: &'r Post<'v, M>,
     shared: &'r Shared<'p, M::Window>,
     seats: [Seat; FINGERS],
-    servos: [Servo<'r, 'v, M>; SERVOS],
+    processors: [Servo<'r, 'v, M>; SERVOS],
 }
 
 /// The numbers of the servo processors, and where each finger is served.
@@ -76,12 +76,12 @@ pub(super) fn seats(hand: &UtahMit) -> Result<([u8; SERVOS], [Seat; FINGERS]), F
         let place = beside.position(|(index, _)| index == finger);
         let count = hand.fingers_on(processor).count();
         let place = place.filter(|_| count == SERVED).ok_or(wrong(count))?;
-        let servo = match numbers.iter().position(|&it| it == processor) {
-            Some(servo) => servo,
-            None => {
-                numbers.push(processor).map_err(|_| wrong(count))?;
-                numbers.len() - 1
-            }
+        let known = numbers.iter().position(|&it| it == processor);
+        let servo = if let Some(servo) = known {
+            servo
+        } else {
+            numbers.push(processor).map_err(|_| wrong(count))?;
+            numbers.len() - 1
         };
         *seat = Seat { servo, place };
     }
@@ -123,19 +123,19 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
                 status: [None; SERVED],
             })
         };
-        let servos = [servo(0)?, servo(1)?];
+        let processors = [servo(0)?, servo(1)?];
         Ok(Self {
             hand,
             mailbox,
             shared,
             seats,
-            servos,
+            processors,
         })
     }
 
     /// The number and the region of each.
     pub(super) fn regions(&self) -> impl Iterator<Item = (u8, &Region<M::Window>)> {
-        self.servos
+        self.processors
             .iter()
             .map(|servo| (servo.number, &servo.region))
     }
@@ -143,14 +143,14 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
     /// How a finger was when it was asked last.
     pub(super) fn status(&self, finger: usize) -> Option<&Status<JOINTS>> {
         let seat = self.seats.get(finger)?;
-        let servo = self.servos.get(seat.servo)?;
+        let servo = self.processors.get(seat.servo)?;
         servo.status.get(seat.place)?.as_ref()
     }
 
     /// The processor of a finger.
     pub(super) fn processor(&self, finger: usize) -> u8 {
         let seat = self.seats.get(finger);
-        let servo = seat.and_then(|seat| self.servos.get(seat.servo));
+        let servo = seat.and_then(|seat| self.processors.get(seat.servo));
         servo.map_or(0, |servo| servo.number)
     }
 
@@ -174,7 +174,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         say: &mut impl FnMut(Arguments<'_>),
     ) -> Result<bool, Failure> {
         let before = (0..FINGERS).filter(|&finger| self.follows(finger)).count();
-        let Some(servo) = self.servos.get_mut(index) else {
+        let Some(servo) = self.processors.get_mut(index) else {
             return Ok(false);
         };
         let state = self.mailbox.peer_state(Processor(servo.number))?;
@@ -247,7 +247,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         say: &mut impl FnMut(Arguments<'_>),
     ) {
         let name = name(self.hand, finger);
-        let Some(servo) = self.servos.get_mut(index) else {
+        let Some(servo) = self.processors.get_mut(index) else {
             return;
         };
         let (Some(client), Some(kept)) = (&mut servo.client, servo.status.get_mut(place)) else {
@@ -296,7 +296,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         let Some(seat) = self.seats.get(finger) else {
             return Err(absent);
         };
-        let Some(servo) = self.servos.get_mut(seat.servo) else {
+        let Some(servo) = self.processors.get_mut(seat.servo) else {
             return Err(absent);
         };
         match (state, servo.life, &mut servo.client) {
@@ -312,7 +312,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
             client.status(place, timeout)
         })??;
         if let Some(seat) = self.seats.get(finger).copied()
-            && let Some(servo) = self.servos.get_mut(seat.servo)
+            && let Some(servo) = self.processors.get_mut(seat.servo)
             && let Some(kept) = servo.status.get_mut(seat.place)
         {
             *kept = Some(status);

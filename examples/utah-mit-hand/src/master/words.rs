@@ -192,7 +192,8 @@ mod tests {
     #[test]
     fn words_are_what_they_are_asked_for() {
         let mut words = Words::of("  0.5 1e400 0 wave a/b  ");
-        assert_eq!(words.number("a position, rad").unwrap(), 0.5);
+        let half = words.number("a position, rad").unwrap();
+        assert_eq!(half.to_bits(), 0.5_f64.to_bits());
         assert_eq!(
             words.number("a position, rad").unwrap_err().to_string(),
             "\"1e400\" is not a position, rad"
