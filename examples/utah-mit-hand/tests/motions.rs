@@ -238,6 +238,13 @@ fn commands_do_what_they_say_and_errors_name_the_value() {
         for name in SHIPPED {
             assert!(names.lines().any(|line| line == name), "{names}");
         }
+    });
+}
+
+#[test]
+fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
+    run(|typist| {
+        typist.begin();
         assert_eq!(typist.says("enable thumb"), "");
         assert!(
             typist

@@ -211,11 +211,11 @@ impl Typist<'_> {
             let is = truth.value.position;
             self.is.push(is);
             if let Some(former) = self.former {
-                for finger in 0..FINGERS {
-                    if (former.loose | wanted.loose) >> finger & 1 == 0 {
-                        for joint in 0..JOINTS {
-                            let error = is[finger][joint] - former.position[finger][joint];
-                            self.peak_rad = self.peak_rad.max(error.abs());
+                let loose = former.loose | wanted.loose;
+                for (finger, (is, wanted)) in is.iter().zip(&former.position).enumerate() {
+                    for (is, wanted) in is.iter().zip(wanted) {
+                        if loose >> finger & 1 == 0 {
+                            self.peak_rad = self.peak_rad.max((is - wanted).abs());
                         }
                     }
                 }
@@ -248,7 +248,7 @@ impl Typist<'_> {
     }
 
     pub(crate) fn wait(&mut self, seconds: f64) {
-        let end = self.machine.now() + (seconds * 1e9) as u64;
+        let end = self.machine.now() + Duration::from_secs_f64(seconds).as_nanos() as u64;
         while self.machine.now() < end {
             while self.machine.now() < self.next_ns {
                 let left = Duration::from_nanos(self.next_ns - self.machine.now());
@@ -262,7 +262,7 @@ impl Typist<'_> {
 
     /// Waits until the terminal shows a text, after what was waited for before.
     pub(crate) fn expect(&mut self, text: &str, seconds: f64) {
-        let end = self.machine.now() + (seconds * 1e9) as u64;
+        let end = self.machine.now() + Duration::from_secs_f64(seconds).as_nanos() as u64;
         while !self.shown.contains(text) {
             assert!(
                 self.machine.now() < end,
