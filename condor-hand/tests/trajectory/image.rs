@@ -52,8 +52,8 @@ fn motion() -> impl Strategy<Value = Motion> {
                 }
             }
             if profile == Profile::Cubic {
-                let count = vias.len() as f64;
-                for (number, via) in vias.iter().enumerate() {
+                let count = f64::from(vias.len() as u32);
+                for (number, via) in (1_u32..).zip(&vias) {
                     let place = |joint: usize| {
                         if mask >> joint & 1 == 1 {
                             via[joint]
@@ -62,7 +62,7 @@ fn motion() -> impl Strategy<Value = Motion> {
                         }
                     };
                     let via = Via {
-                        at: (number as f64 + 1.0) / (count + 1.0),
+                        at: f64::from(number) / (count + 1.0),
                         positions: std::array::from_fn(place),
                     };
                     motion.vias.push(via).unwrap();
