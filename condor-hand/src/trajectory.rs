@@ -14,6 +14,7 @@
 )]
 
 mod generator;
+pub mod image;
 mod interpolator;
 #[cfg(feature = "text")]
 pub mod motion;

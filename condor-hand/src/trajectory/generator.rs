@@ -222,6 +222,46 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(())
     }
 
+    /// Forgets the motion of the joints of `mask` at once, and has them rest at their `positions` (rad);
+    /// the others move on. For servos that are off while others are not.
+    ///
+    /// A primitive that moves only such joints is aborted.
+    ///
+    /// # Errors
+    ///
+    /// A position of such a joint that is not finite; nothing has changed then.
+    pub fn hold(&mut self, mask: u32, positions: &[T; J]) -> Result<(), TrajectoryError> {
+        let held = |joint: usize| mask >> joint & 1 == 1;
+        let mut all = self.set_points().map(|point| point.position);
+        for (joint, (place, position)) in all.iter_mut().zip(positions).enumerate() {
+            if held(joint) {
+                *place = *position;
+            }
+        }
+        check_finite(&all)?;
+        for (joint, (mover, position)) in self.joints.iter_mut().zip(all).enumerate() {
+            if held(joint) {
+                mover.state = SetPoint::rest(position);
+                mover.path = Path::Still(position);
+            }
+        }
+        for slot in 0..J {
+            let Some(place) = self.running.get_mut(slot) else {
+                continue;
+            };
+            let Some(running) = place else {
+                continue;
+            };
+            running.mask &= !mask;
+            if running.mask == 0 {
+                let ticket = running.ticket;
+                *place = None;
+                self.report(ticket, Happening::Ended(Ended::Aborted));
+            }
+        }
+        Ok(())
+    }
+
     /// The set-points one tick later.
     pub fn tick(&mut self, seen: &Observations<J, T>) -> [SetPoint<T>; J] {
         self.start(seen);
@@ -454,15 +494,20 @@ fn place<const J: usize, T: Real>(
     joints: &mut [Mover<T>; J],
     positions: &[T; J],
 ) -> Result<(), TrajectoryError> {
+    check_finite(positions)?;
+    for (mover, &position) in joints.iter_mut().zip(positions) {
+        mover.state = SetPoint::rest(position);
+        mover.path = Path::Still(position);
+    }
+    Ok(())
+}
+
+fn check_finite<const J: usize, T: Real>(positions: &[T; J]) -> Result<(), TrajectoryError> {
     for (joint, &position) in positions.iter().enumerate() {
         if !is_finite(position) {
             let value = position.to_f64();
             return Err(TrajectoryError::Start { joint, value });
         }
-    }
-    for (mover, &position) in joints.iter_mut().zip(positions) {
-        mover.state = SetPoint::rest(position);
-        mover.path = Path::Still(position);
     }
     Ok(())
 }

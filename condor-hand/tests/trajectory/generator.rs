@@ -549,3 +549,41 @@ fn single_precision_keeps_the_limits_too() {
         assert_eq!(hand.take_event().unwrap().happening, started);
     }
 }
+
+#[test]
+fn joints_that_are_held_leave_the_others_in_motion() {
+    let mut hand = hand();
+    let both = hand.enqueue(slow(&[0, 1], 1.0)).unwrap();
+    let one = hand
+        .enqueue(Motion {
+            begin: Begin::Now,
+            ..slow(&[2], 1.0)
+        })
+        .unwrap();
+    let before = run(&mut hand, 20)[19];
+    assert!(before[0].velocity > 0.1 && before[2].velocity > 0.1);
+    let mut free = hand.clone();
+    hand.hold(0b110, &[f64::NAN, 0.25, 0.75, f64::NAN]).unwrap();
+    let after = run(&mut hand, 1)[0];
+    assert_eq!(after[0], run(&mut free, 1)[0][0]);
+    assert_eq!(after[1..3], [SetPoint::rest(0.25), SetPoint::rest(0.75)]);
+    assert_eq!(hand.progress(one), None);
+    assert!(hand.progress(both).is_some());
+    let refused = hand.hold(1, &[f64::NAN; J]).unwrap_err();
+    assert_eq!(refused.to_string(), "joint 0 starts at NaN rad");
+    let last = run(&mut hand, 60)[59];
+    assert_eq!(last[0].position, 1.0);
+    assert_eq!(last[1], SetPoint::rest(0.25));
+    let ended = events(&mut hand);
+    let ended = |ticket| {
+        ended
+            .iter()
+            .filter_map(|event| match event.happening {
+                Happening::Ended(why) if event.ticket == ticket => Some(why),
+                _ => None,
+            })
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(ended(one), [Ended::Aborted]);
+    assert_eq!(ended(both), [Ended::Reached]);
+}

@@ -12,6 +12,7 @@
 
 mod any_motion;
 mod generator;
+mod image;
 mod interpolator;
 mod profiles;
 mod reference;

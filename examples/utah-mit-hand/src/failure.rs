@@ -110,6 +110,9 @@ pub enum Failure {
     /// The monitor of the controller's variables.
     #[error(transparent)]
     Monitor(#[from] MonitorError),
+    /// The limits of the trajectories.
+    #[error(transparent)]
+    Trajectory(#[from] condor_hand::trajectory::TrajectoryError),
     /// The limits of a finger's joints.
     #[error(transparent)]
     Limits(#[from] JointLimitsError),

@@ -11,9 +11,14 @@ pub mod grasp;
 pub mod objects;
 
 // The programs.
+pub mod master;
 pub mod plant;
 pub mod servo;
 pub mod table;
+
+// On the host, before anything runs.
+#[cfg(feature = "std")]
+pub mod compile;
 
 mod failure;
 mod late;

@@ -4,13 +4,16 @@
 
 mod summary;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use condor_host::cli::{self, AnyError, Programs};
 use condor_host::description::Description;
 use condor_host::linux;
 use condor_host::system::Directory;
+use utah_mit_hand::UtahMit;
+use utah_mit_hand::compile::{compile_motions, joint_names};
+use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
@@ -23,7 +26,7 @@ struct Hand;
 
 impl Programs for Hand {
     fn names(&self) -> &[&'static str] {
-        &["plant", "servo", "table"]
+        &["master", "plant", "servo", "table"]
     }
 
     fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
@@ -32,6 +35,7 @@ impl Programs for Hand {
         // the signals out.
         unsafe {
             match name {
+                "master" => linux::run(&Master, arguments),
                 "plant" => linux::run(&Plant, arguments),
                 "servo" => linux::run(&Servo, arguments),
                 "table" => linux::run(&Table, arguments),
@@ -48,12 +52,31 @@ impl Programs for Hand {
     }
 
     fn summarize(&self, directory: &Directory) -> Result<(), AnyError> {
-        let description = Description::read(SYSTEM, self.names());
+        let description = Description::read(Path::new(SYSTEM), self.names());
         let description = description.map_err(|mistakes| mistakes.to_string())?;
         summary::of(&description, directory)
     }
 }
 
+/// Compiles the motions that people write to those that the master loads.
+fn compile() -> Result<(), AnyError> {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let description = Description::read(Path::new(SYSTEM), Hand.names());
+    let description = description.map_err(|mistakes| mistakes.to_string())?;
+    let file = description.hand.as_ref().ok_or("the system has no hand")?;
+    let text = std::fs::read_to_string(file)?;
+    let hand = UtahMit::from_toml(&text, &file.to_string_lossy())?;
+    let (motions, files) = (package.join("motions"), package.join("files/motions"));
+    compile_motions(&motions, &files, &joint_names(&hand))?;
+    Ok(())
+}
+
 fn main() -> ExitCode {
+    // What only looks at a system, or is one of its processors, needs none.
+    let begins_system = std::env::args().nth(1).is_none_or(|verb| verb == "up");
+    if begins_system && let Err(error) = compile() {
+        eprintln!("utah-mit-hand: {error}");
+        return ExitCode::FAILURE;
+    }
     cli::main(&Hand)
 }

@@ -13,6 +13,7 @@ use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 
 use crate::desk::Desk;
 use crate::grasp::{self, GraspPlaces, Joints};
+use crate::master::{self, Wanted};
 use crate::plant::{self, Truth};
 use crate::servo::{self, RING_BYTES, Tracking};
 use crate::table::{self, Palm};
@@ -113,6 +114,16 @@ pub fn plant<W: MemoryWindow>(
 ) -> Result<Option<Desk<plant::Request, plant::Response>>, AccessError> {
     let entry = directory::find(region, plant::NAME)?;
     Ok(entry.map(|entry| Desk::at(entry.offset)))
+}
+
+/// Where the master has the joints go.
+///
+/// # Errors
+/// The memory's.
+pub fn wanted<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<Published<Wanted>>, AccessError> {
+    published(region, master::WANTED_NAME)
 }
 
 /// How the simulated robot really is.

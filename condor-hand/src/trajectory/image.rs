@@ -1,0 +1,460 @@
+//! Sequences of motions as bytes: what a processor loads, records and saves without allocation.
+//!
+//! All numbers are little-endian, and positions are IEEE 754 doubles.
+//!
+//! | offset | |
+//! |---|---|
+//! | 0 | "CNDM" |
+//! | 4 | version of the format, 1 (two bytes) |
+//! | 6 | joints, `J` (two bytes) |
+//! | 8 | how many primitives follow |
+//! | 12 | how many bytes they have |
+//! | 16 | CRC-32 (ISO-HDLC) of all but itself |
+//! | 20 | the primitives, one after another |
+//!
+//! A primitive is its mask and the mask of those of its targets that are relative (four bytes each);
+//! kind of pace (0 duration, 1 speed), profile, begin, end, conditions of the start, conditions of the
+//! stop (bit 0 torque, 1 tension, 2 time, 3 contact), via points, and 0 (a byte each); pace and blend;
+//! the limits of those conditions; the targets of the joints of the mask; and of each via point its
+//! time and the positions of these joints. What a primitive says of other joints is not written.
+
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use thiserror::Error;
+
+use super::{Begin, Guards, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via};
+
+const MAGIC: [u8; 4] = *b"CNDM";
+const VERSION: u16 = 1;
+
+/// Bytes of an image of no primitives.
+pub const HEADER_BYTES: usize = 20;
+
+/// The usual 32-bit checksum with a small table: images are read once.
+const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
+const TORQUE: u8 = 1 << 0;
+const TENSION: u8 = 1 << 1;
+const TIME: u8 = 1 << 2;
+const CONTACT: u8 = 1 << 3;
+
+/// Why bytes are no sequence of motions, or a sequence does not become bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// The buffer is too short for the image.
+    #[error("the motions do not fit into {len} bytes")]
+    BufferTooShort {
+        /// The length of the buffer, bytes.
+        len: usize,
+    },
+    /// Another number of bytes than the image says.
+    #[error("the image of motions has {needed} bytes, there are {len}")]
+    Length {
+        /// How many there should be.
+        needed: usize,
+        /// How many there are.
+        len: usize,
+    },
+    /// The bytes do not begin as an image does.
+    #[error("no image of motions: it begins with {found:02x?} instead of {MAGIC:02x?}")]
+    Magic {
+        /// The first four bytes.
+        found: [u8; 4],
+    },
+    /// An image for other programs.
+    #[error("the motions have version {found} of the format, this program has {VERSION}")]
+    Version {
+        /// The version of the image.
+        found: u16,
+    },
+    /// Motions of another hand.
+    #[error("the motions are for {found} joints, this program has {joints}")]
+    Joints {
+        /// How many joints the image is for.
+        found: u16,
+        /// How many there are.
+        joints: usize,
+    },
+    /// Bytes that are not as they were written.
+    #[error("the checksum of the motions is {computed:#010x}, it should be {stored:#010x}")]
+    Checksum {
+        /// What the image says.
+        stored: u32,
+        /// What its bytes give.
+        computed: u32,
+    },
+    /// Bytes of the right checksum that are still not a primitive.
+    #[error("motion {index}: its bytes are not those of a motion")]
+    Malformed {
+        /// The primitive, from 0.
+        index: u32,
+    },
+    /// A primitive that no generator takes.
+    #[error("motion {index}: {error}")]
+    Primitive {
+        /// The primitive, from 0.
+        index: u32,
+        /// Why not.
+        error: PrimitiveError,
+    },
+}
+
+/// A checked sequence of primitives of `J` joints, in the bytes of its image.
+#[derive(Clone, Copy, Debug)]
+pub struct Motions<'a, const J: usize> {
+    body: &'a [u8],
+    count: u32,
+}
+
+impl<'a, const J: usize> Motions<'a, J> {
+    /// The sequence in exactly these bytes; every primitive has been checked.
+    ///
+    /// # Errors
+    /// Any but [`ImageError::BufferTooShort`]; no bytes make it panic.
+    pub fn new(image: &'a [u8]) -> Result<Self, ImageError> {
+        let this = Self::unchecked(image)?;
+        let mut taken = Taken(this.body);
+        for index in 0..this.count {
+            let primitive = taken
+                .primitive::<J>()
+                .ok_or(ImageError::Malformed { index })?;
+            primitive
+                .check()
+                .map_err(|error| ImageError::Primitive { index, error })?;
+        }
+        if taken.0.is_empty() {
+            Ok(this)
+        } else {
+            Err(ImageError::Malformed { index: this.count })
+        }
+    }
+
+    /// The same without a look at the primitives.
+    fn unchecked(image: &'a [u8]) -> Result<Self, ImageError> {
+        let len = image.len();
+        let short = ImageError::Length {
+            needed: HEADER_BYTES,
+            len,
+        };
+        let (header, body) = image.split_at_checked(HEADER_BYTES).ok_or(short)?;
+        let mut taken = Taken(header);
+        let found = taken.bytes().ok_or(short)?;
+        if found != MAGIC {
+            return Err(ImageError::Magic { found });
+        }
+        let found = u16::from_le_bytes(taken.bytes().ok_or(short)?);
+        if found != VERSION {
+            return Err(ImageError::Version { found });
+        }
+        let found = u16::from_le_bytes(taken.bytes().ok_or(short)?);
+        if usize::from(found) != J {
+            return Err(ImageError::Joints { found, joints: J });
+        }
+        let count = taken.word().ok_or(short)?;
+        let bytes = taken.word().ok_or(short)?;
+        let needed = usize::try_from(bytes)
+            .unwrap_or(usize::MAX)
+            .saturating_add(HEADER_BYTES);
+        if needed != len {
+            return Err(ImageError::Length { needed, len });
+        }
+        let stored = taken.word().ok_or(short)?;
+        let computed = checksum(header, body);
+        if stored != computed {
+            return Err(ImageError::Checksum { stored, computed });
+        }
+        Ok(Self { body, count })
+    }
+
+    /// How many primitives there are.
+    #[must_use]
+    pub const fn len(&self) -> u32 {
+        self.count
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// The primitives, in their order.
+    pub fn iter(&self) -> impl Iterator<Item = Primitive<J>> + use<'a, J> {
+        let mut taken = Taken(self.body);
+        (0..self.count).map_while(move |_| taken.primitive())
+    }
+}
+
+/// Writes the image of a sequence to the front of `buffer`, and says how long it is.
+///
+/// # Errors
+/// [`ImageError::BufferTooShort`]; [`ImageError::Primitive`] for one that no generator takes. What the
+/// buffer holds then is nothing.
+pub fn encode<'m, const J: usize>(
+    motions: impl IntoIterator<Item = &'m Primitive<J>>,
+    buffer: &mut [u8],
+) -> Result<usize, ImageError> {
+    let len = buffer.len();
+    let (header, body) = buffer
+        .split_at_mut_checked(HEADER_BYTES)
+        .ok_or(ImageError::BufferTooShort { len })?;
+    let mut put = Put { bytes: body, at: 0 };
+    let mut count = 0;
+    for primitive in motions {
+        put_checked(primitive, count, &mut put, len)?;
+        count += 1;
+    }
+    let end = put.at;
+    seal::<J>(header, body.split_at(end).0, count);
+    Ok(HEADER_BYTES + end)
+}
+
+/// Writes a primitive behind those of the image in the first `len` bytes of `buffer`, and says how
+/// long the image is then; `len` is 0 for one that is to begin.
+///
+/// # Errors
+/// As [`encode`] and [`Motions::new`]; the image is as it was then.
+pub fn append<const J: usize>(
+    primitive: &Primitive<J>,
+    buffer: &mut [u8],
+    len: usize,
+) -> Result<usize, ImageError> {
+    if len == 0 {
+        return encode([primitive], buffer);
+    }
+    let short = ImageError::BufferTooShort { len: buffer.len() };
+    let count = Motions::<J>::unchecked(buffer.get(..len).ok_or(short)?)?.count;
+    let whole = buffer.len();
+    let (header, body) = buffer.split_at_mut_checked(HEADER_BYTES).ok_or(short)?;
+    let mut put = Put {
+        bytes: body,
+        at: len.saturating_sub(HEADER_BYTES),
+    };
+    put_checked(primitive, count, &mut put, whole)?;
+    let end = put.at;
+    seal::<J>(header, body.split_at(end).0, count.saturating_add(1));
+    Ok(HEADER_BYTES + end)
+}
+
+fn put_checked<const J: usize>(
+    primitive: &Primitive<J>,
+    index: u32,
+    put: &mut Put<'_>,
+    len: usize,
+) -> Result<(), ImageError> {
+    primitive
+        .check()
+        .map_err(|error| ImageError::Primitive { index, error })?;
+    put.primitive(primitive)
+        .ok_or(ImageError::BufferTooShort { len })
+}
+
+/// Fills in the header of a body.
+fn seal<const J: usize>(header: &mut [u8], body: &[u8], count: u32) {
+    let bytes = u32::try_from(body.len()).unwrap_or(u32::MAX);
+    let joints = u16::try_from(J).unwrap_or(u16::MAX);
+    let fields = MAGIC
+        .into_iter()
+        .chain(VERSION.to_le_bytes())
+        .chain(joints.to_le_bytes())
+        .chain(count.to_le_bytes())
+        .chain(bytes.to_le_bytes());
+    for (place, byte) in header.iter_mut().zip(fields) {
+        *place = byte;
+    }
+    let checksum = checksum(header, body);
+    if let Some((_, stored)) = header.split_last_chunk_mut::<4>() {
+        *stored = checksum.to_le_bytes();
+    }
+}
+
+/// Of all but the last four bytes of the header.
+fn checksum(header: &[u8], body: &[u8]) -> u32 {
+    let mut digest = CRC.digest();
+    digest.update(
+        header
+            .split_last_chunk::<4>()
+            .map_or(header, |(rest, _)| rest),
+    );
+    digest.update(body);
+    digest.finalize()
+}
+
+/// Takes values from the front of bytes.
+struct Taken<'a>(&'a [u8]);
+
+impl Taken<'_> {
+    fn bytes<const K: usize>(&mut self) -> Option<[u8; K]> {
+        let (first, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*first)
+    }
+
+    fn word(&mut self) -> Option<u32> {
+        self.bytes().map(u32::from_le_bytes)
+    }
+
+    fn number(&mut self) -> Option<f64> {
+        self.bytes().map(f64::from_le_bytes)
+    }
+
+    /// `None` for what is none.
+    fn primitive<const J: usize>(&mut self) -> Option<Primitive<J>> {
+        let (mask, relative) = (self.word()?, self.word()?);
+        if relative & !mask != 0 || (J < 32 && mask >> J != 0) {
+            return None;
+        }
+        let [pace, profile, begin, on_end, start, stop, vias, 0] = self.bytes()? else {
+            return None;
+        };
+        let number = self.number()?;
+        let pace = match pace {
+            0 => Pace::Duration(number),
+            1 => Pace::Speed(number),
+            _ => return None,
+        };
+        let profile = match profile {
+            0 => Profile::Cubic,
+            1 => Profile::MinimumJerk,
+            2 => Profile::Trapezoid,
+            3 => Profile::JerkLimited,
+            _ => return None,
+        };
+        let mut primitive = Primitive::new(pace, profile);
+        primitive.mask = mask;
+        primitive.begin = match begin {
+            0 => Begin::After,
+            1 => Begin::Beside,
+            2 => Begin::Now,
+            _ => return None,
+        };
+        primitive.on_end = match on_end {
+            0 => OnEnd::Next,
+            1 => OnEnd::Hold,
+            _ => return None,
+        };
+        primitive.blend = self.number()?;
+        primitive.start = self.guards(start)?;
+        primitive.stop = self.guards(stop)?;
+        for (joint, target) in primitive.targets.iter_mut().enumerate() {
+            if mask >> joint & 1 == 1 {
+                let number = self.number()?;
+                *target = if relative >> joint & 1 == 1 {
+                    Target::Relative(number)
+                } else {
+                    Target::Absolute(number)
+                };
+            }
+        }
+        for _ in 0..vias {
+            let mut via = Via {
+                at: self.number()?,
+                positions: [0.0; J],
+            };
+            for (joint, position) in via.positions.iter_mut().enumerate() {
+                if mask >> joint & 1 == 1 {
+                    *position = self.number()?;
+                }
+            }
+            primitive.vias.push(via).ok()?;
+        }
+        Some(primitive)
+    }
+
+    fn guards(&mut self, flags: u8) -> Option<Guards<f64>> {
+        if flags & !(TORQUE | TENSION | TIME | CONTACT) != 0 {
+            return None;
+        }
+        let mut guards = Guards::none();
+        for (flag, place) in [
+            (TORQUE, &mut guards.torque),
+            (TENSION, &mut guards.tension),
+            (TIME, &mut guards.time),
+        ] {
+            if flags & flag != 0 {
+                *place = Some(self.number()?);
+            }
+        }
+        guards.contact = flags & CONTACT != 0;
+        Some(guards)
+    }
+}
+
+/// Puts values one after another, each whole or not at all.
+struct Put<'b> {
+    bytes: &'b mut [u8],
+    at: usize,
+}
+
+impl Put<'_> {
+    fn bytes<const K: usize>(&mut self, bytes: [u8; K]) -> Option<()> {
+        let place = self.bytes.get_mut(self.at..)?.first_chunk_mut()?;
+        *place = bytes;
+        self.at += K;
+        Some(())
+    }
+
+    fn number(&mut self, number: f64) -> Option<()> {
+        self.bytes(number.to_le_bytes())
+    }
+
+    /// `None` if there is no room.
+    fn primitive<const J: usize>(&mut self, primitive: &Primitive<J>) -> Option<()> {
+        let relative = primitive.joints().fold(0, |relative, (joint, target)| {
+            relative | u32::from(matches!(target, Target::Relative(_))) << joint
+        });
+        self.bytes(primitive.mask.to_le_bytes())?;
+        self.bytes(relative.to_le_bytes())?;
+        let (pace, number) = match primitive.pace {
+            Pace::Duration(duration) => (0, duration),
+            Pace::Speed(speed) => (1, speed),
+        };
+        let profile = match primitive.profile {
+            Profile::Cubic => 0,
+            Profile::MinimumJerk => 1,
+            Profile::Trapezoid => 2,
+            Profile::JerkLimited => 3,
+        };
+        let begin = match primitive.begin {
+            Begin::After => 0,
+            Begin::Beside => 1,
+            Begin::Now => 2,
+        };
+        let on_end = match primitive.on_end {
+            OnEnd::Next => 0,
+            OnEnd::Hold => 1,
+        };
+        let (start, stop) = (flags(&primitive.start), flags(&primitive.stop));
+        // There are at most MAX_VIAS.
+        let vias = primitive.vias.len() as u8;
+        self.bytes([pace, profile, begin, on_end, start, stop, vias, 0])?;
+        self.number(number)?;
+        self.number(primitive.blend)?;
+        for guards in [&primitive.start, &primitive.stop] {
+            let limits = [guards.torque, guards.tension, guards.time];
+            for limit in limits.into_iter().flatten() {
+                self.number(limit)?;
+            }
+        }
+        for (_, Target::Absolute(number) | Target::Relative(number)) in primitive.joints() {
+            self.number(number)?;
+        }
+        for via in &primitive.vias {
+            self.number(via.at)?;
+            for (joint, position) in via.positions.iter().enumerate() {
+                if primitive.mask >> joint & 1 == 1 {
+                    self.number(*position)?;
+                }
+            }
+        }
+        Some(())
+    }
+}
+
+fn flags(guards: &Guards<f64>) -> u8 {
+    let flag = |is: bool, flag: u8| if is { flag } else { 0 };
+    flag(guards.torque.is_some(), TORQUE)
+        | flag(guards.tension.is_some(), TENSION)
+        | flag(guards.time.is_some(), TIME)
+        | flag(guards.contact, CONTACT)
+}

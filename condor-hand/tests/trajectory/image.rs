@@ -1,0 +1,222 @@
+//! Motions as bytes.
+
+use condor_hand::trajectory::image::{HEADER_BYTES, ImageError, Motions, append, encode};
+use condor_hand::trajectory::{
+    Begin, Guards, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via,
+};
+use crc::{CRC_32_ISO_HDLC, Crc};
+use proptest::prelude::*;
+
+const J: usize = 6;
+type Motion = Primitive<J>;
+
+fn guards() -> impl Strategy<Value = Guards<f64>> {
+    let limit = || prop::option::of(-3.0..3.0);
+    (limit(), limit(), limit(), any::<bool>()).prop_map(|(torque, tension, time, contact)| Guards {
+        torque,
+        tension,
+        time,
+        contact,
+    })
+}
+
+/// Any that a generator takes; of joints outside of its mask it says nothing.
+fn motion() -> impl Strategy<Value = Motion> {
+    let pace = prop_oneof![
+        (1e-3..9.0).prop_map(Pace::Duration),
+        (1e-3..=1.0).prop_map(Pace::Speed)
+    ];
+    let profile = prop_oneof![
+        Just(Profile::Cubic),
+        Just(Profile::MinimumJerk),
+        Just(Profile::Trapezoid),
+        Just(Profile::JerkLimited)
+    ];
+    let begin = prop_oneof![Just(Begin::After), Just(Begin::Beside), Just(Begin::Now)];
+    let on_end = prop_oneof![Just(OnEnd::Next), Just(OnEnd::Hold)];
+    let target = prop_oneof![
+        any::<f64>()
+            .prop_filter("finite", |x| x.is_finite())
+            .prop_map(Target::Absolute),
+        (-1.0..1.0).prop_map(Target::Relative),
+    ];
+    let targets = prop::collection::vec(target, J);
+    let vias = prop::collection::vec(prop::collection::vec(-2.0..2.0, J), 0..16);
+    let shape = (pace, profile, begin, on_end, 0.0..0.5, guards(), guards());
+    (1_u32..1 << J, targets, vias, shape).prop_map(
+        |(mask, targets, vias, (pace, profile, begin, on_end, blend, start, stop))| {
+            let mut motion = Motion::new(pace, profile);
+            for (joint, target) in targets.into_iter().enumerate() {
+                if mask >> joint & 1 == 1 {
+                    motion = motion.with(joint, target).unwrap();
+                }
+            }
+            if profile == Profile::Cubic {
+                let count = f64::from(vias.len() as u32);
+                for (number, via) in (1_u32..).zip(&vias) {
+                    let place = |joint: usize| {
+                        if mask >> joint & 1 == 1 {
+                            via[joint]
+                        } else {
+                            0.0
+                        }
+                    };
+                    let via = Via {
+                        at: f64::from(number) / (count + 1.0),
+                        positions: std::array::from_fn(place),
+                    };
+                    motion.vias.push(via).unwrap();
+                }
+            }
+            (motion.begin, motion.on_end, motion.blend) = (begin, on_end, blend);
+            (motion.start, motion.stop) = (start, stop);
+            motion
+        },
+    )
+}
+
+fn image(motions: &[Motion]) -> Vec<u8> {
+    let mut bytes = vec![0xa5; 65_536];
+    let len = encode(motions, &mut bytes).unwrap();
+    bytes.truncate(len);
+    bytes
+}
+
+/// The bytes with a header that fits them.
+fn sealed(count: u32, body: &[u8]) -> Vec<u8> {
+    let mut bytes = b"CNDM".to_vec();
+    bytes.extend(1_u16.to_le_bytes());
+    bytes.extend((J as u16).to_le_bytes());
+    bytes.extend(count.to_le_bytes());
+    bytes.extend((body.len() as u32).to_le_bytes());
+    let mut summed = bytes.clone();
+    summed.extend(body);
+    bytes.extend(
+        Crc::<u32>::new(&CRC_32_ISO_HDLC)
+            .checksum(&summed)
+            .to_le_bytes(),
+    );
+    bytes.extend(body);
+    bytes
+}
+
+proptest! {
+    #[test]
+    fn motions_come_back_from_their_bytes(motions in prop::collection::vec(motion(), 0..6)) {
+        let bytes = image(&motions);
+        let read = Motions::<J>::new(&bytes).unwrap();
+        prop_assert_eq!(read.len() as usize, motions.len());
+        prop_assert_eq!(read.iter().collect::<Vec<_>>(), motions.clone());
+        // One after another they are the same bytes.
+        let mut buffer = vec![0; bytes.len()];
+        let mut len = 0;
+        for motion in &motions {
+            len = append(motion, &mut buffer, len).unwrap();
+        }
+        if !motions.is_empty() {
+            prop_assert_eq!(&buffer[..len], &bytes[..]);
+        }
+        // Whatever is missing or turned is noticed.
+        for cut in 0..bytes.len() {
+            prop_assert!(Motions::<J>::new(&bytes[..cut]).is_err());
+            let mut short = vec![0; cut];
+            let refused = encode(&motions, &mut short);
+            prop_assert_eq!(refused, Err(ImageError::BufferTooShort { len: cut }));
+        }
+    }
+
+    #[test]
+    fn a_bit_that_is_turned_is_noticed(
+        motions in prop::collection::vec(motion(), 1..3), at in any::<prop::sample::Index>(), bit in 0_u8..8
+    ) {
+        let mut bytes = image(&motions);
+        let at = at.index(bytes.len());
+        bytes[at] ^= 1 << bit;
+        prop_assert!(Motions::<J>::new(&bytes).is_err());
+    }
+
+    #[test]
+    fn no_bytes_make_it_panic(
+        count in 0_u32..5, mut body in prop::collection::vec(any::<u8>(), 0..400), mask in 0_u32..64, plain in any::<bool>()
+    ) {
+        if plain && body.len() > 16 {
+            // So that some get as far as the numbers.
+            body[..8].copy_from_slice(&[mask as u8, 0, 0, 0, 0, 0, 0, 0]);
+            for byte in &mut body[8..15] {
+                *byte &= 3;
+            }
+            body[15] = 0;
+        }
+        let bytes = sealed(count, &body);
+        if let Ok(read) = Motions::<J>::new(&bytes) {
+            prop_assert_eq!(read.iter().count(), count as usize);
+            let again = image(&read.iter().collect::<Vec<_>>());
+            prop_assert_eq!(again, bytes);
+        }
+        let _ = Motions::<J>::new(&body);
+        let mut buffer = body.clone();
+        let _ = append(&one(), &mut buffer, body.len());
+    }
+}
+
+fn one() -> Motion {
+    Motion::new(Pace::Duration(0.5), Profile::MinimumJerk)
+        .with(2, Target::Absolute(0.25))
+        .unwrap()
+}
+
+#[test]
+fn what_is_wrong_is_said() {
+    let bytes = image(&[one()]);
+    assert_eq!(bytes.len(), HEADER_BYTES + 40);
+    let error = |bytes: &[u8]| Motions::<J>::new(bytes).unwrap_err().to_string();
+    assert_eq!(
+        error(b"CNDHxxxxxxxxxxxxxxxx"),
+        "no image of motions: it begins with [43, 4e, 44, 48] instead of [43, 4e, 44, 4d]"
+    );
+    assert_eq!(
+        error(&bytes[..59]),
+        "the image of motions has 60 bytes, there are 59"
+    );
+    let mut other = bytes.clone();
+    other[4] = 9;
+    assert_eq!(
+        error(&other),
+        "the motions have version 9 of the format, this program has 1"
+    );
+    assert_eq!(
+        Motions::<7>::new(&bytes).unwrap_err(),
+        ImageError::Joints {
+            found: 6,
+            joints: 7
+        }
+    );
+    // The duration is the eight bytes after masks and kinds.
+    let mut body = bytes[HEADER_BYTES..].to_vec();
+    body[16..24].copy_from_slice(&(-0.5_f64).to_le_bytes());
+    assert_eq!(
+        Motions::<J>::new(&sealed(1, &body)).unwrap_err(),
+        ImageError::Primitive {
+            index: 0,
+            error: PrimitiveError::Duration { value: -0.5 }
+        }
+    );
+    assert_eq!(
+        Motions::<J>::new(&sealed(2, &body))
+            .unwrap_err()
+            .to_string(),
+        "motion 0: a duration of -0.5 s must be above zero and finite"
+    );
+    body[16..24].copy_from_slice(&0.5_f64.to_le_bytes());
+    assert_eq!(
+        Motions::<J>::new(&sealed(2, &body)).unwrap_err(),
+        ImageError::Malformed { index: 1 }
+    );
+    let mut nothing = one();
+    nothing.mask = 0;
+    let refused = append(&nothing, &mut bytes.clone(), bytes.len()).unwrap_err();
+    assert!(
+        matches!(refused, ImageError::Primitive { index: 1, .. }),
+        "{refused}"
+    );
+}

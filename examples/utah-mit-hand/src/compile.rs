@@ -1,0 +1,144 @@
+//! Motions that people write, as the files that the master loads.
+
+use std::format;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::string::String;
+use std::vec::Vec;
+
+use condor_hand::trajectory::image::{ImageError, encode};
+use condor_hand::trajectory::motion::{MotionError, load};
+use thiserror::Error;
+
+use crate::{FINGERS, JOINTS, UtahMit};
+
+/// Bytes of a sequence that the master has room for.
+const BYTES: usize = crate::master::MOTION_BYTES;
+
+/// Why a motion is not compiled.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CompileError {
+    /// A file or directory.
+    #[error("{}: {error}", path.display())]
+    Io {
+        /// Which one.
+        path: PathBuf,
+        /// Why not.
+        error: io::Error,
+    },
+    /// What is written in a file.
+    #[error("{}:{line}:{column}: {problem}", path.display())]
+    Text {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// The character in the line, from 1.
+        column: usize,
+        /// What is wrong, and what would be right.
+        problem: String,
+    },
+    /// A sequence that is too long for the master, or has another problem without a place.
+    #[error("{}: {problem}", path.display())]
+    Sequence {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+/// The names of all joints, FINGER.JOINT, in the order of their numbers.
+#[must_use]
+pub fn joint_names(hand: &UtahMit) -> Vec<String> {
+    let fingers = hand.fingers.iter();
+    let names = fingers.flat_map(|finger| {
+        let joints = finger.joints.iter();
+        joints.map(|joint| format!("{}.{}", finger.name, joint.name))
+    });
+    names.collect()
+}
+
+/// Compiles every `NAME.toml` of a directory to `NAME.motion` in `out`, which is made if it is not
+/// there; gives the names, in alphabetical order. Files in `out` that have no text are left alone.
+///
+/// # Errors
+/// The first thing that is wrong, with file and line; files before it have been written.
+pub fn compile_motions(
+    directory: &Path,
+    out: &Path,
+    names: &[impl AsRef<str>],
+) -> Result<Vec<String>, CompileError> {
+    let io = |path: &Path| {
+        let path = path.to_path_buf();
+        |error| CompileError::Io { path, error }
+    };
+    fs::create_dir_all(out).map_err(io(out))?;
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(directory).map_err(io(directory))? {
+        let path = entry.map_err(io(directory))?.path();
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+        {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    let mut compiled = Vec::new();
+    for path in paths {
+        let text = fs::read_to_string(&path).map_err(io(&path))?;
+        let image = compile(&text, names).map_err(|problem| problem.at(&path))?;
+        let name = path.file_stem().unwrap_or_default();
+        let name = String::from(name.to_string_lossy());
+        let to = out.join(format!("{name}.motion"));
+        // Whoever reads meanwhile finds the former one or this one.
+        let half = out.join(format!("{name}.half"));
+        fs::write(&half, image).map_err(io(&half))?;
+        fs::rename(&half, &to).map_err(io(&to))?;
+        compiled.push(name);
+    }
+    Ok(compiled)
+}
+
+#[derive(Debug)]
+enum Problem {
+    Motion(MotionError),
+    Image(ImageError),
+}
+
+impl Problem {
+    fn at(self, path: &Path) -> CompileError {
+        let path = path.to_path_buf();
+        match self {
+            Self::Motion(MotionError::Text {
+                line,
+                column,
+                problem,
+            }) => CompileError::Text {
+                path,
+                line,
+                column,
+                problem,
+            },
+            Self::Motion(error) => CompileError::Sequence {
+                path,
+                problem: format!("{error}"),
+            },
+            Self::Image(error) => CompileError::Sequence {
+                path,
+                problem: format!("{error}"),
+            },
+        }
+    }
+}
+
+fn compile(text: &str, names: &[impl AsRef<str>]) -> Result<Vec<u8>, Problem> {
+    let motions = load::<{ FINGERS * JOINTS }>(text, names).map_err(Problem::Motion)?;
+    let mut bytes = std::vec![0; BYTES];
+    let len = encode(&motions, &mut bytes).map_err(Problem::Image)?;
+    bytes.truncate(len);
+    Ok(bytes)
+}

@@ -1,0 +1,559 @@
+//! [`Commands`]: what is typed.
+
+use core::fmt::{self, Arguments, Display, Write};
+
+use condor_hand::servo::{JointGains, Mode, PositionLaw};
+use condor_hand::tendon::TensionGains;
+use condor_hand::trajectory::{Begin, Pace, Profile, Target};
+use condor_host::Machine;
+
+use super::drive::{Motion, Shared, with};
+use super::others::{Ball, Others};
+use super::play::Player;
+use super::sequence::Store;
+use super::servos::Servos;
+use super::words::{Problem, Words};
+use crate::failure::Failure;
+use crate::grasp::{self, Order};
+use crate::plant::{self, Which};
+use crate::start::{Console, Post, say};
+use crate::table::{self, State};
+use crate::{FINGERS, JOINTS, UtahMit};
+
+mod hold;
+
+const HELP: &str = "\
+help                               this
+status                             the fingers, the motion, the table
+enable [FINGER]                    restart, if need be, and hold where it is
+disable [FINGER]                   both tendons at their least tension
+run [NAME]                         a motion; without a name what is recorded or loaded
+motions                            their names
+pause, resume, abort               the motion; ^C aborts, too
+to FINGER.JOINT RAD [SECONDS]      one joint
+gains FINGER.JOINT [GAIN VALUE]... show or set
+record NAME                        from now on what runs; `save` ends it
+save [NAME], load NAME             in the files of the host
+table [X Y Z [SPEED]]              in m; table home, table stop, table off
+grasp [N/M], release               the ball, with a stiffness
+ball [RADIUS [MASS]], ball none    a simulated one, held until `letgo [SECONDS]`
+push N N N                         the ball
+fault FINGER.JOINT SENSOR          position sticks; flexor, extensor break
+clear                              mends all that
+";
+
+const SECONDS: &str = "a time above 0, s";
+
+/// What commands need.
+pub(super) struct Commands<'r, 'v, 'p, M: Machine> {
+    pub(super) hand: &'r UtahMit,
+    pub(super) mailbox: &'r Post<'v, M>,
+    pub(super) terminal: &'r Console<M>,
+    pub(super) shared: &'r Shared<'p, M::Window>,
+    pub(super) servos: Servos<'r, 'v, 'p, M>,
+    pub(super) player: Player,
+    pub(super) store: Store<'r, 'v, M>,
+    pub(super) others: Others<'r, 'v, M>,
+}
+
+impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
+    /// Obeys a line, or says why not.
+    pub(super) fn obey(&mut self, line: &str) {
+        let mut words = Words::of(line);
+        let Some(verb) = words.next() else {
+            return;
+        };
+        if let Err(problem) = self.execute(verb, &mut words) {
+            self.say(format_args!("{problem}"));
+        }
+    }
+
+    /// Looks at the servos. All motion stops when a finger does not follow any more.
+    pub(super) fn watch(&mut self) -> Result<(), Failure> {
+        let (terminal, mailbox) = (self.terminal, self.mailbox);
+        let has_lost = self
+            .servos
+            .watch(|line| say::<M>(terminal, mailbox, line))?;
+        if has_lost && self.stop() {
+            self.say(format_args!("all motion stops"));
+        }
+        Ok(())
+    }
+
+    /// Goes on with the motion that runs.
+    pub(super) fn play(&mut self) {
+        let (terminal, mailbox) = (self.terminal, self.mailbox);
+        self.player
+            .play(self.shared, |line| say::<M>(terminal, mailbox, line));
+    }
+
+    fn execute<'l>(&mut self, verb: &'l str, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        if matches!(
+            verb,
+            "help" | "status" | "motions" | "pause" | "resume" | "abort" | "release" | "clear"
+        ) {
+            words.end()?;
+        }
+        match verb {
+            "help" => self.help(),
+            "status" => self.status(),
+            "enable" => return self.each_finger(words, Servos::enable),
+            "disable" => return self.each_finger(words, Servos::disable),
+            "run" => return self.run(words),
+            "motions" => {
+                let (terminal, mailbox) = (self.terminal, self.mailbox);
+                self.store
+                    .list(|name| say::<M>(terminal, mailbox, format_args!("{name}")))?;
+            }
+            "pause" => {
+                with(self.shared, |drive| drive.generator.pause());
+            }
+            "resume" => {
+                with(self.shared, |drive| {
+                    drive.generator.resume();
+                    drive.generator.proceed();
+                });
+            }
+            "abort" => {
+                if !self.stop() {
+                    self.say(format_args!("nothing moves"));
+                }
+            }
+            "to" => return self.to(words),
+            "gains" => return self.gains(words),
+            "record" => {
+                let name = words.name()?;
+                words.end()?;
+                self.player.kept.clear();
+                self.player.kept_title.clear();
+                // Names are short enough.
+                let _ = self.player.kept_title.push_str(name);
+                self.player.is_recording = true;
+            }
+            "save" => return self.save(words),
+            "load" => {
+                let name = words.name()?;
+                words.end()?;
+                self.player.is_recording = false;
+                self.store.load(name, &mut self.player.kept)?;
+                self.player.kept_title.clear();
+                let _ = self.player.kept_title.push_str(name);
+                let count = self.player.kept.motions().map_or(0, |it| it.len());
+                self.say(format_args!("{name}: {count} motions; `run` runs them"));
+            }
+            "table" => return self.table(words),
+            "grasp" => return self.grasp(words),
+            "release" => self.order(&Order::RELEASE)?,
+            "ball" => return self.ball(words),
+            "letgo" => {
+                let seconds = words.positive(SECONDS)?.unwrap_or(1.0);
+                words.end()?;
+                self.plant(plant::Verb::LetGo, [seconds, 0.0, 0.0, 0.0, 0.0, 0.0])?;
+            }
+            "push" => {
+                let force = "a force, N";
+                let [x, y, z] = [
+                    words.number(force)?,
+                    words.number(force)?,
+                    words.number(force)?,
+                ];
+                words.end()?;
+                self.plant(plant::Verb::Push, [x, y, z, 0.0, 0.0, 0.0])?;
+            }
+            "fault" => return self.fault(words),
+            "clear" => self.plant(plant::Verb::Mend, [0.0; 6])?,
+            _ => return Err(Problem::Command(verb)),
+        }
+        Ok(())
+    }
+
+    fn say(&self, line: Arguments<'_>) {
+        say::<M>(self.terminal, self.mailbox, line);
+    }
+
+    fn help(&self) {
+        // What finds no room there is counted by the terminal.
+        let _ = self.terminal.console(self.mailbox).write_str(HELP);
+    }
+
+    fn status(&mut self) {
+        for (finger, entry) in self.hand.fingers.iter().enumerate() {
+            let state = Condition(self.servos.status(finger));
+            let processor = self.servos.processor(finger);
+            let measured = with(self.shared, |drive| {
+                drive.measured.get(finger).copied().flatten()
+            });
+            match measured.flatten() {
+                Some(position) => self.say(format_args!(
+                    "{:<7}{state} (processor {processor})  {}",
+                    entry.name,
+                    Joints(entry, &position)
+                )),
+                None => self.say(format_args!(
+                    "{:<7}{state} (processor {processor}) is not measured",
+                    entry.name
+                )),
+            }
+        }
+        let is_paused = with(self.shared, |drive| drive.generator.is_paused());
+        let paused = if is_paused == Some(true) {
+            ", paused"
+        } else {
+            ""
+        };
+        match self.player.title() {
+            Some(title) => {
+                let (next, count) = self.player.progress();
+                self.say(format_args!(
+                    "motion {title}: {next} of {count} begun{paused}"
+                ));
+            }
+            None => self.say(format_args!("no motion{paused}")),
+        }
+        if !self.player.kept.is_empty() || self.player.is_recording {
+            let count = self.player.kept.motions().map_or(0, |it| it.len());
+            let what = if self.player.is_recording {
+                "recording"
+            } else {
+                "in memory"
+            };
+            self.say(format_args!(
+                "{what}: {}, {count} motions",
+                self.player.kept_title
+            ));
+        }
+        match self.ask_table(table::Verb::Status, 1.0, [0.0; 3]) {
+            Ok(state) => self.say(format_args!("table: {state:?}")),
+            Err(problem) => self.say(format_args!("table: {problem}")),
+        }
+    }
+
+    /// Stops all motion on its path; whether there was any.
+    fn stop(&mut self) -> bool {
+        self.player.stop();
+        let was_busy = with(self.shared, |drive| {
+            let was_busy = !drive.generator.is_idle();
+            drive.generator.abort();
+            // What is paused would never come to its stop.
+            drive.generator.resume();
+            was_busy
+        });
+        was_busy.unwrap_or(false)
+    }
+
+    fn each_finger<'l>(
+        &mut self,
+        words: &mut Words<'l>,
+        mut work: impl FnMut(&mut Servos<'r, 'v, 'p, M>, usize) -> Result<(), Problem<'static>>,
+    ) -> Result<(), Problem<'l>> {
+        let only = words.finger(self.hand)?;
+        words.end()?;
+        let mut outcome = Ok(());
+        for finger in (0..FINGERS).filter(|&it| only.is_none_or(|only| only == it)) {
+            let done = work(&mut self.servos, finger);
+            if only.is_some() {
+                outcome = done;
+            } else if let Err(problem) = done {
+                // One that cannot does not keep the others from it.
+                self.say(format_args!("{problem}"));
+            }
+        }
+        outcome
+    }
+
+    /// Whether all fingers of a mask follow.
+    fn check_follows(&self, fingers: u32) -> Result<(), Problem<'static>> {
+        for (finger, entry) in self.hand.fingers.iter().enumerate() {
+            if fingers >> finger & 1 == 0 || self.servos.follows(finger) {
+                continue;
+            }
+            let status = self.servos.status(finger);
+            let name = entry.name.clone();
+            return Err(
+                if status.is_some_and(|status| status.modes.contains(&Mode::Grasp)) {
+                    Problem::InGrasp(name)
+                } else {
+                    Problem::NotEnabled(name)
+                },
+            );
+        }
+        Ok(())
+    }
+
+    fn run<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        if self.player.title().is_some() {
+            return Err(Problem::Running);
+        }
+        let mut rest = words.peek();
+        let kept = self.player.kept_title.clone();
+        let title = if rest.next().is_some() {
+            let name = words.name()?;
+            words.end()?;
+            self.store.load(name, self.player.room())?;
+            name
+        } else if self.player.kept.is_empty() {
+            return Err(Problem::Nothing);
+        } else {
+            self.player.is_recording = false;
+            self.player.take_kept();
+            &kept
+        };
+        let fingers = self.player.fingers()?;
+        self.check_follows(fingers)?;
+        self.player.begin(title).map_err(Problem::Recording)
+    }
+
+    fn to<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let (finger, joint) = words.joint(self.hand)?;
+        let position = words.number("a position, rad")?;
+        let seconds = words.positive(SECONDS)?;
+        words.end()?;
+        self.check_follows(1 << finger)?;
+        let pace = seconds.map_or(Pace::Speed(0.1), Pace::Duration);
+        let mut motion = Motion::new(pace, Profile::MinimumJerk)
+            .with(finger * JOINTS + joint, Target::Absolute(position))?;
+        motion.begin = Begin::Beside;
+        let taken = with(self.shared, |drive| drive.generator.enqueue(motion.clone()));
+        taken.ok_or(Problem::Running)??;
+        self.player.record(&motion).map_err(Problem::Recording)
+    }
+
+    fn save<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let mut rest = words.peek();
+        if rest.next().is_some() {
+            let name = words.name()?;
+            words.end()?;
+            self.player.kept_title.clear();
+            let _ = self.player.kept_title.push_str(name);
+        }
+        if self.player.kept.is_empty() {
+            return Err(Problem::Nothing);
+        }
+        let title = self.player.kept_title.clone();
+        self.store.save(&title, &self.player.kept)?;
+        self.player.is_recording = false;
+        let count = self.player.kept.motions().map_or(0, |it| it.len());
+        self.say(format_args!("{title}: {count} motions saved"));
+        Ok(())
+    }
+
+    fn gains<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let (finger, joint) = words.joint(self.hand)?;
+        let joint = joint as u32;
+        let mut gains = self.servos.ask(finger, |client, finger, timeout| {
+            client.gains(finger, joint, timeout)
+        })??;
+        let mut is_changed = false;
+        while let Some(name) = words.next() {
+            let place = gain(&mut gains, name).ok_or(Problem::Gain(name))?;
+            *place = words.number("the value of a gain")?;
+            is_changed = true;
+        }
+        if is_changed {
+            self.servos.ask(finger, |client, finger, timeout| {
+                client.set_gains(finger, joint, &gains, timeout)
+            })??;
+        } else {
+            self.say(format_args!("{}", Gains(gains)));
+        }
+        Ok(())
+    }
+
+    fn table<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let mut rest = words.peek();
+        let verb = match rest.next() {
+            None => Some(table::Verb::Status),
+            Some("home") => Some(table::Verb::Home),
+            Some("stop") => Some(table::Verb::Stop),
+            Some("off") => Some(table::Verb::Disable),
+            Some("clear") => Some(table::Verb::Clear),
+            Some(_) => None,
+        };
+        let state = if let Some(verb) = verb {
+            words.next();
+            words.end()?;
+            self.ask_table(verb, 0.2, [0.0; 3])?
+        } else {
+            let position = "a position, m";
+            let to = [
+                words.number(position)?,
+                words.number(position)?,
+                words.number(position)?,
+            ];
+            let speed = words.positive("a speed above 0, at most 1")?;
+            words.end()?;
+            self.ask_table(table::Verb::Move, speed.unwrap_or(0.2), to)?
+        };
+        self.say(format_args!("table: {state:?}"));
+        Ok(())
+    }
+
+    fn ask_table(
+        &mut self,
+        verb: table::Verb,
+        speed: f64,
+        to: [f64; 3],
+    ) -> Result<State, Problem<'static>> {
+        self.others.table(&table::Request {
+            verb: verb as u32,
+            zero: 0,
+            speed,
+            to,
+        })
+    }
+
+    fn ball<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        if words.peek().next() == Some("none") {
+            words.next();
+            words.end()?;
+            return self.plant(plant::Verb::RemoveBall, [0.0; 6]);
+        }
+        let former = self.others.ball;
+        let radius = words.positive("a radius above 0, m")?;
+        let mass = words.positive("a mass above 0, kg")?;
+        words.end()?;
+        let ball = Ball {
+            radius: radius.unwrap_or(former.radius),
+            mass: mass.unwrap_or(former.mass),
+            ..former
+        };
+        let [x, y, z] = ball.center;
+        self.plant(
+            plant::Verb::PlaceBall,
+            [x, y, z, ball.radius, ball.mass, 0.0],
+        )?;
+        self.others.ball = ball;
+        Ok(())
+    }
+
+    fn fault<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let (finger, joint) = words.joint(self.hand)?;
+        let what = "position, flexor or extensor";
+        let word = words.word(what)?;
+        words.end()?;
+        let (verb, which) = match word {
+            "position" => (plant::Verb::StickSensor, Which::Position),
+            "flexor" => (plant::Verb::CutTendon, Which::Flexor),
+            "extensor" => (plant::Verb::CutTendon, Which::Extensor),
+            _ => return Err(Problem::Not { word, what }),
+        };
+        self.others.plant(&plant::Request {
+            verb: verb as u32,
+            finger: finger as u32,
+            joint: joint as u32,
+            which: which as u32,
+            numbers: [0.0; 6],
+        })
+    }
+
+    fn plant(&mut self, verb: plant::Verb, numbers: [f64; 6]) -> Result<(), Problem<'static>> {
+        self.others.plant(&plant::Request {
+            verb: verb as u32,
+            numbers,
+            ..plant::Request::default()
+        })
+    }
+}
+
+/// A gain by its name.
+fn gain<'g>(gains: &'g mut JointGains<f64>, name: &str) -> Option<&'g mut f64> {
+    if let Some((side, name)) = name.split_once('.') {
+        let TensionGains { kt, ki, kd, kv } = match side {
+            "flexor" => &mut gains.tension.flexor,
+            "extensor" => &mut gains.tension.extensor,
+            _ => return None,
+        };
+        return match name {
+            "kt" => Some(kt),
+            "ki" => Some(ki),
+            "kd" => Some(kd),
+            "kv" => Some(kv),
+            _ => None,
+        };
+    }
+    match (&mut gains.law, name) {
+        (_, "torque") => Some(&mut gains.k_torque),
+        (PositionLaw::Pd { kp, .. }, "kp") => Some(kp),
+        (PositionLaw::Pd { kv, .. }, "kv") => Some(kv),
+        (PositionLaw::Pd { ki, .. }, "ki") => Some(ki),
+        (PositionLaw::Pd { integral_nm, .. }, "integral") => Some(integral_nm),
+        (PositionLaw::ComputedTorque { bandwidth_hz, .. }, "bandwidth") => Some(bandwidth_hz),
+        (PositionLaw::ComputedTorque { damping_ratio, .. }, "damping") => Some(damping_ratio),
+        _ => None,
+    }
+}
+
+/// Gains by their names.
+struct Gains(JointGains<f64>);
+
+impl Display for Gains {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let JointGains {
+            law,
+            k_torque,
+            tension,
+        } = &self.0;
+        match law {
+            PositionLaw::Pd {
+                kp,
+                kv,
+                ki,
+                integral_nm,
+            } => write!(f, "kp {kp} kv {kv} ki {ki} integral {integral_nm}")?,
+            PositionLaw::ComputedTorque {
+                bandwidth_hz,
+                damping_ratio,
+            } => write!(f, "bandwidth {bandwidth_hz} damping {damping_ratio}")?,
+        }
+        write!(f, " torque {k_torque}")?;
+        for (side, TensionGains { kt, ki, kd, kv }) in
+            [("flexor", &tension.flexor), ("extensor", &tension.extensor)]
+        {
+            write!(
+                f,
+                " {side}.kt {kt} {side}.ki {ki} {side}.kd {kd} {side}.kv {kv}"
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// How a finger is, in a few words.
+struct Condition<'s>(Option<&'s condor_hand::message::Status<JOINTS>>);
+
+impl Display for Condition<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(status) = self.0 else {
+            return f.write_str("gone");
+        };
+        if let Some(fault) = status.fault {
+            return write!(f, "fault: {fault}");
+        }
+        let [first, ..] = status.modes;
+        if status.is_resting {
+            f.write_str("rests")
+        } else if status.modes.iter().any(|&mode| mode != first) {
+            f.write_str("in several modes")
+        } else {
+            f.write_str(match first {
+                Mode::Off => "off",
+                Mode::Tension => "by tension",
+                Mode::Torque => "by torque",
+                Mode::Position => "follows",
+                Mode::Grasp => "holds",
+            })
+        }
+    }
+}
+
+/// The joints of a finger by their names, rad.
+struct Joints<'h>(&'h condor_hand::config::Finger<JOINTS>, &'h [f64; JOINTS]);
+
+impl Display for Joints<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (joint, position) in self.0.joints.iter().zip(self.1) {
+            write!(f, " {} {position:.3}", joint.name)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,210 @@
+//! [`Drive`]: the trajectory generator, and where its set-points go.
+
+use core::cell::RefCell;
+
+use condor_hand::message::{ServoPlaces, SetPoints};
+use condor_hand::trajectory::{Generator, Observations, Primitive, SetPoint};
+use condor_host::directory;
+use condor_mbox::layout::header;
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Publisher, Region};
+use critical_section::Mutex;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::grasp::{Heard, Joints, Partner};
+use crate::{FINGERS, JOINTS, SERVED};
+
+/// All joints of the hand.
+pub(super) const ALL: usize = FINGERS * JOINTS;
+/// Processors that serve fingers.
+pub(super) const SERVOS: usize = FINGERS / SERVED;
+/// Primitives that wait in the generator; others wait in the sequence.
+const QUEUE: usize = 16;
+/// After so many ticks without a new one a measurement is none.
+const SILENT_TICKS: u32 = 3;
+
+/// A motion of the hand.
+pub(super) type Motion = Primitive<ALL>;
+
+/// Where the joints are to be, published in every tick of the trajectories.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Wanted {
+    /// Ticks of the trajectories.
+    pub ticks: u64,
+    /// A bit for each finger that does not follow: its set-points are where it is.
+    pub loose: u64,
+    /// Where the joints are to be at the next tick, rad.
+    pub position: [[f64; JOINTS]; FINGERS],
+    /// How fast they are to be there, rad/s.
+    pub velocity: [[f64; JOINTS]; FINGERS],
+}
+
+/// A life of a servo processor, by which its objects are known.
+pub(super) struct Life<W> {
+    mail: W,
+    data: Region<W>,
+    number: u32,
+    entries: usize,
+}
+
+impl<W: MemoryWindow> Life<W> {
+    /// The present one, which is known as `life`.
+    pub(super) fn new(mail: W, data: Region<W>, life: u32) -> Result<Self, AccessError> {
+        let entries = directory::entries(&data)?.count();
+        Ok(Self {
+            mail,
+            data,
+            number: life,
+            entries,
+        })
+    }
+
+    /// Whether another has begun: its program makes a new directory before anything else, and has a
+    /// new number by the time that the directory is as full again.
+    fn is_over(&self) -> bool {
+        // Acquire: what is in the directory is no older than the life.
+        let life = self.mail.load(header::LIFE, LoadOrder::Acquire);
+        let entries = directory::entries(&self.data).map(Iterator::count);
+        life.ok() != Some(self.number) || entries.ok() != Some(self.entries)
+    }
+}
+
+/// Where the set-points of a servo processor go.
+pub(super) struct Link<W> {
+    life: Life<W>,
+    points: [SetPoints<W, JOINTS>; SERVED],
+}
+
+impl<W: MemoryWindow + Clone> Link<W> {
+    pub(super) fn new(
+        life: Life<W>,
+        places: &ServoPlaces<SERVED, JOINTS>,
+    ) -> Result<Self, AccessError> {
+        let region = &life.data;
+        let points = [places.set_points(0, region)?, places.set_points(1, region)?];
+        Ok(Self { life, points })
+    }
+}
+
+/// Where a finger is served: which of the servo processors, and its place there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seat {
+    pub(super) servo: usize,
+    pub(super) place: usize,
+}
+
+/// What the loop of the trajectories works on.
+pub(super) struct Drive<'p, W> {
+    pub(super) generator: Generator<ALL, QUEUE>,
+    pub(super) links: [Option<Link<W>>; SERVOS],
+    /// A bit for each finger that does not follow.
+    pub(super) loose: u32,
+    /// Where the fingers are, of those that are measured, rad.
+    pub(super) measured: [Option<[f64; JOINTS]>; FINGERS],
+    seats: [Seat; FINGERS],
+    partners: &'p [Partner<W>; SERVOS],
+    heard: [Heard<Joints>; SERVOS],
+    publisher: Publisher<Wanted, Region<W>>,
+    ticks: u64,
+}
+
+/// A drive between handlers and the loop.
+pub(super) type Shared<'p, W> = Mutex<RefCell<Drive<'p, W>>>;
+
+impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
+    /// With all fingers loose, and no links.
+    pub(super) fn new(
+        generator: Generator<ALL, QUEUE>,
+        seats: [Seat; FINGERS],
+        partners: &'p [Partner<W>; SERVOS],
+        publisher: Publisher<Wanted, Region<W>>,
+    ) -> Self {
+        Self {
+            generator,
+            links: [const { None }; SERVOS],
+            loose: u32::MAX,
+            measured: [None; FINGERS],
+            seats,
+            partners,
+            heard: [Heard::NOTHING; SERVOS],
+            publisher,
+            ticks: 0,
+        }
+    }
+
+    /// One tick of the trajectories.
+    pub(super) fn tick(&mut self) {
+        self.measure();
+        self.hold_loose();
+        let points = self.generator.tick(&Observations::none());
+        let mut fingers = [[SetPoint::rest(0.0); JOINTS]; FINGERS];
+        for (to, from) in fingers.as_flattened_mut().iter_mut().zip(points) {
+            *to = from;
+        }
+        for (seat, points) in self.seats.iter().zip(&fingers) {
+            let Some(Some(link)) = self.links.get_mut(seat.servo) else {
+                continue;
+            };
+            if link.life.is_over() {
+                continue;
+            }
+            if let Some(cell) = link.points.get_mut(seat.place) {
+                // A servo without set-points stops by itself.
+                let _ = cell.publish(points);
+            }
+        }
+        self.ticks = self.ticks.wrapping_add(1);
+        // Who reads finds the former one.
+        let _ = self.publisher.publish(&Wanted {
+            ticks: self.ticks,
+            loose: u64::from(self.loose & ((1 << FINGERS) - 1)),
+            position: fingers.map(|finger| finger.map(|point| point.position)),
+            velocity: fingers.map(|finger| finger.map(|point| point.velocity)),
+        });
+    }
+
+    fn measure(&mut self) {
+        for (partner, heard) in self.partners.iter().zip(&mut self.heard) {
+            partner.read(heard);
+        }
+        for (seat, measured) in self.seats.iter().zip(&mut self.measured) {
+            let heard = self.heard.get(seat.servo);
+            let joints = heard.filter(|heard| heard.age <= SILENT_TICKS);
+            let position = joints
+                .and_then(|heard| heard.value)
+                .and_then(|joints| joints.position.get(seat.place).copied());
+            *measured = position.filter(|joints| joints.iter().all(|joint| joint.is_finite()));
+        }
+    }
+
+    /// The set-points of fingers that do not follow are where they are: nothing jumps when they do.
+    fn hold_loose(&mut self) {
+        let mut mask = 0;
+        let mut positions = [0.0; ALL];
+        for (finger, measured) in self.measured.iter().enumerate() {
+            let Some(joints) = measured.filter(|_| self.loose >> finger & 1 == 1) else {
+                continue;
+            };
+            let first = finger * JOINTS;
+            for (joint, position) in (first..).zip(joints) {
+                if let Some(place) = positions.get_mut(joint) {
+                    *place = position;
+                    mask |= 1 << joint;
+                }
+            }
+        }
+        // All of them are finite.
+        let _ = self.generator.hold(mask, &positions);
+    }
+}
+
+/// Does something with the drive; `None` if that is in progress already.
+pub(super) fn with<'p, W, R>(
+    shared: &Shared<'p, W>,
+    work: impl FnOnce(&mut Drive<'p, W>) -> R,
+) -> Option<R> {
+    critical_section::with(|section| {
+        let mut drive = shared.borrow(section).try_borrow_mut().ok()?;
+        Some(work(&mut drive))
+    })
+}

@@ -1,0 +1,162 @@
+//! [`Others`]: the table, and the simulated robot if there is one.
+
+use core::time::Duration;
+
+use condor_hand::config::ProcessorKind;
+use condor_host::{Machine, numbers};
+use condor_mbox::{AccessError, Exchange, PeerState, Processor, Region, Vector};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use super::words::Problem;
+use crate::desk::Desk;
+use crate::failure::Failure;
+use crate::start::{self, Post};
+use crate::{UtahMit, objects, plant, table};
+
+/// How long one of them may take to answer.
+const ANSWER: Duration = Duration::from_millis(500);
+
+type Found<M, Q, R> =
+    fn(&Region<<M as Machine>::Window>) -> Result<Option<Desk<Q, R>>, AccessError>;
+
+/// The end of who asks at a desk.
+type End<'r, 'v, M, Q, R> = Exchange<'r, Post<'v, M>, Region<<M as Machine>::Window>, Q, R>;
+
+/// A processor that answers requests at a desk.
+struct Remote<'r, 'v, M: Machine, Q, R> {
+    mailbox: &'r Post<'v, M>,
+    number: u8,
+    region: Region<M::Window>,
+    vector: Vector,
+    find: Found<M, Q, R>,
+    /// The life at whose desk it asks.
+    life: u32,
+    exchange: Option<End<'r, 'v, M, Q, R>>,
+}
+
+impl<M: Machine, Q, R> Remote<'_, '_, M, Q, R>
+where
+    Q: FromBytes + IntoBytes + Immutable,
+    R: FromBytes + IntoBytes + Immutable,
+{
+    fn ask(&mut self, request: &Q) -> Result<R, Problem<'static>> {
+        let to = Processor(self.number);
+        let absent = Problem::Absent(self.number);
+        let PeerState::Up { life, .. } = self.mailbox.peer_state(to)? else {
+            return Err(absent);
+        };
+        if self.life != life {
+            self.exchange = None;
+        }
+        if self.exchange.is_none() {
+            let desk = (self.find)(&self.region)?;
+            let Some(desk) = desk else {
+                return Err(absent);
+            };
+            self.exchange = Some(desk.client(self.mailbox, &self.region)?);
+            self.life = life;
+        }
+        match &mut self.exchange {
+            Some(exchange) => Ok(exchange.call(to, self.vector, request, ANSWER)?),
+            None => Err(absent),
+        }
+    }
+}
+
+/// What is around the fingers.
+pub(super) struct Others<'r, 'v, M: Machine> {
+    table: Option<Remote<'r, 'v, M, table::Request, table::Response>>,
+    plants: heapless::Vec<Remote<'r, 'v, M, plant::Request, plant::Response>, 8>,
+    /// The ball that is there, or would be put there: its centre and radius (m), and mass (kg).
+    pub(super) ball: Ball,
+}
+
+/// A ball, in the axes of the palm.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ball {
+    pub(super) center: [f64; 3],
+    pub(super) radius: f64,
+    pub(super) mass: f64,
+}
+
+/// Between the tips of all fingers, after the motion `grasp`.
+const BALL: Ball = Ball {
+    center: [0.085, 0.004, -0.0625],
+    radius: 0.02,
+    mass: 0.05,
+};
+
+impl<'r, 'v, M: Machine> Others<'r, 'v, M> {
+    pub(super) fn new(
+        machine: &M,
+        hand: &UtahMit,
+        mailbox: &'r Post<'v, M>,
+    ) -> Result<Self, Failure> {
+        let mut processors = hand.processors.iter();
+        let table = processors.find(|it| it.kind == ProcessorKind::Table);
+        let table = match table {
+            Some(processor) => Some(Remote {
+                mailbox,
+                number: processor.number,
+                region: start::users(machine, processor.number)?,
+                vector: table::TABLE,
+                find: objects::table::<M::Window> as Found<M, _, _>,
+                life: 0,
+                exchange: None,
+            }),
+            None => None,
+        };
+        let mut plants = heapless::Vec::new();
+        for number in numbers::PROGRAMS.filter(|&number| number != machine.number().0) {
+            // There are as many places as numbers of programs.
+            let _ = plants.push(Remote {
+                mailbox,
+                number,
+                region: start::users(machine, number)?,
+                vector: plant::PLANT,
+                find: objects::plant::<M::Window> as Found<M, _, _>,
+                life: 0,
+                exchange: None,
+            });
+        }
+        Ok(Self {
+            table,
+            plants,
+            ball: BALL,
+        })
+    }
+
+    /// Asks the table, which tells its state.
+    pub(super) fn table(
+        &mut self,
+        request: &table::Request,
+    ) -> Result<table::State, Problem<'static>> {
+        let table = self.table.as_mut().ok_or(Problem::NoTable)?;
+        let response = table.ask(request)?;
+        match table::Refusal::from_number(response.refusal) {
+            Some(refusal) => Err(Problem::Table(refusal)),
+            None if response.refusal != 0 => Err(Problem::Answer(response.refusal)),
+            None => {
+                table::State::from_number(response.state).ok_or(Problem::Answer(response.state))
+            }
+        }
+    }
+
+    /// Asks the simulated robot.
+    pub(super) fn plant(&mut self, request: &plant::Request) -> Result<(), Problem<'static>> {
+        for plant in &mut self.plants {
+            match plant.ask(request) {
+                Err(Problem::Absent(_)) => {}
+                Err(error) => return Err(error),
+                Ok(response) => {
+                    return match plant::Refusal::from_number(response.refusal) {
+                        Some(refusal) => Err(Problem::Plant(refusal)),
+                        None if response.refusal != 0 => Err(Problem::Answer(response.refusal)),
+                        None => Ok(()),
+                    };
+                }
+            }
+        }
+        Err(Problem::NoPlant)
+    }
+}

@@ -1,0 +1,184 @@
+//! [`Player`]: the motion that runs, and the one that is recorded.
+
+use core::fmt::Arguments;
+
+use condor_hand::trajectory::image::ImageError;
+use condor_hand::trajectory::{Happening, Limits, Target};
+
+use super::drive::{ALL, Motion, Shared, with};
+use super::sequence::Sequence;
+use super::words::{NAME_BYTES, Problem};
+use crate::{FINGERS, JOINTS};
+
+pub(super) type Title = heapless::String<NAME_BYTES>;
+
+/// The motion that runs, and the one that is recorded or loaded.
+pub(super) struct Player {
+    limits: [Limits<f64>; ALL],
+    running: Sequence,
+    /// Its name, while it runs.
+    title: Option<Title>,
+    /// The number of the first motion that the generator does not have yet.
+    next: u32,
+    count: u32,
+    /// What is recorded, or was loaded.
+    pub(super) kept: Sequence,
+    /// The name that it was given.
+    pub(super) kept_title: Title,
+    pub(super) is_recording: bool,
+    is_held: bool,
+}
+
+impl Player {
+    pub(super) const fn new(limits: &[Limits<f64>; ALL]) -> Self {
+        Self {
+            limits: *limits,
+            running: Sequence::new(),
+            title: None,
+            next: 0,
+            count: 0,
+            kept: Sequence::new(),
+            kept_title: Title::new(),
+            is_recording: false,
+            is_held: false,
+        }
+    }
+
+    /// The name of the motion that runs.
+    pub(super) fn title(&self) -> Option<&str> {
+        self.title.as_deref()
+    }
+
+    /// How many of its motions the generator has taken, of how many.
+    pub(super) const fn progress(&self) -> (u32, u32) {
+        (self.next, self.count)
+    }
+
+    /// Forgets what runs.
+    pub(super) fn stop(&mut self) {
+        self.title = None;
+        (self.next, self.count) = (0, 0);
+    }
+
+    /// Room for a motion that is to run; give it to [`begin`](Self::begin) then.
+    pub(super) fn room(&mut self) -> &mut Sequence {
+        self.stop();
+        &mut self.running
+    }
+
+    /// The kept sequence is to run.
+    pub(super) fn take_kept(&mut self) {
+        self.stop();
+        self.running.copy(&self.kept);
+    }
+
+    /// The fingers that the sequence which is to run moves, a bit for each.
+    ///
+    /// # Errors
+    /// A guard that nobody sees, a target or via point beyond the limits, no motion.
+    pub(super) fn fingers(&self) -> Result<u32, Problem<'static>> {
+        let motions = self.running.motions().map_err(Problem::Recording)?;
+        let mut fingers = 0;
+        for (number, motion) in (1..).zip(motions.iter()) {
+            for guards in [&motion.start, &motion.stop] {
+                if guards.torque.is_some() || guards.tension.is_some() || guards.contact {
+                    return Err(Problem::Guard(number));
+                }
+            }
+            for (joint, limits) in self.limits.iter().enumerate() {
+                if motion.mask >> joint & 1 == 0 {
+                    continue;
+                }
+                fingers |= 1 << (joint / JOINTS);
+                let Some(&Target::Absolute(target)) = motion.targets.get(joint) else {
+                    continue;
+                };
+                let vias = motion
+                    .vias
+                    .iter()
+                    .filter_map(|via| via.positions.get(joint));
+                for &value in vias.chain([&target]) {
+                    if !(limits.low <= value && value <= limits.high) {
+                        let (low, high) = (limits.low, limits.high);
+                        return Err(Problem::Beyond {
+                            number,
+                            joint,
+                            value,
+                            low,
+                            high,
+                        });
+                    }
+                }
+            }
+        }
+        if fingers == 0 {
+            return Err(Problem::Nothing);
+        }
+        Ok(fingers & ((1 << FINGERS) - 1))
+    }
+
+    /// Runs the sequence that is there.
+    pub(super) fn begin(&mut self, title: &str) -> Result<(), ImageError> {
+        let motions = self.running.motions()?;
+        self.count = motions.len();
+        if self.is_recording {
+            for motion in motions.iter() {
+                self.kept.push(&motion)?;
+            }
+        }
+        let mut name = Title::new();
+        // Names are short enough.
+        let _ = name.push_str(title);
+        self.title = Some(name);
+        self.next = 0;
+        self.is_held = false;
+        Ok(())
+    }
+
+    /// Keeps a motion that was accepted, if that is to be recorded.
+    pub(super) fn record(&mut self, motion: &Motion) -> Result<(), ImageError> {
+        if self.is_recording {
+            self.kept.push(motion)?;
+        }
+        Ok(())
+    }
+
+    /// Gives the generator what it has room for, and says what has happened.
+    pub(super) fn play<W>(&mut self, shared: &Shared<'_, W>, mut say: impl FnMut(Arguments<'_>)) {
+        if self.title.is_some() && self.next < self.count {
+            let fed = with(shared, |drive| {
+                self.running.feed(self.next, &mut drive.generator)
+            });
+            match fed {
+                None => {}
+                Some(Ok(next)) => self.next = next,
+                Some(Err(error)) => {
+                    let number = self.next + 1;
+                    say(format_args!("motion {number} cannot be: {error}; stopped"));
+                    with(shared, |drive| drive.generator.abort());
+                    self.stop();
+                }
+            }
+        }
+        while let Some(Some(event)) = with(shared, |drive| drive.generator.take_event()) {
+            if let Happening::Refused(error) = event.happening {
+                say(format_args!("a motion cannot be from here: {error}"));
+            }
+        }
+        let state = with(shared, |drive| {
+            (drive.generator.is_idle(), drive.generator.is_held())
+        });
+        let (is_idle, is_held) = state.unwrap_or((false, self.is_held));
+        if is_held && !self.is_held {
+            say(format_args!("waits: `resume` goes on"));
+        }
+        self.is_held = is_held;
+        if is_idle
+            && self.next >= self.count
+            && let Some(title) = self.title.take()
+        {
+            say(format_args!("{title} is done"));
+            self.stop();
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! [`Sequence`]: a sequence of motions in memory, and [`Store`]: in files.
+
+use condor_fs::{Errno, Error as FileError, FileSystem, OpenOptions};
+use condor_hand::trajectory::image::{ImageError, Motions, append};
+use condor_hand::trajectory::{Generator, PrimitiveError};
+use condor_host::Machine;
+
+use super::drive::{ALL, Motion};
+use super::words::{Path, Problem};
+use crate::start::Post;
+
+/// Bytes of a sequence of motions, at most.
+pub const MOTION_BYTES: usize = 8192;
+/// Where the sequences are.
+const DIRECTORY: &str = "motions";
+/// How their names end.
+const SUFFIX: &str = ".motion";
+
+/// A sequence of motions as the bytes of its image; nothing at first.
+pub(super) struct Sequence {
+    bytes: [u8; MOTION_BYTES],
+    len: usize,
+}
+
+impl Sequence {
+    pub(super) const fn new() -> Self {
+        Self {
+            bytes: [0; MOTION_BYTES],
+            len: 0,
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    fn bytes(&self) -> &[u8] {
+        self.bytes.get(..self.len).unwrap_or(&[])
+    }
+
+    pub(super) fn copy(&mut self, from: &Self) {
+        *self = Self {
+            bytes: from.bytes,
+            len: from.len,
+        };
+    }
+
+    /// The motions, if there are any.
+    pub(super) fn motions(&self) -> Result<Motions<'_, ALL>, ImageError> {
+        Motions::new(self.bytes())
+    }
+
+    pub(super) fn push(&mut self, motion: &Motion) -> Result<(), ImageError> {
+        self.len = append(motion, &mut self.bytes, self.len)?;
+        Ok(())
+    }
+
+    /// Gives `generator` as many motions from the number `next` on as it takes, and says which is
+    /// the next one then.
+    pub(super) fn feed<const Q: usize>(
+        &self,
+        next: u32,
+        generator: &mut Generator<ALL, Q>,
+    ) -> Result<u32, PrimitiveError> {
+        let Ok(motions) = self.motions() else {
+            return Ok(next);
+        };
+        let mut fed = next;
+        for motion in motions.iter().skip(next as usize) {
+            match generator.enqueue(motion) {
+                Ok(_) => fed += 1,
+                Err(PrimitiveError::Full { .. }) => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(fed)
+    }
+}
+
+pub(super) type Files<'r, 'v, M> = FileSystem<'r, Post<'v, M>, <M as Machine>::Window, 1>;
+
+/// The sequences in files.
+pub(super) struct Store<'r, 'v, M: Machine>(pub(super) Files<'r, 'v, M>);
+
+impl<M: Machine> Store<'_, '_, M> {
+    /// Reads a sequence, which is checked.
+    pub(super) fn load(&self, name: &str, into: &mut Sequence) -> Result<(), Problem<'static>> {
+        let path = path(name, SUFFIX);
+        into.clear();
+        let mut len = 0;
+        let mut read = || {
+            let mut file = self.0.open(&path, OpenOptions::new().read())?;
+            while let Some(rest) = into.bytes.get_mut(len..).filter(|rest| !rest.is_empty()) {
+                match file.read(rest)? {
+                    0 => break,
+                    read => len += read,
+                }
+            }
+            file.close()
+        };
+        let outcome: Result<(), FileError> = read();
+        if let Err(error) = outcome {
+            return Err(Problem::File { name: path, error });
+        }
+        into.len = len;
+        if let Err(error) = into.motions() {
+            into.clear();
+            return Err(Problem::Image { name: path, error });
+        }
+        Ok(())
+    }
+
+    /// Writes a sequence: under another name first, so that a name never has half of one.
+    pub(super) fn save(&self, name: &str, from: &Sequence) -> Result<(), Problem<'static>> {
+        let (path, half) = (path(name, SUFFIX), path(name, ".half"));
+        let write = || {
+            match self.0.make_directory(DIRECTORY) {
+                Err(error) if error.errno() != Some(Errno::EXIST) => return Err(error),
+                _ => {}
+            }
+            let options = OpenOptions::new().write().create().truncate();
+            let mut file = self.0.open(&half, options)?;
+            let mut rest = from.bytes();
+            while !rest.is_empty() {
+                rest = match file.write(rest)? {
+                    0 => return Err(Errno::IO.into()),
+                    count => rest.get(count..).unwrap_or(&[]),
+                };
+            }
+            file.sync()?;
+            file.close()?;
+            self.0.rename(&half, &path)
+        };
+        let outcome: Result<(), FileError> = write();
+        outcome.map_err(|error| Problem::File { name: path, error })
+    }
+
+    /// The names of all sequences.
+    pub(super) fn list(&self, mut each: impl FnMut(&str)) -> Result<(), Problem<'static>> {
+        let mut list = || {
+            let mut directory = self.0.open_directory(DIRECTORY)?;
+            let mut name = [0; 255];
+            while let Some(entry) = directory.next(&mut name)? {
+                let name = core::str::from_utf8(entry.name).unwrap_or("");
+                if let Some(name) = name.strip_suffix(SUFFIX) {
+                    each(name);
+                }
+            }
+            directory.close()
+        };
+        let outcome: Result<(), FileError> = list();
+        outcome.map_err(|error| {
+            let mut name = Path::new();
+            // There is room.
+            let _ = name.push_str(DIRECTORY);
+            Problem::File { name, error }
+        })
+    }
+}
+
+/// The path of a sequence; names are short enough.
+fn path(name: &str, suffix: &str) -> Path {
+    let mut path = Path::new();
+    for part in [DIRECTORY, "/", name, suffix] {
+        let _ = path.push_str(part);
+    }
+    path
+}

@@ -1,0 +1,214 @@
+//! [`Words`]: what was typed, and [`Problem`]: why it is not done.
+
+use condor_fs::Error as FileError;
+use condor_hand::config::Name;
+use condor_hand::message::ClientError;
+use condor_hand::tendon::fault::Fault;
+use condor_hand::trajectory::image::ImageError;
+use condor_hand::trajectory::{PrimitiveError, TrajectoryError};
+use condor_mbox::{AccessError, ExchangeError};
+use thiserror::Error;
+
+use crate::UtahMit;
+use crate::grasp::Reason;
+use crate::{JOINTS, plant, table};
+
+/// Why a command is not done.
+#[derive(Debug, Error)]
+pub(super) enum Problem<'l> {
+    #[error("there is no command {0:?}; `help` lists them")]
+    Command(&'l str),
+    #[error("{0} is missing")]
+    Missing(&'static str),
+    #[error("{word:?} is not {what}")]
+    Not { word: &'l str, what: &'static str },
+    #[error("{0:?} is one word too many")]
+    TooMany(&'l str),
+    #[error("no finger is called {0:?}; `status` shows all")]
+    Finger(&'l str),
+    #[error("no joint is called {0:?}; `status` shows all")]
+    Joint(&'l str),
+    #[error("{0:?} is no name of a motion: letters, digits, - and _, at most {max}", max = NAME_BYTES)]
+    Name(&'l str),
+    #[error("the law has no gain {0:?}; `gains FINGER.JOINT` shows all")]
+    Gain(&'l str),
+    #[error("{0} is not enabled: `enable` takes it up where it is")]
+    NotEnabled(Name),
+    #[error("{0} is held by a grasp: `release` first")]
+    InGrasp(Name),
+    #[error("nobody measures {0}")]
+    NotMeasured(Name),
+    #[error("{finger} has a fault: {fault}")]
+    Fault { finger: Name, fault: Fault },
+    #[error("{0} still rests after its fault; try again")]
+    Resting(Name),
+    #[error("a motion is running: `abort` it first")]
+    Running,
+    #[error("nothing is recorded or loaded")]
+    Nothing,
+    #[error("motion {0} has a guard of torque, tension or contact, which the master does not see")]
+    Guard(u32),
+    #[error(
+        "motion {number}: joint {joint} would go to {value} rad; it may be in {low}..={high} rad"
+    )]
+    Beyond {
+        number: u32,
+        joint: usize,
+        value: f64,
+        low: f64,
+        high: f64,
+    },
+    #[error("processor {0} does not run the program that is asked")]
+    Absent(u8),
+    #[error("no processor simulates the robot")]
+    NoPlant,
+    #[error("the configuration has no table")]
+    NoTable,
+    #[error("the robot refused: {0:?}")]
+    Plant(plant::Refusal),
+    #[error("the table refused: {0:?}")]
+    Table(table::Refusal),
+    #[error("an answer with the number {0}, which is none")]
+    Answer(u32),
+    #[error("processor {processor} does not hold: {reason}", reason = .reason.as_str())]
+    Grasp { processor: u8, reason: Reason },
+    #[error("{name}: {error}")]
+    File { name: Path, error: FileError },
+    #[error("{name}: {error}")]
+    Image { name: Path, error: ImageError },
+    #[error("the recording: {0}")]
+    Recording(ImageError),
+    #[error(transparent)]
+    Primitive(#[from] PrimitiveError),
+    #[error(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    #[error(transparent)]
+    Client(#[from] ClientError),
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    #[error(transparent)]
+    Mailbox(#[from] condor_mbox::Error),
+}
+
+/// The longest name of a motion.
+pub(super) const NAME_BYTES: usize = 24;
+
+/// The path of a file.
+pub(super) type Path = heapless::String<48>;
+
+/// The words of a line, one after another.
+pub(super) struct Words<'l>(core::str::SplitWhitespace<'l>);
+
+impl<'l> Words<'l> {
+    pub(super) fn of(line: &'l str) -> Self {
+        Self(line.split_whitespace())
+    }
+
+    pub(super) fn next(&mut self) -> Option<&'l str> {
+        self.0.next()
+    }
+
+    /// The words that are left, without taking them.
+    pub(super) fn peek(&self) -> core::str::SplitWhitespace<'l> {
+        self.0.clone()
+    }
+
+    /// The next word, which says `what`.
+    pub(super) fn word(&mut self, what: &'static str) -> Result<&'l str, Problem<'l>> {
+        self.0.next().ok_or(Problem::Missing(what))
+    }
+
+    /// The next word as a finite number.
+    pub(super) fn number(&mut self, what: &'static str) -> Result<f64, Problem<'l>> {
+        let word = self.word(what)?;
+        number(word, what)
+    }
+
+    /// The next word, if there is one, as a finite number above zero.
+    pub(super) fn positive(&mut self, what: &'static str) -> Result<Option<f64>, Problem<'l>> {
+        let Some(word) = self.0.next() else {
+            return Ok(None);
+        };
+        match number(word, what)? {
+            value if value > 0.0 => Ok(Some(value)),
+            _ => Err(Problem::Not { word, what }),
+        }
+    }
+
+    /// The next word as the name of a motion.
+    pub(super) fn name(&mut self) -> Result<&'l str, Problem<'l>> {
+        let word = self.word("the name of a motion")?;
+        let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
+        if word.len() <= NAME_BYTES && word.bytes().all(is_plain) {
+            Ok(word)
+        } else {
+            Err(Problem::Name(word))
+        }
+    }
+
+    /// The next word as a finger of the hand, from 0.
+    pub(super) fn finger(&mut self, hand: &UtahMit) -> Result<Option<usize>, Problem<'l>> {
+        let Some(word) = self.0.next() else {
+            return Ok(None);
+        };
+        let mut fingers = hand.fingers.iter();
+        let found = fingers.position(|finger| finger.name == word);
+        found.map(Some).ok_or(Problem::Finger(word))
+    }
+
+    /// The next word as FINGER.JOINT: both from 0.
+    pub(super) fn joint(&mut self, hand: &UtahMit) -> Result<(usize, usize), Problem<'l>> {
+        let word = self.word("FINGER.JOINT")?;
+        let found = word.split_once('.').and_then(|(finger, joint)| {
+            let index = hand.fingers.iter().position(|it| it.name == finger)?;
+            let mut joints = hand.fingers.get(index)?.joints.iter().take(JOINTS);
+            Some((index, joints.position(|it| it.name == joint)?))
+        });
+        found.ok_or(Problem::Joint(word))
+    }
+
+    /// There must be no more words.
+    pub(super) fn end(&mut self) -> Result<(), Problem<'l>> {
+        match self.0.next() {
+            None => Ok(()),
+            Some(word) => Err(Problem::TooMany(word)),
+        }
+    }
+}
+
+fn number<'l>(word: &'l str, what: &'static str) -> Result<f64, Problem<'l>> {
+    let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
+    value.ok_or(Problem::Not { word, what })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::string::ToString;
+
+    use super::*;
+
+    #[test]
+    fn words_are_what_they_are_asked_for() {
+        let mut words = Words::of("  0.5 1e400 0 wave a/b  ");
+        let half = words.number("a position, rad").unwrap();
+        assert_eq!(half.to_bits(), 0.5_f64.to_bits());
+        assert_eq!(
+            words.number("a position, rad").unwrap_err().to_string(),
+            "\"1e400\" is not a position, rad"
+        );
+        assert_eq!(
+            words
+                .positive("a time, s, above 0")
+                .unwrap_err()
+                .to_string(),
+            "\"0\" is not a time, s, above 0"
+        );
+        assert_eq!(words.name().unwrap(), "wave");
+        assert!(matches!(words.name(), Err(Problem::Name("a/b"))));
+        assert!(words.end().is_ok());
+        assert!(words.positive("a time, s, above 0").unwrap().is_none());
+        assert!(matches!(words.word("it"), Err(Problem::Missing("it"))));
+    }
+}

@@ -1,0 +1,310 @@
+//! The motions that ship, typed at the master's terminal, in virtual time.
+
+#![cfg(feature = "sim")]
+
+mod typist;
+
+use typist::{FIRST, MASTER, Typist, run};
+
+/// What a run of all motions shows.
+#[derive(Debug, PartialEq)]
+struct Seen {
+    peaks: Vec<(&'static str, f64)>,
+    wanted: Vec<[[u64; 4]; 4]>,
+    is: Vec<[[u64; 4]; 4]>,
+    counts: Vec<(u8, u32, u32)>,
+    shown: String,
+}
+
+const SHIPPED: [&str; 7] = [
+    "open", "fist", "pinch", "tripod", "counting", "wave", "grasp",
+];
+
+fn bits(all: &[[[f64; 4]; 4]]) -> Vec<[[u64; 4]; 4]> {
+    let one = |posture: &[[f64; 4]; 4]| posture.map(|finger| finger.map(f64::to_bits));
+    all.iter().map(one).collect()
+}
+
+fn all_motions(typist: &mut Typist<'_>) -> Seen {
+    typist.begin();
+    typist.types("enable");
+    typist.wait(1.5);
+    let peaks = SHIPPED.map(|name| (name, typist.runs(name))).to_vec();
+    Seen {
+        peaks,
+        wanted: bits(&typist.wanted),
+        is: bits(&typist.is),
+        counts: typist.counts(),
+        shown: typist.says("status"),
+    }
+}
+
+#[test]
+fn every_motion_that_ships_is_tracked_and_two_runs_are_the_same() {
+    let first = run(all_motions);
+    println!("{:?}\n{:?}\n{}", first.peaks, first.counts, first.shown);
+    for (name, peak_deg) in &first.peaks {
+        assert!((0.02..2.5).contains(peak_deg), "{name}: {peak_deg} deg");
+    }
+    for (number, runs, skips) in &first.counts {
+        assert!(*runs > 500, "{number} ran {runs} times");
+        assert_eq!(*skips, 0, "{number}");
+    }
+    assert!(first.wanted.len() > 500);
+    assert!(first == run(all_motions), "two runs differ");
+}
+
+fn enabled(typist: &mut Typist<'_>) {
+    typist.begin();
+    assert_eq!(typist.says("enable"), "");
+    typist.wait(1.0);
+}
+
+/// The set-points of the sequence in memory, from where its first motion ends, 0.9 s.
+fn replayed(typist: &mut Typist<'_>) -> Vec<[[f64; 4]; 4]> {
+    typist.wanted.clear();
+    typist.shown.clear();
+    typist.types("run");
+    typist.expect("mine is done", 10.0);
+    let still = typist.wanted[0];
+    let begin = typist.wanted.iter().position(|it| *it != still).unwrap();
+    typist.wanted.split_off(begin + 45)
+}
+
+#[test]
+fn a_motion_is_saved_and_replayed_by_the_next_life_of_the_master() {
+    run(|typist| {
+        enabled(typist);
+        assert_eq!(typist.says("record mine"), "");
+        typist.runs("open");
+        typist.runs("pinch");
+        assert_eq!(typist.says("to ring.middle 0.9 0.5"), "");
+        typist.wait(0.5);
+        assert_eq!(typist.says("save"), "mine: 3 motions saved\n");
+        let before = replayed(typist);
+        typist.restart(MASTER);
+        typist.begin();
+        // The fingers gave up when set-points stayed away.
+        assert!(typist.says("status").contains("fault"));
+        assert_eq!(
+            typist.says("load mine"),
+            "mine: 3 motions; `run` runs them\n"
+        );
+        assert_eq!(
+            typist.says("run"),
+            "index is not enabled: `enable` takes it up where it is\n"
+        );
+        typist.types("enable");
+        typist.wait(4.0);
+        let after = replayed(typist);
+        assert!(before.len() > 60, "{}", before.len());
+        assert_eq!(bits(&before), bits(&after));
+        let moved = before[0][2][2] - before[before.len() - 1][2][2];
+        assert!(moved.abs() > 0.5, "{moved}");
+    });
+}
+
+#[test]
+fn a_ball_is_held_with_the_stiffness_that_was_typed() {
+    run(|typist| {
+        enabled(typist);
+        typist.runs("open");
+        typist.runs("grasp");
+        assert_eq!(typist.says("ball"), "");
+        assert_eq!(typist.says("grasp 150"), "");
+        typist.wait(2.0);
+        assert_eq!(typist.says("letgo 1"), "");
+        typist.wait(3.0);
+        assert!(typist.says("status").contains("holds"));
+        let held = typist.truth();
+        assert_eq!(held.touching, 0b1111);
+        for (axis, push) in ["push 0.2 0 0", "push 0 0.2 0", "push 0 0 0.2"]
+            .iter()
+            .enumerate()
+        {
+            let before = typist.truth().ball;
+            assert_eq!(typist.says(push), "");
+            typist.wait(5.0);
+            let after = typist.truth();
+            let moved: [f64; 3] = std::array::from_fn(|axis| after.ball[axis] - before[axis]);
+            let stiffness = 0.2 / moved[axis];
+            println!(
+                "{push}: {stiffness:.2} N/m, {moved:?}, sliding {}",
+                after.sliding
+            );
+            assert!(
+                (stiffness / 150.0 - 1.0).abs() < 0.05,
+                "{stiffness} N/m along {axis}"
+            );
+            assert_eq!(after.touching, 0b1111);
+            typist.says("push 0 0 0");
+            typist.wait(4.0);
+        }
+        typist.says("ball none");
+        assert_eq!(typist.says("release"), "");
+        typist.wait(0.5);
+        assert!(typist.says("status").contains("index  follows"));
+        for (number, _, skips) in typist.counts() {
+            assert_eq!(skips, 0, "{number}");
+        }
+    });
+}
+
+#[test]
+fn a_processor_that_restarts_and_a_finger_that_fails_are_said_and_taken_up_again() {
+    run(|typist| {
+        enabled(typist);
+        typist.runs("open");
+        typist.shown.clear();
+        typist.types("run counting");
+        typist.wait(0.5);
+        typist.restart(FIRST);
+        typist.wait(1.0);
+        for said in [
+            "processor 1 is gone: index and middle are out of control",
+            "all motion stops",
+            "processor 1 was restarted: `enable` takes up index and middle where they are",
+        ] {
+            assert!(typist.shown.contains(said), "{said}: {}", typist.shown);
+        }
+        let status = typist.says("status");
+        assert!(status.contains("index  off"), "{status}");
+        assert!(status.contains("thumb  follows"), "{status}");
+        assert!(status.contains("no motion"), "{status}");
+        assert_eq!(
+            typist.says("run fist"),
+            "index is not enabled: `enable` takes it up where it is\n"
+        );
+        assert_eq!(typist.says("enable"), "");
+        let peak = typist.runs("open");
+        assert!(peak < 2.5, "{peak} deg");
+
+        typist.shown.clear();
+        typist.types("fault index.proximal flexor");
+        typist.expect("index gave up: ", 5.0);
+        assert!(typist.says("status").contains("index  fault"));
+        assert_eq!(typist.says("clear"), "");
+        typist.types("enable index");
+        typist.wait(4.0);
+        assert!(typist.says("status").contains("index  follows"));
+        assert!(typist.runs("fist") < 2.5);
+    });
+}
+
+#[test]
+fn commands_do_what_they_say_and_errors_name_the_value() {
+    run(|typist| {
+        typist.begin();
+        assert!(typist.says("help").contains("enable [FINGER]"));
+        for (line, said) in [
+            (
+                "dance",
+                "there is no command \"dance\"; `help` lists them\n",
+            ),
+            (
+                "enable pinky",
+                "no finger is called \"pinky\"; `status` shows all\n",
+            ),
+            (
+                "to index.elbow 1",
+                "no joint is called \"index.elbow\"; `status` shows all\n",
+            ),
+            ("to index.middle", "a position, rad is missing\n"),
+            ("to index.middle far", "\"far\" is not a position, rad\n"),
+            ("to index.middle 1 0", "\"0\" is not a time above 0, s\n"),
+            ("pause now", "\"now\" is one word too many\n"),
+            ("status now", "\"now\" is one word too many\n"),
+            ("run", "nothing is recorded or loaded\n"),
+            (
+                "run ../x",
+                "\"../x\" is no name of a motion: letters, digits, - and _, at most 24\n",
+            ),
+            (
+                "grasp",
+                "index is not enabled: `enable` takes it up where it is\n",
+            ),
+            ("push 1 2", "a force, N is missing\n"),
+            ("push 1 2 3", "the robot refused: NoBall\n"),
+            ("resume", ""),
+        ] {
+            assert_eq!(typist.says(line), said, "{line}");
+        }
+        assert!(
+            typist
+                .says("run dance")
+                .starts_with("motions/dance.motion: ")
+        );
+        let names = typist.says("motions");
+        for name in SHIPPED {
+            assert!(names.lines().any(|line| line == name), "{names}");
+        }
+    });
+}
+
+#[test]
+fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
+    run(|typist| {
+        typist.begin();
+        assert_eq!(typist.says("enable thumb"), "");
+        assert!(
+            typist
+                .says("to thumb.middle 7 1")
+                .contains("would go to 7 rad")
+        );
+        assert_eq!(typist.says("to thumb.middle 1 0.4"), "");
+        typist.wait(0.5);
+        let middle = typist.truth().position[3][2];
+        assert!((middle - 1.0).abs() < 0.01, "{middle}");
+        let gains = typist.says("gains thumb.middle");
+        assert!(
+            gains.starts_with("bandwidth 10 damping 1 torque 0 "),
+            "{gains}"
+        );
+        assert_eq!(
+            typist.says("gains thumb.middle bandwidth 12.5 flexor.kt 0.5"),
+            ""
+        );
+        let gains = typist.says("gains thumb.middle");
+        assert!(
+            gains.starts_with("bandwidth 12.5 damping 1 torque 0 flexor.kt 0.5"),
+            "{gains}"
+        );
+        assert_eq!(
+            typist.says("gains thumb.middle kp 1"),
+            "the law has no gain \"kp\"; `gains FINGER.JOINT` shows all\n"
+        );
+        assert!(typist.says("gains thumb.middle damping -1").contains("-1"));
+        // A stop on the way, and on.
+        typist.types("to thumb.middle 0.3 1.0");
+        typist.wait(0.3);
+        typist.types("pause");
+        typist.wait(0.4);
+        let paused = typist.truth().position[3][2];
+        typist.wait(0.5);
+        assert!((typist.truth().position[3][2] - paused).abs() < 0.01);
+        assert!((0.35..0.99).contains(&paused), "{paused}");
+        typist.types("resume");
+        typist.wait(1.2);
+        assert!((typist.truth().position[3][2] - 0.3).abs() < 0.01);
+        assert_eq!(typist.says("disable"), "");
+        assert!(typist.says("status").contains("thumb  off"));
+        assert!(
+            typist
+                .says("table 0.05 0 0")
+                .contains("the table refused: NotReady")
+        );
+        assert!(typist.says("table home").starts_with("table: "));
+        typist.wait(8.0);
+        assert!(
+            typist
+                .says("table 0.05 0.0 -0.02 0.5")
+                .starts_with("table: Ready")
+        );
+        typist.wait(3.0);
+        let table = typist.truth().table;
+        assert!(
+            (table[0] - 0.05).abs() < 1e-3 && (table[2] + 0.02).abs() < 1e-3,
+            "{table:?}"
+        );
+    });
+}

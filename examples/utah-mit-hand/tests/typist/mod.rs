@@ -1,0 +1,409 @@
+//! The whole system of the hand in virtual time, with somebody who types at the master's terminal.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Duration;
+
+use condor_dev::linux::{Access, LinuxBus};
+use condor_fs::server::{Options, Server};
+use condor_host::sim::{Bell, Processor as Simulated, System, Uninterrupted};
+use condor_host::{Machine, PROCESSORS, Program, directory, loops, numbers};
+use condor_mbox::linux::LinuxWindow;
+use condor_mbox::{Call, Mailbox, PeerState, Processor, Region, Waiting, Windows};
+use condor_tty::layout::{ALIGNMENT, reply};
+use condor_tty::{Reader, Vectors};
+use utah_mit_hand::compile::{compile_motions, joint_names};
+use utah_mit_hand::master::{Master, Wanted};
+use utah_mit_hand::plant::{Plant, Truth};
+use utah_mit_hand::servo::Servo;
+use utah_mit_hand::table::Table;
+use utah_mit_hand::{FINGERS, Failure, IMAGE, JOINTS, UtahMit, boards, objects};
+
+pub(crate) const MASTER: Processor = Processor(0);
+pub(crate) const FIRST: Processor = Processor(1);
+pub(crate) const SECOND: Processor = Processor(2);
+pub(crate) const TABLE: Processor = Processor(3);
+pub(crate) const PLANT: Processor = Processor(4);
+const ALL: [Processor; 5] = [MASTER, FIRST, SECOND, TABLE, PLANT];
+
+const WINDOW_BYTES: u32 = 262_144;
+const STEP_NS: u64 = 500_000;
+const SOON: Duration = Duration::from_secs(2);
+const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+
+pub(crate) fn hand() -> UtahMit {
+    UtahMit::from_toml(HAND, "utah-mit.toml").unwrap()
+}
+
+/// Where the motions that ship are written.
+pub(crate) fn motions() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("motions")
+}
+
+type Post<'v> = Mailbox<'v, LinuxWindow, Bell, Uninterrupted, PROCESSORS>;
+
+/// Who types, and sees everything.
+pub(crate) struct Typist<'m> {
+    machine: &'m Simulated<LinuxBus>,
+    mailbox: &'m Post<'m>,
+    ends: &'m [AtomicU64; PROCESSORS],
+    reader: Option<Reader<LinuxWindow>>,
+    /// What the master's terminal has shown.
+    pub(crate) shown: String,
+    former: Option<Wanted>,
+    /// The set-points of all joints, at each tick of the trajectories.
+    pub(crate) wanted: Vec<[[f64; JOINTS]; FINGERS]>,
+    /// The true positions at the same ticks.
+    pub(crate) is: Vec<[[f64; JOINTS]; FINGERS]>,
+    /// The largest distance of a joint that follows from where it was to be, rad.
+    pub(crate) peak_rad: f64,
+    next_ns: u64,
+}
+
+/// Runs the system, with a script for who types; the system ends when the script does.
+pub(crate) fn run<R: Send>(script: impl FnOnce(&mut Typist<'_>) -> R + Send) -> R {
+    let files = tempfile::tempdir().unwrap();
+    let hand = hand();
+    let mut image = vec![0; 16384];
+    let len = hand.to_image(&mut image).unwrap();
+    std::fs::write(files.path().join(IMAGE), &image[..len]).unwrap();
+    compile_motions(
+        &motions(),
+        &files.path().join("motions"),
+        &joint_names(&hand),
+    )
+    .unwrap();
+    let memory = tempfile::tempfile().unwrap();
+    memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
+    let bytes = boards::address::BUS_BYTES;
+    let bus = LinuxBus::map(&memory, 0, 0, bytes, Access::ReadWrite).unwrap();
+    let server = Server::new(files.path(), Options::default()).unwrap();
+    let ends: [AtomicU64; PROCESSORS] = std::array::from_fn(|_| AtomicU64::new(u64::MAX));
+    let found = Mutex::new(None);
+
+    let mut system = System::with_bus(WINDOW_BYTES, bus).unwrap();
+    let serving = |machine: &Simulated<LinuxBus>| serve_files(machine, &server, &ends);
+    system.host(numbers::FILES, serving).unwrap();
+    let lives = &ends;
+    system
+        .host(MASTER, move |machine| live(machine, &Master, lives))
+        .unwrap();
+    for number in [FIRST, SECOND] {
+        system
+            .host(number, move |machine| live(machine, &Servo, lives))
+            .unwrap();
+    }
+    system
+        .host(TABLE, move |machine| live(machine, &Table, lives))
+        .unwrap();
+    system
+        .host(PLANT, move |machine| live(machine, &Plant, lives))
+        .unwrap();
+    system
+        .host(numbers::TERMINALS, |machine| {
+            let mut mailbox = Mailbox::new(
+                numbers::TERMINALS,
+                machine.windows(),
+                machine.doorbell(),
+                machine.exclusion(),
+            )?;
+            mailbox.set_waiting(machine.waiting());
+            mailbox.join()?;
+            let mut typist = Typist {
+                machine,
+                mailbox: &mailbox,
+                ends: &ends,
+                reader: None,
+                shown: String::new(),
+                former: None,
+                wanted: Vec::new(),
+                is: Vec::new(),
+                peak_rad: 0.0,
+                next_ns: STEP_NS,
+            };
+            let result = script(&mut typist);
+            *found.lock().unwrap() = Some(result);
+            // Zero: for good.
+            for end in &ends {
+                end.store(0, Relaxed);
+            }
+            Ok::<_, condor_mbox::Error>(())
+        })
+        .unwrap();
+    system.run().unwrap();
+    found.into_inner().unwrap().unwrap()
+}
+
+/// Runs a program, and another life of it after each end that was not the last.
+fn live(
+    machine: &Simulated<LinuxBus>,
+    program: &impl Program<Error = Failure>,
+    ends: &[AtomicU64; PROCESSORS],
+) -> Result<(), Failure> {
+    let end = &ends[machine.number().index()];
+    let ending = Ending { machine, end };
+    while !machine.is_stopping() {
+        program.run(&ending)?;
+        if end.load(Relaxed) == 0 {
+            break;
+        }
+        end.store(u64::MAX, Relaxed);
+        // As long as a process takes to come up.
+        machine.work(200_000_000);
+    }
+    Ok(())
+}
+
+fn serve_files(
+    machine: &Simulated<LinuxBus>,
+    server: &Server,
+    ends: &[AtomicU64; PROCESSORS],
+) -> Result<(), condor_mbox::Error> {
+    let windows = machine.windows();
+    let handler = |call: &Call<'_>| server.answer(call, &windows);
+    let mut mailbox = Mailbox::new(
+        numbers::FILES,
+        windows.clone(),
+        machine.doorbell(),
+        machine.exclusion(),
+    )?;
+    mailbox.set_waiting(machine.waiting());
+    mailbox.set_vector(condor_fs::wire::FILES, &handler, "files")?;
+    mailbox.join()?;
+    while !machine.is_stopping() && ends[numbers::FILES.index()].load(Relaxed) != 0 {
+        mailbox.serve(Duration::from_millis(20))?;
+    }
+    Ok(())
+}
+
+impl Typist<'_> {
+    pub(crate) fn region(&self, number: Processor) -> Region<LinuxWindow> {
+        let data = self.machine.windows()[number.index()].data.clone();
+        Region::users(data).unwrap()
+    }
+
+    pub(crate) fn truth(&self) -> Truth {
+        let region = self.region(PLANT);
+        let cell = objects::truth(&region).unwrap().unwrap();
+        cell.subscriber(&region).unwrap().read().unwrap().value
+    }
+
+    fn look(&mut self) {
+        let region = self.region(MASTER);
+        let Ok(Some(cell)) = objects::wanted(&region) else {
+            return;
+        };
+        let Ok(latest) = cell.subscriber(&region).unwrap().read() else {
+            return;
+        };
+        let wanted = latest.value;
+        if self
+            .former
+            .is_some_and(|former| former.ticks == wanted.ticks)
+        {
+            return;
+        }
+        self.wanted.push(wanted.position);
+        if let Some(cell) = objects::truth(&self.region(PLANT)).unwrap()
+            && let Ok(truth) = cell.subscriber(&self.region(PLANT)).unwrap().read()
+        {
+            let is = truth.value.position;
+            self.is.push(is);
+            if let Some(former) = self.former {
+                let loose = former.loose | wanted.loose;
+                for (finger, (is, wanted)) in is.iter().zip(&former.position).enumerate() {
+                    for (is, wanted) in is.iter().zip(wanted) {
+                        if loose >> finger & 1 == 0 {
+                            self.peak_rad = self.peak_rad.max((is - wanted).abs());
+                        }
+                    }
+                }
+            }
+        }
+        self.former = Some(wanted);
+    }
+
+    fn fetch(&mut self) {
+        if self.reader.is_none() {
+            let region = self.region(MASTER);
+            let Some(entry) = directory::find(&region, "console").unwrap() else {
+                return;
+            };
+            self.reader = Reader::attach(region, entry.offset, numbers::TERMINALS).ok();
+        }
+        let mut bytes = [0; 1024];
+        while let Some(reader) = &mut self.reader {
+            match reader.fetch(&mut bytes) {
+                Ok(fetched) if fetched.len > 0 => {
+                    let text = String::from_utf8_lossy(&bytes[..fetched.len]);
+                    self.shown += &text.replace('\r', "");
+                    reader.acknowledge(fetched.len).unwrap();
+                }
+                Ok(_) => break,
+                // Another life.
+                Err(_) => self.reader = None,
+            }
+        }
+    }
+
+    pub(crate) fn wait(&mut self, seconds: f64) {
+        let end = self.machine.now() + Duration::from_secs_f64(seconds).as_nanos() as u64;
+        while self.machine.now() < end {
+            while self.machine.now() < self.next_ns {
+                let left = Duration::from_nanos(self.next_ns - self.machine.now());
+                self.mailbox.serve(left).unwrap();
+            }
+            self.next_ns += STEP_NS;
+            self.look();
+            self.fetch();
+        }
+    }
+
+    /// Waits until the terminal shows a text, after what was waited for before.
+    pub(crate) fn expect(&mut self, text: &str, seconds: f64) {
+        let end = self.machine.now() + Duration::from_secs_f64(seconds).as_nanos() as u64;
+        while !self.shown.contains(text) {
+            assert!(
+                self.machine.now() < end,
+                "no {text:?} within {seconds} s:\n{}",
+                self.shown
+            );
+            self.wait(0.01);
+        }
+    }
+
+    /// Types a line.
+    pub(crate) fn types(&mut self, line: &str) {
+        let region = self.region(MASTER);
+        let entry = directory::find(&region, "console").unwrap().unwrap();
+        for character in line.bytes().chain([b'\n']) {
+            let data = (entry.offset / ALIGNMENT) << 8 | u32::from(character);
+            loop {
+                let (to, vector) = (MASTER, Vectors::DEFAULT.input);
+                let accepted = self.mailbox.send_with_reply(to, vector, data, SOON);
+                match accepted.unwrap() {
+                    reply::ACCEPTED => break,
+                    reply::FULL => self.wait(0.01),
+                    other => panic!("{other}"),
+                }
+            }
+        }
+    }
+
+    /// Types a line, and gives what is said within a moment.
+    pub(crate) fn says(&mut self, line: &str) -> String {
+        self.shown.clear();
+        self.types(line);
+        self.wait(0.3);
+        let shown = std::mem::take(&mut self.shown);
+        let echo = format!("{line}\n");
+        shown.strip_prefix(&echo).unwrap_or(&shown).to_owned()
+    }
+
+    /// Waits until all processors are there.
+    pub(crate) fn begin(&mut self) {
+        self.expect("processor 1 serves index and middle", 5.0);
+        self.expect("processor 2 serves ring and thumb", 5.0);
+        self.wait(0.3);
+        self.shown.clear();
+    }
+
+    /// Runs a motion to its end; gives the largest error of tracking, degrees.
+    pub(crate) fn runs(&mut self, name: &str) -> f64 {
+        self.shown.clear();
+        self.peak_rad = 0.0;
+        self.types(&format!("run {name}"));
+        self.expect(&format!("{name} is done\n"), 20.0);
+        self.peak_rad.to_degrees()
+    }
+
+    /// Ends the present life of a program; the next one begins by itself.
+    pub(crate) fn restart(&mut self, number: Processor) {
+        let life = |state| match state {
+            PeerState::Up { life, .. } => Some(life),
+            _ => None,
+        };
+        let before = life(self.mailbox.peer_state(number).unwrap());
+        self.ends[number.index()].store(1, Relaxed);
+        loop {
+            self.wait(0.02);
+            let now = life(self.mailbox.peer_state(number).unwrap());
+            if now.is_some() && now != before {
+                return;
+            }
+        }
+    }
+
+    /// Processor, runs and skips of each loop.
+    pub(crate) fn counts(&self) -> Vec<(u8, u32, u32)> {
+        let mut all = Vec::new();
+        for number in ALL {
+            let region = self.region(number);
+            let entry = directory::find(&region, "loops").unwrap().unwrap();
+            let (_, counts) = loops::read(&region, &entry, 0).unwrap().unwrap();
+            all.push((number.0, counts.run, counts.skipped));
+        }
+        all
+    }
+}
+
+/// A machine whose program can be ended.
+struct Ending<'m> {
+    machine: &'m Simulated<LinuxBus>,
+    end: &'m AtomicU64,
+}
+
+impl Machine for Ending<'_> {
+    type Window = LinuxWindow;
+    type Doorbell = Bell;
+    type Exclusion = Uninterrupted;
+    type Platform = <Simulated<LinuxBus> as Machine>::Platform;
+    type Bus = LinuxBus;
+    type Error = <Simulated<LinuxBus> as Machine>::Error;
+
+    fn number(&self) -> Processor {
+        self.machine.number()
+    }
+
+    fn windows(&self) -> [Windows<LinuxWindow>; PROCESSORS] {
+        self.machine.windows()
+    }
+
+    fn doorbell(&self) -> Bell {
+        self.machine.doorbell()
+    }
+
+    fn exclusion(&self) -> Uninterrupted {
+        self.machine.exclusion()
+    }
+
+    fn platform(&self) -> Self::Platform {
+        self.machine.platform()
+    }
+
+    fn bus(&self) -> LinuxBus {
+        self.machine.bus()
+    }
+
+    fn waiting(&self) -> Waiting {
+        self.machine.waiting()
+    }
+
+    fn argument(&self, index: usize) -> Option<&str> {
+        self.machine.argument(index)
+    }
+
+    fn is_stopping(&self) -> bool {
+        self.machine.is_stopping() || self.machine.now() >= self.end.load(Relaxed)
+    }
+
+    fn with_timer<R>(
+        &self,
+        platform: &Self::Platform,
+        handler: impl Fn() + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, Self::Error> {
+        self.machine.with_timer(platform, handler, background)
+    }
+}
