@@ -9,3 +9,17 @@ pub mod numbers;
 
 pub use machine::{Machine, Program};
 pub use numbers::PROCESSORS;
+
+// The program `condor`.
+#[cfg(feature = "program")]
+pub mod cli;
+#[cfg(feature = "program")]
+pub mod control;
+#[cfg(feature = "program")]
+pub mod description;
+#[cfg(feature = "program")]
+pub mod services;
+#[cfg(feature = "program")]
+pub mod supervisor;
+#[cfg(feature = "program")]
+pub mod system;

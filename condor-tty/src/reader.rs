@@ -398,6 +398,18 @@ impl<W: MemoryWindow> Reader<W> {
         self.offset
     }
 
+    /// The life of the terminal that this host is attached to.
+    #[must_use]
+    pub const fn life(&self) -> u32 {
+        self.life
+    }
+
+    /// Bytes of this life's output that have been acknowledged or were overwritten; wraps.
+    #[must_use]
+    pub const fn position(&self) -> u32 {
+        self.tail
+    }
+
     /// Bytes of the ring.
     #[must_use]
     pub const fn capacity(&self) -> u32 {

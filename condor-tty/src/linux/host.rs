@@ -95,9 +95,10 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
         offset: u32,
         to: Processor,
         me: Processor,
-        sink: S,
+        mut sink: S,
     ) -> Result<Self, HostError> {
         let reader = Reader::attach(region.clone(), offset, me)?;
+        sink.attached(reader.life(), reader.position());
         Ok(Self {
             region,
             reader,
@@ -170,6 +171,8 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
                 self.begin = 0;
                 self.end = 0;
                 self.sink.restarted();
+                self.sink
+                    .attached(self.reader.life(), self.reader.position());
                 Ok(())
             }
             // The processor is at it.

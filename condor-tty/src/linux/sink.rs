@@ -33,6 +33,14 @@ pub trait Sink {
 
     /// What was offered and not taken will not be offered again: the terminal has begun a new life.
     fn restarted(&mut self) {}
+
+    /// The host has attached to the terminal in its present `life`; what is offered next begins at
+    /// byte `position` of that life's output, which wraps, and
+    /// [`overwritten`](Self::overwritten) moves it on. For a sink that outlives its host: what it
+    /// took last may not have been acknowledged, and then is offered again.
+    fn attached(&mut self, life: u32, position: u32) {
+        let _ = (life, position);
+    }
 }
 
 impl<S: Sink + ?Sized> Sink for Box<S> {
@@ -50,6 +58,10 @@ impl<S: Sink + ?Sized> Sink for Box<S> {
 
     fn restarted(&mut self) {
         (**self).restarted();
+    }
+
+    fn attached(&mut self, life: u32, position: u32) {
+        (**self).attached(life, position);
     }
 }
 
@@ -109,6 +121,11 @@ impl<A: Sink, B: Sink> Sink for Tee<A, B> {
         self.ahead = [0, 0];
         self.first.restarted();
         self.second.restarted();
+    }
+
+    fn attached(&mut self, life: u32, position: u32) {
+        self.first.attached(life, position);
+        self.second.attached(life, position);
     }
 }
 

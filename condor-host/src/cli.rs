@@ -1,0 +1,194 @@
+//! The command line of `condor`, and of programs that are `condor` with programs of their own.
+//!
+//! A package with programs for its processors has one binary, which is all of them:
+//!
+//! ```no_run
+//! use std::process::ExitCode;
+//! use condor_host::cli::{self, ProgramError, Programs};
+//!
+//! struct Hand;
+//!
+//! impl Programs for Hand {
+//!     fn names(&self) -> &[&'static str] {
+//!         &["servo"]
+//!     }
+//!
+//!     fn run(&self, _name: &str, _arguments: &[String]) -> Result<(), ProgramError> {
+//!         Ok(()) // Here the program runs until it is told to end.
+//!     }
+//! }
+//!
+//! fn main() -> ExitCode {
+//!     cli::main(&Hand)
+//! }
+//! ```
+
+mod requests;
+mod service;
+mod up;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args, CommandFactory, Parser, Subcommand};
+
+use crate::description::Description;
+use crate::system::Directory;
+
+/// Why a program of one's own failed.
+pub type ProgramError = Box<dyn core::error::Error>;
+
+/// The programs that a binary has beside `condor`.
+pub trait Programs: Sync {
+    /// Their names: what may follow `program = "self"` as the first argument.
+    fn names(&self) -> &[&'static str];
+
+    /// Runs one of them, in the process that a supervisor started for it.
+    ///
+    /// # Errors
+    /// Why it failed.
+    fn run(&self, name: &str, arguments: &[String]) -> Result<(), ProgramError>;
+
+    /// The description of the system that is meant when none is named.
+    fn description(&self) -> Option<PathBuf> {
+        None
+    }
+
+    /// Writes what is to be said of the system in `directory` before its programs are stopped, at
+    /// the end of a run without user interface.
+    ///
+    /// # Errors
+    /// Why it cannot be said.
+    fn summarize(&self, directory: &Directory) -> Result<(), ProgramError> {
+        let _ = directory;
+        Ok(())
+    }
+}
+
+/// No programs: those of a system are files.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoPrograms;
+
+impl Programs for NoPrograms {
+    fn names(&self) -> &[&'static str] {
+        &[]
+    }
+
+    fn run(&self, name: &str, _: &[String]) -> Result<(), ProgramError> {
+        Err(format!("this program has no program `{name}` of its own").into())
+    }
+}
+
+/// Brings up a robot whose processors share memory with this machine, and looks after it.
+#[derive(Debug, Parser)]
+#[command(name = "condor", version, args_conflicts_with_subcommands = true)]
+struct Line {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    up: up::How,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Checks the description of a system, and explains every mistake
+    Check {
+        /// The description
+        file: Option<PathBuf>,
+    },
+    /// Brings a system up
+    Up(up::Up),
+    /// Stops the program of a processor, or a service
+    Stop(requests::One),
+    /// Starts the program of a processor that was stopped
+    Start(requests::One),
+    /// Stops a processor, and starts it with another program
+    Load(requests::Load),
+    /// Ends a running system
+    Down(Which),
+    /// Shows what happened in a running system
+    Log(requests::Log),
+    #[command(hide = true, subcommand)]
+    Service(service::Service),
+    #[command(hide = true, disable_help_flag = true)]
+    Program {
+        name: String,
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<String>,
+    },
+}
+
+/// Which of the running systems is meant.
+#[derive(Debug, Args)]
+pub(crate) struct Which {
+    /// The name of the system, if several are running
+    #[arg(long, value_name = "NAME")]
+    pub(crate) system: Option<String>,
+}
+
+/// What a command failed of; it is shown to people.
+type AnyError = ProgramError;
+
+/// Runs what the arguments of this process say, and gives its exit status: 0 for success, 1 for
+/// failure, 2 for arguments that cannot be understood.
+pub fn main(programs: &dyn Programs) -> ExitCode {
+    // It exits by itself, with 2, if they cannot be understood.
+    let line = Line::parse();
+    match run(line, programs) {
+        Ok(status) => status,
+        Err(error) => {
+            eprintln!("condor: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
+    match line.command {
+        None if programs.description().is_none() => {
+            Line::command().print_help()?;
+            return Ok(ExitCode::from(2));
+        }
+        None => return up::run(None, &line.up, programs),
+        Some(Command::Check { file }) => check(&description(file, programs), programs)?,
+        Some(Command::Up(up)) => return up::run(up.file, &up.how, programs),
+        Some(Command::Stop(one)) => requests::stop(one)?,
+        Some(Command::Start(one)) => requests::start(one)?,
+        Some(Command::Load(load)) => requests::load(load)?,
+        Some(Command::Down(which)) => requests::down(&which)?,
+        Some(Command::Log(log)) => requests::log(&log)?,
+        Some(Command::Service(service)) => service.run()?,
+        Some(Command::Program { name, arguments }) => programs.run(&name, &arguments)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The description that is meant.
+fn description(file: Option<PathBuf>, programs: &dyn Programs) -> PathBuf {
+    file.or_else(|| programs.description())
+        .unwrap_or_else(|| "condor.toml".into())
+}
+
+fn check(file: &Path, programs: &dyn Programs) -> Result<(), AnyError> {
+    match Description::read(file, programs.names()) {
+        Ok(description) => {
+            let count = description.processors.len();
+            println!(
+                "{}: `{}` is right: {count} processors",
+                file.display(),
+                description.name
+            );
+            Ok(())
+        }
+        Err(mistakes) => {
+            let count = mistakes.0.len();
+            println!("{mistakes}");
+            Err(format!(
+                "{} has {count} mistake{}",
+                file.display(),
+                if count == 1 { "" } else { "s" }
+            )
+            .into())
+        }
+    }
+}

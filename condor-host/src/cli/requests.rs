@@ -1,0 +1,100 @@
+//! Commands that ask the supervisor of a running system.
+
+use clap::Args;
+
+use super::{AnyError, Which};
+use crate::control::{Client, Request};
+use crate::system;
+
+#[derive(Debug, Args)]
+pub(super) struct One {
+    /// The name or the number of the processor, or the name of a service
+    processor: String,
+    #[command(flatten)]
+    which: Which,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Load {
+    /// The name or the number of the processor
+    processor: String,
+    /// The program, as in a description; the same as before if there is none
+    program: Option<String>,
+    /// What the program is given
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    arguments: Vec<String>,
+    #[command(flatten)]
+    which: Which,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Log {
+    /// Goes on with what happens from now on, until the system ends
+    #[arg(short, long)]
+    follow: bool,
+    /// How many of the last lines are shown
+    #[arg(short = 'n', long, default_value_t = 50)]
+    lines: usize,
+    /// Each line as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    which: Which,
+}
+
+fn client(which: &Which) -> Result<Client, AnyError> {
+    Ok(Client::connect(&system::find(which.system.as_deref())?)?)
+}
+
+pub(super) fn stop(one: One) -> Result<(), AnyError> {
+    let processor = one.processor;
+    client(&one.which)?.ask(&Request::Stop { processor })?;
+    Ok(())
+}
+
+pub(super) fn start(one: One) -> Result<(), AnyError> {
+    let processor = one.processor;
+    client(&one.which)?.ask(&Request::Start { processor })?;
+    Ok(())
+}
+
+pub(super) fn load(load: Load) -> Result<(), AnyError> {
+    client(&load.which)?.ask(&Request::Load {
+        processor: load.processor,
+        program: load.program,
+        arguments: load.arguments,
+    })?;
+    Ok(())
+}
+
+pub(super) fn down(which: &Which) -> Result<(), AnyError> {
+    Ok(client(which)?.down()?)
+}
+
+pub(super) fn log(log: &Log) -> Result<(), AnyError> {
+    let mut client = client(&log.which)?;
+    // Asked for first: what happens in between is told twice rather than never.
+    let events = log
+        .follow
+        .then(|| self::client(&log.which)?.events().map_err(AnyError::from));
+    let lines = client.ask(&Request::Log { lines: log.lines })?.lines;
+    for line in lines.unwrap_or_default() {
+        if log.json {
+            println!("{}", serde_json::json!({ "line": line }));
+        } else {
+            println!("{line}");
+        }
+    }
+    let Some(events) = events else {
+        return Ok(());
+    };
+    for event in events? {
+        let event = event?;
+        if log.json {
+            println!("{}", serde_json::to_string(&event)?);
+        } else {
+            println!("{event}");
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,165 @@
+//! The description of a system: a TOML file that says which programs run on which processors.
+//!
+//! | key | is | default |
+//! |---|---|---|
+//! | `name` | the name of the system, which its running directory has, too | |
+//! | `window_bytes` | users' memory of each processor, a multiple of 4096 | |
+//! | `hand` | the file with the robot's configuration, compiled to `hand.image` among the files served | none |
+//! | `[bus]` `bytes` | the size of the file that all programs map as their bus, a multiple of 4096 | no bus |
+//! | `[files]` `root` | the directory that is served, made if there is none | nothing is served |
+//! | `[files]` `read_only`, `quota_bytes`, `max_file_bytes` | what the programs may do there | everything |
+//! | `[terminals]` `replay_bytes` | how much of a terminal's past who attaches is shown | 65536 |
+//! | `[[processors]]` | the programs, in the order in which they are started | |
+//!
+//! | key of a processor | is | default |
+//! |---|---|---|
+//! | `number` | 0 to 7 | |
+//! | `name` | what commands call it | |
+//! | `program` | `"self"` for one of the program's own, or a file | |
+//! | `arguments` | what the program is given | `[]` |
+//! | `kind` | what the processor is: `"process"` of this machine | `"process"` |
+//! | `loops` | how servo loops are released: `"signals"` or `"spin"` | `"signals"` |
+//! | `cpu` | the CPU that the process keeps to | any |
+//! | `priority` | of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
+//! | `on_failure` | `"restart"`, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
+//! | `restarts` | restarts in a minute after which it has failed for good | 10 |
+//! | `stall_seconds` | how long a heart may stand still before that is a failure; 0: for ever | 5 |
+//!
+//! Paths are relative to the description. A program is looked for there, then beside the running
+//! program, then in `PATH`.
+
+mod check;
+mod mistake;
+mod read;
+mod tree;
+
+use std::path::PathBuf;
+
+pub(crate) use check::find_program;
+pub use mistake::{Mistake, Mistakes, Problem};
+
+/// A system that passed every check.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    /// The file that it was read from.
+    pub file: PathBuf,
+    /// What the system is called.
+    pub name: String,
+    /// Users' memory of each processor, in bytes.
+    pub window_bytes: u32,
+    /// The configuration of the robot.
+    pub hand: Option<PathBuf>,
+    /// The bus on which the boards are.
+    pub bus: Option<Bus>,
+    /// What the file service serves.
+    pub files: Option<Files>,
+    /// How terminals are shown.
+    pub terminals: Terminals,
+    /// The processors, in the order in which they are started.
+    pub processors: Vec<Processor>,
+}
+
+/// A file that all programs map as their bus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bus {
+    /// Its size in bytes.
+    pub bytes: u32,
+}
+
+/// What the file service serves.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Files {
+    /// The directory.
+    pub root: PathBuf,
+    /// Whether nothing in it can be changed.
+    pub read_only: bool,
+    /// The most bytes that all files together may have.
+    pub quota_bytes: Option<u64>,
+    /// The most bytes that one file may have.
+    pub max_file_bytes: Option<u64>,
+}
+
+/// How terminals are shown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Terminals {
+    /// How many bytes of a terminal's past who attaches is shown.
+    pub replay_bytes: u32,
+}
+
+/// A processor and its program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Processor {
+    /// Its number, 0 to 7.
+    pub number: u8,
+    /// What commands call it.
+    pub name: String,
+    /// What runs on it.
+    pub program: Program,
+    /// What the program is given.
+    pub arguments: Vec<String>,
+    /// What the processor is.
+    pub kind: Kind,
+    /// How its servo loops are released.
+    pub loops: Loops,
+    /// The CPU that it keeps to.
+    pub cpu: Option<u32>,
+    /// Its priority of `SCHED_FIFO`, 1 to 99.
+    pub priority: Option<u8>,
+    /// What follows when its program fails.
+    pub on_failure: OnFailure,
+    /// Restarts in a minute after which it has failed for good.
+    pub restarts: u32,
+    /// Seconds that its heart may stand still before that is a failure; 0: for ever.
+    pub stall_seconds: u32,
+}
+
+/// What runs on a processor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Program {
+    /// One of the running program's own, named by the first argument.
+    Own,
+    /// The program in this file.
+    File(PathBuf),
+}
+
+/// What a processor is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Kind {
+    /// A process of this machine.
+    Process,
+}
+
+/// How servo loops are released.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Loops {
+    /// By a timer's signal.
+    Signals,
+    /// By a thread that looks at the clock all the time.
+    Spin,
+}
+
+impl Loops {
+    /// As the description and `CONDOR_LOOPS` say it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Signals => "signals",
+            Self::Spin => "spin",
+        }
+    }
+}
+
+/// What follows when a program fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum OnFailure {
+    /// It is started again.
+    Restart,
+    /// The whole system is stopped.
+    Stop,
+    /// Nothing.
+    Leave,
+}

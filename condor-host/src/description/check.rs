@@ -1,0 +1,148 @@
+//! Whether what a description names is there, and goes together.
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use super::Program;
+use super::mistake::{Problem, nearest};
+use super::read::{Found, beside};
+use super::tree::{At, Text};
+use crate::numbers::PROGRAMS;
+
+/// Where the description stands, and what `"self"` can be.
+pub(super) struct Own<'o> {
+    pub(super) file: &'o Path,
+    pub(super) names: &'o [&'static str],
+}
+
+/// What a command would take for a processor.
+const SERVICES: [&str; 3] = ["files", "terminals", "supervisor"];
+
+pub(super) fn processors(text: &Text<'_>, all: &[Found]) {
+    for (index, one) in all.iter().enumerate() {
+        let above = all.get(..index).unwrap_or_default();
+        if let Some(name) = &one.name {
+            if SERVICES.contains(&name.value.as_str()) {
+                let name_ = name.value.clone();
+                text.wrong(&name.span, Problem::ServiceName { name: name_ });
+            }
+            let mut others = above.iter().filter_map(|other| other.name.as_ref());
+            if let Some(other) = others.find(|other| other.value == name.value) {
+                let line = text.line(other.span.start);
+                let problem = Problem::DuplicateName {
+                    name: name.value.clone(),
+                    line,
+                };
+                text.wrong(&name.span, problem);
+            }
+        }
+        if let Some(number) = &one.number {
+            let mut others = above.iter().filter_map(|other| other.number.as_ref());
+            if let Some(other) = others.find(|other| other.value == number.value) {
+                let taken = |free: &u8| {
+                    let mut numbers = all.iter().filter_map(|one| one.number.as_ref());
+                    numbers.any(|number| number.value == *free)
+                };
+                let problem = Problem::DuplicateNumber {
+                    number: number.value,
+                    line: text.line(other.span.start),
+                    free: PROGRAMS.filter(|number| !taken(number)).collect(),
+                };
+                text.wrong(&number.span, problem);
+            }
+        }
+    }
+}
+
+pub(super) fn program(
+    text: &Text<'_>,
+    program: &At<String>,
+    arguments: Option<&At<Vec<String>>>,
+    own: &Own<'_>,
+) -> Option<Program> {
+    if program.value != "self" {
+        return match find_program(own.file, &program.value) {
+            Ok(path) => Some(Program::File(path)),
+            Err(problem) => {
+                text.wrong(&program.span, problem);
+                None
+            }
+        };
+    }
+    let known = own.names.to_vec();
+    let first = arguments.and_then(|arguments| arguments.value.first());
+    let Some(word) = first else {
+        text.wrong(&program.span, Problem::WhichOwnProgram { known });
+        return None;
+    };
+    if !own.names.contains(&word.as_str()) {
+        let problem = Problem::NoOwnProgram {
+            word: word.clone(),
+            nearest: nearest(word, &known),
+            known,
+        };
+        let span = arguments.map_or(&program.span, |arguments| &arguments.span);
+        text.wrong(span, problem);
+        return None;
+    }
+    Some(Program::Own)
+}
+
+/// The file of a program: relative to the description in `file`, else beside the running program,
+/// else in `PATH`.
+///
+/// # Errors
+/// [`Problem::NoProgram`], [`Problem::NotExecutable`].
+pub(crate) fn find_program(file: &Path, name: &str) -> Result<PathBuf, Problem> {
+    let mut looked = vec![beside(file, name)];
+    if let Ok(own) = std::env::current_exe() {
+        looked.push(own.with_file_name(name));
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let in_path = std::env::split_paths(&path).map(|directory| directory.join(name));
+    // A name with a slash is a path, and not looked for.
+    let in_path = in_path.filter(|_| !name.contains('/'));
+    for place in looked.iter().cloned().chain(in_path) {
+        if let Ok(metadata) = std::fs::metadata(&place) {
+            if metadata.is_file() && metadata.permissions().mode() & 0o111 != 0 {
+                return Ok(place);
+            }
+            return Err(Problem::NotExecutable { path: place });
+        }
+    }
+    Err(Problem::NoProgram {
+        program: name.into(),
+        looked,
+    })
+}
+
+/// The directory that is served; one that is not there yet will be made.
+pub(super) fn directory(text: &Text<'_>, root: &At<String>, own: &Own<'_>) -> PathBuf {
+    let path = beside(own.file, &root.value);
+    if std::fs::metadata(&path).is_ok_and(|metadata| !metadata.is_dir()) {
+        let path = path.clone();
+        text.wrong(&root.span, Problem::NoDirectory { path });
+    }
+    path
+}
+
+/// The configuration of the robot, which must be right, too.
+pub(super) fn hand(text: &Text<'_>, hand: &At<String>, own: &Own<'_>, files: bool) -> PathBuf {
+    let path = beside(own.file, &hand.value);
+    match std::fs::read_to_string(&path) {
+        Ok(content) => {
+            let name = path.to_string_lossy();
+            if let Err(error) = crate::supervisor::image::read(&content, &name) {
+                text.wrong(&hand.span, Problem::Hand(error));
+            }
+        }
+        Err(source) => {
+            let path = path.clone();
+            text.wrong(&hand.span, Problem::NoHand { path, source });
+        }
+    }
+    if !files {
+        text.wrong(&hand.span, Problem::HandWithoutFiles);
+    }
+    path
+}

@@ -1,0 +1,226 @@
+//! From the text to a [`Description`].
+
+use std::path::{Path, PathBuf};
+
+use toml::de::DeTable;
+
+use super::check::{self, Own};
+use super::mistake::{Mistake, Mistakes, Problem};
+use super::tree::{At, Table, Text};
+use super::{Bus, Description, Files, Kind, Loops, OnFailure, Processor, Program, Terminals};
+use crate::numbers::PROGRAMS;
+
+const PAGE: i64 = 4096;
+const MOST_BYTES: i64 = 1 << 30;
+/// Names become those of files and of sockets, whose paths are short.
+const LONGEST: usize = 32;
+
+impl Description {
+    /// Reads and checks the description in `file`; `own` are the names of the programs that
+    /// `"self"` can be.
+    ///
+    /// # Errors
+    /// Every mistake that there is.
+    pub fn read(file: impl AsRef<Path>, own: &[&'static str]) -> Result<Self, Mistakes> {
+        let file = file.as_ref();
+        let name = file.to_string_lossy();
+        let text = std::fs::read_to_string(file).map_err(|error| {
+            let problem = Problem::Unreadable(error);
+            Mistakes(vec![Mistake::at(&name, "", &(0..0), problem)])
+        })?;
+        Self::from_toml(&text, file, own)
+    }
+
+    /// As [`read`](Self::read), of a text that stands in `file`.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn from_toml(text: &str, file: &Path, own: &[&'static str]) -> Result<Self, Mistakes> {
+        let name = file.to_string_lossy();
+        let text = Text::new(&name, text);
+        let (table, errors) = DeTable::parse_recoverable(text.text);
+        for error in errors {
+            let problem = Problem::Syntax(error.message().into());
+            text.wrong(&error.span().unwrap_or_default(), problem);
+        }
+        let top = Table::new(&text, table.get_ref(), 0..0);
+        let description = system(&text, top, &Own { file, names: own });
+        // A value is missing only where something was found to be wrong.
+        match description {
+            Some(description) if text.is_right() => Ok(description),
+            _ => Err(text.into_mistakes()),
+        }
+    }
+}
+
+fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Description> {
+    let name = name(text, &mut top);
+    let window_bytes = top.number("window_bytes", PAGE..=MOST_BYTES, PAGE);
+    let hand = top.optional_text("hand", "the path of the hand's configuration");
+    let bus = top.table("bus").map(bus);
+    let files = top.table("files").map(|table| files(text, table, own));
+    let terminals = top.table("terminals").map(terminals);
+    let expected = "`[[processors]]`, a table for each processor";
+    let processors: Vec<_> = top
+        .tables("processors", expected)
+        .into_iter()
+        .map(|table| processor(text, table, own))
+        .collect();
+    top.finish();
+    check::processors(text, &processors);
+    let hand = hand.map(|hand| check::hand(text, &hand, own, files.is_some()));
+    Some(Description {
+        file: own.file.into(),
+        name: name?.value,
+        window_bytes: u32::try_from(window_bytes?.value).ok()?,
+        hand,
+        bus: match bus {
+            Some(bus) => Some(bus?),
+            None => None,
+        },
+        files: match files {
+            Some(files) => Some(files?),
+            None => None,
+        },
+        terminals: terminals.unwrap_or(Terminals {
+            replay_bytes: 64 * 1024,
+        }),
+        processors: processors
+            .into_iter()
+            .map(Found::whole)
+            .collect::<Option<_>>()?,
+    })
+}
+
+fn name(text: &Text<'_>, table: &mut Table<'_, '_>) -> Option<At<String>> {
+    let name = table.text("name", "a name in quotes")?;
+    let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    let len = name.value.len();
+    if (1..=LONGEST).contains(&len) && name.value.chars().all(allowed) {
+        return Some(name);
+    }
+    let problem = Problem::BadName {
+        name: name.value,
+        longest: LONGEST,
+    };
+    text.wrong(&name.span, problem);
+    None
+}
+
+fn bus(mut table: Table<'_, '_>) -> Option<Bus> {
+    let bytes = table.number("bytes", PAGE..=MOST_BYTES, PAGE);
+    table.finish();
+    Some(Bus {
+        bytes: u32::try_from(bytes?.value).ok()?,
+    })
+}
+
+fn files(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Option<Files> {
+    let root = table.text("root", "the path of the directory that is served");
+    let read_only = table.boolean("read_only").unwrap_or(false);
+    let quota_bytes = table.optional_number("quota_bytes", 0..=i64::MAX);
+    let max_file_bytes = table.optional_number("max_file_bytes", 0..=i64::MAX);
+    table.finish();
+    Some(Files {
+        root: check::directory(text, &root?, own),
+        read_only,
+        quota_bytes: quota_bytes.map(i64::unsigned_abs),
+        max_file_bytes: max_file_bytes.map(i64::unsigned_abs),
+    })
+}
+
+fn terminals(mut table: Table<'_, '_>) -> Terminals {
+    let bytes = table.optional_number("replay_bytes", 0..=MOST_BYTES);
+    table.finish();
+    let replay_bytes = bytes.and_then(|bytes| u32::try_from(bytes).ok());
+    Terminals {
+        replay_bytes: replay_bytes.unwrap_or(64 * 1024),
+    }
+}
+
+/// A processor, of which some may be missing.
+pub(super) struct Found {
+    pub(super) number: Option<At<u8>>,
+    pub(super) name: Option<At<String>>,
+    program: Option<Program>,
+    arguments: Vec<String>,
+    kind: Kind,
+    loops: Loops,
+    cpu: Option<u32>,
+    priority: Option<u8>,
+    on_failure: OnFailure,
+    restarts: u32,
+    stall_seconds: u32,
+}
+
+impl Found {
+    fn whole(self) -> Option<Processor> {
+        Some(Processor {
+            number: self.number?.value,
+            name: self.name?.value,
+            program: self.program?,
+            arguments: self.arguments,
+            kind: self.kind,
+            loops: self.loops,
+            cpu: self.cpu,
+            priority: self.priority,
+            on_failure: self.on_failure,
+            restarts: self.restarts,
+            stall_seconds: self.stall_seconds,
+        })
+    }
+}
+
+fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found {
+    let range = i64::from(*PROGRAMS.start())..=i64::from(*PROGRAMS.end());
+    let number = table.number("number", range, 1).and_then(|number| {
+        let value = u8::try_from(number.value).ok()?;
+        let span = number.span;
+        Some(At { value, span })
+    });
+    let name = name(text, &mut table);
+    let program = table.text("program", "\"self\", or the path of a program");
+    let arguments = table.texts("arguments");
+    let kind = table.word("kind", &[("process", Kind::Process)]);
+    let loops = table.word(
+        "loops",
+        &[("signals", Loops::Signals), ("spin", Loops::Spin)],
+    );
+    let cpu = table.optional_number("cpu", 0..=1023);
+    let priority = table.optional_number("priority", 1..=99);
+    let on_failure = table.word(
+        "on_failure",
+        &[
+            ("restart", OnFailure::Restart),
+            ("stop", OnFailure::Stop),
+            ("leave", OnFailure::Leave),
+        ],
+    );
+    let restarts = table.optional_number("restarts", 0..=1_000_000);
+    let stall_seconds = table.optional_number("stall_seconds", 0..=86400);
+    let small = |value: Option<i64>| value.and_then(|value| u32::try_from(value).ok());
+    table.finish();
+    Found {
+        program: program
+            .and_then(|program| check::program(text, &program, arguments.as_ref(), own)),
+        number,
+        name,
+        arguments: arguments
+            .map(|arguments| arguments.value)
+            .unwrap_or_default(),
+        kind: kind.unwrap_or(Kind::Process),
+        loops: loops.unwrap_or(Loops::Signals),
+        cpu: small(cpu),
+        priority: priority.and_then(|priority| u8::try_from(priority).ok()),
+        on_failure: on_failure.unwrap_or(OnFailure::Restart),
+        restarts: small(restarts).unwrap_or(10),
+        stall_seconds: small(stall_seconds).unwrap_or(5),
+    }
+}
+
+/// `path` as the description in `file` means it.
+pub(super) fn beside(file: &Path, path: &str) -> PathBuf {
+    let directory = file.parent().unwrap_or(Path::new(""));
+    let joined = directory.join(path);
+    std::path::absolute(&joined).unwrap_or(joined)
+}

@@ -1,0 +1,42 @@
+//! The file service: serves the directory of the description to the programs.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use condor_fs::server::{Options, Server};
+use signal_hook::consts::SIGTERM;
+
+use super::{ServiceError, claim};
+use crate::description::Files;
+use crate::numbers::FILES;
+
+/// Serves `root` until SIGTERM.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn serve(root: &Path, options: Options) -> Result<(), ServiceError> {
+    let stop = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(SIGTERM, stop.clone()).map_err(ServiceError::Events)?;
+    let server = Server::new(root, options)?;
+    Ok(server.serve(claim(FILES)?, &stop)?)
+}
+
+/// The arguments with which the program starts it.
+pub(crate) fn arguments(files: &Files) -> Vec<String> {
+    let mut arguments: Vec<String> = ["service", "files"].map(Into::into).into();
+    if files.read_only {
+        arguments.push("--read-only".into());
+    }
+    let limits = [
+        ("--quota-bytes", files.quota_bytes),
+        ("--max-file-bytes", files.max_file_bytes),
+    ];
+    for (option, limit) in limits {
+        if let Some(limit) = limit {
+            arguments.extend([option.into(), limit.to_string()]);
+        }
+    }
+    arguments.extend(["--".into(), files.root.to_string_lossy().into_owned()]);
+    arguments
+}

@@ -1,0 +1,259 @@
+//! [`Station`]: the terminal of one processor, with its log and with all who look at it.
+
+use std::io::ErrorKind;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::net::UnixListener;
+use std::path::{Path, PathBuf};
+
+use condor_mbox::linux::LinuxWindow;
+use condor_mbox::{Messenger, Processor, Region};
+use condor_tty::ReaderError;
+use condor_tty::linux::{Host, HostError, Pty, Sink, Unwatched};
+use rustix::event::PollFlags;
+
+use super::record::Record;
+use super::viewer::{Cursor, Viewer};
+use crate::directory::{self, Kind};
+use crate::numbers::TERMINALS;
+use crate::services::ServiceError;
+
+/// How often a terminal is served before the others have their turn.
+const TURNS: usize = 16;
+/// Characters that are kept for a terminal that is not there yet.
+const EARLY: usize = 64 * 1024;
+
+pub(super) struct Station {
+    processor: Processor,
+    region: Region<LinuxWindow>,
+    log: PathBuf,
+    attached: Option<Attached>,
+    /// Why it could not be served the last time, so that this is told once.
+    trouble: Option<String>,
+    listener: UnixListener,
+    viewers: Vec<Viewer>,
+    pty: Pty,
+    pty_cursor: Cursor,
+    replay_bytes: u64,
+    /// The log while nothing is attached.
+    idle: Option<Record>,
+    /// What was typed before there was a terminal.
+    early: Vec<u8>,
+}
+
+struct Attached {
+    offset: u32,
+    host: Host<LinuxWindow, Record>,
+}
+
+impl Station {
+    pub(super) fn open(
+        directory: &Path,
+        name: &str,
+        processor: Processor,
+        region: Region<LinuxWindow>,
+        replay_bytes: u64,
+    ) -> Result<Self, ServiceError> {
+        let log = directory.join(format!("{name}.log"));
+        let record = Record::open(&log).map_err(ServiceError::at("open", &log))?;
+        let socket = directory.join(format!("{name}.sock"));
+        let listener = listen(&socket).map_err(ServiceError::at("listen at", &socket))?;
+        let link = directory.join(name);
+        let pty =
+            Pty::open(Unwatched::Discard).map_err(ServiceError::at("open", "a pty".as_ref()))?;
+        lead(&link, pty.path()).map_err(ServiceError::at("make", &link))?;
+        Ok(Self {
+            processor,
+            region,
+            log,
+            attached: None,
+            trouble: None,
+            listener,
+            viewers: Vec::new(),
+            pty,
+            pty_cursor: Cursor(record.len()),
+            replay_bytes,
+            idle: Some(record),
+            early: Vec::new(),
+        })
+    }
+
+    pub(super) fn pty(&self) -> BorrowedFd<'_> {
+        self.pty.as_fd()
+    }
+
+    pub(super) fn descriptors(&self) -> impl Iterator<Item = (BorrowedFd<'_>, PollFlags)> {
+        let viewers = self.viewers.iter().map(Viewer::descriptor);
+        core::iter::once((self.listener.as_fd(), PollFlags::IN)).chain(viewers)
+    }
+
+    /// Moves what there is in both directions; says whether there is more.
+    pub(super) fn serve<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> bool {
+        let more = self.attach().and_then(|()| {
+            self.take_typed()?;
+            self.serve_terminal(mailbox)
+        });
+        let more = match more {
+            Ok(more) => {
+                self.trouble = None;
+                more
+            }
+            Err(error) => {
+                self.give_up(&error);
+                false
+            }
+        };
+        self.show();
+        more
+    }
+
+    /// Attaches to the terminal that the processor's directory names.
+    fn attach(&mut self) -> Result<(), HostError> {
+        let Some(offset) = self.find()? else {
+            return Ok(());
+        };
+        if self
+            .attached
+            .as_ref()
+            .is_some_and(|attached| attached.offset == offset)
+        {
+            return Ok(());
+        }
+        self.release();
+        let record = match self.idle.take() {
+            Some(record) => record,
+            None => Record::open(&self.log)?,
+        };
+        let host = Host::attach(
+            self.region.clone(),
+            offset,
+            self.processor,
+            TERMINALS,
+            record,
+        );
+        match host {
+            Ok(host) => {
+                self.attached = Some(Attached { offset, host });
+                Ok(())
+            }
+            // Its program is at it, and rings when it joins.
+            Err(HostError::Reader(ReaderError::NotReady { .. })) => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn find(&self) -> Result<Option<u32>, HostError> {
+        let mut first = None;
+        for entry in directory::entries(&self.region)? {
+            let entry = entry?;
+            if entry.kind == Kind::Terminal {
+                if entry.name.as_str() == "console" {
+                    return Ok(Some(entry.offset));
+                }
+                first = first.or(Some(entry.offset));
+            }
+        }
+        Ok(first)
+    }
+
+    fn take_typed(&mut self) -> Result<(), HostError> {
+        let mut characters = [0; 1024];
+        for viewer in &mut self.viewers {
+            let count = viewer.typed(&mut characters);
+            self.early
+                .extend_from_slice(characters.get(..count).unwrap_or_default());
+        }
+        let count = self.pty.typed(&mut characters)?;
+        self.early
+            .extend_from_slice(characters.get(..count).unwrap_or_default());
+        self.early.truncate(EARLY);
+        if let Some(Attached { host, .. }) = &mut self.attached {
+            host.type_in(&self.early)?;
+            self.early.clear();
+        }
+        Ok(())
+    }
+
+    fn serve_terminal<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> Result<bool, HostError> {
+        let Some(Attached { host, .. }) = &mut self.attached else {
+            return Ok(false);
+        };
+        for _ in 0..TURNS {
+            let served = host.serve(mailbox)?;
+            if !served.more && served.input == 0 {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn give_up(&mut self, error: &HostError) {
+        self.attached = None;
+        self.idle = None;
+        let text = error.to_string();
+        if self.trouble.as_ref() != Some(&text) {
+            eprintln!("terminal of {}: {text}", self.processor);
+            self.trouble = Some(text);
+        }
+    }
+
+    /// Lets go of the terminal, and keeps the log.
+    fn release(&mut self) {
+        if let Some(Attached { host, .. }) = self.attached.take() {
+            // A terminal that has gone cannot be detached from.
+            self.idle = host.detach().ok();
+        }
+    }
+
+    pub(super) fn detach(mut self) {
+        self.release();
+    }
+
+    /// Shows what is new in the log to all who look.
+    fn show(&mut self) {
+        if self.attached.is_none() && self.idle.is_none() {
+            self.idle = Record::open(&self.log).ok();
+        }
+        let record = match (&self.attached, &self.idle) {
+            (Some(attached), _) => &attached.host.sink,
+            (None, Some(record)) => record,
+            (None, None) => return,
+        };
+        let replay = record.len().saturating_sub(self.replay_bytes);
+        while let Ok((stream, _)) = self.listener.accept() {
+            self.viewers.extend(Viewer::new(stream, replay).ok());
+        }
+        for viewer in &mut self.viewers {
+            viewer.show(record.file());
+        }
+        self.viewers.retain(|viewer| !viewer.gone);
+        if self.pty.is_watched().unwrap_or(false) {
+            let pty = &mut self.pty;
+            // It is there for who looks; the log has everything.
+            let _ = self
+                .pty_cursor
+                .advance(record.file(), |bytes| pty.take(bytes));
+        } else {
+            self.pty_cursor = Cursor(record.len());
+        }
+    }
+}
+
+/// A socket in the place of one that a killed service left.
+fn listen(path: &Path) -> std::io::Result<UnixListener> {
+    remove(path)?;
+    let listener = UnixListener::bind(path)?;
+    listener.set_nonblocking(true)?;
+    Ok(listener)
+}
+
+fn lead(link: &Path, to: &Path) -> std::io::Result<()> {
+    remove(link)?;
+    std::os::unix::fs::symlink(to, link)
+}
+
+fn remove(path: &Path) -> std::io::Result<()> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,93 @@
+//! Who looks at a terminal: reads the log at a pace of its own.
+
+use std::fs::File;
+use std::io::{ErrorKind, Read, Write};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::fs::FileExt;
+use std::os::unix::net::UnixStream;
+
+use rustix::event::PollFlags;
+
+/// Bytes that are moved at once.
+const PIECE: usize = 16 * 1024;
+
+/// A place in the log.
+#[derive(Debug)]
+pub(super) struct Cursor(pub(super) u64);
+
+impl Cursor {
+    /// Gives what follows to `write`, until it takes no more; says whether all has been taken.
+    pub(super) fn advance(
+        &mut self,
+        log: &File,
+        mut write: impl FnMut(&[u8]) -> std::io::Result<usize>,
+    ) -> std::io::Result<bool> {
+        let mut piece = [0; PIECE];
+        loop {
+            let count = log.read_at(&mut piece, self.0)?;
+            if count == 0 {
+                return Ok(true);
+            }
+            let taken = write(piece.get(..count).unwrap_or_default())?;
+            self.0 += taken as u64;
+            if taken == 0 {
+                return Ok(false);
+            }
+        }
+    }
+}
+
+/// A connection to the socket.
+pub(super) struct Viewer {
+    stream: UnixStream,
+    cursor: Cursor,
+    behind: bool,
+    pub(super) gone: bool,
+}
+
+impl Viewer {
+    /// Begins at a place of the log.
+    pub(super) fn new(stream: UnixStream, from: u64) -> std::io::Result<Self> {
+        stream.set_nonblocking(true)?;
+        Ok(Self {
+            stream,
+            cursor: Cursor(from),
+            behind: true,
+            gone: false,
+        })
+    }
+
+    pub(super) fn descriptor(&self) -> (BorrowedFd<'_>, PollFlags) {
+        let mut flags = PollFlags::IN;
+        flags.set(PollFlags::OUT, self.behind);
+        (self.stream.as_fd(), flags)
+    }
+
+    pub(super) fn show(&mut self, log: &File) {
+        let stream = &mut self.stream;
+        let outcome = self.cursor.advance(log, |bytes| match stream.write(bytes) {
+            Err(error)
+                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
+            {
+                Ok(0)
+            }
+            other => other,
+        });
+        match outcome {
+            Ok(all) => self.behind = !all,
+            Err(_) => self.gone = true,
+        }
+    }
+
+    /// What was typed there.
+    pub(super) fn typed(&mut self, into: &mut [u8]) -> usize {
+        match self.stream.read(into) {
+            Ok(0) => self.gone = true,
+            Ok(count) => return count,
+            Err(error)
+                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
+            Err(_) => self.gone = true,
+        }
+        0
+    }
+}

@@ -1,0 +1,387 @@
+//! Brings a system up, watches it, and takes it down.
+//!
+//! [`run`] does all that in the thread that calls it, which waits for events alone: a process that
+//! ends, a ring of the mailbox, a request, a signal. The only thing that it looks at now and then
+//! are hearts.
+//!
+//! Programs are started behind [`Launch`]: as [`Process`]es of this machine.
+
+mod eye;
+pub mod image;
+mod journal;
+mod launch;
+mod member;
+mod place;
+mod plan;
+mod process;
+mod requests;
+mod signals;
+
+pub use launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
+pub use process::Process;
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use condor_mbox::linux::SystemError;
+use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::io::Errno;
+
+use crate::control::server::Server;
+use crate::control::{State, Status};
+use crate::description::{Description, OnFailure};
+use crate::system::{Directory, FindError};
+use eye::Eye;
+use journal::{CONDOR, Journal};
+use member::{Member, Phase, Then};
+use place::Place;
+use requests::Promise;
+pub(crate) use signals::Signals;
+
+/// What a supervisor does beside what the description says.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct Options {
+    /// The names of the programs that `"self"` can be, for those that are loaded later.
+    pub own: Vec<&'static str>,
+    /// Events are written to standard error, too.
+    pub echo: bool,
+    /// The system is taken down after this time.
+    pub duration: Option<Duration>,
+}
+
+/// Why a system does not come up, or does not stay up.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum UpError {
+    /// It is up.
+    #[error(
+        "the system `{name}` is running already{}; `condor down --system {name}` ends it",
+        process.map(|process| format!(", as process {process}")).unwrap_or_default()
+    )]
+    RunsAlready {
+        /// Its name.
+        name: String,
+        /// Its supervisor.
+        process: Option<u32>,
+    },
+    /// A process of the run before does not die.
+    #[error("process {process} of the run before does not die")]
+    Leftover {
+        /// Which.
+        process: u32,
+    },
+    /// The directory of running systems.
+    #[error(transparent)]
+    Directory(#[from] FindError),
+    /// A file of the system.
+    #[error("cannot {doing} {path:?}: {source}")]
+    File {
+        /// What was tried.
+        doing: &'static str,
+        /// With which file.
+        path: PathBuf,
+        /// The answer.
+        source: std::io::Error,
+    },
+    /// The windows.
+    #[error(transparent)]
+    Windows(#[from] SystemError),
+    /// The supervisor's mailbox.
+    #[error(transparent)]
+    Mailbox(#[from] condor_mbox::Error),
+    /// The image of the robot's configuration.
+    #[error("the configuration of the hand: {0}")]
+    Image(#[from] image::CompileError),
+    /// A processor that is not to be had.
+    #[error(transparent)]
+    Launch(#[from] LaunchError),
+    /// Signals, or the wait for events.
+    #[error("cannot wait for events: {0}")]
+    Events(std::io::Error),
+}
+
+/// How a system was when it was taken down.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Summary {
+    /// How everything was just before.
+    pub status: Status,
+    /// Whether a program had failed for good.
+    pub failed: bool,
+}
+
+/// Brings the system up, and keeps it until it is told to end: by a request, by SIGINT, SIGTERM or
+/// SIGHUP, or because the description says so. `started` is called when all programs have been
+/// given the chance to join, and gets the directory in which the system runs; `ending` before the
+/// programs are stopped.
+///
+/// The programs die with the thread that calls this.
+///
+/// # Errors
+/// [`UpError`]; nothing runs any more then.
+pub fn run(
+    description: &Description,
+    options: Options,
+    started: impl FnOnce(&Directory),
+    ending: impl FnOnce(&Directory),
+) -> Result<Summary, UpError> {
+    let place = Place::take(&description.name)?;
+    let log = place.directory.log();
+    let journal = Journal::new(&log, options.echo).map_err(UpError::at("write", &log))?;
+    let listener = place.furnish(description)?;
+    let eye = Eye::open(&place.directory, description.window_bytes)?;
+    let members = plan::members(description, &place.directory)?;
+    let mut supervisor = Supervisor {
+        description,
+        options,
+        signals: Signals::new().map_err(UpError::Events)?,
+        server: Server::new(listener).map_err(UpError::Events)?,
+        eye,
+        members,
+        journal,
+        promises: Vec::new(),
+        since: Instant::now(),
+        down: None,
+        place,
+    };
+    let outcome = supervisor.keep(started, ending);
+    if outcome.is_err() {
+        // What still runs is killed as it is dropped.
+        supervisor.members.clear();
+    }
+    let cleared = supervisor.place.clear_but_logs();
+    let summary = outcome?;
+    cleared?;
+    Ok(summary)
+}
+
+struct Supervisor<'d> {
+    description: &'d Description,
+    options: Options,
+    signals: Signals,
+    server: Server,
+    eye: Eye,
+    /// Services first, then processors, in the order in which they are started.
+    members: Vec<Member>,
+    journal: Journal,
+    /// Requests that are answered when they have been carried out.
+    promises: Vec<Promise>,
+    since: Instant,
+    down: Option<Down>,
+    place: Place,
+}
+
+/// How far the end has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Down {
+    /// The processors are ending; services are there for them.
+    Processors,
+    Services,
+}
+
+impl Supervisor<'_> {
+    fn keep(
+        &mut self,
+        started: impl FnOnce(&Directory),
+        ending: impl FnOnce(&Directory),
+    ) -> Result<Summary, UpError> {
+        let (mut started, mut ending) = (Some(started), Some(ending));
+        let mut summary = None;
+        let directory = self.place.directory.path().display().to_string();
+        let text = format!("`{}` comes up in {directory}", self.description.name);
+        self.journal.tell(CONDOR, text, None);
+        loop {
+            let is_over = self.turn()?;
+            if self.members.iter().all(Member::lets_pass)
+                && let Some(started) = started.take()
+            {
+                self.journal
+                    .tell(CONDOR, "all programs have been started", None);
+                started(&self.place.directory);
+            }
+            if self.down.is_some()
+                && let Some(ending) = ending.take()
+            {
+                ending(&self.place.directory);
+                summary = Some(self.summary());
+                for member in self
+                    .members
+                    .iter_mut()
+                    .filter(|member| !member.plan.is_service)
+                {
+                    member.end(Then::Stop, &mut self.journal);
+                }
+            }
+            self.publish()?;
+            if is_over {
+                return Ok(summary.unwrap_or_else(|| self.summary()));
+            }
+            self.wait()?;
+        }
+    }
+
+    /// Looks at everything once; true when all has ended.
+    fn turn(&mut self) -> Result<bool, UpError> {
+        self.eye.serve()?;
+        for _ in 0..self.signals.taken() {
+            match self.down {
+                None => self.go_down("a signal"),
+                // Who asks twice does not want to wait.
+                Some(_) => self.force(),
+            }
+        }
+        if self
+            .options
+            .duration
+            .is_some_and(|most| self.since.elapsed() >= most)
+        {
+            self.go_down("the time is over");
+        }
+        for (from, request) in self.server.serve() {
+            self.request(from, request);
+        }
+        let mut changed = false;
+        for member in &mut self.members {
+            changed |= member.look(&self.eye, &mut self.journal);
+        }
+        changed |= self.start_next();
+        if changed {
+            let processes = self
+                .members
+                .iter()
+                .filter_map(|member| member.launch().process());
+            self.place.note_processes(processes)?;
+        }
+        let stops = |member: &Member| {
+            member.plan.on_failure == OnFailure::Stop && member.phase == Phase::Failed
+        };
+        if let Some(name) = self
+            .members
+            .iter()
+            .find(|member| stops(member))
+            .map(|member| member.plan.name.clone())
+        {
+            self.go_down(&format!("`{name}` failed"));
+        }
+        self.keep_promises();
+        Ok(self.is_over())
+    }
+
+    /// Starts who may be started now.
+    fn start_next(&mut self) -> bool {
+        if self.down.is_some() {
+            return false;
+        }
+        let (mut changed, mut may_pass) = (false, true);
+        for member in &mut self.members {
+            if let Phase::Waiting { in_turn } = member.phase
+                && (may_pass || !in_turn)
+            {
+                member.start(&self.eye, &mut self.journal);
+                changed = true;
+            }
+            may_pass &= member.lets_pass();
+        }
+        changed
+    }
+
+    fn go_down(&mut self, why: &str) {
+        if self.down.is_none() {
+            self.down = Some(Down::Processors);
+            self.journal.tell(CONDOR, format!("goes down: {why}"), None);
+        }
+    }
+
+    fn force(&mut self) {
+        for member in &mut self.members {
+            member.end(Then::Stop, &mut self.journal);
+            member.force(&mut self.journal);
+        }
+    }
+
+    fn is_over(&mut self) -> bool {
+        let any_alive = |members: &[Member], services: bool| {
+            members
+                .iter()
+                .any(|member| member.plan.is_service == services && member.is_alive())
+        };
+        match self.down {
+            None => false,
+            Some(_) if any_alive(&self.members, false) => false,
+            Some(Down::Processors) => {
+                self.down = Some(Down::Services);
+                for member in &mut self.members {
+                    member.end(Then::Stop, &mut self.journal);
+                }
+                !any_alive(&self.members, true)
+            }
+            Some(Down::Services) => !any_alive(&self.members, true),
+        }
+    }
+
+    fn publish(&mut self) -> Result<(), UpError> {
+        for event in self.journal.news() {
+            self.server.tell(&event);
+        }
+        Ok(())
+    }
+
+    /// Waits until something happens, or somebody must be looked at.
+    fn wait(&self) -> Result<(), UpError> {
+        let now = Instant::now();
+        let end = self.options.duration.map(|most| self.since + most);
+        let end = end.filter(|_| self.down.is_none());
+        let dues = self.members.iter().filter_map(|member| member.due(now));
+        // Without anybody to look at, the own heart still beats.
+        let due = dues.chain(end).chain([now + member::LOOK]).min();
+        let span = due.map(|due| due.saturating_duration_since(now));
+        let span = span.and_then(|span| Timespec::try_from(span).ok());
+        let mut polled = vec![
+            PollFd::from_borrowed_fd(self.eye.bell(), PollFlags::IN),
+            PollFd::from_borrowed_fd(self.signals.descriptor(), PollFlags::IN),
+        ];
+        for (descriptor, flags) in self.server.descriptors() {
+            polled.push(PollFd::from_borrowed_fd(descriptor, flags));
+        }
+        for member in &self.members {
+            let launch = member.launch();
+            for descriptor in launch.ended().into_iter().chain(launch.has_output()) {
+                polled.push(PollFd::from_borrowed_fd(descriptor, PollFlags::IN));
+            }
+        }
+        match rustix::event::poll(&mut polled, span.as_ref()) {
+            Ok(_) | Err(Errno::INTR) => Ok(()),
+            Err(error) => Err(UpError::Events(error.into())),
+        }
+    }
+
+    fn summary(&self) -> Summary {
+        let status = self.status();
+        let mut all = status.services.iter().chain(&status.processors);
+        let failed = all.any(|member| member.state == State::Failed);
+        Summary { status, failed }
+    }
+
+    fn status(&self) -> Status {
+        let of = |services: bool| {
+            let members = self.members.iter();
+            let members = members.filter(move |member| member.plan.is_service == services);
+            members.map(Member::status).collect()
+        };
+        Status {
+            system: self.description.name.clone(),
+            file: self.description.file.display().to_string(),
+            window_bytes: self.description.window_bytes,
+            files_root: self
+                .description
+                .files
+                .as_ref()
+                .map(|files| files.root.display().to_string()),
+            pid: std::process::id(),
+            uptime: self.since.elapsed().as_secs_f64(),
+            services: of(true),
+            processors: of(false),
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! What the supervisor's mailbox shows of the others.
+
+use std::os::fd::{AsFd, BorrowedFd};
+use std::time::Duration;
+
+use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, PollableBell};
+use condor_mbox::{
+    Error, LoadOrder, Mailbox, MemoryWindow, PeerState, Processor, SingleContext, layout,
+};
+
+use super::UpError;
+use crate::numbers::{PROCESSORS, SUPERVISOR};
+use crate::system::Directory;
+
+/// The supervisor's mailbox, which looks at others and has nothing to say.
+pub(super) struct Eye {
+    mailbox: Mailbox<'static, LinuxWindow, LinuxDoorbell<PROCESSORS>, SingleContext, PROCESSORS>,
+    bell: PollableBell,
+}
+
+impl Eye {
+    pub(super) fn open(directory: &Directory, window_bytes: u32) -> Result<Self, UpError> {
+        let (windows, doorbell) = directory
+            .system(window_bytes)?
+            .claim(SUPERVISOR)?
+            .into_parts();
+        let bell = doorbell.pollable();
+        let mut mailbox = Mailbox::new(SUPERVISOR, windows, doorbell, SingleContext::new())?;
+        mailbox.join()?;
+        mailbox.ring_always(true)?;
+        Ok(Self { mailbox, bell })
+    }
+
+    /// Readable when somebody has come or gone.
+    pub(super) fn bell(&self) -> BorrowedFd<'_> {
+        self.bell.as_fd()
+    }
+
+    /// Beats the own heart, and acknowledges who came.
+    pub(super) fn serve(&self) -> Result<(), Error> {
+        self.bell.drain();
+        self.mailbox.service(Duration::ZERO)?;
+        Ok(())
+    }
+
+    /// The life that the number has, or had last.
+    pub(super) fn life(&self, number: Processor) -> u32 {
+        self.word(number, layout::header::LAST_LIFE)
+    }
+
+    /// Whether a program has joined whose life is not that one.
+    pub(super) fn is_up_after(&self, number: Processor, life_before: u32) -> bool {
+        matches!(
+            self.mailbox.peer_state(number),
+            Ok(PeerState::Up { life, .. }) if life != life_before
+        )
+    }
+
+    pub(super) fn heartbeat(&self, number: Processor) -> u32 {
+        self.word(number, layout::header::HEARTBEAT)
+    }
+
+    /// 0 if the memory is gone, in which no life is and no heart beats.
+    fn word(&self, number: Processor, at: u32) -> u32 {
+        let windows = self.mailbox.windows(number);
+        let word = windows.map(|windows| windows.mail.load(at, LoadOrder::Relaxed));
+        word.ok().and_then(Result::ok).unwrap_or(0)
+    }
+}

@@ -1,0 +1,411 @@
+//! A processor or a service, from its start to its end and to the next start.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use condor_mbox::Processor;
+
+use super::eye::Eye;
+use super::journal::Journal;
+use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
+use crate::control::{self, State};
+use crate::description::OnFailure;
+
+/// How long a program may take to join.
+const JOIN: Duration = Duration::from_secs(10);
+/// How long a program may take to end before it is not asked any more.
+const END: Duration = Duration::from_secs(2);
+/// How long a heart may stand still before the program counts as stalled.
+const STALL: Duration = Duration::from_secs(2);
+/// The time between two looks at a heart.
+pub(super) const LOOK: Duration = Duration::from_millis(500);
+/// A program that lived shorter than this is not started again at once.
+const SHORT: Duration = Duration::from_secs(1);
+/// The time in which restarts are counted.
+const MINUTE: Duration = Duration::from_secs(60);
+
+/// What a program is, for people, and what is done when it fails.
+pub(super) struct Plan {
+    pub(super) number: Processor,
+    pub(super) name: String,
+    pub(super) program: String,
+    pub(super) arguments: Vec<String>,
+    pub(super) on_failure: OnFailure,
+    /// In a minute; `None` for any number.
+    pub(super) restarts: Option<u32>,
+    pub(super) stall: Option<Duration>,
+    pub(super) is_service: bool,
+}
+
+pub(super) struct Member {
+    pub(super) plan: Plan,
+    launch: Box<dyn Launch>,
+    pub(super) phase: Phase,
+    /// Whether its program has joined since it was last wished for.
+    pub(super) has_joined: bool,
+    started: Option<Instant>,
+    /// The life before that of the program that has been started.
+    life_before: u32,
+    heart: Option<(u32, Instant)>,
+    restarts: u32,
+    recent: VecDeque<Instant>,
+    last_exit: Option<Exit>,
+    next: Option<Image>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phase {
+    Stopped,
+    /// It waits for its turn, if the system is being brought up.
+    Waiting {
+        in_turn: bool,
+    },
+    Starting,
+    Up {
+        stalled: bool,
+    },
+    Ending {
+        since: Instant,
+        forced: bool,
+        then: Then,
+    },
+    Pausing {
+        until: Instant,
+    },
+    Failed,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Then {
+    Stop,
+    Start,
+    Fail,
+}
+
+impl Member {
+    pub(super) fn new(
+        plan: Plan,
+        image: &Image,
+        mut launch: Box<dyn Launch>,
+    ) -> Result<Self, LaunchError> {
+        launch.load(image)?;
+        Ok(Self {
+            plan,
+            launch,
+            phase: Phase::Waiting { in_turn: true },
+            has_joined: false,
+            started: None,
+            life_before: 0,
+            heart: None,
+            restarts: 0,
+            recent: VecDeque::new(),
+            last_exit: None,
+            next: None,
+        })
+    }
+
+    pub(super) fn status(&self) -> control::Member {
+        control::Member {
+            number: self.plan.number.0,
+            name: self.plan.name.clone(),
+            program: self.plan.program.clone(),
+            arguments: self.plan.arguments.clone(),
+            pid: self.launch.process(),
+            state: self.state(),
+            restarts: self.restarts,
+            last_exit: self.last_exit.map(|exit| exit.to_string()),
+        }
+    }
+
+    fn state(&self) -> State {
+        match self.phase {
+            Phase::Stopped => State::Stopped,
+            Phase::Waiting { .. } | Phase::Starting => State::Starting,
+            Phase::Up { stalled: false } => State::Running,
+            Phase::Up { stalled: true } => State::Stalled,
+            Phase::Ending {
+                then: Then::Fail, ..
+            } => State::Stalled,
+            Phase::Ending { .. } => State::Running,
+            Phase::Pausing { .. } => State::Restarting,
+            Phase::Failed => State::Failed,
+        }
+    }
+
+    pub(super) fn launch(&self) -> &dyn Launch {
+        &*self.launch
+    }
+
+    /// Whether there is a program that has not ended.
+    pub(super) fn is_alive(&self) -> bool {
+        matches!(
+            self.phase,
+            Phase::Starting | Phase::Up { .. } | Phase::Ending { .. }
+        )
+    }
+
+    /// Whether those that come after it in the system may be started.
+    pub(super) fn lets_pass(&self) -> bool {
+        self.has_joined || matches!(self.phase, Phase::Stopped | Phase::Failed)
+    }
+
+    fn tell(&self, journal: &mut Journal, text: impl Into<String>) {
+        journal.tell(&self.plan.name, text, Some(self.state()));
+    }
+
+    /// When it must be looked at, if nothing happens before.
+    pub(super) fn due(&self, now: Instant) -> Option<Instant> {
+        match self.phase {
+            Phase::Stopped | Phase::Failed | Phase::Waiting { .. } => None,
+            Phase::Starting | Phase::Up { .. } => Some(now + LOOK),
+            Phase::Ending { since, forced, .. } => {
+                Some(if forced { now + LOOK } else { since + END })
+            }
+            Phase::Pausing { until } => Some(until),
+        }
+    }
+
+    /// Looks how the program is; true if something happened that may concern the others.
+    pub(super) fn look(&mut self, eye: &Eye, journal: &mut Journal) -> bool {
+        let name = &self.plan.name;
+        self.launch
+            .output(&mut |line| journal.tell(name, line, None));
+        let before = self.phase;
+        let now = Instant::now();
+        if self.is_alive()
+            && let RunState::Ended(exit) = self.launch.state()
+        {
+            self.last_exit = Some(exit);
+            self.ended(exit, journal);
+        }
+        match self.phase {
+            Phase::Starting => self.look_for_join(eye, now, journal),
+            Phase::Up { stalled } => self.feel(stalled, eye, now, journal),
+            Phase::Ending {
+                since,
+                forced: false,
+                ..
+            } if now >= since + END => self.force(journal),
+            Phase::Pausing { until } if now >= until => self.start(eye, journal),
+            _ => {}
+        }
+        self.phase != before
+    }
+
+    /// Starts its program.
+    pub(super) fn start(&mut self, eye: &Eye, journal: &mut Journal) {
+        if let Some(image) = self.next.take()
+            && let Err(error) = self.launch.load(&image)
+        {
+            self.phase = Phase::Failed;
+            return self.tell(journal, format!("not loaded: {error}"));
+        }
+        self.life_before = eye.life(self.plan.number);
+        self.started = Some(Instant::now());
+        self.heart = None;
+        self.phase = Phase::Starting;
+        match self.launch.start() {
+            Ok(()) => {
+                let process = self.launch.process();
+                let process = process.map(|process| format!(" as process {process}"));
+                let process = process.unwrap_or_default();
+                self.tell(journal, format!("started{process}"));
+            }
+            Err(error) => self.failed(&error.to_string(), journal),
+        }
+    }
+
+    fn look_for_join(&mut self, eye: &Eye, now: Instant, journal: &mut Journal) {
+        let started = self.started.unwrap_or(now);
+        if eye.is_up_after(self.plan.number, self.life_before) {
+            self.phase = Phase::Up { stalled: false };
+            self.has_joined = true;
+            let took = now.duration_since(started).as_secs_f64();
+            self.tell(journal, format!("joined after {took:.3} s"));
+        } else if now >= started + JOIN && self.plan.stall.is_some() && !self.is_traced() {
+            let text = format!("has not joined within {} s", JOIN.as_secs());
+            self.give_up(&text, journal);
+        }
+    }
+
+    /// Feels the pulse.
+    fn feel(&mut self, was_stalled: bool, eye: &Eye, now: Instant, journal: &mut Journal) {
+        let beat = eye.heartbeat(self.plan.number);
+        let since = match self.heart {
+            Some((before, since)) if beat == before => since,
+            _ => {
+                self.heart = Some((beat, now));
+                now
+            }
+        };
+        let still = now.duration_since(since);
+        let stalled = still >= STALL;
+        if stalled != was_stalled {
+            self.phase = Phase::Up { stalled };
+            let text = if stalled {
+                format!(
+                    "stalled: its heart has not beaten for {:.1} s",
+                    still.as_secs_f64()
+                )
+            } else {
+                "its heart beats again".into()
+            };
+            self.tell(journal, text);
+        }
+        if let Some(limit) = self.plan.stall
+            && still >= limit.max(STALL)
+            && !self.is_traced()
+        {
+            let text = format!("its heart has not beaten for {:.1} s", still.as_secs_f64());
+            self.give_up(&text, journal);
+        }
+    }
+
+    /// A debugger may hold a program as long as it likes.
+    fn is_traced(&self) -> bool {
+        let Some(process) = self.launch.process() else {
+            return false;
+        };
+        let status = std::fs::read_to_string(format!("/proc/{process}/status"));
+        let status = status.unwrap_or_default();
+        let tracer = status
+            .lines()
+            .find_map(|line| line.strip_prefix("TracerPid:"));
+        tracer.is_some_and(|tracer| tracer.trim() != "0")
+    }
+
+    fn give_up(&mut self, text: &str, journal: &mut Journal) {
+        self.phase = Phase::Ending {
+            since: Instant::now(),
+            forced: true,
+            then: Then::Fail,
+        };
+        self.tell(journal, format!("{text}, and is killed"));
+        self.order(Stop::Force, journal);
+    }
+
+    fn order(&mut self, how: Stop, journal: &mut Journal) {
+        if let Err(error) = self.launch.stop(how) {
+            self.tell(journal, error.to_string());
+        }
+    }
+
+    pub(super) fn force(&mut self, journal: &mut Journal) {
+        if let Phase::Ending { forced, .. } = &mut self.phase
+            && !*forced
+        {
+            *forced = true;
+            self.tell(journal, "does not end, and is killed");
+            self.order(Stop::Force, journal);
+        }
+    }
+
+    /// Makes it end, and then do something else.
+    pub(super) fn end(&mut self, then: Then, journal: &mut Journal) {
+        match &mut self.phase {
+            Phase::Starting | Phase::Up { .. } => {
+                let since = Instant::now();
+                self.phase = Phase::Ending {
+                    since,
+                    forced: false,
+                    then,
+                };
+                self.order(Stop::Ask, journal);
+            }
+            Phase::Ending { then: other, .. } => *other = then,
+            _ => match then {
+                Then::Start => self.phase = Phase::Waiting { in_turn: false },
+                Then::Stop | Then::Fail => {
+                    let news = self.phase != Phase::Stopped;
+                    self.phase = Phase::Stopped;
+                    if news {
+                        self.tell(journal, "stopped");
+                    }
+                }
+            },
+        }
+    }
+
+    /// Loads another program at the next start.
+    pub(super) fn replace(&mut self, image: Image, program: String, arguments: Vec<String>) {
+        self.next = Some(image);
+        self.plan.program = program;
+        self.plan.arguments = arguments;
+    }
+
+    /// Wishes that it runs: what was before is forgotten.
+    pub(super) fn wish(&mut self) {
+        self.phase = Phase::Waiting { in_turn: false };
+        self.recent.clear();
+        self.has_joined = false;
+    }
+
+    fn ended(&mut self, exit: Exit, journal: &mut Journal) {
+        match self.phase {
+            Phase::Ending {
+                then: Then::Stop, ..
+            } => {
+                self.phase = Phase::Stopped;
+                self.tell(journal, format!("stopped: {exit}"));
+            }
+            Phase::Ending {
+                then: Then::Start, ..
+            } => {
+                self.wish();
+                self.tell(journal, format!("ended to be started again: {exit}"));
+            }
+            Phase::Up { .. } if exit == Exit::Status(0) && !self.plan.is_service => {
+                self.phase = Phase::Stopped;
+                self.tell(journal, "ended by itself, without failing");
+            }
+            Phase::Starting => self.failed(&format!("ended before it joined: {exit}"), journal),
+            _ => self.failed(&format!("failed: {exit}"), journal),
+        }
+    }
+
+    fn failed(&mut self, text: &str, journal: &mut Journal) {
+        let now = Instant::now();
+        while self
+            .recent
+            .front()
+            .is_some_and(|then| now.duration_since(*then) > MINUTE)
+        {
+            self.recent.pop_front();
+        }
+        let count = self.recent.len();
+        if self.plan.on_failure != OnFailure::Restart {
+            self.phase = Phase::Failed;
+            return self.tell(journal, text);
+        }
+        if let Some(most) = self.plan.restarts
+            && count >= most as usize
+        {
+            self.phase = Phase::Failed;
+            let text = format!("{text}; for good, after {count} restarts in a minute");
+            return self.tell(journal, text);
+        }
+        self.recent.push_back(now);
+        self.restarts += 1;
+        let lived = self.started.map(|started| now.duration_since(started));
+        let pause = match lived {
+            Some(lived) if lived >= SHORT => Duration::ZERO,
+            // Who fails at once is given longer and longer, up to a second and a half.
+            _ => Duration::from_millis(100) * u32::try_from(count.min(15)).unwrap_or(15),
+        };
+        self.phase = Phase::Pausing { until: now + pause };
+        self.tell(journal, format!("{text}; restart {}", self.restarts));
+    }
+
+    /// How it is, for somebody who asked it to run.
+    pub(super) fn outcome(&self) -> Option<Result<(), String>> {
+        let exit = || match self.last_exit {
+            Some(exit) => format!("`{}` does not run: {exit}", self.plan.name),
+            None => format!("`{}` does not run", self.plan.name),
+        };
+        match self.phase {
+            Phase::Up { .. } => Some(Ok(())),
+            Phase::Failed | Phase::Stopped => Some(Err(exit())),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! The directory of a system, held by the supervisor that lives.
+
+use std::fs::File;
+use std::io::ErrorKind;
+use std::os::unix::net::UnixListener;
+use std::path::{Path, PathBuf};
+
+use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::fs::FlockOperation;
+use rustix::process::{Pid, PidfdFlags, Signal};
+
+use super::UpError;
+use crate::description::Description;
+use crate::system::Directory;
+
+/// The directory, locked.
+pub(super) struct Place {
+    pub(super) directory: Directory,
+    /// The kernel drops the lock with the file, however the supervisor ends.
+    _lock: File,
+}
+
+/// How long a process of the run before may take to die, s.
+const DYING_S: i64 = 10;
+
+impl Place {
+    /// Takes the directory of the system, and removes what a run before left there.
+    pub(super) fn take(name: &str) -> Result<Self, UpError> {
+        let directory = Directory::of(name)?;
+        let path = directory.lock();
+        let lock = File::options()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&path)
+            .map_err(UpError::at("open", &path))?;
+        match rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => {}
+            Err(rustix::io::Errno::WOULDBLOCK) => {
+                return Err(UpError::RunsAlready {
+                    name: name.into(),
+                    process: processes(&directory.pids()).next().map(|(pid, _)| pid),
+                });
+            }
+            Err(error) => return Err(UpError::at("lock", &path)(error.into())),
+        }
+        let place = Self {
+            directory,
+            _lock: lock,
+        };
+        place.end_leftovers()?;
+        place.clear()?;
+        Ok(place)
+    }
+
+    /// Waits until the processes of the run before, which die with their supervisor, have died.
+    fn end_leftovers(&self) -> Result<(), UpError> {
+        for (pid, started) in processes(&self.directory.pids()).skip(1) {
+            let Some(process) = i32::try_from(pid).ok().and_then(Pid::from_raw) else {
+                continue;
+            };
+            let Ok(pidfd) = rustix::process::pidfd_open(process, PidfdFlags::empty()) else {
+                continue;
+            };
+            // The descriptor holds the process; the number may have gone to another one before.
+            if started_at(pid) != Some(started) {
+                continue;
+            }
+            // It may have ended just now.
+            let _ = rustix::process::pidfd_send_signal(&pidfd, Signal::KILL);
+            let limit = Timespec {
+                tv_sec: DYING_S,
+                tv_nsec: 0,
+            };
+            let mut polled = [PollFd::new(&pidfd, PollFlags::IN)];
+            if !matches!(rustix::event::poll(&mut polled, Some(&limit)), Ok(1..)) {
+                return Err(UpError::Leftover { process: pid });
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes everything but the lock and the log.
+    fn clear(&self) -> Result<(), UpError> {
+        let directory = &self.directory;
+        for path in [directory.mailbox(), directory.terminals()] {
+            absent(std::fs::remove_dir_all(&path)).map_err(UpError::at("remove", &path))?;
+        }
+        self.silence()
+    }
+
+    /// Removes everything but the lock and the logs, of the terminals too.
+    pub(super) fn clear_but_logs(&self) -> Result<(), UpError> {
+        let path = self.directory.mailbox();
+        absent(std::fs::remove_dir_all(&path)).map_err(UpError::at("remove", &path))?;
+        let path = self.directory.terminals();
+        for entry in std::fs::read_dir(&path).map_err(UpError::at("read", &path))? {
+            let path = entry.map_err(UpError::at("read", &path))?.path();
+            if path.extension().is_none_or(|extension| extension != "log") {
+                absent(std::fs::remove_file(&path)).map_err(UpError::at("remove", &path))?;
+            }
+        }
+        self.silence()
+    }
+
+    /// Removes what makes others believe that the system runs.
+    fn silence(&self) -> Result<(), UpError> {
+        let directory = &self.directory;
+        for path in [directory.control(), directory.pids(), directory.bus()] {
+            absent(std::fs::remove_file(&path)).map_err(UpError::at("remove", &path))?;
+        }
+        Ok(())
+    }
+
+    /// Makes what the programs need before they start.
+    pub(super) fn furnish(&self, description: &Description) -> Result<UnixListener, UpError> {
+        let directory = &self.directory;
+        for path in [directory.mailbox(), directory.terminals()] {
+            std::fs::create_dir(&path).map_err(UpError::at("make", &path))?;
+        }
+        if let Some(bus) = &description.bus {
+            let path = directory.bus();
+            let file = File::create_new(&path).map_err(UpError::at("make", &path))?;
+            file.set_len(bus.bytes.into())
+                .map_err(UpError::at("extend", &path))?;
+        }
+        if let Some(files) = &description.files {
+            std::fs::create_dir_all(&files.root).map_err(UpError::at("make", &files.root))?;
+            if let Some(hand) = &description.hand {
+                super::image::compile(hand, &files.root)?;
+            }
+        }
+        let path = directory.control();
+        UnixListener::bind(&path).map_err(UpError::at("listen at", &path))
+    }
+
+    /// Notes which processes belong to the system, the supervisor first.
+    pub(super) fn note_processes(&self, others: impl Iterator<Item = u32>) -> Result<(), UpError> {
+        let mut text = String::new();
+        for pid in core::iter::once(std::process::id()).chain(others) {
+            // One that has gone already needs no entry.
+            if let Some(started) = started_at(pid) {
+                text.push_str(&format!("{pid} {started}\n"));
+            }
+        }
+        let path = self.directory.pids();
+        let part = path.with_extension("part");
+        std::fs::write(&part, text).map_err(UpError::at("write", &part))?;
+        std::fs::rename(&part, &path).map_err(UpError::at("write", &path))
+    }
+}
+
+impl UpError {
+    pub(super) fn at(
+        doing: &'static str,
+        path: &Path,
+    ) -> impl FnOnce(std::io::Error) -> Self + use<> {
+        let path = PathBuf::from(path);
+        move |source| Self::File {
+            doing,
+            path,
+            source,
+        }
+    }
+}
+
+/// Process and time of its start, as the supervisor noted them.
+fn processes(path: &Path) -> impl Iterator<Item = (u32, u64)> + use<> {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let entries: Vec<_> = text
+        .lines()
+        .filter_map(|line| {
+            let (pid, started) = line.split_once(' ')?;
+            Some((pid.parse().ok()?, started.parse().ok()?))
+        })
+        .collect();
+    entries.into_iter()
+}
+
+/// When a process started, in ticks since the machine did: together with its number, that is one
+/// process for ever.
+fn started_at(pid: u32) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    // The second field is a name in parentheses, in which anything may be; the time is the 22nd.
+    let (_, rest) = status.rsplit_once(") ")?;
+    rest.split(' ').nth(19)?.parse().ok()
+}
+
+fn absent(result: std::io::Result<()>) -> std::io::Result<()> {
+    match result {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}

@@ -1,0 +1,174 @@
+//! Which programs a description starts, and with what.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use condor_mbox::Processor as Number;
+
+use super::UpError;
+use super::launch::{Image, Launch};
+use super::member::{Member, Plan};
+use super::process::Process;
+use crate::description::{Description, Kind, OnFailure, Processor, Program, find_program};
+use crate::numbers::{FILES, TERMINALS};
+use crate::services;
+use crate::system::{Directory, environment};
+
+/// How long the heart of a service may stand still.
+const SERVICE_STALL: Duration = Duration::from_secs(10);
+
+/// The services, then the processors in the order of the description.
+pub(super) fn members(
+    description: &Description,
+    directory: &Directory,
+) -> Result<Vec<Member>, UpError> {
+    let own = std::env::current_exe().map_err(UpError::at("find", "this program".as_ref()))?;
+    let mut members = Vec::new();
+    if let Some(files) = &description.files {
+        let arguments = services::files::arguments(files);
+        members.push(service(
+            FILES,
+            "files",
+            &own,
+            arguments,
+            description,
+            directory,
+        )?);
+    }
+    let arguments = services::terminals::arguments(description, directory);
+    members.push(service(
+        TERMINALS,
+        "terminals",
+        &own,
+        arguments,
+        description,
+        directory,
+    )?);
+    for processor in &description.processors {
+        let plan = Plan {
+            number: Number(processor.number),
+            name: processor.name.clone(),
+            program: match &processor.program {
+                Program::Own => "self".into(),
+                Program::File(path) => path.display().to_string(),
+            },
+            arguments: processor.arguments.clone(),
+            on_failure: processor.on_failure,
+            restarts: Some(processor.restarts),
+            stall: (processor.stall_seconds > 0)
+                .then(|| Duration::from_secs(processor.stall_seconds.into())),
+            is_service: false,
+        };
+        let image = image(
+            processor,
+            &processor.program,
+            &processor.arguments,
+            description,
+            directory,
+        )
+        .map_err(UpError::at("find", "this program".as_ref()))?;
+        let launch: Box<dyn Launch> = match processor.kind {
+            Kind::Process => Box::new(Process::new()),
+        };
+        members.push(Member::new(plan, &image, launch)?);
+    }
+    Ok(members)
+}
+
+fn service(
+    number: Number,
+    name: &str,
+    own: &std::path::Path,
+    arguments: Vec<String>,
+    description: &Description,
+    directory: &Directory,
+) -> Result<Member, UpError> {
+    let environment = basics(number.0, description, directory);
+    let image = Image::new(own.into(), arguments.clone(), environment);
+    let plan = Plan {
+        number,
+        name: name.into(),
+        program: "self".into(),
+        arguments,
+        on_failure: OnFailure::Restart,
+        restarts: None,
+        stall: Some(SERVICE_STALL),
+        is_service: true,
+    };
+    Ok(Member::new(plan, &image, Box::new(Process::new()))?)
+}
+
+fn image(
+    processor: &Processor,
+    program: &Program,
+    arguments: &[String],
+    description: &Description,
+    directory: &Directory,
+) -> std::io::Result<Image> {
+    let mut environment_ = basics(processor.number, description, directory);
+    if description.bus.is_some() {
+        environment_.push((environment::BUS, text(directory.bus())));
+    }
+    environment_.push((environment::LOOPS, processor.loops.word().into()));
+    if let Some(cpu) = processor.cpu {
+        environment_.push((environment::CPU, cpu.to_string()));
+    }
+    if let Some(priority) = processor.priority {
+        environment_.push((environment::PRIORITY, priority.to_string()));
+    }
+    let (file, arguments) = match program {
+        Program::Own => {
+            let mut all = vec!["program".into()];
+            all.extend_from_slice(arguments);
+            (std::env::current_exe()?, all)
+        }
+        Program::File(path) => (path.clone(), arguments.to_vec()),
+    };
+    Ok(Image::new(file, arguments, environment_))
+}
+
+/// What every process of the system is told.
+fn basics(
+    number: u8,
+    description: &Description,
+    directory: &Directory,
+) -> Vec<(&'static str, String)> {
+    vec![
+        (environment::SYSTEM, text(directory.mailbox())),
+        (
+            environment::WINDOW_BYTES,
+            description.window_bytes.to_string(),
+        ),
+        (environment::PROCESSOR, number.to_string()),
+    ]
+}
+
+fn text(path: PathBuf) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+/// Another program for a processor.
+pub(super) fn reload(
+    description: &Description,
+    directory: &Directory,
+    number: u8,
+    program: &str,
+    arguments: &[String],
+    own: &[&'static str],
+) -> Result<Image, String> {
+    let mut processors = description.processors.iter();
+    let Some(processor) = processors.find(|processor| processor.number == number) else {
+        return Err(format!("there is no processor {number}"));
+    };
+    let program = if program == "self" {
+        let first = arguments.first().map_or("", String::as_str);
+        if !own.contains(&first) {
+            return Err(format!("`{first}` is none of {}", own.join(", ")));
+        }
+        Program::Own
+    } else {
+        let path = find_program(&description.file, program);
+        Program::File(path.map_err(|problem| problem.to_string())?)
+    };
+    image(processor, &program, arguments, description, directory).map_err(|error| error.to_string())
+}

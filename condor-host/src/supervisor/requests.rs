@@ -1,0 +1,177 @@
+//! What others ask of the supervisor.
+
+use super::member::{Member, Phase, Then};
+use super::{Supervisor, journal, plan};
+use crate::control::server::From;
+use crate::control::{Answer, Request};
+
+/// A request that is answered when it has been carried out.
+pub(super) struct Promise {
+    to: From,
+    /// Which of the members.
+    member: usize,
+    what: Wish,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Wish {
+    Runs,
+    Ended,
+}
+
+impl Supervisor<'_> {
+    pub(super) fn request(&mut self, from: From, request: Request) {
+        let answer = match request {
+            Request::Status {} => Ok(Some(Answer {
+                status: Some(self.status()),
+                ..done()
+            })),
+            Request::Log { lines } => {
+                let lines = journal::last_lines(&self.place.directory.log(), lines);
+                lines.map_err(|error| error.to_string()).map(|lines| {
+                    Some(Answer {
+                        lines: Some(lines),
+                        ..done()
+                    })
+                })
+            }
+            Request::Events {} => {
+                self.server.follow(from);
+                Ok(Some(done()))
+            }
+            Request::Down {} => {
+                self.go_down("a request");
+                Ok(Some(done()))
+            }
+            other if self.down.is_some() => {
+                Err(format!("the system goes down; not done: {other:?}"))
+            }
+            Request::Stop { processor } => self.stop(from, &processor),
+            Request::Start { processor } => self.start(from, &processor),
+            Request::Load {
+                processor,
+                program,
+                arguments,
+            } => self.load(from, &processor, program, arguments),
+        };
+        match answer {
+            Ok(Some(answer)) => self.server.answer(from, &answer),
+            // It is answered later.
+            Ok(None) => {}
+            Err(error) => self.server.answer(from, &refused(error)),
+        }
+    }
+
+    fn find(&self, wanted: &str) -> Result<usize, String> {
+        let is_it = |member: &Member| {
+            member.plan.name == wanted || member.plan.number.0.to_string() == wanted
+        };
+        self.members.iter().position(is_it).ok_or_else(|| {
+            let names: Vec<_> = self
+                .members
+                .iter()
+                .map(|member| member.plan.name.as_str())
+                .collect();
+            format!(
+                "there is no processor `{wanted}`; there are {}",
+                names.join(", ")
+            )
+        })
+    }
+
+    fn promise(&mut self, to: From, member: usize, what: Wish) {
+        self.promises.push(Promise { to, member, what });
+    }
+
+    fn stop(&mut self, from: From, processor: &str) -> Result<Option<Answer>, String> {
+        let place = self.find(processor)?;
+        if let Some(member) = self.members.get_mut(place) {
+            member.end(Then::Stop, &mut self.journal);
+        }
+        self.promise(from, place, Wish::Ended);
+        Ok(None)
+    }
+
+    fn start(&mut self, from: From, processor: &str) -> Result<Option<Answer>, String> {
+        let place = self.find(processor)?;
+        if let Some(member) = self.members.get_mut(place) {
+            match member.phase {
+                Phase::Stopped | Phase::Failed => member.wish(),
+                Phase::Ending { .. } => member.end(Then::Start, &mut self.journal),
+                Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => {}
+                Phase::Up { .. } => return Err(format!("`{}` is running", member.plan.name)),
+            }
+        }
+        self.promise(from, place, Wish::Runs);
+        Ok(None)
+    }
+
+    fn load(
+        &mut self,
+        from: From,
+        processor: &str,
+        program: Option<String>,
+        arguments: Vec<String>,
+    ) -> Result<Option<Answer>, String> {
+        let place = self.find(processor)?;
+        let Some(member) = self.members.get_mut(place) else {
+            return Ok(None);
+        };
+        if member.plan.is_service {
+            return Err(format!(
+                "`{}` is a service; it has one program",
+                member.plan.name
+            ));
+        }
+        let program = program.unwrap_or_else(|| member.plan.program.clone());
+        let image = plan::reload(
+            self.description,
+            &self.place.directory,
+            member.plan.number.0,
+            &program,
+            &arguments,
+            &self.options.own,
+        )?;
+        member.replace(image, program, arguments);
+        if matches!(member.phase, Phase::Stopped | Phase::Failed) {
+            member.wish();
+        } else {
+            member.end(Then::Start, &mut self.journal);
+        }
+        self.promise(from, place, Wish::Runs);
+        Ok(None)
+    }
+
+    /// Answers what has been carried out.
+    pub(super) fn keep_promises(&mut self) {
+        for promise in core::mem::take(&mut self.promises) {
+            let Some(member) = self.members.get(promise.member) else {
+                continue;
+            };
+            let outcome = match (promise.what, self.down) {
+                (Wish::Ended, _) => (!member.is_alive()).then_some(Ok(())),
+                (Wish::Runs, Some(_)) => Some(Err("the system goes down".into())),
+                (Wish::Runs, None) => member.outcome(),
+            };
+            match outcome {
+                Some(Ok(())) => self.server.answer(promise.to, &done()),
+                Some(Err(error)) => self.server.answer(promise.to, &refused(error)),
+                None => self.promises.push(promise),
+            }
+        }
+    }
+}
+
+fn done() -> Answer {
+    Answer {
+        ok: true,
+        ..Answer::default()
+    }
+}
+
+fn refused(error: String) -> Answer {
+    Answer {
+        error: Some(error),
+        ..Answer::default()
+    }
+}

@@ -1,0 +1,48 @@
+//! Signals as a descriptor to poll.
+
+use std::io::Read;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::net::UnixStream;
+
+use signal_hook::SigId;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+/// The signals that tell a program to end, as long as this lives.
+pub(crate) struct Signals {
+    reader: UnixStream,
+    registered: Vec<SigId>,
+}
+
+impl Signals {
+    pub(crate) fn new() -> std::io::Result<Self> {
+        let (reader, writer) = UnixStream::pair()?;
+        reader.set_nonblocking(true)?;
+        let mut this = Self {
+            reader,
+            registered: Vec::new(),
+        };
+        for signal in [SIGHUP, SIGINT, SIGTERM] {
+            let id = signal_hook::low_level::pipe::register(signal, writer.try_clone()?)?;
+            this.registered.push(id);
+        }
+        Ok(this)
+    }
+
+    /// Readable when one has come.
+    pub(crate) fn descriptor(&self) -> BorrowedFd<'_> {
+        self.reader.as_fd()
+    }
+
+    /// How many have come since the last look.
+    pub(crate) fn taken(&mut self) -> usize {
+        self.reader.read(&mut [0; 16]).unwrap_or(0)
+    }
+}
+
+impl Drop for Signals {
+    fn drop(&mut self) {
+        for id in self.registered.drain(..) {
+            signal_hook::low_level::unregister(id);
+        }
+    }
+}
