@@ -4,7 +4,7 @@
 //!
 //! ```no_run
 //! use std::process::ExitCode;
-//! use condor_host::cli::{self, ProgramError, Programs};
+//! use condor_host::cli::{self, Programs};
 //!
 //! struct Hand;
 //!
@@ -13,8 +13,8 @@
 //!         &["servo"]
 //!     }
 //!
-//!     fn run(&self, _name: &str, _arguments: &[String]) -> Result<(), ProgramError> {
-//!         Ok(()) // Here the program runs until it is told to end.
+//!     fn run(&self, _name: &str, _arguments: Vec<String>) -> ExitCode {
+//!         ExitCode::SUCCESS // Here the program runs until it is told to end.
 //!     }
 //! }
 //!
@@ -35,19 +35,14 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 use crate::description::Description;
 use crate::system::Directory;
 
-/// Why a program of one's own failed.
-pub type ProgramError = Box<dyn core::error::Error>;
-
 /// The programs that a binary has beside `condor`.
 pub trait Programs: Sync {
     /// Their names: what may follow `program = "self"` as the first argument.
     fn names(&self) -> &[&'static str];
 
-    /// Runs one of them, in the process that a supervisor started for it.
-    ///
-    /// # Errors
-    /// Why it failed.
-    fn run(&self, name: &str, arguments: &[String]) -> Result<(), ProgramError>;
+    /// Runs one of them, in the process that a supervisor started for it; most call
+    /// [`linux::run`](crate::linux::run).
+    fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode;
 
     /// The description of the system that is meant when none is named.
     fn description(&self) -> Option<PathBuf> {
@@ -59,7 +54,7 @@ pub trait Programs: Sync {
     ///
     /// # Errors
     /// Why it cannot be said.
-    fn summarize(&self, directory: &Directory) -> Result<(), ProgramError> {
+    fn summarize(&self, directory: &Directory) -> Result<(), AnyError> {
         let _ = directory;
         Ok(())
     }
@@ -74,8 +69,9 @@ impl Programs for NoPrograms {
         &[]
     }
 
-    fn run(&self, name: &str, _: &[String]) -> Result<(), ProgramError> {
-        Err(format!("this program has no program `{name}` of its own").into())
+    fn run(&self, name: &str, _: Vec<String>) -> ExitCode {
+        eprintln!("condor: this program has no program `{name}` of its own");
+        ExitCode::from(2)
     }
 }
 
@@ -127,7 +123,7 @@ pub(crate) struct Which {
 }
 
 /// What a command failed of; it is shown to people.
-type AnyError = ProgramError;
+pub type AnyError = Box<dyn core::error::Error>;
 
 /// Runs what the arguments of this process say, and gives its exit status: 0 for success, 1 for
 /// failure, 2 for arguments that cannot be understood.
@@ -158,7 +154,7 @@ fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
         Some(Command::Down(which)) => requests::down(&which)?,
         Some(Command::Log(log)) => requests::log(&log)?,
         Some(Command::Service(service)) => service.run()?,
-        Some(Command::Program { name, arguments }) => programs.run(&name, &arguments)?,
+        Some(Command::Program { name, arguments }) => return Ok(programs.run(&name, arguments)),
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -6,9 +6,33 @@ pub mod directory;
 pub mod loops;
 mod machine;
 pub mod numbers;
+mod silent;
+
+// The machines.
+#[cfg(all(
+    feature = "linux",
+    target_os = "linux",
+    any(
+        target_arch = "x86_64",
+        target_arch = "aarch64",
+        target_arch = "riscv64"
+    )
+))]
+pub mod linux;
+#[cfg(all(
+    feature = "sim",
+    target_os = "linux",
+    any(
+        target_arch = "x86_64",
+        target_arch = "aarch64",
+        target_arch = "riscv64"
+    )
+))]
+pub mod sim;
 
 pub use machine::{Machine, Program};
 pub use numbers::PROCESSORS;
+pub use silent::Silent;
 
 // The program `condor`.
 #[cfg(feature = "program")]

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use condor_dev::Bus;
-use condor_mbox::{Doorbell, Exclusion, MemoryWindow, Processor, Windows};
+use condor_mbox::{Doorbell, Exclusion, MemoryWindow, Processor, Waiting, Windows};
 use condor_mos::Platform;
 
 use crate::numbers::PROCESSORS;
@@ -45,6 +45,11 @@ pub trait Machine: Sync {
 
     /// The bus on which the boards are.
     fn bus(&self) -> Self::Bus;
+
+    /// How the mailbox of the program waits, for [`Mailbox::set_waiting`](condor_mbox::Mailbox::set_waiting).
+    fn waiting(&self) -> Waiting {
+        Waiting::default()
+    }
 
     /// An argument that the system description gives to the program, counted from 0.
     fn argument(&self, index: usize) -> Option<&str>;

@@ -6,26 +6,20 @@
 pub mod files;
 pub mod terminals;
 
-use std::env::VarError;
-
 use condor_mbox::linux::{Claim, SystemError};
 use condor_mbox::{Error, Processor};
 
+use crate::linux::{Environment, ProcessError};
 use crate::numbers::PROCESSORS;
-use crate::system::{Windows, environment};
+use crate::system::Windows;
 
 /// Why a service does not serve.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServiceError {
     /// It was not started by a supervisor.
-    #[error("the environment has no {name} that can be used: {reason}; supervisors start services")]
-    Environment {
-        /// The variable.
-        name: &'static str,
-        /// What is wrong with it.
-        reason: String,
-    },
+    #[error(transparent)]
+    Environment(#[from] ProcessError),
     /// The windows.
     #[error(transparent)]
     Windows(#[from] SystemError),
@@ -66,18 +60,7 @@ impl ServiceError {
 
 /// Claims `number` of the system that the environment names.
 fn claim(number: Processor) -> Result<Claim<PROCESSORS>, ServiceError> {
-    let directory = variable(environment::SYSTEM)?;
-    let bytes = variable(environment::WINDOW_BYTES)?;
-    let bytes = bytes.parse().map_err(|_| ServiceError::Environment {
-        name: environment::WINDOW_BYTES,
-        reason: format!("`{bytes}` is no number"),
-    })?;
-    Ok(Windows::at(directory, bytes)?.claim(number)?)
-}
-
-fn variable(name: &'static str) -> Result<String, ServiceError> {
-    std::env::var(name).map_err(|error: VarError| ServiceError::Environment {
-        name,
-        reason: error.to_string(),
-    })
+    let environment = Environment::read()?;
+    let system = Windows::at(environment.system, environment.window_bytes)?;
+    Ok(system.claim(number)?)
 }

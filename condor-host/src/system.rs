@@ -21,24 +21,6 @@ use condor_mbox::linux::SystemError;
 
 use crate::numbers::PROCESSORS;
 
-/// The environment of the programs that a supervisor starts.
-pub mod environment {
-    /// The directory of the windows.
-    pub const SYSTEM: &str = "CONDOR_SYSTEM";
-    /// Users' bytes of each processor.
-    pub const WINDOW_BYTES: &str = "CONDOR_WINDOW_BYTES";
-    /// The program's own number.
-    pub const PROCESSOR: &str = "CONDOR_PROCESSOR";
-    /// The file that is the bus.
-    pub const BUS: &str = "CONDOR_BUS";
-    /// How servo loops are released.
-    pub const LOOPS: &str = "CONDOR_LOOPS";
-    /// The CPU that the process keeps to.
-    pub const CPU: &str = "CONDOR_CPU";
-    /// Its priority of `SCHED_FIFO`.
-    pub const PRIORITY: &str = "CONDOR_PRIORITY";
-}
-
 /// Why a system is not found.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

@@ -4,6 +4,8 @@ use core::fmt;
 use std::os::fd::BorrowedFd;
 use std::path::PathBuf;
 
+use crate::linux::Environment;
+
 /// A processor as its supervisor handles it: a process of this machine, or a hart that is held in
 /// reset while its memory is loaded, or a mapped device that another one controls.
 ///
@@ -65,18 +67,14 @@ pub struct Image {
     pub file: PathBuf,
     /// What it is given.
     pub arguments: Vec<String>,
-    /// Its environment, beside that of the supervisor.
-    pub environment: Vec<(&'static str, String)>,
+    /// Which processor it is, and what belongs to that.
+    pub environment: Environment,
 }
 
 impl Image {
     /// The program in `file`, with what it is given.
     #[must_use]
-    pub const fn new(
-        file: PathBuf,
-        arguments: Vec<String>,
-        environment: Vec<(&'static str, String)>,
-    ) -> Self {
+    pub const fn new(file: PathBuf, arguments: Vec<String>, environment: Environment) -> Self {
         Self {
             file,
             arguments,

@@ -1,6 +1,5 @@
 //! Which programs a description starts, and with what.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use condor_mbox::Processor as Number;
@@ -9,10 +8,11 @@ use super::UpError;
 use super::launch::{Image, Launch};
 use super::member::{Member, Plan};
 use super::process::Process;
-use crate::description::{Description, Kind, OnFailure, Processor, Program, find_program};
+use crate::description::{Description, Kind, Loops, OnFailure, Processor, Program, find_program};
+use crate::linux::{self, Environment};
 use crate::numbers::{FILES, TERMINALS};
 use crate::services;
-use crate::system::{Directory, environment};
+use crate::system::Directory;
 
 /// How long the heart of a service may stand still.
 const SERVICE_STALL: Duration = Duration::from_secs(10);
@@ -105,17 +105,16 @@ fn image(
     description: &Description,
     directory: &Directory,
 ) -> std::io::Result<Image> {
-    let mut environment_ = basics(processor.number, description, directory);
-    if description.bus.is_some() {
-        environment_.push((environment::BUS, text(directory.bus())));
-    }
-    environment_.push((environment::LOOPS, processor.loops.word().into()));
-    if let Some(cpu) = processor.cpu {
-        environment_.push((environment::CPU, cpu.to_string()));
-    }
-    if let Some(priority) = processor.priority {
-        environment_.push((environment::PRIORITY, priority.to_string()));
-    }
+    let environment = Environment {
+        bus: description.bus.as_ref().map(|_| directory.bus()),
+        loops: match processor.loops {
+            Loops::Signals => linux::Loops::Signals,
+            Loops::Spin => linux::Loops::Spin,
+        },
+        cpu: processor.cpu.map(|cpu| cpu as usize),
+        priority: processor.priority,
+        ..basics(processor.number, description, directory)
+    };
     let (file, arguments) = match program {
         Program::Own => {
             let mut all = vec!["program".into()];
@@ -124,27 +123,20 @@ fn image(
         }
         Program::File(path) => (path.clone(), arguments.to_vec()),
     };
-    Ok(Image::new(file, arguments, environment_))
+    Ok(Image::new(file, arguments, environment))
 }
 
 /// What every process of the system is told.
-fn basics(
-    number: u8,
-    description: &Description,
-    directory: &Directory,
-) -> Vec<(&'static str, String)> {
-    vec![
-        (environment::SYSTEM, text(directory.mailbox())),
-        (
-            environment::WINDOW_BYTES,
-            description.window_bytes.to_string(),
-        ),
-        (environment::PROCESSOR, number.to_string()),
-    ]
-}
-
-fn text(path: PathBuf) -> String {
-    path.to_string_lossy().into_owned()
+fn basics(number: u8, description: &Description, directory: &Directory) -> Environment {
+    Environment {
+        system: directory.mailbox(),
+        window_bytes: description.window_bytes,
+        processor: Number(number),
+        bus: None,
+        loops: linux::Loops::Signals,
+        cpu: None,
+        priority: None,
+    }
 }
 
 /// Another program for a processor.

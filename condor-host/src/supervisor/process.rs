@@ -47,9 +47,10 @@ impl Process {
         let (pipe, writer) = std::io::pipe()?;
         rustix::fs::fcntl_setfl(&pipe, rustix::fs::fcntl_getfl(&pipe)? | OFlags::NONBLOCK)?;
         let mut command = Command::new(&image.file);
-        command
+        image
+            .environment
+            .pass_to(&mut command)
             .args(&image.arguments)
-            .envs(image.environment.iter().map(|(name, value)| (name, value)))
             .stdin(Stdio::null())
             .stdout(writer.try_clone()?)
             .stderr(writer)

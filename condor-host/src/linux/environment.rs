@@ -1,0 +1,239 @@
+//! [`Environment`]: what a process is told by whoever starts it.
+
+use std::ffi::{OsStr, OsString};
+use std::path::PathBuf;
+use std::process::Command;
+use std::str::FromStr;
+
+use condor_mbox::Processor;
+
+use super::error::ProcessError;
+use crate::numbers::PROCESSORS;
+
+const SYSTEM: &str = "CONDOR_SYSTEM";
+const WINDOW_BYTES: &str = "CONDOR_WINDOW_BYTES";
+const PROCESSOR: &str = "CONDOR_PROCESSOR";
+const BUS: &str = "CONDOR_BUS";
+const LOOPS: &str = "CONDOR_LOOPS";
+const CPU: &str = "CONDOR_CPU";
+const PRIORITY: &str = "CONDOR_PRIORITY";
+
+/// How the loops of a program come to run; see [the module](super).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Loops {
+    /// In signal handlers.
+    #[default]
+    Signals,
+    /// Where the background polls.
+    Spin,
+}
+
+/// What a process is told by whoever starts it; see [the module](super) for the variables.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Environment {
+    /// The directory of the mailbox system.
+    pub system: PathBuf,
+    /// Bytes of users' data of each processor.
+    pub window_bytes: u32,
+    /// The number of this one.
+    pub processor: Processor,
+    /// The file that is the bus, if there is one.
+    pub bus: Option<PathBuf>,
+    /// How loops come to run.
+    pub loops: Loops,
+    /// The core for the program, if not any.
+    pub cpu: Option<usize>,
+    /// Its priority of `SCHED_FIFO`, 1 to 99, if it has one.
+    pub priority: Option<u8>,
+}
+
+impl Environment {
+    /// That of this process.
+    ///
+    /// # Errors
+    /// [`ProcessError::Missing`], [`ProcessError::Wrong`].
+    pub fn read() -> Result<Self, ProcessError> {
+        Self::from_variables(|variable| std::env::var_os(variable))
+    }
+
+    /// That of a process that `command` will start.
+    pub fn pass_to<'c>(&self, command: &'c mut Command) -> &'c mut Command {
+        let loops = match self.loops {
+            Loops::Signals => "signals",
+            Loops::Spin => "spin",
+        };
+        command
+            .env(SYSTEM, &self.system)
+            .env(WINDOW_BYTES, self.window_bytes.to_string())
+            .env(PROCESSOR, self.processor.0.to_string())
+            .env(LOOPS, loops);
+        let optional = [
+            (BUS, self.bus.as_ref().map(|path| path.clone().into())),
+            (CPU, self.cpu.map(|cpu| OsString::from(cpu.to_string()))),
+            (PRIORITY, self.priority.map(|one| one.to_string().into())),
+        ];
+        for (variable, value) in optional {
+            match value {
+                Some(value) => command.env(variable, value),
+                None => command.env_remove(variable),
+            };
+        }
+        command
+    }
+
+    fn from_variables(get: impl Fn(&str) -> Option<OsString>) -> Result<Self, ProcessError> {
+        let optional = |variable| get(variable).filter(|value| !value.is_empty());
+        let needed = |variable, expected| {
+            optional(variable).ok_or(ProcessError::Missing { variable, expected })
+        };
+        let path = "an absolute path of a directory";
+        let system = PathBuf::from(needed(SYSTEM, path)?);
+        if !system.is_absolute() {
+            return Err(ProcessError::Wrong {
+                variable: SYSTEM,
+                value: system.into(),
+                expected: path,
+            });
+        }
+        let bytes = "a number of bytes that is a multiple of 4";
+        let window_bytes = needed(WINDOW_BYTES, bytes)?;
+        let window_bytes = number(WINDOW_BYTES, window_bytes, bytes, |&bytes: &u32| {
+            bytes.is_multiple_of(4)
+        })?;
+        let below = "a number of a processor, 0 to 15";
+        const { assert!(PROCESSORS == 16, "what is expected says so") };
+        let processor = number(
+            PROCESSOR,
+            needed(PROCESSOR, below)?,
+            below,
+            |&number: &u8| usize::from(number) < PROCESSORS,
+        )?;
+        let loops = match optional(LOOPS) {
+            None => Loops::default(),
+            Some(value) if value == "signals" => Loops::Signals,
+            Some(value) if value == "spin" => Loops::Spin,
+            Some(value) => {
+                return Err(ProcessError::Wrong {
+                    variable: LOOPS,
+                    value,
+                    expected: "`signals` or `spin`",
+                });
+            }
+        };
+        let cpu = optional(CPU)
+            .map(|value| number(CPU, value, "a number of a core, from 0 on", |_| true))
+            .transpose()?;
+        let priority = optional(PRIORITY)
+            .map(|value| {
+                let expected = "a priority of SCHED_FIFO, 1 to 99";
+                number(PRIORITY, value, expected, |one| (1..=99).contains(one))
+            })
+            .transpose()?;
+        Ok(Self {
+            system,
+            window_bytes,
+            processor: Processor(processor),
+            bus: optional(BUS).map(Into::into),
+            loops,
+            cpu,
+            priority,
+        })
+    }
+}
+
+fn number<T: FromStr>(
+    variable: &'static str,
+    value: OsString,
+    expected: &'static str,
+    is_right: impl Fn(&T) -> bool,
+) -> Result<T, ProcessError> {
+    let number = OsStr::to_str(&value).and_then(|text| text.parse().ok());
+    number.filter(is_right).ok_or(ProcessError::Wrong {
+        variable,
+        value,
+        expected,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [(&str, &str); 7] = [
+        (SYSTEM, "/run/condor/mailbox"),
+        (WINDOW_BYTES, "4096"),
+        (PROCESSOR, "3"),
+        (BUS, "/run/condor/bus"),
+        (LOOPS, "spin"),
+        (CPU, "1"),
+        (PRIORITY, "80"),
+    ];
+
+    /// With one variable changed, or left out.
+    fn with(changed: &str, value: Option<&str>) -> Result<Environment, ProcessError> {
+        Environment::from_variables(|variable| {
+            let usual = ALL.iter().find(|(name, _)| *name == variable);
+            let usual = usual.map(|(_, value)| *value);
+            let value = if variable == changed { value } else { usual };
+            value.map(OsString::from)
+        })
+    }
+
+    #[test]
+    fn what_is_passed_is_read() {
+        let all = with("", None).unwrap();
+        let mut command = Command::new("program");
+        all.pass_to(&mut command);
+        let read = Environment::from_variables(|variable| {
+            let mut variables = command.get_envs();
+            let (_, value) = variables.find(|(name, _)| *name == variable)?;
+            value.map(OsStr::to_owned)
+        });
+        assert_eq!(read.unwrap(), all);
+        let least = Environment {
+            bus: None,
+            loops: Loops::Signals,
+            cpu: None,
+            priority: None,
+            ..all
+        };
+        for (variable, part) in [(BUS, "bus"), (CPU, "cpu"), (PRIORITY, "priority")] {
+            let read = with(variable, None).unwrap();
+            assert_ne!(read, with("", None).unwrap(), "{part}");
+        }
+        least.pass_to(&mut command);
+        let gone = command.get_envs().filter(|(_, value)| value.is_none());
+        assert_eq!(gone.count(), 3);
+    }
+
+    #[test]
+    fn what_is_missing_or_wrong_is_named() {
+        for (variable, value, text) in [
+            (
+                SYSTEM,
+                None,
+                "the environment has no CONDOR_SYSTEM: it must be an absolute path",
+            ),
+            (
+                SYSTEM,
+                Some("2 64 family"),
+                "CONDOR_SYSTEM is \"2 64 family\"",
+            ),
+            (
+                WINDOW_BYTES,
+                Some("4097"),
+                "\"4097\" in the environment: it must be a number of bytes that is a multiple of 4",
+            ),
+            (WINDOW_BYTES, None, "no CONDOR_WINDOW_BYTES"),
+            (PROCESSOR, Some("16"), "0 to 15"),
+            (PROCESSOR, Some(""), "no CONDOR_PROCESSOR"),
+            (LOOPS, Some("threads"), "`signals` or `spin`"),
+            (CPU, Some("-1"), "from 0 on"),
+            (PRIORITY, Some("0"), "1 to 99"),
+            (PRIORITY, Some("100"), "1 to 99"),
+        ] {
+            let error = with(variable, value).unwrap_err().to_string();
+            assert!(error.contains(text) && error.contains(variable), "{error}");
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! [`run`]: a whole process.
+
+use std::process::ExitCode;
+
+use super::environment::Environment;
+use super::error::ProcessError;
+use super::process::Process;
+use crate::machine::{Machine as _, Program};
+
+/// Runs `program` as the processor that the environment describes, until it ends: all of `main`.
+///
+/// `arguments` are those of the program alone, as they follow its name. Why it failed goes to standard
+/// error, as does what the kernel has refused.
+///
+/// # Safety
+/// The loops of `program` keep the contract of
+/// [`Signals::with_handler`](condor_mos::linux::Signals::with_handler), as for [`Process::new`].
+#[must_use]
+pub unsafe fn run<P: Program>(
+    program: &P,
+    arguments: impl IntoIterator<Item = String>,
+) -> ExitCode {
+    run_on(program, |environment| {
+        // SAFETY: as the caller promises; the machine runs this program alone.
+        unsafe { Process::new(environment, arguments) }
+    })
+}
+
+/// As [`run`], with loops that are spun, whatever the environment says of them.
+#[must_use]
+pub fn spin<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>) -> ExitCode {
+    run_on(program, |environment| {
+        Process::spinning(environment, arguments)
+    })
+}
+
+fn run_on<P: Program>(
+    program: &P,
+    machine: impl FnOnce(&Environment) -> Result<Process, ProcessError>,
+) -> ExitCode {
+    let machine = match Environment::read().and_then(|environment| machine(&environment)) {
+        Ok(machine) => machine,
+        Err(error) => {
+            eprintln!("condor: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let number = machine.number();
+    for (what, error) in machine.privileges().refused() {
+        eprintln!("{number}: the kernel refuses {what}: {error}");
+    }
+    match program.run(&machine) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{number}: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

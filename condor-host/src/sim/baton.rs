@@ -1,0 +1,220 @@
+//! [`Baton`]: who runs next.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+use condor_mbox::{Evidence, Processor};
+
+use super::error::Cause;
+use crate::numbers::PROCESSORS;
+
+/// By how many nanoseconds a background that does not wait is ahead of the others at most, but
+/// for a single reading of its clock.
+pub const LEAD_NS: u64 = 100_000;
+
+/// How long after the end of a run its programs may still take to stop.
+const PATIENCE_NS: u64 = 10_000_000_000;
+
+/// An instant that never comes.
+pub(super) const NEVER: u64 = u64::MAX;
+
+/// What passes from thread to thread. Its state is changed only by who runs.
+pub(super) struct Baton {
+    state: Mutex<State>,
+    /// Where each processor's thread waits for its turn.
+    turns: [Condvar; PROCESSORS],
+}
+
+struct State {
+    /// Who runs.
+    holder: usize,
+    /// From when on programs are to stop.
+    stop_at: u64,
+    of: [Bell; PROCESSORS],
+}
+
+#[derive(Clone, Copy)]
+struct Bell {
+    /// It has begun, and has not ended.
+    alive: bool,
+    /// When it goes on; [`NEVER`] if there is no program.
+    next: u64,
+    /// A ring has it go on at once.
+    listens: bool,
+    rings: u64,
+}
+
+/// What makes a processor go on earlier than it asked for.
+#[derive(Clone, Copy)]
+pub(super) enum Until {
+    /// Nothing.
+    Instant,
+    /// A ring after so many.
+    Ring(u64),
+}
+
+impl Baton {
+    pub(super) fn new() -> Self {
+        let bell = Bell {
+            alive: false,
+            next: NEVER,
+            listens: false,
+            rings: 0,
+        };
+        Self {
+            state: Mutex::new(State {
+                holder: PROCESSORS,
+                stop_at: NEVER,
+                of: [bell; PROCESSORS],
+            }),
+            turns: [const { Condvar::new() }; PROCESSORS],
+        }
+    }
+
+    /// There is a program that begins at `at`.
+    pub(super) fn enter(&self, me: Processor, at: u64) {
+        if let Some(bell) = self.lock().of.get_mut(me.index()) {
+            bell.alive = true;
+            bell.next = at;
+        }
+    }
+
+    /// Before anybody runs: there is no program of `me` after all.
+    pub(super) fn withdraw(&self, me: Processor) {
+        if let Some(bell) = self.lock().of.get_mut(me.index()) {
+            bell.alive = false;
+        }
+    }
+
+    /// Everybody has entered: the first one runs.
+    pub(super) fn begin(&self, stop_at: u64) {
+        let mut state = self.lock();
+        state.stop_at = stop_at;
+        self.give(&mut state);
+    }
+
+    /// Waits for the first turn of `me`.
+    pub(super) fn first_turn(&self, me: Processor) {
+        drop(self.await_turn(self.lock(), me));
+    }
+
+    /// The program of `me`, which runs, has ended at `now`; `failed` has all others stop.
+    pub(super) fn leave(&self, me: Processor, now: u64, failed: bool) {
+        let mut state = self.lock();
+        if let Some(bell) = state.of.get_mut(me.index()) {
+            bell.alive = false;
+            bell.next = NEVER;
+        }
+        if failed && now < state.stop_at {
+            state.stop_at = now;
+            for bell in &mut state.of {
+                if bell.listens {
+                    bell.next = bell.next.min(now);
+                }
+            }
+        }
+        self.give(&mut state);
+    }
+
+    /// Has `me`, which runs, go on at `at` or as `until` says, after all who go on more than `lead`
+    /// before; gives when it does.
+    pub(super) fn turn(&self, me: Processor, now: u64, at: u64, until: Until, lead: u64) -> u64 {
+        let mut state = self.lock();
+        let stop_at = state.stop_at;
+        let Some(bell) = state.of.get_mut(me.index()) else {
+            return at;
+        };
+        bell.next = at;
+        if let Until::Ring(seen) = until {
+            bell.listens = true;
+            if now < stop_at {
+                bell.next = bell.next.min(stop_at);
+            }
+            if bell.rings != seen {
+                bell.next = now;
+            }
+        }
+        let mine = bell.next;
+        let (next, first) = state.first();
+        if first != me.index() && next.saturating_add(lead) <= mine {
+            self.give(&mut state);
+            state = self.await_turn(state, me);
+        }
+        let mut next = at;
+        if let Some(bell) = state.of.get_mut(me.index()) {
+            bell.listens = false;
+            next = bell.next.max(now);
+        }
+        let overdue = next > state.stop_at.saturating_add(PATIENCE_NS);
+        drop(state);
+        if next == NEVER {
+            Cause::WaitsForever.unwind();
+        }
+        if overdue {
+            Cause::NotStopping.unwind();
+        }
+        next
+    }
+
+    pub(super) fn rings(&self, me: Processor) -> u64 {
+        self.lock().of.get(me.index()).map_or(0, |bell| bell.rings)
+    }
+
+    /// Whoever runs rings `processor` at `now`.
+    pub(super) fn ring(&self, processor: Processor, now: u64) {
+        if let Some(bell) = self.lock().of.get_mut(processor.index()) {
+            bell.rings += 1;
+            if bell.listens {
+                bell.next = bell.next.min(now);
+            }
+        }
+    }
+
+    pub(super) fn evidence(&self, processor: Processor) -> Evidence {
+        match self.lock().of.get(processor.index()) {
+            Some(bell) if bell.alive => Evidence::Alive,
+            Some(_) => Evidence::Dead,
+            None => Evidence::Unknown,
+        }
+    }
+
+    pub(super) fn stop_at(&self) -> u64 {
+        self.lock().stop_at
+    }
+
+    /// Gives the baton to who goes on first.
+    fn give(&self, state: &mut State) {
+        let (_, first) = state.first();
+        state.holder = first;
+        if let Some(turn) = self.turns.get(first) {
+            turn.notify_one();
+        }
+    }
+
+    fn await_turn<'s>(
+        &self,
+        mut state: MutexGuard<'s, State>,
+        me: Processor,
+    ) -> MutexGuard<'s, State> {
+        let Some(turn) = self.turns.get(me.index()) else {
+            return state;
+        };
+        while state.holder != me.index() {
+            state = turn.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        state
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // Nothing panics while it is locked.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// Who goes on first, and when; nobody's number if all have ended.
+    fn first(&self) -> (u64, usize) {
+        let alive = self.of.iter().enumerate().filter(|(_, bell)| bell.alive);
+        let first = alive.map(|(number, bell)| (bell.next, number)).min();
+        first.unwrap_or((NEVER, PROCESSORS))
+    }
+}

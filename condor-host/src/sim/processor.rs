@@ -1,0 +1,319 @@
+//! [`Processor`]: one of several processors in virtual time.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+
+use condor_dev::Bus;
+use condor_mbox::linux::LinuxWindow;
+use condor_mbox::{self as mbox, Windows};
+use condor_mos::sim::Processor as LocalTime;
+use condor_mos::{Armed, Platform as _, Rate, Timer as _};
+
+use super::baton::{Baton, LEAD_NS, NEVER, Until};
+use super::doorbell::Bell;
+use super::error::SimError;
+use super::exclusion::Uninterrupted;
+use super::timer::VirtualTimer;
+use crate::machine::Machine;
+use crate::numbers::PROCESSORS;
+
+/// How many nanoseconds it takes to read a clock in the background.
+pub const CLOCK_NS: u64 = 100;
+
+/// After how many readings in a row those of the timer take their time, all at once: a scheduler reads
+/// it a few times for one event, which is to take none.
+const READINGS: u32 = 100;
+
+/// How many loops a processor has at most, as schedulers have.
+pub(super) const RANKS: usize = 32;
+
+/// One processor of a [`System`](super::System) in virtual time: the [`Machine`] of its program.
+///
+/// `B` is the bus.
+pub struct Processor<B> {
+    core: Arc<Core>,
+    windows: [Windows<LinuxWindow>; PROCESSORS],
+    bus: B,
+    arguments: Vec<String>,
+}
+
+/// What the parts of a processor share. All but one thread only look at it before or after.
+pub(super) struct Core {
+    pub(super) number: mbox::Processor,
+    pub(super) baton: Arc<Baton>,
+    /// Its clock, and how interrupts nest.
+    pub(super) timer: LocalTime,
+    /// When the timer is to interrupt.
+    armed: AtomicU64,
+    /// Whether there is a handler.
+    connected: AtomicBool,
+    /// In how many contexts it is in which no time passes.
+    still: AtomicU32,
+    /// How often the timer was read since the clock went on last.
+    readings: AtomicU32,
+    /// How long the loop of each rank takes.
+    work: [u64; RANKS],
+}
+
+impl<B> Processor<B> {
+    pub(super) fn new(
+        core: Core,
+        windows: [Windows<LinuxWindow>; PROCESSORS],
+        bus: B,
+        arguments: Vec<String>,
+    ) -> Self {
+        Self {
+            core: Arc::new(core),
+            windows,
+            bus,
+            arguments,
+        }
+    }
+
+    /// The processor's clock, in nanoseconds; to look at it here takes no time.
+    #[must_use]
+    pub fn now(&self) -> u64 {
+        self.core.now()
+    }
+
+    /// Has the background compute for `ns`, or wait for nothing; others run meanwhile.
+    pub fn work(&self, ns: u64) {
+        self.core.pass(ns, 0);
+    }
+
+    pub(super) fn core(&self) -> &Core {
+        &self.core
+    }
+}
+
+impl Core {
+    pub(super) fn new(
+        number: mbox::Processor,
+        baton: Arc<Baton>,
+        begins_at: u64,
+        work: [u64; RANKS],
+    ) -> Self {
+        let timer = LocalTime::new(Rate::hz(1_000_000_000));
+        timer.run_until(begins_at);
+        Self {
+            number,
+            baton,
+            timer,
+            armed: AtomicU64::new(NEVER),
+            connected: AtomicBool::new(false),
+            still: AtomicU32::new(0),
+            readings: AtomicU32::new(0),
+            work,
+        }
+    }
+
+    pub(super) fn now(&self) -> u64 {
+        self.timer.now()
+    }
+
+    pub(super) fn arm(&self, at: u64) -> Armed {
+        self.armed.store(at, Relaxed);
+        self.timer.arm(at)
+    }
+
+    pub(super) fn disarm(&self) {
+        self.armed.store(NEVER, Relaxed);
+        self.timer.disarm();
+    }
+
+    /// Runs `body` while no time passes.
+    pub(super) fn standing_still<R>(&self, body: impl FnOnce() -> R) -> R {
+        let _still = Still::begin(&self.still);
+        body()
+    }
+
+    fn stands_still(&self) -> bool {
+        self.still.load(Relaxed) > 0
+    }
+
+    /// When the timer interrupts next; [`NEVER`] if it cannot.
+    fn next_interrupt(&self) -> u64 {
+        if self.connected.load(Relaxed) {
+            self.armed.load(Relaxed).max(self.now())
+        } else {
+            NEVER
+        }
+    }
+
+    /// Somebody reads the clock.
+    pub(super) fn spend_reading(&self) {
+        if !self.stands_still() {
+            self.pass(CLOCK_NS, LEAD_NS);
+        }
+    }
+
+    /// Somebody reads the timer, perhaps where no interrupt may come.
+    pub(super) fn spend_reading_timer(&self) {
+        if !self.stands_still() && self.readings.fetch_add(1, Relaxed) + 1 >= READINGS {
+            self.move_to(self.now() + u64::from(READINGS) * CLOCK_NS);
+        }
+    }
+
+    /// Lets `ns` of a context pass that can be interrupted: interrupts take their time in addition.
+    fn pass(&self, ns: u64, lead: u64) {
+        let mut left = ns;
+        loop {
+            let now = self.now();
+            let interrupt = self.next_interrupt();
+            let at = now.saturating_add(left).min(interrupt);
+            self.baton.turn(self.number, now, at, Until::Instant, lead);
+            self.move_to(at);
+            if interrupt > at {
+                return;
+            }
+            left -= at - now;
+            self.timer.interrupt();
+        }
+    }
+
+    /// Waits until there are other than `seen` rings, until the instant `until`, or until programs
+    /// are to stop.
+    pub(super) fn wait(&self, seen: u64, until: u64) {
+        let was_stopping = self.is_stopping();
+        loop {
+            let now = self.now();
+            // In a loop or a handler nothing interrupts a wait.
+            let interrupt = if self.stands_still() {
+                NEVER
+            } else {
+                self.next_interrupt()
+            };
+            let at = until.max(now).min(interrupt);
+            let at = self.baton.turn(self.number, now, at, Until::Ring(seen), 0);
+            self.move_to(at);
+            if interrupt <= at {
+                self.timer.interrupt();
+            }
+            if self.now() >= until
+                || self.baton.rings(self.number) != seen
+                || (!was_stopping && self.is_stopping())
+            {
+                return;
+            }
+        }
+    }
+
+    /// The clock goes on to `at`, and nothing interrupts on the way.
+    fn move_to(&self, at: u64) {
+        self.readings.store(0, Relaxed);
+        self.timer
+            .hold_interrupts(at.saturating_sub(self.now()) + 1);
+        self.timer.run_until(at);
+    }
+
+    /// Runs a loop: first what it does, then the time that it takes.
+    pub(super) fn run_loop(&self, rank: u32, body: impl FnOnce()) {
+        self.timer.interruptible(rank, || {
+            self.standing_still(body);
+            let work = self.work.get(rank as usize).copied().unwrap_or(0);
+            if work > 0 {
+                self.pass(work, 0);
+            }
+        });
+    }
+
+    pub(super) fn is_stopping(&self) -> bool {
+        self.now() >= self.baton.stop_at()
+    }
+
+    fn with_handler<R>(
+        &self,
+        handler: impl Fn() + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, SimError> {
+        if self.connected.swap(true, Relaxed) {
+            return Err(SimError::Connected {
+                number: self.number,
+            });
+        }
+        let _disconnect = Disconnect(&self.connected);
+        let handler = || {
+            self.armed.store(NEVER, Relaxed);
+            self.standing_still(&handler);
+        };
+        Ok(self.timer.with_handler(handler, background))
+    }
+}
+
+/// While it lives, no time passes.
+struct Still<'s>(&'s AtomicU32);
+
+impl<'s> Still<'s> {
+    fn begin(still: &'s AtomicU32) -> Self {
+        still.fetch_add(1, Relaxed);
+        Self(still)
+    }
+}
+
+impl Drop for Still<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Relaxed);
+    }
+}
+
+struct Disconnect<'c>(&'c AtomicBool);
+
+impl Drop for Disconnect<'_> {
+    fn drop(&mut self) {
+        self.0.store(false, Relaxed);
+    }
+}
+
+impl<B: Bus + Clone + Sync> Machine for Processor<B> {
+    type Window = LinuxWindow;
+    type Doorbell = Bell;
+    type Exclusion = Uninterrupted;
+    type Platform = VirtualTimer;
+    type Bus = B;
+    type Error = SimError;
+
+    fn number(&self) -> mbox::Processor {
+        self.core.number
+    }
+
+    fn windows(&self) -> [Windows<LinuxWindow>; PROCESSORS] {
+        self.windows.clone()
+    }
+
+    fn doorbell(&self) -> Bell {
+        Bell(self.core.clone())
+    }
+
+    fn exclusion(&self) -> Uninterrupted {
+        Uninterrupted(self.core.clone())
+    }
+
+    fn platform(&self) -> VirtualTimer {
+        VirtualTimer(self.core.clone())
+    }
+
+    fn bus(&self) -> B {
+        self.bus.clone()
+    }
+
+    fn waiting(&self) -> mbox::Waiting {
+        mbox::Waiting::Sleep
+    }
+
+    fn argument(&self, index: usize) -> Option<&str> {
+        self.arguments.get(index).map(String::as_str)
+    }
+
+    fn is_stopping(&self) -> bool {
+        self.core.is_stopping()
+    }
+
+    fn with_timer<R>(
+        &self,
+        _: &VirtualTimer,
+        handler: impl Fn() + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, SimError> {
+        self.core.with_handler(handler, background)
+    }
+}

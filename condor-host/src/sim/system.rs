@@ -1,0 +1,247 @@
+//! [`System`]: processors, their programs, and a run of all of them.
+
+use core::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+
+use condor_dev::Bus;
+use condor_mbox as mbox;
+use condor_mbox::linux;
+
+use super::baton::{Baton, NEVER};
+use super::error::{Cause, Failure, SimError};
+use super::processor::{Core, Processor, RANKS};
+use crate::machine::Program;
+use crate::numbers::PROCESSORS;
+use crate::silent::Silent;
+
+/// A system of programs in virtual time, to be run once.
+///
+/// ```
+/// use condor_host::{Machine, sim};
+/// use condor_mbox::{Clock, Processor};
+///
+/// let mut system = sim::System::new(4096)?;
+/// system.arguments(Processor(2), ["a"])?;
+/// system.host(Processor(2), |machine| {
+///     assert_eq!(machine.argument(0), Some("a"));
+///     while !machine.is_stopping() {
+///         machine.work(1_000_000);
+///     }
+///     Ok::<_, String>(())
+/// })?;
+/// // A virtual hour, in which there is little to do.
+/// let ended_at = system.run_until(3_600_000_000_000)?;
+/// assert_eq!(ended_at, 3_600_000_000_000);
+/// # Ok::<(), condor_host::sim::SimError>(())
+/// ```
+pub struct System<'env, B = Silent> {
+    memory: linux::System<PROCESSORS>,
+    bus: B,
+    seats: [Seat<'env, B>; PROCESSORS],
+}
+
+type Task<'env, B> = Box<dyn FnOnce(&Processor<B>) -> Result<(), String> + Send + 'env>;
+
+/// What is known of a processor before the run.
+struct Seat<'env, B> {
+    arguments: Vec<String>,
+    work: [u64; RANKS],
+    begins_at: u64,
+    task: Option<Task<'env, B>>,
+}
+
+impl System<'_> {
+    /// A system whose processors have `window_bytes` of users' data each, and nothing on their bus.
+    ///
+    /// # Errors
+    /// [`SimError::System`].
+    pub fn new(window_bytes: u32) -> Result<Self, SimError> {
+        Self::with_bus(window_bytes, Silent)
+    }
+}
+
+impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
+    /// As [`new`](System::new), with boards on a bus that all processors share.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn with_bus(window_bytes: u32, bus: B) -> Result<Self, SimError> {
+        let seat = |_| Seat {
+            arguments: Vec::new(),
+            work: [0; RANKS],
+            begins_at: 0,
+            task: None,
+        };
+        Ok(Self {
+            memory: linux::System::family(window_bytes)?,
+            bus,
+            seats: core::array::from_fn(seat),
+        })
+    }
+
+    /// What the program of `number` is given as arguments.
+    ///
+    /// # Errors
+    /// [`SimError::NoSuchProcessor`].
+    pub fn arguments<A: Into<String>>(
+        &mut self,
+        number: mbox::Processor,
+        arguments: impl IntoIterator<Item = A>,
+    ) -> Result<(), SimError> {
+        self.seat(number)?.arguments = arguments.into_iter().map(Into::into).collect();
+        Ok(())
+    }
+
+    /// How many nanoseconds the loop of a rank takes, after what it does; 0 is the fastest loop's
+    /// rank. A rank that no processor has is ignored.
+    ///
+    /// # Errors
+    /// [`SimError::NoSuchProcessor`].
+    pub fn set_work(
+        &mut self,
+        number: mbox::Processor,
+        rank: u32,
+        ns: u64,
+    ) -> Result<(), SimError> {
+        if let Some(work) = self.seat(number)?.work.get_mut(rank as usize) {
+            *work = ns;
+        }
+        Ok(())
+    }
+
+    /// When the program of `number` begins, in nanoseconds; 0 if this is not called. All that begin
+    /// at the same time do so in the order of their numbers.
+    ///
+    /// # Errors
+    /// [`SimError::NoSuchProcessor`].
+    pub fn begin_at(&mut self, number: mbox::Processor, ns: u64) -> Result<(), SimError> {
+        self.seat(number)?.begins_at = ns;
+        Ok(())
+    }
+
+    /// Has `number` run a program.
+    ///
+    /// # Errors
+    /// [`SimError::NoSuchProcessor`], [`SimError::Taken`].
+    pub fn spawn<P: Program + Sync>(
+        &mut self,
+        number: mbox::Processor,
+        program: &'env P,
+    ) -> Result<(), SimError> {
+        self.host(number, |machine| program.run(machine))
+    }
+
+    /// Has `number` run a closure: a host's end, as the file service.
+    ///
+    /// # Errors
+    /// [`SimError::NoSuchProcessor`], [`SimError::Taken`].
+    pub fn host<E: fmt::Display>(
+        &mut self,
+        number: mbox::Processor,
+        body: impl FnOnce(&Processor<B>) -> Result<(), E> + Send + 'env,
+    ) -> Result<(), SimError> {
+        let task = &mut self.seat(number)?.task;
+        if task.is_some() {
+            return Err(SimError::Taken { number });
+        }
+        *task = Some(Box::new(|machine| {
+            body(machine).map_err(|error| error.to_string())
+        }));
+        Ok(())
+    }
+
+    /// Runs all programs until they end by themselves; gives when the last one did, in nanoseconds.
+    ///
+    /// When one fails, all others are told to stop.
+    ///
+    /// # Errors
+    /// [`SimError::Failed`]; [`SimError::System`]; [`SimError::Thread`], with which the other programs
+    /// were told to stop at once.
+    pub fn run(self) -> Result<u64, SimError> {
+        self.run_until(NEVER)
+    }
+
+    /// As [`run`](Self::run), and tells all programs to stop at `ns`.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn run_until(self, ns: u64) -> Result<u64, SimError> {
+        let baton = Arc::new(Baton::new());
+        let mut programs = Vec::new();
+        for (number, seat) in (0..).map(mbox::Processor).zip(self.seats) {
+            let Some(task) = seat.task else {
+                continue;
+            };
+            // The doorbell of Linux goes; the windows go on to hold the number.
+            let (windows, _) = self.memory.claim(number)?.into_parts();
+            let core = Core::new(number, baton.clone(), seat.begins_at, seat.work);
+            let machine = Processor::new(core, windows, self.bus.clone(), seat.arguments);
+            baton.enter(number, seat.begins_at);
+            programs.push((machine, task));
+        }
+        let outcome = Mutex::new(Outcome::default());
+        let started = thread::scope(|threads| {
+            let mut started = Ok(());
+            for (machine, task) in programs {
+                let number = machine.core().number;
+                let outcome = &outcome;
+                let result = thread::Builder::new()
+                    .name(number.to_string())
+                    .spawn_scoped(threads, move || run_one(&machine, task, outcome));
+                if let Err(source) = result {
+                    // Those that have a thread are told to stop at once.
+                    baton.withdraw(number);
+                    started = Err(SimError::Thread { number, source });
+                }
+            }
+            let stop_at = if started.is_ok() { ns } else { 0 };
+            baton.begin(stop_at);
+            started
+        });
+        started?;
+        let outcome = outcome.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if outcome.failures.is_empty() {
+            Ok(outcome.ended_at)
+        } else {
+            Err(SimError::Failed(outcome.failures))
+        }
+    }
+
+    fn seat(&mut self, number: mbox::Processor) -> Result<&mut Seat<'env, B>, SimError> {
+        let seat = self.seats.get_mut(number.index());
+        seat.ok_or(SimError::NoSuchProcessor { number })
+    }
+}
+
+#[derive(Default)]
+struct Outcome {
+    ended_at: u64,
+    failures: Vec<Failure>,
+}
+
+/// The thread of a processor.
+fn run_one<B>(machine: &Processor<B>, task: Task<'_, B>, outcome: &Mutex<Outcome>) {
+    let baton = machine.core().baton.clone();
+    let number = machine.core().number;
+    baton.first_turn(number);
+    let ended = catch_unwind(AssertUnwindSafe(|| task(machine)));
+    let cause = match ended {
+        Ok(Ok(())) => None,
+        Ok(Err(text)) => Some(Cause::Error(text)),
+        Err(payload) => Some(Cause::of(payload)),
+    };
+    let at_ns = machine.now();
+    let failed = cause.is_some();
+    {
+        let mut outcome = outcome.lock().unwrap_or_else(PoisonError::into_inner);
+        outcome.ended_at = outcome.ended_at.max(at_ns);
+        outcome.failures.extend(cause.map(|cause| Failure {
+            number,
+            at_ns,
+            cause,
+        }));
+    }
+    baton.leave(number, at_ns, failed);
+}

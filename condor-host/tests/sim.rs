@@ -1,0 +1,224 @@
+//! Systems in virtual time.
+#![cfg(feature = "sim")]
+
+use std::sync::Mutex;
+use std::time::Duration;
+
+use condor_host::sim::{Cause, Failure, SimError, System};
+use condor_host::{Machine, Program};
+use condor_mbox::{Call, Clock as _, Doorbell as _, Instant, Mailbox, Processor, Vector};
+use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _};
+
+const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
+const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
+const ADD: Vector = Vector(5);
+const SECOND: Duration = Duration::from_secs(1);
+const PROGRAMS: u8 = 3;
+
+/// Who, when, what, and a word.
+type Event = (u8, u64, &'static str, u32);
+
+/// Loops of two rates, and requests to both neighbours.
+struct Talker<'t> {
+    trace: &'t Mutex<Vec<Event>>,
+}
+
+impl Talker<'_> {
+    fn note(&self, event: Event) {
+        self.trace.lock().unwrap().push(event);
+    }
+}
+
+impl Program for Talker<'_> {
+    type Error = String;
+
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
+        let number = machine.number();
+        let doorbell = machine.doorbell();
+        let answer = |call: &Call<'_>| {
+            self.note((number.0, doorbell.now().as_ns(), "request", call.data()));
+            // Half of the replies need another reply.
+            if call.data() % 2 == 0 {
+                return call.data() + 1;
+            }
+            call.send_with_reply(call.sender(), ADD, call.data() + 1, SECOND)
+                .unwrap_or(u32::MAX)
+        };
+        let mut mailbox = Mailbox::new(
+            number,
+            machine.windows(),
+            machine.doorbell(),
+            machine.exclusion(),
+        )
+        .map_err(|error| error.to_string())?;
+        mailbox.set_waiting(machine.waiting());
+        mailbox.set_vector(ADD, &answer, "add").unwrap();
+        mailbox.join().unwrap();
+        let table = EventTable::<2, 8>::new(RATES, Clock::of::<u64>(NANOSECONDS));
+        let scheduler = Scheduler::new(machine.platform(), table);
+        let mut fast_runs = 0;
+        let mut fast = || {
+            fast_runs += 1;
+            self.note((number.0, scheduler.platform().now(), "fast", fast_runs));
+        };
+        let mut slow_runs = 0;
+        let mut slow = || {
+            slow_runs += 1;
+            self.note((number.0, scheduler.platform().now(), "slow", slow_runs));
+        };
+        scheduler.scope(|scope| {
+            scope.assign(LoopId(0), Overrun::Skip, &mut fast).unwrap();
+            scope.assign(LoopId(1), Overrun::Skip, &mut slow).unwrap();
+            let background = || {
+                scheduler.start().unwrap();
+                let mut count = u32::from(number.0) * 1000;
+                while !machine.is_stopping() {
+                    for to in (0..PROGRAMS).filter(|&to| to != number.0) {
+                        count += 1;
+                        let reply = mailbox.send_with_reply(Processor(to), ADD, count, SECOND);
+                        let now = machine.doorbell().now().as_ns();
+                        match reply {
+                            Ok(reply) => self.note((number.0, now, "reply", reply)),
+                            Err(_) => self.note((number.0, now, "no reply", count)),
+                        }
+                    }
+                    let next = machine.doorbell().now().after(Duration::from_millis(5));
+                    while machine.doorbell().now() < next {
+                        mailbox.serve(Duration::from_millis(5)).unwrap();
+                    }
+                }
+            };
+            machine
+                .with_timer(scheduler.platform(), || scheduler.on_timer(), background)
+                .map_err(|error| error.to_string())
+        })?;
+        for id in 0..2 {
+            let counts = scheduler.statistics(LoopId(id)).unwrap();
+            let now = scheduler.platform().now();
+            self.note((number.0, now, "skipped", counts.skipped));
+            self.note((number.0, now, "late", counts.worst_lateness));
+        }
+        Ok(())
+    }
+}
+
+/// The trace of half a second.
+fn trace() -> Vec<Event> {
+    let trace = Mutex::new(Vec::new());
+    let talker = Talker { trace: &trace };
+    let mut system = System::new(4096).unwrap();
+    for number in 0..PROGRAMS {
+        system.spawn(Processor(number), &talker).unwrap();
+    }
+    // On 1 the slow loop is interrupted; on 2 the fast one takes longer than its period.
+    system.set_work(Processor(1), 0, 500_000).unwrap();
+    system.set_work(Processor(1), 1, 6_000_000).unwrap();
+    system.set_work(Processor(2), 0, 3_000_000).unwrap();
+    let ended_at = system.run_until(500_000_000).unwrap();
+    assert!((500_000_000..520_000_000).contains(&ended_at), "{ended_at}");
+    trace.into_inner().unwrap()
+}
+
+fn words(trace: &[Event], number: u8, what: &str) -> Vec<u32> {
+    let of = trace
+        .iter()
+        .filter(|event| event.0 == number && event.2 == what);
+    of.map(|event| event.3).collect()
+}
+
+#[test]
+fn two_runs_are_the_same() {
+    let first = trace();
+    assert_eq!(first, trace());
+    for number in 0..PROGRAMS {
+        // Its processor may be too busy to serve, but nobody is left without a reply.
+        assert!(words(&first, number, "no reply").len() <= 2, "{number}");
+        assert!(words(&first, number, "reply").len() > 20, "{number}");
+        assert!(words(&first, number, "request").len() > 20, "{number}");
+    }
+    assert_eq!(words(&first, 0, "skipped"), [0, 0]);
+    assert_eq!(words(&first, 0, "late"), [0, 0]);
+    assert_eq!(words(&first, 1, "skipped"), [0, 0]);
+    assert_eq!(words(&first, 1, "late"), [0, 500_000]);
+    // Every second release of 200 finds the loop in progress.
+    let skipped = words(&first, 2, "skipped");
+    assert!((99..=101).contains(&skipped[0]), "{skipped:?}");
+    // At exactly their instants, in the order of time over all processors.
+    let fast: Vec<_> = first.iter().filter(|event| event.2 == "fast").collect();
+    assert!(fast.iter().filter(|event| event.0 == 1).count() >= 200);
+    assert!(fast.is_sorted_by_key(|event| event.1));
+    for event in fast.windows(4).flatten().filter(|event| event.0 < 2) {
+        let offset = fast.iter().find(|first| first.0 == event.0).unwrap().1;
+        assert_eq!((event.1 - offset) % 2_500_000, 0, "{event:?}");
+    }
+}
+
+#[test]
+fn failures_are_reported_with_their_processors() {
+    let mut system = System::new(64).unwrap();
+    system
+        .host(Processor(3), |machine| {
+            machine.work(5000);
+            Err("no hand")
+        })
+        .unwrap();
+    system
+        .host(Processor(4), |machine| {
+            machine.work(3000);
+            // The other one fails meanwhile; this is told at once.
+            let bell = machine.doorbell();
+            bell.wait(bell.prepare(), Instant::from_ns(1_000_000_000));
+            assert_eq!(machine.now(), 5000);
+            assert!(!machine.is_stopping(), "stopped");
+            Ok::<_, String>(())
+        })
+        .unwrap();
+    let Err(SimError::Failed(failures)) = system.run() else {
+        panic!("both fail");
+    };
+    let failure = |number, cause| Failure {
+        number: Processor(number),
+        at_ns: 5000,
+        cause,
+    };
+    assert_eq!(
+        failures,
+        [
+            failure(3, Cause::Error("no hand".into())),
+            failure(4, Cause::Panic("stopped".into())),
+        ]
+    );
+    assert_eq!(
+        failures[0].to_string(),
+        "processor 3 at 0.000005000 s: no hand"
+    );
+}
+
+#[test]
+fn programs_that_do_not_end_are_ended() {
+    let mut system = System::new(64).unwrap();
+    system
+        .host(Processor(0), |machine| -> Result<(), String> {
+            loop {
+                // Looks at nothing but its clock.
+                machine.doorbell().now();
+                machine.work(1_000_000);
+            }
+        })
+        .unwrap();
+    system
+        .host(Processor(1), |machine| {
+            while !machine.is_stopping() {
+                machine.doorbell().now();
+            }
+            let bell = machine.doorbell();
+            bell.wait(bell.prepare(), Instant::FOREVER);
+            Ok::<_, String>(())
+        })
+        .unwrap();
+    let Err(SimError::Failed(failures)) = system.run_until(1_000_000) else {
+        panic!("both fail");
+    };
+    let causes: Vec<_> = failures.iter().map(|failure| &failure.cause).collect();
+    assert_eq!(causes, [&Cause::NotStopping, &Cause::WaitsForever]);
+}

@@ -1,0 +1,122 @@
+//! A small program, and who looks at it from outside: the same text on every machine.
+
+use std::time::Duration;
+
+use condor_host::directory::{self, Directory, Kind};
+use condor_host::loops::{self, LoopReports};
+use condor_host::{Machine, PROCESSORS, Program};
+use condor_mbox::{
+    Call, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Published, Region, Vector,
+};
+use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Statistics, Timer as _};
+
+pub(crate) const SMALL: Processor = Processor(1);
+pub(crate) const VISITOR: Processor = Processor(11);
+const ADD: Vector = Vector(5);
+const TABLE: EventTable<1, 4> =
+    EventTable::new([Rate::hz(400)], Clock::of::<u64>(Rate::hz(1_000_000_000)));
+
+/// A loop of 400 Hz that publishes its count, and a handler that adds its argument.
+pub(crate) struct Small;
+
+impl Program for Small {
+    type Error = String;
+
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
+        self.run_for(machine).map_err(|error| error.to_string())
+    }
+}
+
+impl Small {
+    fn run_for<M: Machine>(&self, machine: &M) -> Result<(), Box<dyn std::error::Error>> {
+        let number = machine.number();
+        let addend: u32 = machine.argument(0).ok_or("no addend")?.parse()?;
+        let windows = machine.windows();
+        let own = Region::users(windows[number.index()].data.clone())?;
+        let mut places = own.places();
+        let mut directory = Directory::new(own.clone(), &mut places)?;
+        let ticks: Published<u32> = places.published()?;
+        let mut ticks_out = ticks.publisher(own.clone())?;
+        directory.enter(
+            "ticks",
+            Kind::Other,
+            ticks.offset(),
+            Published::<u32>::BYTES,
+        )?;
+        let mut reports = LoopReports::<_, 1>::new(&own, &mut places, &mut directory, ["servo"])?;
+
+        let add = |call: &Call<'_>| call.data() + addend;
+        let mut mailbox = Mailbox::new(number, windows, machine.doorbell(), machine.exclusion())?;
+        mailbox.set_waiting(machine.waiting());
+        mailbox.set_vector(ADD, &add, "add")?;
+        mailbox.join()?;
+
+        let scheduler = Scheduler::new(machine.platform(), TABLE);
+        let (mut count, mut lost) = (0_u32, 0_u32);
+        let mut servo = || {
+            count += 1;
+            if ticks_out.publish(&count).is_err() {
+                lost += 1;
+            }
+        };
+        scheduler.scope(|scope| {
+            scope.assign(LoopId(0), Overrun::Skip, &mut servo)?;
+            let background = || {
+                scheduler.start()?;
+                while !machine.is_stopping() {
+                    mailbox.serve(Duration::from_millis(20))?;
+                    reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
+                }
+                Ok::<_, Box<dyn std::error::Error>>(())
+            };
+            let ended =
+                machine.with_timer(scheduler.platform(), || scheduler.on_timer(), background);
+            ended.map_err(|error| error.to_string())?
+        })?;
+        scheduler.platform().disarm();
+        if lost > 0 {
+            Err("memory is gone".into())
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// What was seen from outside.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Seen {
+    pub(crate) reply: u32,
+    pub(crate) ticks: u32,
+    pub(crate) name: String,
+    pub(crate) counts: Statistics,
+}
+
+/// Looks at the small program until its loop has run 80 times.
+pub(crate) fn watch<W: MemoryWindow + Clone, D: Doorbell, X: Exclusion>(
+    mut mailbox: Mailbox<'_, W, D, X, PROCESSORS>,
+) -> Seen {
+    mailbox.join().unwrap();
+    let reply = mailbox.send_with_reply(SMALL, ADD, 40, Duration::from_secs(20));
+    let region = Region::users(mailbox.windows(SMALL).unwrap().data.clone()).unwrap();
+    let until = mailbox.doorbell().now().after(Duration::from_secs(20));
+    loop {
+        mailbox.serve(Duration::from_millis(20)).unwrap();
+        let entry = directory::find(&region, "loops").unwrap().unwrap();
+        assert_eq!((entry.kind, loops::count(&entry)), (Kind::Loops, 1));
+        assert_eq!(loops::read(&region, &entry, 1).unwrap(), None);
+        let is_late = mailbox.doorbell().now() > until;
+        match loops::read(&region, &entry, 0).unwrap() {
+            Some((name, counts)) if counts.run >= 80 || is_late => {
+                let ticks = directory::find(&region, "ticks").unwrap().unwrap();
+                let ticks = Published::<u32>::at(ticks.offset).subscriber(&region);
+                return Seen {
+                    reply: reply.unwrap(),
+                    ticks: ticks.unwrap().read().unwrap().value,
+                    name: name.as_str().into(),
+                    counts,
+                };
+            }
+            _ => assert!(!is_late, "nothing is published"),
+        }
+    }
+}
