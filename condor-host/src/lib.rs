@@ -38,6 +38,8 @@ pub use silent::Silent;
 #[cfg(feature = "program")]
 pub mod cli;
 #[cfg(feature = "program")]
+mod commands;
+#[cfg(feature = "program")]
 pub mod control;
 #[cfg(feature = "program")]
 pub mod description;
@@ -47,3 +49,5 @@ pub mod services;
 pub mod supervisor;
 #[cfg(feature = "program")]
 pub mod system;
+#[cfg(feature = "program")]
+pub mod view;

@@ -33,7 +33,8 @@ pub(super) struct How {
     json: bool,
 }
 
-fn duration(text: &str) -> Result<Duration, String> {
+/// A time of the command line.
+pub(crate) fn duration(text: &str) -> Result<Duration, String> {
     let span: SignedDuration = text
         .parse()
         .map_err(|error| format!("{error}; write for example 10s"))?;
