@@ -114,7 +114,7 @@ pub struct Summary {
 /// Brings the system up, and keeps it until it is told to end: by a request, by SIGINT, SIGTERM or
 /// SIGHUP, or because the description says so. `started` is called when all programs have been
 /// given the chance to join, and gets the directory in which the system runs; `ending` before the
-/// programs are stopped.
+/// programs are stopped; neither may ask the supervisor, which does nothing else meanwhile.
 ///
 /// The programs die with the thread that calls this.
 ///
@@ -192,7 +192,7 @@ impl Supervisor<'_> {
         let text = format!("`{}` comes up in {directory}", self.description.name);
         self.journal.tell(CONDOR, text, None);
         loop {
-            let is_over = self.turn()?;
+            self.turn()?;
             if self.members.iter().all(Member::lets_pass)
                 && let Some(started) = started.take()
             {
@@ -213,7 +213,8 @@ impl Supervisor<'_> {
                     member.end(Then::Stop, &mut self.journal);
                 }
             }
-            self.publish()?;
+            let is_over = self.is_over();
+            self.publish();
             if is_over {
                 return Ok(summary.unwrap_or_else(|| self.summary()));
             }
@@ -221,8 +222,8 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Looks at everything once; true when all has ended.
-    fn turn(&mut self) -> Result<bool, UpError> {
+    /// Looks at everything once.
+    fn turn(&mut self) -> Result<(), UpError> {
         self.eye.serve()?;
         for _ in 0..self.signals.taken() {
             match self.down {
@@ -265,7 +266,7 @@ impl Supervisor<'_> {
             self.go_down(&format!("`{name}` failed"));
         }
         self.keep_promises();
-        Ok(self.is_over())
+        Ok(())
     }
 
     /// Starts who may be started now.
@@ -320,11 +321,10 @@ impl Supervisor<'_> {
         }
     }
 
-    fn publish(&mut self) -> Result<(), UpError> {
+    fn publish(&mut self) {
         for event in self.journal.news() {
             self.server.tell(&event);
         }
-        Ok(())
     }
 
     /// Waits until something happens, or somebody must be looked at.

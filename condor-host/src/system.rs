@@ -80,6 +80,12 @@ impl Directory {
         Ok(Self(path))
     }
 
+    /// The one at `path`, which some supervisor has made.
+    #[must_use]
+    pub const fn at(path: PathBuf) -> Self {
+        Self(path)
+    }
+
     /// The directory.
     #[must_use]
     pub fn path(&self) -> &Path {

@@ -56,10 +56,11 @@ pub(super) fn run(
             return Ok(ExitCode::FAILURE);
         }
     };
-    let mut options = Options::default();
-    options.own = programs.names().to_vec();
-    options.echo = true;
-    options.duration = how.duration;
+    let options = Options {
+        own: programs.names().to_vec(),
+        echo: true,
+        duration: how.duration,
+    };
     let summary = supervisor::run(
         &description,
         options,

@@ -33,9 +33,16 @@ struct Connection {
     follows: bool,
     /// A request is being carried out; the next one waits.
     busy: bool,
-    /// It sends nothing more, and may still wait for answers.
-    closed: bool,
-    gone: bool,
+    end: End,
+}
+
+/// Whether a connection has come to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    Open,
+    /// The client sends nothing more, and may still wait for answers.
+    Closed,
+    Gone,
 }
 
 impl Server {
@@ -51,10 +58,11 @@ impl Server {
     /// What is to be polled, and for what.
     pub(crate) fn descriptors(&self) -> impl Iterator<Item = (BorrowedFd<'_>, PollFlags)> {
         // Who closed is looked at again when there is an answer, and then only for room.
-        let open = |connection: &&Connection| !connection.closed || !connection.output.is_empty();
+        let open =
+            |connection: &&Connection| connection.end == End::Open || !connection.output.is_empty();
         let connections = self.connections.iter().filter(open).map(|connection| {
             let mut flags = PollFlags::empty();
-            flags.set(PollFlags::IN, !connection.closed);
+            flags.set(PollFlags::IN, connection.end == End::Open);
             flags.set(PollFlags::OUT, !connection.output.is_empty());
             (connection.stream.as_fd(), flags)
         });
@@ -81,7 +89,11 @@ impl Server {
         }
         self.connections.retain(|connection| {
             let waits = connection.busy || !connection.output.is_empty();
-            !connection.gone && (!connection.closed || waits)
+            match connection.end {
+                End::Open => true,
+                End::Closed => waits,
+                End::Gone => false,
+            }
         });
         requests
     }
@@ -120,18 +132,19 @@ impl Connection {
             output: VecDeque::new(),
             follows: false,
             busy: false,
-            closed: false,
-            gone: false,
+            end: End::Open,
         }
     }
 
     fn send(&mut self, message: &impl serde::Serialize) {
         match serde_json::to_vec(message) {
             Ok(line) => self.output.extend(line),
-            Err(_) => self.gone = true,
+            Err(_) => self.end = End::Gone,
         }
         self.output.push_back(b'\n');
-        self.gone |= self.output.len() > WAITING;
+        if self.output.len() > WAITING {
+            self.end = End::Gone;
+        }
         self.write();
     }
 
@@ -143,7 +156,7 @@ impl Connection {
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(_) => {
-                    self.gone = true;
+                    self.end = End::Gone;
                     break;
                 }
             }
@@ -152,10 +165,10 @@ impl Connection {
 
     fn read(&mut self) {
         let mut piece = [0; 4096];
-        while !self.closed && self.input.len() <= LONGEST {
+        while self.end == End::Open && self.input.len() <= LONGEST {
             match self.stream.read(&mut piece) {
                 Ok(0) => {
-                    self.closed = true;
+                    self.end = End::Closed;
                     return;
                 }
                 Ok(count) => self
@@ -164,12 +177,14 @@ impl Connection {
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 Err(_) => {
-                    self.gone = true;
+                    self.end = End::Gone;
                     return;
                 }
             }
         }
-        self.gone = !self.input.contains(&b'\n');
+        if !self.input.contains(&b'\n') {
+            self.end = End::Gone;
+        }
     }
 
     /// The next request, if it can be understood; the others are answered here.

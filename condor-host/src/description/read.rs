@@ -37,11 +37,10 @@ impl Description {
     /// As there.
     pub fn from_toml(text: &str, file: &Path, own: &[&'static str]) -> Result<Self, Mistakes> {
         let name = file.to_string_lossy();
-        let text = Text::new(&name, text);
-        let (table, errors) = DeTable::parse_recoverable(text.text);
+        let (table, errors) = DeTable::parse_recoverable(text);
+        let mut text = Text::new(&name, text);
         for error in errors {
-            let problem = Problem::Syntax(error.message().into());
-            text.wrong(&error.span().unwrap_or_default(), problem);
+            text.syntax(&error.span().unwrap_or_default(), error.message());
         }
         let top = Table::new(&text, table.get_ref(), 0..0);
         let description = system(&text, top, &Own { file, names: own });

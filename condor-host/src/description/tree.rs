@@ -11,26 +11,42 @@ use super::mistake::{Mistake, Mistakes, Problem, nearest, place};
 /// A text, and what is wrong with it.
 pub(super) struct Text<'t> {
     pub(super) file: &'t str,
-    pub(super) text: &'t str,
+    pub(super) content: &'t str,
     mistakes: RefCell<Vec<(usize, Mistake)>>,
+    /// Lines that are no TOML: what was read there is not what was meant.
+    unread: Vec<usize>,
 }
 
 impl<'t> Text<'t> {
-    pub(super) fn new(file: &'t str, text: &'t str) -> Self {
+    pub(super) fn new(file: &'t str, content: &'t str) -> Self {
         Self {
             file,
-            text,
+            content,
             mistakes: RefCell::default(),
+            unread: Vec::new(),
+        }
+    }
+
+    /// As `wrong`, for what is no TOML; the first of each line.
+    pub(super) fn syntax(&mut self, span: &Range<usize>, message: &str) {
+        let line = self.line(span.start);
+        if !self.unread.contains(&line) {
+            self.wrong(span, Problem::Syntax(message.into()));
+            self.unread.push(line);
         }
     }
 
     pub(super) fn wrong(&self, span: &Range<usize>, problem: Problem) {
-        let mistake = Mistake::at(self.file, self.text, span, problem);
+        let mistake = Mistake::at(self.file, self.content, span, problem);
+        // What stands for a value that could not be read stands nowhere.
+        if self.unread.contains(&mistake.line) || (!self.unread.is_empty() && span.start == 0) {
+            return;
+        }
         self.mistakes.borrow_mut().push((span.start, mistake));
     }
 
     pub(super) fn line(&self, byte: usize) -> usize {
-        place(self.text, byte).0
+        place(self.content, byte).0
     }
 
     /// What was wrong, in the order of the text.
@@ -55,17 +71,17 @@ pub(super) struct At<T> {
 /// A table whose keys are asked for one by one.
 pub(super) struct Table<'a, 't> {
     text: &'a Text<'t>,
-    table: &'a DeTable<'t>,
+    entries: &'a DeTable<'t>,
     /// Where a missing key is missing.
     span: Range<usize>,
     known: Vec<&'static str>,
 }
 
 impl<'a, 't> Table<'a, 't> {
-    pub(super) fn new(text: &'a Text<'t>, table: &'a DeTable<'t>, span: Range<usize>) -> Self {
+    pub(super) fn new(text: &'a Text<'t>, entries: &'a DeTable<'t>, span: Range<usize>) -> Self {
         Self {
             text,
-            table,
+            entries,
             span,
             known: Vec::new(),
         }
@@ -73,7 +89,7 @@ impl<'a, 't> Table<'a, 't> {
 
     fn get(&mut self, key: &'static str) -> Option<&'a Spanned<DeValue<'t>>> {
         self.known.push(key);
-        let mut entries = self.table.iter();
+        let mut entries = self.entries.iter();
         entries
             .find(|(other, _)| other.get_ref().as_ref() == key)
             .map(|(_, value)| value)
@@ -233,7 +249,7 @@ impl<'a, 't> Table<'a, 't> {
 
     /// Says which keys nobody asked for.
     pub(super) fn finish(self) -> Range<usize> {
-        for (key, _) in self.table {
+        for (key, _) in self.entries {
             let name = key.get_ref().as_ref();
             if !self.known.contains(&name) {
                 let nearest = nearest(name, &self.known);

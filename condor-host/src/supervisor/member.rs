@@ -121,12 +121,11 @@ impl Member {
         match self.phase {
             Phase::Stopped => State::Stopped,
             Phase::Waiting { .. } | Phase::Starting => State::Starting,
-            Phase::Up { stalled: false } => State::Running,
-            Phase::Up { stalled: true } => State::Stalled,
-            Phase::Ending {
+            Phase::Up { stalled: true }
+            | Phase::Ending {
                 then: Then::Fail, ..
             } => State::Stalled,
-            Phase::Ending { .. } => State::Running,
+            Phase::Up { .. } | Phase::Ending { .. } => State::Running,
             Phase::Pausing { .. } => State::Restarting,
             Phase::Failed => State::Failed,
         }

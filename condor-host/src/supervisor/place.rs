@@ -1,5 +1,6 @@
 //! The directory of a system, held by the supervisor that lives.
 
+use core::fmt::Write as _;
 use std::fs::File;
 use std::io::ErrorKind;
 use std::os::unix::net::UnixListener;
@@ -140,7 +141,8 @@ impl Place {
         for pid in core::iter::once(std::process::id()).chain(others) {
             // One that has gone already needs no entry.
             if let Some(started) = started_at(pid) {
-                text.push_str(&format!("{pid} {started}\n"));
+                // A string takes everything.
+                let _ = writeln!(text, "{pid} {started}");
             }
         }
         let path = self.directory.pids();

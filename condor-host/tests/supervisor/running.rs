@@ -1,0 +1,242 @@
+//! A system that runs for a test, and who looks at it.
+
+use std::io::{BufRead, BufReader, Read};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::process::{Child, ChildStderr, Command, Output, Stdio};
+use std::time::Duration;
+
+use condor_host::control::{Client, ClientError, Events, Request, State, Status};
+use condor_host::system::Directory;
+use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::process::{Pid, PidfdFlags, Signal};
+
+/// How long anything may take on a machine that has much else to do.
+pub(crate) const DEADLINE: Duration = Duration::from_secs(120);
+
+const CONDOR: &str = env!("CARGO_BIN_EXE_condor");
+const ALL_STARTED: &str = "all programs have been started";
+
+/// A running `condor up`, which is killed with its children when the test ends.
+pub(crate) struct Up {
+    place: tempfile::TempDir,
+    child: Child,
+    options: Vec<String>,
+}
+
+impl Up {
+    /// Brings up a system with these processors, and waits until all have been started.
+    pub(crate) fn start(processors: &str, options: &[&str]) -> Self {
+        let place = tempfile::tempdir().unwrap();
+        let script = format!(
+            "#!/bin/sh\nCONDOR_TEST_PROGRAM=\"$*\" exec {this} --exact programs::program --ignored --nocapture >&2\n",
+            this = std::env::current_exe().unwrap().display(),
+        );
+        let program = place.path().join("program");
+        std::fs::write(&program, script).unwrap();
+        std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+        let head = "name = \"tested\"\nwindow_bytes = 65536\n[files]\nroot = \"files\"\n";
+        let text = format!("{head}{}", processors.replace("THIS", this()));
+        std::fs::write(place.path().join("tested.toml"), text).unwrap();
+        let options: Vec<_> = options.iter().map(|&option| option.into()).collect();
+        let child = spawn(&place, &options);
+        Self {
+            place,
+            child,
+            options,
+        }
+    }
+
+    /// Brings the same system up again, after its supervisor was killed.
+    pub(crate) fn again(mut self) -> Self {
+        self.child.wait().unwrap();
+        self.child = spawn(&self.place, &self.options);
+        self
+    }
+
+    pub(crate) fn directory(&self) -> Directory {
+        Directory::at(self.place.path().join("condor/tested"))
+    }
+
+    pub(crate) fn client(&self) -> Client {
+        let client = Client::connect(&self.directory()).unwrap();
+        client.set_timeout(Some(DEADLINE)).unwrap();
+        client
+    }
+
+    pub(crate) fn status(&self) -> Status {
+        self.client().status().unwrap()
+    }
+
+    pub(crate) fn events(&self) -> Events {
+        self.client().events().unwrap()
+    }
+
+    pub(crate) fn refused(&self, request: &Request) -> String {
+        match self.client().ask(request) {
+            Err(ClientError::Refused(error)) => error,
+            other => panic!("{request:?} is answered with {other:?}"),
+        }
+    }
+
+    /// The processes of all programs and services.
+    pub(crate) fn processes(&self) -> Vec<u32> {
+        let status = self.status();
+        let members = status.services.iter().chain(&status.processors);
+        members.filter_map(|member| member.pid).collect()
+    }
+
+    /// A command of `condor` for this system.
+    pub(crate) fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = command(&self.place);
+        command.args(arguments);
+        if arguments == ["up", "--headless"] {
+            command.arg(self.place.path().join("tested.toml"));
+        }
+        command
+    }
+
+    /// Runs a command, which must succeed.
+    pub(crate) fn run(&self, arguments: &[&str]) -> Output {
+        let output = self.command(arguments).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "condor {arguments:?}: {text}");
+        output
+    }
+
+    /// As ^C does.
+    pub(crate) fn interrupt(&self) {
+        signal(self.child.id(), Signal::INT);
+    }
+
+    /// Waits for the end; the exit status, and what was written to standard output.
+    pub(crate) fn end(mut self) -> (Option<i32>, String) {
+        wait_for_end(self.child.id());
+        let mut text = String::new();
+        let mut output = self.child.stdout.take().unwrap();
+        output.read_to_string(&mut text).unwrap();
+        (self.child.wait().unwrap().code(), text)
+    }
+
+    /// Attaches to a terminal.
+    pub(crate) fn terminal(&self, name: &str) -> UnixStream {
+        let stream = UnixStream::connect(self.directory().terminal(name)).unwrap();
+        stream.set_read_timeout(Some(DEADLINE)).unwrap();
+        stream
+    }
+
+    /// Reads a terminal until `text` has come.
+    pub(crate) fn read_terminal(&self, name: &str, text: &str) {
+        read_until(&mut self.terminal(name), text);
+    }
+
+    /// How many whole lines the log of a writer has; each must be there once, in order.
+    pub(crate) fn lines(&self, name: &str) -> usize {
+        let log = self.directory().terminals().join(format!("{name}.log"));
+        let text = std::fs::read_to_string(log).unwrap();
+        let (begun, rest) = text.split_once("]\r\n").unwrap();
+        assert!(begun.starts_with("[began at "), "{begun}");
+        let whole = rest.rsplit_once("\r\n").map_or("", |(whole, _)| whole);
+        let lines: Vec<_> = whole.split("\r\n").collect();
+        for (number, line) in lines.iter().enumerate() {
+            assert_eq!(*line, format!("writer {number}"));
+        }
+        lines.len()
+    }
+}
+
+impl Drop for Up {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The program, as the description and `load` name it: relative to the description.
+pub(crate) const fn this() -> &'static str {
+    "program"
+}
+
+fn command(place: &tempfile::TempDir) -> Command {
+    let mut command = Command::new(CONDOR);
+    command.env("XDG_RUNTIME_DIR", place.path());
+    command
+}
+
+fn spawn(place: &tempfile::TempDir, options: &[String]) -> Child {
+    let description: PathBuf = place.path().join("tested.toml");
+    let mut child = command(place)
+        .arg("up")
+        .arg(description)
+        .arg("--headless")
+        .args(options)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap());
+    let mut told = String::new();
+    while !told.contains(ALL_STARTED) {
+        let before = told.len();
+        lines.read_line(&mut told).unwrap();
+        assert!(told.len() > before, "it ended:\n{told}");
+    }
+    std::thread::spawn(move || drain(lines));
+    child
+}
+
+/// Lets it write on.
+fn drain(mut lines: BufReader<ChildStderr>) {
+    let _ = std::io::copy(&mut lines, &mut std::io::sink());
+}
+
+/// Waits until a processor has come into a state.
+pub(crate) fn wait(mut events: Events, name: &str, state: State) -> Events {
+    let mut told = String::new();
+    for event in events.by_ref() {
+        let event = event.unwrap_or_else(|error| panic!("{error}; before:\n{told}"));
+        if event.source == name && event.state == Some(state) {
+            return events;
+        }
+        told += &event.to_string();
+        told.push('\n');
+    }
+    panic!("the system ended:\n{told}");
+}
+
+pub(crate) fn read_until(stream: &mut impl Read, text: &str) {
+    let mut all = Vec::new();
+    let mut piece = [0; 4096];
+    loop {
+        let count = stream.read(&mut piece).unwrap_or_else(|error| {
+            panic!("{error}, not {text:?}: {}", String::from_utf8_lossy(&all))
+        });
+        assert!(count > 0, "no {text:?}: {}", String::from_utf8_lossy(&all));
+        all.extend_from_slice(&piece[..count]);
+        if String::from_utf8_lossy(&all).contains(text) {
+            return;
+        }
+    }
+}
+
+pub(crate) fn kill(process: u32) {
+    signal(process, Signal::KILL);
+}
+
+fn signal(process: u32, signal: Signal) {
+    let process = Pid::from_raw(process.cast_signed()).unwrap();
+    rustix::process::kill_process(process, signal).unwrap();
+}
+
+/// Waits until a process has ended, of which somebody may still ask how.
+pub(crate) fn wait_for_end(process: u32) {
+    let process = Pid::from_raw(process.cast_signed()).unwrap();
+    let Ok(pidfd) = rustix::process::pidfd_open(process, PidfdFlags::empty()) else {
+        return;
+    };
+    let limit = Timespec::try_from(DEADLINE).unwrap();
+    let mut polled = [PollFd::new(&pidfd, PollFlags::IN)];
+    let ended = rustix::event::poll(&mut polled, Some(&limit)).unwrap();
+    assert_eq!(ended, 1, "{process:?} does not end");
+}
