@@ -25,6 +25,7 @@
 
 mod requests;
 mod service;
+mod ui;
 mod up;
 
 pub(crate) use up::duration;
@@ -105,6 +106,8 @@ enum Command {
     Load(requests::Load),
     /// Ends a running system
     Down(Which),
+    /// Shows a running system on this terminal
+    Ui(ui::Ui),
     /// Shows the processors of a running system
     Ps(commands::Ps),
     /// Shows the servo loops of a running system
@@ -176,6 +179,7 @@ fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
         Some(Command::Load(load)) => requests::load(load)?,
         Some(Command::Down(which)) => requests::down(&which)?,
         Some(Command::Log(log)) => requests::log(&log)?,
+        Some(Command::Ui(ui)) => ui.run()?,
         Some(Command::Ps(ps)) => ps.run()?,
         Some(Command::Top(top)) => top.run()?,
         Some(Command::Send(send)) => send.run()?,

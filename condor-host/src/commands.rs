@@ -6,7 +6,7 @@ mod number;
 mod ps;
 mod running;
 mod send;
-mod table;
+pub(crate) mod table;
 mod top;
 mod tty;
 mod vars;

@@ -50,4 +50,6 @@ pub mod supervisor;
 #[cfg(feature = "program")]
 pub mod system;
 #[cfg(feature = "program")]
+pub mod ui;
+#[cfg(feature = "program")]
 pub mod view;

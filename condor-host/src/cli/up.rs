@@ -31,6 +31,8 @@ pub(super) struct How {
     /// Prints the summary as JSON
     #[arg(long, requires = "headless")]
     json: bool,
+    #[command(flatten)]
+    tools: super::ui::Tools,
 }
 
 /// A time of the command line.
@@ -56,6 +58,9 @@ pub(super) fn run(
             return Ok(ExitCode::FAILURE);
         }
     };
+    if !how.headless && super::ui::is_possible() {
+        return super::ui::up(&file, &description.name, how.duration, &how.tools);
+    }
     let options = Options {
         own: programs.names().to_vec(),
         echo: true,

@@ -4,28 +4,35 @@ use core::fmt;
 
 /// Where a column has its text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
+pub(crate) enum Side {
     Left,
     Right,
 }
-pub(super) use Side::{Left, Right};
+pub(crate) use Side::{Left, Right};
 
 /// Rows under titles, each column as wide as its widest cell.
 #[derive(Debug)]
-pub(super) struct Table<const C: usize> {
+pub(crate) struct Table<const C: usize> {
     titles: [(&'static str, Side); C],
     rows: Vec<[String; C]>,
+    gap: usize,
 }
 
 impl<const C: usize> Table<C> {
-    pub(super) const fn new(titles: [(&'static str, Side); C]) -> Self {
+    pub(crate) const fn new(titles: [(&'static str, Side); C]) -> Self {
         Self {
             titles,
             rows: Vec::new(),
+            gap: 2,
         }
     }
 
-    pub(super) fn row(&mut self, cells: [String; C]) {
+    /// With so many blanks between columns.
+    pub(crate) fn with_gap(self, gap: usize) -> Self {
+        Self { gap, ..self }
+    }
+
+    pub(crate) fn row(&mut self, cells: [String; C]) {
         self.rows.push(cells);
     }
 }
@@ -43,7 +50,7 @@ impl<const C: usize> fmt::Display for Table<C> {
             let mut line = String::new();
             for ((cell, width), (_, side)) in row.iter().zip(widths).zip(self.titles) {
                 if !line.is_empty() {
-                    line.push_str("  ");
+                    line.push_str(&" ".repeat(self.gap));
                 }
                 let pad = " ".repeat(width.saturating_sub(cell.chars().count()));
                 match side {
@@ -58,7 +65,7 @@ impl<const C: usize> fmt::Display for Table<C> {
 }
 
 /// A number, or a dash.
-pub(super) fn or_dash<T: fmt::Display>(value: Option<T>) -> String {
+pub(crate) fn or_dash<T: fmt::Display>(value: Option<T>) -> String {
     value.map_or_else(|| "-".into(), |value| value.to_string())
 }
 

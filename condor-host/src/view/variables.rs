@@ -202,7 +202,7 @@ impl Monitor {
             number,
             wanted,
             begun: false,
-            first: None,
+            last: None,
             lost: 0,
         })
     }
@@ -226,7 +226,7 @@ pub struct Watch<'p> {
     wanted: Selection,
     /// Whether that selection has been seen in force.
     begun: bool,
-    first: Option<u32>,
+    last: Option<u32>,
     lost: u64,
 }
 
@@ -274,8 +274,10 @@ impl Watch<'_> {
                     continue;
                 }
             }
-            let first = *self.first.get_or_insert(row.tick);
-            if row.tick.wrapping_sub(first) % self.wanted.every() == 0 {
+            // Who watches beside may have rows in between, or have them begin anew.
+            let is_due = |last: u32| row.tick.wrapping_sub(last) >= self.wanted.every();
+            if self.last.is_none_or(is_due) {
+                self.last = Some(row.tick);
                 return Ok(Some(Sample {
                     tick: row.tick,
                     row,

@@ -124,24 +124,27 @@ fn variables_are_watched_and_gains_set() {
         .iter()
         .find(|name| name.ends_with(".position"))
         .unwrap();
-    let kp = format!("{}.kp", position.strip_suffix(".position").unwrap());
-    let is_gain = |row: &&Value| row["name"] == kp.as_str() && row["can_be_set"] == true;
     let rows = list["variables"].as_array().unwrap();
-    let before = rows.iter().find(is_gain).unwrap()["value"]
-        .as_f64()
-        .unwrap();
+    let gain = rows.iter().find(|row| row["can_be_set"] == true).unwrap();
+    let gain_name = gain["name"].as_str().unwrap().to_owned();
+    let joint = position.strip_suffix("position").unwrap();
+    assert!(
+        gain_name.starts_with(joint),
+        "{gain_name} is not of {joint}"
+    );
+    let before = gain["value"].as_f64().unwrap();
 
-    let get = json(&up, &["vars", "get", &kp, position]);
+    let get = json(&up, &["vars", "get", &gain_name, position]);
     assert_eq!(get["variables"][0]["value"], before);
     let value = get["variables"][1]["value"].as_f64().unwrap();
     assert!((value - 0.1).abs() < 1e-3, "{get}");
 
-    let set = json(&up, &["vars", "set", &kp, "1.25"]);
+    let set = json(&up, &["vars", "set", &gain_name, "1.25"]);
     assert_eq!(
         (&set["before"], &set["value"]),
         (&before.into(), &1.25.into())
     );
-    let get = json(&up, &["vars", "get", &kp]);
+    let get = json(&up, &["vars", "get", &gain_name]);
     assert_eq!(get["variables"][0]["value"], 1.25);
 
     let watch = ["vars", "watch", position, "--every", "2", "--for", "1s"];
@@ -163,11 +166,14 @@ fn variables_are_watched_and_gains_set() {
         );
     }
 
-    let wrong = complaint(&up, &["vars", "get", &kp.replace("kp", "kpp")]);
-    assert!(wrong.contains(&kp), "{wrong}");
+    let wrong = complaint(
+        &up,
+        &["vars", "get", &gain_name.replace(joint, "other.joint.")],
+    );
+    assert!(wrong.contains("the most similar are"), "{wrong}");
     let wrong = complaint(&up, &["vars", "set", position, "1"]);
     assert!(wrong.contains("cannot be set"), "{wrong}");
-    let wrong = complaint(&up, &["vars", "set", &kp, "-1"]);
+    let wrong = complaint(&up, &["vars", "set", &gain_name, "-1"]);
     assert!(wrong.contains("-1"), "{wrong}");
 }
 
@@ -198,7 +204,7 @@ fn a_watcher_leaves_the_selection_of_another() {
             ticks.push(sample.tick);
         }
     }
-    let spaced = ticks.windows(2).all(|pair| (pair[1] - pair[0]) % 3 == 0);
+    let spaced = ticks.windows(2).all(|pair| pair[1] - pair[0] >= 3);
     assert!(spaced, "{ticks:?}");
     watch.end().unwrap();
 }
