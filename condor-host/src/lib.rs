@@ -1,3 +1,7 @@
+// The first definition of a link counts: here those of README.md lead to items instead of files.
+//! [program]: Program
+//! [machine]: Machine
+//!
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
 

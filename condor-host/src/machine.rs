@@ -71,6 +71,10 @@ pub trait Machine: Sync {
 }
 
 /// A program for any [`Machine`].
+///
+/// Its loops neither wait, nor allocate, print or lock: on most machines they are interrupts. What they
+/// and the background share lies in the windows, in a [`CeilingLock`](condor_mos::CeilingLock) or in a
+/// [`Latest`](condor_mos::Latest).
 pub trait Program {
     /// Why it ended before it was told to.
     type Error: fmt::Debug + fmt::Display;

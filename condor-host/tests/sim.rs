@@ -4,9 +4,11 @@
 use std::sync::Mutex;
 use std::time::Duration;
 
+use condor_dev::Bus as _;
+use condor_dev::linux::{Access, LinuxBus};
 use condor_host::sim::{Cause, Failure, SimError, System};
 use condor_host::{Machine, Program};
-use condor_mbox::{Call, Clock as _, Doorbell as _, Instant, Mailbox, Processor, Vector};
+use condor_mbox::{Call, Clock as _, Doorbell as _, Evidence, Instant, Mailbox, Processor, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _};
 
 const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
@@ -221,4 +223,84 @@ fn programs_that_do_not_end_are_ended() {
     };
     let causes: Vec<_> = failures.iter().map(|failure| &failure.cause).collect();
     assert_eq!(causes, [&Cause::NotStopping, &Cause::WaitsForever]);
+}
+
+#[test]
+fn a_late_program_is_dead_before_and_after() {
+    let mut system = System::new(64).unwrap();
+    system.begin_at(Processor(1), 5000).unwrap();
+    system
+        .host(Processor(1), |machine| {
+            assert_eq!(machine.now(), 5000);
+            machine.work(2000);
+            Ok::<_, String>(())
+        })
+        .unwrap();
+    system
+        .host(Processor(2), |machine| {
+            let bell = machine.doorbell();
+            for evidence in [Evidence::Dead, Evidence::Alive, Evidence::Dead] {
+                assert_eq!(bell.evidence(Processor(1)), evidence, "{}", machine.now());
+                assert_eq!(bell.evidence(Processor(2)), Evidence::Alive);
+                machine.work(6000);
+            }
+            Ok::<_, String>(())
+        })
+        .unwrap();
+    assert_eq!(system.run().unwrap(), 18_000);
+}
+
+#[test]
+fn processors_share_a_bus() {
+    let file = tempfile::tempfile().unwrap();
+    file.set_len(64).unwrap();
+    let bus = LinuxBus::map(&file, 0, 0, 64, Access::ReadWrite).unwrap();
+    let mut system = System::with_bus(64, bus).unwrap();
+    for (number, before) in [(1, 0), (2, 1), (3, 2)] {
+        system
+            .host(Processor(number), move |machine| {
+                machine.work(1000);
+                assert_eq!(machine.bus().read32(60)?, before);
+                machine.bus().write32(60, before + 1)
+            })
+            .unwrap();
+    }
+    assert_eq!(system.run().unwrap(), 1000);
+}
+
+#[test]
+fn numbers_are_checked() {
+    let mut system = System::new(64).unwrap();
+    let idle = |_: &_| Ok::<_, String>(());
+    system.host(Processor(15), idle).unwrap();
+    let error = system.host(Processor(15), idle).unwrap_err();
+    assert!(matches!(error, SimError::Taken { .. }), "{error}");
+    let error = system.host(Processor(16), idle).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "processor 16 does not exist: a system has 16 processors"
+    );
+    assert_eq!(system.run().unwrap(), 0);
+}
+
+#[test]
+fn a_handler_that_polls_is_ended() {
+    let mut system = System::new(64).unwrap();
+    system
+        .host(Processor(0), |machine| {
+            let (timer, bell) = (machine.platform(), machine.doorbell());
+            let handler = || while bell.now() < Instant::from_ns(2000) {};
+            machine.with_timer(&timer, handler, || {
+                let _ = timer.arm(1000);
+                bell.wait(bell.prepare(), Instant::from_ns(5000));
+            })
+        })
+        .unwrap();
+    let Err(SimError::Failed(failures)) = system.run() else {
+        panic!("it fails");
+    };
+    assert_eq!(
+        (&failures[0].cause, failures[0].at_ns),
+        (&Cause::Polls, 1000)
+    );
 }

@@ -116,3 +116,47 @@ fn output_arrives_whole_and_input_is_answered() {
     assert!(log.lines().all(|line| line.starts_with("0.000000 ")));
     assert_eq!(terminal.lost(), 0);
 }
+
+/// Notes where its hosts have attached.
+#[derive(Default)]
+struct Places(Vec<(u32, u32)>);
+
+impl Sink for Places {
+    fn take(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        Ok(bytes.len())
+    }
+
+    fn attached(&mut self, life: u32, position: u32) {
+        self.0.push((life, position));
+    }
+}
+
+#[test]
+fn a_sink_is_told_where_its_host_attaches() {
+    let system = System::<2>::in_virtual_time(4096);
+    let [_, windows] = system.windows(HAND);
+    let ram = Region::users(windows.data).unwrap();
+    let begin =
+        || Terminal::<_, _, 16>::new(ram.clone(), &mut ram.places(), 64, CriticalSection).unwrap();
+    let terminal = begin();
+    let mut host = system.mailbox(HOST).unwrap();
+    host.join().unwrap();
+    let attach = |sink| Host::attach(ram.clone(), terminal.offset(), HAND, HOST, sink).unwrap();
+    let mut tty = attach(Tee::new(Places::default(), Box::<Places>::default()));
+    for _ in 0..3 {
+        terminal.accept(b'a').unwrap();
+    }
+    assert_eq!(tty.serve(&host).unwrap().output, 3);
+    // As if it had been killed.
+    let mut tty = attach(tty.sink);
+    terminal.accept(b'a').unwrap();
+    assert_eq!(tty.serve(&host).unwrap().output, 1);
+    begin();
+    tty.serve(&host).unwrap();
+    let Tee { first, second, .. } = tty.sink;
+    let lives: Vec<_> = first.0.iter().map(|(life, _)| life).collect();
+    let positions: Vec<_> = first.0.iter().map(|(_, position)| *position).collect();
+    assert_eq!(positions, [0, 3, 0]);
+    assert!(lives[0] == lives[1] && lives[1] != lives[2], "{lives:?}");
+    assert_eq!(first.0, second.0);
+}

@@ -1,6 +1,8 @@
 //! [`Baton`]: who runs next.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::{self, Thread};
 
 use condor_mbox::{Evidence, Processor};
 
@@ -17,16 +19,17 @@ const PATIENCE_NS: u64 = 10_000_000_000;
 /// An instant that never comes.
 pub(super) const NEVER: u64 = u64::MAX;
 
-/// What passes from thread to thread. Its state is changed only by who runs.
+/// What passes from thread to thread. Its state is changed only by who runs, so nobody waits for the
+/// lock.
 pub(super) struct Baton {
     state: Mutex<State>,
-    /// Where each processor's thread waits for its turn.
-    turns: [Condvar; PROCESSORS],
+    /// Who runs.
+    holder: AtomicUsize,
+    /// Each processor's thread, once it is there.
+    threads: [OnceLock<Thread>; PROCESSORS],
 }
 
 struct State {
-    /// Who runs.
-    holder: usize,
     /// From when on programs are to stop.
     stop_at: u64,
     of: [Bell; PROCESSORS],
@@ -34,8 +37,10 @@ struct State {
 
 #[derive(Clone, Copy)]
 struct Bell {
-    /// It has begun, and has not ended.
+    /// There is a program that has not ended.
     alive: bool,
+    /// It has begun.
+    begun: bool,
     /// When it goes on; [`NEVER`] if there is no program.
     next: u64,
     /// A ring has it go on at once.
@@ -56,17 +61,18 @@ impl Baton {
     pub(super) fn new() -> Self {
         let bell = Bell {
             alive: false,
+            begun: false,
             next: NEVER,
             listens: false,
             rings: 0,
         };
         Self {
             state: Mutex::new(State {
-                holder: PROCESSORS,
                 stop_at: NEVER,
                 of: [bell; PROCESSORS],
             }),
-            turns: [const { Condvar::new() }; PROCESSORS],
+            holder: AtomicUsize::new(PROCESSORS),
+            threads: [const { OnceLock::new() }; PROCESSORS],
         }
     }
 
@@ -89,12 +95,22 @@ impl Baton {
     pub(super) fn begin(&self, stop_at: u64) {
         let mut state = self.lock();
         state.stop_at = stop_at;
-        self.give(&mut state);
+        self.give(state);
     }
 
     /// Waits for the first turn of `me`.
     pub(super) fn first_turn(&self, me: Processor) {
-        drop(self.await_turn(self.lock(), me));
+        {
+            let _state = self.lock();
+            if let Some(place) = self.threads.get(me.index()) {
+                // Once for each processor.
+                let _ = place.set(thread::current());
+            }
+        }
+        self.await_turn(me);
+        if let Some(bell) = self.lock().of.get_mut(me.index()) {
+            bell.begun = true;
+        }
     }
 
     /// The program of `me`, which runs, has ended at `now`; `failed` has all others stop.
@@ -112,7 +128,7 @@ impl Baton {
                 }
             }
         }
-        self.give(&mut state);
+        self.give(state);
     }
 
     /// Has `me`, which runs, go on at `at` or as `until` says, after all who go on more than `lead`
@@ -136,8 +152,9 @@ impl Baton {
         let mine = bell.next;
         let (next, first) = state.first();
         if first != me.index() && next.saturating_add(lead) <= mine {
-            self.give(&mut state);
-            state = self.await_turn(state, me);
+            self.give(state);
+            self.await_turn(me);
+            state = self.lock();
         }
         let mut next = at;
         if let Some(bell) = state.of.get_mut(me.index()) {
@@ -171,7 +188,7 @@ impl Baton {
 
     pub(super) fn evidence(&self, processor: Processor) -> Evidence {
         match self.lock().of.get(processor.index()) {
-            Some(bell) if bell.alive => Evidence::Alive,
+            Some(bell) if bell.alive && bell.begun => Evidence::Alive,
             Some(_) => Evidence::Dead,
             None => Evidence::Unknown,
         }
@@ -182,26 +199,21 @@ impl Baton {
     }
 
     /// Gives the baton to who goes on first.
-    fn give(&self, state: &mut State) {
+    fn give(&self, state: MutexGuard<'_, State>) {
         let (_, first) = state.first();
-        state.holder = first;
-        if let Some(turn) = self.turns.get(first) {
-            turn.notify_one();
+        self.holder.store(first, Ordering::Release);
+        // Under the lock, as in `first_turn`: a thread that is not there yet will see that it holds.
+        let thread = self.threads.get(first).and_then(OnceLock::get);
+        drop(state);
+        if let Some(thread) = thread {
+            thread.unpark();
         }
     }
 
-    fn await_turn<'s>(
-        &self,
-        mut state: MutexGuard<'s, State>,
-        me: Processor,
-    ) -> MutexGuard<'s, State> {
-        let Some(turn) = self.turns.get(me.index()) else {
-            return state;
-        };
-        while state.holder != me.index() {
-            state = turn.wait(state).unwrap_or_else(PoisonError::into_inner);
+    fn await_turn(&self, me: Processor) {
+        while self.holder.load(Ordering::Acquire) != me.index() {
+            thread::park();
         }
-        state
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {

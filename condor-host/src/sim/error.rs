@@ -70,6 +70,8 @@ pub enum Cause {
     NotStopping,
     /// It waited without a deadline, and nobody was left who could have rung.
     WaitsForever,
+    /// A loop, or a handler of the timer, polled a clock, where time does not pass.
+    Polls,
 }
 
 impl Cause {
@@ -101,6 +103,7 @@ impl fmt::Display for Failure {
             Cause::Error(text) => f.write_str(text),
             Cause::Panic(text) => write!(f, "it panicked: {text}"),
             Cause::NotStopping => f.write_str("it did not stop when it was told to"),
+            Cause::Polls => f.write_str("a loop polls a clock, which stands still meanwhile"),
             Cause::WaitsForever => {
                 f.write_str("it waits without a deadline, and nobody is left to ring it")
             }

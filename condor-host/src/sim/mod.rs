@@ -23,7 +23,8 @@
 //! # What a program must not do
 //!
 //! Hold a lock of the host's, such as a mutex, while it waits or reads its clock: others run
-//! meanwhile. Wait in a loop or poll a clock there: time does not pass.
+//! meanwhile. Poll a clock in a loop, as a mailbox does that waits: time does not pass, and after a
+//! million readings the program is ended.
 
 mod baton;
 mod doorbell;

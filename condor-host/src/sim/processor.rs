@@ -11,7 +11,7 @@ use condor_mos::{Armed, Platform as _, Rate, Timer as _};
 
 use super::baton::{Baton, LEAD_NS, NEVER, Until};
 use super::doorbell::Bell;
-use super::error::SimError;
+use super::error::{Cause, SimError};
 use super::exclusion::Uninterrupted;
 use super::timer::VirtualTimer;
 use crate::machine::Machine;
@@ -23,6 +23,9 @@ pub const CLOCK_NS: u64 = 100;
 /// After how many readings in a row those of the timer take their time, all at once: a scheduler reads
 /// it a few times for one event, which is to take none.
 const READINGS: u32 = 100;
+
+/// After how many readings in a row a loop is taken to poll the clock, which stands still there.
+const TOO_MANY_READINGS: u32 = 1_000_000;
 
 /// How many loops a processor has at most, as schedulers have.
 pub(super) const RANKS: usize = 32;
@@ -49,7 +52,7 @@ pub(super) struct Core {
     connected: AtomicBool,
     /// In how many contexts it is in which no time passes.
     still: AtomicU32,
-    /// How often the timer was read since the clock went on last.
+    /// How often a clock was read since the clock went on last.
     readings: AtomicU32,
     /// How long the loop of each rank takes.
     work: [u64; RANKS],
@@ -142,16 +145,28 @@ impl Core {
 
     /// Somebody reads the clock.
     pub(super) fn spend_reading(&self) {
-        if !self.stands_still() {
+        if self.stands_still() {
+            self.count_reading();
+        } else {
             self.pass(CLOCK_NS, LEAD_NS);
         }
     }
 
     /// Somebody reads the timer, perhaps where no interrupt may come.
     pub(super) fn spend_reading_timer(&self) {
-        if !self.stands_still() && self.readings.fetch_add(1, Relaxed) + 1 >= READINGS {
+        if self.count_reading() >= READINGS && !self.stands_still() {
             self.move_to(self.now() + u64::from(READINGS) * CLOCK_NS);
         }
+    }
+
+    /// How many readings there were since the clock went on last, with this one.
+    fn count_reading(&self) -> u32 {
+        let readings = self.readings.load(Relaxed) + 1;
+        if readings >= TOO_MANY_READINGS {
+            Cause::Polls.unwind();
+        }
+        self.readings.store(readings, Relaxed);
+        readings
     }
 
     /// Lets `ns` of a context pass that can be interrupted: interrupts take their time in addition.

@@ -67,3 +67,22 @@ pub fn compile(text: &Path, directory: &Path) -> Result<(), CompileError> {
     let whole = directory.join(IMAGE);
     std::fs::rename(&part, &whole).map_err(at("write", &whole))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_image_that_is_served_is_that_of_the_configuration() {
+        let place = tempfile::tempdir().expect("a directory");
+        let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
+        let file = place.path().join("hand.toml");
+        std::fs::write(&file, text).expect("room");
+        // What a run before left there is replaced.
+        std::fs::write(place.path().join(IMAGE), "old").expect("room");
+        compile(&file, place.path()).expect("it is right");
+        let image = std::fs::read(place.path().join(IMAGE)).expect("it is there");
+        let hand = Hand::<4, 4>::from_toml(text, "hand.toml").expect("it is right");
+        assert_eq!(Hand::<4, 4>::from_image(&image), Ok(hand));
+    }
+}

@@ -29,6 +29,17 @@ const TWO: &str = r#"
     arguments = ["finger"]
 "#;
 
+/// A system of two fingers, whose loops have run and whose terminals are served.
+fn start() -> Up {
+    let up = Up::start(TWO, &[]);
+    for name in ["a", "b"] {
+        let mut terminal = up.terminal(name);
+        terminal.write_all(b"settled\r").unwrap();
+        running::read_until(&mut terminal, "typed settled");
+    }
+    up
+}
+
 fn text(up: &Up, arguments: &[&str]) -> String {
     String::from_utf8(up.run(arguments).stdout).unwrap()
 }
@@ -53,7 +64,7 @@ fn strings(rows: &Value, field: &str) -> Vec<String> {
 
 #[test]
 fn processors_and_their_loops_are_shown() {
-    let up = Up::start(TWO, &[]);
+    let up = start();
     let ps = json(&up, &["ps"]);
     let names = strings(&ps["processors"], "name");
     assert_eq!(names, ["a", "b", "files", "terminals"]);
@@ -82,7 +93,7 @@ fn processors_and_their_loops_are_shown() {
 
 #[test]
 fn messages_are_sent_and_counted() {
-    let up = Up::start(TWO, &[]);
+    let up = start();
     let reply = text(&up, &["send", "b", "5", "40", "--reply"]);
     assert_eq!(reply, "42 (0x2a)\n");
     let reply = json(&up, &["send", "1", "add", "0xffff_ffff", "--reply"]);
@@ -117,7 +128,7 @@ fn messages_are_sent_and_counted() {
 
 #[test]
 fn variables_are_watched_and_gains_set() {
-    let up = Up::start(TWO, &[]);
+    let up = start();
     let list = json(&up, &["vars", "list", "b"]);
     let names = strings(&list["variables"], "name");
     let position = names
@@ -179,7 +190,7 @@ fn variables_are_watched_and_gains_set() {
 
 #[test]
 fn a_watcher_leaves_the_selection_of_another() {
-    let up = Up::start(TWO, &[]);
+    let up = start();
     let system = up.directory().system(65536).unwrap();
     let mut view = View::open(&system).unwrap();
     view.join().unwrap();
@@ -211,8 +222,7 @@ fn a_watcher_leaves_the_selection_of_another() {
 
 #[test]
 fn a_terminal_can_be_typed_at_from_a_script() {
-    let up = Up::start(TWO, &[]);
-    up.read_terminal("a", "hello");
+    let up = start();
     let mut child = up
         .command(&["tty", "a", "--for", "5s"])
         .stdin(Stdio::piped())
@@ -229,7 +239,7 @@ fn a_terminal_can_be_typed_at_from_a_script() {
 
 #[test]
 fn when_all_visitors_are_there_the_next_is_told_who_they_are() {
-    let up = Up::start(TWO, &[]);
+    let up = start();
     let system = up.directory().system(65536).unwrap();
     let views: Vec<_> = VISITORS.map(|_| View::open(&system).unwrap()).collect();
     let Err(ViewError::Full { holders }) = View::open(&system) else {

@@ -23,12 +23,12 @@ impl Program for Small {
     type Error = String;
 
     fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
-        self.run_for(machine).map_err(|error| error.to_string())
+        Self::run_for(machine).map_err(|error| error.to_string())
     }
 }
 
 impl Small {
-    fn run_for<M: Machine>(&self, machine: &M) -> Result<(), Box<dyn std::error::Error>> {
+    fn run_for<M: Machine>(machine: &M) -> Result<(), Box<dyn std::error::Error>> {
         let number = machine.number();
         let addend: u32 = machine.argument(0).ok_or("no addend")?.parse()?;
         let windows = machine.windows();
