@@ -102,7 +102,8 @@ fn type_in(model: &mut Model, bytes: &[u8]) {
     };
     let typed = model.window_mut(id).map(|window| window.type_in(bytes));
     if typed == Some(false) {
-        model.notice = Some("nobody takes what is typed: the terminal service is not there".into());
+        model.notice =
+            Some("what is typed waits for the terminal service, which is not there".into());
     }
 }
 

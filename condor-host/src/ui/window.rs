@@ -8,6 +8,8 @@ use condor_tty::linux::{Screen, Sink};
 
 /// Lines that are kept after they have left the screen.
 const HISTORY: usize = 2000;
+/// Bytes that are kept for a terminal service that is not there.
+const EARLY: usize = 4096;
 
 /// Which window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -25,6 +27,8 @@ pub(super) struct Window {
     size: (u16, u16),
     /// Where what is typed goes to, while somebody is there.
     input: Option<OwnedFd>,
+    /// What was typed while nobody was there.
+    early: Vec<u8>,
 }
 
 impl Window {
@@ -37,6 +41,7 @@ impl Window {
             screen: blank(80, 24),
             size: (80, 24),
             input: None,
+            early: Vec::new(),
         }
     }
 
@@ -53,6 +58,8 @@ impl Window {
         self.screen = blank(self.size.0, self.size.1);
         self.input = Some(input);
         self.tell_size();
+        let early = core::mem::take(&mut self.early);
+        self.type_in(&early);
     }
 
     pub(super) fn close(&mut self) {
@@ -64,11 +71,16 @@ impl Window {
         let _ = self.screen.take(bytes);
     }
 
-    /// Types; false if nobody takes it.
+    /// Types; false if it has to wait for somebody who takes it.
     pub(super) fn type_in(&mut self, bytes: &[u8]) -> bool {
         self.screen.screen_mut().set_scrollback(0);
         let input = self.input.as_ref().and_then(|it| it.try_clone().ok());
-        input.is_some_and(|input| std::fs::File::from(input).write_all(bytes).is_ok())
+        if input.is_some_and(|input| std::fs::File::from(input).write_all(bytes).is_ok()) {
+            return true;
+        }
+        self.early.extend_from_slice(bytes);
+        self.early.truncate(EARLY);
+        false
     }
 
     pub(super) fn resize(&mut self, columns: u16, rows: u16) {

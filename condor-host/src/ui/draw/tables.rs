@@ -13,7 +13,7 @@ pub(super) fn lines(model: &Model, page: Page) -> Vec<Line<'_>> {
         return model
             .log
             .iter()
-            .map(|line| Line::raw(line.as_str()))
+            .map(|line| Line::raw(brief(line)))
             .collect();
     }
     let mut lines = Vec::new();
@@ -28,6 +28,17 @@ pub(super) fn lines(model: &Model, page: Page) -> Vec<Line<'_>> {
     let table = text.lines().map(|line| Line::raw(line.to_owned()));
     lines.extend(table);
     lines
+}
+
+/// A line of the log with the time of day to the millisecond in place of its first word.
+fn brief(line: &str) -> String {
+    let Some((time, text)) = line.split_once(' ') else {
+        return line.into();
+    };
+    match time.split_once('T').and_then(|(_, time)| time.get(..12)) {
+        Some(time) => format!("{time} {text}"),
+        None => line.into(),
+    }
 }
 
 fn loops(loops: &[(String, LoopRates)]) -> String {

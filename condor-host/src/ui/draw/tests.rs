@@ -79,7 +79,9 @@ fn model() -> Model {
         messages: 815,
         per_second: Some(4.5),
     };
-    model.hear(News::Log("12:00 servo-a: joined after 0.1 s".into()));
+    model.hear(News::Log(
+        "2026-11-21T15:28:52.078621Z servo-a: joined after 0.1 s".into(),
+    ));
     model
 }
 
@@ -117,7 +119,7 @@ const FILES: [&str; 3] = [
     "state     running, process 4008, 0 restarts",
     "requests  815, 4.5 a second",
 ];
-const LOG: [&str; 1] = ["12:00 servo-a: joined after 0.1 s"];
+const LOG: [&str; 1] = ["15:28:52.078 servo-a: joined after 0.1 s"];
 
 #[test]
 fn each_page_is_legible_on_a_small_terminal() {
@@ -233,9 +235,14 @@ fn a_window_shows_what_it_has_shown_before() {
 #[test]
 fn a_service_that_comes_again_repeats_nothing_on_the_screen() {
     let mut model = model();
-    let null = std::fs::File::options().write(true).open("/dev/null");
     model.hear(News::Closed(WindowId(1)));
-    model.hear(News::Opened(WindowId(1), null.unwrap().into()));
+    let window = model.window_mut(WindowId(1)).unwrap();
+    assert!(!window.type_in(b"typed meanwhile"));
+    let (mut service, input) = std::os::unix::net::UnixStream::pair().unwrap();
+    model.hear(News::Opened(WindowId(1), input.into()));
+    let mut typed = [0; 15];
+    std::io::Read::read_exact(&mut service, &mut typed).unwrap();
+    assert_eq!(&typed, b"typed meanwhile");
     model.hear(News::Output(
         WindowId(1),
         b"this is master\r\nready> ".into(),
