@@ -51,8 +51,8 @@ impl Feed {
     pub(super) fn start(directory: &Directory, status: &Status, news: &Sender<News>) -> Self {
         let keys = news.clone();
         thread::spawn(move || keyboard(&keys));
-        let (place, states) = (directory.clone(), news.clone());
-        thread::spawn(move || supervisor(&place, &states));
+        let (place, answers) = (directory.clone(), news.clone());
+        thread::spawn(move || supervisor(&place, &answers));
         let (place, lines) = (directory.clone(), news.clone());
         thread::spawn(move || log(&place, &lines));
         for (number, processor) in (1..).zip(&status.processors) {

@@ -51,7 +51,7 @@ pub(super) enum Action {
 pub(super) fn action(situation: &Situation, event: &Event) -> Option<Action> {
     match event {
         Event::Key(key) if key.kind != KeyEventKind::Release => self::key(situation, key),
-        Event::Mouse(mouse) => self::mouse(situation, mouse),
+        Event::Mouse(mouse) => self::mouse(situation, *mouse),
         Event::Paste(text) => {
             let is_typed = situation.popup.is_none() && matches!(situation.focus, Page::Window(_));
             is_typed.then(|| Action::Type(text.replace('\n', "\r").into_bytes()))
@@ -120,7 +120,7 @@ fn in_popup(popup: Popup, code: KeyCode) -> Option<Action> {
     }
 }
 
-fn mouse(situation: &Situation, mouse: &MouseEvent) -> Option<Action> {
+fn mouse(situation: &Situation, mouse: MouseEvent) -> Option<Action> {
     if situation.popup.is_some() {
         let is_click = matches!(mouse.kind, MouseEventKind::Down(_));
         return is_click.then_some(Action::ClosePopup);

@@ -152,7 +152,7 @@ mod tests {
         let now = counts(300, 21_000_000);
         let rates = rates("servo", &now, Some((&before, 1.0)));
         assert_eq!(rates.reached_hz, Some(400.0));
-        assert_eq!(rates.run_us, 50.0);
+        assert_eq!(Some(rates.run_us), Some(50.0));
         assert_eq!(rates.utilisation, Some(0.02));
         assert_eq!((rates.worst_run_us, rates.worst_lateness_us), (80.0, 52.0));
     }

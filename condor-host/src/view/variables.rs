@@ -150,6 +150,15 @@ impl Monitor {
         self.reader.servo_hz()
     }
 
+    /// What is watched now, by all together; `None` while it changes.
+    ///
+    /// # Errors
+    /// [`WatchError::Monitor`].
+    pub fn selection(&self) -> Result<Option<Selection>, WatchError> {
+        let selection = self.reader.selection();
+        selection.map_err(|source| self.error(source))
+    }
+
     const fn error(&self, source: MonitorReaderError) -> WatchError {
         WatchError::Monitor {
             processor: self.processor,
@@ -169,9 +178,7 @@ impl Monitor {
     ) -> Result<Watch<'p>, WatchError> {
         let processor = self.processor;
         let wanted = Selection::new(variables.iter().copied(), every)?;
-        let before = self.reader.selection();
-        let before = before.map_err(|source| self.error(source))?;
-        let before = before.filter(|before| before.count() > 0);
+        let before = self.selection()?.filter(|before| before.count() > 0);
         let client = MonitorClient::new(
             post,
             post.doorbell().clone(),

@@ -10,6 +10,7 @@ mod running;
 use std::io::Write;
 use std::process::Stdio;
 
+use condor_hand::monitor::Selection;
 use condor_host::numbers::VISITORS;
 use condor_host::view::{View, ViewError};
 use condor_mbox::Processor;
@@ -204,6 +205,14 @@ fn a_watcher_leaves_the_selection_of_another() {
             .join()
     });
     assert!(served.unwrap()["variables"][0]["value"].is_number());
+    let again = view.monitor(Processor(0)).unwrap().unwrap();
+    let deadline = std::time::Instant::now() + running::DEADLINE;
+    while again.selection().unwrap() != Some(Selection::new([other], 3).unwrap()) {
+        assert!(std::time::Instant::now() < deadline, "it is another one");
+        view.post()
+            .serve(std::time::Duration::from_millis(5))
+            .unwrap();
+    }
     let mut watch = watch;
     let deadline = std::time::Instant::now() + running::DEADLINE;
     // The rows of the other watcher, and after them its own again, as if nothing had been.

@@ -220,7 +220,8 @@ fn a_window_shows_what_it_has_shown_before() {
     let mut model = model();
     model.resize(SMALL.0, SMALL.1);
     let page = Page::Window(WindowId(1));
-    let text: String = (0..100).map(|line| format!("\r\nline {line}")).collect();
+    let text = (0..100).map(|line| format!("\r\nline {line}"));
+    let text = text.collect::<Vec<_>>().concat();
     model.hear(News::Output(WindowId(1), text.into_bytes()));
     let lines = picture(&mut model, SMALL);
     expect(&lines, &["line 99"]);
