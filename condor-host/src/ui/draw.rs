@@ -7,7 +7,7 @@ use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::{Color, Modifier, Style, Stylize};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, BorderType, Paragraph};
+use ratatui::widgets::{Block, BorderType, Borders, Paragraph};
 
 use super::layout::{self, Layout};
 use super::model::{Model, Page};
@@ -18,8 +18,9 @@ use crate::control::State;
 pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     let layout = layout::layout(frame.area(), model);
     draw_tabs(frame, model, &layout);
+    let is_alone = layout.panes.len() == 1;
     for (page, area) in &layout.panes {
-        draw_pane(frame, model, *page, *area);
+        draw_pane(frame, model, *page, *area, layout::borders(*page, is_alone));
     }
     draw_status(frame, model, layout.status);
     if let Some(popup) = model.popup {
@@ -58,10 +59,10 @@ fn color(model: &Model, window: &Window) -> Color {
     }
 }
 
-fn draw_pane(frame: &mut Frame<'_>, model: &Model, page: Page, area: Rect) {
+fn draw_pane(frame: &mut Frame<'_>, model: &Model, page: Page, area: Rect, borders: Borders) {
     let is_focus = page == model.focus;
     let title = title(model, page);
-    let mut block = Block::bordered().title(title);
+    let mut block = Block::new().borders(borders).title(title);
     if is_focus {
         block = block.border_type(BorderType::Thick).bold();
     }

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use crossterm::event::Event;
 
+use super::model::by_number;
 use super::window::WindowId;
 use crate::control::{Client, ClientError, Request, Status};
 use crate::system::Directory;
@@ -55,7 +56,7 @@ impl Feed {
         thread::spawn(move || supervisor(&place, &answers));
         let (place, lines) = (directory.clone(), news.clone());
         thread::spawn(move || log(&place, &lines));
-        for (number, processor) in (1..).zip(&status.processors) {
+        for (number, processor) in (1..).zip(by_number(status)) {
             let (place, output) = (directory.clone(), news.clone());
             let name = processor.name.clone();
             thread::spawn(move || terminal(&place, &name, WindowId(number), &output));

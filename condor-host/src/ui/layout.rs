@@ -1,6 +1,7 @@
 //! Where windows and tables are.
 
 use ratatui::layout::{Constraint, Layout as Split, Rect};
+use ratatui::widgets::{Block, Borders};
 
 use super::model::{Model, Page};
 
@@ -19,6 +20,15 @@ pub(super) struct Layout {
 }
 
 impl Layout {
+    /// The part of each page that is inside of its borders.
+    pub(super) fn insides(&self) -> impl Iterator<Item = (Page, Rect)> + '_ {
+        let is_alone = self.panes.len() == 1;
+        self.panes.iter().map(move |(page, area)| {
+            let block = Block::new().borders(borders(*page, is_alone));
+            (*page, block.inner(*area))
+        })
+    }
+
     /// What is at a place.
     pub(super) fn page_at(&self, column: u16, row: u16) -> Option<Page> {
         let place = ratatui::layout::Position::new(column, row);
@@ -30,13 +40,12 @@ impl Layout {
     }
 }
 
-/// What is inside of a border.
-pub(super) const fn inside(area: Rect) -> Rect {
-    Rect {
-        x: area.x.saturating_add(1),
-        y: area.y.saturating_add(1),
-        width: area.width.saturating_sub(2),
-        height: area.height.saturating_sub(2),
+/// The borders of a page: a window that is alone has its title, and all columns.
+pub(super) fn borders(page: Page, is_alone: bool) -> Borders {
+    if is_alone && matches!(page, Page::Window(_)) {
+        Borders::TOP
+    } else {
+        Borders::ALL
     }
 }
 

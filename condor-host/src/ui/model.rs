@@ -85,6 +85,13 @@ pub(super) struct Model {
     ids: u32,
 }
 
+/// The processors in the order of their windows; the first window has the identity 1.
+pub(super) fn by_number(status: &Status) -> Vec<&Member> {
+    let mut processors: Vec<&Member> = status.processors.iter().collect();
+    processors.sort_by_key(|processor| processor.number);
+    processors
+}
+
 impl Model {
     pub(super) fn new(status: &Status, tools: Vec<Tool>) -> Self {
         let mut model = Self {
@@ -109,7 +116,7 @@ impl Model {
             size: (80, 24),
             ids: 0,
         };
-        for processor in &status.processors {
+        for processor in by_number(status) {
             let id = model.open_window(processor.name.clone(), processor.number, false);
             if model.ids == 1 {
                 model.focus = Page::Window(id);
@@ -119,7 +126,7 @@ impl Model {
         model
     }
 
-    /// The windows of processors have the numbers of their places in the description, from 1.
+    /// Opens a window; identities are counted from 1.
     pub(super) fn open_window(&mut self, title: String, processor: u8, is_tool: bool) -> WindowId {
         self.ids += 1;
         let id = WindowId(self.ids);
@@ -238,9 +245,9 @@ impl Model {
     /// Gives the windows the sizes that they have on a screen of this size.
     pub(super) fn resize(&mut self, columns: u16, rows: u16) {
         self.size = (columns, rows);
-        for (page, pane) in self.layout().panes {
+        let layout = self.layout();
+        for (page, inner) in layout.insides() {
             if let Page::Window(id) = page {
-                let inner = layout::inside(pane);
                 self.with(id, |window| window.resize(inner.width, inner.height));
             }
         }

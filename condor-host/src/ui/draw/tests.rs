@@ -29,7 +29,7 @@ fn member(number: u8, name: &str, state: State) -> Member {
 }
 
 fn model() -> Model {
-    let processors = (0..).zip(NAMES);
+    let processors = (0..5).zip(NAMES);
     let processors = processors.map(|(number, name)| member(number, name, State::Running));
     let status = Status {
         system: "utah-mit-hand".into(),
@@ -42,7 +42,8 @@ fn model() -> Model {
             member(8, "files", State::Running),
             member(9, "terminals", State::Running),
         ],
-        processors: processors.collect(),
+        // The robot first, as in a description: windows go by number.
+        processors: processors.rev().collect(),
     };
     let mut model = Model::new(&status, vec![Tool::debugger()]);
     for (id, name) in (1..).zip(NAMES) {
@@ -135,6 +136,10 @@ fn each_page_is_legible_on_a_small_terminal() {
             &[tabs, &title, &text, "ready>", "F1 help", "F10 leave"],
         );
     }
+    // Programs write for 80 columns.
+    let row = "0123456789".repeat(8);
+    model.hear(News::Output(WindowId(5), format!("\r\n{row}").into_bytes()));
+    expect(&picture(&mut model, SMALL), &[&row]);
     let tables: [(Page, &[&str]); 4] = [
         (Page::Loops, &LOOPS),
         (Page::Messages, &MESSAGES),
@@ -179,7 +184,7 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
         ],
     );
     model.popup = Some(Popup::Menu {
-        member: 1,
+        member: 3,
         entry: 3,
     });
     let lines = picture(&mut model, SMALL);
@@ -194,7 +199,7 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
 #[test]
 fn what_is_wrong_is_said() {
     let mut model = model();
-    model.members[1].state = State::Failed;
+    model.members[3].state = State::Failed;
     model.hear(News::Closed(WindowId(2)));
     model.hear(News::Gone("the supervisor ended".into()));
     model.blind = Some("all numbers for visitors are taken".into());
