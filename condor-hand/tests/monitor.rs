@@ -446,6 +446,7 @@ fn a_selection_is_sampled_from_the_next_tick_on() {
     assert_eq!(client.select(&selection, SECOND), Ok(1));
     pass(30);
     assert_eq!(reader.selection_number(), Ok(1));
+    assert_eq!(reader.selection(), Ok(Some(selection)));
     let rows: Vec<_> = (&mut reader).map(Result::unwrap).collect();
     assert!(rows.len() >= 10);
     assert!(rows.is_sorted_by(|a, b| a.tick + 3 == b.tick));

@@ -25,13 +25,17 @@
 
 mod requests;
 mod service;
+mod ui;
 mod up;
+
+pub(crate) use up::duration;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
 
+use crate::commands;
 use crate::description::Description;
 use crate::system::Directory;
 
@@ -102,6 +106,21 @@ enum Command {
     Load(requests::Load),
     /// Ends a running system
     Down(Which),
+    /// Shows a running system on this terminal
+    Ui(ui::Ui),
+    /// Shows the processors of a running system
+    Ps(commands::Ps),
+    /// Shows the servo loops of a running system
+    Top(commands::Top),
+    /// Sends a message to a processor
+    Send(commands::Send),
+    /// Shows the vectors of processors: names, and counts of messages
+    Vectors(commands::Vectors),
+    /// Variables and gains of controllers
+    #[command(subcommand)]
+    Vars(commands::Vars),
+    /// Connects this terminal to that of a processor
+    Tty(commands::Tty),
     /// Shows what happened in a running system
     Log(requests::Log),
     #[command(hide = true, subcommand)]
@@ -132,11 +151,18 @@ pub fn main(programs: &dyn Programs) -> ExitCode {
     let line = Line::parse();
     match run(line, programs) {
         Ok(status) => status,
+        // Whoever reads the output has seen enough of it.
+        Err(error) if is_broken_pipe(&*error) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("condor: {error}");
             ExitCode::FAILURE
         }
     }
+}
+
+fn is_broken_pipe(error: &(dyn core::error::Error + 'static)) -> bool {
+    let error = error.downcast_ref::<std::io::Error>();
+    error.is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
 fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
@@ -153,6 +179,13 @@ fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
         Some(Command::Load(load)) => requests::load(load)?,
         Some(Command::Down(which)) => requests::down(&which)?,
         Some(Command::Log(log)) => requests::log(&log)?,
+        Some(Command::Ui(ui)) => ui.run()?,
+        Some(Command::Ps(ps)) => ps.run()?,
+        Some(Command::Top(top)) => top.run()?,
+        Some(Command::Send(send)) => send.run()?,
+        Some(Command::Vectors(vectors)) => vectors.run()?,
+        Some(Command::Vars(vars)) => vars.run()?,
+        Some(Command::Tty(tty)) => tty.run()?,
         Some(Command::Service(service)) => service.run()?,
         Some(Command::Program { name, arguments }) => return Ok(programs.run(&name, arguments)),
     }

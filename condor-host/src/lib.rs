@@ -42,6 +42,8 @@ pub use silent::Silent;
 #[cfg(feature = "program")]
 pub mod cli;
 #[cfg(feature = "program")]
+mod commands;
+#[cfg(feature = "program")]
 pub mod control;
 #[cfg(feature = "program")]
 pub mod description;
@@ -51,3 +53,7 @@ pub mod services;
 pub mod supervisor;
 #[cfg(feature = "program")]
 pub mod system;
+#[cfg(feature = "program")]
+pub mod ui;
+#[cfg(feature = "program")]
+pub mod view;

@@ -169,6 +169,22 @@ impl<W: MemoryWindow> MonitorReader<W> {
         Ok(number)
     }
 
+    /// The selection in force, of which the next rows are; `None` while it changes.
+    ///
+    /// # Errors
+    /// [`MonitorReaderError::Restarted`], [`MonitorReaderError::Access`].
+    pub fn selection(&self) -> Result<Option<Selection>, MonitorReaderError> {
+        let before = self.selection_number()?;
+        let mut selection = Selection {
+            every: self.region.word(header::EVERY)?,
+            ..Selection::NOTHING
+        };
+        for (offset, word) in (header::MASK..).step_by(4).zip(&mut selection.mask) {
+            *word = self.region.word(offset)?;
+        }
+        Ok((self.selection_number()? == before).then_some(selection))
+    }
+
     /// The next row, if there is one that has not been read.
     ///
     /// # Errors

@@ -31,9 +31,12 @@ pub(super) struct How {
     /// Prints the summary as JSON
     #[arg(long, requires = "headless")]
     json: bool,
+    #[command(flatten)]
+    tools: super::ui::Tools,
 }
 
-fn duration(text: &str) -> Result<Duration, String> {
+/// A time of the command line.
+pub(crate) fn duration(text: &str) -> Result<Duration, String> {
     let span: SignedDuration = text
         .parse()
         .map_err(|error| format!("{error}; write for example 10s"))?;
@@ -55,6 +58,9 @@ pub(super) fn run(
             return Ok(ExitCode::FAILURE);
         }
     };
+    if !how.headless && super::ui::is_possible() {
+        return super::ui::up(&file, &description.name, how.duration, &how.tools);
+    }
     let options = Options {
         own: programs.names().to_vec(),
         echo: true,

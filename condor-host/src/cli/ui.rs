@@ -1,0 +1,116 @@
+//! `condor ui`, and `condor up` with a user interface.
+
+use std::fs::File;
+use std::io::IsTerminal;
+use std::path::Path;
+use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
+use std::time::Duration;
+
+use clap::Args;
+
+use super::{AnyError, Which};
+use crate::control::Client;
+use crate::system::{self, Directory};
+use crate::ui::{self, Tool};
+
+/// The time between two looks whether the supervisor is there.
+const LOOK: Duration = Duration::from_millis(50);
+
+#[derive(Debug, Args)]
+pub(super) struct Ui {
+    #[command(flatten)]
+    tools: Tools,
+    #[command(flatten)]
+    which: Which,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Tools {
+    /// A program that the user interface can start on a processor, such as
+    /// `trace=strace -p {pid}`; may be given several times
+    #[arg(long = "tool", value_name = "NAME=COMMAND")]
+    tools: Vec<Tool>,
+}
+
+impl Tools {
+    fn all(&self) -> Vec<Tool> {
+        [&[Tool::debugger()], self.tools.as_slice()].concat()
+    }
+}
+
+impl Ui {
+    pub(super) fn run(&self) -> Result<(), AnyError> {
+        let directory = system::find(self.which.system.as_deref())?;
+        if !is_possible() {
+            return Err(
+                "the user interface needs a terminal; see also `condor ps` and `condor top`".into(),
+            );
+        }
+        Ok(ui::run(&directory, self.tools.all())?)
+    }
+}
+
+/// Whether this process has a terminal for a user interface.
+pub(super) fn is_possible() -> bool {
+    std::io::stdin().is_terminal() && std::io::stdout().is_terminal()
+}
+
+/// Starts the supervisor in a process of its own, which outlives this one, and shows the system.
+pub(super) fn up(
+    file: &Path,
+    name: &str,
+    limit: Option<Duration>,
+    tools: &Tools,
+) -> Result<ExitCode, AnyError> {
+    let directory = Directory::of(name)?;
+    let output = directory.path().join("output");
+    let mut supervisor = spawn(file, limit, File::create(&output)?)?;
+    let told = || std::fs::read_to_string(&output).unwrap_or_default();
+    let pid = supervisor.id();
+    while !is_supervisor(&directory, pid) {
+        if let Some(status) = supervisor.try_wait()? {
+            eprint!("{}", told());
+            return Ok(code(status));
+        }
+        std::thread::sleep(LOOK);
+    }
+    let outcome = ui::run(&directory, tools.all());
+    if is_supervisor(&directory, pid) {
+        outcome?;
+        println!("The system `{name}` goes on: `condor ui` shows it, `condor down` ends it.");
+        return Ok(ExitCode::SUCCESS);
+    }
+    let status = supervisor.wait()?;
+    if !status.success() {
+        eprint!("{}", told());
+    }
+    Ok(code(status))
+}
+
+fn spawn(file: &Path, limit: Option<Duration>, output: File) -> Result<Child, AnyError> {
+    let mut command = Command::new("setsid");
+    command.arg(std::env::current_exe()?);
+    command.arg("up").arg(file).arg("--headless");
+    if let Some(limit) = limit {
+        command.arg("--for").arg(format!("{}ms", limit.as_millis()));
+    }
+    let stderr = output.try_clone()?;
+    command.stdin(Stdio::null()).stdout(output).stderr(stderr);
+    let spawned = command.spawn();
+    spawned.map_err(|error| format!("cannot start the supervisor with setsid: {error}").into())
+}
+
+/// Whether that process is the supervisor of the running system.
+fn is_supervisor(directory: &Directory, pid: u32) -> bool {
+    let client = Client::connect(directory);
+    let status = client.and_then(|mut client| client.status());
+    status.is_ok_and(|status| status.pid == pid)
+}
+
+fn code(status: ExitStatus) -> ExitCode {
+    if status.success() {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}

@@ -1,0 +1,48 @@
+//! One-shot commands that look at a running system, or send to it.
+//!
+//! Output is for people, in tables; with `--json` it is one object, or one a line where it goes on.
+
+mod number;
+mod ps;
+mod running;
+mod send;
+pub(crate) mod table;
+mod top;
+mod tty;
+mod vars;
+mod vectors;
+
+pub(crate) use ps::Ps;
+pub(crate) use send::Send;
+pub(crate) use top::Top;
+pub(crate) use tty::Tty;
+pub(crate) use vars::Vars;
+pub(crate) use vectors::Vectors;
+
+use std::io::Write;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::cli::{AnyError, Which};
+
+/// What all commands are told.
+#[derive(Debug, Args)]
+pub(crate) struct How {
+    #[command(flatten)]
+    which: Which,
+    /// Prints JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints; an error if nobody reads it.
+fn print(text: impl core::fmt::Display) -> Result<(), AnyError> {
+    let mut out = std::io::stdout().lock();
+    write!(out, "{text}")?;
+    Ok(out.flush()?)
+}
+
+fn print_json(value: &impl Serialize) -> Result<(), AnyError> {
+    print(format_args!("{}\n", serde_json::to_string(value)?))
+}

@@ -1,0 +1,35 @@
+//! Numbers of the command line.
+
+/// A word: decimal, or hexadecimal after `0x`.
+pub(super) fn word(text: &str) -> Result<u32, String> {
+    let digits = text.replace('_', "");
+    let hexadecimal = digits
+        .strip_prefix("0x")
+        .or_else(|| digits.strip_prefix("0X"));
+    let number = match hexadecimal {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => digits.parse(),
+    };
+    number.map_err(|_| {
+        format!(
+            "a word is 0 to {}, or 0x0 to {:#x}, and not `{text}`",
+            u32::MAX,
+            u32::MAX
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::word;
+
+    #[test]
+    fn words_are_decimal_or_hexadecimal() {
+        assert_eq!(word("42"), Ok(42));
+        assert_eq!(word("0xdead_beef"), Ok(0xdead_beef));
+        for wrong in ["", "0x", "-1", "4294967296", "0x1_0000_0000", "ten"] {
+            let text = word(wrong).unwrap_err();
+            assert!(text.contains("4294967295"), "{text}");
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! `condor ps`.
+
+use clap::Args;
+use serde::Serialize;
+
+use super::running::{self, Running};
+use super::table::{Left, Right, Table, or_dash};
+use super::{How, print, print_json};
+use crate::cli::AnyError;
+use crate::control::Member;
+use crate::view::{Heart, TerminalCounts};
+
+#[derive(Debug, Args)]
+pub(crate) struct Ps {
+    #[command(flatten)]
+    how: How,
+}
+
+#[derive(Serialize)]
+struct Row<'s> {
+    #[serde(flatten)]
+    member: &'s Member,
+    is_service: bool,
+    heart: Heart,
+    loops: usize,
+    terminals: Vec<TerminalCounts>,
+}
+
+#[derive(Serialize)]
+struct Answer<'s> {
+    system: &'s str,
+    uptime: f64,
+    pid: u32,
+    processors: &'s [Row<'s>],
+}
+
+impl Ps {
+    pub(crate) fn run(&self) -> Result<(), AnyError> {
+        let running = Running::find(&self.how.which)?;
+        let view = running.view()?;
+        let count = running.status.processors.len();
+        let mut rows = Vec::new();
+        for (place, member) in running.members().enumerate() {
+            let number = running::number(member);
+            rows.push(Row {
+                member,
+                is_service: place >= count,
+                heart: view.heart(number)?,
+                loops: view.loops(number)?.since(None).len(),
+                terminals: view.terminals(number)?,
+            });
+        }
+        let status = &running.status;
+        if self.how.json {
+            return print_json(&Answer {
+                system: &status.system,
+                uptime: status.uptime,
+                pid: status.pid,
+                processors: &rows,
+            });
+        }
+        print(format_args!(
+            "{}: up {:.0} s, process {}\n",
+            status.system, status.uptime, status.pid
+        ))?;
+        print(table(&rows))
+    }
+}
+
+fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
+    let mut table = Table::new([
+        ("number", Right),
+        ("name", Left),
+        ("state", Left),
+        ("mailbox", Left),
+        ("life", Right),
+        ("pid", Right),
+        ("restarts", Right),
+        ("loops", Right),
+        ("lost on tty", Right),
+        ("last exit", Left),
+    ]);
+    for row in rows {
+        let lost: u32 = row.terminals.iter().map(|terminal| terminal.lost).sum();
+        table.row([
+            row.member.number.to_string(),
+            row.member.name.clone(),
+            row.member.state.to_string(),
+            row.heart.presence.to_string(),
+            row.heart.life.to_string(),
+            or_dash(row.member.pid),
+            row.member.restarts.to_string(),
+            row.loops.to_string(),
+            or_dash((!row.terminals.is_empty()).then_some(lost)),
+            or_dash(row.member.last_exit.as_deref()),
+        ]);
+    }
+    table
+}

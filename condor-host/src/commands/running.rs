@@ -1,0 +1,69 @@
+//! [`Running`]: the system that a command is about.
+
+use condor_mbox::Processor;
+
+use crate::cli::{AnyError, Which};
+use crate::control::{Client, Member, Status};
+use crate::system::{self, Directory};
+use crate::view::View;
+
+/// There is no such processor.
+#[derive(Debug, thiserror::Error)]
+#[error("there is no processor `{name}`; there are {}", .there.join(", "))]
+pub(super) struct Unknown {
+    name: String,
+    there: Vec<String>,
+}
+
+pub(super) struct Running {
+    pub(super) directory: Directory,
+    pub(super) status: Status,
+}
+
+impl Running {
+    pub(super) fn find(which: &Which) -> Result<Self, AnyError> {
+        let directory = system::find(which.system.as_deref())?;
+        let status = Client::connect(&directory)?.status()?;
+        Ok(Self { directory, status })
+    }
+
+    pub(super) fn view(&self) -> Result<View, AnyError> {
+        let windows = self.directory.system(self.status.window_bytes)?;
+        Ok(View::open(&windows)?)
+    }
+
+    /// The processors, then the services.
+    pub(super) fn members(&self) -> impl Iterator<Item = &Member> + Clone {
+        self.status.processors.iter().chain(&self.status.services)
+    }
+
+    /// The processor or service of a name or number.
+    pub(super) fn member(&self, text: &str) -> Result<&Member, Unknown> {
+        find(self.members(), text)
+    }
+
+    /// The processor of a name or number, which is no service.
+    pub(super) fn processor(&self, text: &str) -> Result<&Member, Unknown> {
+        find(self.status.processors.iter(), text)
+    }
+}
+
+fn find<'m>(
+    mut members: impl Iterator<Item = &'m Member> + Clone,
+    text: &str,
+) -> Result<&'m Member, Unknown> {
+    let there = members.clone();
+    let number = super::number::word(text).ok();
+    let is_it = |member: &&Member| member.name == text || number == Some(member.number.into());
+    members.find(is_it).ok_or_else(|| Unknown {
+        name: text.into(),
+        there: there
+            .map(|member| format!("{} ({})", member.name, member.number))
+            .collect(),
+    })
+}
+
+/// Its number in the system.
+pub(super) const fn number(member: &Member) -> Processor {
+    Processor(member.number)
+}

@@ -1,0 +1,138 @@
+//! `condor send`.
+
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use condor_mbox::{LoadOrder, MemoryWindow, Processor, Vector, layout};
+use serde::Serialize;
+
+use super::number::word;
+use super::running::{self, Running};
+use super::{How, print, print_json};
+use crate::cli::{AnyError, duration};
+use crate::numbers::PROCESSORS;
+use crate::view::{Post, VectorCounts};
+
+#[derive(Debug, Args)]
+pub(crate) struct Send {
+    /// The name or the number of the processor or service
+    processor: String,
+    /// The number or the name of the vector
+    vector: String,
+    /// The word, decimal or 0x…
+    #[arg(value_parser = word)]
+    data: u32,
+    /// Waits for the reply, and prints it
+    #[arg(long)]
+    reply: bool,
+    /// How long it may take
+    #[arg(long, value_name = "TIME", default_value = "2s", value_parser = duration)]
+    timeout: Duration,
+    #[command(flatten)]
+    how: How,
+}
+
+#[derive(Serialize)]
+struct Answer<'s> {
+    processor: &'s str,
+    vector: u8,
+    data: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reply: Option<u32>,
+}
+
+impl Send {
+    pub(crate) fn run(&self) -> Result<(), AnyError> {
+        let running = Running::find(&self.how.which)?;
+        let member = running.member(&self.processor)?;
+        let to = running::number(member);
+        let mut view = running.view()?;
+        let there = view.vectors(to)?;
+        let vector = vector(&self.vector, &member.name, &there)?;
+        let post = view.join()?;
+        let failed = |error| format!("{}, vector {}: {error}", member.name, vector.0);
+        let reply = if self.reply {
+            let reply = post.send_with_reply(to, vector, self.data, self.timeout);
+            Some(reply.map_err(failed)?)
+        } else {
+            let deadline = Instant::now() + self.timeout;
+            let sent = post.send(to, vector, self.data, self.timeout);
+            sent.map_err(failed)?;
+            wait_until_taken(post, to, deadline)?;
+            None
+        };
+        if self.how.json {
+            return print_json(&Answer {
+                processor: &member.name,
+                vector: vector.0,
+                data: self.data,
+                reply,
+            });
+        }
+        match reply {
+            Some(reply) => print(format_args!("{reply} ({reply:#x})\n")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Waits until the first message of this life has been taken: it would not outlive its sender.
+fn wait_until_taken(post: &Post, to: Processor, deadline: Instant) -> Result<(), AnyError> {
+    let mail = &post.windows(to)?.mail;
+    let taken = layout::taken(PROCESSORS as u32, post.number().0.into());
+    while mail.load(taken, LoadOrder::Acquire)? == 0 {
+        if Instant::now() >= deadline {
+            return Err(format!("{to} has not taken the message, and will not").into());
+        }
+        post.serve(Duration::from_millis(1))?;
+    }
+    Ok(())
+}
+
+/// The vector of a number or a name.
+fn vector(text: &str, processor: &str, there: &[VectorCounts]) -> Result<Vector, String> {
+    let named = there.iter().find(|vector| vector.name == text);
+    if let Some(vector) = named {
+        return Ok(Vector(vector.vector));
+    }
+    let number = word(text).ok().and_then(|number| u8::try_from(number).ok());
+    let number = number.filter(|number| usize::from(*number) < Vector::COUNT);
+    number.map(Vector).ok_or_else(|| {
+        let choices: Vec<String> = there
+            .iter()
+            .filter(|vector| !vector.name.is_empty())
+            .map(|vector| format!("{} ({})", vector.name, vector.vector))
+            .collect();
+        format!(
+            "`{text}` is no vector of {processor}: name one of {}, or a number from 0 to {}",
+            choices.join(", "),
+            Vector::COUNT - 1
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vectors_have_numbers_and_names() {
+        let there = [VectorCounts {
+            vector: 40,
+            name: "servos".into(),
+            sent: 0,
+            handled: 0,
+            failed: 0,
+            worst_us: 0.0,
+        }];
+        assert_eq!(vector("0x3f", "a", &there), Ok(Vector(63)));
+        assert_eq!(vector("servos", "a", &there), Ok(Vector(40)));
+        for wrong in ["64", "servo", "300"] {
+            let text = vector(wrong, "a", &there).unwrap_err();
+            assert!(
+                text.contains("servos (40)") && text.contains("63"),
+                "{text}"
+            );
+        }
+    }
+}

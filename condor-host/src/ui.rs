@@ -1,0 +1,218 @@
+//! The user interface: a window for each terminal, servo loops, messages, files and the log.
+//!
+//! It is a client of a running system, as commands are: it asks the supervisor for the state of
+//! processors, is attached to the terminal service, and reads all counts in memory through a
+//! [`View`](crate::view::View). It may be killed and started again at any time.
+//!
+//! State is in the `model`; `draw` only reads it, and `input` says what a key or the mouse asks for.
+
+mod draw;
+mod feed;
+mod input;
+mod layout;
+mod look;
+mod menu;
+mod model;
+mod screen;
+mod tool;
+mod window;
+
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Once, mpsc};
+use std::time::{Duration, Instant};
+
+use crossterm::event::{
+    DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture,
+};
+use crossterm::terminal::{
+    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
+};
+use ratatui::Terminal;
+use ratatui::backend::CrosstermBackend;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use crate::control::{Client, ClientError};
+use crate::system::Directory;
+use feed::{Feed, News};
+use look::Look;
+use menu::Doer;
+use model::{Leaving, Model};
+
+/// The least time between two pictures.
+const FRAME: Duration = Duration::from_millis(40);
+/// The time between two looks at the counts.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// A program that can be started on a processor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tool {
+    /// What it is called.
+    pub name: String,
+    /// A command of the shell, in which `{pid}` is the process of the processor.
+    pub command: String,
+}
+
+impl std::str::FromStr for Tool {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('=');
+        let parts = parts.filter(|(name, command)| !name.is_empty() && !command.is_empty());
+        let (name, command) = parts.ok_or_else(|| {
+            format!("a tool is NAME=COMMAND, such as `gdb=gdb -p {{pid}}`, and not `{text}`")
+        })?;
+        Ok(Self {
+            name: name.into(),
+            command: command.into(),
+        })
+    }
+}
+
+impl Tool {
+    /// What there is if nothing else is configured: a debugger.
+    #[must_use]
+    pub fn debugger() -> Self {
+        Self {
+            name: "debugger".into(),
+            command: "gdb -p {pid}".into(),
+        }
+    }
+}
+
+/// Why there is no user interface.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum UiError {
+    /// The supervisor.
+    #[error(transparent)]
+    Supervisor(#[from] ClientError),
+    /// The terminal in which it runs.
+    #[error("the terminal: {0}")]
+    Terminal(#[from] io::Error),
+}
+
+/// Shows a running system on this terminal until a person leaves or a signal comes.
+///
+/// # Errors
+/// [`UiError`]; the terminal is as before.
+pub fn run(directory: &Directory, tools: Vec<Tool>) -> Result<(), UiError> {
+    let status = Client::connect(directory)?.status()?;
+    let mut model = Model::new(&status, tools);
+    let end = Arc::new(AtomicBool::new(false));
+    for signal in [SIGHUP, SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, end.clone())?;
+    }
+    let (sender, news) = mpsc::channel();
+    let feed = Feed::start(directory, &status, &sender);
+    let screen = Screen::open()?;
+    let doer = Doer::new(directory, sender);
+    let outcome = show(&mut model, &news, &feed, &doer, &end);
+    drop(screen);
+    if outcome? == Leaving::Down {
+        Client::connect(directory)?.down()?;
+    }
+    Ok(())
+}
+
+fn show(
+    model: &mut Model,
+    news: &mpsc::Receiver<News>,
+    feed: &Feed,
+    doer: &Doer,
+    end: &AtomicBool,
+) -> io::Result<Leaving> {
+    let mut terminal = Terminal::new(CrosstermBackend::new(io::stdout()))?;
+    let mut look = Look::new(feed.directory());
+    let (mut looked, mut drawn) = (None::<Instant>, None::<Instant>);
+    let mut changed = true;
+    while !end.load(Ordering::Relaxed) {
+        if looked.is_none_or(|at| at.elapsed() >= LOOK) {
+            look.look(model);
+            looked = Some(Instant::now());
+            changed = true;
+        }
+        if changed && drawn.is_none_or(|at| at.elapsed() >= FRAME) {
+            let size = terminal.size()?;
+            model.resize(size.width, size.height);
+            terminal.draw(|frame| draw::draw(frame, model))?;
+            drawn = Some(Instant::now());
+            changed = false;
+        }
+        let patience = if changed { FRAME } else { LOOK / 2 };
+        let mut next = news.recv_timeout(patience).ok();
+        while let Some(one) = next {
+            changed = true;
+            if let Some(leaving) = take(model, one, doer)? {
+                return Ok(leaving);
+            }
+            next = news.try_recv().ok();
+            if drawn.is_none_or(|at| at.elapsed() >= FRAME) {
+                if let Some(one) = next
+                    && let Some(leaving) = take(model, one, doer)?
+                {
+                    return Ok(leaving);
+                }
+                break;
+            }
+        }
+    }
+    Ok(Leaving::Running)
+}
+
+fn take(model: &mut Model, news: News, doer: &Doer) -> io::Result<Option<Leaving>> {
+    match news {
+        News::Input(event) => {
+            let action = input::action(&model.situation(), &event);
+            Ok(action.and_then(|action| menu::act(model, action, doer)))
+        }
+        News::NoInput(error) => Err(error),
+        other => {
+            model.hear(other);
+            Ok(None)
+        }
+    }
+}
+
+/// This terminal, taken over; restored when it is dropped, and before a panic is told.
+struct Screen;
+
+impl Screen {
+    fn open() -> io::Result<Self> {
+        static HOOK: Once = Once::new();
+        HOOK.call_once(|| {
+            let before = std::panic::take_hook();
+            std::panic::set_hook(Box::new(move |info| {
+                restore();
+                before(info);
+            }));
+        });
+        enable_raw_mode()?;
+        let screen = Self;
+        crossterm::execute!(
+            io::stdout(),
+            EnterAlternateScreen,
+            EnableMouseCapture,
+            EnableBracketedPaste
+        )?;
+        Ok(screen)
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        restore();
+    }
+}
+
+/// Nothing can be done about a terminal that has gone.
+fn restore() {
+    let _ = crossterm::execute!(
+        io::stdout(),
+        DisableBracketedPaste,
+        DisableMouseCapture,
+        LeaveAlternateScreen,
+        crossterm::cursor::Show
+    );
+    let _ = disable_raw_mode();
+}

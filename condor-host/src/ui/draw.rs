@@ -1,0 +1,142 @@
+//! Draws a [`Model`].
+
+mod popups;
+mod tables;
+
+use ratatui::Frame;
+use ratatui::layout::{Position, Rect};
+use ratatui::style::{Color, Modifier, Style, Stylize};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, BorderType, Borders, Paragraph};
+
+use super::layout::{self, Layout};
+use super::model::{Model, Page};
+use super::screen;
+use super::window::Window;
+use crate::control::State;
+
+pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
+    let layout = layout::layout(frame.area(), model);
+    draw_tabs(frame, model, &layout);
+    let is_alone = layout.panes.len() == 1;
+    for (page, area) in &layout.panes {
+        draw_pane(frame, model, *page, *area, layout::borders(*page, is_alone));
+    }
+    draw_status(frame, model, layout.status);
+    if let Some(popup) = model.popup {
+        popups::draw(frame, model, popup);
+    }
+}
+
+fn draw_tabs(frame: &mut Frame<'_>, model: &Model, layout: &Layout) {
+    for (page, label, area) in &layout.tabs {
+        let mut style = Style::new();
+        if let Page::Window(id) = page
+            && let Some(window) = model.window(*id)
+        {
+            style = style.fg(color(model, window));
+        }
+        if *page == model.focus {
+            style = style.add_modifier(Modifier::REVERSED | Modifier::BOLD);
+        }
+        frame.render_widget(Span::styled(label.as_str(), style), *area);
+    }
+}
+
+/// How the processor of a window is.
+fn state(model: &Model, window: &Window) -> Option<State> {
+    let mut members = model.members.iter();
+    let member = members.find(|member| member.number == window.processor);
+    member.map(|member| member.state)
+}
+
+fn color(model: &Model, window: &Window) -> Color {
+    match state(model, window) {
+        Some(State::Running) => Color::Green,
+        Some(State::Starting | State::Restarting) => Color::Yellow,
+        Some(State::Stalled | State::Failed) => Color::Red,
+        _ => Color::DarkGray,
+    }
+}
+
+fn draw_pane(frame: &mut Frame<'_>, model: &Model, page: Page, area: Rect, borders: Borders) {
+    let is_focus = page == model.focus;
+    let title = title(model, page);
+    let mut block = Block::new().borders(borders).title(title);
+    if is_focus {
+        block = block.border_type(BorderType::Thick).bold();
+    }
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    if let Page::Window(id) = page {
+        if let Some(window) = model.window(id) {
+            draw_window(frame, window, inner, is_focus && model.popup.is_none());
+        }
+        return;
+    }
+    let lines = tables::lines(model, page);
+    let scrolled = match page {
+        // The last lines are at the bottom.
+        Page::Log => lines
+            .len()
+            .saturating_sub(usize::from(inner.height))
+            .saturating_sub(model.scroll_of(page)),
+        _ => model.scroll_of(page),
+    };
+    let scrolled = u16::try_from(scrolled).unwrap_or(u16::MAX);
+    frame.render_widget(Paragraph::new(lines).scroll((scrolled, 0)), inner);
+}
+
+fn title(model: &Model, page: Page) -> Line<'static> {
+    let text = match page {
+        Page::Window(id) => {
+            let Some(window) = model.window(id) else {
+                return Line::default();
+            };
+            let above = window.screen().scrollback();
+            let above = if above > 0 {
+                format!(", {above} lines back")
+            } else {
+                String::new()
+            };
+            let state = match state(model, window) {
+                _ if window.is_tool && !window.is_connected() => "ended".into(),
+                _ if window.is_tool => "on a terminal of its own".into(),
+                Some(state) if window.is_connected() => state.to_string(),
+                Some(state) => format!("{state}, no terminal"),
+                None => "unknown".into(),
+            };
+            format!(" {}: {state}{above} ", window.title)
+        }
+        Page::Loops => " Servo loops ".into(),
+        Page::Messages => " Messages per vector ".into(),
+        Page::Files => " File service ".into(),
+        Page::Log => " Log ".into(),
+    };
+    Line::raw(text)
+}
+
+fn draw_window(frame: &mut Frame<'_>, window: &Window, area: Rect, has_cursor: bool) {
+    let shown = window.screen();
+    screen::draw(shown, area, frame.buffer_mut());
+    let (row, column) = shown.cursor_position();
+    let is_seen = !shown.hide_cursor() && shown.scrollback() == 0;
+    if has_cursor && is_seen && row < area.height && column < area.width {
+        frame.set_cursor_position(Position::new(area.x + column, area.y + row));
+    }
+}
+
+fn draw_status(frame: &mut Frame<'_>, model: &Model, area: Rect) {
+    let line = if let Some(why) = &model.gone {
+        Line::raw(format!("No supervisor: {why}")).red()
+    } else if let Some(notice) = &model.notice {
+        Line::raw(notice.as_str()).yellow()
+    } else {
+        let keys = "F1 help  F2 actions  F3 F4 windows  F5 zoom  F10 leave";
+        Line::raw(format!("{} {:.0} s  {keys}", model.system, model.uptime)).dim()
+    };
+    frame.render_widget(line, area);
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,93 @@
+//! What is in front: help, actions, the way out.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Stylize;
+use ratatui::text::Line;
+use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
+
+use crate::ui::menu::ORDERS;
+use crate::ui::model::{Model, Popup};
+
+const HELP: &str = "\
+What is typed goes to the window in front, except
+
+ F1          this help; also ? in tables
+ F2          actions: stop, start, restart, tools
+ F3  F4      window to the left, to the right
+ Alt-1 …     window of this number
+ F5          the window alone, and back
+ PgUp PgDn   back and forth in what it showed
+ F10         leave; also q in tables
+
+ Mouse: click a window or its name; wheel
+ scrolls; right button: actions
+
+ In tables: arrows or j k scroll, Tab goes on,
+ a for actions
+
+Any key closes this help.";
+
+pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, popup: Popup) {
+    match popup {
+        Popup::Help => {
+            let lines = HELP.lines().map(Line::raw).collect();
+            show(frame, " Help ", lines);
+        }
+        Popup::Leave => {
+            let lines = vec![
+                Line::raw(format!("l  leave; the system `{}` goes on,", model.system)),
+                Line::raw("   and `condor ui` shows it again"),
+                Line::raw("d  take the system down"),
+                Line::raw("Esc  stay"),
+            ];
+            show(frame, " Leave ", lines);
+        }
+        Popup::Menu { member, entry } => menu(frame, model, member, entry),
+    }
+}
+
+fn menu(frame: &mut Frame<'_>, model: &Model, member: usize, entry: usize) {
+    let Some(member) = model.members.get(member) else {
+        return;
+    };
+    let orders = ORDERS.iter().map(|order| (*order).to_owned());
+    let tools = model.tools.iter().map(|tool| {
+        let pid = member.pid.map_or_else(|| "-".into(), |pid| pid.to_string());
+        format!("{}: {}", tool.name, tool.command.replace("{pid}", &pid))
+    });
+    let mut lines = vec![Line::raw(format!("{} is {}", member.name, member.state)).bold()];
+    for (place, text) in orders.chain(tools).enumerate() {
+        let line = Line::raw(format!(" {text} "));
+        lines.push(if place == entry {
+            line.reversed()
+        } else {
+            line
+        });
+    }
+    lines.push(Line::raw("Up Down choose, Enter does it, Esc not;").dim());
+    lines.push(Line::raw("Left Right: another processor").dim());
+    show(frame, " Actions ", lines);
+}
+
+/// In the middle, as large as needed.
+fn show(frame: &mut Frame<'_>, title: &str, lines: Vec<Line<'_>>) {
+    let widest = lines.iter().map(Line::width).max().unwrap_or(0);
+    let all = frame.area();
+    let width = u16::try_from(widest + 4).unwrap_or(u16::MAX).min(all.width);
+    let height = u16::try_from(lines.len() + 2)
+        .unwrap_or(u16::MAX)
+        .min(all.height);
+    let area = Rect {
+        x: all.x + (all.width - width) / 2,
+        y: all.y + (all.height - height) / 2,
+        width,
+        height,
+    };
+    let block = Block::bordered()
+        .title(title)
+        .border_type(BorderType::Double)
+        .padding(ratatui::widgets::Padding::horizontal(1));
+    frame.render_widget(Clear, area);
+    frame.render_widget(Paragraph::new(lines).block(block), area);
+}

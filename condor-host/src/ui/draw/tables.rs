@@ -1,0 +1,128 @@
+//! The tables, as lines.
+
+use ratatui::style::Stylize;
+use ratatui::text::Line;
+
+use crate::commands::table::{Left, Right, Table, or_dash};
+use crate::numbers::FILES;
+use crate::ui::model::{Model, Page};
+use crate::view::{LoopRates, VectorCounts};
+
+pub(super) fn lines(model: &Model, page: Page) -> Vec<Line<'_>> {
+    if page == Page::Log {
+        return model
+            .log
+            .iter()
+            .map(|line| Line::raw(brief(line)))
+            .collect();
+    }
+    let mut lines = Vec::new();
+    if let Some(why) = &model.blind {
+        lines.push(Line::raw(format!("The counts cannot be read: {why}")).red());
+    }
+    let text = match page {
+        Page::Loops => loops(&model.loops),
+        Page::Messages => vectors(&model.vectors),
+        _ => files(model),
+    };
+    let table = text.lines().map(|line| Line::raw(line.to_owned()));
+    lines.extend(table);
+    lines
+}
+
+/// A line of the log with the time of day to the millisecond in place of its first word.
+fn brief(line: &str) -> String {
+    let Some((time, text)) = line.split_once(' ') else {
+        return line.into();
+    };
+    match time.split_once('T').and_then(|(_, time)| time.get(..12)) {
+        Some(time) => format!("{time} {text}"),
+        None => line.into(),
+    }
+}
+
+fn loops(loops: &[(String, LoopRates)]) -> String {
+    let mut table = Table::new([
+        ("processor", Left),
+        ("loop", Left),
+        ("Hz", Right),
+        ("reached", Right),
+        ("run µs", Right),
+        ("worst", Right),
+        ("use %", Right),
+        ("late µs", Right),
+        ("overruns", Right),
+    ])
+    .with_gap(1);
+    for (processor, rates) in loops {
+        let state = if rates.faulted {
+            " FAULT"
+        } else if rates.enabled {
+            ""
+        } else {
+            " off"
+        };
+        table.row([
+            processor.clone(),
+            format!("{}{state}", rates.name),
+            rates.rate_hz.to_string(),
+            or_dash(rates.reached_hz.map(|rate| format!("{rate:.1}"))),
+            format!("{:.1}", rates.run_us),
+            format!("{:.1}", rates.worst_run_us),
+            or_dash(rates.utilisation.map(|part| format!("{:.2}", 100.0 * part))),
+            format!("{:.1}", rates.worst_lateness_us),
+            rates.overruns.to_string(),
+        ]);
+    }
+    table.to_string()
+}
+
+fn vectors(vectors: &[(String, VectorCounts)]) -> String {
+    let mut table = Table::new([
+        ("processor", Left),
+        ("vector", Right),
+        ("name", Left),
+        ("handled", Right),
+        ("worst µs", Right),
+        ("sent", Right),
+        ("failed", Right),
+    ])
+    .with_gap(1);
+    for (processor, counts) in vectors {
+        let has_handler = !counts.name.is_empty();
+        let handled = |text: String| if has_handler { text } else { "-".into() };
+        table.row([
+            processor.clone(),
+            counts.vector.to_string(),
+            handled(counts.name.clone()),
+            handled(counts.handled.to_string()),
+            handled(format!("{:.1}", counts.worst_us)),
+            counts.sent.to_string(),
+            counts.failed.to_string(),
+        ]);
+    }
+    table.to_string()
+}
+
+fn files(model: &Model) -> String {
+    let root = model.files_root.as_deref().unwrap_or("nothing");
+    let mut members = model.members.iter();
+    let Some(service) = members.find(|member| member.number == FILES.0) else {
+        return "The system has no file service.".into();
+    };
+    let per_second = model.served.per_second;
+    let per_second = per_second.map_or(String::new(), |rate| format!(", {rate:.1} a second"));
+    let mut text = format!(
+        "serves    {root}\nstate     {}, process {}, {} restarts\nrequests  {}{per_second}\n",
+        service.state,
+        or_dash(service.pid),
+        service.restarts,
+        model.served.messages,
+    );
+    if let Some(exit) = &service.last_exit {
+        text += "last exit ";
+        text += exit;
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,272 @@
+use std::os::fd::OwnedFd;
+
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+
+use super::*;
+use crate::control::{Member, Status};
+use crate::ui::Tool;
+use crate::ui::feed::News;
+use crate::ui::model::{Popup, Served};
+use crate::ui::window::WindowId;
+use crate::view::{LoopRates, VectorCounts};
+
+const SMALL: (u16, u16) = (80, 24);
+const LARGE: (u16, u16) = (200, 50);
+const NAMES: [&str; 5] = ["master", "servo-a", "servo-b", "table", "plant"];
+
+fn member(number: u8, name: &str, state: State) -> Member {
+    Member {
+        number,
+        name: name.into(),
+        program: "self".into(),
+        arguments: Vec::new(),
+        pid: Some(4000 + u32::from(number)),
+        state,
+        restarts: 0,
+        last_exit: None,
+    }
+}
+
+fn model() -> Model {
+    let processors = (0..5).zip(NAMES);
+    let processors = processors.map(|(number, name)| member(number, name, State::Running));
+    let status = Status {
+        system: "utah-mit-hand".into(),
+        file: "hand.toml".into(),
+        window_bytes: 4096,
+        files_root: Some("/srv/hand/files".into()),
+        pid: 1,
+        uptime: 12.0,
+        services: vec![
+            member(8, "files", State::Running),
+            member(9, "terminals", State::Running),
+        ],
+        // The robot first, as in a description: windows go by number.
+        processors: processors.rev().collect(),
+    };
+    let mut model = Model::new(&status, vec![Tool::debugger()]);
+    for (id, name) in (1..).zip(NAMES) {
+        let id = WindowId(id);
+        let null = std::fs::File::options().write(true).open("/dev/null");
+        model.hear(News::Opened(id, OwnedFd::from(null.unwrap())));
+        let text = format!("this is \x1b[1;31m{name}\x1b[0m\r\nready> ");
+        model.hear(News::Output(id, text.into_bytes()));
+    }
+    let rates = LoopRates {
+        name: "servo".into(),
+        rate_hz: 400.0,
+        reached_hz: Some(399.75),
+        run_us: 123.4,
+        worst_run_us: 2345.6,
+        utilisation: Some(0.0494),
+        worst_lateness_us: 98_765.4,
+        runs: 4000,
+        overruns: 17,
+        enabled: true,
+        faulted: false,
+    };
+    model.loops = NAMES.map(|name| (name.to_owned(), rates.clone())).into();
+    let vector = VectorCounts {
+        vector: 40,
+        name: "servos".into(),
+        sent: 7,
+        handled: 123_456,
+        failed: 3,
+        worst_us: 55.5,
+    };
+    model.vectors = NAMES.map(|name| (name.to_owned(), vector.clone())).into();
+    model.served = Served {
+        messages: 815,
+        per_second: Some(4.5),
+    };
+    model.hear(News::Log(
+        "2026-11-21T15:28:52.078621Z servo-a: joined after 0.1 s".into(),
+    ));
+    model
+}
+
+/// The lines of a picture of this size.
+fn picture(model: &mut Model, (columns, rows): (u16, u16)) -> Vec<String> {
+    model.resize(columns, rows);
+    let mut terminal = Terminal::new(TestBackend::new(columns, rows)).unwrap();
+    terminal.draw(|frame| draw(frame, model)).unwrap();
+    let buffer = terminal.backend().buffer();
+    let line = |row| -> String {
+        (0..columns)
+            .map(|column| buffer[(column, row)].symbol())
+            .collect()
+    };
+    (0..rows).map(line).collect()
+}
+
+fn expect(lines: &[String], texts: &[&str]) {
+    for text in texts {
+        let is_there = lines.iter().any(|line| line.contains(text));
+        assert!(is_there, "no {text:?} in\n{}", lines.join("\n"));
+    }
+}
+
+const LOOPS: [&str; 2] = [
+    "processor loop   Hz reached run µs  worst use % late µs overruns",
+    "servo-a   servo 400   399.8  123.4 2345.6  4.94 98765.4       17",
+];
+const MESSAGES: [&str; 2] = [
+    "processor vector name   handled worst µs sent failed",
+    "servo-b       40 servos  123456     55.5    7      3",
+];
+const FILES: [&str; 3] = [
+    "serves    /srv/hand/files",
+    "state     running, process 4008, 0 restarts",
+    "requests  815, 4.5 a second",
+];
+const LOG: [&str; 1] = ["15:28:52.078 servo-a: joined after 0.1 s"];
+
+#[test]
+fn each_page_is_legible_on_a_small_terminal() {
+    let mut model = model();
+    let tabs = "1:master 2:servo-a 3:servo-b 4:table 5:plant Loops Messages Files Log";
+    for (id, name) in (1..).zip(NAMES) {
+        model.focus = Page::Window(WindowId(id));
+        let lines = picture(&mut model, SMALL);
+        let title = format!("{name}: running");
+        let text = format!("this is {name}");
+        expect(
+            &lines,
+            &[tabs, &title, &text, "ready>", "F1 help", "F10 leave"],
+        );
+    }
+    // Programs write for 80 columns.
+    let row = "0123456789".repeat(8);
+    model.hear(News::Output(WindowId(5), format!("\r\n{row}").into_bytes()));
+    expect(&picture(&mut model, SMALL), &[&row]);
+    let tables: [(Page, &[&str]); 4] = [
+        (Page::Loops, &LOOPS),
+        (Page::Messages, &MESSAGES),
+        (Page::Files, &FILES),
+        (Page::Log, &LOG),
+    ];
+    for (page, texts) in tables {
+        model.focus = page;
+        expect(&picture(&mut model, SMALL), texts);
+    }
+}
+
+#[test]
+fn everything_is_seen_at_once_on_a_large_terminal() {
+    let mut model = model();
+    let lines = picture(&mut model, LARGE);
+    for name in NAMES {
+        expect(
+            &lines,
+            &[&format!("{name}: running"), &format!("this is {name}")],
+        );
+    }
+    for texts in [&LOOPS[..], &MESSAGES, &FILES, &LOG] {
+        expect(&lines, texts);
+    }
+    model.zoomed = true;
+    let lines = picture(&mut model, LARGE);
+    expect(&lines, &["this is master"]);
+    assert!(!lines.join("\n").contains("this is servo-a"));
+}
+
+#[test]
+fn help_actions_and_the_way_out_fit_a_small_terminal() {
+    let mut model = model();
+    model.popup = Some(Popup::Help);
+    let lines = picture(&mut model, SMALL);
+    expect(
+        &lines,
+        &[
+            "F2          actions: stop, start, restart, tools",
+            "Any key closes",
+        ],
+    );
+    model.popup = Some(Popup::Menu {
+        member: 3,
+        entry: 3,
+    });
+    let lines = picture(&mut model, SMALL);
+    expect(
+        &lines,
+        &["servo-a is running", "restart", "debugger: gdb -p 4001"],
+    );
+    model.popup = Some(Popup::Leave);
+    expect(&picture(&mut model, SMALL), &["d  take the system down"]);
+}
+
+#[test]
+fn what_is_wrong_is_said() {
+    let mut model = model();
+    model.members[3].state = State::Failed;
+    model.hear(News::Closed(WindowId(2)));
+    model.hear(News::Gone("the supervisor ended".into()));
+    model.blind = Some("all numbers for visitors are taken".into());
+    model.focus = Page::Window(WindowId(2));
+    let lines = picture(&mut model, SMALL);
+    expect(
+        &lines,
+        &[
+            "servo-a: failed, no terminal",
+            "No supervisor: the supervisor ended",
+        ],
+    );
+    model.focus = Page::Loops;
+    let lines = picture(&mut model, SMALL);
+    expect(
+        &lines,
+        &["The counts cannot be read: all numbers for visitors are taken"],
+    );
+}
+
+#[test]
+fn a_window_shows_what_it_has_shown_before() {
+    let mut model = model();
+    model.resize(SMALL.0, SMALL.1);
+    let page = Page::Window(WindowId(1));
+    let text = (0..100).map(|line| format!("\r\nline {line}"));
+    let text = text.collect::<Vec<_>>().concat();
+    model.hear(News::Output(WindowId(1), text.into_bytes()));
+    let lines = picture(&mut model, SMALL);
+    expect(&lines, &["line 99"]);
+    model.scroll(page, 30);
+    let lines = picture(&mut model, SMALL);
+    expect(&lines, &["line 69", "30 lines back"]);
+    assert!(!lines.join("\n").contains("line 99"));
+    model.scroll(page, -40);
+    expect(&picture(&mut model, SMALL), &["line 99"]);
+}
+
+#[test]
+fn a_service_that_comes_again_repeats_nothing_on_the_screen() {
+    let mut model = model();
+    model.hear(News::Closed(WindowId(1)));
+    let window = model.window_mut(WindowId(1)).unwrap();
+    assert!(!window.type_in(b"typed meanwhile"));
+    let (mut service, input) = std::os::unix::net::UnixStream::pair().unwrap();
+    model.hear(News::Opened(WindowId(1), input.into()));
+    let mut typed = [0; 15];
+    std::io::Read::read_exact(&mut service, &mut typed).unwrap();
+    assert_eq!(&typed, b"typed meanwhile");
+    model.hear(News::Output(
+        WindowId(1),
+        b"this is master\r\nready> ".into(),
+    ));
+    let lines = picture(&mut model, SMALL);
+    let count = lines.iter().filter(|line| line.contains("this is master"));
+    assert_eq!(count.count(), 1, "{lines:?}");
+}
+
+#[test]
+fn pages_follow_each_other_in_the_order_of_their_names() {
+    let mut model = model();
+    model.step(-1);
+    assert_eq!(model.focus, Page::Log);
+    model.step(2);
+    assert_eq!(model.focus, Page::Window(WindowId(2)));
+    let id = model.open_window("debugger servo-a".into(), 1, true);
+    model.focus = Page::Window(id);
+    model.forget(id);
+    assert_eq!(model.focus, Page::Window(WindowId(5)));
+}

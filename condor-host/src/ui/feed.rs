@@ -1,0 +1,168 @@
+//! What comes from outside: threads that listen, each to one thing, and connect again when it ends.
+
+use std::io::{self, Read};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
+use std::sync::mpsc::Sender;
+use std::thread;
+use std::time::Duration;
+
+use crossterm::event::Event;
+
+use super::model::by_number;
+use super::window::WindowId;
+use crate::control::{Client, ClientError, Request, Status};
+use crate::system::Directory;
+
+/// The time between two looks at the processors.
+const STATUS: Duration = Duration::from_millis(500);
+/// The time between two attempts to connect.
+const AGAIN: Duration = Duration::from_millis(500);
+/// Lines of the log from before.
+const LOG_LINES: usize = 500;
+/// How long who is typed to may take.
+const PATIENCE: Duration = Duration::from_millis(200);
+
+/// Something that came.
+#[derive(Debug)]
+pub(super) enum News {
+    Input(Event),
+    /// The keyboard is gone.
+    NoInput(io::Error),
+    Status(Box<Status>),
+    /// The supervisor does not answer.
+    Gone(String),
+    LogBegins(Vec<String>),
+    Log(String),
+    /// A terminal is attached, and repeats what it wrote.
+    Opened(WindowId, OwnedFd),
+    Output(WindowId, Vec<u8>),
+    Closed(WindowId),
+    /// What became of something that was asked for.
+    Notice(String),
+}
+
+/// The threads end with the process, or when nobody hears them any more.
+#[derive(Debug)]
+pub(super) struct Feed {
+    directory: Directory,
+}
+
+impl Feed {
+    pub(super) fn start(directory: &Directory, status: &Status, news: &Sender<News>) -> Self {
+        let keys = news.clone();
+        thread::spawn(move || keyboard(&keys));
+        let (place, answers) = (directory.clone(), news.clone());
+        thread::spawn(move || supervisor(&place, &answers));
+        let (place, lines) = (directory.clone(), news.clone());
+        thread::spawn(move || log(&place, &lines));
+        for (number, processor) in (1..).zip(by_number(status)) {
+            let (place, output) = (directory.clone(), news.clone());
+            let name = processor.name.clone();
+            thread::spawn(move || terminal(&place, &name, WindowId(number), &output));
+        }
+        Self {
+            directory: directory.clone(),
+        }
+    }
+
+    pub(super) const fn directory(&self) -> &Directory {
+        &self.directory
+    }
+}
+
+fn keyboard(news: &Sender<News>) {
+    loop {
+        let one = match crossterm::event::read() {
+            Ok(event) => News::Input(event),
+            Err(error) => News::NoInput(error),
+        };
+        let is_last = matches!(one, News::NoInput(_));
+        if news.send(one).is_err() || is_last {
+            return;
+        }
+    }
+}
+
+fn supervisor(directory: &Directory, news: &Sender<News>) {
+    loop {
+        let ended: Result<(), ClientError> = Client::connect(directory).and_then(|mut client| {
+            loop {
+                let status = Box::new(client.status()?);
+                if news.send(News::Status(status)).is_err() {
+                    return Ok(());
+                }
+                thread::sleep(STATUS);
+            }
+        });
+        let Err(error) = ended else {
+            return;
+        };
+        if news.send(News::Gone(error.to_string())).is_err() {
+            return;
+        }
+        thread::sleep(AGAIN);
+    }
+}
+
+fn log(directory: &Directory, news: &Sender<News>) {
+    loop {
+        // Why it cannot be followed, the thread of the states tells.
+        if let Ok(false) = follow(directory, news) {
+            return;
+        }
+        thread::sleep(AGAIN);
+    }
+}
+
+/// False if nobody hears.
+fn follow(directory: &Directory, news: &Sender<News>) -> Result<bool, ClientError> {
+    let events = Client::connect(directory)?.events()?;
+    let before = Client::connect(directory)?.ask(&Request::Log { lines: LOG_LINES })?;
+    let lines = before.lines.unwrap_or_default();
+    let newest = lines.last().cloned();
+    if news.send(News::LogBegins(lines)).is_err() {
+        return Ok(false);
+    }
+    for event in events {
+        let line = event?.to_string();
+        // What happened between the two requests comes twice.
+        if newest.as_ref() != Some(&line) && news.send(News::Log(line)).is_err() {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+fn terminal(directory: &Directory, name: &str, id: WindowId, news: &Sender<News>) {
+    loop {
+        if let Ok(stream) = UnixStream::connect(directory.terminal(name))
+            && let Ok(input) = stream.try_clone()
+            && input.set_write_timeout(Some(PATIENCE)).is_ok()
+        {
+            let opened = News::Opened(id, input.into());
+            if news.send(opened).is_err() || !pass_on(stream, id, news) {
+                return;
+            }
+        }
+        thread::sleep(AGAIN);
+    }
+}
+
+/// Passes on what comes until it ends; false if nobody hears.
+pub(super) fn pass_on(mut from: impl Read, id: WindowId, news: &Sender<News>) -> bool {
+    let mut piece = [0; 16 * 1024];
+    loop {
+        match from.read(&mut piece) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            // A pseudo-terminal whose last user has gone is an error.
+            Ok(0) | Err(_) => return news.send(News::Closed(id)).is_ok(),
+            Ok(count) => {
+                let bytes = piece.get(..count).unwrap_or_default().to_vec();
+                if news.send(News::Output(id, bytes)).is_err() {
+                    return false;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! What a key, the mouse or a paste asks for.
+
+use crossterm::event::{
+    Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers, MouseButton, MouseEvent, MouseEventKind,
+};
+
+use super::layout::Layout;
+use super::model::{Leaving, Page, Popup};
+
+/// Lines that a turn of the wheel scrolls.
+const WHEEL: i32 = 3;
+/// Lines that a page has, for scrolling.
+const PAGE: i32 = 15;
+
+/// What the meaning of an event depends on.
+#[derive(Clone, Debug)]
+pub(super) struct Situation {
+    pub(super) focus: Page,
+    pub(super) popup: Option<Popup>,
+    /// The window in front is that of a tool that has ended.
+    pub(super) is_over: bool,
+    pub(super) application_cursor: bool,
+    pub(super) layout: Layout,
+}
+
+/// What a person wants.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Action {
+    Type(Vec<u8>),
+    Focus(Page),
+    /// The window of this place, from 0.
+    FocusWindow(usize),
+    Step(isize),
+    Scroll(Page, i32),
+    Zoom,
+    Show(Popup),
+    Menu,
+    ClosePopup,
+    MenuMove {
+        members: isize,
+        entries: isize,
+    },
+    MenuDo,
+    CloseWindow,
+    Leave(Leaving),
+    /// The size has changed.
+    Draw,
+}
+
+/// What an event asks for; nothing for most.
+pub(super) fn action(situation: &Situation, event: &Event) -> Option<Action> {
+    match event {
+        Event::Key(key) if key.kind != KeyEventKind::Release => self::key(situation, key),
+        Event::Mouse(mouse) => self::mouse(situation, *mouse),
+        Event::Paste(text) => {
+            let is_typed = situation.popup.is_none() && matches!(situation.focus, Page::Window(_));
+            is_typed.then(|| Action::Type(text.replace('\n', "\r").into_bytes()))
+        }
+        Event::Resize(..) => Some(Action::Draw),
+        _ => None,
+    }
+}
+
+fn key(situation: &Situation, key: &KeyEvent) -> Option<Action> {
+    if let Some(popup) = situation.popup {
+        return in_popup(popup, key.code);
+    }
+    let action = match key.code {
+        KeyCode::F(1) => Action::Show(Popup::Help),
+        KeyCode::F(2) => Action::Menu,
+        KeyCode::F(3) => Action::Step(-1),
+        KeyCode::F(4) => Action::Step(1),
+        KeyCode::F(5) => Action::Zoom,
+        KeyCode::F(10) => Action::Show(Popup::Leave),
+        KeyCode::PageUp => Action::Scroll(situation.focus, PAGE),
+        KeyCode::PageDown => Action::Scroll(situation.focus, -PAGE),
+        KeyCode::Char(digit @ '1'..='9') if key.modifiers.contains(KeyModifiers::ALT) => {
+            let place = digit.to_digit(10).unwrap_or(1) as usize;
+            Action::FocusWindow(place.saturating_sub(1))
+        }
+        _ => return in_page(situation, key),
+    };
+    Some(action)
+}
+
+fn in_page(situation: &Situation, key: &KeyEvent) -> Option<Action> {
+    let page = situation.focus;
+    if matches!(page, Page::Window(_)) {
+        if situation.is_over {
+            return (key.code == KeyCode::Enter).then_some(Action::CloseWindow);
+        }
+        return bytes(key, situation.application_cursor).map(Action::Type);
+    }
+    Some(match key.code {
+        KeyCode::Char('?') => Action::Show(Popup::Help),
+        KeyCode::Char('q') => Action::Show(Popup::Leave),
+        KeyCode::Char('a') | KeyCode::Enter => Action::Menu,
+        KeyCode::Tab | KeyCode::Right => Action::Step(1),
+        KeyCode::BackTab | KeyCode::Left => Action::Step(-1),
+        KeyCode::Up | KeyCode::Char('k') => Action::Scroll(page, 1),
+        KeyCode::Down | KeyCode::Char('j') => Action::Scroll(page, -1),
+        _ => return None,
+    })
+}
+
+fn in_popup(popup: Popup, code: KeyCode) -> Option<Action> {
+    let menu = |members, entries| Some(Action::MenuMove { members, entries });
+    match (popup, code) {
+        (Popup::Menu { .. }, KeyCode::Up) => menu(0, -1),
+        (Popup::Menu { .. }, KeyCode::Down) => menu(0, 1),
+        (Popup::Menu { .. }, KeyCode::Left) => menu(-1, 0),
+        (Popup::Menu { .. }, KeyCode::Right) => menu(1, 0),
+        (Popup::Menu { .. }, KeyCode::Enter) => Some(Action::MenuDo),
+        (Popup::Leave, KeyCode::Char('l') | KeyCode::Enter) => {
+            Some(Action::Leave(Leaving::Running))
+        }
+        (Popup::Leave, KeyCode::Char('d')) => Some(Action::Leave(Leaving::Down)),
+        (_, KeyCode::Esc | KeyCode::F(_)) | (Popup::Help, _) => Some(Action::ClosePopup),
+        _ => None,
+    }
+}
+
+fn mouse(situation: &Situation, mouse: MouseEvent) -> Option<Action> {
+    if situation.popup.is_some() {
+        let is_click = matches!(mouse.kind, MouseEventKind::Down(_));
+        return is_click.then_some(Action::ClosePopup);
+    }
+    let page = situation.layout.page_at(mouse.column, mouse.row)?;
+    match mouse.kind {
+        MouseEventKind::Down(MouseButton::Left) => Some(Action::Focus(page)),
+        MouseEventKind::Down(MouseButton::Right) => Some(Action::Menu),
+        MouseEventKind::ScrollUp => Some(Action::Scroll(page, WHEEL)),
+        MouseEventKind::ScrollDown => Some(Action::Scroll(page, -WHEEL)),
+        _ => None,
+    }
+}
+
+/// What a terminal sends for a key, as xterm does.
+fn bytes(key: &KeyEvent, application_cursor: bool) -> Option<Vec<u8>> {
+    let cursor = |letter: char| {
+        let lead = if application_cursor { 'O' } else { '[' };
+        format!("\x1b{lead}{letter}").into_bytes()
+    };
+    let bytes = match key.code {
+        KeyCode::Char(letter) if key.modifiers.contains(KeyModifiers::CONTROL) => {
+            let byte = u8::try_from(letter.to_ascii_uppercase()).ok()?;
+            match byte {
+                b'@'..=b'_' => vec![byte & 0x1f],
+                b' ' | b'2' => vec![0],
+                b'3'..=b'7' => vec![byte - b'3' + 0x1b],
+                b'?' | b'8' => vec![0x7f],
+                _ => return None,
+            }
+        }
+        KeyCode::Char(letter) => letter.to_string().into_bytes(),
+        KeyCode::Enter => b"\r".into(),
+        KeyCode::Tab => b"\t".into(),
+        KeyCode::BackTab => b"\x1b[Z".into(),
+        KeyCode::Backspace => b"\x7f".into(),
+        KeyCode::Esc => b"\x1b".into(),
+        KeyCode::Up => cursor('A'),
+        KeyCode::Down => cursor('B'),
+        KeyCode::Right => cursor('C'),
+        KeyCode::Left => cursor('D'),
+        KeyCode::Home => cursor('H'),
+        KeyCode::End => cursor('F'),
+        KeyCode::Insert => b"\x1b[2~".into(),
+        KeyCode::Delete => b"\x1b[3~".into(),
+        _ => return None,
+    };
+    if key.modifiers.contains(KeyModifiers::ALT) {
+        return Some([b"\x1b", bytes.as_slice()].concat());
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests;

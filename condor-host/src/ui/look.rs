@@ -1,0 +1,85 @@
+//! [`Look`]: fetches counts out of memory.
+
+use std::collections::HashMap;
+use std::time::Instant;
+
+use condor_fs::wire::FILES as FILES_VECTOR;
+use condor_mbox::Processor;
+
+use super::model::{Model, Served};
+use crate::cli::AnyError;
+use crate::control::Client;
+use crate::numbers::FILES;
+use crate::system::Directory;
+use crate::view::{LoopSample, View};
+
+/// The counts of a running system, and those of the look before.
+pub(super) struct Look {
+    directory: Directory,
+    view: Option<View>,
+    loops: HashMap<u8, LoopSample>,
+    served: Option<(Instant, u32)>,
+}
+
+impl Look {
+    pub(super) fn new(directory: &Directory) -> Self {
+        Self {
+            directory: directory.clone(),
+            view: None,
+            loops: HashMap::new(),
+            served: None,
+        }
+    }
+
+    /// Puts the present counts into the model.
+    pub(super) fn look(&mut self, model: &mut Model) {
+        if model.gone.is_some() {
+            // Its successor may have other windows.
+            self.view = None;
+        }
+        if let Err(error) = self.fetch(model) {
+            self.view = None;
+            model.blind = Some(error.to_string());
+        } else {
+            model.blind = None;
+        }
+    }
+
+    fn fetch(&mut self, model: &mut Model) -> Result<(), AnyError> {
+        let view = match &self.view {
+            Some(view) => view,
+            None => self.view.insert(open(&self.directory)?),
+        };
+        let (mut loops, mut vectors) = (Vec::new(), Vec::new());
+        for (place, member) in model.members.iter().enumerate() {
+            let number = Processor(member.number);
+            if place < model.processors {
+                let sample = view.loops(number)?;
+                let rates = sample.since(self.loops.get(&member.number));
+                loops.extend(rates.into_iter().map(|rates| (member.name.clone(), rates)));
+                self.loops.insert(member.number, sample);
+            }
+            let counts = view.vectors(number)?.into_iter();
+            vectors.extend(counts.map(|counts| (member.name.clone(), counts)));
+        }
+        let messages = view.post().vector_statistics(FILES, FILES_VECTOR);
+        let messages = messages.map_or(0, |counts| counts.handled);
+        let now = Instant::now();
+        model.served = Served {
+            messages,
+            per_second: self.served.and_then(|(then, before)| {
+                let seconds = now.duration_since(then).as_secs_f64();
+                let more = messages.checked_sub(before)?;
+                (seconds > 0.0).then(|| f64::from(more) / seconds)
+            }),
+        };
+        self.served = Some((now, messages));
+        (model.loops, model.vectors) = (loops, vectors);
+        Ok(())
+    }
+}
+
+fn open(directory: &Directory) -> Result<View, AnyError> {
+    let status = Client::connect(directory)?.status()?;
+    Ok(View::open(&directory.system(status.window_bytes)?)?)
+}

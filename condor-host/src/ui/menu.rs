@@ -1,0 +1,156 @@
+//! What a person asks for is done.
+
+use std::sync::mpsc::Sender;
+use std::thread;
+
+use super::feed::News;
+use super::input::Action;
+use super::model::{Leaving, Model, Page, Popup};
+use super::tool;
+use crate::control::{Client, ClientError, Member, Request};
+use crate::system::Directory;
+
+/// What can be done to a processor, before its tools.
+pub(super) const ORDERS: [&str; 3] = ["stop", "start", "restart"];
+
+/// Asks the supervisor, without holding up the picture.
+#[derive(Debug)]
+pub(super) struct Doer {
+    directory: Directory,
+    news: Sender<News>,
+}
+
+impl Doer {
+    pub(super) fn new(directory: &Directory, news: Sender<News>) -> Self {
+        Self {
+            directory: directory.clone(),
+            news,
+        }
+    }
+
+    fn order(&self, order: &'static str, member: &Member) {
+        let (directory, news) = (self.directory.clone(), self.news.clone());
+        let processor = member.name.clone();
+        thread::spawn(move || {
+            let text = match ask(&directory, order, &processor) {
+                Ok(()) => format!("{processor}: {order} is done"),
+                Err(error) => format!("{processor}: no {order}: {error}"),
+            };
+            // Nobody may be there any more to read it.
+            let _ = news.send(News::Notice(text));
+        });
+    }
+}
+
+fn ask(directory: &Directory, order: &str, processor: &str) -> Result<(), ClientError> {
+    let mut client = Client::connect(directory)?;
+    let stop = || Request::Stop {
+        processor: processor.into(),
+    };
+    let start = || Request::Start {
+        processor: processor.into(),
+    };
+    match order {
+        "stop" => client.ask(&stop())?,
+        "start" => client.ask(&start())?,
+        _ => {
+            client.ask(&stop())?;
+            client.ask(&start())?
+        }
+    };
+    Ok(())
+}
+
+/// Does it; says how the person leaves, if so.
+pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leaving> {
+    if model.popup.is_none() && action != Action::Draw {
+        model.notice = None;
+    }
+    match action {
+        Action::Type(bytes) => type_in(model, &bytes),
+        Action::Focus(page) => model.focus = page,
+        Action::FocusWindow(place) => {
+            if let Some(window) = model.windows.get(place) {
+                model.focus = Page::Window(window.id);
+            }
+        }
+        Action::Step(tabs) => model.step(tabs),
+        Action::Scroll(page, lines) => model.scroll(page, lines),
+        Action::Zoom => model.zoomed = !model.zoomed,
+        Action::Show(popup) => model.popup = Some(popup),
+        Action::Menu => {
+            let member = model.member_in_focus();
+            model.popup = Some(Popup::Menu { member, entry: 0 });
+        }
+        Action::ClosePopup => model.popup = None,
+        Action::MenuMove { members, entries } => move_by(model, members, entries),
+        Action::MenuDo => carry_out(model, doer),
+        Action::CloseWindow => {
+            if let Page::Window(id) = model.focus {
+                model.forget(id);
+            }
+        }
+        Action::Leave(leaving) => return Some(leaving),
+        Action::Draw => {}
+    }
+    None
+}
+
+fn type_in(model: &mut Model, bytes: &[u8]) {
+    let Page::Window(id) = model.focus else {
+        return;
+    };
+    let typed = model.window_mut(id).map(|window| window.type_in(bytes));
+    if typed == Some(false) {
+        model.notice =
+            Some("what is typed waits for the terminal service, which is not there".into());
+    }
+}
+
+fn move_by(model: &mut Model, members: isize, entries: isize) {
+    let (member_count, entry_count) = (model.members.len(), ORDERS.len() + model.tools.len());
+    if let Some(Popup::Menu { member, entry }) = &mut model.popup {
+        *member = turned(*member, members, member_count);
+        *entry = turned(*entry, entries, entry_count);
+    }
+}
+
+/// A place of `count`, so many further on, and round again.
+fn turned(place: usize, by: isize, count: usize) -> usize {
+    let (place, count) = (place.cast_signed(), count.cast_signed().max(1));
+    (place + by).rem_euclid(count).cast_unsigned()
+}
+
+fn carry_out(model: &mut Model, doer: &Doer) {
+    let Some(Popup::Menu { member, entry }) = model.popup.take() else {
+        return;
+    };
+    let Some(member) = model.members.get(member).cloned() else {
+        return;
+    };
+    if let Some(order) = ORDERS.get(entry) {
+        model.notice = Some(format!("{}: {order} …", member.name));
+        return doer.order(order, &member);
+    }
+    let tool = model.tools.get(entry - ORDERS.len()).cloned();
+    let Some(tool) = tool else {
+        return;
+    };
+    let Some(pid) = member.pid else {
+        let text = format!(
+            "{} has no process for {}: start it first",
+            member.name, tool.name
+        );
+        model.notice = Some(text);
+        return;
+    };
+    let title = format!("{} {}", tool.name, member.name);
+    let id = model.open_window(title, member.number, true);
+    match tool::start(&tool.command, pid, id, &doer.news) {
+        Ok(()) => model.focus = Page::Window(id),
+        Err(error) => {
+            model.forget(id);
+            model.notice = Some(format!("{} cannot be started: {error}", tool.name));
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Programs that are started on a processor, each on a pseudo-terminal of its own.
+
+use std::fs::File;
+use std::io;
+use std::process::{Command, Stdio};
+use std::sync::mpsc::Sender;
+use std::thread;
+
+use rustix::fs::{Mode, OFlags};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+use super::feed::{News, pass_on};
+use super::window::WindowId;
+
+/// Starts a command of the shell, in which `{pid}` is this process, for the window `id`.
+pub(super) fn start(command: &str, pid: u32, id: WindowId, news: &Sender<News>) -> io::Result<()> {
+    let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+    let host = openpt(flags)?;
+    grantpt(&host)?;
+    unlockpt(&host)?;
+    let path = ptsname(&host, Vec::new())?;
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
+    let user = File::from(rustix::fs::open(&path, flags, Mode::empty())?);
+    // The terminal is the command's own, so that Ctrl-C reaches it and nobody else.
+    let mut child = Command::new("setsid")
+        .args(["--ctty", "--wait", "sh", "-c"])
+        .arg(command.replace("{pid}", &pid.to_string()))
+        .env("TERM", "xterm-256color")
+        .stdin(Stdio::from(user.try_clone()?))
+        .stdout(Stdio::from(user.try_clone()?))
+        .stderr(Stdio::from(user))
+        .spawn()?;
+    let reader = File::from(host.try_clone()?);
+    let (heard, news) = (news.send(News::Opened(id, host)), news.clone());
+    thread::spawn(move || {
+        if heard.is_ok() {
+            pass_on(reader, id, &news);
+        }
+        // It ends with its terminal; nobody asks how.
+        let _ = child.wait();
+    });
+    Ok(())
+}

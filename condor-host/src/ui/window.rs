@@ -1,0 +1,125 @@
+//! [`Window`]: a terminal, as far as a person sees it.
+
+use std::io::Write;
+use std::num::NonZero;
+use std::os::fd::OwnedFd;
+
+use condor_tty::linux::{Screen, Sink};
+
+/// Lines that are kept after they have left the screen.
+const HISTORY: usize = 2000;
+/// Bytes that are kept for a terminal service that is not there.
+const EARLY: usize = 4096;
+
+/// Which window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct WindowId(pub(super) u32);
+
+/// A terminal of a processor, or a tool.
+#[derive(Debug)]
+pub(super) struct Window {
+    pub(super) id: WindowId,
+    pub(super) title: String,
+    /// The number of the processor that it is about.
+    pub(super) processor: u8,
+    pub(super) is_tool: bool,
+    screen: Screen,
+    size: (u16, u16),
+    /// Where what is typed goes to, while somebody is there.
+    input: Option<OwnedFd>,
+    /// What was typed while nobody was there.
+    early: Vec<u8>,
+}
+
+impl Window {
+    pub(super) fn new(id: WindowId, title: String, processor: u8, is_tool: bool) -> Self {
+        Self {
+            id,
+            title,
+            processor,
+            is_tool,
+            screen: blank(80, 24),
+            size: (80, 24),
+            input: None,
+            early: Vec::new(),
+        }
+    }
+
+    pub(super) fn screen(&self) -> &vt100::Screen {
+        self.screen.screen()
+    }
+
+    pub(super) fn is_connected(&self) -> bool {
+        self.input.is_some()
+    }
+
+    /// Begins anew: what comes repeats what there is.
+    pub(super) fn open(&mut self, input: OwnedFd) {
+        self.screen = blank(self.size.0, self.size.1);
+        self.input = Some(input);
+        self.tell_size();
+        let early = core::mem::take(&mut self.early);
+        self.type_in(&early);
+    }
+
+    pub(super) fn close(&mut self) {
+        self.input = None;
+    }
+
+    pub(super) fn write(&mut self, bytes: &[u8]) {
+        // A screen takes everything.
+        let _ = self.screen.take(bytes);
+    }
+
+    /// Types; false if it has to wait for somebody who takes it.
+    pub(super) fn type_in(&mut self, bytes: &[u8]) -> bool {
+        self.screen.screen_mut().set_scrollback(0);
+        let input = self.input.as_ref().and_then(|it| it.try_clone().ok());
+        if input.is_some_and(|input| std::fs::File::from(input).write_all(bytes).is_ok()) {
+            return true;
+        }
+        self.early.extend_from_slice(bytes);
+        self.early.truncate(EARLY);
+        false
+    }
+
+    pub(super) fn resize(&mut self, columns: u16, rows: u16) {
+        if self.size == (columns, rows) {
+            return;
+        }
+        self.size = (columns, rows);
+        let (rows, columns) = (at_least_one(rows), at_least_one(columns));
+        self.screen.screen_mut().set_size(rows, columns);
+        self.tell_size();
+    }
+
+    /// Shows what is so many lines further up, or down.
+    pub(super) fn scroll(&mut self, lines: i32) {
+        let screen = self.screen.screen_mut();
+        let at = i32::try_from(screen.scrollback()).unwrap_or(0);
+        let to = usize::try_from(at.saturating_add(lines)).unwrap_or(0);
+        screen.set_scrollback(to);
+    }
+
+    /// A pseudo-terminal has a size, a socket has none.
+    fn tell_size(&self) {
+        if let (true, Some(input)) = (self.is_tool, &self.input) {
+            let size = rustix::termios::Winsize {
+                ws_col: self.size.0,
+                ws_row: self.size.1,
+                ws_xpixel: 0,
+                ws_ypixel: 0,
+            };
+            // A tool that has ended needs no size.
+            let _ = rustix::termios::tcsetwinsize(input, size);
+        }
+    }
+}
+
+fn blank(columns: u16, rows: u16) -> Screen {
+    Screen::new(at_least_one(rows), at_least_one(columns), HISTORY)
+}
+
+fn at_least_one(count: u16) -> NonZero<u16> {
+    NonZero::new(count).unwrap_or(NonZero::<u16>::MIN)
+}

@@ -1,0 +1,207 @@
+//! What the memory of a running system says, read by a visitor without stopping anybody.
+//!
+//! A [`View`] claims one of the numbers of [`VISITORS`] and maps all
+//! windows. What it tells of a processor is what the processor's own memory says: the life of its
+//! mailbox, the counts of its servo loops and vectors, the state of its terminals, its variables. To
+//! send messages, change what is [watched](variables) or set [gains], it
+//! [joins](View::join) first.
+
+pub mod gains;
+mod loops;
+mod terminals;
+pub mod variables;
+mod vectors;
+
+pub use loops::{LoopRates, LoopSample};
+pub use terminals::TerminalCounts;
+pub use vectors::VectorCounts;
+
+use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, SystemError};
+use condor_mbox::{
+    AccessError, Error, LoadOrder, Mailbox, MemoryWindow, PeerState, Processor, Region,
+    SingleContext, layout,
+};
+use serde::Serialize;
+
+use crate::directory::{self, Entry, Kind};
+use crate::numbers::{PROCESSORS, VISITORS};
+use crate::system::Windows;
+
+/// The mailbox of a visitor.
+pub type Post = Mailbox<'static, LinuxWindow, LinuxDoorbell<PROCESSORS>, SingleContext, PROCESSORS>;
+
+/// Why the memory of a system says nothing.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ViewError {
+    /// As many visitors as there can be are there.
+    #[error(
+        "all numbers for visitors are taken, by the {}: end one of these programs first",
+        Holders(holders)
+    )]
+    Full {
+        /// The numbers, and the processes that hold them.
+        holders: Vec<(Processor, u32)>,
+    },
+    /// The windows.
+    #[error(transparent)]
+    Windows(#[from] SystemError),
+    /// The visitor's mailbox.
+    #[error(transparent)]
+    Mailbox(#[from] Error),
+    /// The memory of a processor.
+    #[error("the memory of {processor}: {source}")]
+    Memory {
+        /// The processor.
+        processor: Processor,
+        /// What was wrong with the access.
+        source: AccessError,
+    },
+}
+
+struct Holders<'a>(&'a [(Processor, u32)]);
+
+impl core::fmt::Display for Holders<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("processes ")?;
+        for (place, (number, process)) in self.0.iter().enumerate() {
+            let comma = if place == 0 { "" } else { ", " };
+            write!(f, "{comma}{process} (number {})", number.0)?;
+        }
+        Ok(())
+    }
+}
+
+/// How the mailbox of a processor is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Presence {
+    /// It has never joined, or has left.
+    Absent,
+    /// It is about to join.
+    Joining,
+    /// It has joined.
+    Up,
+    /// Its program ended without leaving.
+    Dead,
+}
+
+impl core::fmt::Display for Presence {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.pad(match self {
+            Self::Absent => "absent",
+            Self::Joining => "joining",
+            Self::Up => "up",
+            Self::Dead => "dead",
+        })
+    }
+}
+
+/// What the mailbox of a processor says of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Heart {
+    /// How it is.
+    pub presence: Presence,
+    /// Which life it has, or had last; 0 before the first.
+    pub life: u32,
+    /// Counted up while its program is in its background; wraps.
+    pub beats: u32,
+}
+
+/// A visitor's look at all windows of a system.
+pub struct View {
+    post: Post,
+}
+
+impl core::fmt::Debug for View {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("View")
+            .field("number", &self.post.number())
+            .finish_non_exhaustive()
+    }
+}
+
+impl View {
+    /// Claims the first free number of a visitor.
+    ///
+    /// # Errors
+    /// [`ViewError::Full`]; the windows'.
+    pub fn open(windows: &Windows) -> Result<Self, ViewError> {
+        let claim = claim(windows)?;
+        let number = claim.number();
+        let (windows, doorbell) = claim.into_parts();
+        let post = Mailbox::new(number, windows, doorbell, SingleContext::new())?;
+        Ok(Self { post })
+    }
+
+    /// Becomes a processor to the others, so that messages can be sent.
+    ///
+    /// # Errors
+    /// As [`Mailbox::join`].
+    pub fn join(&mut self) -> Result<&Post, ViewError> {
+        self.post.join()?;
+        Ok(&self.post)
+    }
+
+    /// The visitor's mailbox; it has joined if [`join`](Self::join) was called.
+    #[must_use]
+    pub const fn post(&self) -> &Post {
+        &self.post
+    }
+
+    /// How the mailbox of `processor` is.
+    ///
+    /// # Errors
+    /// [`ViewError::Mailbox`].
+    pub fn heart(&self, processor: Processor) -> Result<Heart, ViewError> {
+        let mail = &self.post.windows(processor)?.mail;
+        let word = |at| mail.load(at, LoadOrder::Relaxed).unwrap_or(0);
+        let presence = match self.post.peer_state(processor)? {
+            PeerState::Absent => Presence::Absent,
+            PeerState::Joining => Presence::Joining,
+            PeerState::Up { .. } => Presence::Up,
+            PeerState::Dead { .. } => Presence::Dead,
+        };
+        Ok(Heart {
+            presence,
+            life: word(layout::header::LAST_LIFE),
+            beats: word(layout::header::HEARTBEAT),
+        })
+    }
+
+    /// The users' part of the memory of `processor`.
+    ///
+    /// # Errors
+    /// [`ViewError::Mailbox`], [`ViewError::Memory`].
+    pub fn region(&self, processor: Processor) -> Result<Region<LinuxWindow>, ViewError> {
+        let window = self.post.windows(processor)?.data.clone();
+        Region::users(window).map_err(|source| ViewError::Memory { processor, source })
+    }
+
+    /// What the directory of `processor` has of a kind.
+    ///
+    /// # Errors
+    /// [`ViewError::Mailbox`], [`ViewError::Memory`].
+    pub fn entries(&self, processor: Processor, kind: Kind) -> Result<Vec<Entry>, ViewError> {
+        let region = self.region(processor)?;
+        let at = |source| ViewError::Memory { processor, source };
+        let entries: Result<Vec<Entry>, AccessError> =
+            directory::entries(&region).map_err(at)?.collect();
+        let mut entries = entries.map_err(at)?;
+        entries.retain(|entry| entry.kind == kind);
+        Ok(entries)
+    }
+}
+
+fn claim(windows: &Windows) -> Result<Claim<PROCESSORS>, ViewError> {
+    let mut holders = Vec::new();
+    for number in VISITORS {
+        match windows.claim(Processor(number)) {
+            Err(SystemError::NumberTaken { number, process_id }) => {
+                holders.push((number, process_id));
+            }
+            other => return Ok(other?),
+        }
+    }
+    Err(ViewError::Full { holders })
+}

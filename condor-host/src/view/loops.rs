@@ -1,0 +1,180 @@
+use std::time::Instant;
+
+use condor_mbox::Processor;
+use condor_mos::Statistics;
+use serde::Serialize;
+
+use super::{View, ViewError};
+use crate::directory::Kind;
+use crate::loops;
+
+/// The counts of a processor's servo loops at one moment.
+#[derive(Clone, Debug)]
+pub struct LoopSample {
+    at: Instant,
+    life: u32,
+    loops: Vec<(String, Statistics)>,
+}
+
+/// What a servo loop did, and between two samples.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LoopRates {
+    /// Its name.
+    pub name: String,
+    /// The rate that was asked for, Hz.
+    pub rate_hz: f64,
+    /// The rate that was reached between the samples, Hz; unknown from one alone.
+    pub reached_hz: Option<f64>,
+    /// The mean time of a run, µs: between the samples, or since the beginning.
+    pub run_us: f64,
+    /// The longest run, µs.
+    pub worst_run_us: f64,
+    /// The part of the time in which it ran, of 1, between the samples; unknown from one alone.
+    pub utilisation: Option<f64>,
+    /// The longest time from a release to its start, µs.
+    pub worst_lateness_us: f64,
+    /// How often it has run; wraps.
+    pub runs: u32,
+    /// Releases that never ran: overruns; wraps.
+    pub overruns: u32,
+    /// Whether it is released when it is due.
+    pub enabled: bool,
+    /// Whether an overrun has disabled it.
+    pub faulted: bool,
+}
+
+impl View {
+    /// The counts of the loops of `processor`, as its background published them last.
+    ///
+    /// # Errors
+    /// [`ViewError::Mailbox`], [`ViewError::Memory`].
+    pub fn loops(&self, processor: Processor) -> Result<LoopSample, ViewError> {
+        let region = self.region(processor)?;
+        let mut found = Vec::new();
+        for entry in self.entries(processor, Kind::Loops)? {
+            for number in 0..loops::count(&entry) {
+                let counts = loops::read(&region, &entry, number)
+                    .map_err(|source| ViewError::Memory { processor, source })?;
+                if let Some((name, counts)) = counts {
+                    found.push((name.as_str().to_owned(), counts));
+                }
+            }
+        }
+        Ok(LoopSample {
+            at: Instant::now(),
+            life: self.heart(processor)?.life,
+            loops: found,
+        })
+    }
+}
+
+impl LoopSample {
+    /// What the loops did; between `before` and this sample, if both are of the same life.
+    #[must_use]
+    pub fn since(&self, before: Option<&Self>) -> Vec<LoopRates> {
+        let before = before.filter(|before| before.life == self.life);
+        let rates = |(name, now): &(String, Statistics)| {
+            let earlier = before.and_then(|before| {
+                let same = before.loops.iter().find(|(other, _)| other == name)?;
+                Some((&same.1, self.at.duration_since(before.at).as_secs_f64()))
+            });
+            rates(name, now, earlier)
+        };
+        self.loops.iter().map(rates).collect()
+    }
+}
+
+fn rates(name: &str, now: &Statistics, before: Option<(&Statistics, f64)>) -> LoopRates {
+    let ticks_per_us = now.frequency.as_hz() / 1e6;
+    #[allow(
+        clippy::cast_precision_loss,
+        reason = "2^53 ticks of a nanosecond are a hundred days of running"
+    )]
+    let us = |ticks: u64| ticks as f64 / ticks_per_us;
+    let mean = |total: u64, runs: u32| {
+        if runs == 0 {
+            0.0
+        } else {
+            us(total) / f64::from(runs)
+        }
+    };
+    let since = before.filter(|(_, seconds)| *seconds > 0.0);
+    let since = since.map(|(before, seconds)| {
+        let runs = now.run.wrapping_sub(before.run);
+        let total = now.total_run.saturating_sub(before.total_run);
+        (runs, total, seconds)
+    });
+    LoopRates {
+        name: name.into(),
+        rate_hz: now.rate.as_hz(),
+        reached_hz: since.map(|(runs, _, seconds)| f64::from(runs) / seconds),
+        run_us: match since {
+            Some((runs, total, _)) if runs > 0 => mean(total, runs),
+            _ => mean(now.total_run, now.run),
+        },
+        worst_run_us: us(now.worst_run.into()),
+        utilisation: since.map(|(_, total, seconds)| us(total) / 1e6 / seconds),
+        worst_lateness_us: us(now.worst_lateness.into()),
+        runs: now.run,
+        overruns: now.skipped,
+        enabled: now.enabled,
+        faulted: now.faulted,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use condor_mos::Rate;
+
+    use super::*;
+
+    fn counts(run: u32, total_run: u64) -> Statistics {
+        Statistics {
+            rate: Rate::hz(400),
+            frequency: Rate::hz(1_000_000_000),
+            enabled: true,
+            faulted: false,
+            released: run,
+            run,
+            skipped: 3,
+            running: 0,
+            pending: 0,
+            worst_lateness: 52_000,
+            worst_run: 80_000,
+            total_run,
+        }
+    }
+
+    #[test]
+    fn rates_are_those_between_two_samples_also_where_counts_wrap() {
+        let before = counts(u32::MAX - 99, 1_000_000);
+        let now = counts(300, 21_000_000);
+        let rates = rates("servo", &now, Some((&before, 1.0)));
+        assert_eq!(rates.reached_hz, Some(400.0));
+        assert_eq!(Some(rates.run_us), Some(50.0));
+        assert_eq!(rates.utilisation, Some(0.02));
+        assert_eq!((rates.worst_run_us, rates.worst_lateness_us), (80.0, 52.0));
+    }
+
+    #[test]
+    fn nothing_is_said_across_a_restart() {
+        let sample = |life, run| LoopSample {
+            at: Instant::now(),
+            life,
+            loops: vec![("servo".into(), counts(run, 1000))],
+        };
+        let (old, new) = (sample(1, 4000), sample(2, 10));
+        let rates = new.since(Some(&old));
+        assert_eq!(rates.first().unwrap().reached_hz, None);
+        let other = sample(2, 20);
+        assert!(
+            other
+                .since(Some(&new))
+                .first()
+                .unwrap()
+                .reached_hz
+                .is_some()
+        );
+    }
+}
