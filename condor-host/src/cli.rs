@@ -25,6 +25,7 @@
 
 mod requests;
 mod service;
+mod summary;
 mod ui;
 mod up;
 
@@ -53,13 +54,13 @@ pub trait Programs: Sync {
         None
     }
 
-    /// Writes what is to be said of the system in `directory` before its programs are stopped, at
-    /// the end of a run without user interface.
+    /// Writes what is to be said of the system in `directory`, beside its loops and messages, before
+    /// its programs are stopped at the end of a run without user interface.
     ///
     /// # Errors
     /// Why it cannot be said.
-    fn summarize(&self, directory: &Directory) -> Result<(), AnyError> {
-        let _ = directory;
+    fn summarize(&self, description: &Description, directory: &Directory) -> Result<(), AnyError> {
+        let _ = (description, directory);
         Ok(())
     }
 }

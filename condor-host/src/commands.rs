@@ -7,10 +7,10 @@ mod ps;
 mod running;
 mod send;
 pub(crate) mod table;
-mod top;
+pub(crate) mod top;
 mod tty;
 mod vars;
-mod vectors;
+pub(crate) mod vectors;
 
 pub(crate) use ps::Ps;
 pub(crate) use send::Send;

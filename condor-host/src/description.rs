@@ -17,6 +17,7 @@
 //! | `name` | what commands call it | |
 //! | `program` | `"self"` for one of the program's own, or a file | |
 //! | `arguments` | what the program is given | `[]` |
+//! | `headless` | lines that are typed at its terminal when all programs run, without user interface | `[]` |
 //! | `kind` | what the processor is: `"process"` of this machine | `"process"` |
 //! | `loops` | how servo loops are released: `"signals"` or `"spin"` | `"signals"` |
 //! | `cpu` | the CPU that the process keeps to | any |
@@ -97,6 +98,8 @@ pub struct Processor {
     pub program: Program,
     /// What the program is given.
     pub arguments: Vec<String>,
+    /// What is typed at its terminal, line by line, when all programs run and nobody else is to type.
+    pub headless: Vec<String>,
     /// What the processor is.
     pub kind: Kind,
     /// How its servo loops are released.

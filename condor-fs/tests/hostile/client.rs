@@ -412,7 +412,8 @@ fn hostile_span(source: &mut Source<'_>) -> Span {
 fn names(directory: &Path) -> Vec<String> {
     let mut names: Vec<_> = std::fs::read_dir(directory)
         .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        // A client may give a name that is no text, as any program of Unix may.
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
         .collect();
     names.sort();
     names

@@ -1,16 +1,21 @@
 //! `condor up`.
 
-use std::path::PathBuf;
+use std::cell::Cell;
+use std::io::{self, Write as _};
+use std::net::Shutdown;
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use jiff::SignedDuration;
 
+use super::summary::Summary;
 use super::{AnyError, Programs, description};
-use crate::control::{Member, Status};
 use crate::description::Description;
 use crate::supervisor::{self, Options};
+use crate::system::Directory;
 
 #[derive(Debug, Args)]
 pub(super) struct Up {
@@ -66,50 +71,72 @@ pub(super) fn run(
         echo: true,
         duration: how.duration,
     };
-    let summary = supervisor::run(
+    let seen = Cell::new(Summary::default());
+    let ended = supervisor::run(
         &description,
         options,
-        |_| {},
+        |directory| {
+            if how.headless {
+                type_lines(&description, directory);
+            }
+        },
         |directory| {
             if !how.headless {
                 return;
             }
-            if let Err(error) = programs.summarize(directory) {
+            match Summary::look(&description, directory) {
+                Ok(summary) => seen.set(summary),
+                Err(error) => eprintln!("condor: no summary of the windows: {error}"),
+            }
+            if !how.json
+                && let Err(error) = programs.summarize(&description, directory)
+            {
                 eprintln!("condor: no summary of the programs: {error}");
             }
         },
     )?;
     if how.headless {
-        print(&summary.status, how.json)?;
+        seen.into_inner().print(&ended.status, how.json)?;
     }
-    Ok(if summary.failed {
+    Ok(if ended.failed {
         ExitCode::FAILURE
     } else {
         ExitCode::SUCCESS
     })
 }
 
-fn print(status: &Status, json: bool) -> Result<(), AnyError> {
-    if json {
-        println!("{}", serde_json::to_string(status)?);
-        return Ok(());
+/// How long the terminal service may take to find a terminal.
+const TERMINAL: Duration = Duration::from_secs(10);
+
+/// Types what the description says, each processor's lines from a thread that nothing waits for.
+fn type_lines(description: &Description, directory: &Directory) {
+    for processor in &description.processors {
+        if processor.headless.is_empty() {
+            continue;
+        }
+        let socket = directory.terminal(&processor.name);
+        let (name, text) = (processor.name.clone(), processor.headless.join("\n") + "\n");
+        std::thread::spawn(move || {
+            if let Err(error) = type_at(&socket, &text) {
+                eprintln!("condor: nothing can be typed at the terminal of {name}: {error}");
+            }
+        });
     }
-    println!("{} ran for {:.1} s", status.system, status.uptime);
-    println!(
-        "{:>6}  {:<16} {:<10} {:>8}  last exit",
-        "number", "name", "state", "restarts"
-    );
-    for member in status.services.iter().chain(&status.processors) {
-        let Member {
-            number,
-            name,
-            state,
-            restarts,
-            last_exit,
-            ..
-        } = member;
-        let last_exit = last_exit.as_deref().unwrap_or("-");
-        println!("{number:>6}  {name:<16} {state:<10} {restarts:>8}  {last_exit}");
-    }
+}
+
+fn type_at(socket: &Path, text: &str) -> io::Result<()> {
+    let deadline = Instant::now() + TERMINAL;
+    let mut terminal = loop {
+        match UnixStream::connect(socket) {
+            Ok(terminal) => break terminal,
+            Err(error) if Instant::now() >= deadline => return Err(error),
+            // It appears when the service has found the terminal in the program's window.
+            Err(_) => std::thread::sleep(Duration::from_millis(20)),
+        }
+    };
+    terminal.write_all(text.as_bytes())?;
+    terminal.shutdown(Shutdown::Write)?;
+    // What the program answers is in its log; the service closes when it has taken all.
+    io::copy(&mut terminal, &mut io::sink())?;
     Ok(())
 }

@@ -29,10 +29,10 @@ pub(crate) struct Top {
 }
 
 #[derive(Serialize)]
-struct Row<'s> {
-    processor: &'s str,
+pub(crate) struct Row<'s> {
+    pub(crate) processor: &'s str,
     #[serde(flatten)]
-    rates: LoopRates,
+    pub(crate) rates: LoopRates,
 }
 
 #[derive(Serialize)]
@@ -117,7 +117,7 @@ fn sample(running: &Running, view: &View) -> Result<Samples, AnyError> {
     Ok(samples)
 }
 
-fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
+pub(crate) fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
     let mut table = Table::new([
         ("processor", Left),
         ("loop", Left),

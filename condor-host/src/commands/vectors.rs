@@ -18,10 +18,10 @@ pub(crate) struct Vectors {
 }
 
 #[derive(Serialize)]
-struct Row<'s> {
-    processor: &'s str,
+pub(crate) struct Row<'s> {
+    pub(crate) processor: &'s str,
     #[serde(flatten)]
-    counts: VectorCounts,
+    pub(crate) counts: VectorCounts,
 }
 
 #[derive(Serialize)]
@@ -55,7 +55,7 @@ impl Vectors {
     }
 }
 
-fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
+pub(crate) fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
     let mut table = Table::new([
         ("processor", Left),
         ("vector", Right),

@@ -143,6 +143,7 @@ pub(super) struct Found {
     pub(super) name: Option<At<String>>,
     program: Option<Program>,
     arguments: Vec<String>,
+    headless: Vec<String>,
     kind: Kind,
     loops: Loops,
     cpu: Option<u32>,
@@ -159,6 +160,7 @@ impl Found {
             name: self.name?.value,
             program: self.program?,
             arguments: self.arguments,
+            headless: self.headless,
             kind: self.kind,
             loops: self.loops,
             cpu: self.cpu,
@@ -180,6 +182,7 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
     let name = name(text, &mut table);
     let program = table.text("program", "\"self\", or the path of a program");
     let arguments = table.texts("arguments");
+    let headless = table.texts("headless");
     let kind = table.word("kind", &[("process", Kind::Process)]);
     let loops = table.word(
         "loops",
@@ -207,6 +210,7 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
         arguments: arguments
             .map(|arguments| arguments.value)
             .unwrap_or_default(),
+        headless: headless.map(|lines| lines.value).unwrap_or_default(),
         kind: kind.unwrap_or(Kind::Process),
         loops: loops.unwrap_or(Loops::Signals),
         cpu: small(cpu),

@@ -24,13 +24,14 @@ pub struct LoopRates {
     pub name: String,
     /// The rate that was asked for, Hz.
     pub rate_hz: f64,
-    /// The rate that was reached between the samples, Hz; unknown from one alone.
+    /// The rate that was reached between the samples, or since the beginning, Hz; unknown from one
+    /// sample alone.
     pub reached_hz: Option<f64>,
     /// The mean time of a run, µs: between the samples, or since the beginning.
     pub run_us: f64,
     /// The longest run, µs.
     pub worst_run_us: f64,
-    /// The part of the time in which it ran, of 1, between the samples; unknown from one alone.
+    /// The part of that time in which it ran, of 1; unknown from one sample alone.
     pub utilisation: Option<f64>,
     /// The longest time from a release to its start, µs.
     pub worst_lateness_us: f64,
@@ -82,6 +83,26 @@ impl LoopSample {
             rates(name, now, earlier)
         };
         self.loops.iter().map(rates).collect()
+    }
+
+    /// What the loops did since they began. Releases are at exact times, so they tell how long that
+    /// is.
+    #[must_use]
+    pub fn overall(&self) -> Vec<LoopRates> {
+        let overall = |(name, counts): &(String, Statistics)| {
+            let seconds = f64::from(counts.released) / counts.rate.as_hz();
+            rates(name, counts, Some((&beginning(counts), seconds)))
+        };
+        self.loops.iter().map(overall).collect()
+    }
+}
+
+/// The counts of a loop before its first release.
+const fn beginning(counts: &Statistics) -> Statistics {
+    Statistics {
+        run: 0,
+        total_run: 0,
+        ..*counts
     }
 }
 
@@ -155,6 +176,20 @@ mod tests {
         assert_eq!(Some(rates.run_us), Some(50.0));
         assert_eq!(rates.utilisation, Some(0.02));
         assert_eq!((rates.worst_run_us, rates.worst_lateness_us), (80.0, 52.0));
+    }
+
+    #[test]
+    fn the_overall_rate_is_less_by_what_was_skipped() {
+        let sample = LoopSample {
+            at: Instant::now(),
+            life: 1,
+            loops: vec![("servo".into(), counts(300, 15_000_000))],
+        };
+        let mut skipping = sample.clone();
+        skipping.loops[0].1.released = 400;
+        assert_eq!(sample.overall()[0].reached_hz, Some(400.0));
+        assert_eq!(skipping.overall()[0].reached_hz, Some(300.0));
+        assert_eq!(skipping.overall()[0].utilisation, Some(0.015));
     }
 
     #[test]

@@ -51,10 +51,8 @@ impl Programs for Hand {
         Some(SYSTEM.into())
     }
 
-    fn summarize(&self, directory: &Directory) -> Result<(), AnyError> {
-        let description = Description::read(Path::new(SYSTEM), self.names());
-        let description = description.map_err(|mistakes| mistakes.to_string())?;
-        summary::of(&description, directory)
+    fn summarize(&self, description: &Description, directory: &Directory) -> Result<(), AnyError> {
+        summary::of(description, directory)
     }
 }
 
@@ -73,7 +71,8 @@ fn compile() -> Result<(), AnyError> {
 
 fn main() -> ExitCode {
     // What only looks at a system, or is one of its processors, needs none.
-    let begins_system = std::env::args().nth(1).is_none_or(|verb| verb == "up");
+    let verb = std::env::args().nth(1);
+    let begins_system = verb.is_none_or(|verb| verb == "up" || verb.starts_with('-'));
     if begins_system && let Err(error) = compile() {
         eprintln!("utah-mit-hand: {error}");
         return ExitCode::FAILURE;

@@ -1,11 +1,12 @@
-//! What is said of a run at its end: loops, and how well the joints have followed.
+//! What is said of a run at its end, beside loops and messages: how well the joints have followed.
 
 use std::error::Error;
 
 use condor_hand::config::{Finger, Hand};
-use condor_host::system::{Directory, Windows};
-use condor_host::{PROCESSORS, directory, loops, numbers};
-use condor_mbox::linux::{Claim, LinuxWindow, SystemError};
+use condor_host::description::Description;
+use condor_host::system::Directory;
+use condor_host::view::View;
+use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Processor, Region};
 use utah_mit_hand::{FINGERS, JOINTS, objects};
 
@@ -13,16 +14,7 @@ use utah_mit_hand::{FINGERS, JOINTS, objects};
 ///
 /// # Errors
 /// The memory's; a configuration that cannot be read.
-fn print(windows: &Windows, hand: &Hand<FINGERS, JOINTS>) -> Result<(), Box<dyn Error>> {
-    let claim = claim(windows)?;
-    let (windows, _) = claim.into_parts();
-    println!(
-        "{:>6}  {:<10} {:>10} {:>10} {:>8} {:>10}",
-        "number", "loop", "rate Hz", "runs", "skips", "late µs"
-    );
-    for (number, windows) in (0..).zip(&windows).take(numbers::PROGRAMS.count()) {
-        print_loops(number, &Region::users(windows.data.clone())?)?;
-    }
+fn print(view: &View, hand: &Hand<FINGERS, JOINTS>) -> Result<(), Box<dyn Error>> {
     println!(
         "{:<10} {:<10} {:>10} {:>10}",
         "finger", "joint", "rms deg", "peak deg"
@@ -31,46 +23,9 @@ fn print(windows: &Windows, hand: &Hand<FINGERS, JOINTS>) -> Result<(), Box<dyn 
         let Some(processor) = finger.processor() else {
             continue;
         };
-        let Some(windows) = windows.get(usize::from(processor)) else {
-            continue;
-        };
         let mut served = hand.fingers_on(processor);
         let place = served.position(|(index, _)| index == number).unwrap_or(0);
-        print_joints(finger, place, &Region::users(windows.data.clone())?)?;
-    }
-    Ok(())
-}
-
-/// The number of a visitor that nobody has.
-fn claim(windows: &Windows) -> Result<Claim<PROCESSORS>, Box<dyn Error>> {
-    for number in numbers::VISITORS {
-        match windows.claim(Processor(number)) {
-            Err(SystemError::NumberTaken { .. }) => {}
-            claim => return Ok(claim?),
-        }
-    }
-    Err("all numbers of visitors are taken".into())
-}
-
-fn print_loops(number: u8, region: &Region<LinuxWindow>) -> Result<(), Box<dyn Error>> {
-    let entries: Vec<_> = directory::entries(region)?.collect::<Result<_, _>>()?;
-    let entries = entries
-        .iter()
-        .filter(|entry| entry.kind == directory::Kind::Loops);
-    for entry in entries {
-        for row in 0..loops::count(entry) {
-            let Some((name, counts)) = loops::read(region, entry, row)? else {
-                continue;
-            };
-            let late_us = f64::from(counts.worst_lateness) * 1e6 / counts.frequency.as_hz();
-            println!(
-                "{number:>6}  {:<10} {:>10.1} {:>10} {:>8} {late_us:>10.1}",
-                name.as_str(),
-                counts.rate.as_hz(),
-                counts.run,
-                counts.skipped,
-            );
-        }
+        print_joints(finger, place, &view.region(Processor(processor))?)?;
     }
     Ok(())
 }
@@ -110,12 +65,10 @@ fn print_joints(
 ///
 /// # Errors
 /// What cannot be read.
-pub(crate) fn of(
-    description: &condor_host::description::Description,
-    directory: &Directory,
-) -> Result<(), Box<dyn Error>> {
+pub(crate) fn of(description: &Description, directory: &Directory) -> Result<(), Box<dyn Error>> {
     let file = description.hand.as_ref().ok_or("the system has no hand")?;
     let text = std::fs::read_to_string(file)?;
     let hand = Hand::from_toml(&text, &file.to_string_lossy())?;
-    print(&directory.system(description.window_bytes)?, &hand)
+    let view = View::open(&directory.system(description.window_bytes)?)?;
+    print(&view, &hand)
 }
