@@ -166,7 +166,8 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
                 scheduler.start()?;
                 let clock = machine.doorbell();
                 let mut shown = clock.now();
-                let mut watched = shown;
+                // Before the first line that is typed.
+                let mut watched = None;
                 reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
                 let mut attend = || {
                     while !machine.is_stopping() {
@@ -176,8 +177,8 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
                             shown = now;
                             reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
                         }
-                        if now.ns_since(watched) >= WATCH_NS {
-                            watched = now;
+                        if watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
+                            watched = Some(now);
                             for partner in &partners {
                                 partner.look()?;
                             }
