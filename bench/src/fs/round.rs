@@ -17,7 +17,8 @@ use super::chunks::CHUNK;
 use super::serving::{self, Mail, N, NAME, SERVER, SLEEPER, SPINNER, Shared, TIMEOUT, Turn};
 use super::turns::{Figures, Turns, cells};
 use super::ways::{
-    Chunked, Client, Copying, Lender, Lending, Native, Operation, RoundTrip, Socket, Way,
+    Chunked, Client, Copying, Lender, Lending, Native, Operation, Owning, RoundTrip, Socket,
+    Transfer, Way,
 };
 use super::{SIZES, socket};
 use crate::Result;
@@ -43,6 +44,12 @@ const MOST: usize = SIZES[SIZES.len() - 1];
 
 /// Users' bytes of a window: two buffers of the largest transfer, and the blocks.
 const WINDOW: u32 = 2 * MOST as u32 + 64 * 1024;
+
+/// The client's end of a way that moves its own memory.
+fn owning<'c>(way: impl Transfer + 'c) -> Box<dyn Client + 'c> {
+    let data = vec![0; MOST];
+    Box::new(Owning { way, data })
+}
 
 /// Plays a round.
 ///
@@ -157,11 +164,9 @@ fn compete(
     let ours_sleeping = RefCell::new(slept.open(NAME, options)?);
     serving::end(&sleeper)?;
 
-    let data = || vec![0; MOST];
-    let native = || Native { file, data: data() };
     let mut ways: [(Way, Option<Turn>, Box<dyn Client + '_>); Way::ALL.len()] = [
-        (Way::Native, None, Box::new(native())),
-        (Way::Control, None, Box::new(native())),
+        (Way::Native, None, owning(Native { file })),
+        (Way::Control, None, owning(Native { file })),
         (
             Way::RoundTrip,
             Some(Turn::Spinning),
@@ -186,27 +191,20 @@ fn compete(
         (
             Way::OursCopied,
             Some(Turn::Spinning),
-            Box::new(Copying {
-                file: &ours,
-                data: data(),
-            }),
+            owning(Copying { file: &ours }),
         ),
         (
             Way::Socket,
             Some(Turn::Socket),
-            Box::new(Socket {
-                stream: requests,
-                data: data(),
-            }),
+            owning(Socket { stream: requests }),
         ),
         (
             Way::Chunked,
             Some(Turn::Spinning),
-            Box::new(Chunked {
+            owning(Chunked {
                 mailbox: &spinner,
                 own: &own,
                 block,
-                data: data(),
             }),
         ),
     ];

@@ -108,20 +108,21 @@ fn all(moved: usize, len: usize) -> Result<()> {
     }
 }
 
-/// pread and pwrite.
-pub(super) struct Native<'c> {
-    pub(super) file: &'c File,
+/// A way to move bytes of a process's own memory.
+pub(super) trait Transfer {
+    /// Does it once, with all of `data`.
+    fn transfer(&mut self, operation: Operation, data: &mut [u8]) -> Result<()>;
+}
+
+/// A way, and the memory that it moves from and to.
+pub(super) struct Owning<T> {
+    pub(super) way: T,
     pub(super) data: Vec<u8>,
 }
 
-impl Client for Native<'_> {
+impl<T: Transfer> Client for Owning<T> {
     fn call(&mut self, operation: Operation, len: usize) -> Result<()> {
-        let data = &mut self.data[..len];
-        let moved = match operation {
-            Operation::Read => self.file.read_at(data, 0)?,
-            Operation::Write => self.file.write_at(data, 0)?,
-        };
-        all(moved, len)
+        self.way.transfer(operation, &mut self.data[..len])
     }
 
     fn fill(&mut self, bytes: &[u8]) -> Result<bool> {
@@ -132,6 +133,21 @@ impl Client for Native<'_> {
     fn held(&self, into: &mut [u8]) -> Result<()> {
         into.copy_from_slice(&self.data[..into.len()]);
         Ok(())
+    }
+}
+
+/// pread and pwrite.
+pub(super) struct Native<'c> {
+    pub(super) file: &'c File,
+}
+
+impl Transfer for Native<'_> {
+    fn transfer(&mut self, operation: Operation, data: &mut [u8]) -> Result<()> {
+        let moved = match operation {
+            Operation::Read => self.file.read_at(data, 0)?,
+            Operation::Write => self.file.write_at(data, 0)?,
+        };
+        all(moved, data.len())
     }
 }
 
@@ -198,55 +214,32 @@ impl<F: Lender> Client for Lending<'_, F> {
 /// The calls of embedded-io.
 pub(super) struct Copying<'c, F> {
     pub(super) file: &'c RefCell<F>,
-    pub(super) data: Vec<u8>,
 }
 
-impl<F> Client for Copying<'_, F>
+impl<F> Transfer for Copying<'_, F>
 where
     F: Read + Write + Seek,
     F::Error: 'static,
 {
-    fn call(&mut self, operation: Operation, len: usize) -> Result<()> {
+    fn transfer(&mut self, operation: Operation, data: &mut [u8]) -> Result<()> {
         let mut file = self.file.borrow_mut();
         file.seek(SeekFrom::Start(0))?;
-        let data = &mut self.data[..len];
         let moved = match operation {
             Operation::Read => file.read(data)?,
             Operation::Write => file.write(data)?,
         };
-        all(moved, len)
-    }
-
-    fn fill(&mut self, bytes: &[u8]) -> Result<bool> {
-        self.data[..bytes.len()].copy_from_slice(bytes);
-        Ok(true)
-    }
-
-    fn held(&self, into: &mut [u8]) -> Result<()> {
-        into.copy_from_slice(&self.data[..into.len()]);
-        Ok(())
+        all(moved, data.len())
     }
 }
 
 /// The protocol of [`socket`].
 pub(super) struct Socket<'c> {
     pub(super) stream: &'c UnixStream,
-    pub(super) data: Vec<u8>,
 }
 
-impl Client for Socket<'_> {
-    fn call(&mut self, operation: Operation, len: usize) -> Result<()> {
-        socket::transfer(self.stream, operation, &mut self.data[..len])
-    }
-
-    fn fill(&mut self, bytes: &[u8]) -> Result<bool> {
-        self.data[..bytes.len()].copy_from_slice(bytes);
-        Ok(true)
-    }
-
-    fn held(&self, into: &mut [u8]) -> Result<()> {
-        into.copy_from_slice(&self.data[..into.len()]);
-        Ok(())
+impl Transfer for Socket<'_> {
+    fn transfer(&mut self, operation: Operation, data: &mut [u8]) -> Result<()> {
+        socket::transfer(self.stream, operation, data)
     }
 }
 
@@ -255,22 +248,10 @@ pub(super) struct Chunked<'c> {
     pub(super) mailbox: &'c Mail<'c>,
     pub(super) own: &'c Region<LinuxWindow>,
     pub(super) block: u32,
-    pub(super) data: Vec<u8>,
 }
 
-impl Client for Chunked<'_> {
-    fn call(&mut self, operation: Operation, len: usize) -> Result<()> {
-        let data = &mut self.data[..len];
+impl Transfer for Chunked<'_> {
+    fn transfer(&mut self, operation: Operation, data: &mut [u8]) -> Result<()> {
         chunks::transfer(self.mailbox, self.own, self.block, operation, data)
-    }
-
-    fn fill(&mut self, bytes: &[u8]) -> Result<bool> {
-        self.data[..bytes.len()].copy_from_slice(bytes);
-        Ok(true)
-    }
-
-    fn held(&self, into: &mut [u8]) -> Result<()> {
-        into.copy_from_slice(&self.data[..into.len()]);
-        Ok(())
     }
 }
