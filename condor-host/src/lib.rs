@@ -7,6 +7,7 @@
 
 // What a program needs of its processor, and shows of itself.
 pub mod directory;
+pub mod harts;
 pub mod loops;
 mod machine;
 pub mod numbers;

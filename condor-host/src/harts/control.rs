@@ -1,0 +1,284 @@
+//! [`Control`]: what the host wants of a hart, and how the hart is.
+
+use condor_mbox::{AccessError, MemoryWindow, Region};
+
+use super::map::{Map, PAGE};
+
+/// Bytes of all arguments of a program, with a zero after each.
+pub const ARGUMENT_BYTES: usize = 512;
+
+/// Written by the host.
+mod host {
+    pub(super) const WANTED: u32 = 0;
+    pub(super) const ASKED: u32 = 4;
+    pub(super) const ABANDONED: u32 = 8;
+    pub(super) const ENTRY: u32 = 12;
+    pub(super) const LEN: u32 = 16;
+    pub(super) const ARGUMENTS: u32 = 20;
+}
+
+/// Written by the hart.
+mod hart {
+    pub(super) const STATE: u32 = 1024;
+    pub(super) const START: u32 = 1028;
+    pub(super) const STATUS: u32 = 1032;
+    pub(super) const FAULT: u32 = 1040;
+}
+
+const WAITS: u32 = 1;
+const RUNS: u32 = 2;
+const ENDED: u32 = 3;
+const ABANDONED: u32 = 4;
+const FAULTED: u32 = 5;
+
+/// How a hart is. Starts are counted from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// It has not come up.
+    Off,
+    /// It is in the monitor, and has run nothing.
+    Waits,
+    /// It runs a program.
+    Runs {
+        /// Which start.
+        start: u32,
+    },
+    /// Its program has ended by itself; it is in the monitor.
+    Ended {
+        /// Which start.
+        start: u32,
+        /// What the program said; 0 is success.
+        status: u32,
+    },
+    /// Its program was abandoned; it is in the monitor.
+    Abandoned {
+        /// Which start.
+        start: u32,
+    },
+    /// Its program made a trap that it does not handle, about which [`Control::fault`] tells; it is in
+    /// the monitor.
+    Faulted {
+        /// Which start.
+        start: u32,
+    },
+}
+
+/// A program to be started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Order<'a> {
+    /// Where it begins, in bytes from the beginning of the memory.
+    pub entry: u32,
+    /// What it is given: at most [`ARGUMENT_BYTES`], each with a zero after it.
+    pub arguments: &'a [u8],
+}
+
+/// The state of a processor at a trap that its program does not handle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Fault {
+    /// `mcause`.
+    pub cause: u64,
+    /// `mepc`: the instruction.
+    pub pc: u64,
+    /// `mtval`: the address, or the instruction.
+    pub value: u64,
+    /// `mstatus`.
+    pub status: u64,
+    /// `x1` to `x31`.
+    pub registers: [u64; 31],
+}
+
+/// The page of a hart, seen by the host or by the hart.
+#[derive(Clone, Debug)]
+pub struct Control<W> {
+    page: Region<W>,
+}
+
+impl<W: MemoryWindow + Clone> Control<W> {
+    /// That of hart `hart` in the memory of its machine.
+    ///
+    /// # Errors
+    /// The memory is too small.
+    pub fn new(memory: &Region<W>, hart: u32) -> Result<Self, AccessError> {
+        let page = memory.part(Map::control(hart), PAGE)?;
+        Ok(Self { page })
+    }
+
+    /// How the hart is.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn state(&self) -> Result<State, AccessError> {
+        let state = self.page.word(hart::STATE)?;
+        let start = self.page.word(hart::START)?;
+        Ok(match state {
+            WAITS => State::Waits,
+            RUNS => State::Runs { start },
+            ENDED => State::Ended {
+                start,
+                status: self.page.word(hart::STATUS)?,
+            },
+            ABANDONED => State::Abandoned { start },
+            FAULTED => State::Faulted { start },
+            _ => State::Off,
+        })
+    }
+
+    /// The host orders a start of what it has put into the hart's range, and is to ring the hart then.
+    /// The hart must be in the monitor. Gives the number of the start.
+    ///
+    /// Arguments that are too long are cut off at [`ARGUMENT_BYTES`].
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn order(&self, order: Order<'_>) -> Result<u32, AccessError> {
+        let arguments = order.arguments;
+        let arguments = arguments.split_at(arguments.len().min(ARGUMENT_BYTES)).0;
+        self.page.set_word(host::ENTRY, order.entry)?;
+        self.page.set_word(host::LEN, arguments.len() as u32)?;
+        self.page.write(host::ARGUMENTS, arguments)?;
+        let start = self.page.word(hart::START)?.wrapping_add(1).max(1);
+        self.page.set_word(host::WANTED, start)?;
+        Ok(start)
+    }
+
+    /// The host asks the program of a start to end.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn ask_to_end(&self, start: u32) -> Result<(), AccessError> {
+        self.page.set_word(host::ASKED, start)
+    }
+
+    /// The host takes the hart back to the monitor, whatever its program does, if interrupts reach it,
+    /// and is to ring the hart then.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn abandon(&self, start: u32) -> Result<(), AccessError> {
+        self.page.set_word(host::ABANDONED, start)
+    }
+
+    /// What ended a program whose state is [`Faulted`](State::Faulted).
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn fault(&self) -> Result<Fault, AccessError> {
+        let word = |at: u32| self.page.word(hart::FAULT + at);
+        let double = |place: u32| -> Result<u64, AccessError> {
+            let (low, high) = (word(8 * place)?, word(8 * place + 4)?);
+            Ok(u64::from(high) << 32 | u64::from(low))
+        };
+        let mut fault = Fault {
+            cause: double(0)?,
+            pc: double(1)?,
+            value: double(2)?,
+            status: double(3)?,
+            registers: [0; 31],
+        };
+        for (place, register) in (4..).zip(&mut fault.registers) {
+            *register = double(place)?;
+        }
+        Ok(fault)
+    }
+
+    /// The monitor is up, or up again.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn wait(&self) -> Result<(), AccessError> {
+        match self.state()? {
+            State::Off => self.page.set_word(hart::STATE, WAITS),
+            _ => Ok(()),
+        }
+    }
+
+    /// The start that the monitor is to make now, and where the program begins, in bytes from the
+    /// beginning of the memory.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn wanted(&self) -> Result<Option<(u32, u32)>, AccessError> {
+        let wanted = self.page.word(host::WANTED)?;
+        if wanted == self.page.word(hart::START)? {
+            return Ok(None);
+        }
+        Ok(Some((wanted, self.page.word(host::ENTRY)?)))
+    }
+
+    /// The monitor makes a start.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn begin(&self, start: u32) -> Result<(), AccessError> {
+        self.page.set_word(hart::START, start)?;
+        self.page.set_word(hart::STATE, RUNS)
+    }
+
+    /// Copies the arguments that the program was given, with a zero after each, into the beginning of
+    /// `into`; gives how many bytes they have.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn arguments(&self, into: &mut [u8; ARGUMENT_BYTES]) -> Result<usize, AccessError> {
+        let len = self.page.word(host::LEN)? as usize;
+        let len = len.min(ARGUMENT_BYTES);
+        self.page.read(host::ARGUMENTS, into.split_at_mut(len).0)?;
+        Ok(len)
+    }
+
+    /// Whether the program that runs is to end.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn is_asked_to_end(&self) -> Result<bool, AccessError> {
+        Ok(self.page.word(host::ASKED)? == self.page.word(hart::START)?)
+    }
+
+    /// Whether the program that runs is to be left as it is.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn is_abandoned(&self) -> Result<bool, AccessError> {
+        Ok(self.page.word(host::ABANDONED)? == self.page.word(hart::START)?)
+    }
+
+    /// The program has ended.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn end(&self, status: u32) -> Result<(), AccessError> {
+        self.page.set_word(hart::STATUS, status)?;
+        self.page.set_word(hart::STATE, ENDED)
+    }
+
+    /// The program is left as it is.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn leave(&self) -> Result<(), AccessError> {
+        self.page.set_word(hart::STATE, ABANDONED)
+    }
+
+    /// The program has made a trap that it does not handle. [`fail`](Self::fail) follows.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn set_fault(&self, fault: &Fault) -> Result<(), AccessError> {
+        let heads = [fault.cause, fault.pc, fault.value, fault.status];
+        let all = heads.iter().chain(&fault.registers);
+        for (place, &value) in (0..).zip(all) {
+            let at = hart::FAULT + 8 * place;
+            self.page.set_word(at, value as u32)?;
+            self.page.set_word(at + 4, (value >> 32) as u32)?;
+        }
+        Ok(())
+    }
+
+    /// The program has ended by a [`Fault`], which has been noted.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn fail(&self) -> Result<(), AccessError> {
+        self.page.set_word(hart::STATE, FAULTED)
+    }
+}

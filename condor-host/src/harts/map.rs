@@ -1,0 +1,362 @@
+//! [`Map`]: what lies where in the memory of a machine of harts.
+
+use condor_mbox::{AccessError, MemoryWindow, Region, layout};
+
+use crate::numbers::PROCESSORS;
+
+/// Where the map lies, in bytes from the beginning of the memory; what is before is the monitor's.
+pub const AT: u32 = 1 << 20;
+/// The unit of everything, bytes.
+pub const PAGE: u32 = 4096;
+/// The most harts that a machine has.
+pub const HARTS: u32 = 8;
+/// Bytes of the stack of a program.
+pub const STACK_BYTES: u32 = 512 * 1024;
+/// Bytes below the stack that no program can reach.
+pub const GUARD_BYTES: u32 = PAGE;
+
+const MAGIC: u32 = u32::from_le_bytes(*b"CHRT");
+const VERSION: u32 = 1;
+
+mod word {
+    pub(super) const MAGIC: u32 = 0;
+    pub(super) const VERSION: u32 = 4;
+    pub(super) const MEMORY: u32 = 8;
+    pub(super) const HARTS: u32 = 12;
+    /// Three times: offset, stride.
+    pub(super) const MAIL: u32 = 16;
+    pub(super) const DATA: u32 = 24;
+    pub(super) const PROGRAMS: u32 = 32;
+    pub(super) const DATA_BYTES: u32 = 40;
+    pub(super) const BUS: u32 = 44;
+    pub(super) const BUS_BYTES: u32 = 48;
+    /// A word for each hart.
+    pub(super) const NUMBERS: u32 = 52;
+}
+
+/// Bytes of the map.
+const BYTES: u32 = word::NUMBERS + 4 * HARTS;
+/// Where in the page of the map the harts of a board have words of their own, which the host leaves alone.
+pub const BOARD: u32 = AT + PAGE / 2;
+
+/// Objects of a kind, one after the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// Where the first begins, in bytes from the beginning of the memory.
+    pub offset: u32,
+    /// Bytes from the beginning of one to that of the next.
+    pub stride: u32,
+}
+
+impl Run {
+    /// Where the object `number` begins, in bytes from the beginning of the memory.
+    #[must_use]
+    pub const fn at(&self, number: u32) -> u32 {
+        self.offset
+            .saturating_add(self.stride.saturating_mul(number))
+    }
+}
+
+/// What lies where. Offsets are in bytes from the beginning of the memory, all of them multiples of
+/// [`PAGE`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Map {
+    /// Bytes of the memory.
+    pub memory_bytes: u32,
+    /// `mail` of each processor.
+    pub mail: Run,
+    /// `data` of each processor.
+    pub data: Run,
+    /// Bytes of each `data`.
+    pub data_bytes: u32,
+    /// Where the bus is.
+    pub bus: u32,
+    /// Bytes of the bus; 0 if there is none.
+    pub bus_bytes: u32,
+    /// The range of each hart, for program and stack.
+    pub programs: Run,
+    /// The number of the processor that each hart is; harts after the last are left out.
+    pub numbers: heapless::Vec<u8, { HARTS as usize }>,
+}
+
+/// Why a memory cannot be laid out, or is not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MapError {
+    /// Nobody has laid it out.
+    #[error("the memory has no map: at {AT:#x} is {found:#010x} instead of {MAGIC:#010x}")]
+    NoMap {
+        /// What is there.
+        found: u32,
+    },
+    /// It was laid out by somebody else.
+    #[error("the map has version {found}, not {VERSION}")]
+    Version {
+        /// What it has.
+        found: u32,
+    },
+    /// A machine has so many harts and no more.
+    #[error("a machine has 1 to {HARTS} harts, not {found}")]
+    Harts {
+        /// What was wanted.
+        found: u32,
+    },
+    /// There is no such processor, or it is another hart's.
+    #[error(
+        "hart {hart} cannot be processor {number}: numbers are below {PROCESSORS}, each of one hart"
+    )]
+    Number {
+        /// Which hart.
+        hart: u32,
+        /// What it was to be.
+        number: u32,
+    },
+    /// Too little memory.
+    #[error("the memory has {found:#x} bytes, and the machine needs {needed:#x}")]
+    TooSmall {
+        /// What there is.
+        found: u32,
+        /// What would do.
+        needed: u64,
+    },
+    /// Offsets that lead out of the memory, or not to pages.
+    #[error(
+        "the map puts {object} at {offset:#x}, with {bytes:#x} bytes, in a memory of {memory:#x}"
+    )]
+    Outside {
+        /// What.
+        object: &'static str,
+        /// Where.
+        offset: u32,
+        /// How much.
+        bytes: u32,
+        /// All that there is.
+        memory: u32,
+    },
+    /// The memory.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+}
+
+/// The least range that is of use, for stack and guard and as much again.
+const LEAST_RANGE: u32 = 2 * (STACK_BYTES + GUARD_BYTES);
+
+impl Map {
+    /// Lays out a memory of `memory_bytes`: `user_bytes` of users' data for each processor, and a bus
+    /// of `bus_bytes`; the harts, of which hart *i* is processor `numbers[i]`, share what is left.
+    ///
+    /// # Errors
+    /// [`MapError::Harts`], [`MapError::Number`], [`MapError::TooSmall`].
+    pub fn new(
+        memory_bytes: u32,
+        numbers: &[u8],
+        user_bytes: u32,
+        bus_bytes: u32,
+    ) -> Result<Self, MapError> {
+        let harts = u32::try_from(numbers.len()).unwrap_or(u32::MAX);
+        let numbers = heapless::Vec::from_slice(numbers)
+            .ok()
+            .filter(|numbers| !numbers.is_empty());
+        let numbers = numbers.ok_or(MapError::Harts { found: harts })?;
+        check_numbers(&numbers)?;
+        let pages = |bytes: u64| bytes.next_multiple_of(PAGE.into());
+        let processors = PROCESSORS as u64;
+        let data_bytes = user_bytes.saturating_add(layout::BELL_BYTES);
+        let mail = u64::from(AT) + u64::from(PAGE) * (1 + u64::from(harts));
+        let mail_stride = pages(layout::mail_bytes(PROCESSORS as u32).into());
+        let data = mail + processors * mail_stride;
+        let data_stride = pages(data_bytes.into());
+        let bus = data + processors * data_stride;
+        let programs = bus + pages(bus_bytes.into());
+        let needed = programs + u64::from(harts) * u64::from(LEAST_RANGE);
+        let small = MapError::TooSmall {
+            found: memory_bytes,
+            needed,
+        };
+        if needed > memory_bytes.into() {
+            return Err(small);
+        }
+        // From here on everything is below the memory's size.
+        let word = |value: u64| u32::try_from(value).map_err(|_| small);
+        let programs = word(programs)?;
+        let range = (memory_bytes - programs) / harts / PAGE * PAGE;
+        Ok(Self {
+            memory_bytes,
+            mail: Run {
+                offset: word(mail)?,
+                stride: word(mail_stride)?,
+            },
+            data: Run {
+                offset: word(data)?,
+                stride: word(data_stride)?,
+            },
+            data_bytes,
+            bus: word(bus)?,
+            bus_bytes,
+            programs: Run {
+                offset: programs,
+                stride: range,
+            },
+            numbers,
+        })
+    }
+
+    /// How many harts the machine has.
+    #[must_use]
+    pub fn harts(&self) -> u32 {
+        self.numbers.len() as u32
+    }
+
+    /// Bytes of `mail` of each processor.
+    #[must_use]
+    pub const fn mail_bytes() -> u32 {
+        layout::mail_bytes(PROCESSORS as u32)
+    }
+
+    /// Where the [`Control`](super::Control) of a hart lies.
+    #[must_use]
+    pub const fn control(hart: u32) -> u32 {
+        AT.saturating_add(PAGE.saturating_mul(hart.saturating_add(1)))
+    }
+
+    /// The hart that is a processor.
+    #[must_use]
+    pub fn hart_of(&self, number: u8) -> Option<u32> {
+        (0..)
+            .zip(&self.numbers)
+            .find_map(|(hart, &one)| (one == number).then_some(hart))
+    }
+
+    /// Bytes for the program of a hart, without stack and guard.
+    #[must_use]
+    pub const fn program_bytes(&self) -> u32 {
+        self.programs
+            .stride
+            .saturating_sub(STACK_BYTES + GUARD_BYTES)
+    }
+
+    /// Where the stack of a hart ends, from which it grows downwards.
+    #[must_use]
+    pub const fn stack_end(&self, hart: u32) -> u32 {
+        self.programs.at(hart).saturating_add(self.programs.stride)
+    }
+
+    /// Writes the map into `memory`, for the harts and for other processes.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn write<W: MemoryWindow>(&self, memory: &Region<W>) -> Result<(), AccessError> {
+        let set = |word: u32, value| memory.set_word(AT + word, value);
+        set(word::MAGIC, 0)?;
+        set(word::VERSION, VERSION)?;
+        set(word::MEMORY, self.memory_bytes)?;
+        set(word::HARTS, self.harts())?;
+        for (at, run) in [
+            (word::MAIL, self.mail),
+            (word::DATA, self.data),
+            (word::PROGRAMS, self.programs),
+        ] {
+            set(at, run.offset)?;
+            set(at + 4, run.stride)?;
+        }
+        set(word::DATA_BYTES, self.data_bytes)?;
+        set(word::BUS, self.bus)?;
+        set(word::BUS_BYTES, self.bus_bytes)?;
+        for (hart, &number) in (0..).zip(&self.numbers) {
+            set(word::NUMBERS + 4 * hart, number.into())?;
+        }
+        set(word::MAGIC, MAGIC)
+    }
+
+    /// The map in `memory`, checked: whatever lies there, what it says is inside the memory.
+    ///
+    /// # Errors
+    /// [`MapError`], but [`TooSmall`](MapError::TooSmall).
+    pub fn read<W: MemoryWindow>(memory: &Region<W>) -> Result<Self, MapError> {
+        let get = |word: u32| memory.word(AT + word);
+        match get(word::MAGIC)? {
+            MAGIC => {}
+            found => return Err(MapError::NoMap { found }),
+        }
+        match get(word::VERSION)? {
+            VERSION => {}
+            found => return Err(MapError::Version { found }),
+        }
+        let run = |at| -> Result<Run, AccessError> {
+            Ok(Run {
+                offset: get(at)?,
+                stride: get(at + 4)?,
+            })
+        };
+        let harts = get(word::HARTS)?;
+        if !(1..=HARTS).contains(&harts) {
+            return Err(MapError::Harts { found: harts });
+        }
+        let mut numbers = heapless::Vec::new();
+        for hart in 0..harts {
+            let number = get(word::NUMBERS + 4 * hart)?;
+            let small = u8::try_from(number).map_err(|_| MapError::Number { hart, number })?;
+            // As many as there is room for.
+            let _ = numbers.push(small);
+        }
+        check_numbers(&numbers)?;
+        let map = Self {
+            memory_bytes: get(word::MEMORY)?,
+            mail: run(word::MAIL)?,
+            data: run(word::DATA)?,
+            data_bytes: get(word::DATA_BYTES)?,
+            bus: get(word::BUS)?,
+            bus_bytes: get(word::BUS_BYTES)?,
+            programs: run(word::PROGRAMS)?,
+            numbers,
+        };
+        map.check()?;
+        Ok(map)
+    }
+
+    fn check(&self) -> Result<(), MapError> {
+        let processors = PROCESSORS as u32;
+        let runs = [
+            ("mail", self.mail, processors, Self::mail_bytes()),
+            ("data", self.data, processors, self.data_bytes),
+            ("programs", self.programs, self.harts(), LEAST_RANGE),
+        ];
+        for (object, run, count, least) in runs {
+            let bytes = run.stride.saturating_mul(count);
+            self.check_inside(object, run.offset, bytes)?;
+            if run.stride < least || !run.stride.is_multiple_of(PAGE) {
+                return Err(self.outside(object, run.offset, run.stride));
+            }
+        }
+        self.check_inside("the bus", self.bus, self.bus_bytes)
+    }
+
+    fn check_inside(&self, object: &'static str, offset: u32, bytes: u32) -> Result<(), MapError> {
+        let end = offset.checked_add(bytes);
+        let inside = end.is_some_and(|end| end <= self.memory_bytes);
+        if inside && offset >= AT + BYTES && offset.is_multiple_of(PAGE) {
+            return Ok(());
+        }
+        Err(self.outside(object, offset, bytes))
+    }
+
+    const fn outside(&self, object: &'static str, offset: u32, bytes: u32) -> MapError {
+        MapError::Outside {
+            object,
+            offset,
+            bytes,
+            memory: self.memory_bytes,
+        }
+    }
+}
+
+fn check_numbers(numbers: &[u8]) -> Result<(), MapError> {
+    for (hart, &number) in (0_u32..).zip(numbers) {
+        let others = numbers.iter().filter(|&&other| other == number).count();
+        if usize::from(number) >= PROCESSORS || others > 1 {
+            let number = number.into();
+            return Err(MapError::Number { hart, number });
+        }
+    }
+    Ok(())
+}
