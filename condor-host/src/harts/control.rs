@@ -87,6 +87,30 @@ pub struct Fault {
     pub registers: [u64; 31],
 }
 
+impl Fault {
+    /// What the cause means.
+    ///
+    /// Source: RISC-V Privileged Architecture 1.12, table 3.6.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self.cause {
+            0 => "instruction address misaligned",
+            1 => "instruction access fault",
+            2 => "illegal instruction",
+            3 => "breakpoint",
+            4 => "load address misaligned",
+            5 => "load access fault",
+            6 => "store address misaligned",
+            7 => "store access fault",
+            8..=11 => "environment call",
+            12 => "instruction page fault",
+            13 => "load page fault",
+            15 => "store page fault",
+            _ => "unknown trap",
+        }
+    }
+}
+
 /// The page of a hart, seen by the host or by the hart.
 #[derive(Clone, Debug)]
 pub struct Control<W> {
