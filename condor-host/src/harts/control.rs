@@ -87,6 +87,39 @@ pub struct Fault {
     pub registers: [u64; 31],
 }
 
+impl Fault {
+    /// What the cause is called (RISC-V Privileged Architecture, "Machine Cause").
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        cause_name(self.cause)
+    }
+}
+
+/// What a value of `mcause` is called (RISC-V Privileged Architecture, "Machine Cause").
+#[must_use]
+pub const fn cause_name(cause: u64) -> &'static str {
+    if cause >> 63 != 0 {
+        return "unexpected interrupt";
+    }
+    match cause {
+        0 => "instruction address misaligned",
+        1 => "instruction access fault",
+        2 => "illegal instruction",
+        3 => "breakpoint",
+        4 => "load address misaligned",
+        5 => "load access fault",
+        6 => "store address misaligned",
+        7 => "store access fault",
+        8 => "environment call from U-mode",
+        9 => "environment call from S-mode",
+        11 => "environment call from M-mode",
+        12 => "instruction page fault",
+        13 => "load page fault",
+        15 => "store page fault",
+        _ => "unknown cause",
+    }
+}
+
 /// The page of a hart, seen by the host or by the hart.
 #[derive(Clone, Debug)]
 pub struct Control<W> {
@@ -136,6 +169,9 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(host::ENTRY, order.entry)?;
         self.page.set_word(host::LEN, arguments.len() as u32)?;
         self.page.write(host::ARGUMENTS, arguments)?;
+        // A start that was ordered before and never made had this number, too.
+        self.page.set_word(host::ASKED, 0)?;
+        self.page.set_word(host::ABANDONED, 0)?;
         let start = self.page.word(hart::START)?.wrapping_add(1).max(1);
         self.page.set_word(host::WANTED, start)?;
         Ok(start)
