@@ -180,6 +180,13 @@ impl Platform for Clint {
     }
 }
 
+/// Calls `handler`, which may do arithmetic, and leaves the floating-point registers and `fcsr` as they
+/// were: for handlers of other interrupts than the timer's, whose trap entry saves integer registers
+/// alone. The caller does no floating point around it.
+pub fn preserving_floats(handler: impl FnOnce()) {
+    float::preserving(handler);
+}
+
 /// `MPIE` and `MPP` of `mstatus`, which `mret` takes from and any trap changes.
 const PREVIOUS: usize = 1 << 7 | 3 << 11;
 

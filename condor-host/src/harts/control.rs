@@ -88,19 +88,18 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// What the cause is called (RISC-V Privileged Architecture, "Machine Cause").
+    /// What the cause means.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         cause_name(self.cause)
     }
 }
 
-/// What a value of `mcause` is called (RISC-V Privileged Architecture, "Machine Cause").
+/// What a value of `mcause` means.
+///
+/// Source: RISC-V Privileged Architecture 1.12, table 3.6.
 #[must_use]
 pub const fn cause_name(cause: u64) -> &'static str {
-    if cause >> 63 != 0 {
-        return "unexpected interrupt";
-    }
     match cause {
         0 => "instruction address misaligned",
         1 => "instruction access fault",
@@ -110,13 +109,11 @@ pub const fn cause_name(cause: u64) -> &'static str {
         5 => "load access fault",
         6 => "store address misaligned",
         7 => "store access fault",
-        8 => "environment call from U-mode",
-        9 => "environment call from S-mode",
-        11 => "environment call from M-mode",
+        8..=11 => "environment call",
         12 => "instruction page fault",
         13 => "load page fault",
         15 => "store page fault",
-        _ => "unknown cause",
+        _ => "unknown trap",
     }
 }
 

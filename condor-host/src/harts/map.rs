@@ -36,8 +36,9 @@ mod word {
 
 /// Bytes of the map.
 const BYTES: u32 = word::NUMBERS + 4 * HARTS;
-/// Where in the page of the map the harts of a board have words of their own, which the host leaves alone.
-pub const BOARD: u32 = AT + PAGE / 2;
+/// Where in the page of the map words for the harts themselves begin, which the host leaves alone, and
+/// likewise in the page of each hart.
+pub const BOARD: u32 = PAGE / 2;
 
 /// Objects of a kind, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

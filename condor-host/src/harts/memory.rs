@@ -173,8 +173,10 @@ impl MachineMemory {
     /// [`MemoryError::Access`].
     pub fn reset(&self) -> Result<(), MemoryError> {
         let zeros = [0; PAGE as usize];
-        let board = zeros.split_at((map::AT + PAGE - map::BOARD) as usize).0;
-        self.region.write(map::BOARD, board).map_err(self.at())?;
+        // The words of the harts themselves: one may have been switched off while it held a lock.
+        let words = zeros.split_at((PAGE - map::BOARD) as usize).0;
+        let board = map::AT + map::BOARD;
+        self.region.write(board, words).map_err(self.at())?;
         for hart in 0..self.map.harts() {
             let page = Map::control(hart);
             self.region.write(page, &zeros).map_err(self.at())?;

@@ -1,0 +1,219 @@
+//! [`Hart`]: a hart as the machine of a program.
+
+use condor_dev::Mmio;
+use condor_host::harts::{ARGUMENT_BYTES, Control, Map, MapError};
+use condor_host::{Machine, PROCESSORS};
+use condor_mbox::{AccessError, CriticalSection, Processor, StaticWindow, Windows};
+use condor_mos::Timer as _;
+use condor_mos::riscv::Clint;
+
+use crate::bell::{self, HARTS, HartBell};
+use crate::machine::{CLINT, EXTERNAL, MTIME, RAM, SOFTWARE};
+use crate::memory::{LEAST_BYTES, memory};
+use crate::{hooks, trap};
+
+const fn timer(hart: u16) -> Clint {
+    // SAFETY: the machine has a CLINT there; each hart uses its own timer, in machine mode.
+    unsafe { Clint::new(CLINT, hart, MTIME) }.interrupted_also_by(SOFTWARE | EXTERNAL)
+}
+
+static TIMERS: [Clint; HARTS] = [
+    timer(0),
+    timer(1),
+    timer(2),
+    timer(3),
+    timer(4),
+    timer(5),
+    timer(6),
+    timer(7),
+];
+
+/// The timer of a hart.
+pub(crate) fn clint(hart: usize) -> Option<&'static Clint> {
+    TIMERS.get(hart)
+}
+
+/// Why a hart cannot be a processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HartError {
+    /// The map of the memory.
+    Map(MapError),
+    /// The map has no such hart.
+    NoHart {
+        /// Which.
+        hart: u32,
+    },
+    /// The memory.
+    Access(AccessError),
+}
+
+impl core::fmt::Display for HartError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Map(error) => error.fmt(f),
+            Self::NoHart { hart } => write!(f, "the map of the memory has no hart {hart}"),
+            Self::Access(error) => error.fmt(f),
+        }
+    }
+}
+
+/// The hart that runs this program.
+#[derive(Debug)]
+pub struct Hart {
+    hart: u32,
+    number: Processor,
+    map: Map,
+    control: Control<StaticWindow<'static>>,
+    bell: HartBell,
+    clint: &'static Clint,
+    bus: Mmio,
+    arguments: [u8; ARGUMENT_BYTES],
+    arguments_len: usize,
+    /// Arguments that are not the program's.
+    skipped: usize,
+}
+
+impl Hart {
+    /// Hart `hart`, which is the one that calls this.
+    ///
+    /// # Errors
+    /// [`HartError`].
+    pub fn new(hart: u32) -> Result<Self, HartError> {
+        let least = memory(LEAST_BYTES);
+        let map = Map::read(&least).map_err(HartError::Map)?;
+        let none = HartError::NoHart { hart };
+        let number = Processor(*map.numbers.get(hart as usize).ok_or(none)?);
+        let msip = bell::of(hart as usize).ok_or(none)?;
+        let clint = clint(hart as usize).ok_or(none)?;
+        let control = Control::new(&least, hart).map_err(HartError::Access)?;
+        let mut arguments = [0; ARGUMENT_BYTES];
+        let len = control.arguments(&mut arguments);
+        let bus = RAM.wrapping_add(map.bus as usize) as *mut u8;
+        Ok(Self {
+            hart,
+            number,
+            control,
+            bell: HartBell::new(msip, &map),
+            clint,
+            // SAFETY: the map has checked that it lies in the RAM and in nothing else's; whoever else
+            // uses it, boards that are simulated, accesses it as this does.
+            bus: unsafe { Mmio::translated(bus, 0, map.bus_bytes as usize) },
+            arguments,
+            arguments_len: len.map_err(HartError::Access)?,
+            skipped: 0,
+            map,
+        })
+    }
+
+    /// Which hart of the machine it is.
+    #[must_use]
+    pub const fn hart(&self) -> u32 {
+        self.hart
+    }
+
+    /// What lies where.
+    #[must_use]
+    pub const fn map(&self) -> &Map {
+        &self.map
+    }
+
+    /// The page by which the host controls this hart.
+    #[must_use]
+    pub const fn control(&self) -> &Control<StaticWindow<'static>> {
+        &self.control
+    }
+
+    /// The first argument, which is none of the program's any more: which program it is to be.
+    pub fn program(&mut self) -> Option<&str> {
+        let program = self.skipped;
+        self.skipped = program.saturating_add(1);
+        self.text(program)
+    }
+
+    fn text(&self, index: usize) -> Option<&str> {
+        let all = self.arguments.get(..self.arguments_len)?;
+        let end = all.iter().rposition(|&byte| byte == 0)?;
+        let argument = all.get(..end)?.split(|&byte| byte == 0).nth(index)?;
+        core::str::from_utf8(argument).ok()
+    }
+
+    /// Runs `body`, while the mailbox interrupt calls `serve`, which is to serve what has come, and which
+    /// loops interrupt.
+    pub fn with_mail<R>(&self, serve: impl Fn(), body: impl FnOnce() -> R) -> R {
+        hooks::with(&serve, |hooks, hook| hooks.mail = hook, body)
+    }
+}
+
+impl Machine for Hart {
+    type Window = StaticWindow<'static>;
+    type Doorbell = HartBell;
+    type Exclusion = CriticalSection;
+    type Platform = &'static Clint;
+    type Bus = Mmio;
+    type Error = core::convert::Infallible;
+
+    fn number(&self) -> Processor {
+        self.number
+    }
+
+    fn windows(&self) -> [Windows<StaticWindow<'static>>; PROCESSORS] {
+        core::array::from_fn(|number| {
+            let number = number as u32;
+            let window = |offset: u32, bytes| {
+                let address = RAM.wrapping_add(offset as usize) as *mut u32;
+                // SAFETY: the map has checked that it lies in the RAM, between the map and the ranges
+                // of programs; processors and processes of the host access it by words.
+                unsafe { StaticWindow::from_raw(address, bytes) }
+            };
+            Windows {
+                mail: window(self.map.mail.at(number), Map::mail_bytes()),
+                data: window(self.map.data.at(number), self.map.data_bytes),
+            }
+        })
+    }
+
+    fn doorbell(&self) -> HartBell {
+        self.bell
+    }
+
+    fn exclusion(&self) -> CriticalSection {
+        CriticalSection
+    }
+
+    fn platform(&self) -> &'static Clint {
+        self.clint
+    }
+
+    fn bus(&self) -> Mmio {
+        self.bus
+    }
+
+    fn argument(&self, index: usize) -> Option<&str> {
+        self.text(index.checked_add(self.skipped)?)
+    }
+
+    fn is_stopping(&self) -> bool {
+        // The memory is there.
+        self.control.is_asked_to_end().unwrap_or(false)
+    }
+
+    fn with_timer<R>(
+        &self,
+        platform: &&'static Clint,
+        handler: impl Fn() + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, Self::Error> {
+        let clint = *platform;
+        let set = |hooks: &mut hooks::Hooks, hook: Option<&'static dyn Fn()>| {
+            hooks.timer = hook.map(|hook| (clint, hook));
+        };
+        let result = hooks::with(&handler, set, || {
+            trap::time(true);
+            let result = background();
+            trap::time(false);
+            result
+        });
+        clint.disarm();
+        Ok(result)
+    }
+}

@@ -1,0 +1,43 @@
+//! The harts of QEMU's RISC-V machine `virt` as processors of a robot, whose host maps all of their
+//! memory.
+//!
+//! A program is a function from a [`Hart`], which is the [`Machine`](condor_host::Machine) of any
+//! program of `condor-host`, to a status; [`program!`] makes it the entry of an image:
+//!
+//! ```ignore
+//! #![no_std]
+//! #![no_main]
+//! board::program!(main);
+//!
+//! fn main(hart: board::Hart) -> u32 {
+//!     board::status(Servo.run(&hart))
+//! }
+//! ```
+//!
+//! Images are position-independent: the host puts one and the same into the ranges of several harts,
+//! so that statics are of one hart. Where they come from, and where they end, is the monitor.
+#![no_std]
+
+// What the board is.
+mod machine;
+mod memory;
+
+// How harts are interrupted, and interrupt each other and the host.
+mod bell;
+mod hooks;
+mod link;
+mod trap;
+
+// What a program has.
+mod hart;
+mod program;
+pub mod stack;
+
+pub use bell::HartBell;
+pub use hart::{Hart, HartError};
+pub use machine::MTIME;
+pub use memory::memory;
+pub use program::{start, status};
+
+/// What the monitor does that programs do not.
+pub mod resident;

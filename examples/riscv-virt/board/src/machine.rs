@@ -1,0 +1,42 @@
+//! Where the devices of the machine are, as its device tree says.
+
+use core::num::NonZeroU32;
+
+use condor_mos::Rate;
+
+/// RAM: what the host maps.
+pub(crate) const RAM: usize = 0x8000_0000;
+/// Where in the RAM programs go back to the monitor, whose first instruction is that of a cold start.
+pub(crate) const MONITOR: usize = RAM + 4;
+/// The core-local interruptor.
+pub(crate) const CLINT: usize = 0x0200_0000;
+/// The platform-level interrupt controller.
+pub(crate) const PLIC: usize = 0x0c00_0000;
+pub(crate) const PLIC_BYTES: usize = 0x60_0000;
+/// How many sources it has, and how many priorities.
+pub(crate) const PLIC_SOURCES: u16 = 96;
+pub(crate) const PLIC_HIGHEST: u8 = 7;
+/// The serial port, a 16550, and its interrupt.
+pub(crate) const UART: usize = 0x1000_0000;
+pub(crate) const UART_BYTES: usize = 0x100;
+pub(crate) const UART_VECTOR: u16 = 10;
+/// Ends QEMU.
+pub(crate) const SWITCH: usize = 0x0010_0000;
+
+/// How often `mtime` counts in a second.
+pub(crate) const MTIME_HZ: NonZeroU32 = NonZeroU32::new(10_000_000).unwrap();
+/// The same, for schedulers.
+pub const MTIME: Rate = Rate::hz(MTIME_HZ.get());
+
+/// Machine interrupts, as bits of `mie`.
+pub(crate) const SOFTWARE: usize = 1 << 3;
+pub(crate) const TIMER: usize = 1 << 7;
+pub(crate) const EXTERNAL: usize = 1 << 11;
+
+/// Causes of traps.
+pub(crate) mod cause {
+    const INTERRUPT: usize = 1 << (usize::BITS - 1);
+    pub(crate) const SOFTWARE: usize = INTERRUPT | 3;
+    pub(crate) const TIMER: usize = INTERRUPT | 7;
+    pub(crate) const EXTERNAL: usize = INTERRUPT | 11;
+}

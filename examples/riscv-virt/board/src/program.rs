@@ -1,0 +1,80 @@
+//! How a program begins and ends.
+
+use crate::hart::Hart;
+use crate::resident::{self, Return};
+use crate::trap;
+
+/// Makes a function from a [`Hart`](crate::Hart) to a status the program of this image.
+#[macro_export]
+macro_rules! program {
+    ($main:path) => {
+        /// The first instructions: `a0` is the hart, `a1` where its stack ends. The monitor has masked
+        /// interrupts, and `mscratch` is set. Floating point is made on and initial, and the stack
+        /// painted, to see later how deep it was.
+        #[unsafe(naked)]
+        #[unsafe(no_mangle)]
+        #[unsafe(link_section = ".init")]
+        extern "C" fn _start() -> ! {
+            core::arch::naked_asm!(
+                ".option push",
+                ".option norelax",
+                "lla gp, __global_pointer$",
+                ".option pop",
+                "mv sp, a1",
+                "li t0, 0x6000",
+                "csrc mstatus, t0",
+                "li t0, 0x2000",
+                "csrs mstatus, t0",
+                "csrw fcsr, zero",
+                "lla t0, condor_trap_entry",
+                "csrw mtvec, t0",
+                "li t0, {stack_bytes}",
+                "sub t0, sp, t0",
+                "li t1, {paint}",
+                "2:",
+                "sd t1, 0(t0)",
+                "addi t0, t0, 8",
+                "bltu t0, sp, 2b",
+                "j condor_program",
+                stack_bytes = const $crate::stack::BYTES,
+                paint = const $crate::stack::PAINT,
+            )
+        }
+
+        /// Where the hart comes from its first instructions.
+        #[unsafe(no_mangle)]
+        extern "C" fn condor_program(hart: u32) -> ! {
+            $crate::start(hart, $main)
+        }
+    };
+}
+
+/// Runs a program on this hart, and goes back to the monitor with its status, which is 0 for success.
+pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
+    resident::prepare(Return::Ended, hart);
+    // Without, the monitor says that it has failed.
+    if let Ok(hart) = Hart::new(hart) {
+        let control = hart.control().clone();
+        // The page of the hart is there.
+        let _ = control.end(main(hart));
+    }
+    trap::leave(Return::Ended)
+}
+
+/// The status for what came of a program.
+pub fn status<E>(outcome: Result<(), E>) -> u32 {
+    u32::from(outcome.is_err())
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    condor_firmware_panicked()
+}
+
+/// The name that is searched for in the linked image: it is there only if something can panic.
+#[unsafe(no_mangle)]
+#[inline(never)]
+extern "C" fn condor_firmware_panicked() -> ! {
+    // SAFETY: an illegal instruction, which the monitor reports.
+    unsafe { core::arch::asm!("unimp", options(noreturn)) }
+}

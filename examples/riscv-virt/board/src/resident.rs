@@ -1,0 +1,124 @@
+//! What the monitor does that programs do not: it comes up, starts them, and is where they end.
+
+use core::time::Duration;
+
+use condor_host::harts::map::{BOARD, GUARD_BYTES, STACK_BYTES};
+use condor_host::harts::{Fault, Map};
+use condor_mos::Timer as _;
+use riscv::register::{mcause, mepc, mstatus, mtval};
+
+use crate::machine::{RAM, SWITCH};
+use crate::{bell, hart, hooks, trap};
+
+/// Why a hart is in the monitor: `a0` where it begins again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Return {
+    /// The machine was switched on.
+    Cold = 0,
+    /// The program has ended, and said how.
+    Ended = 1,
+    /// The host has abandoned the program.
+    Abandoned = 2,
+    /// The program has made a trap that nobody handles.
+    Faulted = 3,
+}
+
+impl Return {
+    /// What `a0` says.
+    #[must_use]
+    pub const fn from_word(word: usize) -> Self {
+        match word {
+            1 => Self::Ended,
+            2 => Self::Abandoned,
+            3 => Self::Faulted,
+            _ => Self::Cold,
+        }
+    }
+}
+
+/// Where in the page of a hart `mscratch` leads to.
+pub const SAVED: usize = BOARD as usize;
+
+/// Makes the traps of this hart come to this program; `why` it has begun decides what else is made
+/// ready. To be called first of all, with interrupts masked.
+pub fn prepare(why: Return, hart: u32) {
+    if why == Return::Cold {
+        trap::listen();
+    }
+    hooks::change(|hooks| *hooks = hooks::NONE);
+    if let Some(clint) = hart::clint(hart as usize) {
+        clint.disarm();
+    }
+    trap::open();
+}
+
+/// Keeps the hart from the guard below its stack, for good.
+///
+/// Source: RISC-V Privileged Architecture 1.12, section 3.7; a locked entry counts in machine mode, too.
+pub fn guard_stack(map: &Map, hart: u32) {
+    let guard = RAM + (map.stack_end(hart) - STACK_BYTES - GUARD_BYTES) as usize;
+    // Naturally aligned power of two, locked, without any access.
+    let address = guard >> 2 | (GUARD_BYTES as usize / 8 - 1);
+    let configuration = 0b1001_1000_usize;
+    // SAFETY: nothing of this program lies there, and the entry is one that nobody else uses.
+    unsafe {
+        core::arch::asm!(
+            "csrw pmpaddr0, {address}",
+            "csrs pmpcfg0, {configuration}",
+            address = in(reg) address,
+            configuration = in(reg) configuration,
+        );
+    }
+}
+
+/// Starts what the host has put into this hart's range, whose first instruction is `entry` bytes from
+/// the beginning of the memory.
+pub fn start(map: &Map, hart: u32, entry: u32) -> ! {
+    let stack = RAM + map.stack_end(hart) as usize;
+    // SAFETY: the host vouches for the program; it never comes back here, and this stack is begun anew.
+    unsafe {
+        core::arch::asm!(
+            "csrci mstatus, 8",
+            "csrw mie, zero",
+            "fence",
+            "fence.i",
+            "jr {entry}",
+            entry = in(reg) RAM + entry as usize,
+            in("a0") hart,
+            in("a1") stack,
+            options(noreturn),
+        )
+    }
+}
+
+/// What the trap that ended the program of this hart has left; only before any other trap.
+#[must_use]
+pub fn fault(hart: u32) -> Fault {
+    let saved = (RAM + Map::control(hart) as usize + SAVED) as *const u64;
+    Fault {
+        cause: mcause::read().bits() as u64,
+        pc: mepc::read() as u64,
+        value: mtval::read() as u64,
+        status: mstatus::read().bits() as u64,
+        // SAFETY: the trap entry of this hart has saved them there, and nobody else knows the place.
+        registers: core::array::from_fn(|place| unsafe { saved.add(place).read_volatile() }),
+    }
+}
+
+/// Waits for about a tenth of a second; whoever needs nothing of the map may.
+pub fn nap(hart: u32) {
+    use condor_mbox::{Clock as _, Doorbell as _};
+    if let Some(bell) = bell::of(hart as usize) {
+        bell.wait(bell.prepare(), bell.now().after(Duration::from_millis(100)));
+    }
+}
+
+/// Ends QEMU.
+pub fn switch_off(success: bool) -> ! {
+    let word: u32 = if success { 0x5555 } else { 0x3333 | 1 << 16 };
+    loop {
+        // SAFETY: the machine has its switch there.
+        unsafe { (SWITCH as *mut u32).write_volatile(word) };
+    }
+}

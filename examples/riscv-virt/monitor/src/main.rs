@@ -1,0 +1,84 @@
+//! What a hart runs while it has no program: it waits for the host's order, starts what the host has put
+//! into its memory, and is where the program ends. If that was by a trap, it says so on the hart's
+//! terminal.
+#![no_std]
+#![no_main]
+
+mod report;
+
+use core::time::Duration;
+
+use board::Hart;
+use board::resident::{self, Return};
+use condor_host::Machine as _;
+use condor_host::harts::{Map, State, map};
+use condor_mbox::{Clock as _, Doorbell as _};
+
+core::arch::global_asm!(
+    include_str!("start.s"),
+    harts = const map::HARTS,
+    control = const 0x8000_0000_u64 + Map::control(0) as u64 + resident::SAVED as u64,
+);
+
+/// How often a hart looks that nobody has rung.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// Where a hart comes from `start.s`, each time.
+#[unsafe(no_mangle)]
+extern "C" fn condor_monitor(why: usize, number: u32) -> ! {
+    let why = Return::from_word(why);
+    let fault = (why == Return::Faulted).then(|| resident::fault(number));
+    resident::prepare(why, number);
+    loop {
+        // Before the host has written a map, the hart is nobody; those that the map leaves out stay so.
+        if let Ok(hart) = Hart::new(number) {
+            // What the memory's page of this hart says is there, since the hart is.
+            let _ = settle(&hart, why, fault.as_ref());
+            let _ = wait(&hart);
+        }
+        resident::nap(number);
+    }
+}
+
+/// Says how the program has ended, if there was one.
+fn settle(
+    hart: &Hart,
+    why: Return,
+    fault: Option<&condor_host::harts::Fault>,
+) -> Result<(), condor_mbox::AccessError> {
+    let control = hart.control();
+    let running = matches!(control.state()?, State::Runs { .. });
+    match (why, fault) {
+        (Return::Cold, _) => resident::guard_stack(hart.map(), hart.hart()),
+        (Return::Abandoned, _) => control.leave()?,
+        (Return::Faulted, Some(fault)) if running => {
+            control.set_fault(fault)?;
+            // A second trap finds that nothing runs any more.
+            control.fail()?;
+            // Whoever looks at the page of the hart sees it, too.
+            let _ = report::tell(hart, fault);
+        }
+        // It ended without having begun.
+        (Return::Ended, _) if running => control.end(1)?,
+        _ => {}
+    }
+    control.wait()
+}
+
+/// Waits for the host's order, and carries it out.
+fn wait(hart: &Hart) -> Result<core::convert::Infallible, condor_mbox::AccessError> {
+    let (bell, control, map) = (hart.doorbell(), hart.control(), hart.map());
+    loop {
+        let seen = bell.prepare();
+        if let Some((start, entry)) = control.wanted()? {
+            control.begin(start)?;
+            let begin = map.programs.at(hart.hart());
+            if (begin..begin.saturating_add(map.program_bytes())).contains(&entry) {
+                resident::start(map, hart.hart(), entry);
+            }
+            // Nothing of the hart's lies there.
+            control.end(1)?;
+        }
+        bell.wait(seen, bell.now().after(LOOK));
+    }
+}

@@ -1,0 +1,108 @@
+//! What a hart says, on its own terminal, of the trap that has ended its program.
+
+use core::fmt::{self, Write as _};
+use core::time::Duration;
+
+use board::Hart;
+use condor_host::directory::{Directory, DirectoryError, Kind};
+use condor_host::harts::Fault;
+use condor_host::{Machine as _, PROCESSORS};
+use condor_mbox::{AccessError, Call, Clock as _, Mailbox, Region};
+use condor_tty::{Terminal, TerminalError, Vectors};
+
+const SHOWN_BYTES: u32 = 4096;
+/// How long the host may take to show it.
+const PATIENCE: Duration = Duration::from_secs(2);
+const NAP: Duration = Duration::from_millis(5);
+
+/// Why nothing can be said. What is told to the host by other ways is told.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    Memory,
+    Mailbox,
+    Terminal,
+}
+
+impl From<AccessError> for Failure {
+    fn from(_: AccessError) -> Self {
+        Self::Memory
+    }
+}
+
+impl From<DirectoryError> for Failure {
+    fn from(_: DirectoryError) -> Self {
+        Self::Memory
+    }
+}
+
+impl From<condor_mbox::Error> for Failure {
+    fn from(_: condor_mbox::Error) -> Self {
+        Self::Mailbox
+    }
+}
+
+impl From<TerminalError> for Failure {
+    fn from(_: TerminalError) -> Self {
+        Self::Terminal
+    }
+}
+
+/// Says it in a life of the processor that does nothing else, until the host has shown it, or does not.
+pub(crate) fn tell(hart: &Hart, fault: &Fault) -> Result<(), Failure> {
+    let number = hart.number();
+    let windows = hart.windows();
+    let data = windows.get(number.index()).ok_or(Failure::Memory)?.data;
+    let own = Region::users(data)?;
+    let mut places = own.places();
+    let mut directory = Directory::new(own, &mut places)?;
+    let terminal = Terminal::<_, _, 16>::new(own, &mut places, SHOWN_BYTES, hart.exclusion())?;
+    directory.enter("console", Kind::Terminal, terminal.offset(), SHOWN_BYTES)?;
+    let typed = |call: &Call<'_>| terminal.receive(call);
+    let mut mailbox =
+        Mailbox::<_, _, _, PROCESSORS>::new(number, windows, hart.doorbell(), hart.exclusion())?;
+    mailbox.set_vector(Vectors::DEFAULT.input, &typed, "terminal input")?;
+    mailbox.set_vector(Vectors::DEFAULT.room, &typed, "terminal room")?;
+    mailbox.join()?;
+    // The ring takes all of it.
+    let _ = write!(terminal.console(&mailbox), "{}", Report { hart, fault });
+    let bell = hart.doorbell();
+    let deadline = bell.now().after(PATIENCE);
+    while bell.now() < deadline && (terminal.attached()?.is_none() || terminal.unread()? > 0) {
+        mailbox.serve(NAP)?;
+    }
+    Ok(())
+}
+
+struct Report<'r> {
+    hart: &'r Hart,
+    fault: &'r Fault,
+}
+
+impl fmt::Display for Report<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { hart, fault } = self;
+        writeln!(
+            f,
+            "hart {}, processor {}: {} at pc {:#x}\n\
+             value {:#x}, cause {}, mstatus {:#x}",
+            hart.hart(),
+            hart.number().0,
+            fault.name(),
+            fault.pc,
+            fault.value,
+            fault.cause,
+            fault.status,
+        )?;
+        for (place, (name, value)) in NAMES.iter().zip(fault.registers).enumerate() {
+            let end = if place % 4 == 3 { "\n" } else { "  " };
+            write!(f, "{name:>3} {value:016x}{end}")?;
+        }
+        writeln!(f)
+    }
+}
+
+/// `x1` to `x31` by their names in the calling convention.
+const NAMES: [&str; 31] = [
+    "ra", "sp", "gp", "tp", "t0", "t1", "t2", "s0", "s1", "a0", "a1", "a2", "a3", "a4", "a5", "a6",
+    "a7", "s2", "s3", "s4", "s5", "s6", "s7", "s8", "s9", "s10", "s11", "t3", "t4", "t5", "t6",
+];
