@@ -280,9 +280,12 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
     };
     table.finish();
     Found {
-        program: program.and_then(|program| match is_hart {
-            false => check::program(text, &program, arguments.as_ref(), own),
-            true => check::program_of_hart(text, &program, own),
+        program: program.and_then(|program| {
+            if is_hart {
+                check::program_of_hart(text, &program, own)
+            } else {
+                check::program(text, &program, arguments.as_ref(), own)
+            }
         }),
         places,
         number,

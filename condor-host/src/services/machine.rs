@@ -152,8 +152,8 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError
             } else if !is_late && begun.elapsed() >= COMING_UP {
                 is_late = true;
                 eprintln!(
-                    "harts have not come up: {missing:?}; is {:?} a monitor?",
-                    qemu.monitor
+                    "harts have not come up: {missing:?}; is {} a monitor?",
+                    qemu.monitor.display()
                 );
             }
         }

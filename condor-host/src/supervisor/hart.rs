@@ -48,7 +48,7 @@ impl Power {
 #[derive(Debug)]
 pub struct Hart {
     number: Processor,
-    hart: u32,
+    place: u32,
     memory: MachineMemory,
     control: Control<LinuxWindow>,
     doorbell: LinuxDoorbell<PROCESSORS>,
@@ -96,7 +96,7 @@ impl Hart {
         });
         Ok(Self {
             number: Processor(number.map_err(harts::MemoryError::from)?),
-            hart,
+            place: hart,
             control: memory.control(hart)?,
             memory,
             doorbell,
@@ -205,7 +205,7 @@ impl Launch for Hart {
         }
         self.program = Some(Program {
             file: image.file.clone(),
-            image: read(&image.file, self.memory.map(), self.hart)?,
+            image: read(&image.file, self.memory.map(), self.place)?,
             arguments: flat(&image.arguments)?,
         });
         Ok(())
@@ -217,8 +217,8 @@ impl Launch for Hart {
         let power = self.power.count();
         match self.control.state().map_err(self.memory.at())? {
             State::Runs { .. } => return Err(LaunchError::Runs),
-            State::Off => return Err(LaunchError::Off { hart: self.hart }),
-            _ if !Power::is_on(power) => return Err(LaunchError::Off { hart: self.hart }),
+            State::Off => return Err(LaunchError::Off { hart: self.place }),
+            _ if !Power::is_on(power) => return Err(LaunchError::Off { hart: self.place }),
             _ => {}
         }
         let region = self.memory.region();

@@ -42,14 +42,14 @@ impl Bridge {
         if let Some((_, doorbell)) = harts.first() {
             let (stream, doorbell) = (bridge.stream.try_clone()?, doorbell.clone());
             bridge.spawn("from the machine", move |_| {
-                from_machine(&stream, &doorbell)
+                from_machine(&stream, &doorbell);
             })?;
         }
         for (number, doorbell) in harts {
             let stream = bridge.stream.try_clone()?;
             let name = format!("to processor {}", number.0);
             bridge.spawn(&name, move |ending| {
-                to_hart(&stream, number, &doorbell, ending)
+                to_hart(&stream, number, &doorbell, ending);
             })?;
         }
         Ok(bridge)
