@@ -6,6 +6,7 @@
 //! | `window_bytes` | users' memory of each processor, a multiple of 4096 | |
 //! | `hand` | the file with the robot's configuration, compiled to `hand.image` among the files served | none |
 //! | `[bus]` `bytes` | the size of the file that all programs map as their bus, a multiple of 4096 | no bus |
+//! | `[machine]` | a machine of harts, see below | none |
 //! | `[files]` `root` | the directory that is served, made if there is none | nothing is served |
 //! | `[files]` `read_only`, `quota_bytes`, `max_file_bytes` | what the programs may do there | everything |
 //! | `[terminals]` `replay_bytes` | how much of a terminal's past who attaches is shown | 65536 |
@@ -18,13 +19,25 @@
 //! | `program` | `"self"` for one of the program's own, or a file | |
 //! | `arguments` | what the program is given | `[]` |
 //! | `headless` | lines that are typed at its terminal when all programs run, without user interface | `[]` |
-//! | `kind` | what the processor is: `"process"` of this machine | `"process"` |
+//! | `kind` | what the processor is: `"process"` of this machine, or `"hart"` of the other one | `"process"` |
+//! | `hart` | the hart, from 0 on without a gap | |
 //! | `loops` | how servo loops are released: `"signals"` or `"spin"` | `"signals"` |
 //! | `cpu` | the CPU that the process keeps to | any |
 //! | `priority` | of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
 //! | `on_failure` | `"restart"`, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
 //! | `restarts` | restarts in a minute after which it has failed for good | 10 |
 //! | `stall_seconds` | how long a heart may stand still before that is a failure; 0: for ever | 5 |
+//!
+//! `loops`, `cpu` and `priority` are for processes alone. The program of a hart is an ELF file, as
+//! [`Image`](crate::harts::Image) takes it. With a machine the bus is a part of its memory.
+//!
+//! | key of `[machine]` | is | default |
+//! |---|---|---|
+//! | `kind` | `"qemu-riscv-virt"`: `qemu-system-riscv64 -machine virt` | `"qemu-riscv-virt"` |
+//! | `memory_bytes` | its memory, a multiple of 1048576 | |
+//! | `monitor` | the ELF file in which its harts come up | |
+//! | `qemu` | the program that is the machine | `"qemu-system-riscv64"` |
+//! | `options` | what that is given besides | `[]` |
 //!
 //! Paths are relative to the description. A program is looked for there, then beside the running
 //! program, then in `PATH`.
@@ -36,8 +49,11 @@ mod tree;
 
 use std::path::PathBuf;
 
+use crate::harts::{Map, MapError};
+
 pub(crate) use check::find_program;
 pub use mistake::{Mistake, Mistakes, Problem};
+pub(crate) use read::beside;
 
 /// A system that passed every check.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,12 +68,58 @@ pub struct Description {
     pub hand: Option<PathBuf>,
     /// The bus on which the boards are.
     pub bus: Option<Bus>,
+    /// The machine to which the harts belong.
+    pub machine: Option<Machine>,
     /// What the file service serves.
     pub files: Option<Files>,
     /// How terminals are shown.
     pub terminals: Terminals,
     /// The processors, in the order in which they are started.
     pub processors: Vec<Processor>,
+}
+
+impl Description {
+    /// What lies where in the memory of the machine; `None` if there is none.
+    #[must_use]
+    pub fn map(&self) -> Option<Result<Map, MapError>> {
+        let machine = self.machine.as_ref()?;
+        let mut harts: Vec<_> = self
+            .processors
+            .iter()
+            .filter_map(|processor| match processor.kind {
+                Kind::Hart(hart) => Some((hart, processor.number)),
+                Kind::Process => None,
+            })
+            .collect();
+        harts.sort_unstable();
+        let numbers: Vec<_> = harts.into_iter().map(|(_, number)| number).collect();
+        let bus_bytes = self.bus.as_ref().map_or(0, |bus| bus.bytes);
+        let map = Map::new(machine.memory_bytes, &numbers, self.window_bytes, bus_bytes);
+        Some(map)
+    }
+}
+
+/// A machine whose memory this one sees.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Machine {
+    /// What it is.
+    pub kind: MachineKind,
+    /// Bytes of its memory.
+    pub memory_bytes: u32,
+    /// The program in which its harts come up.
+    pub monitor: PathBuf,
+    /// The program that is the machine.
+    pub qemu: PathBuf,
+    /// What that is given besides.
+    pub options: Vec<String>,
+}
+
+/// What a machine is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MachineKind {
+    /// `qemu-system-riscv64 -machine virt`.
+    QemuRiscvVirt,
 }
 
 /// A file that all programs map as their bus.
@@ -132,6 +194,8 @@ pub enum Program {
 pub enum Kind {
     /// A process of this machine.
     Process,
+    /// This hart of the other machine.
+    Hart(u32),
 }
 
 /// How servo loops are released.

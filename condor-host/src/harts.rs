@@ -24,7 +24,17 @@
 //! in the monitor again, and the others have not noticed.
 
 mod control;
+#[cfg(all(feature = "harts", target_os = "linux"))]
+mod image;
 pub mod map;
+#[cfg(all(feature = "harts", target_os = "linux"))]
+mod memory;
 
-pub use control::{ARGUMENT_BYTES, Control, Fault, Order, State};
+pub use control::{ARGUMENT_BYTES, Control, Fault, Order, State, cause_name};
+#[cfg(all(feature = "harts", target_os = "linux"))]
+pub use image::{Image, ImageError, RAM};
 pub use map::{Map, MapError, Run};
+#[cfg(feature = "program")]
+pub(crate) use memory::bus;
+#[cfg(all(feature = "harts", target_os = "linux"))]
+pub use memory::{MachineMemory, MemoryError};

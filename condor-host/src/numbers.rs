@@ -15,5 +15,7 @@ pub const FILES: Processor = Processor(8);
 pub const TERMINALS: Processor = Processor(9);
 /// Who starts, watches and stops all others.
 pub const SUPERVISOR: Processor = Processor(10);
+/// Who serves a machine of harts; a visitor's number where there is none.
+pub const MACHINE: Processor = Processor(15);
 /// User interfaces, commands and other programs that come and go.
 pub const VISITORS: RangeInclusive<u8> = 11..=15;

@@ -4,9 +4,11 @@
 //! ends, a ring of the mailbox, a request, a signal. The only thing that it looks at now and then
 //! are hearts.
 //!
-//! Programs are started behind [`Launch`]: as [`Process`]es of this machine.
+//! Programs are started behind [`Launch`]: as [`Process`]es of this machine, or on a [`Hart`] of another
+//! one.
 
 mod eye;
+mod hart;
 pub mod image;
 mod journal;
 mod launch;
@@ -17,6 +19,7 @@ mod process;
 mod requests;
 mod signals;
 
+pub use hart::{Hart, Power};
 pub use launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 pub use process::Process;
 
@@ -87,6 +90,12 @@ pub enum UpError {
     /// The windows.
     #[error(transparent)]
     Windows(#[from] SystemError),
+    /// The memory of a machine of harts.
+    #[error(transparent)]
+    Memory(#[from] crate::harts::MemoryError),
+    /// The memory of a machine cannot be laid out.
+    #[error("`memory_bytes` of the machine: {0}")]
+    Map(#[from] crate::harts::MapError),
     /// The supervisor's mailbox.
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
@@ -129,9 +138,9 @@ pub fn run(
     let place = Place::take(&description.name)?;
     let log = place.directory.log();
     let journal = Journal::new(&log, options.echo).map_err(UpError::at("write", &log))?;
-    let listener = place.furnish(description)?;
+    let (listener, memory) = place.furnish(description)?;
     let eye = Eye::open(&place.directory, description.window_bytes)?;
-    let members = plan::members(description, &place.directory)?;
+    let members = plan::members(description, &place.directory, memory.as_ref(), &eye)?;
     let mut supervisor = Supervisor {
         description,
         options,
@@ -208,7 +217,7 @@ impl Supervisor<'_> {
                 for member in self
                     .members
                     .iter_mut()
-                    .filter(|member| !member.plan.is_service)
+                    .filter(|member| !member.plan.is_service())
                 {
                     member.end(Then::Stop, &mut self.journal);
                 }
@@ -278,6 +287,7 @@ impl Supervisor<'_> {
         for member in &mut self.members {
             if let Phase::Waiting { in_turn } = member.phase
                 && (may_pass || !in_turn)
+                && member.launch().is_ready()
             {
                 member.start(&self.eye, &mut self.journal);
                 changed = true;
@@ -305,7 +315,7 @@ impl Supervisor<'_> {
         let any_alive = |members: &[Member], services: bool| {
             members
                 .iter()
-                .any(|member| member.plan.is_service == services && member.is_alive())
+                .any(|member| member.plan.is_service() == services && member.is_alive())
         };
         match self.down {
             None => false,
@@ -366,7 +376,7 @@ impl Supervisor<'_> {
     fn status(&self) -> Status {
         let of = |services: bool| {
             let members = self.members.iter();
-            let members = members.filter(move |member| member.plan.is_service == services);
+            let members = members.filter(move |member| member.plan.is_service() == services);
             members.map(Member::status).collect()
         };
         Status {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use condor_dev::{Bus as _, BusErrorKind};
-use condor_host::linux::{Environment, Loops, Process, ProcessError};
+use condor_host::linux::{BusFile, Environment, Loops, Process, ProcessError};
 use condor_host::{Machine, PROCESSORS};
 use condor_mbox::linux::System;
 use condor_mbox::{Clock as _, Doorbell as _, Instant, Processor, conformance};
@@ -111,7 +111,7 @@ fn the_bus_is_the_file_from_address_0_on() {
     let path = directory.path().join("bus");
     std::fs::write(&path, [0; 4096]).unwrap();
     let environment = Environment {
-        bus: Some(path.clone()),
+        bus: Some(BusFile::whole(path.clone())),
         ..environment(directory.path())
     };
     let machine = Process::spinning(&environment, []).unwrap();
@@ -119,6 +119,22 @@ fn the_bus_is_the_file_from_address_0_on() {
     assert_eq!(std::fs::read(&path).unwrap()[4094..], [0xc0, 0xad]);
     let error = machine.bus().read8(4096).unwrap_err();
     assert_eq!(error.kind, BusErrorKind::OutOfRange);
+    drop(machine);
+
+    let environment = Environment {
+        bus: Some(BusFile {
+            path: path.clone(),
+            offset: 1024,
+            bytes: Some(512),
+        }),
+        ..environment
+    };
+    let machine = Process::spinning(&environment, []).unwrap();
+    machine.bus().write32(508, 0x0102_0304).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap()[1532..1536], [4, 3, 2, 1]);
+    let error = machine.bus().read8(512).unwrap_err();
+    assert_eq!(error.kind, BusErrorKind::OutOfRange);
+    drop(machine);
     with_machine(|machine, _| {
         let error = machine.bus().read32(0).unwrap_err();
         assert_eq!((error.kind, error.address), (BusErrorKind::NoAnswer, 0));

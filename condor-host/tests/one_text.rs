@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Command, ExitCode, Output, Stdio};
 use std::sync::Mutex;
 
-use condor_host::linux::{self, Environment, Loops};
+use condor_host::linux::{self, BusFile, Environment, Loops};
 use condor_host::{Machine as _, PROCESSORS, sim};
 use condor_mbox::linux::System;
 use condor_mbox::{CriticalSection, Mailbox};
@@ -128,7 +128,7 @@ fn a_successor_waits_for_the_number_and_a_bus_must_be_there() {
 
     let bus = directory.path().join("bus");
     let environment = Environment {
-        bus: Some(bus.clone()),
+        bus: Some(BusFile::whole(bus.clone())),
         ..environment
     };
     let says = |child: Child| {

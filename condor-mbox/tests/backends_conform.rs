@@ -75,7 +75,7 @@ fn the_simulated_doorbell() {
 mod linux {
     use std::fs::File;
 
-    use condor_mbox::linux::{Access, LinuxWindow, System};
+    use condor_mbox::linux::{Access, LinuxWindow, Memory, Run, System};
     use condor_mbox::{Doorbell, conformance};
 
     use super::{ME, OTHER, windows_conform};
@@ -112,6 +112,23 @@ mod linux {
     fn a_system_of_files() {
         let directory = tempfile::tempdir().unwrap();
         claims_conform(&System::at(directory.path().join("system"), 64).unwrap());
+    }
+
+    #[test]
+    fn a_system_in_one_memory() {
+        for offset in [0, 4096, 4100] {
+            let directory = tempfile::tempdir().unwrap();
+            let file = directory.path().join("ram");
+            File::create(&file).unwrap().set_len(1 << 17).unwrap();
+            let run = |offset, stride| Run { offset, stride };
+            let memory = Memory {
+                file,
+                mail: run(offset, 1 << 15),
+                data: run(offset + (1 << 16), 132),
+            };
+            let path = directory.path().join("system");
+            claims_conform(&System::in_memory(path, 64, &memory).unwrap());
+        }
     }
 
     #[test]

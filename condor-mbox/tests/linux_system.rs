@@ -14,7 +14,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use condor_mbox::layout::{BELL_BYTES, header, mail_bytes};
-use condor_mbox::linux::{Access, Claim, FileKind, System, SystemError};
+use condor_mbox::linux::{Access, Claim, FileKind, Memory, Run, System, SystemError};
 use condor_mbox::{Doorbell, Evidence, LoadOrder, MemoryWindow, Processor, StoreOrder};
 use linux_child::{Actor, part, say, wait_for_parent};
 use tempfile::TempDir;
@@ -53,13 +53,43 @@ fn until(is_true: impl Fn() -> bool) {
     }
 }
 
+/// Bytes of the memory in one file.
+const MEMORY_BYTES: u64 = 1 << 18;
+
+/// A memory in `directory`, with the objects from `offset` on, which begins a page or not.
+fn memory(directory: &Path, offset: u64) -> Memory {
+    let file = directory.join("ram");
+    let ram = fs::File::create(&file).expect("a file");
+    ram.set_len(MEMORY_BYTES).expect("it has room");
+    Memory {
+        file,
+        mail: Run {
+            offset,
+            stride: 1 << 15,
+        },
+        data: Run {
+            offset: offset + (1 << 16),
+            stride: u64::from(BELL_BYTES + USER_BYTES),
+        },
+    }
+}
+
+fn in_memory(offset: u64) -> (TempDir, System<2>) {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let memory = memory(directory.path(), offset);
+    let path = directory.path().join("system");
+    System::<2>::in_memory(&path, USER_BYTES, &memory).expect("it is created");
+    // Nobody else is told where the memory is.
+    let system = System::at(path, USER_BYTES).expect("it is found");
+    (directory, system)
+}
+
 /// Every kind of place, with what must be kept meanwhile.
 fn places() -> Vec<(Option<TempDir>, System<2>)> {
-    let (kept, directory) = directory();
-    vec![
-        (Some(kept), directory),
-        (None, System::family(USER_BYTES).expect("it is created")),
-    ]
+    let files = [directory(), in_memory(0x4000), in_memory(0x1234)];
+    let files = files.map(|(kept, system)| (Some(kept), system));
+    let family = System::family(USER_BYTES).expect("it is created");
+    files.into_iter().chain([(None, family)]).collect()
 }
 
 #[test]
@@ -483,6 +513,148 @@ fn a_system_in_use_is_not_removed() {
         0
     );
     system.claim(FIRST).expect("a new system begins");
+}
+
+/// Every object is where the memory is said to have it, and nowhere else.
+#[test]
+fn windows_lie_in_the_memory() {
+    for offset in [0x4000_u64, 0x1234] {
+        let (kept, system) = in_memory(offset);
+        let first = system.claim(FIRST).expect("it is free");
+        let second = system.claim(SECOND).expect("it is free");
+        store(&second, 0, 16, 0x1234_5678);
+        store(&first, 1, 20, 0x9abc_def0);
+        let mail = &second.windows()[1].mail;
+        mail.store(header::LAST_LIFE, 77, StoreOrder::Release)
+            .expect("it is our own");
+        let bytes = fs::read(kept.path().join("ram")).expect("it can be read");
+        let word = |at: u64| {
+            let at = usize::try_from(at).expect("it is small");
+            u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes"))
+        };
+        let memory = memory_of(&kept, offset);
+        let users = memory.data.offset + u64::from(BELL_BYTES);
+        assert_eq!(word(users + 16), 0x1234_5678);
+        assert_eq!(word(users + memory.data.stride + 20), 0x9abc_def0);
+        let second_mail = memory.mail.offset + memory.mail.stride;
+        assert_eq!(word(second_mail + u64::from(header::LAST_LIFE)), 77);
+        let process = word(memory.mail.offset + u64::from(header::PROCESS_ID));
+        assert_eq!(process, std::process::id());
+        let mut files: Vec<_> = fs::read_dir(kept.path().join("system"))
+            .expect("it can be listed")
+            .map(|entry| entry.expect("it can be listed").file_name())
+            .collect();
+        files.sort();
+        assert_eq!(files, ["0.bell", "0.mail", "1.bell", "1.mail", "memory"]);
+    }
+}
+
+/// What `in_memory` made, without making the file anew.
+fn memory_of(kept: &TempDir, offset: u64) -> Memory {
+    let elsewhere = tempfile::tempdir().expect("a temporary directory");
+    Memory {
+        file: kept.path().join("ram"),
+        ..memory(elsewhere.path(), offset)
+    }
+}
+
+#[test]
+fn the_memory_stays_when_its_system_is_removed() {
+    let (kept, system) = in_memory(0x1234);
+    let claim = system.claim(SECOND).expect("it is free");
+    let error = system.clone().remove().expect_err("it is in use");
+    assert!(
+        matches!(error, SystemError::NumberTaken { number: SECOND, process_id }
+            if process_id == std::process::id()),
+        "{error}"
+    );
+    store(&claim, 0, 0, 5);
+    drop(claim);
+    until(|| system.clone().remove().is_ok());
+    assert!(!kept.path().join("system").exists());
+    let memory = memory_of(&kept, 0x1234);
+    let system = System::<2>::in_memory(kept.path().join("system"), USER_BYTES, &memory)
+        .expect("it begins anew");
+    let claim = system.claim(FIRST).expect("it is free");
+    assert_eq!(load(&claim, 0, 0), 5);
+}
+
+#[test]
+fn a_memory_that_is_wrong_is_refused() {
+    let (kept, system) = in_memory(0x4000);
+    let (path, ram) = (kept.path().join("system"), kept.path().join("ram"));
+    let resize = |bytes| {
+        let file = fs::File::options().write(true).open(&ram);
+        file.and_then(|file| file.set_len(bytes))
+            .expect("it is ours");
+    };
+    let last = 0x4000 + (1 << 16) + u64::from(BELL_BYTES + USER_BYTES);
+    resize(last + 316);
+    let error = refusal(&system);
+    let text = error.to_string();
+    let SystemError::OutsideMemory {
+        path: wrong,
+        object,
+        offset,
+        bytes,
+        found,
+    } = error
+    else {
+        panic!("{error}");
+    };
+    assert_eq!((wrong, object.as_str()), (ram.clone(), "1.data"));
+    assert_eq!((offset, bytes, found), (last, 320, last + 316));
+    let place = format!("1.data needs 320 bytes at offset {last:#x} of {ram:?}");
+    assert!(text.starts_with(&place), "{text}");
+    resize(last + 320);
+    until(|| system.claim(FIRST).is_ok());
+
+    for (wrong, expected) in [
+        (
+            System::<2>::at(&path, USER_BYTES + 4).err(),
+            "data-bytes is [256], expected 260",
+        ),
+        (
+            System::<3>::at(&path, USER_BYTES).err(),
+            "processors is [2], expected 3",
+        ),
+        (
+            System::<2>::in_memory(&path, USER_BYTES, &memory_of(&kept, 0x4004)).err(),
+            "it names Memory",
+        ),
+        (
+            System::<2>::in_memory(kept.path().join("other"), USER_BYTES, &memory_of(&kept, 2))
+                .err(),
+            "0.mail at 0x2 begins within a word",
+        ),
+    ] {
+        let error = wrong.expect("it is refused").to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+
+    fs::remove_file(&ram).expect("it is there");
+    let error = system.claim(FIRST).expect_err("the memory is gone");
+    assert!(
+        matches!(&error, SystemError::Os { doing: "open", path, .. } if *path == ram),
+        "{error}"
+    );
+    symlink("/dev/null", &ram).expect("a link");
+    let error = system.claim(FIRST).expect_err("no link is followed");
+    assert!(matches!(error, SystemError::WrongKind { .. }), "{error}");
+    fs::write(path.join("memory"), "something else").expect("it is ours");
+    let error = system.claim(FIRST).expect_err("it says nothing");
+    assert!(matches!(error, SystemError::BadMemory { .. }), "{error}");
+}
+
+#[test]
+fn a_system_of_files_does_not_become_one_in_memory() {
+    let (kept, system) = directory();
+    drop(system.claim(FIRST).expect("it is free"));
+    let path = kept.path().join("system");
+    let memory = memory(kept.path(), 0);
+    let other = System::<2>::in_memory(path, USER_BYTES, &memory).expect("the directory is there");
+    let error = refusal(&other);
+    assert!(matches!(error, SystemError::WrongSize { .. }), "{error}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use clap::Subcommand;
 use condor_fs::server::Options;
 use condor_mbox::Processor;
 
+use crate::services::machine::{self, Qemu};
 use crate::services::{ServiceError, files, terminals};
 
 #[derive(Debug, Subcommand)]
@@ -19,6 +20,19 @@ pub(super) enum Service {
         quota_bytes: Option<u64>,
         #[arg(long)]
         max_file_bytes: Option<u64>,
+    },
+    /// Serves a machine of harts
+    Machine {
+        #[arg(long)]
+        memory: PathBuf,
+        #[arg(long)]
+        link: PathBuf,
+        #[arg(long)]
+        qemu: PathBuf,
+        #[arg(long)]
+        monitor: PathBuf,
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        options: Vec<String>,
     },
     /// Serves the terminals of the programs
     Terminals {
@@ -53,6 +67,20 @@ impl Service {
                     ..Options::default()
                 },
             ),
+            Self::Machine {
+                memory,
+                link,
+                qemu: command,
+                monitor,
+                options,
+            } => {
+                let qemu = Qemu {
+                    command,
+                    monitor,
+                    options,
+                };
+                machine::serve(&memory, &link, &qemu)
+            }
             Self::Terminals {
                 directory,
                 processors,

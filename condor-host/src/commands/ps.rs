@@ -71,6 +71,7 @@ fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
     let mut table = Table::new([
         ("number", Right),
         ("name", Left),
+        ("kind", Left),
         ("state", Left),
         ("mailbox", Left),
         ("life", Right),
@@ -85,6 +86,7 @@ fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
         table.row([
             row.member.number.to_string(),
             row.member.name.clone(),
+            row.member.kind.to_string(),
             row.member.state.to_string(),
             row.heart.presence.to_string(),
             row.heart.life.to_string(),

@@ -1,12 +1,14 @@
 //! Whether what a description names is there, and goes together.
 
+use core::ops::Range;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use super::Program;
 use super::mistake::{Problem, nearest};
-use super::read::{Found, beside};
-use super::tree::{At, Text};
+use super::read::{Found, HART_NUMBERS, Places, beside};
+use super::tree::{At, Table, Text};
+use super::{Description, Kind, Program};
+use crate::harts::{ARGUMENT_BYTES, Image};
 use crate::numbers::PROGRAMS;
 
 /// Where the description stands, and what `"self"` can be.
@@ -15,8 +17,11 @@ pub(super) struct Own<'o> {
     pub(super) names: &'o [&'static str],
 }
 
+/// The program that is a machine of harts, if no other is named.
+const QEMU: &str = "qemu-system-riscv64";
+
 /// What a command would take for a processor.
-const SERVICES: [&str; 3] = ["files", "terminals", "supervisor"];
+const SERVICES: [&str; 4] = ["files", "machine", "terminals", "supervisor"];
 
 pub(super) fn processors(text: &Text<'_>, all: &[Found]) {
     for (index, one) in all.iter().enumerate() {
@@ -50,6 +55,139 @@ pub(super) fn processors(text: &Text<'_>, all: &[Found]) {
                 };
                 text.wrong(&number.span, problem);
             }
+        }
+    }
+}
+
+/// The number of a hart, and no key that a processor of this kind has no use for.
+pub(super) fn keys_of_kind(
+    text: &Text<'_>,
+    table: &mut Table<'_, '_>,
+    is_hart: bool,
+) -> Option<At<u32>> {
+    let (keys, kind): (&[_], _) = if is_hart {
+        (&["loops", "cpu", "priority"], "process")
+    } else {
+        (&["hart"], "hart")
+    };
+    for key in keys {
+        if let Some(span) = table.span_of(key) {
+            text.wrong(&span, Problem::KeyOfOtherKind { key, kind });
+        }
+    }
+    if !is_hart {
+        let _ = table.optional_number_at("hart", HART_NUMBERS);
+        return None;
+    }
+    let number = table.number("hart", HART_NUMBERS, 1)?;
+    let value = u32::try_from(number.value).ok()?;
+    let span = number.span;
+    Some(At { value, span })
+}
+
+/// Harts are those of the machine at `machine`, each is one processor, and none is left out.
+pub(super) fn harts(text: &Text<'_>, all: &[Found], machine: Option<&Range<usize>>) {
+    let harts: Vec<_> = all.iter().filter_map(|one| one.hart.as_ref()).collect();
+    match (machine, harts.first()) {
+        (Some(span), None) => text.wrong(span, Problem::MachineWithoutHarts),
+        (None, Some(first)) => text.wrong(&first.span, Problem::HartWithoutMachine),
+        _ => {}
+    }
+    for (index, one) in harts.iter().enumerate() {
+        let mut above = harts.iter().take(index);
+        if let Some(other) = above.find(|other| other.value == one.value) {
+            let problem = Problem::DuplicateHart {
+                hart: one.value,
+                line: text.line(other.span.start),
+            };
+            text.wrong(&one.span, problem);
+        }
+    }
+    if let Some(last) = harts.iter().max_by_key(|hart| hart.value) {
+        let is_missing = |wanted: &u32| harts.iter().all(|hart| hart.value != *wanted);
+        if let Some(missing) = (0..last.value).find(is_missing) {
+            let hart = last.value;
+            text.wrong(&last.span, Problem::MissingHart { hart, missing });
+        }
+    }
+}
+
+/// The file of a hart's program, which is looked at when all else is right.
+pub(super) fn program_of_hart(
+    text: &Text<'_>,
+    program: &At<String>,
+    own: &Own<'_>,
+) -> Option<Program> {
+    if program.value == "self" {
+        text.wrong(&program.span, Problem::OwnProgramOnHart);
+        return None;
+    }
+    Some(Program::File(beside(own.file, &program.value)))
+}
+
+/// The memory has room for everything, and each hart for its program.
+pub(super) fn programs_of_harts(
+    text: &Text<'_>,
+    description: &Description,
+    memory: &Range<usize>,
+    places: &[Places],
+) {
+    let map = match description.map() {
+        None => return,
+        Some(Ok(map)) => map,
+        Some(Err(error)) => return text.wrong(memory, Problem::Memory(error)),
+    };
+    for (processor, places) in description.processors.iter().zip(places) {
+        let (Kind::Hart(hart), Program::File(path)) = (processor.kind, &processor.program) else {
+            continue;
+        };
+        let path = path.clone();
+        match std::fs::read(&path) {
+            Ok(bytes) => {
+                if let Err(source) = Image::new(&bytes, &map, hart) {
+                    let problem = Problem::HartProgram { path, hart, source };
+                    text.wrong(&places.program, problem);
+                }
+            }
+            Err(source) => text.wrong(&places.program, Problem::NoFile { path, source }),
+        }
+        let found = processor.arguments.iter().map(|one| one.len() + 1).sum();
+        if found > ARGUMENT_BYTES {
+            text.wrong(&places.arguments, Problem::LongArguments { found });
+        }
+    }
+}
+
+/// The program in which harts come up.
+pub(super) fn monitor(text: &Text<'_>, monitor: &At<String>, own: &Own<'_>) -> PathBuf {
+    let path = beside(own.file, &monitor.value);
+    if let Err(source) = std::fs::File::open(&path) {
+        let path = path.clone();
+        text.wrong(&monitor.span, Problem::NoFile { path, source });
+    }
+    path
+}
+
+/// The program that is the machine, for the table at `machine`.
+pub(super) fn qemu(
+    text: &Text<'_>,
+    qemu: Option<At<String>>,
+    machine: &Range<usize>,
+    own: &Own<'_>,
+) -> Option<PathBuf> {
+    let qemu = qemu.unwrap_or_else(|| At {
+        value: QEMU.into(),
+        span: machine.clone(),
+    });
+    match find_program(own.file, &qemu.value) {
+        Ok(path) => Some(path),
+        Err(Problem::NoProgram { program, .. }) => {
+            text.wrong(&qemu.span, Problem::NoQemu { command: program });
+            None
+        }
+        Err(other) => {
+            text.wrong(&qemu.span, other);
+            None
         }
     }
 }

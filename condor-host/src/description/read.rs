@@ -1,5 +1,6 @@
 //! From the text to a [`Description`].
 
+use core::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
@@ -7,10 +8,17 @@ use toml::de::DeTable;
 use super::check::{self, Own};
 use super::mistake::{Mistake, Mistakes, Problem};
 use super::tree::{At, Table, Text};
-use super::{Bus, Description, Files, Kind, Loops, OnFailure, Processor, Program, Terminals};
+use super::{
+    Bus, Description, Files, Kind, Loops, Machine, MachineKind, OnFailure, Processor, Program,
+    Terminals,
+};
+use crate::harts::map::HARTS;
 use crate::numbers::PROGRAMS;
 
 const PAGE: i64 = 4096;
+const MIB: i64 = 1 << 20;
+/// The numbers that a hart may have.
+pub(super) const HART_NUMBERS: RangeInclusive<i64> = 0..=HARTS as i64 - 1;
 const MOST_BYTES: i64 = 1 << 30;
 /// Names become those of files and of sockets, whose paths are short.
 const LONGEST: usize = 32;
@@ -54,9 +62,11 @@ impl Description {
 
 fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Description> {
     let name = name(text, &mut top);
+    let memory = top.span_within("machine", "memory_bytes");
     let window_bytes = top.number("window_bytes", PAGE..=MOST_BYTES, PAGE);
     let hand = top.optional_text("hand", "the path of the hand's configuration");
     let bus = top.table("bus").map(bus);
+    let machine = top.table("machine").map(|table| machine(text, table, own));
     let files = top.table("files").map(|table| files(text, table, own));
     let terminals = top.table("terminals").map(terminals);
     let expected = "`[[processors]]`, a table for each processor";
@@ -67,8 +77,15 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
         .collect();
     top.finish();
     check::processors(text, &processors);
+    let span = machine.as_ref().map(|(_, span)| span);
+    check::harts(text, &processors, span);
     let hand = hand.map(|hand| check::hand(text, &hand, own, files.is_some()));
-    Some(Description {
+    let machine = match machine {
+        Some((machine, _)) => Some(machine?),
+        None => None,
+    };
+    let places: Vec<_> = processors.iter().map(Found::places).collect();
+    let description = Description {
         file: own.file.into(),
         name: name?.value,
         window_bytes: u32::try_from(window_bytes?.value).ok()?,
@@ -77,6 +94,7 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
             Some(bus) => Some(bus?),
             None => None,
         },
+        machine,
         files: match files {
             Some(files) => Some(files?),
             None => None,
@@ -88,7 +106,45 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
             .into_iter()
             .map(Found::whole)
             .collect::<Option<_>>()?,
-    })
+    };
+    if text.is_right() {
+        let memory = memory.unwrap_or(0..0);
+        check::programs_of_harts(text, &description, &memory, &places);
+    }
+    Some(description)
+}
+
+/// The machine, and where it stands.
+fn machine(
+    text: &Text<'_>,
+    mut table: Table<'_, '_>,
+    own: &Own<'_>,
+) -> (Option<Machine>, Range<usize>) {
+    let span = table.span();
+    let kinds = [("qemu-riscv-virt", MachineKind::QemuRiscvVirt)];
+    let kind = table.word("kind", &kinds);
+    let memory_bytes = table.number("memory_bytes", MIB..=MOST_BYTES, MIB);
+    let monitor = table.text(
+        "monitor",
+        "the path of the program in which the harts come up",
+    );
+    let qemu = table.optional_text("qemu", "the program that is the machine");
+    let options = table.texts("options");
+    table.finish();
+    let whole = || {
+        let (monitor, qemu) = (
+            monitor.map(|monitor| check::monitor(text, &monitor, own)),
+            check::qemu(text, qemu, &span, own),
+        );
+        Some(Machine {
+            kind: kind.unwrap_or(MachineKind::QemuRiscvVirt),
+            memory_bytes: u32::try_from(memory_bytes?.value).ok()?,
+            monitor: monitor?,
+            qemu: qemu?,
+            options: options.map(|options| options.value).unwrap_or_default(),
+        })
+    };
+    (whole(), span.clone())
 }
 
 fn name(text: &Text<'_>, table: &mut Table<'_, '_>) -> Option<At<String>> {
@@ -145,6 +201,9 @@ pub(super) struct Found {
     arguments: Vec<String>,
     headless: Vec<String>,
     kind: Kind,
+    /// Of a hart: where its number, its program and its arguments stand.
+    pub(super) hart: Option<At<u32>>,
+    places: Places,
     loops: Loops,
     cpu: Option<u32>,
     priority: Option<u8>,
@@ -154,6 +213,10 @@ pub(super) struct Found {
 }
 
 impl Found {
+    fn places(&self) -> Places {
+        self.places.clone()
+    }
+
     fn whole(self) -> Option<Processor> {
         Some(Processor {
             number: self.number?.value,
@@ -172,6 +235,13 @@ impl Found {
     }
 }
 
+/// Where what is checked at last stands.
+#[derive(Clone)]
+pub(super) struct Places {
+    pub(super) program: Range<usize>,
+    pub(super) arguments: Range<usize>,
+}
+
 fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found {
     let range = i64::from(*PROGRAMS.start())..=i64::from(*PROGRAMS.end());
     let number = table.number("number", range, 1).and_then(|number| {
@@ -183,7 +253,9 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
     let program = table.text("program", "\"self\", or the path of a program");
     let arguments = table.texts("arguments");
     let headless = table.texts("headless");
-    let kind = table.word("kind", &[("process", Kind::Process)]);
+    let kinds = [("process", false), ("hart", true)];
+    let is_hart = table.word("kind", &kinds).unwrap_or(false);
+    let hart = check::keys_of_kind(text, &mut table, is_hart);
     let loops = table.word(
         "loops",
         &[("signals", Loops::Signals), ("spin", Loops::Spin)],
@@ -201,17 +273,31 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
     let restarts = table.optional_number("restarts", 0..=1_000_000);
     let stall_seconds = table.optional_number("stall_seconds", 0..=86400);
     let small = |value: Option<i64>| value.and_then(|value| u32::try_from(value).ok());
+    let at = |key| table.span_of(key).unwrap_or_else(|| table.span());
+    let places = Places {
+        program: at("program"),
+        arguments: at("arguments"),
+    };
     table.finish();
     Found {
-        program: program
-            .and_then(|program| check::program(text, &program, arguments.as_ref(), own)),
+        program: program.and_then(|program| {
+            if is_hart {
+                check::program_of_hart(text, &program, own)
+            } else {
+                check::program(text, &program, arguments.as_ref(), own)
+            }
+        }),
+        places,
         number,
         name,
         arguments: arguments
             .map(|arguments| arguments.value)
             .unwrap_or_default(),
         headless: headless.map(|lines| lines.value).unwrap_or_default(),
-        kind: kind.unwrap_or(Kind::Process),
+        kind: hart
+            .as_ref()
+            .map_or(Kind::Process, |hart| Kind::Hart(hart.value)),
+        hart,
         loops: loops.unwrap_or(Loops::Signals),
         cpu: small(cpu),
         priority: priority.and_then(|priority| u8::try_from(priority).ok()),
@@ -222,7 +308,7 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
 }
 
 /// `path` as the description in `file` means it.
-pub(super) fn beside(file: &Path, path: &str) -> PathBuf {
+pub(crate) fn beside(file: &Path, path: &str) -> PathBuf {
     let directory = file.parent().unwrap_or(Path::new(""));
     let joined = directory.join(path);
     std::path::absolute(&joined).unwrap_or(joined)

@@ -177,8 +177,38 @@ impl<'a, 't> Table<'a, 't> {
         key: &'static str,
         range: RangeInclusive<i64>,
     ) -> Option<i64> {
+        Some(self.optional_number_at(key, range)?.value)
+    }
+
+    pub(super) fn optional_number_at(
+        &mut self,
+        key: &'static str,
+        range: RangeInclusive<i64>,
+    ) -> Option<At<i64>> {
         let value = self.get(key)?;
-        Some(self.as_number(value, &range, 1)?.value)
+        self.as_number(value, &range, 1)
+    }
+
+    /// Where the value of a key stands, if there is one.
+    pub(super) fn span_of(&self, key: &str) -> Option<Range<usize>> {
+        let mut entries = self.entries.iter();
+        let entry = entries.find(|(other, _)| other.get_ref().as_ref() == key);
+        entry.map(|(_, value)| value.span())
+    }
+
+    /// Where a value of a table in this one stands.
+    pub(super) fn span_within(&self, table: &str, key: &str) -> Option<Range<usize>> {
+        let mut entries = self.entries.iter();
+        let (_, value) = entries.find(|(other, _)| other.get_ref().as_ref() == table)?;
+        let DeValue::Table(inner) = value.get_ref() else {
+            return None;
+        };
+        Table::new(self.text, inner, value.span()).span_of(key)
+    }
+
+    /// Where the table stands.
+    pub(super) fn span(&self) -> Range<usize> {
+        self.span.clone()
     }
 
     fn as_number(

@@ -89,25 +89,31 @@ pub struct Fault {
 
 impl Fault {
     /// What the cause means.
-    ///
-    /// Source: RISC-V Privileged Architecture 1.12, table 3.6.
     #[must_use]
     pub const fn name(&self) -> &'static str {
-        match self.cause {
-            0 => "instruction address misaligned",
-            1 => "instruction access fault",
-            2 => "illegal instruction",
-            3 => "breakpoint",
-            4 => "load address misaligned",
-            5 => "load access fault",
-            6 => "store address misaligned",
-            7 => "store access fault",
-            8..=11 => "environment call",
-            12 => "instruction page fault",
-            13 => "load page fault",
-            15 => "store page fault",
-            _ => "unknown trap",
-        }
+        cause_name(self.cause)
+    }
+}
+
+/// What a value of `mcause` means.
+///
+/// Source: RISC-V Privileged Architecture 1.12, table 3.6.
+#[must_use]
+pub const fn cause_name(cause: u64) -> &'static str {
+    match cause {
+        0 => "instruction address misaligned",
+        1 => "instruction access fault",
+        2 => "illegal instruction",
+        3 => "breakpoint",
+        4 => "load address misaligned",
+        5 => "load access fault",
+        6 => "store address misaligned",
+        7 => "store access fault",
+        8..=11 => "environment call",
+        12 => "instruction page fault",
+        13 => "load page fault",
+        15 => "store page fault",
+        _ => "unknown trap",
     }
 }
 
@@ -160,6 +166,9 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(host::ENTRY, order.entry)?;
         self.page.set_word(host::LEN, arguments.len() as u32)?;
         self.page.write(host::ARGUMENTS, arguments)?;
+        // A start that was ordered before and never made had this number, too.
+        self.page.set_word(host::ASKED, 0)?;
+        self.page.set_word(host::ABANDONED, 0)?;
         let start = self.page.word(hart::START)?.wrapping_add(1).max(1);
         self.page.set_word(host::WANTED, start)?;
         Ok(start)

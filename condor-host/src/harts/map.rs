@@ -353,8 +353,8 @@ impl Map {
 
 fn check_numbers(numbers: &[u8]) -> Result<(), MapError> {
     for (hart, &number) in (0_u32..).zip(numbers) {
-        let others = numbers.iter().filter(|&&other| other == number).count();
-        if usize::from(number) >= PROCESSORS || others > 1 {
+        let mut above = numbers.iter().take(hart as usize);
+        if usize::from(number) >= PROCESSORS || above.any(|&other| other == number) {
             let number = number.into();
             return Err(MapError::Number { hart, number });
         }

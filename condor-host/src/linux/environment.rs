@@ -14,6 +14,8 @@ const SYSTEM: &str = "CONDOR_SYSTEM";
 const WINDOW_BYTES: &str = "CONDOR_WINDOW_BYTES";
 const PROCESSOR: &str = "CONDOR_PROCESSOR";
 const BUS: &str = "CONDOR_BUS";
+const BUS_OFFSET: &str = "CONDOR_BUS_OFFSET";
+const BUS_BYTES: &str = "CONDOR_BUS_BYTES";
 const LOOPS: &str = "CONDOR_LOOPS";
 const CPU: &str = "CONDOR_CPU";
 const PRIORITY: &str = "CONDOR_PRIORITY";
@@ -28,6 +30,29 @@ pub enum Loops {
     Spin,
 }
 
+/// A file, or a part of one, that is mapped as a bus, at the bus address 0.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BusFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Where the bus begins, in bytes from the beginning of the file.
+    pub offset: u64,
+    /// How long it is; without it, as far as the file goes.
+    pub bytes: Option<u64>,
+}
+
+impl BusFile {
+    /// All of a file.
+    #[must_use]
+    pub const fn whole(path: PathBuf) -> Self {
+        Self {
+            path,
+            offset: 0,
+            bytes: None,
+        }
+    }
+}
+
 /// What a process is told by whoever starts it; see [the module](super) for the variables.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Environment {
@@ -37,8 +62,8 @@ pub struct Environment {
     pub window_bytes: u32,
     /// The number of this one.
     pub processor: Processor,
-    /// The file that is the bus, if there is one.
-    pub bus: Option<PathBuf>,
+    /// The bus, if there is one.
+    pub bus: Option<BusFile>,
     /// How loops come to run.
     pub loops: Loops,
     /// The core for the program, if not any.
@@ -67,8 +92,15 @@ impl Environment {
             .env(WINDOW_BYTES, self.window_bytes.to_string())
             .env(PROCESSOR, self.processor.0.to_string())
             .env(LOOPS, loops);
+        let bus = self.bus.as_ref();
+        let offset = bus.map(|bus| bus.offset).filter(|&offset| offset > 0);
         let optional = [
-            (BUS, self.bus.as_ref().map(|path| path.clone().into())),
+            (BUS, bus.map(|bus| bus.path.clone().into())),
+            (BUS_OFFSET, offset.map(|offset| offset.to_string().into())),
+            (
+                BUS_BYTES,
+                bus.and_then(|bus| Some(bus.bytes?.to_string().into())),
+            ),
             (CPU, self.cpu.map(|cpu| OsString::from(cpu.to_string()))),
             (PRIORITY, self.priority.map(|one| one.to_string().into())),
         ];
@@ -129,11 +161,22 @@ impl Environment {
                 number(PRIORITY, value, expected, |one| (1..=99).contains(one))
             })
             .transpose()?;
+        let bus_number = |variable| {
+            let expected = "a number of bytes that is a multiple of 4";
+            let value = optional(variable);
+            let read = |value| number(variable, value, expected, |one: &u64| one.is_multiple_of(4));
+            value.map(read).transpose()
+        };
+        let (offset, bytes) = (bus_number(BUS_OFFSET)?, bus_number(BUS_BYTES)?);
         Ok(Self {
             system,
             window_bytes,
             processor: Processor(processor),
-            bus: optional(BUS).map(Into::into),
+            bus: optional(BUS).map(|path| BusFile {
+                path: path.into(),
+                offset: offset.unwrap_or(0),
+                bytes,
+            }),
             loops,
             cpu,
             priority,
@@ -159,11 +202,13 @@ fn number<T: FromStr>(
 mod tests {
     use super::*;
 
-    const ALL: [(&str, &str); 7] = [
+    const ALL: [(&str, &str); 9] = [
         (SYSTEM, "/run/condor/mailbox"),
         (WINDOW_BYTES, "4096"),
         (PROCESSOR, "3"),
         (BUS, "/run/condor/bus"),
+        (BUS_OFFSET, "8192"),
+        (BUS_BYTES, "4096"),
         (LOOPS, "spin"),
         (CPU, "1"),
         (PRIORITY, "80"),
@@ -197,13 +242,19 @@ mod tests {
             priority: None,
             ..all
         };
-        for (variable, part) in [(BUS, "bus"), (CPU, "cpu"), (PRIORITY, "priority")] {
+        for (variable, part) in [
+            (BUS, "bus"),
+            (BUS_OFFSET, "offset"),
+            (BUS_BYTES, "bytes"),
+            (CPU, "cpu"),
+            (PRIORITY, "priority"),
+        ] {
             let read = with(variable, None).unwrap();
             assert_ne!(read, with("", None).unwrap(), "{part}");
         }
         least.pass_to(&mut command);
         let gone = command.get_envs().filter(|(_, value)| value.is_none());
-        assert_eq!(gone.count(), 3);
+        assert_eq!(gone.count(), 5);
     }
 
     #[test]
@@ -227,6 +278,8 @@ mod tests {
             (WINDOW_BYTES, None, "no CONDOR_WINDOW_BYTES"),
             (PROCESSOR, Some("16"), "0 to 15"),
             (PROCESSOR, Some(""), "no CONDOR_PROCESSOR"),
+            (BUS_OFFSET, Some("2"), "a multiple of 4"),
+            (BUS_BYTES, Some("all"), "a multiple of 4"),
             (LOOPS, Some("threads"), "`signals` or `spin`"),
             (CPU, Some("-1"), "from 0 on"),
             (PRIORITY, Some("0"), "1 to 99"),

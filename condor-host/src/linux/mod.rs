@@ -9,6 +9,7 @@
 //! | `CONDOR_WINDOW_BYTES` | bytes of users' data of each processor |
 //! | `CONDOR_PROCESSOR` | the processor's number |
 //! | `CONDOR_BUS` | the file that is the bus, from address 0 on; without it nothing answers on the bus |
+//! | `CONDOR_BUS_OFFSET`, `CONDOR_BUS_BYTES` | where in that file the bus is; without them all of the file |
 //! | `CONDOR_LOOPS` | `signals` or `spin`; without it `signals` |
 //! | `CONDOR_CPU` | the core for the program; without it any |
 //! | `CONDOR_PRIORITY` | 1 to 99 of `SCHED_FIFO`; without it the ordinary policy |
@@ -36,7 +37,7 @@ mod timer;
 
 pub use bell::ProcessBell;
 pub use bus::ProcessBus;
-pub use environment::{Environment, Loops};
+pub use environment::{BusFile, Environment, Loops};
 pub use error::ProcessError;
 pub use process::Process;
 pub use run::{run, spin};

@@ -2,7 +2,6 @@
 
 use std::fs::File;
 use std::num::NonZeroU64;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -16,7 +15,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::bell::ProcessBell;
 use super::bus::ProcessBus;
-use super::environment::{Environment, Loops};
+use super::environment::{BusFile, Environment, Loops};
 use super::error::ProcessError;
 use super::spinner::Spinner;
 use super::timer::{Kind, ProcessTimer};
@@ -83,7 +82,7 @@ impl Process {
     ) -> Result<Self, ProcessError> {
         let system = System::at(&environment.system, environment.window_bytes)?;
         let bus = match &environment.bus {
-            Some(path) => ProcessBus::Mapped(map(path)?),
+            Some(bus) => ProcessBus::Mapped(map(bus)?),
             None => ProcessBus::Silent(Silent),
         };
         let stopping = Arc::new(AtomicBool::new(false));
@@ -139,20 +138,24 @@ fn succeed(
     }
 }
 
-fn map(path: &Path) -> Result<LinuxBus, ProcessError> {
+fn map(bus: &BusFile) -> Result<LinuxBus, ProcessError> {
+    let path = &bus.path;
     let open = || {
         let file = File::options().read(true).write(true).open(path)?;
         let len = file.metadata()?.len();
         Ok((file, len))
     };
     let (file, len) = open().map_err(|source| ProcessError::OpenBus {
-        path: path.into(),
+        path: path.clone(),
         source,
     })?;
+    let len = bus.bytes.unwrap_or(len.saturating_sub(bus.offset));
     let len = usize::try_from(len).unwrap_or(usize::MAX);
-    LinuxBus::map(&file, 0, 0, len, Access::ReadWrite).map_err(|source| ProcessError::MapBus {
-        path: path.into(),
-        source,
+    LinuxBus::map(&file, bus.offset, 0, len, Access::ReadWrite).map_err(|source| {
+        ProcessError::MapBus {
+            path: path.clone(),
+            source,
+        }
     })
 }
 

@@ -16,6 +16,7 @@ use crate::system::Directory;
 pub(super) struct Eye {
     mailbox: Mailbox<'static, LinuxWindow, LinuxDoorbell<PROCESSORS>, SingleContext, PROCESSORS>,
     bell: PollableBell,
+    doorbell: LinuxDoorbell<PROCESSORS>,
 }
 
 impl Eye {
@@ -25,10 +26,20 @@ impl Eye {
             .claim(SUPERVISOR)?
             .into_parts();
         let bell = doorbell.pollable();
-        let mut mailbox = Mailbox::new(SUPERVISOR, windows, doorbell, SingleContext::new())?;
+        let mut mailbox =
+            Mailbox::new(SUPERVISOR, windows, doorbell.clone(), SingleContext::new())?;
         mailbox.join()?;
         mailbox.ring_always(true)?;
-        Ok(Self { mailbox, bell })
+        Ok(Self {
+            mailbox,
+            bell,
+            doorbell,
+        })
+    }
+
+    /// Rings others, as the supervisor.
+    pub(super) fn doorbell(&self) -> LinuxDoorbell<PROCESSORS> {
+        self.doorbell.clone()
     }
 
     /// Readable when somebody has come or gone.

@@ -4,6 +4,7 @@ use core::fmt;
 use std::os::fd::BorrowedFd;
 use std::path::PathBuf;
 
+use crate::harts::{ARGUMENT_BYTES, ImageError, MemoryError, cause_name};
 use crate::linux::Environment;
 
 /// A processor as its supervisor handles it: a process of this machine, or a hart that is held in
@@ -33,6 +34,12 @@ pub trait Launch {
     /// # Errors
     /// [`LaunchError`].
     fn stop(&mut self, how: Stop) -> Result<(), LaunchError>;
+
+    /// Whether a start can be made now: what the processor belongs to is on. A program that is to be
+    /// started waits for that.
+    fn is_ready(&self) -> bool {
+        true
+    }
 
     /// Whether the program runs.
     fn state(&mut self) -> RunState;
@@ -111,6 +118,21 @@ pub enum Exit {
     Status(i32),
     /// By this signal.
     Signal(i32),
+    /// By a trap that it does not handle.
+    Fault {
+        /// `mcause`.
+        cause: u64,
+        /// The instruction.
+        pc: u64,
+        /// `mtval`: the address, or the instruction.
+        value: u64,
+    },
+    /// It was taken off its processor.
+    Abandoned,
+    /// It was to be taken off its processor, which does not answer.
+    Unreachable,
+    /// With the machine on whose processor it ran.
+    MachineEnded,
     /// Nobody can say.
     Unknown,
 }
@@ -123,6 +145,15 @@ impl fmt::Display for Exit {
                 Some(name) => write!(f, "killed by {name}"),
                 None => write!(f, "killed by signal {number}"),
             },
+            Self::Fault { cause, pc, value } => {
+                let name = cause_name(*cause);
+                write!(f, "{name} at {pc:#x}, value {value:#x}")
+            }
+            Self::Abandoned => f.write_str("killed: its hart is in the monitor again"),
+            Self::Unreachable => f.write_str(
+                "its hart does not come back to the monitor until `machine` is started again",
+            ),
+            Self::MachineEnded => f.write_str("its machine ended"),
             Self::Unknown => f.write_str("ended, nobody knows how"),
         }
     }
@@ -138,6 +169,33 @@ pub enum LaunchError {
     /// The program of before runs.
     #[error("its program runs")]
     Runs,
+    /// The processor belongs to a machine that is not on.
+    #[error("its machine is not on, or its hart {hart} has not come up")]
+    Off {
+        /// Which hart.
+        hart: u32,
+    },
+    /// The file is no program for a hart.
+    #[error("{file:?} is no program for hart {hart}: {source}")]
+    Image {
+        /// Which hart.
+        hart: u32,
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        source: ImageError,
+    },
+    /// More arguments than a hart takes.
+    #[error(
+        "the arguments have {found} bytes, each with a zero after it, and a hart takes {ARGUMENT_BYTES}"
+    )]
+    Arguments {
+        /// What they have.
+        found: usize,
+    },
+    /// The memory of the machine.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
     /// The operating system refuses.
     #[error("cannot {doing} {file:?}: {source}")]
     Os {

@@ -8,7 +8,7 @@ use condor_mbox::Processor;
 use super::eye::Eye;
 use super::journal::Journal;
 use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
-use crate::control::{self, State};
+use crate::control::{self, Kind, State};
 use crate::description::OnFailure;
 
 /// How long a program may take to join.
@@ -34,7 +34,13 @@ pub(super) struct Plan {
     /// In a minute; `None` for any number.
     pub(super) restarts: Option<u32>,
     pub(super) stall: Option<Duration>,
-    pub(super) is_service: bool,
+    pub(super) kind: Kind,
+}
+
+impl Plan {
+    pub(super) fn is_service(&self) -> bool {
+        self.kind == Kind::Service
+    }
 }
 
 pub(super) struct Member {
@@ -108,6 +114,7 @@ impl Member {
         control::Member {
             number: self.plan.number.0,
             name: self.plan.name.clone(),
+            kind: self.plan.kind,
             program: self.plan.program.clone(),
             arguments: self.plan.arguments.clone(),
             pid: self.launch.process(),
@@ -160,20 +167,20 @@ impl Member {
             Phase::Ending { since, forced, .. } => {
                 Some(if forced { now + LOOK } else { since + END })
             }
-            Phase::Pausing { until } => Some(until),
+            Phase::Pausing { until } if self.launch.is_ready() => Some(until),
+            Phase::Pausing { until } => Some(until.max(now + LOOK)),
         }
     }
 
     /// Looks how the program is; true if something happened that may concern the others.
     pub(super) fn look(&mut self, eye: &Eye, journal: &mut Journal) -> bool {
-        let name = &self.plan.name;
-        self.launch
-            .output(&mut |line| journal.tell(name, line, None));
+        self.relay(journal);
         let before = self.phase;
         let now = Instant::now();
         if self.is_alive()
             && let RunState::Ended(exit) = self.launch.state()
         {
+            self.relay(journal);
             self.last_exit = Some(exit);
             self.ended(exit, journal);
         }
@@ -185,10 +192,19 @@ impl Member {
                 forced: false,
                 ..
             } if now >= since + END => self.force(journal),
-            Phase::Pausing { until } if now >= until => self.start(eye, journal),
+            Phase::Pausing { until } if now >= until && self.launch.is_ready() => {
+                self.start(eye, journal);
+            }
             _ => {}
         }
         self.phase != before
+    }
+
+    /// Tells what the program wrote for its supervisor.
+    fn relay(&mut self, journal: &mut Journal) {
+        let name = &self.plan.name;
+        self.launch
+            .output(&mut |line| journal.tell(name, line, None));
     }
 
     /// Starts its program.
@@ -353,9 +369,19 @@ impl Member {
                 self.wish();
                 self.tell(journal, format!("ended to be started again: {exit}"));
             }
-            Phase::Up { .. } if exit == Exit::Status(0) && !self.plan.is_service => {
+            Phase::Up { .. } if exit == Exit::Status(0) && !self.plan.is_service() => {
                 self.phase = Phase::Stopped;
                 self.tell(journal, "ended by itself, without failing");
+            }
+            // No fault of its own: it is started again with its machine, whatever the description says.
+            Phase::Starting | Phase::Up { .. } if exit == Exit::MachineEnded => {
+                self.restarts += 1;
+                let until = Instant::now();
+                self.phase = Phase::Pausing { until };
+                self.tell(
+                    journal,
+                    format!("failed: {exit}; restart {}", self.restarts),
+                );
             }
             Phase::Starting => self.failed(&format!("ended before it joined: {exit}"), journal),
             _ => self.failed(&format!("failed: {exit}"), journal),

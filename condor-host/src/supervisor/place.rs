@@ -12,6 +12,7 @@ use rustix::process::{Pid, PidfdFlags, Signal};
 
 use super::UpError;
 use crate::description::Description;
+use crate::harts::MachineMemory;
 use crate::system::Directory;
 
 /// The directory, locked.
@@ -107,19 +108,33 @@ impl Place {
     /// Removes what makes others believe that the system runs.
     fn silence(&self) -> Result<(), UpError> {
         let directory = &self.directory;
-        for path in [directory.control(), directory.pids(), directory.bus()] {
+        for path in [
+            directory.control(),
+            directory.pids(),
+            directory.bus(),
+            directory.memory(),
+            directory.link(),
+        ] {
             absent(std::fs::remove_file(&path)).map_err(UpError::at("remove", &path))?;
         }
         Ok(())
     }
 
     /// Makes what the programs need before they start.
-    pub(super) fn furnish(&self, description: &Description) -> Result<UnixListener, UpError> {
+    pub(super) fn furnish(
+        &self,
+        description: &Description,
+    ) -> Result<(UnixListener, Option<MachineMemory>), UpError> {
         let directory = &self.directory;
         for path in [directory.mailbox(), directory.terminals()] {
             std::fs::create_dir(&path).map_err(UpError::at("make", &path))?;
         }
-        if let Some(bus) = &description.bus {
+        let mut memory = None;
+        if let Some(map) = description.map() {
+            let made = MachineMemory::create(directory.memory(), &map?)?;
+            made.system(&directory.mailbox())?;
+            memory = Some(made);
+        } else if let Some(bus) = &description.bus {
             let path = directory.bus();
             let file = File::create_new(&path).map_err(UpError::at("make", &path))?;
             file.set_len(bus.bytes.into())
@@ -132,7 +147,8 @@ impl Place {
             }
         }
         let path = directory.control();
-        UnixListener::bind(&path).map_err(UpError::at("listen at", &path))
+        let listener = UnixListener::bind(&path).map_err(UpError::at("listen at", &path))?;
+        Ok((listener, memory))
     }
 
     /// Notes which processes belong to the system, the supervisor first.

@@ -5,12 +5,18 @@ use std::time::Duration;
 use condor_mbox::Processor as Number;
 
 use super::UpError;
-use super::launch::{Image, Launch};
+use super::eye::Eye;
+use super::hart::{self, Hart, Machine, Power};
+use super::launch::{Image, Launch, LaunchError};
 use super::member::{Member, Plan};
 use super::process::Process;
-use crate::description::{Description, Kind, Loops, OnFailure, Processor, Program, find_program};
-use crate::linux::{self, Environment};
-use crate::numbers::{FILES, TERMINALS};
+use crate::control;
+use crate::description::{
+    Description, Kind, Loops, OnFailure, Processor, Program, beside, find_program,
+};
+use crate::harts::{self, MachineMemory};
+use crate::linux::{self, BusFile, Environment};
+use crate::numbers::{FILES, MACHINE, TERMINALS};
 use crate::services;
 use crate::system::Directory;
 
@@ -21,29 +27,29 @@ const SERVICE_STALL: Duration = Duration::from_secs(10);
 pub(super) fn members(
     description: &Description,
     directory: &Directory,
+    memory: Option<&MachineMemory>,
+    eye: &Eye,
 ) -> Result<Vec<Member>, UpError> {
     let own = std::env::current_exe().map_err(UpError::at("find", "this program".as_ref()))?;
     let mut members = Vec::new();
+    let power = Power::new();
+    if let (Some(machine), Some(memory)) = (&description.machine, memory) {
+        let arguments = services::machine::arguments(machine, directory);
+        let launch = Machine::new(memory.clone(), power.clone());
+        let launch = Box::new(launch);
+        let (place, it) = ((description, directory), (MACHINE, "machine"));
+        members.push(service(it, &own, arguments, launch, place)?);
+    }
     if let Some(files) = &description.files {
         let arguments = services::files::arguments(files);
-        members.push(service(
-            FILES,
-            "files",
-            &own,
-            arguments,
-            description,
-            directory,
-        )?);
+        let (place, it) = ((description, directory), (FILES, "files"));
+        let launch = Box::new(Process::new());
+        members.push(service(it, &own, arguments, launch, place)?);
     }
     let arguments = services::terminals::arguments(description, directory);
-    members.push(service(
-        TERMINALS,
-        "terminals",
-        &own,
-        arguments,
-        description,
-        directory,
-    )?);
+    let (place, it) = ((description, directory), (TERMINALS, "terminals"));
+    let launch = Box::new(Process::new());
+    members.push(service(it, &own, arguments, launch, place)?);
     for processor in &description.processors {
         let plan = Plan {
             number: Number(processor.number),
@@ -57,7 +63,10 @@ pub(super) fn members(
             restarts: Some(processor.restarts),
             stall: (processor.stall_seconds > 0)
                 .then(|| Duration::from_secs(processor.stall_seconds.into())),
-            is_service: false,
+            kind: match processor.kind {
+                Kind::Process => control::Kind::Process,
+                Kind::Hart(_) => control::Kind::Hart,
+            },
         };
         let image = image(
             processor,
@@ -69,6 +78,11 @@ pub(super) fn members(
         .map_err(UpError::at("find", "this program".as_ref()))?;
         let launch: Box<dyn Launch> = match processor.kind {
             Kind::Process => Box::new(Process::new()),
+            Kind::Hart(hart) => {
+                let memory = memory.cloned().ok_or(LaunchError::Off { hart })?;
+                let doorbell = eye.doorbell();
+                Box::new(Hart::new(memory, hart, doorbell, power.clone())?)
+            }
         };
         members.push(Member::new(plan, &image, launch)?);
     }
@@ -76,12 +90,11 @@ pub(super) fn members(
 }
 
 fn service(
-    number: Number,
-    name: &str,
+    (number, name): (Number, &str),
     own: &std::path::Path,
     arguments: Vec<String>,
-    description: &Description,
-    directory: &Directory,
+    launch: Box<dyn Launch>,
+    (description, directory): (&Description, &Directory),
 ) -> Result<Member, UpError> {
     let environment = basics(number.0, description, directory);
     let image = Image::new(own.into(), arguments.clone(), environment);
@@ -93,9 +106,9 @@ fn service(
         on_failure: OnFailure::Restart,
         restarts: None,
         stall: Some(SERVICE_STALL),
-        is_service: true,
+        kind: control::Kind::Service,
     };
-    Ok(Member::new(plan, &image, Box::new(Process::new()))?)
+    Ok(Member::new(plan, &image, launch)?)
 }
 
 fn image(
@@ -106,7 +119,7 @@ fn image(
     directory: &Directory,
 ) -> std::io::Result<Image> {
     let environment = Environment {
-        bus: description.bus.as_ref().map(|_| directory.bus()),
+        bus: bus(description, directory),
         loops: match processor.loops {
             Loops::Signals => linux::Loops::Signals,
             Loops::Spin => linux::Loops::Spin,
@@ -124,6 +137,14 @@ fn image(
         Program::File(path) => (path.clone(), arguments.to_vec()),
     };
     Ok(Image::new(file, arguments, environment))
+}
+
+/// Where the bus is: in the memory of the machine, if there is one.
+fn bus(description: &Description, directory: &Directory) -> Option<BusFile> {
+    match description.map() {
+        Some(map) => harts::bus(&directory.memory(), &map.ok()?),
+        None => (description.bus.as_ref()).map(|_| BusFile::whole(directory.bus())),
+    }
 }
 
 /// What every process of the system is told.
@@ -152,6 +173,17 @@ pub(super) fn reload(
     let Some(processor) = processors.find(|processor| processor.number == number) else {
         return Err(format!("there is no processor {number}"));
     };
+    if let Kind::Hart(hart) = processor.kind {
+        let file = beside(&description.file, program);
+        let map = description.map().and_then(Result::ok);
+        // Told before the program that runs is stopped.
+        let checked = map.map_or(Ok(()), |map| hart::read(&file, &map, hart).map(drop));
+        let checked = checked.and_then(|()| hart::flat(arguments).map(drop));
+        checked.map_err(|error| error.to_string())?;
+        let program = Program::File(file);
+        return image(processor, &program, arguments, description, directory)
+            .map_err(|error| error.to_string());
+    }
     let program = if program == "self" {
         let first = arguments.first().map_or("", String::as_str);
         if !own.contains(&first) {

@@ -117,7 +117,7 @@ impl Supervisor<'_> {
         let Some(member) = self.members.get_mut(place) else {
             return Ok(None);
         };
-        if member.plan.is_service {
+        if member.plan.is_service() {
             return Err(format!(
                 "`{}` is a service; it has one program",
                 member.plan.name

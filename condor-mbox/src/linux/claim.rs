@@ -1,11 +1,10 @@
 //! [`Claim`]: a number, held.
 
 use std::os::fd::OwnedFd;
-use std::path::PathBuf;
 
 use super::doorbell::LinuxDoorbell;
 use super::error::SystemError;
-use super::system::Objects;
+use super::objects::Objects;
 use super::window::{Access, LinuxWindow};
 use crate::id::Processor;
 use crate::layout::header;
@@ -49,7 +48,7 @@ impl<const N: usize> Claim<N> {
         (self.windows, self.doorbell)
     }
 
-    /// Maps everything, for the holder of the lock on `held`; `None` if the directory is gone.
+    /// Maps everything, for who has locked `held`; `None` if the directory is gone.
     pub(super) fn new(
         number: Processor,
         held: OwnedFd,
@@ -58,17 +57,15 @@ impl<const N: usize> Claim<N> {
         data_bytes: u32,
     ) -> Result<Option<Self>, SystemError> {
         let own = number.index();
-        let path = objects.path(own, "mail");
-        let own_mail = LinuxWindow::map_and_keep(held, 0, mail_bytes, Access::ReadWrite)
-            .map_err(|source| SystemError::Map { path, source })?;
+        let own_mail = objects.map_own_mail(own, held, mail_bytes)?;
         // Only for people; memory that is gone is noticed by who uses the claim.
         let _ = own_mail.store(header::PROCESS_ID, std::process::id(), StoreOrder::Relaxed);
         let (mut windows, mut bells) = (Vec::new(), Vec::new());
         let (mut mails, mut pipes) = (Vec::new(), Vec::new());
         for peer in 0..N {
-            let (Some(mail_file), Some(data_file), Some(pipe)) = (
-                objects.mail(peer, mail_bytes, Access::ReadOnly)?,
-                objects.data(peer, data_bytes)?,
+            let (Some(lock), Some(data), Some(pipe)) = (
+                objects.lock(peer, mail_bytes, Access::ReadOnly)?,
+                objects.map_data(peer, data_bytes)?,
                 objects.bell(peer)?,
             ) else {
                 return Ok(None);
@@ -76,18 +73,11 @@ impl<const N: usize> Claim<N> {
             let mail = if peer == own {
                 own_mail.clone()
             } else {
-                map(
-                    &mail_file,
-                    mail_bytes,
-                    Access::ReadOnly,
-                    objects.path(peer, "mail"),
-                )?
+                objects.map_peers_mail(peer, &lock, mail_bytes)?
             };
-            let path = objects.path(peer, "data");
-            let data = map(&data_file, data_bytes, Access::ReadWrite, path)?;
             bells.push(data.clone());
             windows.push(Windows { mail, data });
-            mails.push(mail_file);
+            mails.push(lock);
             pipes.push(pipe);
         }
         let doorbell = LinuxDoorbell::new(
@@ -104,26 +94,6 @@ impl<const N: usize> Claim<N> {
             doorbell,
         }))
     }
-}
-
-/// The error for a number whose `mail` somebody has locked.
-pub(super) fn taken(number: Processor, mail: &OwnedFd) -> SystemError {
-    let mut word = [0; 4];
-    // Only for people: what cannot be read is zero.
-    let _ = rustix::io::pread(mail, &mut word, u64::from(header::PROCESS_ID));
-    SystemError::NumberTaken {
-        number,
-        process_id: u32::from_le_bytes(word),
-    }
-}
-
-fn map(
-    file: &OwnedFd,
-    bytes: u32,
-    access: Access,
-    path: PathBuf,
-) -> Result<LinuxWindow, SystemError> {
-    LinuxWindow::map(file, 0, bytes, access).map_err(|source| SystemError::Map { path, source })
 }
 
 fn one_for_each<T, const N: usize>(all: Vec<T>) -> [T; N] {

@@ -5,11 +5,13 @@
 //! end up with the same file.
 
 use std::ffi::OsStr;
+use std::io::Read as _;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{AtFlags, CWD, FallocateFlags, FileType, Mode, OFlags, RawMode, Stat};
 use rustix::io::Errno;
+use rustix::path::Arg;
 
 use super::error::{FileKind, SystemError};
 use super::lock;
@@ -139,12 +141,46 @@ impl Directory {
         Ok(Some(pipe))
     }
 
+    /// What the file `name` says; `None` if there is none.
+    pub(super) fn text(&self, name: &str) -> Result<Option<Vec<u8>>, SystemError> {
+        let path = self.path_of(name);
+        let file = match self.open_file(name, Access::ReadOnly) {
+            Ok(file) => file,
+            Err(Errno::NOENT) => return Ok(None),
+            Err(errno) => return Err(self.not_opened(&path, name, FileKind::File, errno)),
+        };
+        let stat = rustix::fs::fstat(&file).map_err(SystemError::os("examine", &path))?;
+        expect_kind(&path, &stat, FileKind::File)?;
+        let mut text = Vec::new();
+        std::fs::File::from(file)
+            .read_to_end(&mut text)
+            .map_err(SystemError::os("read", &path))?;
+        Ok(Some(text))
+    }
+
+    /// Creates the file `name` that says `text`, if there is none; `None` if the directory was
+    /// removed meanwhile.
+    pub(super) fn say(&self, name: &str, text: &[u8]) -> Result<Option<()>, SystemError> {
+        let written = |file: &OwnedFd| {
+            let mut rest = text;
+            while !rest.is_empty() {
+                let count = rustix::io::retry_on_intr(|| rustix::io::write(file, rest))?;
+                rest = rest.get(count..).unwrap_or_default();
+            }
+            Ok(())
+        };
+        match self.create_with(name, written) {
+            Ok(()) | Err(Errno::EXIST) => Ok(Some(())),
+            Err(errno) => self.not_created(&self.path_of(name), errno),
+        }
+    }
+
     /// Removes the directory and the files `names`, of which those in `mails`, of `mail_bytes`
     /// each, are locked first.
     ///
     /// Gives the index of the first of `mails` that somebody holds, if one is held.
     pub(super) fn remove(
-        self,
+        &self,
         names: &[String],
         mails: &[String],
         mail_bytes: u32,
@@ -213,10 +249,19 @@ impl Directory {
 
     /// Creates a file of `size` bytes that has all its memory.
     fn create(&self, name: &str, size: u32) -> Result<(), Errno> {
+        self.create_with(name, |file| fill(file, size))
+    }
+
+    /// Creates a file that is as `make` leaves it from the moment that it appears.
+    fn create_with(
+        &self,
+        name: &str,
+        make: impl FnOnce(&OwnedFd) -> Result<(), Errno>,
+    ) -> Result<(), Errno> {
         let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
         let file = rustix::fs::openat(&self.descriptor, ".", flags, self.mode)?;
         rustix::fs::fchmod(&file, self.mode)?;
-        fill(&file, size)?;
+        make(&file)?;
         let nameless = format!("/proc/self/fd/{}", file.as_raw_fd());
         rustix::fs::linkat(
             CWD,
@@ -249,7 +294,7 @@ pub(super) fn fill(file: impl AsFd, size: u32) -> Result<(), Errno> {
 /// A new open file description of `path`.
 pub(super) fn open_again(
     directory: impl AsFd,
-    path: &str,
+    path: impl Arg,
     access: Access,
     flags: OFlags,
 ) -> Result<OwnedFd, Errno> {

@@ -111,6 +111,38 @@ pub enum SystemError {
         /// What is wrong with it.
         reason: &'static str,
     },
+    /// What the file `memory` of a system says is not to be had.
+    #[error("{path:?} says where the memory lies, and is refused: {reason}")]
+    BadMemory {
+        /// The file `memory`.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The memory of a system cannot be laid out as is said.
+    #[error("the memory {path:?} cannot be laid out so: {reason}")]
+    BadLayout {
+        /// The file that is the memory.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The file that is the memory of a system ends too early.
+    #[error(
+        "{object} needs {bytes} bytes at offset {offset:#x} of {path:?}, which has {found:#x} bytes"
+    )]
+    OutsideMemory {
+        /// The file that is the memory.
+        path: PathBuf,
+        /// What lies there, such as `3.mail`.
+        object: String,
+        /// Where, in bytes from the beginning of the file.
+        offset: u64,
+        /// How long it is, in bytes.
+        bytes: u32,
+        /// The size of the file, in bytes.
+        found: u64,
+    },
     /// The directory of the system was removed again and again while a number was being claimed.
     #[error("{path:?} was removed {times} times while a number was being claimed")]
     Unsteady {

@@ -3,6 +3,7 @@
 //! | you have | you take |
 //! |---|---|
 //! | unrelated programs | [`System::named`], or [`System::at`] for a directory of your own |
+//! | another machine's memory, as one file | [`System::in_memory`], and then [`System::at`] everywhere |
 //! | one program that starts the others | [`System::family`], [`System::pass_to`], [`System::inherited`] |
 //! | a device, or a file with a layout of its own | [`LinuxWindow::map`], [`LinuxWindow::uio`] and your own doorbell |
 //!
@@ -40,7 +41,9 @@
 //!
 //! Files of a named system outlive all programs, and every object comes into being whole, so that
 //! programs may be killed at any moment: nothing is ever cleaned up by hand. A program that wants
-//! the files gone calls [`System::remove`].
+//! the files gone calls [`System::remove`]. Where the windows lie in one memory, a small file stands
+//! for each `mail` to be locked; whether a processor of another machine lives is then for the process
+//! to say that holds its number.
 //!
 //! # Who is protected from whom
 //!
@@ -83,6 +86,8 @@ mod error;
 mod family;
 mod fault;
 mod lock;
+mod memory;
+mod objects;
 mod system;
 mod transfer;
 mod window;
@@ -90,6 +95,7 @@ mod window;
 pub use claim::Claim;
 pub use doorbell::{LinuxDoorbell, PollableBell};
 pub use error::{FileKind, SystemError};
+pub use memory::{Memory, Run};
 pub use system::System;
 pub use window::{Access, LinuxWindow, LinuxWindowError, MapError};
 

@@ -1,18 +1,20 @@
 //! [`System`]: where the memory of *N* processors lies.
 
 use std::ffi::OsString;
-use std::os::fd::{AsRawFd, OwnedFd, RawFd};
+use std::os::fd::{AsRawFd, RawFd};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-use super::claim::{self, Claim};
+use super::claim::Claim;
 use super::directory::Directory;
 use super::error::SystemError;
-use super::family::{Family, label};
+use super::family::Family;
 use super::lock;
+use super::memory::{self, LOCK_BYTES, Memory, Needs};
+use super::objects::{Objects, Opened, file_name};
 use super::window::Access;
 use crate::id::Processor;
 use crate::layout;
@@ -33,7 +35,12 @@ pub struct System<const N: usize> {
 
 #[derive(Clone, Debug)]
 enum Place {
-    Directory { path: PathBuf, own: bool },
+    Directory {
+        path: PathBuf,
+        own: bool,
+        /// Where the windows are, if not in files of the directory; boxed, as most have none.
+        memory: Option<Box<Memory>>,
+    },
     Family(Arc<Family>),
 }
 
@@ -54,12 +61,11 @@ impl<const N: usize> System<N> {
             return Err(SystemError::BadName { name: name.into() });
         }
         let path = Path::new("/dev/shm").join(format!("condor-{name}"));
-        let system = Self::new(Place::Directory { path, own: true }, user_bytes)?;
-        system.objects()?;
-        Ok(system)
+        Self::in_directory(path, true, None, user_bytes)
     }
 
-    /// The system whose files are in the directory `path`, which is created if there is none.
+    /// The system whose files are in the directory `path`, which is created if there is none. If it
+    /// names a [memory](Self::in_memory), the windows are there.
     ///
     /// Files get the permissions of the directory, except execution. The file system must have
     /// locks, shared mappings and unnamed files (`O_TMPFILE`): tmpfs and the usual disk file
@@ -69,7 +75,38 @@ impl<const N: usize> System<N> {
     /// As for [`named`](Self::named).
     pub fn at(path: impl AsRef<Path>, user_bytes: u32) -> Result<Self, SystemError> {
         let path = path.as_ref().components().collect();
-        let system = Self::new(Place::Directory { path, own: false }, user_bytes)?;
+        Self::in_directory(path, false, None, user_bytes)
+    }
+
+    /// The system whose windows lie in one file, in which there may be more: the memory of another
+    /// machine, or a part of it.
+    ///
+    /// The directory `path`, created if there is none, has what processes need besides: what is
+    /// locked, the bells, and a file `memory` that says where the windows are. From then on
+    /// [`at`](Self::at) finds the system there, too, in this process and in any other. Call this
+    /// before: a system that has begun with files of its own stays so.
+    ///
+    /// The memory is as its maker left it, zeros at first. [`remove`](Self::remove) leaves it alone.
+    ///
+    /// # Errors
+    /// As for [`at`](Self::at); objects that overlap, lie at no word, or lie outside of the file; the
+    /// directory names another memory.
+    pub fn in_memory(
+        path: impl AsRef<Path>,
+        user_bytes: u32,
+        memory: &Memory,
+    ) -> Result<Self, SystemError> {
+        let path = path.as_ref().components().collect();
+        Self::in_directory(path, false, Some(Box::new(memory.clone())), user_bytes)
+    }
+
+    fn in_directory(
+        path: PathBuf,
+        own: bool,
+        memory: Option<Box<Memory>>,
+        user_bytes: u32,
+    ) -> Result<Self, SystemError> {
+        let system = Self::new(Place::Directory { path, own, memory }, user_bytes)?;
         system.objects()?;
         Ok(system)
     }
@@ -207,16 +244,19 @@ impl<const N: usize> System<N> {
     /// Somebody holds a number, the directory has files that are not the system's (nothing is
     /// removed then), or the operating system refuses.
     pub fn remove(self) -> Result<(), SystemError> {
-        let Objects::Directory(directory) = self.objects()? else {
+        let objects = self.objects()?;
+        let Objects::Directory { place, memory } = &objects else {
             return Ok(());
         };
         let mails: Vec<_> = (0..N).map(|number| file_name(number, "mail")).collect();
         let mut names = mails.clone();
         names.extend((0..N).map(|number| file_name(number, "data")));
         names.extend((0..N).map(|number| file_name(number, "bell")));
-        match directory.remove(&names, &mails, Self::MAIL_BYTES)? {
+        names.push(memory::NAME.into());
+        let lock_bytes = memory.as_ref().map_or(Self::MAIL_BYTES, |_| LOCK_BYTES);
+        match place.remove(&names, &mails, lock_bytes)? {
             None => Ok(()),
-            Some((number, mail)) => Err(claim::taken(Processor(number as u8), &mail)),
+            Some((number, mail)) => Err(objects.taken(Processor(number as u8), &mail)),
         }
     }
 
@@ -227,11 +267,11 @@ impl<const N: usize> System<N> {
         number: Processor,
     ) -> Result<Option<Claim<N>>, SystemError> {
         let own = number.index();
-        let Some(held) = objects.mail(own, Self::MAIL_BYTES, Access::ReadWrite)? else {
+        let Some(held) = objects.lock(own, Self::MAIL_BYTES, Access::ReadWrite)? else {
             return Ok(None);
         };
         if !lock::take(&held).map_err(SystemError::os("lock", objects.path(own, "mail")))? {
-            return Err(claim::taken(number, &held));
+            return Err(objects.taken(number, &held));
         }
         // From here on nobody removes the directory; but somebody may have done so before.
         if !objects.is_current()? {
@@ -249,18 +289,61 @@ impl<const N: usize> System<N> {
     fn objects(&self) -> Result<Objects<'_>, SystemError> {
         match &self.place {
             Place::Family(family) => Ok(Objects::Family(family)),
-            Place::Directory { path, own } => {
+            Place::Directory { path, own, memory } => {
                 for _ in 0..ATTEMPTS {
-                    if let Some(directory) = Directory::open(path)? {
-                        if *own {
-                            directory.expect_own()?;
-                        }
-                        return Ok(Objects::Directory(directory));
+                    let Some(place) = Directory::open(path)? else {
+                        continue;
+                    };
+                    if *own {
+                        place.expect_own()?;
                     }
+                    if let Some(wanted) = memory.as_deref() {
+                        wanted.check(self.needs()?)?;
+                        let text = wanted.to_text(N, self.user_bytes);
+                        if place.say(memory::NAME, &text)?.is_none() {
+                            continue;
+                        }
+                    }
+                    let memory = self.memory(&place, memory.as_deref())?;
+                    return Ok(Objects::Directory { place, memory });
                 }
                 Err(self.unsteady())
             }
         }
+    }
+
+    /// What the directory says of a memory, with the file opened.
+    fn memory(
+        &self,
+        place: &Directory,
+        wanted: Option<&Memory>,
+    ) -> Result<Option<Opened>, SystemError> {
+        let Some(text) = place.text(memory::NAME)? else {
+            return Ok(None);
+        };
+        let path = place.path_of(memory::NAME);
+        let found = Memory::from_text(&text, &path, N, self.user_bytes)?;
+        if let Some(wanted) = wanted
+            && *wanted != found
+        {
+            return Err(SystemError::BadMemory {
+                path,
+                reason: format!("it names {found:?}, expected {wanted:?}"),
+            });
+        }
+        let file = found.open(self.needs()?)?;
+        Ok(Some(Opened {
+            memory: found,
+            file,
+        }))
+    }
+
+    fn needs(&self) -> Result<Needs, SystemError> {
+        Ok(Needs {
+            processors: N,
+            mail_bytes: Self::MAIL_BYTES,
+            data_bytes: data_bytes(self.user_bytes)?,
+        })
     }
 
     fn unsteady(&self) -> SystemError {
@@ -273,71 +356,6 @@ impl<const N: usize> System<N> {
             times: ATTEMPTS,
         }
     }
-}
-
-/// Opens the objects of a system; `None` stands for a directory that was removed meanwhile.
-pub(super) enum Objects<'a> {
-    Directory(Directory),
-    Family(&'a Family),
-}
-
-impl Objects<'_> {
-    pub(super) fn mail(
-        &self,
-        number: usize,
-        bytes: u32,
-        access: Access,
-    ) -> Result<Option<OwnedFd>, SystemError> {
-        match self {
-            Self::Directory(place) => place.object(&file_name(number, "mail"), bytes, access),
-            Self::Family(family) => self.opened(number, "mail", family.mail(number, access)),
-        }
-    }
-
-    pub(super) fn data(&self, number: usize, bytes: u32) -> Result<Option<OwnedFd>, SystemError> {
-        match self {
-            Self::Directory(place) => {
-                place.object(&file_name(number, "data"), bytes, Access::ReadWrite)
-            }
-            Self::Family(family) => self.opened(number, "data", family.data(number)),
-        }
-    }
-
-    pub(super) fn bell(&self, number: usize) -> Result<Option<OwnedFd>, SystemError> {
-        match self {
-            Self::Directory(place) => place.fifo(&file_name(number, "bell")),
-            Self::Family(family) => self.opened(number, "bell", family.bell(number)),
-        }
-    }
-
-    pub(super) fn path(&self, number: usize, object: &str) -> PathBuf {
-        match self {
-            Self::Directory(place) => place.path_of(&file_name(number, object)),
-            Self::Family(_) => label(number, object),
-        }
-    }
-
-    fn is_current(&self) -> Result<bool, SystemError> {
-        match self {
-            Self::Directory(place) => place.is_current(),
-            Self::Family(_) => Ok(true),
-        }
-    }
-
-    fn opened(
-        &self,
-        number: usize,
-        object: &str,
-        result: rustix::io::Result<OwnedFd>,
-    ) -> Result<Option<OwnedFd>, SystemError> {
-        result
-            .map(Some)
-            .map_err(SystemError::os("open", self.path(number, object)))
-    }
-}
-
-fn file_name(number: usize, object: &str) -> String {
-    format!("{number}.{object}")
 }
 
 /// Size of `data` with the doorbell's line.

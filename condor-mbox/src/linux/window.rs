@@ -151,7 +151,7 @@ struct Mapping {
     guard: Option<Guarded>,
     pages: NonZeroUsize,
     len: usize,
-    /// A file that stays open as long as it is mapped, with the locks that belong to it.
+    /// A file that stays open as long as this is mapped, with the locks that belong to it.
     _file: Option<OwnedFd>,
 }
 
@@ -179,17 +179,14 @@ impl LinuxWindow {
         Self::map_pages(file.as_fd(), offset, len, access, None)
     }
 
-    /// As [`map`](Self::map); the file stays open as long as it is mapped.
+    /// As [`map`](Self::map); `kept` stays open as long as it is mapped.
     pub(super) fn map_and_keep(
-        file: OwnedFd,
+        file: impl AsFd,
         offset: u64,
         len: u32,
         access: Access,
+        kept: OwnedFd,
     ) -> Result<Self, MapError> {
-        let kept = file.try_clone().map_err(|source| MapError::System {
-            doing: "duplicate a descriptor",
-            source,
-        })?;
         Self::map_pages(file, offset, len, access, Some(kept))
     }
 

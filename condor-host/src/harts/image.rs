@@ -1,0 +1,478 @@
+//! [`Image`]: a program as it is to lie in the memory of a machine.
+
+use object::LittleEndian;
+use object::elf::{self, Dyn64, FileHeader64};
+use object::read::elf::{Dyn as _, FileHeader as _, ProgramHeader as _};
+
+use condor_mbox::{AccessError, MemoryWindow, Region};
+
+use super::map::{Map, PAGE};
+
+/// The address at which the harts see the beginning of the memory.
+pub const RAM: u64 = 0x8000_0000;
+
+/// Bytes of an entry of a table of relocations.
+const RELA_BYTES: u64 = 24;
+
+/// A program of a hart, relocated to the hart's range.
+///
+/// It was an ELF file for RV64: one that lies anywhere (static-pie, whose relocations are all
+/// `R_RISCV_RELATIVE`; RISC-V ELF psABI, "Dynamic Linking"), or one that was linked for that range.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    bytes: Vec<u8>,
+    /// Where it begins, in bytes from the beginning of the memory.
+    offset: u32,
+    entry: u32,
+    /// What is added to an address of the file.
+    bias: u64,
+}
+
+/// Why a file cannot be the program of a hart.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// The machine has no such hart.
+    #[error("there is no hart {hart}: the machine has {harts}")]
+    Hart {
+        /// Which.
+        hart: u32,
+        /// How many there are.
+        harts: u32,
+    },
+    /// No ELF file.
+    #[error("it is no ELF file: it begins with {found:02x?}")]
+    NotElf {
+        /// Its first bytes.
+        found: Vec<u8>,
+    },
+    /// For other processors.
+    #[error("{what} is {found}, expected {expected}: build it for riscv64")]
+    OtherProcessor {
+        /// A field of the file's head.
+        what: &'static str,
+        /// What it says.
+        found: u16,
+        /// What it says for a hart.
+        expected: u16,
+    },
+    /// An object file, or a core.
+    #[error("its type is {found}, expected 2 (executable) or 3 (static-pie)")]
+    Type {
+        /// `e_type`.
+        found: u16,
+    },
+    /// It breaks off, or its tables lead nowhere.
+    #[error("it is damaged: {what}")]
+    Damaged {
+        /// What is wrong.
+        what: String,
+    },
+    /// It needs a dynamic linker, or libraries.
+    #[error("it is dynamically linked; link it as static-pie, or as static")]
+    Dynamic,
+    /// Nothing in it is to be loaded.
+    #[error("it has no segment to load")]
+    Empty,
+    /// The file ends before the segment does.
+    #[error(
+        "its segment at {address:#x} has {bytes:#x} bytes from {offset:#x} on, but the file {found:#x}"
+    )]
+    Truncated {
+        /// Where the segment lies in memory, as linked.
+        address: u64,
+        /// Where it begins in the file.
+        offset: u64,
+        /// How many of its bytes are in the file.
+        bytes: u64,
+        /// The size of the file, in bytes.
+        found: u64,
+    },
+    /// A segment that is longer in the file than in memory, or that reaches beyond all addresses.
+    #[error(
+        "its segment at {address:#x} has {bytes:#x} bytes in the file and {memory_bytes:#x} in memory"
+    )]
+    Segment {
+        /// Where the segment lies in memory, as linked.
+        address: u64,
+        /// Its bytes in the file.
+        bytes: u64,
+        /// Its bytes in memory.
+        memory_bytes: u64,
+    },
+    /// Two segments at the same place.
+    #[error("its segment at {address:#x} begins before the one before ends, at {end:#x}")]
+    Overlap {
+        /// Where the segment begins.
+        address: u64,
+        /// Where the one before ends.
+        end: u64,
+    },
+    /// A static program that was linked for another place.
+    #[error(
+        "its segment from {address:#x} to {end:#x} lies outside of the hart's range from {range:#x} to \
+         {range_end:#x}; link it as static-pie"
+    )]
+    Outside {
+        /// Where the segment begins.
+        address: u64,
+        /// Where it ends.
+        end: u64,
+        /// Where the range begins.
+        range: u64,
+        /// Where it ends.
+        range_end: u64,
+    },
+    /// More than the hart has room for.
+    #[error("it needs {needed:#x} bytes, and a hart has {most:#x} for its program")]
+    TooLarge {
+        /// What it needs, in bytes.
+        needed: u64,
+        /// What there is, in bytes.
+        most: u64,
+    },
+    /// It must lie at a rounder address than the hart's range.
+    #[error("its segment at {address:#x} is aligned to {align:#x}, and would lie at {at:#x}")]
+    Alignment {
+        /// Where the segment begins, as linked.
+        address: u64,
+        /// What it wants.
+        align: u64,
+        /// Where it would lie.
+        at: u64,
+    },
+    /// It would begin where there is no code.
+    #[error("its entry {entry:#x} lies in no segment of code")]
+    Entry {
+        /// `e_entry`.
+        entry: u64,
+    },
+    /// A relocation for which a dynamic linker would be needed.
+    #[error(
+        "a relocation of type {kind} at {at:#x}: only those of type 3 (R_RISCV_RELATIVE) are done"
+    )]
+    Relocation {
+        /// Its type.
+        kind: u32,
+        /// Its place, as linked.
+        at: u64,
+    },
+    /// A relocation of what does not belong to the program.
+    #[error("a relocation of {at:#x}, which is no word of the program")]
+    RelocationPlace {
+        /// Its place, as linked.
+        at: u64,
+    },
+    /// A table of relocations that is none, or of a form that is not used for RISC-V.
+    #[error(
+        "its table of relocations by tag {tag}, of {bytes:#x} bytes at {address:#x}, cannot be read"
+    )]
+    Table {
+        /// The tag of the dynamic section.
+        tag: i64,
+        /// Where the table lies, as linked.
+        address: u64,
+        /// How long it is.
+        bytes: u64,
+    },
+}
+
+/// A segment to load.
+struct Segment<'f> {
+    address: u64,
+    end: u64,
+    content: &'f [u8],
+    align: u64,
+    is_code: bool,
+}
+
+impl Image {
+    /// The program in `file`, for hart `hart` of a machine.
+    ///
+    /// # Errors
+    /// [`ImageError`].
+    pub fn new(file: &[u8], map: &Map, hart: u32) -> Result<Self, ImageError> {
+        let harts = map.harts();
+        if hart >= harts {
+            return Err(ImageError::Hart { hart, harts });
+        }
+        let header = header(file)?;
+        let segments = header
+            .program_headers(LittleEndian, file)
+            .map_err(damaged)?;
+        let mut dynamic: &[Dyn64<LittleEndian>] = &[];
+        for segment in segments {
+            if segment.p_type(LittleEndian) == elf::PT_INTERP {
+                return Err(ImageError::Dynamic);
+            }
+            if let Some(found) = segment.dynamic(LittleEndian, file).map_err(damaged)? {
+                dynamic = found;
+            }
+        }
+        let mut loaded = Vec::new();
+        for segment in segments {
+            if segment.p_type(LittleEndian) == elf::PT_LOAD {
+                loaded.extend(load(segment, file)?);
+            }
+        }
+        loaded.sort_by_key(|segment| segment.address);
+        let (Some(first), Some(last)) = (loaded.first(), loaded.last()) else {
+            return Err(ImageError::Empty);
+        };
+        for (one, next) in loaded.iter().zip(loaded.iter().skip(1)) {
+            if next.address < one.end {
+                let (address, end) = (next.address, one.end);
+                return Err(ImageError::Overlap { address, end });
+            }
+        }
+        let low = first.address / u64::from(PAGE) * u64::from(PAGE);
+        let needed = last.end - low;
+        let most = u64::from(map.program_bytes());
+        let range = RAM + u64::from(map.programs.at(hart));
+        let bias = if header.e_type(LittleEndian) == elf::ET_DYN {
+            range.wrapping_sub(low)
+        } else {
+            outside(&loaded, range, range + most)?;
+            0
+        };
+        // From here on all that is loaded is inside of the range.
+        if needed > most {
+            return Err(ImageError::TooLarge { needed, most });
+        }
+        let mut image = Self {
+            bytes: vec![0; usize::try_from(needed.next_multiple_of(4)).unwrap_or(0)],
+            offset: offset(low.wrapping_add(bias)),
+            entry: 0,
+            bias,
+        };
+        for segment in &loaded {
+            let at = segment.address.wrapping_add(bias);
+            if segment.align > 1 && !bias.is_multiple_of(segment.align) {
+                let (address, align) = (segment.address, segment.align);
+                return Err(ImageError::Alignment { address, align, at });
+            }
+            let place = image.range(low, segment.address, segment.content.len() as u64);
+            if let Some(place) = place.and_then(|place| image.bytes.get_mut(place)) {
+                place.copy_from_slice(segment.content);
+            }
+        }
+        image.relocate(low, dynamic)?;
+        let entry = header.e_entry.get(LittleEndian);
+        let is_in = |segment: &&Segment<'_>| (segment.address..segment.end).contains(&entry);
+        let code = loaded.iter().find(is_in).filter(|segment| segment.is_code);
+        if code.is_none() || !entry.is_multiple_of(2) {
+            return Err(ImageError::Entry { entry });
+        }
+        image.entry = offset(entry.wrapping_add(bias));
+        Ok(image)
+    }
+
+    /// Copies it into the memory. The hart must not run then.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn load<W: MemoryWindow>(&self, memory: &Region<W>) -> Result<(), AccessError> {
+        memory.write(self.offset, &self.bytes)
+    }
+
+    /// Where it begins to run, in bytes from the beginning of the memory.
+    #[must_use]
+    pub const fn entry(&self) -> u32 {
+        self.entry
+    }
+
+    /// Where it lies, in bytes from the beginning of the memory.
+    #[must_use]
+    pub const fn offset(&self) -> u32 {
+        self.offset
+    }
+
+    /// How long it is in memory, in bytes.
+    #[must_use]
+    pub fn len(&self) -> u32 {
+        // It fits the range of a hart.
+        self.bytes.len() as u32
+    }
+
+    /// Whether nothing lies in memory, which no program is.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
+    /// The address in the file, as a debugger has it, of what harts see at `address`; `None` outside of
+    /// the program.
+    #[must_use]
+    pub fn linked(&self, address: u64) -> Option<u64> {
+        let begin = RAM + u64::from(self.offset);
+        let end = begin + u64::from(self.len());
+        let is_inside = (begin..end).contains(&address);
+        is_inside.then(|| address.wrapping_sub(self.bias))
+    }
+
+    /// Where bytes that are linked to `address` lie in the image.
+    fn range(&self, low: u64, address: u64, len: u64) -> Option<core::ops::Range<usize>> {
+        let begin = address.checked_sub(low)?;
+        let end = begin.checked_add(len)?;
+        let range = usize::try_from(begin).ok()?..usize::try_from(end).ok()?;
+        (range.end <= self.bytes.len()).then_some(range)
+    }
+
+    fn relocate(&mut self, low: u64, dynamic: &[Dyn64<LittleEndian>]) -> Result<(), ImageError> {
+        let value = |tag: elf::DynamicTag| {
+            let mut entries = dynamic
+                .iter()
+                .take_while(|entry| entry.tag(LittleEndian) != elf::DT_NULL);
+            let entry = entries.find(|entry| entry.tag(LittleEndian) == tag);
+            entry.map(|entry| entry.val(LittleEndian))
+        };
+        if value(elf::DT_NEEDED).is_some() {
+            return Err(ImageError::Dynamic);
+        }
+        let known = [
+            (elf::DT_RELA, elf::DT_RELASZ, true),
+            (elf::DT_JMPREL, elf::DT_PLTRELSZ, true),
+            (elf::DT_REL, elf::DT_RELSZ, false),
+            (elf::DT_RELR, elf::DT_RELRSZ, false),
+        ];
+        for (tag, size, is_read) in known {
+            let Some(address) = value(tag) else {
+                continue;
+            };
+            let bytes = value(size).unwrap_or(0);
+            if bytes == 0 {
+                continue;
+            }
+            let table = self
+                .range(low, address, bytes)
+                .filter(|_| is_read && bytes.is_multiple_of(RELA_BYTES))
+                .and_then(|range| self.bytes.get(range));
+            let Some(table) = table else {
+                let tag = tag.0;
+                return Err(ImageError::Table {
+                    tag,
+                    address,
+                    bytes,
+                });
+            };
+            for entry in table.to_vec().as_chunks::<{ RELA_BYTES as usize }>().0 {
+                self.relocate_one(low, entry)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn relocate_one(
+        &mut self,
+        low: u64,
+        entry: &[u8; RELA_BYTES as usize],
+    ) -> Result<(), ImageError> {
+        let [at, info, addend] = core::array::from_fn(|field| {
+            let bytes = entry.as_chunks::<8>().0.get(field);
+            bytes.map_or(0, |bytes| u64::from_le_bytes(*bytes))
+        });
+        match elf::RelocationType(info as u32) {
+            elf::R_RISCV_NONE => return Ok(()),
+            elf::R_RISCV_RELATIVE => {}
+            other => return Err(ImageError::Relocation { kind: other.0, at }),
+        }
+        let place = self.range(low, at, 8);
+        let Some(place) = place.and_then(|place| self.bytes.get_mut(place)) else {
+            return Err(ImageError::RelocationPlace { at });
+        };
+        place.copy_from_slice(&self.bias.wrapping_add(addend).to_le_bytes());
+        Ok(())
+    }
+}
+
+/// The head of the file, if it is for a hart.
+fn header(file: &[u8]) -> Result<&FileHeader64<LittleEndian>, ImageError> {
+    let Some(rest) = file.strip_prefix(&elf::ELFMAG) else {
+        let found = file.iter().copied().take(4).collect();
+        return Err(ImageError::NotElf { found });
+    };
+    let expect = |what, found: u16, expected: u16| {
+        if found == expected {
+            return Ok(());
+        }
+        Err(ImageError::OtherProcessor {
+            what,
+            found,
+            expected,
+        })
+    };
+    if let &[class, data, ..] = rest {
+        expect("its class", class.into(), elf::ELFCLASS64.0.into())?;
+        expect("its order of bytes", data.into(), elf::ELFDATA2LSB.0.into())?;
+    }
+    let header = FileHeader64::<LittleEndian>::parse(file).map_err(damaged)?;
+    let machine = header.e_machine(LittleEndian).0;
+    expect("its machine", machine, elf::EM_RISCV.0)?;
+    match header.e_type(LittleEndian) {
+        elf::ET_EXEC | elf::ET_DYN => Ok(header),
+        other => Err(ImageError::Type { found: other.0 }),
+    }
+}
+
+/// A segment, if it takes memory.
+fn load<'f>(
+    segment: &elf::ProgramHeader64<LittleEndian>,
+    file: &'f [u8],
+) -> Result<Option<Segment<'f>>, ImageError> {
+    let address = segment.p_vaddr(LittleEndian);
+    let (bytes, memory_bytes) = (
+        segment.p_filesz(LittleEndian),
+        segment.p_memsz(LittleEndian),
+    );
+    let end = address.checked_add(memory_bytes);
+    let Some(end) = end.filter(|_| bytes <= memory_bytes) else {
+        return Err(ImageError::Segment {
+            address,
+            bytes,
+            memory_bytes,
+        });
+    };
+    if memory_bytes == 0 {
+        return Ok(None);
+    }
+    let content = segment
+        .data(LittleEndian, file)
+        .map_err(|()| ImageError::Truncated {
+            address,
+            offset: segment.p_offset(LittleEndian),
+            bytes,
+            found: file.len() as u64,
+        })?;
+    Ok(Some(Segment {
+        address,
+        end,
+        content,
+        align: segment.p_align(LittleEndian),
+        is_code: segment.p_flags(LittleEndian).0 & elf::PF_X.0 != 0,
+    }))
+}
+
+/// Refuses what does not lie in the range of the hart as it was linked.
+fn outside(segments: &[Segment<'_>], range: u64, range_end: u64) -> Result<(), ImageError> {
+    for segment in segments {
+        if segment.address < range || segment.end > range_end {
+            return Err(ImageError::Outside {
+                address: segment.address,
+                end: segment.end,
+                range,
+                range_end,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// From an address inside of the memory.
+const fn offset(address: u64) -> u32 {
+    address.wrapping_sub(RAM) as u32
+}
+
+fn damaged(error: object::read::Error) -> ImageError {
+    let what = error.to_string();
+    ImageError::Damaged { what }
+}

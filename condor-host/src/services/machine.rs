@@ -1,0 +1,270 @@
+//! A machine of harts: QEMU, the numbers of the harts, and the link on which both sides ring.
+//!
+//! While the service lives, so does the machine, and the numbers of its harts are held: peers see in
+//! that evidence that a hart is alive. It joins when all harts have come up, with the number
+//! [`MACHINE`].
+//!
+//! The link is the serial line of the machine. Each byte on it is the number of a processor that is
+//! rung: from here that of a hart, from there that of a process. Nothing else is sent.
+
+mod bridge;
+
+pub use bridge::Bridge;
+
+use std::os::fd::AsFd;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, SystemError};
+use condor_mbox::{Mailbox, Processor, SingleContext};
+use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::io::Errno;
+
+use super::ServiceError;
+use crate::description::Machine;
+use crate::harts::{MachineMemory, State};
+use crate::linux::Environment;
+use crate::numbers::{MACHINE, PROCESSORS};
+use crate::supervisor::{Image, Launch, Process, RunState, Signals, Stop};
+use crate::system::{Directory, Windows};
+
+/// The time between two beats of the own heart.
+const BEAT: Duration = Duration::from_millis(500);
+/// The time between two looks at harts that have not come up.
+const LOOK: Duration = Duration::from_millis(10);
+/// After this, harts that have not come up are named.
+const COMING_UP: Duration = Duration::from_secs(4);
+/// How long QEMU may take to end.
+const END: Duration = Duration::from_secs(1);
+/// How long a number may be held by a former life of this service, or by a visitor.
+const SUCCESSION: Duration = Duration::from_secs(5);
+
+/// How QEMU is started.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Qemu {
+    /// The program, `qemu-system-riscv64`.
+    pub command: PathBuf,
+    /// The ELF file in which all harts come up.
+    pub monitor: PathBuf,
+    /// What it is given besides.
+    pub options: Vec<String>,
+}
+
+impl Qemu {
+    /// All that QEMU is given, for a machine with this memory whose serial line is the socket `link`,
+    /// at which somebody listens.
+    #[must_use]
+    pub fn arguments(&self, memory: &MachineMemory, link: &Path) -> Vec<String> {
+        // A comma ends a value there, unless it is doubled.
+        let quoted = |path: &Path| path.to_string_lossy().replace(',', ",,");
+        let bytes = memory.map().memory_bytes;
+        let mut arguments: Vec<String> = [
+            "-machine",
+            "virt,memory-backend=ram",
+            "-bios",
+            "none",
+            "-display",
+            "none",
+            "-monitor",
+            "none",
+            "-serial",
+            "chardev:link",
+            "-chardev",
+        ]
+        .map(Into::into)
+        .into();
+        arguments.push(format!("socket,id=link,path={},server=off", quoted(link)));
+        arguments.push("-object".into());
+        arguments.push(format!(
+            "memory-backend-file,id=ram,size={bytes},mem-path={},share=on",
+            quoted(memory.path())
+        ));
+        arguments.extend(["-m".into(), format!("size={}M", bytes >> 20)]);
+        arguments.extend(["-smp".into(), memory.map().harts().to_string()]);
+        arguments.push("-kernel".into());
+        arguments.push(self.monitor.to_string_lossy().into_owned());
+        arguments.extend_from_slice(&self.options);
+        arguments
+    }
+}
+
+/// Serves the machine whose memory is the file `memory` until SIGTERM, or until QEMU ends. The socket
+/// `link` is made.
+///
+/// # Errors
+/// [`ServiceError`]; [`ServiceError::MachineEnded`] if QEMU ends.
+pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError> {
+    let mut signals = Signals::new().map_err(ServiceError::Events)?;
+    let environment = Environment::read()?;
+    let memory = MachineMemory::open(memory)?;
+    let system = Windows::at(&environment.system, environment.window_bytes)?;
+    let (windows, doorbell) = succeed(&system, MACHINE)?.into_parts();
+    let mut mailbox = Mailbox::new(MACHINE, windows, doorbell.clone(), SingleContext::new())?;
+    let doorbells = hold(&system, &memory)?;
+    memory.reset()?;
+
+    match std::fs::remove_file(link) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            return Err(ServiceError::at("remove", link)(error));
+        }
+        _ => {}
+    }
+    let listener = UnixListener::bind(link).map_err(ServiceError::at("listen at", link))?;
+    listener
+        .set_nonblocking(true)
+        .map_err(ServiceError::at("listen at", link))?;
+    let mut machine = Process::new();
+    let arguments = qemu.arguments(&memory, link);
+    let image = Image::new(qemu.command.clone(), arguments, environment);
+    machine.load(&image)?;
+    machine.start()?;
+
+    let begun = Instant::now();
+    let bell = doorbell.pollable();
+    // It ends with the machine.
+    let mut bridge = None;
+    let (mut is_up, mut is_late) = (false, false);
+    loop {
+        machine.output(&mut |line| eprintln!("{line}"));
+        if let RunState::Ended(exit) = machine.state() {
+            machine.output(&mut |line| eprintln!("{line}"));
+            return Err(ServiceError::MachineEnded { exit });
+        }
+        if signals.taken() > 0 {
+            return end(&mut machine, mailbox);
+        }
+        if bridge.is_none()
+            && let Some(stream) = accepted(&listener, link)?
+        {
+            let started = Bridge::start(stream, doorbells.clone());
+            bridge = Some(started.map_err(ServiceError::Events)?);
+        }
+        bell.drain();
+        if is_up {
+            mailbox.service(Duration::ZERO)?;
+        } else {
+            let missing = not_up(&memory)?;
+            if missing.is_empty() {
+                mailbox.join()?;
+                mailbox.ring_always(true)?;
+                is_up = true;
+            } else if !is_late && begun.elapsed() >= COMING_UP {
+                is_late = true;
+                eprintln!(
+                    "harts have not come up: {missing:?}; is {} a monitor?",
+                    qemu.monitor.display()
+                );
+            }
+        }
+        wait(&machine, &signals, &bell, if is_up { BEAT } else { LOOK })?;
+    }
+}
+
+/// Waits until something happens.
+fn wait(
+    machine: &Process,
+    signals: &Signals,
+    bell: &impl AsFd,
+    most: Duration,
+) -> Result<(), ServiceError> {
+    let limit = Timespec::try_from(most).unwrap_or_default();
+    let mut polled = vec![
+        PollFd::new(bell, PollFlags::IN),
+        PollFd::from_borrowed_fd(signals.descriptor(), PollFlags::IN),
+    ];
+    for descriptor in machine.ended().into_iter().chain(machine.has_output()) {
+        polled.push(PollFd::from_borrowed_fd(descriptor, PollFlags::IN));
+    }
+    match rustix::event::poll(&mut polled, Some(&limit)) {
+        Ok(_) | Err(Errno::INTR) => Ok(()),
+        Err(error) => Err(ServiceError::Events(error.into())),
+    }
+}
+
+type Post = Mailbox<'static, LinuxWindow, LinuxDoorbell<PROCESSORS>, SingleContext, PROCESSORS>;
+
+/// Switches the machine off.
+fn end(machine: &mut Process, mut mailbox: Post) -> Result<(), ServiceError> {
+    machine.stop(Stop::Ask)?;
+    let begun = Instant::now();
+    while machine.state() == RunState::Runs && begun.elapsed() < END {
+        std::thread::sleep(LOOK);
+    }
+    // What has not ended is killed as it is dropped.
+    Ok(mailbox.leave()?)
+}
+
+/// Takes the numbers of all harts, whose former lives ended when the machine was switched off.
+fn hold(
+    system: &Windows,
+    memory: &MachineMemory,
+) -> Result<Vec<(Processor, LinuxDoorbell<PROCESSORS>)>, ServiceError> {
+    let mut doorbells = Vec::new();
+    for &number in &memory.map().numbers {
+        let number = Processor(number);
+        let (windows, doorbell) = succeed(system, number)?.into_parts();
+        if let Some(own) = windows.get(number.index()) {
+            // Where nothing has ever joined there is nothing to say.
+            let _ = Post::declare_stopped(number, own);
+        }
+        doorbells.push((number, doorbell));
+    }
+    Ok(doorbells)
+}
+
+/// Claims a number that somebody may still hold who is about to end.
+fn succeed(system: &Windows, number: Processor) -> Result<Claim<PROCESSORS>, SystemError> {
+    let begun = Instant::now();
+    loop {
+        match system.claim(number) {
+            Err(SystemError::NumberTaken { .. }) if begun.elapsed() < SUCCESSION => {
+                std::thread::sleep(LOOK);
+            }
+            other => return other,
+        }
+    }
+}
+
+/// The machine's end of the link, once it has connected.
+fn accepted(listener: &UnixListener, link: &Path) -> Result<Option<UnixStream>, ServiceError> {
+    match listener.accept() {
+        Ok((stream, _)) => {
+            // Not inherited from the listener on Linux, and not relied on.
+            stream
+                .set_nonblocking(false)
+                .map_err(ServiceError::at("take a connection at", link))?;
+            Ok(Some(stream))
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => Ok(None),
+        Err(error) => Err(ServiceError::at("take a connection at", link)(error)),
+    }
+}
+
+/// The harts that are not in their monitor yet.
+fn not_up(memory: &MachineMemory) -> Result<Vec<u32>, ServiceError> {
+    let mut missing = Vec::new();
+    for hart in 0..memory.map().harts() {
+        let state = memory.control(hart)?.state().map_err(memory.at())?;
+        if state == State::Off {
+            missing.push(hart);
+        }
+    }
+    Ok(missing)
+}
+
+/// The arguments with which the program starts it.
+pub(crate) fn arguments(machine: &Machine, directory: &Directory) -> Vec<String> {
+    let mut arguments: Vec<String> = ["service", "machine"].map(Into::into).into();
+    for (option, path) in [
+        ("--memory", directory.memory()),
+        ("--link", directory.link()),
+        ("--qemu", machine.qemu.clone()),
+        ("--monitor", machine.monitor.clone()),
+    ] {
+        arguments.extend([option.into(), path.to_string_lossy().into_owned()]);
+    }
+    arguments.push("--".into());
+    arguments.extend_from_slice(&machine.options);
+    arguments
+}

@@ -1,0 +1,334 @@
+//! [`Hart`]: a processor of another machine, whose memory this one sees.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
+use condor_mbox::{Doorbell as _, Processor};
+
+use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
+use super::process::Process;
+use crate::harts::{self, ARGUMENT_BYTES, Control, Fault, MachineMemory, Map, Order, State};
+use crate::numbers::PROCESSORS;
+
+/// How long a hart may take to come back to its monitor.
+const BACK: Duration = Duration::from_secs(3);
+
+/// Whether a machine is on, for its harts: who switches it says so here. Clones are the same.
+#[derive(Clone, Debug, Default)]
+pub struct Power(Arc<AtomicU32>);
+
+impl Power {
+    /// That of a machine that is off.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// It is on from now on, or off; what ran before does not run any more.
+    pub fn switch(&self, on: bool) {
+        let count = self.count();
+        let next = count.wrapping_add(if Self::is_on(count) == on { 2 } else { 1 });
+        self.0.store(next, Ordering::Relaxed);
+    }
+
+    /// Odd while it is on; another one each time it was switched.
+    fn count(&self) -> u32 {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    const fn is_on(count: u32) -> bool {
+        count % 2 == 1
+    }
+}
+
+/// A hart of a machine: a program is copied into its range, and its [`Control`] says what becomes of it.
+#[derive(Debug)]
+pub struct Hart {
+    number: Processor,
+    place: u32,
+    memory: MachineMemory,
+    control: Control<LinuxWindow>,
+    doorbell: LinuxDoorbell<PROCESSORS>,
+    power: Power,
+    program: Option<Program>,
+    running: Option<Running>,
+    ended: Option<Exit>,
+    /// What is to be said of a fault, beside how the program ended.
+    report: Option<String>,
+}
+
+#[derive(Debug)]
+struct Program {
+    file: PathBuf,
+    image: harts::Image,
+    arguments: Vec<u8>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Running {
+    start: u32,
+    power: u32,
+    abandoned: Option<Instant>,
+}
+
+impl Hart {
+    /// A hart without a program; it is rung by `doorbell`, which is any processor's, and runs as long
+    /// as the machine has `power`.
+    ///
+    /// # Errors
+    /// The machine has no such hart.
+    pub fn new(
+        memory: MachineMemory,
+        hart: u32,
+        doorbell: LinuxDoorbell<PROCESSORS>,
+        power: Power,
+    ) -> Result<Self, LaunchError> {
+        let map = memory.map();
+        let number = usize::try_from(hart)
+            .ok()
+            .and_then(|hart| map.numbers.get(hart).copied());
+        let number = number.ok_or(harts::ImageError::Hart {
+            hart,
+            harts: map.harts(),
+        });
+        Ok(Self {
+            number: Processor(number.map_err(harts::MemoryError::from)?),
+            place: hart,
+            control: memory.control(hart)?,
+            memory,
+            doorbell,
+            power,
+            program: None,
+            running: None,
+            ended: None,
+            report: None,
+        })
+    }
+
+    fn reach(&self, stop: Stop, running: Running) -> Result<(), LaunchError> {
+        let said = match stop {
+            Stop::Ask => self.control.ask_to_end(running.start),
+            Stop::Force => self.control.abandon(running.start),
+        };
+        said.map_err(self.memory.at())?;
+        self.doorbell.ring(self.number);
+        Ok(())
+    }
+
+    /// How the program ended, if it has.
+    fn exit(&mut self, running: Running) -> Option<Exit> {
+        if self.power.count() != running.power {
+            return Some(Exit::MachineEnded);
+        }
+        // The memory is gone: nobody can say what the hart does.
+        let Ok(state) = self.control.state() else {
+            return Some(Exit::Unknown);
+        };
+        match state {
+            State::Ended { start, status } if start == running.start => {
+                Some(Exit::Status(status.cast_signed()))
+            }
+            State::Abandoned { start } if start == running.start => Some(Exit::Abandoned),
+            State::Faulted { start } if start == running.start => {
+                let fault = self.control.fault().unwrap_or_default();
+                self.report = Some(self.told(&fault));
+                Some(Exit::Fault {
+                    cause: fault.cause,
+                    pc: fault.pc,
+                    value: fault.value,
+                })
+            }
+            _ => {
+                let since = running.abandoned?;
+                (since.elapsed() >= BACK).then_some(Exit::Unreachable)
+            }
+        }
+    }
+
+    fn told(&self, fault: &Fault) -> String {
+        let [ra, sp, ..] = fault.registers;
+        let linked = |address| {
+            let program = self.program.as_ref()?;
+            let linked = program.image.linked(address)?;
+            let file = program.file.file_name().unwrap_or_default();
+            Some(format!(" ({linked:#x} in {})", file.display()))
+        };
+        let (at, from) = (linked(fault.pc), linked(ra));
+        format!(
+            "{} (cause {:#x}) at {:#x}{}, value {:#x}; ra {ra:#x}{}, sp {sp:#x}, mstatus {:#x}",
+            fault.name(),
+            fault.cause,
+            fault.pc,
+            at.unwrap_or_default(),
+            fault.value,
+            from.unwrap_or_default(),
+            fault.status,
+        )
+    }
+}
+
+/// The program in `file` for a hart, without putting it anywhere.
+pub(super) fn read(file: &Path, map: &Map, hart: u32) -> Result<harts::Image, LaunchError> {
+    let bytes = std::fs::read(file).map_err(|source| LaunchError::Os {
+        doing: "read",
+        file: file.into(),
+        source,
+    })?;
+    harts::Image::new(&bytes, map, hart).map_err(|source| LaunchError::Image {
+        hart,
+        file: file.into(),
+        source,
+    })
+}
+
+/// Arguments as a hart is given them.
+pub(super) fn flat(arguments: &[String]) -> Result<Vec<u8>, LaunchError> {
+    let mut flat = Vec::new();
+    for argument in arguments {
+        flat.extend(argument.as_bytes());
+        flat.push(0);
+    }
+    let found = flat.len();
+    if found > ARGUMENT_BYTES {
+        return Err(LaunchError::Arguments { found });
+    }
+    Ok(flat)
+}
+
+impl Launch for Hart {
+    fn load(&mut self, image: &Image) -> Result<(), LaunchError> {
+        if self.running.is_some() {
+            return Err(LaunchError::Runs);
+        }
+        self.program = Some(Program {
+            file: image.file.clone(),
+            image: read(&image.file, self.memory.map(), self.place)?,
+            arguments: flat(&image.arguments)?,
+        });
+        Ok(())
+    }
+
+    /// The program is copied anew each time: it changes its data as it runs.
+    fn start(&mut self) -> Result<(), LaunchError> {
+        let program = self.program.as_ref().ok_or(LaunchError::NotLoaded)?;
+        let power = self.power.count();
+        match self.control.state().map_err(self.memory.at())? {
+            State::Runs { .. } => return Err(LaunchError::Runs),
+            State::Off => return Err(LaunchError::Off { hart: self.place }),
+            _ if !Power::is_on(power) => return Err(LaunchError::Off { hart: self.place }),
+            _ => {}
+        }
+        let region = self.memory.region();
+        program.image.load(region).map_err(self.memory.at())?;
+        let order = Order {
+            entry: program.image.entry(),
+            arguments: &program.arguments,
+        };
+        let start = self.control.order(order).map_err(self.memory.at())?;
+        self.doorbell.ring(self.number);
+        self.ended = None;
+        self.running = Some(Running {
+            start,
+            power,
+            abandoned: None,
+        });
+        Ok(())
+    }
+
+    fn stop(&mut self, how: Stop) -> Result<(), LaunchError> {
+        let Some(running) = self.running else {
+            return Ok(());
+        };
+        self.reach(how, running)?;
+        if let Some(running) = &mut self.running
+            && how == Stop::Force
+        {
+            running.abandoned.get_or_insert_with(Instant::now);
+        }
+        Ok(())
+    }
+
+    fn is_ready(&self) -> bool {
+        let is_up = self.control.state().is_ok_and(|state| state != State::Off);
+        is_up && Power::is_on(self.power.count())
+    }
+
+    fn state(&mut self) -> RunState {
+        if let Some(running) = self.running {
+            let Some(exit) = self.exit(running) else {
+                return RunState::Runs;
+            };
+            self.running = None;
+            self.ended = Some(exit);
+        }
+        self.ended.map_or(RunState::Idle, RunState::Ended)
+    }
+
+    fn output(&mut self, line: &mut dyn FnMut(&str)) {
+        if let Some(report) = self.report.take() {
+            line(&report);
+        }
+    }
+}
+
+/// The process that is a machine, or dies with it.
+pub(super) struct Machine {
+    process: Process,
+    memory: MachineMemory,
+    power: Power,
+}
+
+impl Machine {
+    pub(super) fn new(memory: MachineMemory, power: Power) -> Self {
+        Self {
+            process: Process::new(),
+            memory,
+            power,
+        }
+    }
+}
+
+impl Launch for Machine {
+    fn load(&mut self, image: &Image) -> Result<(), LaunchError> {
+        self.process.load(image)
+    }
+
+    fn start(&mut self) -> Result<(), LaunchError> {
+        // What the harts said before they were switched off is not so any more.
+        self.memory.reset()?;
+        self.process.start()?;
+        self.power.switch(true);
+        Ok(())
+    }
+
+    fn stop(&mut self, how: Stop) -> Result<(), LaunchError> {
+        self.process.stop(how)
+    }
+
+    fn state(&mut self) -> RunState {
+        let state = self.process.state();
+        if state != RunState::Runs && Power::is_on(self.power.count()) {
+            self.power.switch(false);
+        }
+        state
+    }
+
+    fn ended(&self) -> Option<std::os::fd::BorrowedFd<'_>> {
+        self.process.ended()
+    }
+
+    fn output(&mut self, line: &mut dyn FnMut(&str)) {
+        self.process.output(line);
+    }
+
+    fn has_output(&self) -> Option<std::os::fd::BorrowedFd<'_>> {
+        self.process.has_output()
+    }
+
+    fn process(&self) -> Option<u32> {
+        self.process.process()
+    }
+}
