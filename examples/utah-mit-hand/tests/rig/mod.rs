@@ -1,5 +1,6 @@
 //! The system of the hand in virtual time, with a master that a test scripts.
 
+use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
 
@@ -13,6 +14,7 @@ use condor_host::{Machine, PROCESSORS, Program, directory, loops, numbers};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Mailbox, Processor, Region, Waiting, Windows};
 use condor_tty::Reader;
+use tempfile::TempDir;
 use utah_mit_hand::grasp::{Order, Report};
 use utah_mit_hand::plant::{self, Plant, Truth};
 use utah_mit_hand::servo::{Servo, Tracking};
@@ -33,9 +35,9 @@ fn whole(number: f64) -> u64 {
 
 pub(crate) type Posture = [[f64; JOINTS]; FINGERS];
 
-const WINDOW_BYTES: u32 = 262_144;
+pub(crate) const WINDOW_BYTES: u32 = 262_144;
 const TICK_NS: u64 = 20_000_000;
-const SOON: Duration = Duration::from_secs(2);
+pub(crate) const SOON: Duration = Duration::from_secs(2);
 const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
 
 pub(crate) fn hand() -> UtahMit {
@@ -59,7 +61,7 @@ type Post<'v> = Mailbox<'v, LinuxWindow, Bell, Uninterrupted, PROCESSORS>;
 
 /// The small master.
 pub(crate) struct Master<'m> {
-    machine: &'m Simulated<LinuxBus>,
+    pub(crate) machine: &'m Simulated<LinuxBus>,
     mailbox: &'m Post<'m>,
     pub(crate) hand: UtahMit,
     points: Vec<SetPoints<LinuxWindow, JOINTS>>,
@@ -74,20 +76,38 @@ pub(crate) fn run(
     ending: Option<(Processor, f64)>,
     script: impl FnOnce(&mut Master<'_>) + Send,
 ) -> Run {
+    let files = files();
+    run_on(files.path(), &[], seconds, ending, script)
+}
+
+/// A directory with the files that programs need.
+pub(crate) fn files() -> TempDir {
     let files = tempfile::tempdir().unwrap();
     let mut image = vec![0; 16384];
     let len = hand().to_image(&mut image).unwrap();
     std::fs::write(files.path().join(IMAGE), &image[..len]).unwrap();
+    files
+}
+
+/// The same with a directory of files, and arguments of the first servo processor.
+pub(crate) fn run_on(
+    files: &Path,
+    arguments: &[&str],
+    seconds: f64,
+    ending: Option<(Processor, f64)>,
+    script: impl FnOnce(&mut Master<'_>) + Send,
+) -> Run {
     let memory = tempfile::tempfile().unwrap();
     memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
     let bus = LinuxBus::map(&memory, 0, 0, boards::address::BUS_BYTES, Access::ReadWrite).unwrap();
-    let server = Server::new(files.path(), Options::default()).unwrap();
+    let server = Server::new(files, Options::default()).unwrap();
     let found = Mutex::new(Run::default());
 
     let mut system = System::with_bus(WINDOW_BYTES, bus).unwrap();
     system
         .host(numbers::FILES, |machine| serve_files(machine, &server))
         .unwrap();
+    system.arguments(FIRST, arguments.iter().copied()).unwrap();
     let ends_at = |number: Processor| match ending {
         Some((ending, at_s)) if ending == number => whole(at_s * 1e9),
         _ => u64::MAX,
@@ -129,7 +149,10 @@ pub(crate) fn run(
     found.into_inner().unwrap()
 }
 
-fn serve_files(machine: &Simulated<LinuxBus>, server: &Server) -> Result<(), condor_mbox::Error> {
+pub(crate) fn serve_files(
+    machine: &impl Machine<Window = LinuxWindow>,
+    server: &Server,
+) -> Result<(), condor_mbox::Error> {
     let windows = machine.windows();
     let handler = |call: &Call<'_>| server.answer(call, &windows);
     let mut mailbox = Mailbox::new(
@@ -341,25 +364,6 @@ impl Master<'_> {
         grasp::tips(&self.hand, &joints.unwrap()).unwrap()
     }
 
-    /// What the terminal of a processor shows.
-    fn console(&self, number: Processor) -> String {
-        let region = self.region(number);
-        let Some(entry) = directory::find(&region, "console").unwrap() else {
-            return String::new();
-        };
-        let mut reader = Reader::attach(region, entry.offset, numbers::TERMINALS).unwrap();
-        let mut bytes = [0; 8192];
-        let mut text = String::new();
-        loop {
-            let fetched = reader.fetch(&mut bytes).unwrap();
-            if fetched.len == 0 {
-                return text;
-            }
-            text += &String::from_utf8_lossy(&bytes[..fetched.len]);
-            reader.acknowledge(fetched.len).unwrap();
-        }
-    }
-
     fn count(&mut self) {
         for number in [FIRST, SECOND, TABLE, PLANT] {
             let region = self.region(number);
@@ -369,9 +373,27 @@ impl Master<'_> {
                 let counts = (number.0, counts.run, counts.skipped);
                 self.run.counts.push(counts);
             }
-            let said = self.console(number);
+            let said = console(&self.region(number));
             self.run.said.push(said);
         }
+    }
+}
+
+/// What the terminal of a processor shows.
+pub(crate) fn console(region: &Region<LinuxWindow>) -> String {
+    let Some(entry) = directory::find(region, "console").unwrap() else {
+        return String::new();
+    };
+    let mut reader = Reader::attach(region.clone(), entry.offset, numbers::TERMINALS).unwrap();
+    let mut bytes = [0; 8192];
+    let mut text = String::new();
+    loop {
+        let fetched = reader.fetch(&mut bytes).unwrap();
+        if fetched.len == 0 {
+            return text;
+        }
+        text += &String::from_utf8_lossy(&bytes[..fetched.len]);
+        reader.acknowledge(fetched.len).unwrap();
     }
 }
 
