@@ -161,7 +161,7 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
 fn record(files: &Path, ticks: u32) -> (Vec<Seen>, String) {
     let mut seen = Vec::new();
     let arguments = ["record=servo.rec", &format!("ticks={ticks}")];
-    let run = run_on(files, &arguments, 4.0, None, |master| {
+    let run = run_on(files, &arguments, None, 4.0, None, |master| {
         script(master, &mut seen)
     });
     (seen, run.said[0].clone())
@@ -177,7 +177,9 @@ fn replay(files: &Path, number: u8) -> Result<String, String> {
         .arguments(number, ["from=servo.rec", "to=servo.out"])
         .unwrap();
     system
-        .host(numbers::FILES, |machine| serve_files(machine, &server))
+        .host(numbers::FILES, |machine| {
+            serve_files(machine, &server, u64::MAX)
+        })
         .unwrap();
     system
         .host(number, |machine| {
@@ -336,6 +338,27 @@ fn what_is_no_recording_is_refused() {
         let error = replay(files.path(), 1).unwrap_err();
         assert!(error.contains(said), "{said}: {error}");
     }
+}
+
+#[test]
+fn a_recording_that_falls_behind_is_broken_off_and_the_servos_go_on() {
+    let files = files();
+    let arguments = ["record=servo.rec"];
+    let away = Some((0.8, 4.0));
+    let run = run_on(files.path(), &arguments, away, 6.0, None, |master| {
+        master.wait_for_all();
+        master.enable(FIRST);
+        master.hold(5.0);
+    });
+    let said = &run.said[0];
+    assert!(
+        said.contains("servo.rec: it was broken off after"),
+        "{said}"
+    );
+    assert!(said.contains("the file service did not keep up"), "{said}");
+    assert!(!said.contains("fault"), "{said}");
+    let error = replay(files.path(), 1).unwrap_err();
+    assert!(error.contains("broken off after"), "{error}");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use condor_hand::trajectory::SetPoint;
 use condor_host::sim::{Bell, Processor as Simulated, System, Uninterrupted};
 use condor_host::{Machine, PROCESSORS, Program, directory, loops, numbers};
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Call, Mailbox, Processor, Region, Waiting, Windows};
+use condor_mbox::{Call, Clock, Mailbox, Processor, Region, Waiting, Windows};
 use condor_tty::Reader;
 use tempfile::TempDir;
 use utah_mit_hand::grasp::{Order, Report};
@@ -77,7 +77,7 @@ pub(crate) fn run(
     script: impl FnOnce(&mut Master<'_>) + Send,
 ) -> Run {
     let files = files();
-    run_on(files.path(), &[], seconds, ending, script)
+    run_on(files.path(), &[], None, seconds, ending, script)
 }
 
 /// A directory with the files that programs need.
@@ -89,10 +89,12 @@ pub(crate) fn files() -> TempDir {
     files
 }
 
-/// The same with a directory of files, and arguments of the first servo processor.
+/// The same with a directory of files, arguments of the first servo processor, and a time in which
+/// nobody serves files, s.
 pub(crate) fn run_on(
     files: &Path,
     arguments: &[&str],
+    away: Option<(f64, f64)>,
     seconds: f64,
     ending: Option<(Processor, f64)>,
     script: impl FnOnce(&mut Master<'_>) + Send,
@@ -105,7 +107,13 @@ pub(crate) fn run_on(
 
     let mut system = System::with_bus(WINDOW_BYTES, bus).unwrap();
     system
-        .host(numbers::FILES, |machine| serve_files(machine, &server))
+        .host(numbers::FILES, |machine| {
+            if let Some((from_s, to_s)) = away {
+                serve_files(machine, &server, whole(from_s * 1e9))?;
+                machine.work(whole((to_s - from_s) * 1e9));
+            }
+            serve_files(machine, &server, u64::MAX)
+        })
         .unwrap();
     system.arguments(FIRST, arguments.iter().copied()).unwrap();
     let ends_at = |number: Processor| match ending {
@@ -149,9 +157,11 @@ pub(crate) fn run_on(
     found.into_inner().unwrap()
 }
 
+/// Serves files until an instant.
 pub(crate) fn serve_files(
     machine: &impl Machine<Window = LinuxWindow>,
     server: &Server,
+    until_ns: u64,
 ) -> Result<(), condor_mbox::Error> {
     let windows = machine.windows();
     let handler = |call: &Call<'_>| server.answer(call, &windows);
@@ -164,7 +174,8 @@ pub(crate) fn serve_files(
     mailbox.set_waiting(machine.waiting());
     mailbox.set_vector(condor_fs::wire::FILES, &handler, "files")?;
     mailbox.join()?;
-    while !machine.is_stopping() {
+    let clock = machine.doorbell();
+    while !machine.is_stopping() && clock.now().as_ns() < until_ns {
         mailbox.serve(Duration::from_millis(20))?;
     }
     Ok(())
