@@ -49,6 +49,7 @@
 //! whether a position is within its limits, or whether the finger rests after a fault, the loop finds
 //! when it comes to the order, and `Outcome` tells. An order that was refused is not tried again.
 
+mod asked;
 mod client;
 mod handler;
 mod memory;
@@ -58,6 +59,7 @@ mod servo_loop;
 mod status;
 mod words;
 
+pub use asked::Asked;
 pub use client::{ClientError, Hello, ServoClient};
 pub use handler::ServoHandler;
 pub use memory::{Identity, ServoEnds, ServoObject};

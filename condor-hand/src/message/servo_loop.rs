@@ -7,7 +7,7 @@ use super::memory::{
 };
 use super::places::{Points, ServoPlaces, take_points};
 use super::words::{Put, Taken, put_gains, take_gains, take_target};
-use super::{Refusal, Status};
+use super::{Asked, Refusal, Status};
 use crate::controller::{FingerController, Tick};
 use crate::dynamics::Dynamics;
 use crate::servo::{Mode, Sensed};
@@ -90,9 +90,21 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Option<Tick<N>> {
+        self.tick_telling(finger, sensed, gravity, period_s, |_| {})
+    }
+
+    /// The same, and `tell` is told what was asked for, in the order in which the controller is.
+    pub fn tick_telling(
+        &mut self,
+        finger: usize,
+        sensed: &Sensed<f64, N>,
+        gravity: &Vector3<f64>,
+        period_s: f64,
+        mut tell: impl FnMut(&Asked<N>),
+    ) -> Option<Tick<N>> {
         let finger = self.fingers.get_mut(finger)?;
-        finger.obey();
-        finger.follow();
+        finger.obey(&mut tell);
+        finger.follow(&mut tell);
         let tick = finger.controller.tick(sensed, gravity, period_s);
         finger.tell(&tick);
         Some(tick)
@@ -158,17 +170,17 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
 
     /// Does what messages have asked for since the last tick.
     #[inline]
-    fn obey(&mut self) {
+    fn obey(&mut self, tell: &mut impl FnMut(&Asked<N>)) {
         // Pairs with the handler's store, after all that belongs to the order.
         if let Ok(orders) = self.words.word(word::ORDERS)
             && orders != self.settled
         {
-            self.obey_all(orders);
+            self.obey_all(orders, tell);
         }
     }
 
     #[cold]
-    fn obey_all(&mut self, orders: u32) {
+    fn obey_all(&mut self, orders: u32, tell: &mut impl FnMut(&Asked<N>)) {
         if let Ok(asked) = self.words.word(word::RESTARTS)
             && asked != self.restarts_asked
         {
@@ -176,13 +188,14 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
                 .restarts
                 .wrapping_add(asked.wrapping_sub(self.restarts_asked));
             self.restarts_asked = asked;
+            tell(&Asked::Restart);
             self.controller.clear();
         }
         let memory = self.memory;
         let mut settled = true;
         for (number, joint) in memory.joints.iter().enumerate() {
             settled &= match joint.last_order() {
-                Some(order) => self.obey_one(number, joint, &order).is_some(),
+                Some(order) => self.obey_one(number, joint, &order, tell).is_some(),
                 None => false,
             };
         }
@@ -193,7 +206,13 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
     }
 
     /// Does what is new in the orders of a joint; none if it could not tell.
-    fn obey_one(&mut self, number: usize, joint: &JointMemory, order: &Order) -> Option<()> {
+    fn obey_one(
+        &mut self,
+        number: usize,
+        joint: &JointMemory,
+        order: &Order,
+        tell: &mut impl FnMut(&Asked<N>),
+    ) -> Option<()> {
         let (drive, gains) = order.split_at(ORDER_GAINS);
         let (mut drive, mut gains) = (Taken::from(drive), Taken::from(gains));
         let (drive_order, gains_order) = (drive.word(), gains.word());
@@ -204,14 +223,14 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         let (cell, window) = joint.outcome();
         let mut outcome = cell.subscriber(window).ok()?.read().ok()?.value;
         if gains_order != done.gains {
-            let refusal = self.set_gains(number, &mut gains).err();
+            let refusal = self.set_gains(number, &mut gains, tell).err();
             let (_, of_gains) = outcome.split_at_mut(OUTCOME_PART);
             put_outcome(gains_order, refusal, of_gains);
         }
         if drive_order != done.drive {
             put_outcome(
                 drive_order,
-                self.drive(number, &mut drive).err(),
+                self.drive(number, &mut drive, tell).err(),
                 &mut outcome,
             );
         }
@@ -224,21 +243,34 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         Some(())
     }
 
-    fn drive(&mut self, joint: usize, order: &mut Taken<'_>) -> Result<(), Refusal> {
+    fn drive(
+        &mut self,
+        joint: usize,
+        order: &mut Taken<'_>,
+        tell: &mut impl FnMut(&Asked<N>),
+    ) -> Result<(), Refusal> {
         let (kind, mode) = (order.word(), order.word());
         let outcome = if kind == kind::MODE {
             let mode = Mode::from_number(mode).ok_or(Refusal::Mode { mode })?;
+            tell(&Asked::Mode { joint, mode });
             self.controller.set_mode(joint, mode)
         } else {
             let target = take_target(mode, order)?;
+            tell(&Asked::Target { joint, target });
             self.controller.set_target(joint, target)
         };
         outcome.map_err(|error| Refusal::of_servo(joint as u32, &error))
     }
 
-    fn set_gains(&mut self, joint: usize, order: &mut Taken<'_>) -> Result<(), Refusal> {
+    fn set_gains(
+        &mut self,
+        joint: usize,
+        order: &mut Taken<'_>,
+        tell: &mut impl FnMut(&Asked<N>),
+    ) -> Result<(), Refusal> {
         let law = order.word();
         let gains = take_gains(law, order)?;
+        tell(&Asked::Gains { joint, gains });
         let outcome = self.controller.set_gains(joint, &gains);
         outcome.map_err(|error| Refusal::of_servo(joint as u32, &error))
     }
@@ -254,12 +286,14 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
 
     /// Gives the controller the master's next set-points.
     #[inline]
-    fn follow(&mut self) {
+    fn follow(&mut self, tell: &mut impl FnMut(&Asked<N>)) {
         if let Ok(latest) = self.points.read()
             && latest.sequence != self.points_seen
         {
             self.points_seen = latest.sequence;
-            if self.controller.follow(&take_points(&latest.value)).is_err() {
+            let points = take_points(&latest.value);
+            tell(&Asked::Follow(points));
+            if self.controller.follow(&points).is_err() {
                 self.refused_set_points = self.refused_set_points.wrapping_add(1);
             }
         }

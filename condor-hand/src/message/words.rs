@@ -36,6 +36,11 @@ impl<'a> Put<'a> {
         Self(words.iter_mut())
     }
 
+    /// How many words have room.
+    pub(super) fn room(&self) -> usize {
+        self.0.len()
+    }
+
     pub(super) fn word(&mut self, word: u32) -> &mut Self {
         if let Some(place) = self.0.next() {
             *place = word;

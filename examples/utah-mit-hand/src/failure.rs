@@ -14,6 +14,7 @@ use condor_tty::TerminalError;
 use thiserror::Error;
 
 use crate::boards::{BoardError, WiresError};
+use crate::recording::RecordingError;
 
 /// What something else says, as much of it as fits.
 pub type Words = heapless::String<80, u8>;
@@ -132,10 +133,26 @@ pub enum Failure {
     #[error(transparent)]
     Start(#[from] StartError),
     /// An argument of the program.
-    #[error("the argument {argument:?} is none of rate=HZ, watchdog_ms=MS, ramp_ms=MS above 0")]
+    #[error("the argument {argument:?} is none of {known}")]
     Argument {
         /// What was given.
         argument: Words,
+        /// What there are.
+        known: &'static str,
+    },
+    /// An argument that a program cannot do without.
+    #[error("the argument {wanted} is missing")]
+    NoArgument {
+        /// The argument.
+        wanted: &'static str,
+    },
+    /// A recording of a servo processor.
+    #[error("{name}: {error}")]
+    Recording {
+        /// The name of its file.
+        name: Words,
+        /// What is wrong.
+        error: RecordingError,
     },
     /// What the machine says of its timer.
     #[error("the timer: {error}")]

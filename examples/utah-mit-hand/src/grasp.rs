@@ -26,10 +26,12 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS, SERVED, UtahMit};
 
+mod end;
 mod law;
 mod partner;
 
-pub(crate) use law::{Felt, GraspLaw};
+pub(crate) use end::{GraspEnd, Told};
+pub(crate) use law::{Felt, GraspLaw, Own};
 pub(crate) use partner::{Heard, Partner};
 
 /// The name of [`GraspPlaces`] in the directory of a servo processor.
@@ -271,6 +273,8 @@ pub struct Report {
 }
 
 impl Report {
+    const NOTHING: Self = Self::new(0, State::Idle, Reason::None);
+
     const fn new(order: u64, state: State, reason: Reason) -> Self {
         Self {
             order,

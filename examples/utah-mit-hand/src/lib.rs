@@ -10,9 +10,13 @@ pub mod desk;
 pub mod grasp;
 pub mod objects;
 
+// What a servo processor was given, as a file.
+pub mod recording;
+
 // The programs.
 pub mod master;
 pub mod plant;
+pub mod replay;
 pub mod servo;
 pub mod table;
 

@@ -15,6 +15,7 @@ use utah_mit_hand::UtahMit;
 use utah_mit_hand::compile::{compile_motions, joint_names};
 use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
+use utah_mit_hand::replay::Replay;
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
 
@@ -26,7 +27,7 @@ struct Hand;
 
 impl Programs for Hand {
     fn names(&self) -> &[&'static str] {
-        &["master", "plant", "servo", "table"]
+        &["master", "plant", "replay", "servo", "table"]
     }
 
     fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
@@ -37,6 +38,7 @@ impl Programs for Hand {
             match name {
                 "master" => linux::run(&Master, arguments),
                 "plant" => linux::run(&Plant, arguments),
+                "replay" => linux::run(&Replay, arguments),
                 "servo" => linux::run(&Servo, arguments),
                 "table" => linux::run(&Table, arguments),
                 _ => {

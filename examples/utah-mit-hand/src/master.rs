@@ -80,7 +80,7 @@ impl Program for Master {
             mut directory,
             terminal,
             area,
-        } = Ground::<M>::new(machine)?;
+        } = Ground::<M, 1>::new(machine)?;
         let reports = LoopReports::new(&own, &mut places, &mut directory, ["trajectories"])?;
         let wanted: Published<Wanted> = places.published()?;
         let publisher = wanted.publisher(own.clone())?;
@@ -93,7 +93,7 @@ impl Program for Master {
         mailbox.join()?;
         let mailbox = &mailbox;
 
-        let outcome = start::configuration::<M>(mailbox, &own, area).and_then(|hand| {
+        let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
             let files =
                 FileSystem::connect(mailbox, numbers::FILES, own.clone(), area, FILES_TIMEOUT);
             let files = files.map_err(|error| Failure::File {

@@ -102,7 +102,7 @@ impl Program for Plant {
             mut directory,
             terminal,
             area,
-        } = Ground::<M>::new(machine)?;
+        } = Ground::<M, 1>::new(machine)?;
         let reports = LoopReports::new(&own, &mut places, &mut directory, ["plant"])?;
         let truth: Published<Truth> = places.published()?;
         let desk = Desk::<Request, Response>::new(&mut places)?;
@@ -125,7 +125,7 @@ impl Program for Plant {
             Desk::<Request, Response>::BYTES,
         )?;
 
-        let outcome = start::configuration::<M>(mailbox, &own, area).and_then(|hand| {
+        let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
             let robot = Robot::new(&hand, &arguments)?;
             robot.show(&registers)?;
             registers.plug()?;

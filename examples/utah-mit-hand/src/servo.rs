@@ -1,7 +1,11 @@
 //! The program of a servo processor: two fingers of four joints.
 //!
 //! Which fingers it serves, at which channels and at which rate, is what the configuration says for its
-//! processor's number; it takes no arguments.
+//! processor's number. With the argument `record=FILE` it writes a [recording](crate::recording) of what
+//! its controllers are given, into a file of the file service, from its first tick until `ticks=COUNT` of
+//! them, or until it ends. The loop puts it into a ring in the window, and the background from there into
+//! the file. If that takes too long the recording is broken off, which the terminal says; the servos
+//! go on.
 //!
 //! The memo has two servos for each joint, of tendon tension and of joint torque (section 4.2). Here
 //! they are levels of one loop and not two loops of one rate: each needs what the other has just done,
@@ -28,6 +32,7 @@
 
 use core::cell::OnceCell;
 
+use condor_fs::{Area, FileSystem, OpenOptions};
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
 use condor_hand::kinematics::PlanarFinger;
@@ -39,21 +44,23 @@ use condor_hand::monitor::{
 };
 use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
-use condor_host::{Machine, PROCESSORS, Program};
+use condor_host::{Machine, PROCESSORS, Program, numbers};
 use condor_mbox::{Call, MemoryWindow, Places, Processor, Published, Region};
 use condor_mos::{Latest, LoopId, Overrun, Rate};
-use nalgebra::Vector4;
 
-use crate::failure::Failure;
-use crate::grasp::{GraspLaw, GraspPlaces, Heard, JOINTS_NAME, Joints, NAME, Partner};
+use crate::failure::{Failure, words};
+use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, Joints, NAME, Partner};
 use crate::late::Late;
+use crate::recording::{Head, Record, Recorder, RecordingError, Ring, Tape};
 use crate::start::{self, Console, Ground, Post, say};
 use crate::{FINGERS, JOINTS, SERVED, UtahMit, boards, table};
 
+mod control;
 mod fingers;
 mod news;
 mod tracking;
 
+pub(crate) use control::{Control, Controllers, Given, Servos};
 use fingers::Fingers;
 use news::News;
 pub use tracking::Tracking;
@@ -120,9 +127,12 @@ impl Program for Servo {
             mut directory,
             terminal,
             area,
-        } = Ground::<M>::new(machine)?;
+        } = Ground::<M, 1>::new(machine)?;
         let reports = LoopReports::new(&own, &mut places, &mut directory, ["servo"])?;
         let objects = Objects::new(&mut places, &mut directory)?;
+        let record = Record::of(machine)?;
+        let ring = record.map(|_| places.bytes(Ring::BYTES as usize));
+        let ring = ring.transpose()?;
 
         let mut servo_object = ServoObject::new();
         let mut monitor_object = MonitorObject::new();
@@ -138,7 +148,7 @@ impl Program for Servo {
         mailbox.join()?;
         let mailbox = &mailbox;
 
-        let outcome = start::configuration::<M>(mailbox, &own, area).and_then(|hand| {
+        let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
             let number = machine.number().0;
             let served = served(&hand, number)?;
             let controllers = controllers(&hand, served)?;
@@ -168,6 +178,8 @@ impl Program for Servo {
                 number,
                 served,
                 objects,
+                area,
+                record: record.zip(ring),
             };
             running.serve(servos, monitor, &mut directory, reports, &terminal)
         });
@@ -176,7 +188,7 @@ impl Program for Servo {
 }
 
 /// The fingers that a processor serves.
-fn served(hand: &UtahMit, number: u8) -> Result<[usize; SERVED], Failure> {
+pub(crate) fn served(hand: &UtahMit, number: u8) -> Result<[usize; SERVED], Failure> {
     for finger in &hand.fingers {
         let processor = finger.processor().unwrap_or(number);
         let fingers = hand.fingers_on(processor).count();
@@ -201,7 +213,7 @@ fn served(hand: &UtahMit, number: u8) -> Result<[usize; SERVED], Failure> {
 }
 
 /// How often the loop of a processor runs, Hz.
-fn rate_hz(hand: &UtahMit, number: u8) -> u32 {
+pub(crate) fn rate_hz(hand: &UtahMit, number: u8) -> u32 {
     let processor = hand.processor(number);
     processor.map_or(hand.servo_hz, |processor| hand.rate_hz(processor))
 }
@@ -221,10 +233,7 @@ fn names(hand: &UtahMit, served: [usize; SERVED]) -> [&str; SERVED] {
     served.map(|finger| hand.fingers.get(finger).map_or("", |finger| &finger.name))
 }
 
-fn controllers(
-    hand: &UtahMit,
-    served: [usize; SERVED],
-) -> Result<[FingerController<PlanarFinger, JOINTS>; SERVED], Failure> {
+pub(crate) fn controllers(hand: &UtahMit, served: [usize; SERVED]) -> Result<Controllers, Failure> {
     let controller = |finger: usize, entry: &Finger<JOINTS>| {
         let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
         FingerController::new(hand, entry, mechanism)
@@ -233,6 +242,9 @@ fn controllers(
     let ([a, b], [first, second]) = (served, entries(hand, served)?);
     Ok([controller(a, first)?, controller(b, second)?])
 }
+
+type Files<'r, 'v, M> = FileSystem<'r, Post<'v, M>, <M as Machine>::Window, 1>;
+type ServoTape<'f, 'r, 'v, M> = Tape<'f, 'r, 'f, Post<'v, M>, <M as Machine>::Window, 1>;
 
 /// What the servos of a processor run on.
 struct Running<'r, 'v, M: Machine> {
@@ -243,9 +255,12 @@ struct Running<'r, 'v, M: Machine> {
     number: u8,
     served: [usize; SERVED],
     objects: Objects,
+    area: Area<1>,
+    /// What is to be recorded, and where the ring for it lies.
+    record: Option<(Record<'r>, u32)>,
 }
 
-impl<M: Machine> Running<'_, '_, M> {
+impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
     /// Opens the boards and runs the loop, until the program is to end.
     fn serve(
         &self,
@@ -264,7 +279,7 @@ impl<M: Machine> Running<'_, '_, M> {
         let table = table.map_or(number, |processor| processor.number);
         let palm = Partner::new(start::users(machine, table)?, table::PALM_NAME);
 
-        let grasp = GraspLaw::new(hand, number, self.own.clone(), self.objects.grasp, &partner)?;
+        let grasp = GraspEnd::new(self.own.clone(), self.objects.grasp, &partner)?;
         let joints = self.objects.joints.publisher(self.own.clone())?;
         directory.enter(
             JOINTS_NAME,
@@ -285,9 +300,15 @@ impl<M: Machine> Running<'_, '_, M> {
         let (writer, mut reader) = told.split_mut();
         let clock = machine.doorbell();
         let rate = rate_hz(hand, number);
+        let ring = Ring::default();
+        let files = self.record.map(|_| self.files()).transpose()?;
+        let mut tape = self.tape(files.as_ref(), &ring)?;
+        let recorder = self
+            .record
+            .map(|(record, offset)| Recorder::new(self.own.clone(), offset, &ring, record.ticks));
         let mut fingers = Fingers::<M> {
             hand,
-            served: self.served,
+            control: Control::new(hand, number, self.served)?,
             servos,
             monitor,
             wires,
@@ -297,11 +318,11 @@ impl<M: Machine> Running<'_, '_, M> {
             joints,
             tracking: Tracking::default(),
             tracked,
-            velocity: [Vector4::zeros(); SERVED],
             clock: &clock,
             last: None,
             period_s: 1.0 / f64::from(rate),
             ticks: 0,
+            recorder,
             writer,
             news: News::NOTHING,
         };
@@ -327,15 +348,80 @@ impl<M: Machine> Running<'_, '_, M> {
                     let news = *reader.read();
                     news.tell(&heard, names, |line| say::<M>(terminal, self.mailbox, line));
                     heard = news;
+                    self.wind(&mut tape, terminal, false);
                     Ok(())
                 };
                 let outcome = start::attend(machine, self.mailbox, &scheduler, &mut reports, look);
                 scheduler.stop();
+                self.wind(&mut tape, terminal, true);
                 outcome
             };
             machine
                 .with_timer(scheduler.platform(), || scheduler.on_timer(), background)
                 .map_err(|error| Failure::timer(&error))?
         })
+    }
+
+    fn files(&self) -> Result<Files<'r, 'v, M>, Failure> {
+        let (own, timeout) = (self.own.clone(), start::FILES_TIMEOUT);
+        FileSystem::connect(self.mailbox, numbers::FILES, own, self.area, timeout)
+            .map_err(|error| self.unrecorded(error.into()))
+    }
+
+    /// The file of the recording, if there is to be one.
+    fn tape<'f>(
+        &self,
+        files: Option<&'f Files<'r, 'v, M>>,
+        ring: &'f Ring,
+    ) -> Result<Option<ServoTape<'f, 'r, 'v, M>>, Failure> {
+        let (Some(files), Some((record, offset))) = (files, self.record) else {
+            return Ok(None);
+        };
+        let options = OpenOptions::new().write().create().truncate();
+        let file = files.open(record.file, options);
+        let file = file.map_err(|error| self.unrecorded(error.into()))?;
+        let head = Head::new(self.number, rate_hz(self.hand, self.number));
+        Tape::new(file.writer(), head, self.own.clone(), offset, ring)
+            .map(Some)
+            .map_err(|error| self.unrecorded(error))
+    }
+
+    fn unrecorded(&self, error: RecordingError) -> Failure {
+        let name = self.record.map_or("", |(record, _)| record.file);
+        Failure::Recording {
+            name: words(&name),
+            error,
+        }
+    }
+
+    /// Writes what has been recorded, and all there will be if that `is_last`; says when it is over.
+    fn wind(
+        &self,
+        tape: &mut Option<ServoTape<'_, 'r, 'v, M>>,
+        terminal: &Console<M>,
+        is_last: bool,
+    ) {
+        let Some(mut this) = tape.take() else {
+            return;
+        };
+        let outcome = match this.wind() {
+            Ok(false) if !is_last => {
+                *tape = Some(this);
+                return;
+            }
+            Ok(_) => this.finish(),
+            Err(error) => Err(error),
+        };
+        match outcome {
+            Ok(ticks) => {
+                let name = self.record.map_or("", |(record, _)| record.file);
+                let line = format_args!("recorded {ticks} ticks in {name}");
+                say::<M>(terminal, self.mailbox, line);
+            }
+            Err(error) => {
+                let line = format_args!("{}", self.unrecorded(error));
+                say::<M>(terminal, self.mailbox, line);
+            }
+        }
     }
 }

@@ -26,7 +26,7 @@ const BUFFER_BYTES: u32 = 4096;
 /// Bytes of a compiled configuration, at most.
 const IMAGE_BYTES: usize = 16 * 1024;
 /// How long the file service may take, with restarts of it.
-const FILES_TIMEOUT: Duration = Duration::from_secs(30);
+pub(crate) const FILES_TIMEOUT: Duration = Duration::from_secs(30);
 /// How long a program waits for its boards.
 const BOARDS_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long the background serves before it looks around.
@@ -43,17 +43,17 @@ pub(crate) type Post<'v, M> = Mailbox<
 >;
 pub(crate) type Console<M> = Terminal<<M as Machine>::Window, <M as Machine>::Exclusion, TYPED>;
 
-/// What a program has before it has a mailbox.
-pub(crate) struct Ground<M: Machine> {
+/// What a program has before it has a mailbox; it can have `FILES` files open.
+pub(crate) struct Ground<M: Machine, const FILES: usize> {
     /// The users' region of its own `data`.
     pub(crate) own: Region<M::Window>,
     pub(crate) places: Places,
     pub(crate) directory: Directory<M::Window>,
     pub(crate) terminal: Console<M>,
-    pub(crate) area: Area<1>,
+    pub(crate) area: Area<FILES>,
 }
 
-impl<M: Machine> Ground<M> {
+impl<M: Machine, const FILES: usize> Ground<M, FILES> {
     pub(crate) fn new(machine: &M) -> Result<Self, Failure> {
         let own = users(machine, machine.number().0)?;
         let mut places = own.places();
@@ -100,10 +100,10 @@ pub(crate) fn mailbox<'v, M: Machine>(
 }
 
 /// The configuration, from the file service, as far as the boards of the rack can serve it.
-pub(crate) fn configuration<M: Machine>(
+pub(crate) fn configuration<M: Machine, const FILES: usize>(
     mailbox: &Post<'_, M>,
     own: &Region<M::Window>,
-    area: Area<1>,
+    area: Area<FILES>,
 ) -> Result<UtahMit, Failure> {
     let failed = |error| Failure::File { name: IMAGE, error };
     let files = FileSystem::connect(mailbox, numbers::FILES, own.clone(), area, FILES_TIMEOUT)

@@ -193,7 +193,7 @@ impl Program for Table {
             mut directory,
             terminal,
             area,
-        } = Ground::<M>::new(machine)?;
+        } = Ground::<M, 1>::new(machine)?;
         let reports = LoopReports::new(&own, &mut places, &mut directory, ["table"])?;
         let palm: Published<Palm> = places.published()?;
         let desk = Desk::<Request, Response>::new(&mut places)?;
@@ -213,7 +213,7 @@ impl Program for Table {
             Desk::<Request, Response>::BYTES,
         )?;
 
-        let outcome = start::configuration::<M>(mailbox, &own, area).and_then(|hand| {
+        let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
             let driven = Driven {
                 controller: TableController::new(&hand)?,
                 axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),

@@ -7,19 +7,15 @@ use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{clamp, min};
 use condor_hand::message::ServoLoop;
 use condor_hand::servo::{JointTarget, Mode};
-use condor_mbox::{AccessError, MemoryWindow, Publisher, Region, Subscriber};
+use condor_mbox::MemoryWindow;
 use nalgebra::{Vector3, Vector4};
 
-use super::partner::{Heard, Partner};
-use super::{GraspPlaces, Joints, LEAST_FINGERS, Order, Reason, Report, State};
+use super::end::Told;
+use super::{Joints, LEAST_FINGERS, Order, Reason, Report, State};
 use crate::{FINGERS, Failure, JOINTS, SERVED, UtahMit};
 
-/// Ticks without a publication after which a partner is silent.
-const SILENT_TICKS: u32 = 8;
 /// Ticks within which the partner is to have the order, too: 0.25 s at 400 Hz.
 const PATIENCE_TICKS: u32 = 100;
-/// Every which tick a report is published, if it says nothing new.
-const REPORT_TICKS: u32 = 16;
 
 /// The controllers of the fingers that this processor serves.
 pub(crate) trait Own {
@@ -51,16 +47,9 @@ struct Member {
 }
 
 /// The grasp of one servo processor.
-pub(crate) struct GraspLaw<'p, W> {
-    region: Region<W>,
-    places: GraspPlaces,
-    orders: Subscriber<Order, Region<W>>,
-    reports: Publisher<Report, Region<W>>,
-    partner: &'p Partner<W>,
-    heard: Heard<Joints>,
+pub(crate) struct GraspLaw {
     members: [Member; FINGERS],
     period_s: f64,
-    seen: u32,
     /// The order in force, and what was in force when it came.
     order: Order,
     from: Order,
@@ -70,8 +59,7 @@ pub(crate) struct GraspLaw<'p, W> {
     law: Option<Law>,
     waited: u32,
     has_joined: bool,
-    told: Report,
-    quiet: u32,
+    report: Report,
 }
 
 /// The law, for as many fingers as hold.
@@ -93,15 +81,9 @@ struct Step {
     margins: [f64; FINGERS],
 }
 
-impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
-    /// No grasp yet, on processor `own`; `region` is its own.
-    pub(crate) fn new(
-        hand: &UtahMit,
-        own: u8,
-        region: Region<W>,
-        places: GraspPlaces,
-        partner: &'p Partner<W>,
-    ) -> Result<Self, Failure> {
+impl GraspLaw {
+    /// No grasp yet, on processor `own`.
+    pub(crate) fn new(hand: &UtahMit, own: u8) -> Result<Self, Failure> {
         let mut members = heapless::Vec::<_, FINGERS>::new();
         for (number, finger) in hand.fingers.iter().enumerate() {
             let processor = finger.processor().unwrap_or(own);
@@ -130,14 +112,6 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
             .processor(own)
             .map_or(hand.servo_hz, |it| hand.rate_hz(it));
         Ok(Self {
-            orders: places.order.subscriber(region.clone())?,
-            reports: places.report.publisher(region.clone())?,
-            // What was ordered of a former life is not done.
-            seen: region.word(places.number)?,
-            region,
-            places,
-            partner,
-            heard: Heard::NOTHING,
             members,
             period_s: 1.0 / f64::from(rate),
             order: Order::RELEASE,
@@ -147,8 +121,7 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
             law: None,
             waited: 0,
             has_joined: false,
-            told: Report::new(0, State::Idle, Reason::None),
-            quiet: REPORT_TICKS,
+            report: Report::NOTHING,
         })
     }
 
@@ -159,18 +132,29 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
 
     /// The last report.
     pub(crate) const fn report(&self) -> &Report {
-        &self.told
+        &self.report
     }
 
-    /// One tick, before that of the servos.
-    pub(crate) fn step(&mut self, felt: &Felt, gravity: &Vector3<f64>, own: &mut impl Own) {
-        self.partner.read(&mut self.heard);
-        let report = self.advance(felt, gravity, own);
-        self.tell(report);
+    /// One tick, before that of the servos. Without a grasp in force and without an order it looks at
+    /// nothing that it is told.
+    pub(crate) fn step(
+        &mut self,
+        felt: &Felt,
+        gravity: &Vector3<f64>,
+        told: &Told,
+        own: &mut impl Own,
+    ) {
+        self.report = self.advance(felt, gravity, told, own);
     }
 
-    fn advance(&mut self, felt: &Felt, gravity: &Vector3<f64>, own: &mut impl Own) -> Report {
-        if let Some((number, order)) = self.look() {
+    fn advance(
+        &mut self,
+        felt: &Felt,
+        gravity: &Vector3<f64>,
+        told: &Told,
+        own: &mut impl Own,
+    ) -> Report {
+        if let Some((number, order)) = told.order {
             if order.fingers == 0 {
                 self.let_go(own);
                 return Report::new(number, State::Idle, Reason::None);
@@ -180,9 +164,9 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
             }
         }
         if self.number == 0 {
-            return self.told;
+            return self.report;
         }
-        match self.hold(felt, gravity, own) {
+        match self.hold(felt, gravity, told.partner, own) {
             Ok(report) => report,
             Err(reason) => {
                 let number = self.number;
@@ -190,18 +174,6 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
                 Report::new(number, State::Left, reason)
             }
         }
-    }
-
-    /// The order that has come since the last tick.
-    fn look(&mut self) -> Option<(u64, Order)> {
-        let number = self.region.word(self.places.number).ok()?;
-        if number == self.seen {
-            return None;
-        }
-        // If it cannot be read whole, the next tick looks again.
-        let latest = self.orders.read().ok()?;
-        self.seen = number;
-        Some((number.into(), latest.value))
     }
 
     /// Puts an order into force, or leaves everything as it is.
@@ -249,9 +221,10 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
         &mut self,
         felt: &Felt,
         gravity: &Vector3<f64>,
+        partner: Option<Joints>,
         own: &mut impl Own,
     ) -> Result<Report, Reason> {
-        let partner = self.hear()?;
+        let partner = self.hear(partner)?;
         let Some(partner) = partner else {
             return Ok(Report::new(self.number, State::Waiting, Reason::None));
         };
@@ -296,8 +269,7 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
     }
 
     /// The joints of the partner, once there are some.
-    fn hear(&mut self) -> Result<Option<Joints>, Reason> {
-        let fresh = self.heard.value.filter(|_| self.heard.age <= SILENT_TICKS);
+    fn hear(&mut self, fresh: Option<Joints>) -> Result<Option<Joints>, Reason> {
         let is_patient = self.waited < PATIENCE_TICKS;
         self.waited = self.waited.saturating_add(1);
         match fresh {
@@ -451,18 +423,6 @@ impl<'p, W: MemoryWindow + Clone> GraspLaw<'p, W> {
         self.law = None;
         self.number = 0;
         self.order = Order::RELEASE;
-    }
-
-    fn tell(&mut self, report: Report) {
-        let is_news = (report.order, report.state, report.reason)
-            != (self.told.order, self.told.state, self.told.reason);
-        self.told = report;
-        self.quiet = self.quiet.saturating_add(1);
-        if is_news || self.quiet >= REPORT_TICKS {
-            self.quiet = 0;
-            // Who reads finds the former one then.
-            let _: Result<u32, AccessError> = self.reports.publish(&report);
-        }
     }
 }
 

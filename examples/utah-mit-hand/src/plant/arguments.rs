@@ -29,6 +29,7 @@ impl Arguments {
         while let Some(argument) = machine.argument(index) {
             arguments.take(argument).ok_or_else(|| Failure::Argument {
                 argument: words(&argument),
+                known: "rate=HZ, watchdog_ms=MS, ramp_ms=MS above 0",
             })?;
             index += 1;
         }

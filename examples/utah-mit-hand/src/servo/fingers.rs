@@ -1,20 +1,21 @@
 //! [`Fingers`]: the servo loop.
 
-use condor_hand::controller::{Tick, read_finger, write_finger};
+use condor_hand::controller::{FingerController, Tick};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::message::ServoLoop;
 use condor_hand::monitor::Monitor;
-use condor_hand::servo::{Sensed, ServoOutput};
-use condor_hand::tendon::Pair;
+use condor_hand::servo::Sensed;
 use condor_host::Machine;
-use condor_mbox::{Clock, Instant, Publisher, Region};
+use condor_mbox::{Clock, Instant, MemoryWindow, Publisher, Region};
 use condor_mos::Writer;
-use nalgebra::{Vector3, Vector4};
+use nalgebra::Vector3;
 
+use super::control::{Control, Given, Servos};
 use super::news::News;
 use super::{Tracking, Variables};
 use crate::boards::Wires;
-use crate::grasp::{Felt, GraspLaw, Heard, Joints, Partner};
+use crate::grasp::{Felt, GraspEnd, Heard, Joints, Own, Partner};
+use crate::recording::Recorder;
 use crate::table::Palm;
 use crate::{JOINTS, SERVED, UtahMit};
 
@@ -27,22 +28,21 @@ const TRACKING_TICKS: u64 = 16;
 /// All that happens in a tick of the servo loop.
 pub(super) struct Fingers<'r, M: Machine> {
     pub(super) hand: &'r UtahMit,
-    pub(super) served: [usize; SERVED],
+    pub(super) control: Control<'r>,
     pub(super) servos: ServoLoop<'r, PlanarFinger, M::Window, SERVED, JOINTS>,
     pub(super) monitor: Monitor<'r, M::Window>,
     pub(super) wires: Wires<'r, M::Bus>,
-    pub(super) grasp: GraspLaw<'r, M::Window>,
+    pub(super) grasp: GraspEnd<'r, M::Window>,
     pub(super) palm: &'r Partner<M::Window>,
     pub(super) accelerated: Heard<Palm>,
     pub(super) joints: Publisher<Joints, Region<M::Window>>,
     pub(super) tracking: Tracking,
     pub(super) tracked: Publisher<Tracking, Region<M::Window>>,
-    /// Of the last tick, rad/s.
-    pub(super) velocity: [Vector4<f64>; SERVED],
     pub(super) clock: &'r M::Doorbell,
     pub(super) last: Option<Instant>,
     pub(super) period_s: f64,
     pub(super) ticks: u64,
+    pub(super) recorder: Option<Recorder<'r, M::Window>>,
     pub(super) writer: Writer<'r, News>,
     pub(super) news: News,
 }
@@ -51,40 +51,39 @@ impl<M: Machine> Fingers<'_, M> {
     pub(super) fn tick(&mut self) {
         let period_s = self.elapsed_s();
         self.wires.scan();
-        let sensed = self.served.map(|finger| self.sensed(finger));
-        let gravity = self.gravity();
-        let felt = Felt {
-            position: sensed.map(|sensed| sensed.position),
-            velocity: self.velocity,
+        let (wires, hand) = (&self.wires, self.hand);
+        let measured = (self.control).measure(|_, channel| wires.read(hand, channel));
+        let acceleration = self.acceleration();
+        self.publish(&measured.felt);
+        let given = Given {
+            period_s,
+            acceleration,
+            told: self.grasp.hear(),
         };
-        self.publish(&felt);
-        self.grasp.step(&felt, &gravity, &mut self.servos);
-        let mut place = 0;
-        let ticks = sensed.map(|sensed| {
-            let tick = self.servos.tick(place, &sensed, &gravity, period_s);
-            place += 1;
-            // There are as many fingers in the loop.
-            tick.unwrap_or_else(nothing)
-        });
-        let places = self.served.iter().zip(&ticks).zip(&mut self.velocity);
-        for ((&finger, tick), velocity) in places {
-            *velocity = tick.output.velocity;
-            if let Some(entry) = self.hand.fingers.get(finger) {
-                let wires = &mut self.wires;
-                write_finger(entry, &tick.output.command, |channel, counts| {
-                    wires.write(channel, counts);
-                });
-            }
+        if let Some(recorder) = &mut self.recorder {
+            let needs_partner = self.control.grasp().number() != 0;
+            recorder.begin(&measured.inputs, &given, needs_partner);
         }
+        let mut servos = Told {
+            servos: &mut self.servos,
+            recorder: self.recorder.as_mut(),
+        };
+        let ticks = self.control.step(&measured, &given, &mut servos);
+        self.grasp.tell(self.control.grasp().report());
+        let wires = &mut self.wires;
+        let output = (self.control).output(&ticks, |channel, counts| wires.write(channel, counts));
         self.wires.put();
-        self.track(&sensed, &ticks);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.end(&output);
+        }
+        self.track(&measured.sensed, &ticks);
         // A row that cannot be written is missing in the ring, and nowhere else.
         let _ = self
             .monitor
-            .tick(|number| Variables::word(number, &sensed, &ticks));
+            .tick(|number| Variables::word(number, &measured.sensed, &ticks));
         let news = News {
             faults: ticks.map(|tick| tick.fault),
-            grasp: self.grasp.report().news(),
+            grasp: self.control.grasp().report().news(),
             failures: self.wires.failures(),
         };
         if news != self.news {
@@ -114,36 +113,19 @@ impl<M: Machine> Fingers<'_, M> {
         since.unwrap_or(self.period_s)
     }
 
-    fn sensed(&self, finger: usize) -> Sensed<f64, JOINTS> {
-        let none = Sensed {
-            position: Vector4::repeat(f64::NAN),
-            tension: [Pair::both(f64::NAN); JOINTS],
-        };
-        let entry = self.hand.fingers.get(finger);
-        entry.map_or(none, |entry| {
-            read_finger(entry, |channel| self.wires.read(self.hand, channel))
-        })
-    }
-
-    /// In the axes of the palm, less its acceleration, m/s².
-    fn gravity(&mut self) -> Vector3<f64> {
+    /// That of the palm, in its own axes, m/s²; none while the table is silent.
+    fn acceleration(&mut self) -> [f64; 3] {
         self.palm.read(&mut self.accelerated);
-        let gravity = Vector3::from(self.hand.gravity);
         let palm = self.accelerated.value;
         let palm = palm.filter(|_| self.accelerated.age <= SILENT_TICKS);
-        let acceleration = palm.map_or([0.0; 3], |palm| palm.acceleration);
-        if acceleration.iter().all(|part| part.is_finite()) {
-            gravity - Vector3::from(acceleration)
-        } else {
-            gravity
-        }
+        palm.map_or([0.0; 3], |palm| palm.acceleration)
     }
 
     fn publish(&mut self, felt: &Felt) {
         let joints = Joints {
             position: felt.position.map(Into::into),
             velocity: felt.velocity.map(Into::into),
-            order: self.grasp.number(),
+            order: self.control.grasp().number(),
             ticks: self.ticks,
         };
         // Whoever reads finds the former ones, and notices that they are.
@@ -151,18 +133,32 @@ impl<M: Machine> Fingers<'_, M> {
     }
 }
 
-/// What a finger that there is not does.
-fn nothing() -> Tick<JOINTS> {
-    Tick {
-        output: ServoOutput {
-            command: [Pair::both(0.0); JOINTS],
-            tension: [Pair::both(0.0); JOINTS],
-            torque: Vector4::zeros(),
-            position: Vector4::zeros(),
-            velocity: Vector4::zeros(),
-            saturated: 0,
-        },
-        target: [None; JOINTS],
-        fault: None,
+/// The controllers, which messages tell what to do.
+struct Told<'t, 'r, W> {
+    servos: &'t mut ServoLoop<'r, PlanarFinger, W, SERVED, JOINTS>,
+    recorder: Option<&'t mut Recorder<'r, W>>,
+}
+
+impl<W: MemoryWindow> Own for Told<'_, '_, W> {
+    fn finger(&mut self, place: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+        self.servos.controller_mut(place)
+    }
+}
+
+impl<W: MemoryWindow> Servos for Told<'_, '_, W> {
+    fn tick(
+        &mut self,
+        place: usize,
+        sensed: &Sensed<f64, JOINTS>,
+        gravity: &Vector3<f64>,
+        period_s: f64,
+    ) -> Option<Tick<JOINTS>> {
+        let Some(recorder) = &mut self.recorder else {
+            return self.servos.tick(place, sensed, gravity, period_s);
+        };
+        self.servos
+            .tick_telling(place, sensed, gravity, period_s, |asked| {
+                recorder.asked(place, asked);
+            })
     }
 }

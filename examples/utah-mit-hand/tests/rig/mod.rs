@@ -1,5 +1,6 @@
 //! The system of the hand in virtual time, with a master that a test scripts.
 
+use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
 
@@ -11,8 +12,9 @@ use condor_hand::trajectory::SetPoint;
 use condor_host::sim::{Bell, Processor as Simulated, System, Uninterrupted};
 use condor_host::{Machine, PROCESSORS, Program, directory, loops, numbers};
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Call, Mailbox, Processor, Region, Waiting, Windows};
+use condor_mbox::{Call, Clock, Mailbox, Processor, Region, Waiting, Windows};
 use condor_tty::Reader;
+use tempfile::TempDir;
 use utah_mit_hand::grasp::{Order, Report};
 use utah_mit_hand::plant::{self, Plant, Truth};
 use utah_mit_hand::servo::{Servo, Tracking};
@@ -33,9 +35,9 @@ fn whole(number: f64) -> u64 {
 
 pub(crate) type Posture = [[f64; JOINTS]; FINGERS];
 
-const WINDOW_BYTES: u32 = 262_144;
+pub(crate) const WINDOW_BYTES: u32 = 262_144;
 const TICK_NS: u64 = 20_000_000;
-const SOON: Duration = Duration::from_secs(2);
+pub(crate) const SOON: Duration = Duration::from_secs(2);
 const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
 
 pub(crate) fn hand() -> UtahMit {
@@ -59,7 +61,7 @@ type Post<'v> = Mailbox<'v, LinuxWindow, Bell, Uninterrupted, PROCESSORS>;
 
 /// The small master.
 pub(crate) struct Master<'m> {
-    machine: &'m Simulated<LinuxBus>,
+    pub(crate) machine: &'m Simulated<LinuxBus>,
     mailbox: &'m Post<'m>,
     pub(crate) hand: UtahMit,
     points: Vec<SetPoints<LinuxWindow, JOINTS>>,
@@ -74,20 +76,46 @@ pub(crate) fn run(
     ending: Option<(Processor, f64)>,
     script: impl FnOnce(&mut Master<'_>) + Send,
 ) -> Run {
+    let files = files();
+    run_on(files.path(), &[], None, seconds, ending, script)
+}
+
+/// A directory with the files that programs need.
+pub(crate) fn files() -> TempDir {
     let files = tempfile::tempdir().unwrap();
     let mut image = vec![0; 16384];
     let len = hand().to_image(&mut image).unwrap();
     std::fs::write(files.path().join(IMAGE), &image[..len]).unwrap();
+    files
+}
+
+/// The same with a directory of files, arguments of the first servo processor, and a time in which
+/// nobody serves files, s.
+pub(crate) fn run_on(
+    files: &Path,
+    arguments: &[&str],
+    away: Option<(f64, f64)>,
+    seconds: f64,
+    ending: Option<(Processor, f64)>,
+    script: impl FnOnce(&mut Master<'_>) + Send,
+) -> Run {
     let memory = tempfile::tempfile().unwrap();
     memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
     let bus = LinuxBus::map(&memory, 0, 0, boards::address::BUS_BYTES, Access::ReadWrite).unwrap();
-    let server = Server::new(files.path(), Options::default()).unwrap();
+    let server = Server::new(files, Options::default()).unwrap();
     let found = Mutex::new(Run::default());
 
     let mut system = System::with_bus(WINDOW_BYTES, bus).unwrap();
     system
-        .host(numbers::FILES, |machine| serve_files(machine, &server))
+        .host(numbers::FILES, |machine| {
+            if let Some((from_s, to_s)) = away {
+                serve_files(machine, &server, whole(from_s * 1e9))?;
+                machine.work(whole((to_s - from_s) * 1e9));
+            }
+            serve_files(machine, &server, u64::MAX)
+        })
         .unwrap();
+    system.arguments(FIRST, arguments.iter().copied()).unwrap();
     let ends_at = |number: Processor| match ending {
         Some((ending, at_s)) if ending == number => whole(at_s * 1e9),
         _ => u64::MAX,
@@ -129,7 +157,12 @@ pub(crate) fn run(
     found.into_inner().unwrap()
 }
 
-fn serve_files(machine: &Simulated<LinuxBus>, server: &Server) -> Result<(), condor_mbox::Error> {
+/// Serves files until an instant.
+pub(crate) fn serve_files(
+    machine: &impl Machine<Window = LinuxWindow>,
+    server: &Server,
+    until_ns: u64,
+) -> Result<(), condor_mbox::Error> {
     let windows = machine.windows();
     let handler = |call: &Call<'_>| server.answer(call, &windows);
     let mut mailbox = Mailbox::new(
@@ -141,7 +174,8 @@ fn serve_files(machine: &Simulated<LinuxBus>, server: &Server) -> Result<(), con
     mailbox.set_waiting(machine.waiting());
     mailbox.set_vector(condor_fs::wire::FILES, &handler, "files")?;
     mailbox.join()?;
-    while !machine.is_stopping() {
+    let clock = machine.doorbell();
+    while !machine.is_stopping() && clock.now().as_ns() < until_ns {
         mailbox.serve(Duration::from_millis(20))?;
     }
     Ok(())
@@ -341,25 +375,6 @@ impl Master<'_> {
         grasp::tips(&self.hand, &joints.unwrap()).unwrap()
     }
 
-    /// What the terminal of a processor shows.
-    fn console(&self, number: Processor) -> String {
-        let region = self.region(number);
-        let Some(entry) = directory::find(&region, "console").unwrap() else {
-            return String::new();
-        };
-        let mut reader = Reader::attach(region, entry.offset, numbers::TERMINALS).unwrap();
-        let mut bytes = [0; 8192];
-        let mut text = String::new();
-        loop {
-            let fetched = reader.fetch(&mut bytes).unwrap();
-            if fetched.len == 0 {
-                return text;
-            }
-            text += &String::from_utf8_lossy(&bytes[..fetched.len]);
-            reader.acknowledge(fetched.len).unwrap();
-        }
-    }
-
     fn count(&mut self) {
         for number in [FIRST, SECOND, TABLE, PLANT] {
             let region = self.region(number);
@@ -369,9 +384,27 @@ impl Master<'_> {
                 let counts = (number.0, counts.run, counts.skipped);
                 self.run.counts.push(counts);
             }
-            let said = self.console(number);
+            let said = console(&self.region(number));
             self.run.said.push(said);
         }
+    }
+}
+
+/// What the terminal of a processor shows.
+pub(crate) fn console(region: &Region<LinuxWindow>) -> String {
+    let Some(entry) = directory::find(region, "console").unwrap() else {
+        return String::new();
+    };
+    let mut reader = Reader::attach(region.clone(), entry.offset, numbers::TERMINALS).unwrap();
+    let mut bytes = [0; 8192];
+    let mut text = String::new();
+    loop {
+        let fetched = reader.fetch(&mut bytes).unwrap();
+        if fetched.len == 0 {
+            return text;
+        }
+        text += &String::from_utf8_lossy(&bytes[..fetched.len]);
+        reader.acknowledge(fetched.len).unwrap();
     }
 }
 

@@ -1,0 +1,189 @@
+use super::words::{Put, Taken, put_gains, put_target, take_gains, take_target};
+use crate::controller::FingerController;
+use crate::dynamics::Dynamics;
+use crate::servo::{JointGains, JointTarget, Mode};
+use crate::trajectory::SetPoint;
+
+/// Something that a finger was asked for, as the servo loop gave it to the finger's controller.
+///
+/// [`ServoLoop::tick_telling`](super::ServoLoop::tick_telling) tells it; whoever
+/// [repeats](Self::repeat) it in the same ticks, with the same from the sensors, has the same finger
+/// again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Asked<const N: usize> {
+    /// To forget the latched faults.
+    Restart,
+    /// Another mode.
+    Mode {
+        /// The joint, from 0.
+        joint: usize,
+        /// The mode.
+        mode: Mode,
+    },
+    /// A target, and its mode.
+    Target {
+        /// The joint, from 0.
+        joint: usize,
+        /// The target.
+        target: JointTarget<f64>,
+    },
+    /// Other gains.
+    Gains {
+        /// The joint, from 0.
+        joint: usize,
+        /// The gains.
+        gains: JointGains<f64>,
+    },
+    /// Where the master wants the joints one of its ticks from now.
+    Follow([SetPoint<f64>; N]),
+}
+
+/// What a word 0 says.
+mod kind {
+    pub(super) const RESTART: u32 = 0;
+    pub(super) const MODE: u32 = 1;
+    pub(super) const TARGET: u32 = 2;
+    pub(super) const GAINS: u32 = 3;
+    pub(super) const FOLLOW: u32 = 4;
+}
+
+impl<const N: usize> Asked<N> {
+    /// Asks another controller for the same. It refuses what the first one refused, and the rest of it
+    /// is then as if nothing had been asked.
+    pub fn repeat<M: Dynamics<f64, N>>(&self, controller: &mut FingerController<M, N>) {
+        // The first controller has told whoever asked.
+        match *self {
+            Self::Restart => controller.clear(),
+            Self::Mode { joint, mode } => {
+                let _ = controller.set_mode(joint, mode);
+            }
+            Self::Target { joint, target } => {
+                let _ = controller.set_target(joint, target);
+            }
+            Self::Gains { joint, gains } => {
+                let _ = controller.set_gains(joint, &gains);
+            }
+            Self::Follow(points) => {
+                let _ = controller.follow(&points);
+            }
+        }
+    }
+
+    /// As words of 32 bits; gives how many of `words` it takes, at most 29 and at most 1 + 6 `N`,
+    /// whichever is more. What finds no room is left out.
+    ///
+    /// | word 0 | the words after it |
+    /// |---|---|
+    /// | 0 restart | |
+    /// | 1 mode | joint, [`Mode`] |
+    /// | 2 target | joint, [`Mode`], three numbers |
+    /// | 3 gains | joint, law, 13 numbers |
+    /// | 4 follow | position, velocity and acceleration of each joint |
+    ///
+    /// Numbers are as in the [protocol](super): two words, the low one first.
+    pub fn put(&self, words: &mut [u32]) -> usize {
+        let before = words.len();
+        let mut put = Put::into(words);
+        match self {
+            Self::Restart => {
+                put.word(kind::RESTART);
+            }
+            Self::Mode { joint, mode } => {
+                put.words(&[kind::MODE, *joint as u32, *mode as u32]);
+            }
+            Self::Target { joint, target } => {
+                put.words(&[kind::TARGET, *joint as u32]);
+                put_target(target, &mut put);
+            }
+            Self::Gains { joint, gains } => {
+                put.words(&[kind::GAINS, *joint as u32]);
+                put_gains(gains, &mut put);
+            }
+            Self::Follow(points) => {
+                put.word(kind::FOLLOW);
+                for point in points {
+                    put.numbers(&[point.position, point.velocity, point.acceleration]);
+                }
+            }
+        }
+        before - put.room()
+    }
+
+    /// What [`put`](Self::put) made words of; none if it cannot have been.
+    #[must_use]
+    pub fn take(words: &[u32]) -> Option<Self> {
+        let mut taken = Taken::from(words);
+        Some(match taken.word() {
+            kind::RESTART => Self::Restart,
+            kind::MODE => Self::Mode {
+                joint: taken.word() as usize,
+                mode: Mode::from_number(taken.word())?,
+            },
+            kind::TARGET => {
+                let (joint, mode) = (taken.word() as usize, taken.word());
+                let target = take_target(mode, &mut taken).ok()?;
+                Self::Target { joint, target }
+            }
+            kind::GAINS => {
+                let (joint, law) = (taken.word() as usize, taken.word());
+                let gains = take_gains(law, &mut taken).ok()?;
+                Self::Gains { joint, gains }
+            }
+            kind::FOLLOW => Self::Follow(core::array::from_fn(|_| {
+                let [position, velocity, acceleration] = taken.numbers();
+                SetPoint {
+                    position,
+                    velocity,
+                    acceleration,
+                }
+            })),
+            _ => return None,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::servo::PositionLaw;
+    use crate::tendon::{Pair, TensionGains};
+
+    #[test]
+    fn words_say_what_was_asked() {
+        let tension = TensionGains {
+            kt: 1.0,
+            ki: 2.0,
+            kd: 3.0,
+            kv: 4.0,
+        };
+        let gains = JointGains {
+            law: PositionLaw::ComputedTorque {
+                bandwidth_hz: 5.0,
+                damping_ratio: 0.7,
+            },
+            k_torque: 0.5,
+            tension: Pair::both(tension),
+        };
+        let target = JointTarget::Tension(Pair {
+            flexor: 9.0,
+            extensor: 8.0,
+        });
+        let mode = Mode::Position;
+        for (asked, len) in [
+            (Asked::Restart, 1),
+            (Asked::Mode { joint: 3, mode }, 3),
+            (Asked::Target { joint: 1, target }, 9),
+            (Asked::Gains { joint: 2, gains }, 29),
+            (Asked::Follow([1.0, -0.0, 3.0, 4.0].map(SetPoint::rest)), 25),
+        ] {
+            let mut words = [7; 32];
+            assert_eq!(asked.put(&mut words), len);
+            assert_eq!(Asked::<4>::take(&words[..len]), Some(asked));
+            // Nothing of it is past its end.
+            assert!(words[len..].iter().all(|&word| word == 7));
+        }
+        for wrong in [&[5_u32] as &[u32], &[1, 0, 9], &[2, 0, 9], &[3, 0, 2]] {
+            assert_eq!(Asked::<4>::take(wrong), None);
+        }
+    }
+}

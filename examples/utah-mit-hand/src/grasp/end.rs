@@ -1,0 +1,89 @@
+//! [`GraspEnd`]: what the outside tells a [`GraspLaw`](super::GraspLaw), and is told.
+
+use condor_mbox::{AccessError, MemoryWindow, Publisher, Region, Subscriber};
+
+use super::partner::{Heard, Partner};
+use super::{GraspPlaces, Joints, Order, Report};
+
+/// Ticks without a publication after which a partner is silent.
+const SILENT_TICKS: u32 = 8;
+/// Every which tick a report is published, if it says nothing new.
+const REPORT_TICKS: u32 = 16;
+
+/// What a law is told in a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Told {
+    /// The order that has come since the last tick, and its number.
+    pub(crate) order: Option<(u64, Order)>,
+    /// The joints of the partner; none while it is silent.
+    pub(crate) partner: Option<Joints>,
+}
+
+/// The end of a grasp in the window of its servo processor.
+pub(crate) struct GraspEnd<'p, W> {
+    region: Region<W>,
+    places: GraspPlaces,
+    orders: Subscriber<Order, Region<W>>,
+    reports: Publisher<Report, Region<W>>,
+    partner: &'p Partner<W>,
+    heard: Heard<Joints>,
+    seen: u32,
+    reported: Report,
+    quiet: u32,
+}
+
+impl<'p, W: MemoryWindow + Clone> GraspEnd<'p, W> {
+    /// `region` is that of the processor itself.
+    pub(crate) fn new(
+        region: Region<W>,
+        places: GraspPlaces,
+        partner: &'p Partner<W>,
+    ) -> Result<Self, AccessError> {
+        Ok(Self {
+            orders: places.order.subscriber(region.clone())?,
+            reports: places.report.publisher(region.clone())?,
+            // What was ordered of a former life is not done.
+            seen: region.word(places.number)?,
+            region,
+            places,
+            partner,
+            heard: Heard::NOTHING,
+            reported: Report::NOTHING,
+            quiet: REPORT_TICKS,
+        })
+    }
+
+    /// What there is to tell the law in this tick.
+    pub(crate) fn hear(&mut self) -> Told {
+        self.partner.read(&mut self.heard);
+        let is_fresh = self.heard.age <= SILENT_TICKS;
+        Told {
+            order: self.look(),
+            partner: self.heard.value.filter(|_| is_fresh),
+        }
+    }
+
+    /// The order that has come since the last tick.
+    fn look(&mut self) -> Option<(u64, Order)> {
+        let number = self.region.word(self.places.number).ok()?;
+        if number == self.seen {
+            return None;
+        }
+        // If it cannot be read whole, the next tick looks again.
+        let latest = self.orders.read().ok()?;
+        self.seen = number;
+        Some((number.into(), latest.value))
+    }
+
+    /// Publishes what the law says, if it is news or time.
+    pub(crate) fn tell(&mut self, report: &Report) {
+        let is_news = report.news() != self.reported.news();
+        self.reported = *report;
+        self.quiet = self.quiet.saturating_add(1);
+        if is_news || self.quiet >= REPORT_TICKS {
+            self.quiet = 0;
+            // Who reads finds the former one then.
+            let _: Result<u32, AccessError> = self.reports.publish(report);
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! Recordings: all that a servo processor's controllers are given, tick by tick, as a file.
+//!
+//! A [servo](crate::servo) with the argument `record=FILE` makes one, and [`replay`](crate::replay)
+//! computes the same outputs from it again, on any target. So that it is only the beginning of its
+//! program's life that has to be known, a recording begins with the first tick of a life.
+//!
+//! # The file
+//!
+//! All numbers are little-endian. First come 24 bytes: "CREC", the version of the format (1), the
+//! number of the processor, ticks in a second, fingers of the processor (2) and joints of a finger
+//! (4), each 32 bits. Then come records: a word of 32 bits, kind in its lowest 8 bits and
+//! length of what follows in words in the others.
+//!
+//! | kind | words | what follows |
+//! |---|---|---|
+//! | 1 tick | 16 | the time since the last tick as the loop took it, s (64 bits); the counts of 24 inputs (16 bits each): of each finger and joint position, flexor, extensor; a bit for each that could not be read, its counts are 0 (32 bits); 0 (32 bits) |
+//! | 2 palm | 6 | its acceleration from this tick on, m/s² (3 of 64 bits); 0 before the first |
+//! | 3 order | 200 | the number of a grasp's order (64 bits), an [`Order`](crate::grasp::Order) |
+//! | 4 partner | 36 | the [`Joints`](crate::grasp::Joints) of the other servo processor, as far as the law of a grasp heard them |
+//! | 5 asked | | the finger among those of the processor; an [`Asked`](condor_hand::message::Asked) in words |
+//! | 6 done | 10 | the counts of 16 outputs (16 bits each): of each finger and joint flexor, extensor; the hash (64 bits) |
+//! | 7 end | 1 | how many ticks there were |
+//!
+//! A tick is a record of kind 1, those of kinds 2 to 5 that it has, and one of kind 6. The hash is the
+//! FNV-1a of 64 bits over [what was put out](Output) in all ticks until then. A file without an end was
+//! broken off.
+
+use condor_fs::Error as FileError;
+use thiserror::Error;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::{JOINTS, SERVED};
+
+mod arguments;
+mod fnv;
+mod record;
+mod rows;
+mod tape;
+
+pub(crate) use arguments::{Record, Replay};
+pub(crate) use fnv::Fnv;
+pub(crate) use record::{Recorder, Ring};
+pub(crate) use rows::{Row, Rows};
+pub(crate) use tape::Tape;
+
+/// Inputs of a servo processor: position and two tensions of each joint.
+pub const INPUTS: usize = 3 * JOINTS * SERVED;
+/// Outputs of a servo processor: two tensions of each joint.
+pub const OUTPUTS: usize = 2 * JOINTS * SERVED;
+
+const MAGIC: u32 = u32::from_le_bytes(*b"CREC");
+const VERSION: u32 = 1;
+
+mod kind {
+    pub(super) const TICK: u32 = 1;
+    pub(super) const PALM: u32 = 2;
+    pub(super) const ORDER: u32 = 3;
+    pub(super) const PARTNER: u32 = 4;
+    pub(super) const ASKED: u32 = 5;
+    pub(super) const DONE: u32 = 6;
+    pub(super) const END: u32 = 7;
+}
+
+/// The beginning of a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub(crate) struct Head {
+    magic: u32,
+    version: u32,
+    pub(crate) processor: u32,
+    pub(crate) rate_hz: u32,
+    fingers: u32,
+    joints: u32,
+}
+
+impl Head {
+    pub(crate) const fn new(processor: u8, rate_hz: u32) -> Self {
+        Self {
+            magic: MAGIC,
+            version: VERSION,
+            processor: processor as u32,
+            rate_hz,
+            fingers: SERVED as u32,
+            joints: JOINTS as u32,
+        }
+    }
+}
+
+/// What the converters of a servo processor's sensors show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub(crate) struct Inputs {
+    counts: [u16; INPUTS],
+    missing: u32,
+    zero: u32,
+}
+
+impl Inputs {
+    /// An input's counts, of at most 16 bits.
+    pub(crate) fn set(&mut self, number: usize, counts: Option<u32>) {
+        if let Some(place) = self.counts.get_mut(number) {
+            *place = counts.unwrap_or(0) as u16;
+            self.missing |= u32::from(counts.is_none()) << number;
+        }
+    }
+
+    pub(crate) fn get(&self, number: usize) -> Option<u32> {
+        let counts = self.counts.get(number)?;
+        (self.missing >> number & 1 == 0).then_some((*counts).into())
+    }
+}
+
+/// What a servo processor puts out in a tick; of each finger and joint flexor, extensor.
+///
+/// The output of a replay is these, 160 bytes a tick, little-endian.
+#[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Output {
+    /// The counts of the digital-to-analog converters.
+    pub counts: [u16; OUTPUTS],
+    /// The tensions that the actuators are to have, N.
+    pub command: [f64; OUTPUTS],
+}
+
+/// What ends a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub(crate) struct Done {
+    pub(crate) counts: [u16; OUTPUTS],
+    pub(crate) hash: u64,
+}
+
+/// What is wrong with a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The file service.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The memory in which ticks wait to be written.
+    #[error(transparent)]
+    Access(#[from] condor_mbox::AccessError),
+    /// Another file, or another version of the format.
+    #[error("it begins with {found:x?}, a recording with {wanted:x?} before processor and rate")]
+    Head {
+        /// The words at the beginning, without processor and rate.
+        found: [u32; 4],
+        /// What they are in a recording.
+        wanted: [u32; 4],
+    },
+    /// A configuration with another rate.
+    #[error(
+        "it has {recorded_hz} ticks in a second, and processor {processor} of this configuration \
+         {configured_hz}"
+    )]
+    Rate {
+        /// Ticks in a second of the recording, Hz.
+        recorded_hz: u32,
+        /// The processor.
+        processor: u8,
+        /// Ticks in a second in the configuration, Hz.
+        configured_hz: u32,
+    },
+    /// A file that ends before its recording does.
+    #[error("it was broken off after {ticks} ticks")]
+    BrokenOff {
+        /// The whole ticks that are in it.
+        ticks: u32,
+    },
+    /// A record that there is not, or not there.
+    #[error("after {ticks} ticks there is a record of kind {kind} and {words} words")]
+    Record {
+        /// The whole ticks before it.
+        ticks: u32,
+        /// Its kind.
+        kind: u32,
+        /// How long it is, in words.
+        words: u32,
+    },
+    /// Ticks that came faster than the file service wrote them.
+    #[error("it was broken off after {ticks} ticks: the file service did not keep up")]
+    Behind {
+        /// The whole ticks that are in it.
+        ticks: u32,
+    },
+    /// The outputs are not those of the recorded run.
+    #[error(
+        "tick {tick} put out {was:?} when it was recorded, and {is:?} now, with {bits}"
+    , bits = if *.is == *.was { "tensions of other bits" } else { "other counts" })]
+    Differs {
+        /// The first tick that differs, from 0.
+        tick: u32,
+        /// The counts that were put out.
+        was: [u16; OUTPUTS],
+        /// The counts that are put out now.
+        is: [u16; OUTPUTS],
+    },
+}

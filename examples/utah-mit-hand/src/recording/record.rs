@@ -1,0 +1,205 @@
+//! [`Recorder`]: what a servo loop is given goes into a ring of bytes in the window.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use condor_hand::message::Asked;
+use condor_mbox::{MemoryWindow, Region};
+use zerocopy::IntoBytes;
+
+use super::{Done, Fnv, Inputs, Output, kind};
+use crate::JOINTS;
+use crate::servo::Given;
+
+/// Words of the longest [`Asked`] of a finger.
+const ASKED_WORDS: usize = 29;
+
+/// The state of a ring of [`BYTES`](Self::BYTES), between the loop, which fills it, and the
+/// background, which empties it.
+///
+/// The two counts wrap; where in the ring they are is their remainder.
+#[derive(Debug, Default)]
+pub(crate) struct Ring {
+    /// Bytes of whole ticks that were put in.
+    put: AtomicU32,
+    /// Bytes that were taken out.
+    taken: AtomicU32,
+    /// Whole ticks that were put in.
+    ticks: AtomicU32,
+    state: AtomicU32,
+}
+
+/// How a recording goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub(crate) enum State {
+    Running = 0,
+    /// All ticks that were asked for are in the ring.
+    Complete = 1,
+    /// There was no room for a tick, or nobody takes them out any more.
+    Lost = 2,
+}
+
+impl Ring {
+    /// More than half a second of any hand's ticks.
+    pub(crate) const BYTES: u32 = 64 * 1024;
+
+    pub(crate) fn state(&self) -> State {
+        // Acquire: pairs with `set_state`, so that the last tick is seen.
+        match self.state.load(Ordering::Acquire) {
+            0 => State::Running,
+            1 => State::Complete,
+            _ => State::Lost,
+        }
+    }
+
+    pub(crate) fn set_state(&self, state: State) {
+        // Release: after all that was put in.
+        self.state.store(state as u32, Ordering::Release);
+    }
+
+    /// The whole ticks that were put in.
+    pub(crate) fn ticks(&self) -> u32 {
+        // Relaxed: a number to tell.
+        self.ticks.load(Ordering::Relaxed)
+    }
+
+    /// Where in the ring the next bytes to take out are, and how many lie there in one piece.
+    pub(crate) fn filled(&self) -> (u32, u32) {
+        // Relaxed: only the background changes it. Acquire: pairs with `keep`.
+        let taken = self.taken.load(Ordering::Relaxed);
+        let put = self.put.load(Ordering::Acquire);
+        let at = taken % Self::BYTES;
+        (at, put.wrapping_sub(taken).min(Self::BYTES - at))
+    }
+
+    /// So many bytes have been taken out.
+    pub(crate) fn take(&self, bytes: u32) {
+        // Relaxed: only the background changes it. Release: after they were read.
+        let taken = self.taken.load(Ordering::Relaxed);
+        self.taken
+            .store(taken.wrapping_add(bytes), Ordering::Release);
+    }
+}
+
+/// The end of a [`Ring`] in the servo loop.
+pub(crate) struct Recorder<'r, W> {
+    region: Region<W>,
+    /// Where the ring begins.
+    offset: u32,
+    ring: &'r Ring,
+    /// Bytes that were put in, those of this tick included.
+    put: u32,
+    has_room: bool,
+    /// Ticks that are still to be recorded.
+    left: u32,
+    hash: Fnv,
+    acceleration: [u64; 3],
+}
+
+impl<'r, W: MemoryWindow> Recorder<'r, W> {
+    /// Records so many ticks; the ring is at `offset`.
+    pub(crate) fn new(region: Region<W>, offset: u32, ring: &'r Ring, ticks: u32) -> Self {
+        Self {
+            region,
+            offset,
+            ring,
+            put: 0,
+            has_room: true,
+            left: ticks,
+            hash: Fnv::new(),
+            acceleration: [0; 3],
+        }
+    }
+
+    /// What the controllers are given in a tick, but for what messages ask for.
+    pub(crate) fn begin(&mut self, inputs: &Inputs, given: &Given, needs_partner: bool) {
+        if !self.is_running() {
+            return;
+        }
+        self.record(kind::TICK, given.period_s.as_bytes(), inputs.as_bytes());
+        let acceleration = given.acceleration.map(f64::to_bits);
+        if acceleration != self.acceleration {
+            self.acceleration = acceleration;
+            self.record(kind::PALM, acceleration.as_bytes(), &[]);
+        }
+        if let Some((number, order)) = &given.told.order {
+            self.record(kind::ORDER, number.as_bytes(), order.as_bytes());
+        }
+        let is_heard = needs_partner || given.told.order.is_some();
+        if let Some(joints) = given.told.partner.as_ref().filter(|_| is_heard) {
+            self.record(kind::PARTNER, joints.as_bytes(), &[]);
+        }
+    }
+
+    /// What the finger at a place among those of the processor is asked for.
+    pub(crate) fn asked(&mut self, place: usize, asked: &Asked<JOINTS>) {
+        if !self.is_running() {
+            return;
+        }
+        let mut words = [0; ASKED_WORDS];
+        let len = asked.put(&mut words);
+        let words = words.get(..len).unwrap_or(&[]);
+        self.record(kind::ASKED, (place as u32).as_bytes(), words.as_bytes());
+    }
+
+    /// What has been put out ends the tick.
+    pub(crate) fn end(&mut self, output: &Output) {
+        if !self.is_running() {
+            return;
+        }
+        self.hash.add(output.as_bytes());
+        let done = Done {
+            counts: output.counts,
+            hash: self.hash.value(),
+        };
+        self.record(kind::DONE, done.as_bytes(), &[]);
+        if !self.has_room {
+            self.left = 0;
+            self.ring.set_state(State::Lost);
+            return;
+        }
+        // Relaxed: only the loop changes it. Release: after all bytes of the tick.
+        let ticks = self.ring.ticks.load(Ordering::Relaxed);
+        self.ring
+            .ticks
+            .store(ticks.wrapping_add(1), Ordering::Relaxed);
+        self.ring.put.store(self.put, Ordering::Release);
+        self.left -= 1;
+        if self.left == 0 {
+            self.ring.set_state(State::Complete);
+        }
+    }
+
+    fn is_running(&self) -> bool {
+        self.left > 0 && self.ring.state() == State::Running
+    }
+
+    fn record(&mut self, kind: u32, first: &[u8], second: &[u8]) {
+        let words = (first.len() + second.len()) / 4;
+        let head = kind | (words as u32) << 8;
+        for part in [head.as_bytes(), first, second] {
+            self.put(part);
+        }
+    }
+
+    /// Puts whole words in, if there is room for them.
+    fn put(&mut self, bytes: &[u8]) {
+        // Acquire: pairs with `Ring::take`.
+        let taken = self.ring.taken.load(Ordering::Acquire);
+        let len = bytes.len() as u32;
+        let filled = self.put.wrapping_sub(taken);
+        self.has_room &= filled.saturating_add(len) <= Ring::BYTES;
+        if !self.has_room {
+            return;
+        }
+        let at = self.put % Ring::BYTES;
+        let (before, after) = bytes
+            .split_at_checked((Ring::BYTES - at) as usize)
+            .unwrap_or((bytes, &[]));
+        let written = self.region.write(self.offset.wrapping_add(at), before);
+        let wrapped = self.region.write(self.offset, after);
+        // Memory of the processor's own, laid out before.
+        self.has_room = written.is_ok() && wrapped.is_ok();
+        self.put = self.put.wrapping_add(len);
+    }
+}

@@ -1,0 +1,228 @@
+//! The program that computes a servo processor's outputs again, from a [recording](crate::recording).
+//!
+//! The argument `from=FILE` names the recording, `to=FILE` where its [outputs](Output) go, 160 bytes a
+//! tick; both are files of the file service. Without the second, nothing is written. The program needs
+//! neither boards nor the other processors, and it may run as any processor: whose servos they are,
+//! the recording says. What they are, the configuration says, which must be that of the recorded run.
+//!
+//! The controllers are those of a [servo](crate::servo), in the same order and from the same counts, and
+//! the elementary functions are the same on every target. So every target has the same outputs to the
+//! last bit, which are those of the recorded run; the first tick that is not so is said, and the
+//! program has failed then. Otherwise its terminal tells how many ticks there were, and the hash of
+//! what was put out: the FNV-1a of 64 bits over the bytes of the outputs' file.
+
+use condor_fs::{FileSystem, FileWriter, OpenOptions, Station};
+use condor_hand::controller::{FingerController, Tick};
+use condor_hand::kinematics::PlanarFinger;
+use condor_hand::servo::Sensed;
+use condor_host::{Machine, Program, numbers};
+use condor_mbox::{Call, MemoryWindow};
+use embedded_io::Write;
+use nalgebra::Vector3;
+use zerocopy::IntoBytes;
+
+use crate::failure::{Failure, words};
+use crate::grasp::Own;
+use crate::recording::{Fnv, Output, RecordingError, Replay as Arguments, Row, Rows};
+use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
+use crate::start::{self, Console, Ground, Post, say};
+use crate::{JOINTS, UtahMit};
+
+/// The recording and what is put out.
+const FILES: usize = 2;
+/// Bytes of the recording that are read at once.
+const READ: usize = 256;
+
+/// The program.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Replay;
+
+impl Program for Replay {
+    type Error = Failure;
+
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+        let Ground {
+            own,
+            terminal,
+            area,
+            ..
+        } = Ground::<M, FILES>::new(machine)?;
+        let typed = |call: &Call<'_>| terminal.receive(call);
+        let open_files = area.handler();
+        let mut mailbox = start::mailbox(machine, &typed, &open_files)?;
+        mailbox.join()?;
+        let mailbox = &mailbox;
+        let outcome = start::configuration::<M, FILES>(mailbox, &own, area).and_then(|hand| {
+            let arguments = Arguments::of(machine)?;
+            let failed = |error| Failure::Recording {
+                name: words(&arguments.from),
+                error,
+            };
+            let timeout = start::FILES_TIMEOUT;
+            let files = FileSystem::connect(mailbox, numbers::FILES, own.clone(), area, timeout)
+                .map_err(|error| failed(error.into()))?;
+            let replaying = Replaying {
+                machine,
+                mailbox,
+                terminal: &terminal,
+                hand: &hand,
+                arguments,
+            };
+            replaying.run(&files)
+        });
+        start::told::<M>(&terminal, mailbox, outcome)
+    }
+}
+
+/// What a replay runs on.
+struct Replaying<'r, 'v, M: Machine> {
+    machine: &'r M,
+    mailbox: &'r Post<'v, M>,
+    terminal: &'r Console<M>,
+    hand: &'r UtahMit,
+    arguments: Arguments<'r>,
+}
+
+type Files<'r, 'v, M> = FileSystem<'r, Post<'v, M>, <M as Machine>::Window, FILES>;
+
+impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
+    fn run(&self, files: &Files<'r, 'v, M>) -> Result<(), Failure> {
+        let Arguments { from, to } = self.arguments;
+        let reading = |error: RecordingError| Failure::Recording {
+            name: words(&from),
+            error,
+        };
+        let recording = files.open(from, OpenOptions::new().read());
+        let recording = recording.map_err(|error| reading(error.into()))?;
+        let (head, mut rows) = Rows::new(recording.reader::<READ>()).map_err(reading)?;
+        let number = u8::try_from(head.processor).unwrap_or(u8::MAX);
+        let configured_hz = rate_hz(self.hand, number);
+        if head.rate_hz != configured_hz {
+            return Err(reading(RecordingError::Rate {
+                recorded_hz: head.rate_hz,
+                processor: number,
+                configured_hz,
+            }));
+        }
+        let served = served(self.hand, number)?;
+        let mut control = Control::new(self.hand, number, served)?;
+        let mut servos = Repeated {
+            controllers: controllers(self.hand, served)?,
+            row: None,
+        };
+        let mut sink = self.sink(files, to)?;
+        let mut hash = Fnv::new();
+        let mut difference = None;
+        while let Some(row) = rows.next().map_err(reading)? {
+            if self.machine.is_stopping() {
+                return Ok(());
+            }
+            let done = row.done;
+            let output = servos.step(&mut control, row);
+            hash.add(output.as_bytes());
+            if (output.counts, hash.value()) != (done.counts, done.hash) {
+                // From here on the hashes say nothing new.
+                difference.get_or_insert(RecordingError::Differs {
+                    tick: rows.ticks() - 1,
+                    was: done.counts,
+                    is: output.counts,
+                });
+            }
+            sink.put(output.as_bytes())?;
+        }
+        sink.close()?;
+        say::<M>(
+            self.terminal,
+            self.mailbox,
+            format_args!(
+                "replayed {} ticks of processor {number}: {:016x}",
+                rows.ticks(),
+                hash.value(),
+            ),
+        );
+        difference.map_or(Ok(()), |error| Err(reading(error)))
+    }
+
+    fn sink<'f>(
+        &self,
+        files: &'f Files<'r, 'v, M>,
+        to: Option<&'r str>,
+    ) -> Result<Sink<'f, 'r, Post<'v, M>, M::Window>, Failure> {
+        let name = to.unwrap_or_default();
+        let options = OpenOptions::new().write().create().truncate();
+        let file = to.map(|name| files.open(name, options)).transpose();
+        let file = file.map_err(|error| Failure::Recording {
+            name: words(&name),
+            error: error.into(),
+        })?;
+        let writer = file.map(condor_fs::File::writer);
+        Ok(Sink { name, writer })
+    }
+}
+
+/// The file of what is put out, if there is one.
+struct Sink<'f, 'm, S: Station + ?Sized, W: MemoryWindow> {
+    name: &'m str,
+    writer: Option<FileWriter<'f, 'm, S, W, FILES>>,
+}
+
+impl<S: Station + ?Sized, W: MemoryWindow> Sink<'_, '_, S, W> {
+    fn put(&mut self, bytes: &[u8]) -> Result<(), Failure> {
+        let Some(writer) = &mut self.writer else {
+            return Ok(());
+        };
+        let written = writer.write_all(bytes);
+        written.map_err(|error| self.failed(error))
+    }
+
+    fn close(mut self) -> Result<(), Failure> {
+        let closed = self.writer.take().map_or(Ok(()), FileWriter::close);
+        closed.map_err(|unwritten| self.failed(unwritten.error))
+    }
+
+    fn failed(&self, error: condor_fs::Error) -> Failure {
+        Failure::Recording {
+            name: words(&self.name),
+            error: error.into(),
+        }
+    }
+}
+
+/// The controllers, which are asked for what was asked for in the recorded run.
+struct Repeated {
+    controllers: Controllers,
+    row: Option<Row>,
+}
+
+impl Repeated {
+    fn step(&mut self, control: &mut Control<'_>, row: Row) -> Output {
+        let measured = control.measure(|number, _| row.inputs.get(number));
+        let given = row.given.clone();
+        self.row = Some(row);
+        let ticks = control.step(&measured, &given, self);
+        control.output(&ticks, |_, _| {})
+    }
+}
+
+impl Own for Repeated {
+    fn finger(&mut self, place: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+        self.controllers.get_mut(place)
+    }
+}
+
+impl Servos for Repeated {
+    fn tick(
+        &mut self,
+        place: usize,
+        sensed: &Sensed<f64, JOINTS>,
+        gravity: &Vector3<f64>,
+        period_s: f64,
+    ) -> Option<Tick<JOINTS>> {
+        let controller = self.controllers.get_mut(place)?;
+        let asked = self.row.iter().flat_map(|row| &row.asked);
+        for (_, asked) in asked.filter(|(at, _)| *at == place) {
+            asked.repeat(controller);
+        }
+        Some(controller.tick(sensed, gravity, period_s))
+    }
+}

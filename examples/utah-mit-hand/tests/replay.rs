@@ -1,0 +1,373 @@
+//! What a servo processor was given, given again: the same outputs to the last bit.
+
+#![cfg(feature = "sim")]
+
+#[allow(dead_code, reason = "each test uses a part of the rig")]
+mod rig;
+
+use std::fs;
+use std::path::Path;
+use std::sync::Mutex;
+
+use condor_dev::Bus;
+use condor_fs::server::{Options, Server};
+use condor_hand::servo::{JointTarget, Mode, PositionLaw};
+use condor_hand::tendon::Pair;
+use condor_host::sim::System;
+use condor_host::{Machine, Program, numbers};
+use condor_mbox::{Processor, Region};
+use rig::{
+    FIRST, Master, Posture, SECOND, SOON, WINDOW_BYTES, console, files, run_on, serve_files,
+};
+use utah_mit_hand::boards::{Board, address, output_counts, socket, zero_of};
+use utah_mit_hand::grasp::{Order, State};
+use utah_mit_hand::recording::{OUTPUTS, Output};
+use utah_mit_hand::replay::Replay;
+use utah_mit_hand::{objects, plant, table};
+
+const READY: Posture = [[0.0, 0.6, 0.8, 0.7]; 4];
+const TICKS: u32 = 900;
+/// Where a digital-to-analog board has the register of its first channel.
+const CHANNELS: usize = 0x20;
+
+/// The recording that every target is given, and the hash of what comes of it.
+const SHIPPED: &[u8] = include_bytes!("data/servo.rec");
+const HASH: u64 = 0x6890_7ed1_404b_d31a;
+
+/// What a digital-to-analog converter was given: tick, and its counts.
+type Seen = (usize, [u16; OUTPUTS]);
+
+/// What the registers of the first servo processor's outputs hold, and since which of its ticks.
+fn registers(master: &Master<'_>) -> Seen {
+    let region = master.region(FIRST);
+    let joints = objects::joints(&region).unwrap().unwrap();
+    let joints = joints.subscriber(&region).unwrap().read().unwrap().value;
+    let hand = &master.hand;
+    let mut counts = [0; OUTPUTS];
+    let fingers = hand
+        .fingers
+        .iter()
+        .filter(|finger| finger.processor() == Some(FIRST.0));
+    let actuators = fingers.flat_map(|finger| &finger.joints);
+    let outputs = actuators.flat_map(|joint| [&joint.flexor.dac, &joint.extensor.dac]);
+    for (place, output) in counts.iter_mut().zip(outputs) {
+        let at = socket(output.channel()).unwrap();
+        let Board::Dac(board) = at.board else {
+            panic!("{at:?}")
+        };
+        let at = address::DAC[usize::from(board)] + CHANNELS + 2 * usize::from(at.line);
+        let register = master.machine.bus().read16(at).unwrap().cast_signed();
+        *place = output_counts(zero_of(output), register) as u16;
+    }
+    (usize::try_from(joints.ticks).unwrap() - 1, counts)
+}
+
+/// Something of everything that a servo processor can be given, within 2.2 s.
+fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
+    master.wait_for_all();
+    // The table begins to move, and the palm with it.
+    let ask = |verb, to| table::Request {
+        verb: verb as u32,
+        zero: 0,
+        speed: 0.6,
+        to,
+    };
+    assert_eq!(
+        master.ask_table(&ask(table::Verb::Home, [0.0; 3])).refusal,
+        0
+    );
+    master.enable(FIRST);
+    master.enable(SECOND);
+    master.hold(0.1);
+    master.go(0.5, READY);
+    seen.push(registers(master));
+    let to = ask(table::Verb::Move, [0.05, -0.05, 0.04]);
+    assert_eq!(master.ask_table(&to).refusal, 0);
+    // Other modes, targets and gains.
+    master.client(FIRST, |client| {
+        let pair = Pair {
+            flexor: 12.0,
+            extensor: 9.0,
+        };
+        client
+            .set_target(0, 0, &JointTarget::Tension(pair), SOON)
+            .unwrap();
+        client
+            .set_target(1, 3, &JointTarget::Torque(0.05), SOON)
+            .unwrap();
+        let mut gains = client.gains(1, 2, SOON).unwrap();
+        gains.law = PositionLaw::Pd {
+            kp: 2.0,
+            kv: 0.03,
+            ki: 1.0,
+            integral_nm: 0.1,
+        };
+        client.set_gains(1, 2, &gains, SOON).unwrap();
+    });
+    master.stay(0.06);
+    seen.push(registers(master));
+    master.client(FIRST, |client| {
+        client.enable(0, Some(0), Mode::Position, SOON).unwrap();
+        client.enable(1, Some(3), Mode::Position, SOON).unwrap();
+    });
+    // A grasp of air, and another that the law refuses.
+    let stiffness = [200.0, 250.0, 150.0, 0.1, 0.1, 0.1];
+    let damping = [4.0, 4.0, 4.0, 2e-3, 2e-3, 2e-3];
+    let mut order = Order::hold(0b1101, master.tips(), stiffness, damping);
+    order.ramp_s = 1.0;
+    order.squeeze_n = 0.5;
+    master.grasp(&order);
+    master.hold(0.06);
+    let report = master.report(FIRST);
+    assert_eq!(report.state(), State::Holding, "{:?}", report.reason());
+    seen.push(registers(master));
+    order.fingers = 0b1;
+    master.grasp(&order);
+    master.hold(0.04);
+    master.grasp(&Order::RELEASE);
+    master.hold(0.06);
+    assert_eq!(master.report(FIRST).state(), State::Idle);
+    // A finger fails, and is whole again.
+    let broken = plant::Request {
+        verb: plant::Verb::CutTendon as u32,
+        finger: 1,
+        joint: 1,
+        which: plant::Which::Flexor as u32,
+        ..plant::Request::default()
+    };
+    assert_eq!(master.ask_plant(&broken).refusal, 0);
+    master.hold(0.16);
+    let status =
+        |master: &Master<'_>| master.client(FIRST, |client| client.status(1, SOON).unwrap());
+    assert!(status(master).fault.is_some());
+    seen.push(registers(master));
+    let mend = plant::Request {
+        verb: plant::Verb::Mend as u32,
+        ..plant::Request::default()
+    };
+    assert_eq!(master.ask_plant(&mend).refusal, 0);
+    master.hold(0.5);
+    master.client(FIRST, |client| client.restart(1, SOON).unwrap());
+    master.hold(0.04);
+    assert!(status(master).fault.is_none());
+    seen.push(registers(master));
+    master.enable(FIRST);
+    master.hold(0.1);
+    // Until all that was recorded is in the file.
+    master.hold(0.6);
+}
+
+/// Records the script into `files`; gives what the converters had now and then.
+fn record(files: &Path, ticks: u32) -> (Vec<Seen>, String) {
+    let mut seen = Vec::new();
+    let arguments = ["record=servo.rec", &format!("ticks={ticks}")];
+    let run = run_on(files, &arguments, None, 4.0, None, |master| {
+        script(master, &mut seen)
+    });
+    (seen, run.said[0].clone())
+}
+
+/// Replays `servo.rec` of `files` on a processor; gives what it said, or why it failed.
+fn replay(files: &Path, number: u8) -> Result<String, String> {
+    let server = Server::new(files, Options::default()).unwrap();
+    let said = Mutex::new(String::new());
+    let mut system = System::new(WINDOW_BYTES).unwrap();
+    let number = Processor(number);
+    system
+        .arguments(number, ["from=servo.rec", "to=servo.out"])
+        .unwrap();
+    system
+        .host(numbers::FILES, |machine| {
+            serve_files(machine, &server, u64::MAX)
+        })
+        .unwrap();
+    system
+        .host(number, |machine| {
+            let outcome = Replay.run(machine);
+            let data = machine.windows()[number.index()].data.clone();
+            *said.lock().unwrap() = console(&Region::users(data).unwrap());
+            outcome
+        })
+        .unwrap();
+    let outcome = system.run_until(10_000_000_000);
+    let said = said.into_inner().unwrap();
+    outcome.map(|_| said).map_err(|error| error.to_string())
+}
+
+/// The FNV-1a of 64 bits.
+fn hash(bytes: &[u8]) -> u64 {
+    let step = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, step)
+}
+
+/// The outputs of a replay.
+fn outputs(files: &Path) -> Vec<Output> {
+    let bytes = fs::read(files.join("servo.out")).unwrap();
+    let (outputs, rest) = bytes.as_chunks::<{ size_of::<Output>() }>();
+    assert!(rest.is_empty());
+    outputs
+        .iter()
+        .map(|bytes| zerocopy::transmute!(*bytes))
+        .collect()
+}
+
+#[test]
+fn what_is_replayed_is_what_was_put_out() {
+    let files = files();
+    let files = files.path();
+    let (seen, said) = record(files, TICKS);
+    assert!(
+        said.contains(&format!("recorded {TICKS} ticks in servo.rec\r\n")),
+        "{said}"
+    );
+    assert!(!said.contains("broken"), "{said}");
+
+    let said = replay(files, 1).unwrap();
+    let first = fs::read(files.join("servo.out")).unwrap();
+    let told = format!(
+        "replayed {TICKS} ticks of processor 1: {:016x}\r\n",
+        hash(&first)
+    );
+    assert_eq!(said, told);
+    // On another processor, and from the start again.
+    assert_eq!(replay(files, 5).unwrap(), told);
+    assert!(fs::read(files.join("servo.out")).unwrap() == first);
+
+    let outputs = outputs(files);
+    assert_eq!(outputs.len(), TICKS as usize);
+    assert_eq!(seen.len(), 5);
+    for (tick, counts) in seen {
+        assert_eq!(outputs[tick].counts, counts, "tick {tick}");
+    }
+    // The fingers did not just lie there.
+    let most = outputs
+        .iter()
+        .flat_map(|output| output.command)
+        .fold(0.0, f64::max);
+    assert!(most > 20.0, "{most} N");
+}
+
+#[test]
+fn the_shipped_recording_has_the_same_outputs_everywhere() {
+    let files = files();
+    fs::write(files.path().join("servo.rec"), SHIPPED).unwrap();
+    let said = replay(files.path(), 0).unwrap();
+    let told = format!("replayed {TICKS} ticks of processor 1: {HASH:016x}\r\n");
+    assert_eq!(said, told);
+}
+
+/// Where the records of a kind begin in a recording.
+fn all(recording: &[u8], kind: u8) -> impl Iterator<Item = usize> {
+    let mut next = 24;
+    let records = std::iter::from_fn(move || {
+        let at = next;
+        let head = recording.get(at..at + 4)?;
+        next += 4 + 4 * (u32::from_le_bytes(head.try_into().unwrap()) >> 8) as usize;
+        Some(at)
+    });
+    records.filter(move |&at| recording[at] == kind)
+}
+
+/// Where the first record of a kind begins.
+fn first(recording: &[u8], kind: u8) -> usize {
+    all(recording, kind).next().unwrap()
+}
+
+#[test]
+fn the_smallest_change_is_found() {
+    let files = files();
+    let path = files.path().join("servo.rec");
+    // Where the bit of lowest value is changed: of an input, of an acceleration of the palm, of a
+    // tip that is ordered, of the partner's joints, of a set-point, of what was put out.
+    let tick = all(SHIPPED, 1).nth(300).unwrap();
+    let points = all(SHIPPED, 5).filter(|at| SHIPPED[at + 8] == 4).nth(40);
+    let [palm, order, partner, done] = [2, 3, 4, 6].map(|kind| first(SHIPPED, kind));
+    // Each is looked at, not only kept.
+    for (at, found) in [
+        (tick + 4 + 8, "tick 300 put out"),
+        (palm + 4 + 6, "tick "),
+        (order + 4 + 8 + 8 + 288 + 288 + 72 + 6, "tick "),
+        (partner + 4 + 6, "tick "),
+        (points.unwrap() + 4 + 8 + 5, "tick "),
+        (done + 4, "tick 0 put out"),
+        (done + 4 + 32, "tick 0 put out"),
+    ] {
+        let mut other = SHIPPED.to_vec();
+        other[at] ^= 1;
+        fs::write(&path, &other).unwrap();
+        let error = replay(files.path(), 1).unwrap_err();
+        assert!(error.contains(found), "{at}: {error}");
+    }
+}
+
+#[test]
+fn what_is_no_recording_is_refused() {
+    let files = files();
+    let path = files.path().join("servo.rec");
+    let changed = |at: usize, byte: u8| {
+        let mut other = SHIPPED.to_vec();
+        other[at] = byte;
+        other
+    };
+    let tick = first(SHIPPED, 1);
+    let done = first(SHIPPED, 6);
+    for (recording, said) in [
+        (Vec::new(), "servo.rec: it begins with"),
+        (changed(0, b'K'), "servo.rec: it begins with"),
+        (changed(12, 0), "ticks in a second"),
+        (
+            SHIPPED[..SHIPPED.len() - 8].to_vec(),
+            "broken off after 900 ticks",
+        ),
+        (SHIPPED[..done + 5].to_vec(), "broken off after 0 ticks"),
+        (
+            changed(tick, 9),
+            "after 0 ticks there is a record of kind 9 and 16 words",
+        ),
+        (
+            changed(tick + 1, 15),
+            "after 0 ticks there is a record of kind 1 and 15 words",
+        ),
+        (changed(tick + 3, 255), "of kind 1 and"),
+        (
+            changed(SHIPPED.len() - 4, 0),
+            "after 900 ticks there is a record of kind 7",
+        ),
+    ] {
+        fs::write(&path, &recording).unwrap();
+        let error = replay(files.path(), 1).unwrap_err();
+        assert!(error.contains(said), "{said}: {error}");
+    }
+}
+
+#[test]
+fn a_recording_that_falls_behind_is_broken_off_and_the_servos_go_on() {
+    let files = files();
+    let arguments = ["record=servo.rec"];
+    let away = Some((0.8, 4.0));
+    let run = run_on(files.path(), &arguments, away, 6.0, None, |master| {
+        master.wait_for_all();
+        master.enable(FIRST);
+        master.hold(5.0);
+    });
+    let said = &run.said[0];
+    assert!(
+        said.contains("servo.rec: it was broken off after"),
+        "{said}"
+    );
+    assert!(said.contains("the file service did not keep up"), "{said}");
+    assert!(!said.contains("fault"), "{said}");
+    let error = replay(files.path(), 1).unwrap_err();
+    assert!(error.contains("broken off after"), "{error}");
+}
+
+#[test]
+#[ignore = "makes the shipped recording anew"]
+fn record_anew() {
+    let files = files();
+    let (_, said) = record(files.path(), TICKS);
+    print!("{said}");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/servo.rec");
+    fs::copy(files.path().join("servo.rec"), data).unwrap();
+    print!("{}", replay(files.path(), 1).unwrap());
+}
