@@ -6,6 +6,7 @@
 use board::{Hart, status};
 use condor_host::Program as _;
 use utah_mit_hand::master::Master;
+use utah_mit_hand::replay::Replay;
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
 
@@ -17,6 +18,7 @@ const NO_PROGRAM: u32 = 2;
 fn main(mut hart: Hart) -> u32 {
     match hart.program() {
         Some("master") => status(Master.run(&hart)),
+        Some("replay") => status(Replay.run(&hart)),
         Some("servo") => status(Servo.run(&hart)),
         Some("table") => status(Table.run(&hart)),
         _ => NO_PROGRAM,
