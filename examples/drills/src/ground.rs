@@ -95,7 +95,7 @@ pub(crate) fn mailbox<'v, M: Machine>(
 ///
 /// # Errors
 /// The memory's.
-pub(crate) fn published<T, W>(region: &Region<W>, name: &str) -> Result<Option<T>, Failure>
+pub fn published<T, W>(region: &Region<W>, name: &str) -> Result<Option<T>, Failure>
 where
     T: FromBytes + IntoBytes,
     W: MemoryWindow + Clone,

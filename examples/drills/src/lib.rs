@@ -2,7 +2,7 @@
 //!
 //! * [`Stress`]: everybody sends to everybody, nested, from loops, handlers and backgrounds, and counts.
 //! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
-#![no_std]
+#![cfg_attr(not(feature = "program"), no_std)]
 #![forbid(unsafe_code)]
 
 pub mod stress;
@@ -12,12 +12,14 @@ mod arguments;
 mod failure;
 mod ground;
 
-pub use failure::Failure;
-pub use stress::Stress;
-pub use table::{Echo, Table};
-
 use condor_host::Machine;
 use condor_mbox::Call;
+
+pub use failure::Failure;
+#[cfg(feature = "program")]
+pub use ground::published;
+pub use stress::Stress;
+pub use table::{Echo, Table};
 
 /// Joins with nothing but a terminal, and calls `body`.
 ///

@@ -1,0 +1,61 @@
+//! Drills: `condor` with programs that put mailbox and servo loops to the proof.
+//!
+//! `drills` brings up the stress of `stress.toml`, on processes of this machine; `drills exact` plays a
+//! stress of harts alone, in which time counts instructions.
+
+mod exact;
+mod summary;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use condor_host::cli::{self, AnyError, Programs};
+use condor_host::description::Description;
+use condor_host::linux;
+use condor_host::system::Directory;
+use drills::{Echo, Stress, Table};
+
+struct Drills;
+
+impl Programs for Drills {
+    fn names(&self) -> &[&'static str] {
+        &["echo", "stress", "table"]
+    }
+
+    fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
+        // SAFETY: the loops of these programs neither allocate nor print, and take no lock.
+        unsafe {
+            match name {
+                "echo" => linux::run(&Echo, arguments),
+                "stress" => linux::run(&Stress(|| 0), arguments),
+                "table" => linux::run(&Table, arguments),
+                _ => {
+                    eprintln!("drills: there is no program `{name}`");
+                    ExitCode::from(2)
+                }
+            }
+        }
+    }
+
+    fn description(&self) -> Option<PathBuf> {
+        Some(concat!(env!("CARGO_MANIFEST_DIR"), "/stress.toml").into())
+    }
+
+    fn summarize(&self, description: &Description, directory: &Directory) -> Result<(), AnyError> {
+        summary::of(description, directory)
+    }
+}
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1);
+    if arguments.next().as_deref() != Some("exact") {
+        return cli::main(&Drills);
+    }
+    match exact::run(arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("drills: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
