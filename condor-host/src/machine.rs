@@ -28,6 +28,9 @@ pub trait Machine: Sync {
     /// What cannot be had of this machine.
     type Error: fmt::Debug + fmt::Display;
 
+    /// Whether messages come with an interrupt, which [`with_mail`](Self::with_mail) has serve them.
+    const MAIL_INTERRUPTS: bool = false;
+
     /// The number of this processor.
     fn number(&self) -> Processor;
 
@@ -56,6 +59,17 @@ pub trait Machine: Sync {
 
     /// Whether the program is to end; its background looks at least every 100 ms.
     fn is_stopping(&self) -> bool;
+
+    /// Runs `background`, while the mailbox interrupt, if there is [one](Self::MAIL_INTERRUPTS), calls
+    /// `serve`: [`Mailbox::service`](condor_mbox::Mailbox::service) of a mailbox that wants
+    /// [all rings](condor_mbox::Mailbox::ring_always). Servo loops interrupt it.
+    ///
+    /// Without it messages are served where the background waits. With it, messages of one sender stay
+    /// in order only if the background does not serve, too: it polls instead of waiting.
+    fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {
+        let _ = serve;
+        background()
+    }
 
     /// Runs `background`, while the timer's interrupt calls `handler`, which is to call
     /// [`Scheduler::on_timer`](condor_mos::Scheduler::on_timer).

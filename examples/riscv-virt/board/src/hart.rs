@@ -136,12 +136,6 @@ impl Hart {
         let argument = all.get(..end)?.split(|&byte| byte == 0).nth(index)?;
         core::str::from_utf8(argument).ok()
     }
-
-    /// Runs `body`, while the mailbox interrupt calls `serve`, which is to serve what has come, and which
-    /// loops interrupt.
-    pub fn with_mail<R>(&self, serve: impl Fn(), body: impl FnOnce() -> R) -> R {
-        hooks::with(&serve, |hooks, hook| hooks.mail = hook, body)
-    }
 }
 
 impl Machine for Hart {
@@ -151,6 +145,8 @@ impl Machine for Hart {
     type Platform = &'static Clint;
     type Bus = Mmio;
     type Error = core::convert::Infallible;
+
+    const MAIL_INTERRUPTS: bool = true;
 
     fn number(&self) -> Processor {
         self.number
@@ -195,6 +191,10 @@ impl Machine for Hart {
     fn is_stopping(&self) -> bool {
         // The memory is there.
         self.control.is_asked_to_end().unwrap_or(false)
+    }
+
+    fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {
+        hooks::with(&serve, |hooks, hook| hooks.mail = hook, background)
     }
 
     fn with_timer<R>(

@@ -1,0 +1,63 @@
+//! Arguments of the form `name=value`.
+
+use condor_host::{Machine, PROCESSORS};
+use condor_mbox::Processor;
+
+use crate::failure::Failure;
+
+/// The value of an argument.
+fn value<'m, M: Machine>(machine: &'m M, name: &str) -> Option<&'m str> {
+    (0..)
+        .map_while(|index| machine.argument(index))
+        .find_map(|argument| argument.strip_prefix(name)?.strip_prefix('='))
+}
+
+/// Whether an argument is there, without a value.
+pub(crate) fn is_there<M: Machine>(machine: &M, name: &str) -> bool {
+    (0..)
+        .map_while(|index| machine.argument(index))
+        .any(|argument| argument == name)
+}
+
+/// A number that an argument gives, or `usual`.
+pub(crate) fn number<M: Machine>(machine: &M, name: &str, usual: u32) -> Result<u32, Failure> {
+    let wrong = Failure::Argument {
+        expected: "NAME=NUMBER",
+    };
+    value(machine, name).map_or(Ok(usual), |text| text.parse().map_err(|_| wrong))
+}
+
+/// Processors, as in `name=0,1,5`, none of which is this one, in a set of bits.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Peers(u32);
+
+impl Peers {
+    pub(crate) fn of<M: Machine>(machine: &M, name: &str) -> Result<Self, Failure> {
+        let wrong = || Failure::Argument {
+            expected: "NAME=PROCESSOR,PROCESSOR,…",
+        };
+        let mut bits = 0;
+        for word in value(machine, name).unwrap_or("").split(',') {
+            if word.is_empty() {
+                continue;
+            }
+            let number: usize = word.parse().map_err(|_| wrong())?;
+            if number >= PROCESSORS {
+                return Err(wrong());
+            }
+            bits |= 1 << number;
+        }
+        Ok(Self(bits & !(1 << machine.number().0)))
+    }
+
+    pub(crate) fn iter(self) -> impl Iterator<Item = Processor> + Clone {
+        (0..PROCESSORS as u8)
+            .filter(move |number| self.0 & 1 << number != 0)
+            .map(Processor)
+    }
+
+    pub(crate) fn nth(self, turn: u32) -> Option<Processor> {
+        let count = self.0.count_ones();
+        self.iter().nth(turn.checked_rem(count)? as usize)
+    }
+}

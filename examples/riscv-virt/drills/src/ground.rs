@@ -1,0 +1,115 @@
+//! What all drills begin with.
+
+use condor_host::directory::{Directory, Kind};
+use condor_host::{Machine, PROCESSORS, directory};
+use condor_mbox::{
+    Call, Mailbox, MemoryWindow, Places, Published, ReadError, Region, Subscriber, Windows,
+};
+use condor_tty::{Terminal, Vectors};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::failure::Failure;
+
+/// Bytes of a terminal's ring, and characters that can be typed ahead.
+const SHOWN_BYTES: u32 = 4096;
+const TYPED: usize = 16;
+
+pub(crate) type Post<'v, M> = Mailbox<
+    'v,
+    <M as Machine>::Window,
+    <M as Machine>::Doorbell,
+    <M as Machine>::Exclusion,
+    PROCESSORS,
+>;
+pub(crate) type Console<M> = Terminal<<M as Machine>::Window, <M as Machine>::Exclusion, TYPED>;
+
+/// What a drill has before it has a mailbox.
+pub(crate) struct Ground<M: Machine> {
+    pub(crate) own: Region<M::Window>,
+    pub(crate) places: Places,
+    pub(crate) directory: Directory<M::Window>,
+    pub(crate) terminal: Console<M>,
+}
+
+impl<M: Machine> Ground<M> {
+    pub(crate) fn new(machine: &M) -> Result<Self, Failure> {
+        let own = users(machine, machine.number().0)?;
+        let mut places = own.places();
+        let mut directory = Directory::new(own.clone(), &mut places)?;
+        let terminal = Terminal::new(own.clone(), &mut places, SHOWN_BYTES, machine.exclusion())?;
+        directory.enter("console", Kind::Terminal, terminal.offset(), SHOWN_BYTES)?;
+        Ok(Self {
+            own,
+            places,
+            directory,
+            terminal,
+        })
+    }
+
+    /// A cell of a name for others to read.
+    pub(crate) fn publish<T>(
+        &mut self,
+        name: &str,
+    ) -> Result<condor_mbox::Publisher<T, Region<M::Window>>, Failure>
+    where
+        T: FromBytes + IntoBytes + Immutable,
+    {
+        let cell = self.places.published::<T>()?;
+        // What a former program has left there is none of ours.
+        for word in (0..Published::<T>::BYTES).step_by(4) {
+            self.own.set_word(cell.offset() + word, 0)?;
+        }
+        self.directory
+            .enter(name, Kind::Other, cell.offset(), Published::<T>::BYTES)?;
+        Ok(cell.publisher(self.own.clone())?)
+    }
+}
+
+/// The users' region of a processor's `data`.
+pub(crate) fn users<M: Machine>(machine: &M, number: u8) -> Result<Region<M::Window>, Failure> {
+    let mut windows = machine.windows().into_iter();
+    let Some(Windows { data, .. }) = windows.nth(number.into()) else {
+        return Err(Failure::Late { processor: number });
+    };
+    Ok(Region::users(data)?)
+}
+
+/// A mailbox that has not joined, with the vectors of a terminal.
+pub(crate) fn mailbox<'v, M: Machine>(
+    machine: &M,
+    typed: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
+) -> Result<Post<'v, M>, Failure> {
+    let mut mailbox = Mailbox::new(
+        machine.number(),
+        machine.windows(),
+        machine.doorbell(),
+        machine.exclusion(),
+    )?;
+    mailbox.set_waiting(machine.waiting());
+    mailbox.set_vector(Vectors::DEFAULT.input, typed, "terminal input")?;
+    mailbox.set_vector(Vectors::DEFAULT.room, typed, "terminal room")?;
+    Ok(mailbox)
+}
+
+/// What a processor has published under a name; `None` if it has not yet.
+///
+/// # Errors
+/// The memory's.
+pub(crate) fn published<T, W>(region: &Region<W>, name: &str) -> Result<Option<T>, Failure>
+where
+    T: FromBytes + IntoBytes,
+    W: MemoryWindow + Clone,
+{
+    let Some(entry) = directory::find(region, name)? else {
+        return Ok(None);
+    };
+    if entry.len < Published::<T>::BYTES {
+        return Ok(None);
+    }
+    let subscriber: Subscriber<T, _> = Published::at(entry.offset).subscriber(region.clone())?;
+    match subscriber.read() {
+        Ok(latest) => Ok(Some(latest.value)),
+        Err(ReadError::Access(error)) => Err(error.into()),
+        Err(_) => Ok(None),
+    }
+}

@@ -1,0 +1,35 @@
+//! Programs for any processor: the same text for harts and for processes of Linux.
+//!
+//! * [`Stress`]: everybody sends to everybody, nested, from loops, handlers and backgrounds, and counts.
+//! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod stress;
+pub mod table;
+
+mod arguments;
+mod failure;
+mod ground;
+
+pub use failure::Failure;
+pub use stress::Stress;
+pub use table::{Echo, Table};
+
+use condor_host::Machine;
+use condor_mbox::Call;
+
+/// Joins with nothing but a terminal, and calls `body`.
+///
+/// # Errors
+/// What is missing for that.
+pub fn joined<M: Machine>(machine: &M, body: impl FnOnce()) -> Result<(), Failure> {
+    let ground = ground::Ground::<M>::new(machine)?;
+    let terminal = ground.terminal;
+    let typed = |call: &Call<'_>| terminal.receive(call);
+    let mut mailbox = ground::mailbox(machine, &typed)?;
+    mailbox.join()?;
+    mailbox.serve(core::time::Duration::from_millis(100))?;
+    body();
+    Ok(())
+}

@@ -1,0 +1,380 @@
+//! [`Stress`]: everybody sends to everybody, and counts.
+//!
+//! Each of the processors that `peers=` names sends numbered messages to each of the others: from its
+//! background, without reply and with (the receiver asks back, nested, before it answers), and from a
+//! loop at 400 Hz, above a loop at 100 Hz that computes. After `seconds=` all stop sending, compare what
+//! they have received with what the others say they have sent, and publish a [`Verdict`].
+//!
+//! With `exact` a skipped release is wrong, too.
+
+mod tally;
+
+use core::fmt::Write as _;
+use core::time::Duration;
+
+use condor_host::loops::LoopReports;
+use condor_host::{Machine, Program};
+use condor_mbox::{Call, Clock as _, Doorbell as _, Error, Processor, Publisher, Region, Ticket};
+use condor_mos::{Clock as TickClock, LoopId, Overrun, Rate, Scan, Scheduler, Timer as _};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::arguments::{self, Peers};
+use crate::failure::Failure;
+use crate::ground::{self, Console, Ground, Post};
+use tally::{ASK, Counts, NOTE, TICK, Tally};
+
+/// The name under which a [`Verdict`] is published.
+pub const NAME: &str = "verdict";
+
+/// Nothing takes as long, unless something is broken.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// How long a look for messages waits.
+const NAP: Duration = Duration::from_millis(5);
+const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
+/// How deep a message with a reply is asked back.
+const DEPTH: u32 = 2;
+
+/// The program.
+///
+/// It is given a function that says how deep the stack of this processor has been, in bytes, where that
+/// is known.
+#[derive(Clone, Copy, Debug)]
+pub struct Stress<F>(pub F);
+
+/// What came out.
+#[derive(Clone, Copy, Debug, Default, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Verdict {
+    /// 1 after the count.
+    pub is_complete: u32,
+    /// Messages that came not right after the one before from the same sender, replies and sums that
+    /// are wrong, and messages that are missing in the end.
+    pub wrong: u32,
+    /// Messages without reply that were received, of backgrounds.
+    pub notes: u32,
+    /// The same, of loops.
+    pub ticks: u32,
+    /// Calls that were answered.
+    pub calls: u32,
+    /// Calls that were asked back, nested, while they were answered.
+    pub nested: u32,
+    /// Releases of both loops.
+    pub released: [u32; 2],
+    /// Those that were skipped.
+    pub skipped: [u32; 2],
+    /// By how much the releases of the loops are not those of the time that passed, counted in
+    /// releases.
+    pub drift: [u32; 2],
+    /// The worst lateness of each, in ticks of the timer.
+    pub lateness: [u32; 2],
+    /// How deep the stack was, in bytes; 0 if nobody knows.
+    pub stack: u32,
+}
+
+impl<F: Fn() -> u32> Program for Stress<F> {
+    type Error = Failure;
+
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+        let peers = Peers::of(machine, "peers")?;
+        let seconds = arguments::number(machine, "seconds", 60)?;
+        let mut ground = Ground::<M>::new(machine)?;
+        let counts = ground.publish::<Counts>(tally::NAME)?;
+        let verdict = ground.publish::<Verdict>(NAME)?;
+        let Ground {
+            own,
+            mut places,
+            mut directory,
+            terminal,
+        } = ground;
+        let reports = LoopReports::new(&own, &mut places, &mut directory, ["fast", "slow"])?;
+
+        let tally = Tally::default();
+        let typed = |call: &Call<'_>| terminal.receive(call);
+        let note = |call: &Call<'_>| tally.note(call);
+        let tick = |call: &Call<'_>| tally.tick(call);
+        let ask = |call: &Call<'_>| tally.answer(call, PATIENCE);
+        let mut mailbox = ground::mailbox(machine, &typed)?;
+        mailbox.set_vector(NOTE, &note, "note")?;
+        mailbox.set_vector(TICK, &tick, "tick")?;
+        mailbox.set_vector(ASK, &ask, "ask")?;
+        mailbox.join()?;
+        mailbox.ring_always(M::MAIL_INTERRUPTS)?;
+
+        let running = Running {
+            machine,
+            mailbox: &mailbox,
+            tally: &tally,
+            peers,
+            terminal: &terminal,
+        };
+        let serve = || {
+            // What is wrong with the own memory, the background finds out.
+            let _ = mailbox.service(PATIENCE);
+        };
+        machine.with_mail(serve, || {
+            running.all(seconds, counts, verdict, reports, &self.0)
+        })
+    }
+}
+
+/// The parts of a drill that runs.
+struct Running<'r, 'v, M: Machine> {
+    machine: &'r M,
+    mailbox: &'r Post<'v, M>,
+    tally: &'r Tally,
+    peers: Peers,
+    terminal: &'r Console<M>,
+}
+
+impl<M: Machine> Running<'_, '_, M> {
+    fn all(
+        &self,
+        seconds: u32,
+        mut counts: Publisher<Counts, Region<M::Window>>,
+        mut published: Publisher<Verdict, Region<M::Window>>,
+        mut reports: LoopReports<M::Window, 2>,
+        stack: &impl Fn() -> u32,
+    ) -> Result<(), Failure> {
+        counts.publish(&self.tally.counts(tally::JOINED))?;
+        self.meet(tally::JOINED)?;
+        let mut verdict = self.loops(seconds, &mut reports)?;
+        counts.publish(&self.tally.counts(tally::SENT))?;
+        self.meet(tally::SENT)?;
+        let missing = self.receive_rest()?;
+        verdict.is_complete = 1;
+        verdict.wrong = verdict
+            .wrong
+            .saturating_add(self.tally.wrong())
+            .saturating_add(missing);
+        verdict.stack = stack();
+        self.tally.fill(&mut verdict);
+        published.publish(&verdict)?;
+        let _ = writeln!(
+            self.terminal.console(self.mailbox),
+            "{} notes, {} ticks, {} calls, {} nested; {} wrong, drift {:?}, skipped {:?}",
+            verdict.notes,
+            verdict.ticks,
+            verdict.calls,
+            verdict.nested,
+            verdict.wrong,
+            verdict.drift,
+            verdict.skipped,
+        );
+        // Those who still compare need what is here.
+        counts.publish(&self.tally.counts(tally::COMPARED))?;
+        self.meet(tally::COMPARED)?;
+        if verdict.wrong > 0 || verdict.drift.iter().any(|&drift| drift > 1) {
+            return Err(Failure::Wrong);
+        }
+        Ok(())
+    }
+
+    /// Sends from background and loops, until the time is over.
+    fn loops(
+        &self,
+        seconds: u32,
+        reports: &mut LoopReports<M::Window, 2>,
+    ) -> Result<Verdict, Failure> {
+        let (machine, tally) = (self.machine, self.tally);
+        let platform = machine.platform();
+        let table = Scan::try_new(RATES, TickClock::of::<u64>(platform.frequency()))?;
+        let scheduler: Scheduler<_, Scan<2>, 2> = Scheduler::new(platform, table);
+        let mut turn = 0_u32;
+        let mut fast = || {
+            turn = turn.wrapping_add(1);
+            if let Some(peer) = self.peers.nth(turn) {
+                let number = tally.next_tick(peer);
+                // Where there is no room, it is sent another time.
+                if self.mailbox.try_send(peer, TICK, number).is_ok() {
+                    tally.tick_sent(peer, number);
+                }
+            }
+        };
+        let sum = compute();
+        let mut slow = || tally.check(compute() == sum);
+        let clock = machine.doorbell();
+        scheduler.scope(|scope| {
+            scope.assign(LoopId(0), Overrun::Skip, &mut fast)?;
+            scope.assign(LoopId(1), Overrun::Skip, &mut slow)?;
+            let background = || {
+                scheduler.start()?;
+                let begun = clock.now();
+                let end = begun.after(Duration::from_secs(seconds.into()));
+                let mut shown = clock.now();
+                while clock.now() < end && !machine.is_stopping() {
+                    for peer in self.peers.iter() {
+                        self.note(peer)?;
+                        self.ask(peer)?;
+                    }
+                    tally.check(compute() == sum);
+                    if clock.now().ns_since(shown) > 50_000_000 {
+                        shown = clock.now();
+                        for number in 0..2 {
+                            let counts = scheduler.statistics(LoopId(number as u8))?;
+                            reports.publish(number, &counts)?;
+                        }
+                    }
+                }
+                let mut verdict = Verdict::default();
+                for (number, rate) in RATES.into_iter().enumerate() {
+                    let due = || {
+                        let passed = clock.now().ns_since(begun);
+                        (passed * u64::from(rate.numerator()) / 1_000_000_000) as u32
+                    };
+                    // A release that is only late is made up for now.
+                    let (first, deadline) = (due(), clock.now().after(PATIENCE));
+                    let mut counts = scheduler.statistics(LoopId(number as u8))?;
+                    while counts.released < first && clock.now() < deadline {
+                        counts = scheduler.statistics(LoopId(number as u8))?;
+                    }
+                    let ahead = counts.released.saturating_sub(due());
+                    let behind = first.saturating_sub(counts.released);
+                    reports.publish(number, &counts)?;
+                    verdict.set_loop(number, &counts, ahead.max(behind));
+                }
+                scheduler.stop();
+                if arguments::is_there(machine, "exact") {
+                    verdict.wrong = verdict.skipped.iter().sum();
+                }
+                Ok(verdict)
+            };
+            machine
+                .with_timer(scheduler.platform(), || scheduler.on_timer(), background)
+                .map_err(|_| Failure::Timer)?
+        })
+    }
+
+    /// A message without reply.
+    fn note(&self, peer: Processor) -> Result<(), Failure> {
+        let number = self.tally.next_note(peer);
+        self.until(peer, || match self.mailbox.try_send(peer, NOTE, number) {
+            Ok(()) => Ok(Some(())),
+            Err(Error::NoSlot { .. }) => Ok(None),
+            Err(error) => Err(error),
+        })?;
+        self.tally.note_sent(peer, number);
+        Ok(())
+    }
+
+    /// A message with a reply.
+    fn ask(&self, peer: Processor) -> Result<(), Failure> {
+        let question = self.tally.next_question(DEPTH);
+        let mut ticket: Option<Ticket<'_, Post<'_, M>>> = None;
+        let reply = self.until(peer, || {
+            let Some(ticket) = &mut ticket else {
+                match self.mailbox.begin(peer, ASK, question) {
+                    Ok(begun) => ticket = Some(begun),
+                    Err(Error::NoSlot { .. }) => {}
+                    Err(error) => return Err(error),
+                }
+                return Ok(None);
+            };
+            ticket.poll()
+        })?;
+        self.tally.check(reply == tally::answer_to(question));
+        Ok(())
+    }
+
+    /// Tries until it succeeds. Where an interrupt serves, the background must not.
+    fn until<R>(
+        &self,
+        peer: Processor,
+        mut attempt: impl FnMut() -> Result<Option<R>, Error>,
+    ) -> Result<R, Failure> {
+        let clock = self.machine.doorbell();
+        let deadline = clock.now().after(PATIENCE);
+        loop {
+            if let Some(result) = attempt()? {
+                return Ok(result);
+            }
+            if clock.now() >= deadline {
+                return Err(Failure::Late { processor: peer.0 });
+            }
+            self.look(Duration::from_micros(100))?;
+        }
+    }
+
+    fn look(&self, nap: Duration) -> Result<(), Failure> {
+        if M::MAIL_INTERRUPTS {
+            // Whatever comes is served before this returns.
+            let bell = self.machine.doorbell();
+            bell.wait(bell.prepare(), bell.now().after(nap));
+        } else {
+            self.mailbox.serve(nap)?;
+        }
+        Ok(())
+    }
+
+    /// Waits until all peers have come as far.
+    fn meet(&self, state: u32) -> Result<(), Failure> {
+        let clock = self.machine.doorbell();
+        for peer in self.peers.iter() {
+            let region = ground::users(self.machine, peer.0)?;
+            let deadline = clock.now().after(PATIENCE);
+            loop {
+                let counts: Option<Counts> = ground::published(&region, tally::NAME)?;
+                let is_far = counts.is_some_and(|counts| counts.state >= state);
+                let is_up = state > tally::JOINED
+                    || matches!(
+                        self.mailbox.peer_state(peer)?,
+                        condor_mbox::PeerState::Up {
+                            connected: true,
+                            ..
+                        }
+                    );
+                if is_far && is_up {
+                    break;
+                }
+                if clock.now() >= deadline {
+                    return Err(Failure::Late { processor: peer.0 });
+                }
+                self.look(NAP)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Receives what is still on its way; how many messages are missing in the end.
+    fn receive_rest(&self) -> Result<u32, Failure> {
+        let clock = self.machine.doorbell();
+        let deadline = clock.now().after(PATIENCE);
+        let me = self.machine.number();
+        loop {
+            let mut missing = 0_u32;
+            for peer in self.peers.iter() {
+                let region = ground::users(self.machine, peer.0)?;
+                let sent: Option<Counts> = ground::published(&region, tally::NAME)?;
+                let sent = sent.ok_or(Failure::Late { processor: peer.0 })?;
+                missing = missing.saturating_add(self.tally.missing(me, peer, &sent));
+            }
+            if missing == 0 || clock.now() >= deadline {
+                return Ok(missing);
+            }
+            self.look(NAP)?;
+        }
+    }
+}
+
+impl Verdict {
+    fn set_loop(&mut self, number: usize, counts: &condor_mos::Statistics, drift: u32) {
+        let set = |all: &mut [u32; 2], value| {
+            if let Some(one) = all.get_mut(number) {
+                *one = value;
+            }
+        };
+        set(&mut self.released, counts.released);
+        set(&mut self.skipped, counts.skipped);
+        set(&mut self.lateness, counts.worst_lateness);
+        set(&mut self.drift, drift);
+    }
+}
+
+/// Something that lives in floating-point registers for a while; its bits.
+fn compute() -> u64 {
+    let (mut even, mut odd) = (core::hint::black_box(1.0_f64), core::hint::black_box(0.5));
+    for _ in 0..2000 {
+        even = even * 0.75 + odd;
+        odd = odd * 0.5 + even * 0.125;
+    }
+    (even + odd).to_bits()
+}

@@ -1,0 +1,178 @@
+//! [`Tally`]: what was sent and what has come, by processor.
+
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::time::Duration;
+
+use condor_host::PROCESSORS;
+use condor_mbox::{Call, Error, Processor, Vector};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use super::Verdict;
+
+/// The name under which [`Counts`] are published.
+pub(super) const NAME: &str = "counts";
+
+/// Without reply, of backgrounds and of loops, and with reply.
+pub(super) const NOTE: Vector = Vector(40);
+pub(super) const TICK: Vector = Vector(41);
+pub(super) const ASK: Vector = Vector(42);
+
+/// How far a processor has come.
+pub(super) const JOINED: u32 = 1;
+pub(super) const SENT: u32 = 2;
+pub(super) const COMPARED: u32 = 3;
+
+/// Bits of a question that say how deep it is asked back.
+const DEPTH_BITS: u32 = 4;
+
+/// What a processor says it has sent to each.
+#[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub(super) struct Counts {
+    pub(super) state: u32,
+    notes: [u32; PROCESSORS],
+    ticks: [u32; PROCESSORS],
+}
+
+/// One number for each processor. Handlers, loops and background are contexts of one processor, and
+/// each number has one writer.
+#[derive(Default)]
+struct Row([AtomicU32; PROCESSORS]);
+
+impl Row {
+    fn get(&self, processor: Processor) -> u32 {
+        self.0
+            .get(processor.index())
+            .map_or(0, |one| one.load(Relaxed))
+    }
+
+    fn set(&self, processor: Processor, value: u32) {
+        if let Some(one) = self.0.get(processor.index()) {
+            one.store(value, Relaxed);
+        }
+    }
+
+    fn all(&self) -> [u32; PROCESSORS] {
+        self.0.each_ref().map(|one| one.load(Relaxed))
+    }
+}
+
+/// What was sent and what has come.
+#[derive(Default)]
+pub(super) struct Tally {
+    notes_sent: Row,
+    ticks_sent: Row,
+    notes: Row,
+    ticks: Row,
+    calls: AtomicU32,
+    nested: AtomicU32,
+    questions: AtomicU32,
+    wrong: AtomicU32,
+}
+
+impl Tally {
+    pub(super) fn check(&self, right: bool) {
+        if !right {
+            self.wrong.fetch_add(1, Relaxed);
+        }
+    }
+
+    pub(super) fn wrong(&self) -> u32 {
+        self.wrong.load(Relaxed)
+    }
+
+    /// The handler of [`NOTE`].
+    pub(super) fn note(&self, call: &Call<'_>) -> u32 {
+        self.follows(&self.notes, call)
+    }
+
+    /// The handler of [`TICK`].
+    pub(super) fn tick(&self, call: &Call<'_>) -> u32 {
+        self.follows(&self.ticks, call)
+    }
+
+    fn follows(&self, row: &Row, call: &Call<'_>) -> u32 {
+        let from = call.sender();
+        self.check(call.data() == row.get(from).wrapping_add(1));
+        row.set(from, call.data());
+        0
+    }
+
+    /// The handler of [`ASK`]: asks back first.
+    pub(super) fn answer(&self, call: &Call<'_>, timeout: Duration) -> u32 {
+        let question = call.data();
+        self.calls.fetch_add(1, Relaxed);
+        if let Some(back) = deeper(question) {
+            match call.send_with_reply(call.sender(), ASK, back, timeout) {
+                Ok(reply) => {
+                    self.nested.fetch_add(1, Relaxed);
+                    self.check(reply == answer_to(back));
+                }
+                // So many handlers are in progress that there is no room for one more, or all slots
+                // wait for replies.
+                Err(Error::TooDeep { .. } | Error::NoSlot { .. }) => {}
+                Err(_) => self.check(false),
+            }
+        }
+        answer_to(question)
+    }
+
+    pub(super) fn next_note(&self, to: Processor) -> u32 {
+        self.notes_sent.get(to).wrapping_add(1)
+    }
+
+    pub(super) fn note_sent(&self, to: Processor, number: u32) {
+        self.notes_sent.set(to, number);
+    }
+
+    pub(super) fn next_tick(&self, to: Processor) -> u32 {
+        self.ticks_sent.get(to).wrapping_add(1)
+    }
+
+    pub(super) fn tick_sent(&self, to: Processor, number: u32) {
+        self.ticks_sent.set(to, number);
+    }
+
+    /// Something to ask, and to be asked back so often.
+    pub(super) fn next_question(&self, depth: u32) -> u32 {
+        self.questions.fetch_add(1, Relaxed) << DEPTH_BITS | depth
+    }
+
+    pub(super) fn counts(&self, state: u32) -> Counts {
+        Counts {
+            state,
+            notes: self.notes_sent.all(),
+            ticks: self.ticks_sent.all(),
+        }
+    }
+
+    /// How many messages of `from` to `me` have not come.
+    pub(super) fn missing(&self, me: Processor, from: Processor, sent: &Counts) -> u32 {
+        let of = |sent: &[u32; PROCESSORS], row: &Row| {
+            let sent = sent.get(me.index()).copied().unwrap_or(0);
+            sent.abs_diff(row.get(from))
+        };
+        of(&sent.notes, &self.notes).saturating_add(of(&sent.ticks, &self.ticks))
+    }
+
+    pub(super) fn fill(&self, verdict: &mut Verdict) {
+        let sum = |row: &Row| row.all().into_iter().fold(0, u32::wrapping_add);
+        verdict.notes = sum(&self.notes);
+        verdict.ticks = sum(&self.ticks);
+        verdict.calls = self.calls.load(Relaxed);
+        verdict.nested = self.nested.load(Relaxed);
+    }
+}
+
+/// What whoever is asked `question` asks back.
+fn deeper(question: u32) -> Option<u32> {
+    let depth = question & ((1 << DEPTH_BITS) - 1);
+    depth
+        .checked_sub(1)
+        .map(|depth| question >> DEPTH_BITS << DEPTH_BITS | depth)
+}
+
+/// The right answer.
+pub(super) fn answer_to(question: u32) -> u32 {
+    question.wrapping_mul(0x9e37_79b1).rotate_left(7)
+}

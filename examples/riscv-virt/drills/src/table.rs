@@ -1,0 +1,193 @@
+//! [`Table`]: how long a message takes, as in Table 1 of A. I. Memo 977; and [`Echo`], its other end.
+//!
+//! `table to=1,5 rounds=2000 after=0` measures messages to processors 1 and 5, once processor 0 has
+//! measured. Each of them runs [`Echo`], or [`Table`], which answers, too.
+
+use core::fmt::Write as _;
+use core::time::Duration;
+
+use condor_host::{Machine, PROCESSORS, Program};
+use condor_mbox::{Call, Clock as _, PeerState, Processor, Vector};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::arguments::{self, Peers};
+use crate::failure::Failure;
+use crate::ground::{self, Ground, Post};
+
+/// The name under which [`Times`] are published.
+pub const NAME: &str = "times";
+
+const NOTHING: Vector = Vector(43);
+const INCREMENT: Vector = Vector(44);
+const PATIENCE: Duration = Duration::from_secs(30);
+const NAP: Duration = Duration::from_millis(20);
+
+/// The program that measures.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Table;
+
+/// The program that answers.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Echo;
+
+/// How long messages to each processor have taken, ns; 0 where none were sent.
+#[derive(Clone, Copy, Debug, Default, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Times {
+    /// 1 if all has been measured.
+    pub is_complete: u32,
+    /// Without reply: from the first of many to the time when the last has been handled, for each.
+    pub sent: [u32; PROCESSORS],
+    /// With reply: the median.
+    pub replied: [u32; PROCESSORS],
+}
+
+impl Program for Echo {
+    type Error = Failure;
+
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+        with_mailbox(machine, |mailbox, _, _| attend(machine, mailbox))
+    }
+}
+
+impl Program for Table {
+    type Error = Failure;
+
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+        let peers = Peers::of(machine, "to")?;
+        let before = Peers::of(machine, "after")?;
+        let rounds = arguments::number(machine, "rounds", 1000)?;
+        with_mailbox(machine, |mailbox, mut publisher, say| {
+            let mut times = Times::default();
+            wait(machine, mailbox, before, |processor| {
+                let region = ground::users(machine, processor.0)?;
+                let times: Option<Times> = ground::published(&region, NAME)?;
+                Ok(times.is_some_and(|times| times.is_complete == 1))
+            })?;
+            wait(machine, mailbox, peers, |processor| {
+                let state = mailbox.peer_state(processor)?;
+                Ok(matches!(
+                    state,
+                    PeerState::Up {
+                        connected: true,
+                        ..
+                    }
+                ))
+            })?;
+            for peer in peers.iter() {
+                let (sent, replied) = measure(machine, mailbox, peer, rounds)?;
+                for (row, value) in [(&mut times.sent, sent), (&mut times.replied, replied)] {
+                    if let Some(cell) = row.get_mut(peer.index()) {
+                        *cell = value;
+                    }
+                }
+                say(peer, sent, replied);
+            }
+            times.is_complete = 1;
+            publisher.publish(&times)?;
+            attend(machine, mailbox)
+        })
+    }
+}
+
+/// Runs `body` with a mailbox that answers.
+fn with_mailbox<M: Machine>(
+    machine: &M,
+    body: impl FnOnce(
+        &Post<'_, M>,
+        condor_mbox::Publisher<Times, condor_mbox::Region<M::Window>>,
+        &dyn Fn(Processor, u32, u32),
+    ) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let mut ground = Ground::<M>::new(machine)?;
+    let publisher = ground.publish::<Times>(NAME)?;
+    let terminal = ground.terminal;
+    let typed = |call: &Call<'_>| terminal.receive(call);
+    let nothing = |_: &Call<'_>| 0;
+    let increment = |call: &Call<'_>| call.data().wrapping_add(1);
+    let mut mailbox = ground::mailbox(machine, &typed)?;
+    mailbox.set_vector(NOTHING, &nothing, "nothing")?;
+    mailbox.set_vector(INCREMENT, &increment, "increment")?;
+    mailbox.join()?;
+    let say = |peer: Processor, sent, replied| {
+        // What finds no room there is counted by the terminal.
+        let _ = writeln!(
+            terminal.console(&mailbox),
+            "to processor {}: {sent} ns, with reply {replied} ns",
+            peer.0
+        );
+    };
+    body(&mailbox, publisher, &say)
+}
+
+fn attend<M: Machine>(machine: &M, mailbox: &Post<'_, M>) -> Result<(), Failure> {
+    while !machine.is_stopping() {
+        mailbox.serve(NAP)?;
+    }
+    Ok(())
+}
+
+/// Waits until something is so of all of them.
+fn wait<M: Machine>(
+    machine: &M,
+    mailbox: &Post<'_, M>,
+    processors: Peers,
+    is_so: impl Fn(Processor) -> Result<bool, Failure>,
+) -> Result<(), Failure> {
+    let clock = machine.doorbell();
+    for processor in processors.iter() {
+        let deadline = clock.now().after(PATIENCE);
+        while !is_so(processor)? {
+            if clock.now() >= deadline || machine.is_stopping() {
+                return Err(Failure::Late {
+                    processor: processor.0,
+                });
+            }
+            mailbox.serve(NAP)?;
+        }
+    }
+    Ok(())
+}
+
+/// Rounds of which one time is taken, at most.
+const MOST: usize = 4096;
+
+/// How long a message takes without and with reply, ns.
+fn measure<M: Machine>(
+    machine: &M,
+    mailbox: &Post<'_, M>,
+    peer: Processor,
+    rounds: u32,
+) -> Result<(u32, u32), Failure> {
+    let clock = machine.doorbell();
+    let call = |data: u32| {
+        let reply = mailbox.send_with_reply(peer, INCREMENT, data, PATIENCE)?;
+        if reply == data.wrapping_add(1) {
+            Ok(())
+        } else {
+            Err(Failure::Wrong)
+        }
+    };
+    let rounds = rounds.clamp(1, MOST as u32);
+    for data in 0..rounds / 10 {
+        call(data)?;
+    }
+    let mut times = [0_u32; MOST];
+    for (data, time) in (0..rounds).zip(&mut times) {
+        let begun = clock.now();
+        call(data)?;
+        *time = u32::try_from(clock.now().ns_since(begun)).unwrap_or(u32::MAX);
+    }
+    let taken = times.split_at_mut(rounds as usize).0;
+    taken.sort_unstable();
+    let median = taken.get(taken.len() / 2).copied().unwrap_or(0);
+    let begun = clock.now();
+    for data in 0..rounds {
+        mailbox.send(peer, NOTHING, data, PATIENCE)?;
+    }
+    // It is handled after all that was sent before.
+    call(0)?;
+    let all = clock.now().ns_since(begun);
+    let each = u32::try_from(all / u64::from(rounds)).unwrap_or(u32::MAX);
+    Ok((each, median))
+}
