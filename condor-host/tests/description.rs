@@ -290,7 +290,11 @@ fn a_machine_is_laid_out_by_its_harts() {
     let (place, file) = place_of_harts();
     let description = Description::from_toml(HARTS, &file, &OWN).unwrap();
     let map = description.map().unwrap().unwrap();
-    assert_eq!(map.numbers.as_slice(), [0, 1], "by the numbers of the harts");
+    assert_eq!(
+        map.numbers.as_slice(),
+        [0, 1],
+        "by the numbers of the harts"
+    );
     assert_eq!((map.memory_bytes, map.bus_bytes), (32 << 20, 16384));
     let machine = description.machine.unwrap();
     assert_eq!(machine.monitor, place.path().join("monitor.elf"));
@@ -307,30 +311,40 @@ fn a_machine_is_laid_out_by_its_harts() {
 #[test]
 fn mistakes_with_machines_are_told() {
     let cases = [
-        ("hart = 0", "hart = 1", "31:8: the processor in line 22 is hart 1, too", 2),
+        (
+            "hart = 0",
+            "hart = 1",
+            "27:8: the processor in line 20 is hart 1, too",
+            2,
+        ),
         (
             "hart = 0",
             "hart = 2",
-            "31:8: this is hart 2, and no processor is hart 0; number them from 0 on without a gap",
+            "27:8: this is hart 2, and no processor is hart 0; number them from 0 on without a gap",
             1,
         ),
-        ("hart = 0", "", "27:1: the key `hart` is missing here; it is a whole number from 0 to 7", 2),
+        (
+            "hart = 0",
+            "",
+            "23:1: the key `hart` is missing here; it is a whole number from 0 to 7",
+            2,
+        ),
         (
             "hart = 0",
             "hart = 0\ncpu = 1",
-            "32:7: `cpu` is for processors of kind \"process\"",
+            "28:7: `cpu` is for processors of kind \"process\"",
             1,
         ),
         (
             "arguments = [\"servo\", \"a\"]",
             "arguments = [\"servo\", \"a\"]\nhart = 3",
-            "17:8: `hart` is for processors of kind \"hart\"",
+            "16:8: `hart` is for processors of kind \"hart\"",
             1,
         ),
         (
             "\"servo.elf\"\narguments = [\"a\"]",
             "\"self\"\narguments = [\"servo\"]",
-            "23:11: programs of this file are for this machine; a hart needs an ELF file for riscv64",
+            "21:11: programs of this file are for this machine; a hart needs an ELF file for riscv64",
             1,
         ),
         (
@@ -361,16 +375,21 @@ fn mistakes_with_machines_are_told() {
         (
             "program = \"servo.elf\"\narguments",
             "program = \"none.elf\"\narguments",
-            "23:11: cannot read \"PLACE/none.elf\": No such file or directory (os error 2)",
+            "21:11: cannot read \"PLACE/none.elf\": No such file or directory (os error 2)",
             1,
         ),
         (
             "program = \"servo.elf\"\narguments",
             "program = \"hand.toml\"\narguments",
-            "23:11: \"PLACE/hand.toml\" is no program for hart 1: it is no ELF file",
+            "21:11: \"PLACE/hand.toml\" is no program for hart 1: it is no ELF file",
             1,
         ),
-        ("name = \"b\"", "name = \"machine\"", "29:8: `machine` is the name of a service", 1),
+        (
+            "name = \"b\"",
+            "name = \"machine\"",
+            "25:8: `machine` is the name of a service",
+            1,
+        ),
         ("\"-icount\", ", "", "", 0),
     ];
     for (part, instead, expected, count) in cases {
@@ -388,7 +407,7 @@ fn mistakes_with_machines_are_told() {
     let long = format!("arguments = [\"{}\"]", "a".repeat(512));
     let (_place, file) = place_of_harts();
     let told = told(&HARTS.replace("arguments = [\"a\"]", &long), &file);
-    let expected = "24:13: these have 513 bytes, each with a zero after it, and a hart takes 512";
+    let expected = "22:13: these have 513 bytes, each with a zero after it, and a hart takes 512";
     assert_eq!(told, [expected]);
 }
 
@@ -400,10 +419,13 @@ fn harts_and_machines_go_together() {
     let told_ = told(&format!("{before}[[processors]]{processors}"), &file);
     assert_eq!(
         told_,
-        ["17:8: a hart belongs to a machine; add `[machine]`, or make it a process"]
+        ["15:8: a hart belongs to a machine; add `[machine]`, or make it a process"]
     );
     let text = format!("{RIGHT}\n[machine]{machine}");
     let told = told(&text, &file);
     let expected = "11:1: no processor is a hart of this machine";
-    assert!(told.len() == 1 && told[0].contains(expected.split_once(' ').unwrap().1), "{told:#?}");
+    assert!(
+        told.len() == 1 && told[0].contains(expected.split_once(' ').unwrap().1),
+        "{told:#?}"
+    );
 }
