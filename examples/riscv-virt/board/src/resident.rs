@@ -76,6 +76,7 @@ pub fn guard_stack(map: &Map, hart: u32) {
 /// the beginning of the memory.
 pub fn start(map: &Map, hart: u32, entry: u32) -> ! {
     let stack = RAM + map.stack_end(hart) as usize;
+    renew(map, hart);
     // SAFETY: the host vouches for the program; it never comes back here, and this stack is begun anew.
     unsafe {
         core::arch::asm!(
@@ -89,6 +90,19 @@ pub fn start(map: &Map, hart: u32, entry: u32) -> ! {
             in("a1") stack,
             options(noreturn),
         )
+    }
+}
+
+/// Stores what the host has put into this hart's range once more. An emulator that keeps translations of
+/// the program before sees the stores of its harts, and not those of the host.
+fn renew(map: &Map, hart: u32) {
+    let begin = (RAM + map.programs.at(hart) as usize) as *mut u64;
+    for place in 0..map.program_bytes() as usize / 8 {
+        // SAFETY: the range is this hart's alone while it has no program, and made of whole pages.
+        unsafe {
+            let word = begin.add(place);
+            word.write_volatile(word.read_volatile());
+        }
     }
 }
 
