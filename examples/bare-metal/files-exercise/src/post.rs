@@ -22,8 +22,8 @@ impl Post {
     }
 }
 
-const fn refused(to: &Message) -> Error {
-    let Message { to, vector, .. } = *to;
+const fn refused(message: Message) -> Error {
+    let Message { to, vector, .. } = message;
     Error::NoHandler { to, vector }
 }
 
@@ -34,7 +34,7 @@ impl Messenger for Post {
     }
 
     fn send_before(&self, message: Message, _: Duration, _: Instant) -> Result<(), Error> {
-        Err(refused(&message))
+        Err(refused(message))
     }
 
     fn open_before(
@@ -43,7 +43,7 @@ impl Messenger for Post {
         _: Duration,
         _: Instant,
     ) -> Result<(Pending, Instant), Error> {
-        Err(refused(&message))
+        Err(refused(message))
     }
 
     fn wait_before(&self, _: &Pending, _: Duration, _: Instant) -> Result<u32, Error> {
@@ -56,7 +56,7 @@ impl Messenger for Post {
     }
 
     fn open(&self, message: Message) -> Result<Pending, Error> {
-        Err(refused(&message))
+        Err(refused(message))
     }
 
     fn look(&self, _: &Pending) -> Result<Option<u32>, Error> {
