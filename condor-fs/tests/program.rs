@@ -6,18 +6,14 @@ mod support;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Child, Command, Output};
-use std::time::Duration;
 
-use condor_fs::wire::OPEN_FILES;
-use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions};
-use condor_mbox::linux::{LinuxWindow, Mailbox, System};
-use condor_mbox::{CriticalSection, Processor, Region};
+use condor_fs::{Errno, Error, OpenOptions};
+use condor_mbox::Processor;
+use condor_mbox::linux::System;
+use support::AnyFs;
 
 const BYTES: u32 = 32 * 1024;
-const TIMEOUT: Duration = Duration::from_secs(60);
 const PROGRAM: &str = env!("CARGO_BIN_EXE_condor-fs-server");
-
-type Files<'m, 'v> = FileSystem<'m, Mailbox<'v, 32>, LinuxWindow, 2>;
 
 /// Killed at the end of a test, as it may be at any time.
 struct Server(Child);
@@ -39,25 +35,10 @@ fn start(system: &str, root: &Path, options: &[&str]) -> Server {
 fn with_client<R>(
     system: &System<32>,
     number: u8,
-    program: impl FnOnce(Result<Files<'_, '_>, Error>) -> R,
+    program: impl FnOnce(AnyFs<'_, '_, 32, 2>) -> R,
 ) -> R {
     let number = Processor(number);
-    let (windows, doorbell) = system.claim(number).unwrap().into_parts();
-    let own = Region::users(windows[number.index()].data.clone()).unwrap();
-    let area = Area::<2>::new(&mut own.places(), 100, 1024).unwrap();
-    let handler = area.handler();
-    let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
-    mailbox
-        .set_vector(OPEN_FILES, &handler, "open files")
-        .unwrap();
-    mailbox.join().unwrap();
-    program(FileSystem::connect(
-        &mailbox,
-        Processor(0),
-        own,
-        area,
-        TIMEOUT,
-    ))
+    support::try_client(system, number, (100, 1024), |files, _, _, _| program(files))
 }
 
 fn fails<T>(outcome: Result<T, Error>, errno: Errno) {

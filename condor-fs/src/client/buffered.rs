@@ -3,9 +3,9 @@
 use core::fmt;
 
 use condor_mbox::MemoryWindow;
-use embedded_io::{BufRead, ErrorType, Read, Seek, SeekFrom, Write};
+use embedded_io::{BufRead, ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
-use super::{Error, File, Station};
+use super::{Error, File, Station, whole};
 use crate::errno::Errno;
 use crate::wire::Operation;
 
@@ -238,6 +238,10 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> R
         self.consume(read);
         Ok(read)
     }
+
+    fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<Error>> {
+        whole::read_exact(into, |rest| self.read(rest))
+    }
 }
 
 impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Seek
@@ -372,6 +376,11 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Write
         Ok(from.len())
     }
 
+    /// After an error, some of `from` may be taken.
+    fn write_all(&mut self, from: &[u8]) -> Result<(), Error> {
+        whole::write_all(from, |rest| self.write(rest))
+    }
+
     fn flush(&mut self) -> Result<(), Error> {
         self.drain()
     }
@@ -389,7 +398,8 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Seek
 
 impl<T> fmt::Debug for Unwritten<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let writer = self.writer.as_ref().map(|_| "..");
+        // A text of its own would be printed by code that can panic.
+        let writer = self.writer.as_ref().map(|_| format_args!(".."));
         (f.debug_struct("Unwritten").field("error", &self.error))
             .field("writer", &writer)
             .finish()

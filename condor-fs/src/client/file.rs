@@ -4,7 +4,7 @@ use condor_mbox::MemoryWindow;
 use embedded_io::{ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
 use super::operation::After;
-use super::{Buffer, Error, FileSystem, Kept, Lent, Open, State, Station, request};
+use super::{Buffer, Error, FileSystem, Kept, Lent, Open, State, Station, request, whole};
 use crate::errno::Errno;
 use crate::wire::{Operation, Request, Span, Status, block, halves, open as flag};
 
@@ -402,16 +402,8 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Read for File<'_,
         File::read(self, into)
     }
 
-    // What `embedded-io` does by itself, without its paths that panic.
     fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<Error>> {
-        let mut rest = into;
-        while !rest.is_empty() {
-            rest = match File::read(self, rest)? {
-                0 => return Err(ReadExactError::UnexpectedEof),
-                count => rest.get_mut(count..).unwrap_or_default(),
-            };
-        }
-        Ok(())
+        whole::read_exact(into, |rest| File::read(self, rest))
     }
 }
 
@@ -422,14 +414,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Write for File<'_
 
     /// [`Errno::IO`] if the server writes nothing, and names no error.
     fn write_all(&mut self, from: &[u8]) -> Result<(), Error> {
-        let mut rest = from;
-        while !rest.is_empty() {
-            rest = match File::write(self, rest)? {
-                0 => return Err(Errno::IO.into()),
-                count => rest.get(count..).unwrap_or_default(),
-            };
-        }
-        Ok(())
+        whole::write_all(from, |rest| File::write(self, rest))
     }
 
     fn flush(&mut self) -> Result<(), Error> {

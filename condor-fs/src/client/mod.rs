@@ -11,6 +11,7 @@ mod file;
 mod names;
 mod operation;
 mod station;
+mod whole;
 
 pub use area::Area;
 pub use buffer::{Buffer, Kept, Lent};

@@ -2,7 +2,7 @@
 //!
 //! Property tests and fuzz targets include this module, hence no names of either.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use condor_fs::{Area, Error, FileSystem, wire};
@@ -24,7 +24,7 @@ pub(crate) type Fs = FileSystem<'static, Mailbox<'static, 2>, SimWindow, FILES>;
 /// What the host does with the slot at an offset: the reply.
 pub(crate) type Answer = Box<dyn FnMut(&Own, u32) -> u32 + Send>;
 
-/// Both processors, for all runs of a thread: mailboxes are not given back.
+/// Both processors, for one run after the other: mailboxes are not given back.
 pub(crate) struct Pair {
     system: System<2>,
     answer: Arc<Mutex<Option<Answer>>>,
@@ -33,22 +33,26 @@ pub(crate) struct Pair {
     own: Own,
 }
 
-thread_local! {
-    static PAIR: Pair = Pair::new();
-}
+/// Those that no run has.
+static IDLE: Mutex<Vec<&'static Pair>> = Mutex::new(Vec::new());
 
 /// Runs `program` with a client whose host answers so.
 pub(crate) fn run<R>(
     answer: impl FnMut(&Own, u32) -> u32 + Send + 'static,
     program: impl FnOnce(&Pair) -> R,
 ) -> R {
-    PAIR.with(|pair| {
-        pair.stall(false);
-        pair.set(Some(Box::new(answer)));
-        let outcome = program(pair);
-        pair.set(None);
-        outcome
-    })
+    let idle = lock(&IDLE).pop();
+    let pair = idle.unwrap_or_else(|| Box::leak(Box::new(Pair::new())));
+    pair.stall(false);
+    pair.set(Some(Box::new(answer)));
+    let outcome = program(pair);
+    pair.set(None);
+    lock(&IDLE).push(pair);
+    outcome
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Pair {
@@ -59,7 +63,7 @@ impl Pair {
         let seen = Region::users(windows.data).unwrap();
         let answers = answer.clone();
         let handler = Box::leak(Box::new(move |call: &Call<'_>| {
-            let mut answer = answers.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut answer = lock(&answers);
             answer
                 .as_mut()
                 .map_or(0, |answer| answer(&seen, call.data()))
@@ -90,7 +94,7 @@ impl Pair {
     }
 
     fn set(&self, answer: Option<Answer>) {
-        *self.answer.lock().unwrap_or_else(PoisonError::into_inner) = answer;
+        *lock(&self.answer) = answer;
     }
 
     pub(crate) fn own(&self) -> &Own {

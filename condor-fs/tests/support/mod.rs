@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use condor_fs::server::{Options, Server, Step, Steps};
 use condor_fs::wire::{OPEN_FILES, Operation};
-use condor_fs::{Area, FileSystem};
+use condor_fs::{Area, Error, FileSystem};
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
 use condor_mbox::{CriticalSection, Places, Processor, Region};
 
@@ -29,6 +29,8 @@ const PART: &str = "CONDOR_FS_TEST_SERVER";
 
 pub(crate) type Mail<'v> = Mailbox<'v, N>;
 pub(crate) type Fs<'m, 'v> = FileSystem<'m, Mail<'v>, LinuxWindow, FILES>;
+pub(crate) type AnyFs<'m, 'v, const N: usize, const FILES: usize> =
+    Result<FileSystem<'m, Mailbox<'v, N>, LinuxWindow, FILES>, Error>;
 pub(crate) type Own = Region<LinuxWindow>;
 
 /// Kills the own process where it is told to.
@@ -195,17 +197,30 @@ pub(crate) fn with_own_client<R>(
     number: Processor,
     program: impl FnOnce(Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
 ) -> R {
+    try_client(system, number, (300, 4096), |files, own, places, mail| {
+        program(files.unwrap(), own, places, mail)
+    })
+}
+
+/// The same in a system of any size, with what the server says; `room` is bytes of a path, and of a
+/// file's buffer.
+pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
+    system: &System<N>,
+    number: Processor,
+    room: (u32, u32),
+    program: impl FnOnce(AnyFs<'_, '_, N, FILES>, &Own, &mut Places, &Mailbox<'_, N>) -> R,
+) -> R {
     let (windows, doorbell) = system.claim(number).unwrap().into_parts();
     let own = Region::users(windows[number.index()].data.clone()).unwrap();
     let mut places = own.places();
-    let area = Area::<FILES>::new(&mut places, 300, 4096).unwrap();
+    let area = Area::<FILES>::new(&mut places, room.0, room.1).unwrap();
     let handler = area.handler();
     let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
     mailbox
         .set_vector(OPEN_FILES, &handler, "open files")
         .unwrap();
     mailbox.join().unwrap();
-    let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT).unwrap();
+    let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT);
     program(files, &own, &mut places, &mailbox)
 }
 

@@ -16,7 +16,7 @@ struct Suite {
 }
 
 /// The longest first, since two run at a time.
-const SUITES: [Suite; 5] = [
+const SUITES: [Suite; 6] = [
     Suite {
         package: "condor-mos",
         features: "sim",
@@ -46,6 +46,12 @@ const SUITES: [Suite; 5] = [
         features: "dev",
         integration_tests: &["cooked", "dev"],
         skipped: &["lines_are_edited", "raw_mode_gives_every_character"],
+    },
+    Suite {
+        package: "condor-fs",
+        features: "dev",
+        integration_tests: &["buffered"],
+        skipped: &["every_byte_is_", "small_transfers_become_few"],
     },
 ];
 

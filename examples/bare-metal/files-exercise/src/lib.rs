@@ -7,7 +7,10 @@
 #![no_std]
 
 mod bell;
+mod boards;
+mod buffered;
 mod copying;
+mod descriptors;
 mod directories;
 mod disk;
 mod doubt;
@@ -15,7 +18,9 @@ mod files;
 mod listing;
 mod memory;
 mod names;
+mod nothing;
 mod pair;
+mod post;
 mod server;
 mod terminals;
 mod text;

@@ -18,7 +18,10 @@ use crate::memory::{HAND, HOST, Memory, PROCESSORS};
 use crate::server::Server;
 use crate::trouble::Trouble;
 use crate::viewer::Viewer;
-use crate::{directories, doubt, files, names, terminals, typing, words, writing};
+use crate::{
+    boards, buffered, descriptors, directories, doubt, files, names, terminals, typing, words,
+    writing,
+};
 
 /// Nothing here takes as long, unless something is broken.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
@@ -162,11 +165,14 @@ fn exercise(checks: &mut Checks<'_>, pair: &Pair<'_>, places: &mut Places) -> Re
     files::several(checks, pair, &system)?;
     directories::directories(checks, &system)?;
     names::names(checks, &system)?;
+    buffered::buffered(checks, pair, &system)?;
     doubt::doubt(checks, pair, &system, places)?;
     terminals::terminals(checks, pair, places)?;
     writing::writing(checks, pair)?;
     typing::typing(checks, pair)?;
-    terminals::lives(checks, pair, &system)
+    terminals::lives(checks, pair, &system)?;
+    let devices = boards::boards(checks, pair, places)?;
+    descriptors::descriptors(checks, pair, &devices, system)
 }
 
 /// The handlers of one vector do not interrupt each other here: no indivisible addition.

@@ -1,17 +1,27 @@
 //! [`Trouble`]: what ends an exercise early.
 
+use condor_dev::IoError;
+use condor_fs::dev::TransferError;
 use condor_mbox::AccessError;
 use condor_tty::{ConsoleError, ReaderError, TerminalError};
+
+use crate::nothing::Silence;
 
 /// A call that must succeed did not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trouble {
     Access(AccessError),
+    Board(IoError<Silence>),
     Console(ConsoleError),
+    File(IoError<TransferError<Silence>>),
     Files(condor_fs::Error),
     Mailbox(condor_mbox::Error),
+    Open(condor_dev::OpenError<'static>),
+    OpenFile(condor_fs::dev::OpenError<'static>),
     Reader(ReaderError),
     Terminal(TerminalError),
+    /// What is made once in a program was made before.
+    Twice,
 }
 
 macro_rules! from {
@@ -26,9 +36,13 @@ macro_rules! from {
 
 from! {
     Access AccessError,
+    Board IoError<Silence>,
     Console ConsoleError,
+    File IoError<TransferError<Silence>>,
     Files condor_fs::Error,
     Mailbox condor_mbox::Error,
+    Open condor_dev::OpenError<'static>,
+    OpenFile condor_fs::dev::OpenError<'static>,
     Reader ReaderError,
     Terminal TerminalError,
 }

@@ -1,0 +1,36 @@
+//! What `embedded-io` does by itself, without its paths that panic.
+
+use embedded_io::ReadExactError;
+
+use super::Error;
+use crate::errno::Errno;
+
+/// Calls `read` until `into` is full.
+pub(super) fn read_exact(
+    into: &mut [u8],
+    mut read: impl FnMut(&mut [u8]) -> Result<usize, Error>,
+) -> Result<(), ReadExactError<Error>> {
+    let mut rest = into;
+    while !rest.is_empty() {
+        rest = match read(rest)? {
+            0 => return Err(ReadExactError::UnexpectedEof),
+            count => rest.get_mut(count..).unwrap_or_default(),
+        };
+    }
+    Ok(())
+}
+
+/// Calls `write` until `from` is empty; [`Errno::IO`] if it takes nothing, and names no error.
+pub(super) fn write_all(
+    from: &[u8],
+    mut write: impl FnMut(&[u8]) -> Result<usize, Error>,
+) -> Result<(), Error> {
+    let mut rest = from;
+    while !rest.is_empty() {
+        rest = match write(rest)? {
+            0 => return Err(Errno::IO.into()),
+            count => rest.get(count..).unwrap_or_default(),
+        };
+    }
+    Ok(())
+}

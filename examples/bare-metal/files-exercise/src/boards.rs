@@ -1,0 +1,217 @@
+//! Terminals as boards of a device switch.
+
+use core::cell::Cell;
+
+use checks::Checks;
+use condor_dev::{
+    Fd, FdError, IoError, Mode, NoInterrupts, OpenError, Place, Presence, Switch, device_switch,
+};
+use condor_mbox::{CriticalSection, Message, Places};
+use condor_tty::dev::{
+    AnyTerminal, END_OF_FILE, INTERRUPTED, TerminalBoard, Terminals, UNREACHABLE,
+};
+use condor_tty::{Policy, Reader, Vectors};
+use critical_section::Mutex;
+use static_cell::StaticCell;
+
+use crate::memory::HOST;
+use crate::nothing::{Nothing, Silence};
+use crate::pair::{AHEAD, PATIENCE, Pair, RING, Tty, Window};
+use crate::post::Post;
+use crate::trouble::Trouble;
+
+type Board = TerminalBoard<'static, Window, CriticalSection, Post, AHEAD>;
+
+static TERMINAL: StaticCell<Tty> = StaticCell::new();
+static POST: Post = Post::new();
+static BOARD: StaticCell<Board> = StaticCell::new();
+static PANEL: Mutex<Cell<Option<&'static dyn AnyTerminal>>> = Mutex::new(Cell::new(None));
+
+/// A place where a terminal comes and goes, and one where none ever is.
+pub(crate) struct Panel;
+
+impl Terminals for Panel {
+    fn terminal(place: usize) -> Option<&'static dyn AnyTerminal> {
+        critical_section::with(|token| PANEL.borrow(token).get()).filter(|_| place == 0)
+    }
+}
+
+device_switch! {
+    pub(crate) struct Boards {
+        tty: condor_tty::dev::Tty<Panel> = [Place::at(0), Place::at(1)],
+    }
+}
+
+pub(crate) type Devices = Switch<Nothing, NoInterrupts, Boards, 2>;
+
+pub(crate) const BOTH: Mode = Mode::READ.union(Mode::WRITE);
+
+fn put(board: Option<&'static dyn AnyTerminal>) {
+    critical_section::with(|token| PANEL.borrow(token).set(board));
+}
+
+/// Opens, writes, reads and closes one; gives the switch.
+#[inline(never)]
+pub(crate) fn boards(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'_>,
+    places: &mut Places,
+) -> Result<Devices, Trouble> {
+    checks.group("a terminal by its name");
+    let devices = Devices::new(Nothing, NoInterrupts, Boards::new());
+    devices.start();
+    let absent = |board| OpenError::NotPresent {
+        name: ":tty",
+        board,
+        presence: Presence::Absent,
+    };
+    checks.same(
+        "there is none before the program says so",
+        devices.open(":tty", 0, BOTH),
+        Err(absent(0)),
+    );
+    let terminal = Tty::new(pair.own, places, RING, CriticalSection)?;
+    let terminal: &Tty = TERMINAL.try_init(terminal).ok_or(Trouble::Twice)?;
+    let board = BOARD.try_init(TerminalBoard::new(terminal, &POST));
+    let board: &Board = board.ok_or(Trouble::Twice)?;
+    put(Some(board));
+    devices.start();
+    checks.same(
+        "none is where it does not say so",
+        devices.open(":tty", 1, BOTH),
+        Err(absent(1)),
+    );
+    let fd = devices.open(":tty", 0, BOTH)?;
+    let mut reader = writing(checks, pair, &devices, (terminal, fd))?;
+    policies(checks, &devices, (terminal, fd), &mut reader)?;
+    reading(checks, &devices, (terminal, fd))?;
+
+    put(None);
+    let unreachable = Err(IoError::Device(UNREACHABLE));
+    checks.same(
+        "one that is gone is not written",
+        devices.write(fd, b"x"),
+        unreachable,
+    );
+    checks.same("nor read", devices.read(fd, &mut [0; 4]), unreachable);
+    let ready = (
+        devices.read_ready(fd),
+        devices.write_ready(fd),
+        devices.is_flushed(fd),
+    );
+    checks.same("nor waited for", ready, (Ok(false), Ok(false), Ok(true)));
+    put(Some(board));
+    checks.same("it is closed", devices.close(fd), Ok(()));
+    checks.same(
+        "and not written any more",
+        devices.write(fd, b"x"),
+        Err(FdError::Closed { fd }.into()),
+    );
+    Ok(devices)
+}
+
+/// Before a host has attached, and when one has.
+fn writing(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'_>,
+    devices: &Devices,
+    (terminal, fd): (&Tty, Fd),
+) -> Result<Reader<Window>, Trouble> {
+    checks.same("it is written", devices.write(fd, b"hello\n"), Ok(6));
+    checks.same("nobody is told", POST.take(), None);
+    checks.same("nor waited for", devices.is_flushed(fd), Ok(true));
+    let mut reader = Reader::attach(pair.own, terminal.offset(), HOST)?;
+    let mut bytes = [0; 8];
+    checks.same("a host attaches", reader.fetch(&mut bytes)?.len, 7);
+    checks.same(
+        "it sees what was written",
+        bytes.get(..7),
+        Some(&b"hello\r\n"[..]),
+    );
+    reader.acknowledge(7)?;
+    checks.same(
+        "it knows how far it is, and in which life",
+        (reader.position(), reader.life()),
+        (7, 1),
+    );
+    checks.same("more is written", devices.write(fd, b"x"), Ok(1));
+    let told = Message {
+        to: HOST,
+        vector: Vectors::DEFAULT.output,
+        data: terminal.offset(),
+    };
+    checks.same("it is told", POST.take(), Some(told));
+    Ok(reader)
+}
+
+/// No room, where it is waited for and where not. There is one byte in the ring.
+fn policies(
+    checks: &mut Checks<'_>,
+    devices: &Devices,
+    (terminal, fd): (&Tty, Fd),
+    reader: &mut Reader<Window>,
+) -> Result<(), Trouble> {
+    let mut bytes = [0; RING as usize];
+    let mut shown = |reader: &mut Reader<Window>| -> Result<(usize, bool), Trouble> {
+        let len = reader.fetch(&mut bytes)?.len;
+        Ok((len, reader.acknowledge(len)?))
+    };
+    terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
+    checks.same("there is room", devices.write_ready(fd), Ok(true));
+    checks.same("it is filled", devices.write(fd, &[b'-'; 100]), Ok(63));
+    checks.same("then there is none", devices.write_ready(fd), Ok(false));
+    let full = devices.write(fd, b"more");
+    checks.same("no driver waits", full, Err(IoError::WouldBlock));
+    checks.same("nothing is lost", terminal.lost(), 0);
+    checks.same(
+        "the host has not seen all",
+        devices.is_flushed(fd),
+        Ok(false),
+    );
+    checks.same("it is asked for room", shown(reader)?, (64, true));
+    checks.same("it has seen all", devices.is_flushed(fd), Ok(true));
+    checks.same("the rest is written", devices.write(fd, b"more"), Ok(4));
+    checks.same("the host is not asked again", shown(reader)?, (4, false));
+
+    terminal.set_policy(Policy::DropNew)?;
+    devices.write(fd, &[b'-'; 64])?;
+    checks.same(
+        "what finds no room is written",
+        devices.write(fd, b"more"),
+        Ok(4),
+    );
+    checks.same("and counted", terminal.lost(), 4);
+    shown(reader)?;
+    Ok(())
+}
+
+fn reading(
+    checks: &mut Checks<'_>,
+    devices: &Devices,
+    (terminal, fd): (&Tty, Fd),
+) -> Result<(), Trouble> {
+    let mut bytes = [0; 8];
+    let mut read = || devices.read(fd, &mut bytes);
+    let nothing: Result<usize, IoError<Silence>> = Err(IoError::WouldBlock);
+    checks.same("nobody has typed", devices.read_ready(fd), Ok(false));
+    checks.same("nobody is waited for", read(), nothing);
+    for character in *b"go\n\x04" {
+        terminal.accept(character)?;
+    }
+    checks.same("there is a line", devices.read_ready(fd), Ok(true));
+    checks.same("it is read", read(), Ok(3));
+    checks.same(
+        "and then its end",
+        read(),
+        Err(IoError::Device(END_OF_FILE)),
+    );
+    terminal.accept(3)?;
+    checks.same(
+        "an interrupt is told",
+        read(),
+        Err(IoError::Device(INTERRUPTED)),
+    );
+    checks.same("once", read(), nothing);
+    checks.same("it is what was typed", bytes.get(..3), Some(&b"go\n"[..]));
+    Ok(())
+}
