@@ -16,6 +16,12 @@ pub(crate) const BENCH: &str = "bench/firmware";
 /// What those are built for.
 pub(crate) const BENCH_TARGET: &str = "thumbv7m-none-eabi";
 
+/// The workspace of the harts beside a host, relative to the root.
+pub(crate) const HARTS: &str = "examples/riscv-virt";
+
+/// What those are built for.
+pub(crate) const HARTS_TARGET: &str = "riscv64gc-unknown-none-elf";
+
 /// One of the examples.
 pub(crate) struct Firmware {
     pub package: &'static str,

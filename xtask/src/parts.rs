@@ -17,6 +17,7 @@ mod mujoco;
 mod no_std;
 mod panics;
 mod qemu;
+mod riscv;
 mod test;
 mod unsafe_code;
 
@@ -40,6 +41,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part { name: "mujoco",   about: "the hand's controllers around a plant in MuJoCo",  run: mujoco::run },
     Part { name: "no-std",   about: "the libraries, built for bare-metal targets",     run: no_std::run },
     Part { name: "qemu",     about: "the bare-metal firmwares, run in QEMU",           run: qemu::run },
+    Part { name: "riscv",    about: "the hand on bare-metal harts in QEMU, and drills", run: riscv::run },
     Part { name: "panics",   about: "no path that panics in the linked firmwares",     run: panics::run },
     Part { name: "features", about: "clippy with each two features, and each alone",      run: features::run },
     Part { name: "deny",     about: "licences, duplicates, sources, advisories",       run: deny::run },
