@@ -164,11 +164,11 @@ fn a_log_has_room_for_what_is_shown_of_it() {
     let terminals = |text: &str| RIGHT.replace("[files]", &format!("[terminals]\n{text}\n[files]"));
     assert_eq!(
         one(&terminals("log_bytes = 65535")),
-        "5:13: 65535 is not a number from 65536 to 1073741824"
+        "5:13: 65535 is not a whole number from 65536 to 1073741824"
     );
     assert_eq!(
         one(&terminals("replay_bytes = 0\nlog_bytes = 4095")),
-        "6:13: 4095 is not a number from 4096 to 1073741824"
+        "6:13: 4095 is not a whole number from 4096 to 1073741824"
     );
     let (_place, file) = place();
     let read = |text: &str| {
