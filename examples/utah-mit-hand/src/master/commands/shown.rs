@@ -10,7 +10,7 @@ use condor_hand::tendon::TensionGains;
 use crate::JOINTS;
 
 /// The columns of a name, and of how a finger is.
-const NAME: usize = 8;
+const NAME: usize = 6;
 const CONDITION: usize = 10;
 
 /// One line of the gains of a joint, by their names.
@@ -77,7 +77,7 @@ impl Titles<'_> {
 
 impl Display for Titles<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:<NAME$}{:<CONDITION$} on", "finger", "is")?;
+        write!(f, "{:<NAME$} {:<CONDITION$} on", "finger", "is")?;
         for joint in &self.0.joints {
             let width = column(&joint.name);
             write!(f, "{:>width$}", joint.name.as_str())?;
@@ -99,7 +99,7 @@ impl Display for Row<'_> {
         let name = self.finger.name.as_str();
         let condition = condition(self.status);
         let processor = self.processor;
-        write!(f, "{name:<NAME$}{condition:<CONDITION$} {processor:>2}")?;
+        write!(f, "{name:<NAME$} {condition:<CONDITION$} {processor:>2}")?;
         for (number, joint) in self.finger.joints.iter().enumerate() {
             let width = column(&joint.name);
             match self.measured.and_then(|all| all.get(number).copied()) {
