@@ -3,6 +3,9 @@
 
 mod support;
 
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
 use condor_fs::server::{Options, Server, ServerError};
 use condor_fs::{Buffer, Errno, Error, OpenOptions};
 use condor_mbox::MemoryWindow;
@@ -20,6 +23,45 @@ const WRITE: OpenOptions = OpenOptions::new().write();
 #[track_caller]
 fn fails<T>(outcome: Result<T, Error>, errno: Errno) {
     assert_eq!(outcome.err(), Some(Error::Errno(errno)));
+}
+
+/// How often this thread has slept.
+fn sleeps() -> u32 {
+    let status = std::fs::read_to_string("/proc/thread-self/status").unwrap();
+    let mut lines = status.lines();
+    let count = lines.find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
+    count.unwrap().trim().parse().unwrap()
+}
+
+#[test]
+fn a_server_that_has_nothing_to_do_sleeps() {
+    let disk = disk();
+    let system = support::system();
+    let stop = AtomicBool::new(false);
+    let (slept, quick) = std::thread::scope(|threads| {
+        let server = threads.spawn(|| {
+            let server = Server::new(disk.path(), Options::default()).unwrap();
+            let before = sleeps();
+            let claim = system.claim(support::SERVER).unwrap();
+            server.serve(claim, &stop).unwrap();
+            sleeps() - before
+        });
+        let quick = support::with_client(&system, support::CLIENT, |fs, _, _, _| {
+            let tries = (0..5).filter(|_| {
+                std::thread::sleep(Duration::from_millis(600));
+                let begun = std::time::Instant::now();
+                fs.open("data", WRITE.create()).unwrap().close().unwrap();
+                begun.elapsed() < Duration::from_millis(50)
+            });
+            tries.count()
+        });
+        stop.store(true, Ordering::Relaxed);
+        (server.join().unwrap(), quick)
+    });
+    // Ten looks in each of the tenths of a second in which more may come, and a few beside.
+    assert!(slept < 150, "{slept} times in 3 s");
+    // A ring wakes it, and not the end of its sleep.
+    assert!(quick >= 3, "{quick} of 5 requests");
 }
 
 #[test]

@@ -54,6 +54,16 @@ pub trait Programs: Sync {
         None
     }
 
+    /// Makes what the programs of a system need, such as files that they load; called by `condor up`
+    /// before they are started.
+    ///
+    /// # Errors
+    /// Why it cannot be made; then the system is not started.
+    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+        let _ = description;
+        Ok(())
+    }
+
     /// Writes what is to be said of the system in `directory`, beside its loops and messages, before
     /// its programs are stopped at the end of a run without user interface.
     ///
@@ -159,6 +169,13 @@ pub fn main(programs: &dyn Programs) -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// How this program was called, for what people may type next.
+pub(crate) fn me() -> String {
+    let called = std::env::args_os().next().unwrap_or_default();
+    let name = Path::new(&called).file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
 }
 
 fn is_broken_pipe(error: &(dyn core::error::Error + 'static)) -> bool {

@@ -4,7 +4,7 @@
 
 mod number;
 mod ps;
-mod running;
+pub(crate) mod running;
 mod send;
 pub(crate) mod table;
 pub(crate) mod top;

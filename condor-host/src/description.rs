@@ -10,6 +10,7 @@
 //! | `[files]` `root` | the directory that is served, made if there is none | nothing is served |
 //! | `[files]` `read_only`, `quota_bytes`, `max_file_bytes` | what the programs may do there | everything |
 //! | `[terminals]` `replay_bytes` | how much of a terminal's past who attaches is shown | 65536 |
+//! | `[terminals]` `log_bytes` | the size from which a terminal's log is kept as the old one, in the place of the old one of before, and a new one begins; not less than `replay_bytes` | 4194304 |
 //! | `[[processors]]` | the programs, in the order in which they are started | |
 //!
 //! | key of a processor | is | default |
@@ -147,6 +148,17 @@ pub struct Files {
 pub struct Terminals {
     /// How many bytes of a terminal's past who attaches is shown.
     pub replay_bytes: u32,
+    /// From how many bytes on a log is kept as the old one, and a new one begins.
+    pub log_bytes: u32,
+}
+
+impl Default for Terminals {
+    fn default() -> Self {
+        Self {
+            replay_bytes: 64 * 1024,
+            log_bytes: 4 * 1024 * 1024,
+        }
+    }
 }
 
 /// A processor and its program.

@@ -59,8 +59,9 @@ pub struct Options {
 pub enum UpError {
     /// It is up.
     #[error(
-        "the system `{name}` is running already{}; `condor down --system {name}` ends it",
-        process.map(|process| format!(", as process {process}")).unwrap_or_default()
+        "the system `{name}` is running already{}; `{} down --system {name}` ends it",
+        process.map(|process| format!(", as process {process}")).unwrap_or_default(),
+        crate::cli::me()
     )]
     RunsAlready {
         /// Its name.
@@ -123,7 +124,7 @@ pub struct Summary {
 /// Brings the system up, and keeps it until it is told to end: by a request, by SIGINT, SIGTERM or
 /// SIGHUP, or because the description says so. `started` is called when all programs have been
 /// given the chance to join, and gets the directory in which the system runs; `ending` before the
-/// programs are stopped; neither may ask the supervisor, which does nothing else meanwhile.
+/// programs are stopped, with how everything is; neither may ask the supervisor, which does nothing else meanwhile.
 ///
 /// The programs die with the thread that calls this.
 ///
@@ -133,7 +134,7 @@ pub fn run(
     description: &Description,
     options: Options,
     started: impl FnOnce(&Directory),
-    ending: impl FnOnce(&Directory),
+    ending: impl FnOnce(&Directory, &Status),
 ) -> Result<Summary, UpError> {
     let place = Place::take(&description.name)?;
     let log = place.directory.log();
@@ -193,7 +194,7 @@ impl Supervisor<'_> {
     fn keep(
         &mut self,
         started: impl FnOnce(&Directory),
-        ending: impl FnOnce(&Directory),
+        ending: impl FnOnce(&Directory, &Status),
     ) -> Result<Summary, UpError> {
         let (mut started, mut ending) = (Some(started), Some(ending));
         let mut summary = None;
@@ -212,8 +213,9 @@ impl Supervisor<'_> {
             if self.down.is_some()
                 && let Some(ending) = ending.take()
             {
-                ending(&self.place.directory);
-                summary = Some(self.summary());
+                let seen = self.summary();
+                ending(&self.place.directory, &seen.status);
+                summary = Some(seen);
                 for member in self
                     .members
                     .iter_mut()

@@ -36,7 +36,7 @@ pub enum FindError {
         running: Vec<String>,
     },
     /// None runs.
-    #[error("no system is running; `condor up FILE` starts one")]
+    #[error("no system is running; `{} up` starts one", crate::cli::me())]
     NoneRunning,
     /// Several run.
     #[error("several systems are running, name one: {}", running.join(", "))]

@@ -8,8 +8,10 @@
 
 mod draw;
 mod feed;
+mod guard;
 mod input;
 mod layout;
+mod log;
 mod look;
 mod menu;
 mod model;
@@ -35,6 +37,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use crate::control::{Client, ClientError};
 use crate::system::Directory;
 use feed::{Feed, News};
+use guard::Guard;
 use look::Look;
 use menu::Doer;
 use model::{Leaving, Model};
@@ -174,8 +177,11 @@ fn take(model: &mut Model, news: News, doer: &Doer) -> io::Result<Option<Leaving
     }
 }
 
-/// This terminal, taken over; restored when it is dropped, and before a panic is told.
-struct Screen;
+/// This terminal, taken over; restored when it is dropped, before a panic is told, and by a guard if
+/// this process is killed.
+struct Screen {
+    _guard: Option<Guard>,
+}
 
 impl Screen {
     fn open() -> io::Result<Self> {
@@ -187,8 +193,12 @@ impl Screen {
                 before(info);
             }));
         });
+        let mut leave = Vec::new();
+        write_leave(&mut leave)?;
+        // Without a shell there is none.
+        let guard = Guard::start("/dev/tty".as_ref(), &String::from_utf8_lossy(&leave));
         enable_raw_mode()?;
-        let screen = Self;
+        let screen = Self { _guard: guard.ok() };
         crossterm::execute!(
             io::stdout(),
             EnterAlternateScreen,
@@ -207,12 +217,17 @@ impl Drop for Screen {
 
 /// Nothing can be done about a terminal that has gone.
 fn restore() {
-    let _ = crossterm::execute!(
-        io::stdout(),
+    let _ = write_leave(&mut io::stdout());
+    let _ = disable_raw_mode();
+}
+
+/// Writes what undoes all that was asked of the terminal.
+fn write_leave(to: &mut impl io::Write) -> io::Result<()> {
+    crossterm::execute!(
+        to,
         DisableBracketedPaste,
         DisableMouseCapture,
         LeaveAlternateScreen,
         crossterm::cursor::Show
-    );
-    let _ = disable_raw_mode();
+    )
 }

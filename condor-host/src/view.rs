@@ -11,6 +11,7 @@ mod loops;
 mod terminals;
 pub mod variables;
 mod vectors;
+mod wishes;
 
 pub use loops::{LoopRates, LoopSample};
 pub use terminals::TerminalCounts;
@@ -23,9 +24,10 @@ use condor_mbox::{
 };
 use serde::Serialize;
 
-use crate::directory::{self, Entry, Kind};
+use crate::directory::{self, DirectoryError, Entry, Kind};
 use crate::numbers::{PROCESSORS, VISITORS};
 use crate::system::Windows;
+use wishes::Wishes;
 
 /// The mailbox of a visitor.
 pub type Post = Mailbox<'static, LinuxWindow, LinuxDoorbell<PROCESSORS>, SingleContext, PROCESSORS>;
@@ -57,6 +59,9 @@ pub enum ViewError {
         /// What was wrong with the access.
         source: AccessError,
     },
+    /// The visitor's own memory.
+    #[error(transparent)]
+    Directory(#[from] DirectoryError),
 }
 
 struct Holders<'a>(&'a [(Processor, u32)]);
@@ -111,6 +116,7 @@ pub struct Heart {
 /// A visitor's look at all windows of a system.
 pub struct View {
     post: Post,
+    wishes: Wishes,
 }
 
 impl core::fmt::Debug for View {
@@ -131,7 +137,8 @@ impl View {
         let number = claim.number();
         let (windows, doorbell) = claim.into_parts();
         let post = Mailbox::new(number, windows, doorbell, SingleContext::new())?;
-        Ok(Self { post })
+        let wishes = Wishes::new(&post)?;
+        Ok(Self { post, wishes })
     }
 
     /// Becomes a processor to the others, so that messages can be sent.

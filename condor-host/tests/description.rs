@@ -56,6 +56,7 @@ fn what_is_left_out_has_a_default() {
     assert_eq!(description.files.unwrap().root, place.path().join("files"));
     assert_eq!((description.hand, description.bus), (None, None));
     assert_eq!(description.terminals.replay_bytes, 65536);
+    assert_eq!(description.terminals.log_bytes, 4 << 20);
     let processor = &description.processors[0];
     assert_eq!(processor.program, Program::Own);
     assert_eq!(
@@ -159,6 +160,26 @@ fn sizes_are_whole_pages() {
         one(&text),
         "5:9: the number 4096.0 stands where a multiple of 4096 from 4096 to 1073741824 should be"
     );
+}
+
+#[test]
+fn a_log_has_room_for_what_is_shown_of_it() {
+    let terminals = |text: &str| RIGHT.replace("[files]", &format!("[terminals]\n{text}\n[files]"));
+    assert_eq!(
+        one(&terminals("log_bytes = 65535")),
+        "5:13: 65535 is not a whole number from 65536 to 1073741824"
+    );
+    assert_eq!(
+        one(&terminals("replay_bytes = 0\nlog_bytes = 4095")),
+        "6:13: 4095 is not a whole number from 4096 to 1073741824"
+    );
+    let (_place, file) = place();
+    let read = |text: &str| {
+        let description = Description::from_toml(&terminals(text), &file, &OWN);
+        description.unwrap().terminals.log_bytes
+    };
+    assert_eq!(read("replay_bytes = 100\nlog_bytes = 5000"), 5000);
+    assert_eq!(read("replay_bytes = 5000000"), 5_000_000);
 }
 
 #[test]

@@ -24,7 +24,8 @@ use std::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxWindow};
 use condor_mbox::{
-    Call, LoadOrder, Mailbox, MemoryWindow, Processor, Region, SingleContext, Windows,
+    Call, Doorbell, Exclusion, LoadOrder, Mailbox, MemoryWindow, Processor, Region, SingleContext,
+    Waiting, Windows,
 };
 
 use crate::errno::Errno;
@@ -38,7 +39,7 @@ use tree::Tree;
 
 /// How long a client may take to say where its table is.
 const ASK: Duration = Duration::from_millis(100);
-/// How often a server looks whether it is to stop.
+/// How often a server that has nothing to do looks whether it is to stop.
 const LOOK: Duration = Duration::from_millis(250);
 
 /// A server of one directory tree, which it holds locked.
@@ -117,8 +118,14 @@ impl<S: Steps> Server<S> {
         mailbox.set_waiting(self.options.waiting);
         mailbox.set_vector(wire::FILES, &handler, "files")?;
         mailbox.join()?;
+        let sleeps = self.options.waiting != Waiting::Spin;
+        let mut served = 0;
         while !stop.load(Ordering::Relaxed) {
-            mailbox.serve(LOOK)?;
+            served = match served {
+                0 if sleeps => sleep(&mut mailbox)?,
+                // Requests often follow each other.
+                _ => mailbox.serve(ASK)?,
+            };
         }
         Ok(())
     }
@@ -227,6 +234,24 @@ impl<S: Steps> Server<S> {
     fn reached(&self, job: &Job<'_>, step: Step) {
         self.steps.reached(job.operation, step);
     }
+}
+
+/// Sleeps until somebody rings, for `LOOK` at most, and serves what there is then: a mailbox that
+/// waits also looks around now and then, a hundred times a second.
+fn sleep<D: Doorbell, X: Exclusion, const N: usize>(
+    mailbox: &mut Mailbox<'_, LinuxWindow, D, X, N>,
+) -> Result<usize, condor_mbox::Error> {
+    mailbox.ring_always(true)?;
+    let doorbell = mailbox.doorbell();
+    // What this service does not see, rings.
+    let seen = doorbell.prepare();
+    let mut served = mailbox.service(ASK)?;
+    if served == 0 {
+        doorbell.wait(seen, doorbell.now().after(LOOK));
+        served = mailbox.service(ASK)?;
+    }
+    mailbox.ring_always(false)?;
+    Ok(served)
 }
 
 fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno> {

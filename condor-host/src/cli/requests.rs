@@ -18,7 +18,7 @@ pub(super) struct One {
 pub(super) struct Load {
     /// The name or the number of the processor
     processor: String,
-    /// The program, as in a description; the same as before if there is none
+    /// The program, as in a description; without one, the same with the same arguments again
     program: Option<String>,
     /// What the program is given
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
@@ -73,12 +73,13 @@ pub(super) fn down(which: &Which) -> Result<(), AnyError> {
 
 pub(super) fn log(log: &Log) -> Result<(), AnyError> {
     let mut client = client(&log.which)?;
-    // Asked for first: what happens in between is told twice rather than never.
+    // Asked for first: what happens in between comes twice, which is better than never.
     let events = log
         .follow
         .then(|| self::client(&log.which)?.events().map_err(AnyError::from));
     let lines = client.ask(&Request::Log { lines: log.lines })?.lines;
-    for line in lines.unwrap_or_default() {
+    let mut known = lines.unwrap_or_default();
+    for line in &known {
         if log.json {
             println!("{}", serde_json::json!({ "line": line }));
         } else {
@@ -90,6 +91,10 @@ pub(super) fn log(log: &Log) -> Result<(), AnyError> {
     };
     for event in events? {
         let event = event?;
+        if known.contains(&event.to_string()) {
+            continue;
+        }
+        known.clear();
         if log.json {
             println!("{}", serde_json::to_string(&event)?);
         } else {

@@ -7,7 +7,8 @@ use condor_fs::server::Options;
 use condor_mbox::Processor;
 
 use crate::services::machine::{self, Qemu};
-use crate::services::{ServiceError, files, terminals};
+use crate::services::terminals::{self, Sizes};
+use crate::services::{ServiceError, files};
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Service {
@@ -41,6 +42,8 @@ pub(super) enum Service {
         processors: Vec<(Processor, String)>,
         #[arg(long)]
         replay_bytes: u64,
+        #[arg(long)]
+        log_bytes: u64,
     },
 }
 
@@ -85,7 +88,14 @@ impl Service {
                 directory,
                 processors,
                 replay_bytes,
-            } => terminals::serve(&directory, &processors, replay_bytes),
+                log_bytes,
+            } => {
+                let sizes = Sizes {
+                    replay_bytes,
+                    log_bytes,
+                };
+                terminals::serve(&directory, &processors, sizes)
+            }
         }
     }
 }

@@ -3,10 +3,9 @@
 use serde::Serialize;
 
 use super::AnyError;
-use crate::commands::{top, vectors};
-use crate::control::{Member, Status};
-use crate::description::Description;
-use crate::numbers::{FILES, TERMINALS};
+use crate::commands::table::{Left, Right, Table, or_dash};
+use crate::commands::{running, top, vectors};
+use crate::control::Status;
 use crate::system::Directory;
 use crate::view::{LoopRates, VectorCounts, View};
 
@@ -30,18 +29,16 @@ impl Summary {
     ///
     /// # Errors
     /// The windows'.
-    pub(super) fn look(description: &Description, directory: &Directory) -> Result<Self, AnyError> {
-        let view = View::open(&directory.system(description.window_bytes)?)?;
+    pub(super) fn look(directory: &Directory, status: &Status) -> Result<Self, AnyError> {
+        let view = View::open(&directory.system(status.window_bytes)?)?;
         let mut summary = Self::default();
-        let processors = description.processors.iter();
-        let processors = processors.map(|it| (it.name.as_str(), condor_mbox::Processor(it.number)));
-        let services = [("files", FILES), ("terminals", TERMINALS)];
-        for (name, number) in processors.chain(services) {
+        for member in status.processors.iter().chain(&status.services) {
+            let number = running::number(member);
             for rates in view.loops(number)?.overall() {
-                summary.loops.push((name.into(), rates));
+                summary.loops.push((member.name.clone(), rates));
             }
             for counts in view.vectors(number)? {
-                summary.vectors.push((name.into(), counts));
+                summary.vectors.push((member.name.clone(), counts));
             }
         }
         Ok(summary)
@@ -71,27 +68,28 @@ impl Summary {
         }
         println!("\n{}", top::table(&answer.loops));
         println!("{}", vectors::table(&answer.vectors));
-        print_members(status);
+        println!("{}", members(status));
+        println!("{} ran for {:.1} s", status.system, status.uptime);
         Ok(())
     }
 }
 
-fn print_members(status: &Status) {
-    println!("{} ran for {:.1} s", status.system, status.uptime);
-    println!(
-        "{:>6}  {:<16} {:<10} {:>8}  last exit",
-        "number", "name", "state", "restarts"
-    );
-    for member in status.services.iter().chain(&status.processors) {
-        let Member {
-            number,
-            name,
-            state,
-            restarts,
-            last_exit,
-            ..
-        } = member;
-        let last_exit = last_exit.as_deref().unwrap_or("-");
-        println!("{number:>6}  {name:<16} {state:<10} {restarts:>8}  {last_exit}");
+fn members(status: &Status) -> impl core::fmt::Display {
+    let mut table = Table::new([
+        ("number", Right),
+        ("name", Left),
+        ("state", Left),
+        ("restarts", Right),
+        ("last exit", Left),
+    ]);
+    for member in status.processors.iter().chain(&status.services) {
+        table.row([
+            member.number.to_string(),
+            member.name.clone(),
+            member.state.to_string(),
+            member.restarts.to_string(),
+            or_dash(member.last_exit.as_deref()),
+        ]);
     }
+    table
 }

@@ -43,7 +43,7 @@ impl Ui {
         let directory = system::find(self.which.system.as_deref())?;
         if !is_possible() {
             return Err(
-                "the user interface needs a terminal; see also `condor ps` and `condor top`".into(),
+                "the user interface needs a terminal; see also the commands `ps` and `top`".into(),
             );
         }
         Ok(ui::run(&directory, self.tools.all())?)
@@ -77,7 +77,8 @@ pub(super) fn up(
     let outcome = ui::run(&directory, tools.all());
     if is_supervisor(&directory, pid) {
         outcome?;
-        println!("The system `{name}` goes on: `condor ui` shows it, `condor down` ends it.");
+        let me = super::me();
+        println!("The system `{name}` goes on: `{me} ui` shows it, `{me} down` ends it.");
         return Ok(ExitCode::SUCCESS);
     }
     let status = supervisor.wait()?;
@@ -90,7 +91,10 @@ pub(super) fn up(
 fn spawn(file: &Path, limit: Option<Duration>, output: File) -> Result<Child, AnyError> {
     let mut command = Command::new("setsid");
     command.arg(std::env::current_exe()?);
-    command.arg("up").arg(file).arg("--headless");
+    command
+        .arg("up")
+        .arg(file)
+        .args(["--headless", "--attended"]);
     if let Some(limit) = limit {
         command.arg("--for").arg(format!("{}ms", limit.as_millis()));
     }

@@ -30,6 +30,9 @@ pub(super) struct How {
     /// Without user interface, for scripts: prints a summary at the end
     #[arg(long)]
     headless: bool,
+    /// Somebody is there to type all the same: at the user interface that started this supervisor
+    #[arg(long, hide = true, requires = "headless")]
+    attended: bool,
     /// Takes the system down after this time, such as 10s or 2m
     #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     duration: Option<Duration>,
@@ -66,6 +69,7 @@ pub(super) fn run(
     if !how.headless && super::ui::is_possible() {
         return super::ui::up(&file, &description.name, how.duration, &how.tools);
     }
+    programs.prepare(&description)?;
     let options = Options {
         own: programs.names().to_vec(),
         echo: true,
@@ -76,15 +80,15 @@ pub(super) fn run(
         &description,
         options,
         |directory| {
-            if how.headless {
+            if how.headless && !how.attended {
                 type_lines(&description, directory);
             }
         },
-        |directory| {
+        |directory, status| {
             if !how.headless {
                 return;
             }
-            match Summary::look(&description, directory) {
+            match Summary::look(directory, status) {
                 Ok(summary) => seen.set(summary),
                 Err(error) => eprintln!("condor: no summary of the windows: {error}"),
             }

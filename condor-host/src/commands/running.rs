@@ -64,6 +64,6 @@ fn find<'m>(
 }
 
 /// Its number in the system.
-pub(super) const fn number(member: &Member) -> Processor {
+pub(crate) const fn number(member: &Member) -> Processor {
     Processor(member.number)
 }

@@ -99,9 +99,7 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
             Some(files) => Some(files?),
             None => None,
         },
-        terminals: terminals.unwrap_or(Terminals {
-            replay_bytes: 64 * 1024,
-        }),
+        terminals: terminals.unwrap_or_default(),
         processors: processors
             .into_iter()
             .map(Found::whole)
@@ -185,11 +183,17 @@ fn files(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Option<Fil
 }
 
 fn terminals(mut table: Table<'_, '_>) -> Terminals {
-    let bytes = table.optional_number("replay_bytes", 0..=MOST_BYTES);
+    let default = Terminals::default();
+    let small = |value: Option<i64>| value.and_then(|value| u32::try_from(value).ok());
+    let replay_bytes = small(table.optional_number("replay_bytes", 0..=MOST_BYTES));
+    let replay_bytes = replay_bytes.unwrap_or(default.replay_bytes);
+    // What is shown of the past must be there, even when a new log has just begun.
+    let least = i64::from(replay_bytes).max(PAGE);
+    let log_bytes = small(table.optional_number("log_bytes", least..=MOST_BYTES));
     table.finish();
-    let replay_bytes = bytes.and_then(|bytes| u32::try_from(bytes).ok());
     Terminals {
-        replay_bytes: replay_bytes.unwrap_or(64 * 1024),
+        replay_bytes,
+        log_bytes: log_bytes.unwrap_or(default.log_bytes.max(replay_bytes)),
     }
 }
 

@@ -5,6 +5,7 @@
 //! | file | |
 //! |---|---|
 //! | `NAME.log` | all that the terminal has written; where a program began, or output was overwritten, a line in brackets says so |
+//! | `NAME.old.log` | what was in the log until it was full; the one before is gone then |
 //! | `NAME.sock` | sends who connects the end of the log, and then what comes; what is written to it is typed |
 //! | `NAME` | leads to a pseudo-terminal with what comes; what is written to it is typed |
 //! | `NAME.mark` | which byte of the output is where in the log |
@@ -34,6 +35,7 @@ use crate::description::Description;
 use crate::numbers::TERMINALS;
 use crate::supervisor::Signals;
 use crate::system::Directory;
+pub use station::Sizes;
 use station::Station;
 
 /// How long to wait for events at most: the own heart must beat.
@@ -42,15 +44,14 @@ const BEAT: Timespec = Timespec {
     tv_nsec: 500_000_000,
 };
 
-/// Serves the terminals of these processors in the directory `directory` until SIGTERM; who
-/// attaches is shown `replay_bytes` of the past.
+/// Serves the terminals of these processors in the directory `directory` until SIGTERM.
 ///
 /// # Errors
 /// [`ServiceError`].
 pub fn serve(
     directory: &Path,
     processors: &[(Processor, String)],
-    replay_bytes: u64,
+    sizes: Sizes,
 ) -> Result<(), ServiceError> {
     let mut signals = Signals::new().map_err(ServiceError::Events)?;
     let (windows, doorbell) = claim(TERMINALS)?.into_parts();
@@ -68,7 +69,7 @@ pub fn serve(
                 object: condor_mbox::Object::Data,
                 kind: error.kind,
             })?;
-        let station = Station::open(directory, name, *number, region, replay_bytes)?;
+        let station = Station::open(directory, name, *number, region, sizes)?;
         let flags = epoll::EventFlags::IN | epoll::EventFlags::OUT | epoll::EventFlags::ET;
         let data = epoll::EventData::new_u64(0);
         epoll::add(&ptys, station.pty(), data, flags)
@@ -118,10 +119,14 @@ fn quiet(ptys: impl AsFd) {
 
 /// The arguments with which the program starts it.
 pub(crate) fn arguments(description: &Description, directory: &Directory) -> Vec<String> {
-    let mut arguments: Vec<String> = ["service", "terminals", "--replay-bytes"]
-        .map(Into::into)
-        .into();
-    arguments.push(description.terminals.replay_bytes.to_string());
+    let mut arguments: Vec<String> = ["service", "terminals"].map(Into::into).into();
+    let terminals = &description.terminals;
+    for (option, bytes) in [
+        ("--replay-bytes", terminals.replay_bytes),
+        ("--log-bytes", terminals.log_bytes),
+    ] {
+        arguments.extend([option.into(), bytes.to_string()]);
+    }
     arguments.push("--".into());
     arguments.push(directory.terminals().to_string_lossy().into_owned());
     for processor in &description.processors {

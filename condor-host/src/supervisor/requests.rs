@@ -123,6 +123,12 @@ impl Supervisor<'_> {
                 member.plan.name
             ));
         }
+        // Nothing else: the same again.
+        let arguments = if program.is_none() && arguments.is_empty() {
+            member.plan.arguments.clone()
+        } else {
+            arguments
+        };
         let program = program.unwrap_or_else(|| member.plan.program.clone());
         let image = plan::reload(
             self.description,

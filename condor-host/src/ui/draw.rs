@@ -4,7 +4,7 @@ mod popups;
 mod tables;
 
 use ratatui::Frame;
-use ratatui::layout::{Position, Rect};
+use ratatui::layout::{Constraint, Layout as Split, Position, Rect};
 use ratatui::style::{Color, Modifier, Style, Stylize};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, BorderType, Borders, Paragraph};
@@ -74,17 +74,20 @@ fn draw_pane(frame: &mut Frame<'_>, model: &Model, page: Page, area: Rect, borde
         }
         return;
     }
-    let lines = tables::lines(model, page);
+    let (head, rows) = tables::lines(model, page, inner.width);
+    let split = [Constraint::Length(head.len() as u16), Constraint::Fill(1)];
+    let [above, below] = Split::vertical(split).areas(inner);
     let scrolled = match page {
         // The last lines are at the bottom.
-        Page::Log => lines
+        Page::Log => rows
             .len()
-            .saturating_sub(usize::from(inner.height))
+            .saturating_sub(usize::from(below.height))
             .saturating_sub(model.scroll_of(page)),
         _ => model.scroll_of(page),
     };
     let scrolled = u16::try_from(scrolled).unwrap_or(u16::MAX);
-    frame.render_widget(Paragraph::new(lines).scroll((scrolled, 0)), inner);
+    frame.render_widget(Paragraph::new(head), above);
+    frame.render_widget(Paragraph::new(rows).scroll((scrolled, 0)), below);
 }
 
 fn title(model: &Model, page: Page) -> Line<'static> {
@@ -128,7 +131,7 @@ fn draw_window(frame: &mut Frame<'_>, window: &Window, area: Rect, has_cursor: b
 
 fn draw_status(frame: &mut Frame<'_>, model: &Model, area: Rect) {
     let line = if let Some(why) = &model.gone {
-        Line::raw(format!("No supervisor: {why}")).red()
+        Line::raw(format!("No supervisor; F10 leaves: {why}")).red()
     } else if let Some(notice) = &model.notice {
         Line::raw(notice.as_str()).yellow()
     } else {

@@ -120,14 +120,18 @@ fn follow(directory: &Directory, news: &Sender<News>) -> Result<bool, ClientErro
     let events = Client::connect(directory)?.events()?;
     let before = Client::connect(directory)?.ask(&Request::Log { lines: LOG_LINES })?;
     let lines = before.lines.unwrap_or_default();
-    let newest = lines.last().cloned();
+    let mut known = lines.clone();
     if news.send(News::LogBegins(lines)).is_err() {
         return Ok(false);
     }
     for event in events {
         let line = event?.to_string();
         // What happened between the two requests comes twice.
-        if newest.as_ref() != Some(&line) && news.send(News::Log(line)).is_err() {
+        if known.contains(&line) {
+            continue;
+        }
+        known.clear();
+        if news.send(News::Log(line)).is_err() {
             return Ok(false);
         }
     }

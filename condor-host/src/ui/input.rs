@@ -35,6 +35,8 @@ pub(super) enum Action {
     Zoom,
     Show(Popup),
     Menu,
+    /// The actions of what a page shows.
+    MenuOf(Page),
     ClosePopup,
     MenuMove {
         members: isize,
@@ -128,7 +130,7 @@ fn mouse(situation: &Situation, mouse: MouseEvent) -> Option<Action> {
     let page = situation.layout.page_at(mouse.column, mouse.row)?;
     match mouse.kind {
         MouseEventKind::Down(MouseButton::Left) => Some(Action::Focus(page)),
-        MouseEventKind::Down(MouseButton::Right) => Some(Action::Menu),
+        MouseEventKind::Down(MouseButton::Right) => Some(Action::MenuOf(page)),
         MouseEventKind::ScrollUp => Some(Action::Scroll(page, WHEEL)),
         MouseEventKind::ScrollDown => Some(Action::Scroll(page, -WHEEL)),
         _ => None,

@@ -120,11 +120,12 @@ fn tiled(body: Rect, model: &Model) -> Vec<(Page, Rect)> {
     let columns = [Constraint::Min(1), Constraint::Length(TABLES)];
     let [left, right] = Split::horizontal(columns).areas(body);
     let mut panes = Vec::new();
-    let count = model.windows.len();
-    let across = if count <= 2 { 1 } else { 2 };
-    let down = count.div_ceil(across).max(1);
-    let rows = Split::vertical(vec![Constraint::Fill(1); down]).split(left);
-    for (windows, row) in model.windows.chunks(across).zip(rows.iter()) {
+    let across = if model.windows.len() <= 2 { 1 } else { 2 };
+    // The first has a row alone if the number is odd: it is where people type.
+    let (first, others) = model.windows.split_at(model.windows.len() % across);
+    let groups = first.chunks(1).chain(others.chunks(across));
+    let rows = Split::vertical(vec![Constraint::Fill(1); groups.clone().count()]).split(left);
+    for (windows, row) in groups.zip(rows.iter()) {
         let cells = Split::horizontal(vec![Constraint::Fill(1); windows.len()]).split(*row);
         for (window, cell) in windows.iter().zip(cells.iter()) {
             panes.push((Page::Window(window.id), *cell));

@@ -78,9 +78,10 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
         Action::Scroll(page, lines) => model.scroll(page, lines),
         Action::Zoom => model.zoomed = !model.zoomed,
         Action::Show(popup) => model.popup = Some(popup),
-        Action::Menu => {
-            let member = model.member_in_focus();
-            model.popup = Some(Popup::Menu { member, entry: 0 });
+        Action::Menu => open_menu(model),
+        Action::MenuOf(page) => {
+            model.focus = page;
+            open_menu(model);
         }
         Action::ClosePopup => model.popup = None,
         Action::MenuMove { members, entries } => move_by(model, members, entries),
@@ -94,6 +95,11 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
         Action::Draw => {}
     }
     None
+}
+
+fn open_menu(model: &mut Model) {
+    let member = model.member_in_focus();
+    model.popup = Some(Popup::Menu { member, entry: 0 });
 }
 
 fn type_in(model: &mut Model, bytes: &[u8]) {

@@ -8,8 +8,10 @@ use super::Tool;
 use super::feed::News;
 use super::input::Situation;
 use super::layout::{self, Layout};
+use super::log;
 use super::window::{Window, WindowId};
 use crate::control::{Member, Status};
+use crate::numbers::FILES;
 use crate::view::{LoopRates, VectorCounts};
 
 /// Lines of the log that are kept.
@@ -224,16 +226,20 @@ impl Model {
         }
         // The log is scrolled from its end on, and tables from their beginning.
         let lines = if page == Page::Log { lines } else { -lines };
-        let most = match page {
-            Page::Loops => self.loops.len(),
-            Page::Messages => self.vectors.len(),
-            Page::Files => 0,
-            _ => self.log.len(),
+        let insides = self.layout();
+        let inside = insides.insides().find(|(other, _)| *other == page);
+        let (width, height) = inside.map_or((80, 20), |(_, area)| (area.width, area.height));
+        let (rows, titles) = match page {
+            Page::Loops => (self.loops.len(), 1),
+            Page::Messages => (self.vectors.len(), 1),
+            Page::Files => (0, 0),
+            _ => (log::rows(&self.log, width).len(), 0),
         };
+        let most = (rows + titles).saturating_sub(height.into());
         let place = Page::TABLES.iter().position(|table| *table == page);
         if let Some(at) = place.and_then(|place| self.scrolled.get_mut(place)) {
             let to = i32::try_from(*at).unwrap_or(0).saturating_add(lines);
-            *at = usize::try_from(to).unwrap_or(0).min(most.saturating_sub(1));
+            *at = usize::try_from(to).unwrap_or(0).min(most);
         }
     }
 
@@ -272,6 +278,7 @@ impl Model {
     pub(super) fn member_in_focus(&self) -> usize {
         let processor = match self.focus {
             Page::Window(id) => self.window(id).map(|window| window.processor),
+            Page::Files => Some(FILES.0),
             _ => None,
         };
         let place = self

@@ -8,6 +8,8 @@ use condor_tty::linux::{Screen, Sink};
 
 /// Lines that are kept after they have left the screen.
 const HISTORY: usize = 2000;
+/// Bytes that are kept to be shown again at another width.
+const PAST: usize = 128 * 1024;
 /// Bytes that are kept for a terminal service that is not there.
 const EARLY: usize = 4096;
 
@@ -25,6 +27,8 @@ pub(super) struct Window {
     pub(super) is_tool: bool,
     screen: Screen,
     size: (u16, u16),
+    /// What it wrote; begins with a line.
+    past: Vec<u8>,
     /// Where what is typed goes to, while somebody is there.
     input: Option<OwnedFd>,
     /// What was typed while nobody was there.
@@ -40,6 +44,7 @@ impl Window {
             is_tool,
             screen: blank(80, 24),
             size: (80, 24),
+            past: Vec::new(),
             input: None,
             early: Vec::new(),
         }
@@ -56,6 +61,7 @@ impl Window {
     /// Begins anew: what comes repeats what there is.
     pub(super) fn open(&mut self, input: OwnedFd) {
         self.screen = blank(self.size.0, self.size.1);
+        self.past.clear();
         self.input = Some(input);
         self.tell_size();
         let early = core::mem::take(&mut self.early);
@@ -69,6 +75,12 @@ impl Window {
     pub(super) fn write(&mut self, bytes: &[u8]) {
         // A screen takes everything.
         let _ = self.screen.take(bytes);
+        self.past.extend_from_slice(bytes);
+        if self.past.len() > 2 * PAST {
+            let from = self.past.len() - PAST;
+            let line = self.past.iter().skip(from).position(|&byte| byte == b'\n');
+            self.past.drain(..line.map_or(from, |line| from + line + 1));
+        }
     }
 
     /// Types; false if it has to wait for somebody who takes it.
@@ -88,8 +100,9 @@ impl Window {
             return;
         }
         self.size = (columns, rows);
-        let (rows, columns) = (at_least_one(rows), at_least_one(columns));
-        self.screen.screen_mut().set_size(rows, columns);
+        // Written again: a screen forgets what is beyond its edge.
+        self.screen = blank(columns, rows);
+        let _ = self.screen.take(&self.past);
         self.tell_size();
     }
 

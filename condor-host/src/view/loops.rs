@@ -71,22 +71,28 @@ impl View {
 }
 
 impl LoopSample {
-    /// What the loops did; between `before` and this sample, if both are of the same life.
+    /// What the loops did; between `before` and this sample, if both are of the same life. Releases
+    /// are at exact times, so they tell how long that is, and not the clock of who looks at counts
+    /// that were published some time before; of a loop that is not released, the clock.
     #[must_use]
     pub fn since(&self, before: Option<&Self>) -> Vec<LoopRates> {
         let before = before.filter(|before| before.life == self.life);
         let rates = |(name, now): &(String, Statistics)| {
             let earlier = before.and_then(|before| {
                 let same = before.loops.iter().find(|(other, _)| other == name)?;
-                Some((&same.1, self.at.duration_since(before.at).as_secs_f64()))
+                let releases = now.released.wrapping_sub(same.1.released);
+                let seconds = match releases {
+                    0 => self.at.duration_since(before.at).as_secs_f64(),
+                    _ => f64::from(releases) / now.rate.as_hz(),
+                };
+                Some((&same.1, seconds))
             });
             rates(name, now, earlier)
         };
         self.loops.iter().map(rates).collect()
     }
 
-    /// What the loops did since they began. Releases are at exact times, so they tell how long that
-    /// is.
+    /// What the loops did since they began.
     #[must_use]
     pub fn overall(&self) -> Vec<LoopRates> {
         let overall = |(name, counts): &(String, Statistics)| {
@@ -190,6 +196,28 @@ mod tests {
         assert_eq!(sample.overall()[0].reached_hz, Some(400.0));
         assert_eq!(skipping.overall()[0].reached_hz, Some(300.0));
         assert_eq!(skipping.overall()[0].utilisation, Some(0.015));
+    }
+
+    #[test]
+    fn the_time_between_samples_is_that_of_the_releases() {
+        let sample = |released, run| {
+            let mut counts = counts(run, 1000);
+            counts.released = released;
+            LoopSample {
+                at: Instant::now(),
+                life: 1,
+                loops: vec![("servo".into(), counts)],
+            }
+        };
+        let before = sample(u32::MAX - 99, 900);
+        let rates = sample(100, 1090).since(Some(&before));
+        assert_eq!(rates[0].reached_hz, Some(380.0));
+        // Nothing ran, and nothing was due.
+        let rates = before.clone().since(Some(&before));
+        assert_eq!(rates[0].reached_hz, None);
+        std::thread::sleep(std::time::Duration::from_millis(1));
+        let rates = sample(u32::MAX - 99, 900).since(Some(&before));
+        assert_eq!(rates[0].reached_hz, Some(0.0));
     }
 
     #[test]

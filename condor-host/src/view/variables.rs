@@ -1,8 +1,8 @@
 //! The variables of a processor's monitor, and watching some of them.
 //!
 //! A monitor has one selection for all who watch. A [`Watch`] therefore asks for its own variables
-//! beside those that are selected already, at a rate of which both are multiples, and leaves the
-//! selection as it was before if nobody has changed it since.
+//! beside those that all others watch who live, at a rate of which all theirs are multiples, and at its
+//! end for those of the others alone. What a killed one watched is selected until the next begins or ends.
 
 use std::time::Duration;
 
@@ -14,12 +14,15 @@ use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{AccessError, Processor, Region};
 use serde::Serialize;
 
+use super::wishes::{Wishes, life, together};
 use super::{Post, View, ViewError};
 use crate::directory::{self, Entry};
 use crate::numbers::PROCESSORS;
 
 /// How long a monitor may take to answer.
 const ANSWER: Duration = Duration::from_secs(2);
+/// How often others may begin or end while one does.
+const TRIES: usize = 8;
 
 /// Why variables cannot be listed or watched.
 #[derive(Debug, thiserror::Error)]
@@ -83,6 +86,7 @@ pub struct Monitor {
     places: MonitorPlaces,
     region: Region<LinuxWindow>,
     reader: MonitorReader<LinuxWindow>,
+    wishes: Wishes,
 }
 
 impl View {
@@ -108,6 +112,7 @@ impl View {
                 places,
                 region,
                 reader,
+                wishes: self.wishes.clone(),
             })),
             Err(MonitorReaderError::NoMonitor { .. }) => Ok(None),
             Err(source) => Err(WatchError::Monitor { processor, source }),
@@ -178,7 +183,6 @@ impl Monitor {
     ) -> Result<Watch<'p>, WatchError> {
         let processor = self.processor;
         let wanted = Selection::new(variables.iter().copied(), every)?;
-        let before = self.selection()?.filter(|before| before.count() > 0);
         let client = MonitorClient::new(
             post,
             post.doorbell().clone(),
@@ -186,50 +190,38 @@ impl Monitor {
             &self.region,
             self.places,
         );
-        let mut client = client.map_err(|source| ViewError::Memory { processor, source })?;
-        let both = match &before {
-            Some(before) => Selection::new(
-                before.variables().chain(wanted.variables()),
-                common(before.every(), every),
-            )?,
-            None => wanted,
-        };
-        let number = match client.select(&both, ANSWER) {
-            // Too many for a row: those who watched before have had their turn.
-            Err(MonitorClientError::Selection(SelectionError::Columns { .. })) => {
-                client.select(&wanted, ANSWER)
-            }
-            other => other,
-        };
-        let number = number.map_err(|source| WatchError::Selection { processor, source })?;
-        Ok(Watch {
+        let memory = |source| ViewError::Memory { processor, source };
+        let client = client.map_err(memory)?;
+        let told = self
+            .wishes
+            .tell(processor, life(post).map_err(ViewError::Mailbox)?, &wanted);
+        told.map_err(memory)?;
+        let mut watch = Watch {
             monitor: self,
+            post,
             client,
-            before: before.unwrap_or(Selection::NOTHING),
-            number,
             wanted,
             begun: false,
             last: None,
             lost: 0,
-        })
+        };
+        match watch.ask(&[wanted]) {
+            // Too many for a row: those who watched before have had their turn.
+            Err(WatchError::Selection {
+                source: MonitorClientError::Selection(SelectionError::Columns { .. }),
+                ..
+            }) => watch.select(&wanted)?,
+            other => other?,
+        }
+        Ok(watch)
     }
-}
-
-/// The greatest common divisor; a selection has no 0.
-const fn common(mut a: u32, mut b: u32) -> u32 {
-    while b != 0 {
-        (a, b) = (b, a % b);
-    }
-    a
 }
 
 /// Variables that are watched.
 pub struct Watch<'p> {
     monitor: Monitor,
+    post: &'p Post,
     client: MonitorClient<'p, Post, LinuxDoorbell<PROCESSORS>, LinuxWindow>,
-    before: Selection,
-    /// The number of the selection with which it began.
-    number: u32,
     wanted: Selection,
     /// Whether that selection has been seen in force.
     begun: bool,
@@ -299,27 +291,63 @@ impl Watch<'_> {
         self.lost
     }
 
-    /// Leaves the selection as it was before, if nobody has changed it since.
+    /// Leaves what the others watch.
     ///
     /// # Errors
     /// [`WatchError`].
     pub fn end(mut self) -> Result<(), WatchError> {
-        let number = self.monitor.reader.selection_number();
-        if number.map_err(|source| self.monitor.error(source))? == self.number {
-            let processor = self.monitor.processor;
-            let selected = self.client.select(&self.before, ANSWER);
-            selected.map_err(|source| WatchError::Selection { processor, source })?;
+        let processor = self.monitor.processor;
+        let withdrawn = self.monitor.wishes.withdraw(processor);
+        withdrawn.map_err(|source| ViewError::Memory { processor, source })?;
+        match self.ask(&[]) {
+            // They have been too many before.
+            Err(WatchError::Selection {
+                source: MonitorClientError::Selection(SelectionError::Columns { .. }),
+                ..
+            }) => Ok(()),
+            other => other,
         }
+    }
+
+    /// Asks for what the others watch, and for `own`.
+    fn ask(&mut self, own: &[Selection]) -> Result<(), WatchError> {
+        let mut wishes = self.wishes(own)?;
+        for _ in 0..TRIES {
+            self.select(&wishes)?;
+            // Who began or ended meanwhile said so before it asked; what it asked for may be lost.
+            let before = core::mem::replace(&mut wishes, self.wishes(own)?);
+            if wishes == before {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn wishes(&self, own: &[Selection]) -> Result<Selection, WatchError> {
+        let Monitor {
+            processor,
+            places,
+            region,
+            wishes,
+            ..
+        } = &self.monitor;
+        let all = wishes.of_others(self.post, *processor, region, *places);
+        let mut all = all.map_err(ViewError::Mailbox)?;
+        all.extend(own);
+        Ok(together(&all))
+    }
+
+    fn select(&mut self, selection: &Selection) -> Result<(), WatchError> {
+        let processor = self.monitor.processor;
+        let selected = self.client.select(selection, ANSWER);
+        selected.map_err(|source| WatchError::Selection { processor, source })?;
         Ok(())
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn two_rates_have_a_rate_of_which_both_are_multiples() {
-        assert_eq!([common(10, 4), common(1, 7), common(6, 6)], [2, 1, 6]);
+impl Drop for Watch<'_> {
+    fn drop(&mut self) {
+        // Memory that is gone has no wishes.
+        let _ = self.monitor.wishes.withdraw(self.monitor.processor);
     }
 }

@@ -230,6 +230,47 @@ fn a_watcher_leaves_the_selection_of_another() {
 }
 
 #[test]
+fn what_a_killed_watcher_watched_is_forgotten_by_the_next() {
+    let up = start();
+    let system = up.directory().system(65536).unwrap();
+    let mut view = View::open(&system).unwrap();
+    view.join().unwrap();
+    let monitor = || view.monitor(Processor(0)).unwrap().unwrap();
+    let variables = monitor().variables().unwrap();
+    let selected = |expected: &[usize]| {
+        let deadline = std::time::Instant::now() + running::DEADLINE;
+        let monitor = monitor();
+        loop {
+            let selection = monitor.selection().unwrap();
+            let found: Option<Vec<_>> = selection.map(|it| it.variables().collect());
+            if found.as_deref() == Some(expected) {
+                return;
+            }
+            assert!(std::time::Instant::now() < deadline, "{found:?}");
+            let nap = std::time::Duration::from_millis(5);
+            view.post().serve(nap).unwrap();
+        }
+    };
+    let mut watchers = Vec::new();
+    for (_, variable) in variables.iter().take(2) {
+        let name = format!("a:{}", variable.name);
+        let mut command = up.command(&["vars", "watch", &name]);
+        watchers.push(command.stdout(Stdio::null()).spawn().unwrap());
+    }
+    selected(&[0, 1]);
+    let [mut first, mut second] = <[_; 2]>::try_from(watchers).unwrap();
+    first.kill().unwrap();
+    first.wait().unwrap();
+    // Nobody has told the monitor yet; who begins does, and keeps what the living one watches.
+    let watch = monitor().watch(view.post(), &[variables[7].0], 1).unwrap();
+    selected(&[1, 7]);
+    second.kill().unwrap();
+    second.wait().unwrap();
+    watch.end().unwrap();
+    selected(&[]);
+}
+
+#[test]
 fn a_terminal_can_be_typed_at_from_a_script() {
     let up = start();
     let mut child = up

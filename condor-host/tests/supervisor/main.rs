@@ -121,6 +121,11 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     assert_eq!((loaded.state, loaded.restarts), (State::Running, 0));
     assert_eq!(loaded.arguments, ["writer", "other"]);
     up.read_terminal("a", "writer other 0\r\n");
+    up.run(&["load", "a"]);
+    let again = up.status().processors[0].clone();
+    assert_eq!(again.arguments, loaded.arguments);
+    assert_ne!(again.pid, loaded.pid);
+    let loaded = again;
     let error = up.refused(&Request::Load {
         processor: "a".into(),
         program: Some("no-such-program".into()),

@@ -4,7 +4,7 @@
 
 mod summary;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use condor_host::cli::{self, AnyError, Programs};
@@ -53,31 +53,26 @@ impl Programs for Hand {
         Some(SYSTEM.into())
     }
 
+    /// Compiles the motions that people write beside the description to those that the master loads.
+    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+        let motions = description.file.with_file_name("motions");
+        let (Some(file), Some(files)) = (&description.hand, &description.files) else {
+            return Ok(());
+        };
+        if !motions.is_dir() {
+            return Ok(());
+        }
+        let text = std::fs::read_to_string(file)?;
+        let hand = UtahMit::from_toml(&text, &file.to_string_lossy())?;
+        compile_motions(&motions, &files.root.join("motions"), &joint_names(&hand))?;
+        Ok(())
+    }
+
     fn summarize(&self, description: &Description, directory: &Directory) -> Result<(), AnyError> {
         summary::of(description, directory)
     }
 }
 
-/// Compiles the motions that people write to those that the master loads.
-fn compile() -> Result<(), AnyError> {
-    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let description = Description::read(Path::new(SYSTEM), Hand.names());
-    let description = description.map_err(|mistakes| mistakes.to_string())?;
-    let file = description.hand.as_ref().ok_or("the system has no hand")?;
-    let text = std::fs::read_to_string(file)?;
-    let hand = UtahMit::from_toml(&text, &file.to_string_lossy())?;
-    let (motions, files) = (package.join("motions"), package.join("files/motions"));
-    compile_motions(&motions, &files, &joint_names(&hand))?;
-    Ok(())
-}
-
 fn main() -> ExitCode {
-    // What only looks at a system, or is one of its processors, needs none.
-    let verb = std::env::args().nth(1);
-    let begins_system = verb.is_none_or(|verb| verb == "up" || verb.starts_with('-'));
-    if begins_system && let Err(error) = compile() {
-        eprintln!("utah-mit-hand: {error}");
-        return ExitCode::FAILURE;
-    }
     cli::main(&Hand)
 }

@@ -61,6 +61,8 @@ const NAP: Duration = Duration::from_millis(20);
 /// How often it shows the counts of the loop, and how often it looks at the servos.
 const REPORT_NS: u64 = 50_000_000;
 const WATCH_NS: u64 = 100_000_000;
+/// How long the first line that is typed waits for the fingers, so that it may be `enable`.
+const FIRST_LINE: Duration = Duration::from_secs(2);
 /// How long a command may wait for the file service, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(10);
 /// The longest line that is typed, bytes.
@@ -166,8 +168,9 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
                 scheduler.start()?;
                 let clock = machine.doorbell();
                 let mut shown = clock.now();
-                // Before the first line that is typed.
                 let mut watched = None;
+                let patience = shown.after(FIRST_LINE);
+                let mut listens = false;
                 reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
                 let mut attend = || {
                     while !machine.is_stopping() {
@@ -177,7 +180,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
                             shown = now;
                             reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
                         }
-                        if watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
+                        if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
                             watched = Some(now);
                             for partner in &partners {
                                 partner.look()?;
@@ -185,7 +188,10 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
                             commands.watch()?;
                         }
                         commands.play();
-                        self.listen(&mut commands)?;
+                        listens = listens || commands.sees_all() || now >= patience;
+                        if listens {
+                            self.listen(&mut commands)?;
+                        }
                     }
                     Ok(())
                 };

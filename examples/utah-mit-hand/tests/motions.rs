@@ -54,6 +54,22 @@ fn every_motion_that_ships_is_tracked_and_two_runs_are_the_same() {
     assert!(first == run(all_motions), "two runs differ");
 }
 
+#[test]
+fn the_first_lines_wait_until_the_fingers_are_there() {
+    run(|typist| {
+        typist.begin();
+        typist.restart(MASTER);
+        typist.types("enable");
+        typist.types("run open");
+        typist.expect("open is done\n", 20.0);
+        assert!(
+            !typist.shown.contains("nobody measures"),
+            "{}",
+            typist.shown
+        );
+    });
+}
+
 fn enabled(typist: &mut Typist<'_>) {
     typist.begin();
     assert_eq!(typist.says("enable"), "");
@@ -257,23 +273,27 @@ fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
         assert!((middle - 1.0).abs() < 0.01, "{middle}");
         let gains = typist.says("gains thumb.middle");
         assert!(
-            gains.starts_with("bandwidth 10 damping 1 torque 0 "),
+            gains.starts_with("bandwidth_hz 10 damping_ratio 1 k_torque 0\nflexor.kt 1 "),
             "{gains}"
         );
         assert_eq!(
-            typist.says("gains thumb.middle bandwidth 12.5 flexor.kt 0.5"),
+            typist.says("gains thumb.middle bandwidth_hz 12.5 flexor.kt 0.5"),
             ""
         );
         let gains = typist.says("gains thumb.middle");
         assert!(
-            gains.starts_with("bandwidth 12.5 damping 1 torque 0 flexor.kt 0.5"),
+            gains.starts_with("bandwidth_hz 12.5 damping_ratio 1 k_torque 0\nflexor.kt 0.5"),
             "{gains}"
         );
         assert_eq!(
             typist.says("gains thumb.middle kp 1"),
             "the law has no gain \"kp\"; `gains FINGER.JOINT` shows all\n"
         );
-        assert!(typist.says("gains thumb.middle damping -1").contains("-1"));
+        assert!(
+            typist
+                .says("gains thumb.middle damping_ratio -1")
+                .contains("-1")
+        );
         // A stop on the way, and on.
         typist.types("to thumb.middle 0.3 1.0");
         typist.wait(0.3);

@@ -61,11 +61,15 @@ impl<'s> Known<'s> {
             }
         }
         if known.all.is_empty() {
+            let whose = match members {
+                [only] => only.name.as_str(),
+                _ => "the system",
+            };
             let troubles = match known.troubles.as_slice() {
-                [] => "none of its processors has a monitor or servos".into(),
+                [] => "there are neither monitors nor servos".into(),
                 troubles => troubles.join("; "),
             };
-            return Err(format!("the system has no variables: {troubles}").into());
+            return Err(format!("{whose} has no variables: {troubles}").into());
         }
         Ok(known)
     }
@@ -148,7 +152,7 @@ fn nearest<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> String {
     match names.as_slice() {
         [] => "there is none that can be set".into(),
         names => format!(
-            "of {count}, the most similar are {}; `condor vars list` shows all",
+            "of {count}, the most similar are {}; `vars list` shows all",
             names.join(", ")
         ),
     }

@@ -51,7 +51,7 @@ impl Watch {
             let What::Variable(number, variable) = &one.what else {
                 return Err(format!(
                     "`{name}` is a gain, which only changes when it is set; \
-                     `condor vars get {name}` shows it"
+                     `vars get {name}` shows it"
                 )
                 .into());
             };
@@ -129,9 +129,7 @@ impl Watch {
             }
             print(text)?;
             if rows == 0 && begun.elapsed() >= FIRST.max(self.limit.unwrap_or_default()) {
-                return Err(
-                    "its servo loop writes no rows: is it enabled? see `condor top`".into(),
-                );
+                return Err("its servo loop writes no rows: is it enabled? see `top`".into());
             }
             view.post().serve(LOOK)?;
         }
@@ -198,7 +196,7 @@ pub(super) fn once(view: &View, chosen: &[&One<'_>]) -> Result<Vec<Option<Value>
         watch.end()?;
         let sample = sample?.ok_or_else(|| {
             let processor = Processor(processor);
-            format!("the servo loop of {processor} writes no rows: is it enabled? see `condor top`")
+            format!("the servo loop of {processor} writes no rows: is it enabled? see `top`")
         })?;
         for (place, number, variable) in variables {
             if let Some(value) = values.get_mut(place) {

@@ -26,6 +26,7 @@ pub(super) struct Station {
     processor: Processor,
     region: Region<LinuxWindow>,
     log: PathBuf,
+    log_bytes: u64,
     attached: Option<Attached>,
     /// Why it could not be served the last time, so that this is told once.
     trouble: Option<String>,
@@ -40,6 +41,15 @@ pub(super) struct Station {
     early: Vec<u8>,
 }
 
+/// How much of a terminal's output is kept.
+#[derive(Clone, Copy, Debug)]
+pub struct Sizes {
+    /// Who attaches is shown so many bytes of the past.
+    pub replay_bytes: u64,
+    /// From so many bytes on a log becomes the old one.
+    pub log_bytes: u64,
+}
+
 struct Attached {
     offset: u32,
     host: Host<LinuxWindow, Record>,
@@ -51,10 +61,13 @@ impl Station {
         name: &str,
         processor: Processor,
         region: Region<LinuxWindow>,
-        replay_bytes: u64,
+        Sizes {
+            replay_bytes,
+            log_bytes,
+        }: Sizes,
     ) -> Result<Self, ServiceError> {
         let log = directory.join(format!("{name}.log"));
-        let record = Record::open(&log).map_err(ServiceError::at("open", &log))?;
+        let record = Record::open(&log, log_bytes).map_err(ServiceError::at("open", &log))?;
         let socket = directory.join(format!("{name}.sock"));
         let listener = listen(&socket).map_err(ServiceError::at("listen at", &socket))?;
         let link = directory.join(name);
@@ -65,12 +78,13 @@ impl Station {
             processor,
             region,
             log,
+            log_bytes,
             attached: None,
             trouble: None,
             listener,
             viewers: Vec::new(),
             pty,
-            pty_cursor: Cursor(record.len()),
+            pty_cursor: Cursor(record.end_offset()),
             replay_bytes,
             idle: Some(record),
             early: Vec::new(),
@@ -121,7 +135,7 @@ impl Station {
         self.release();
         let record = match self.idle.take() {
             Some(record) => record,
-            None => Record::open(&self.log)?,
+            None => Record::open(&self.log, self.log_bytes)?,
         };
         let host = Host::attach(
             self.region.clone(),
@@ -211,29 +225,27 @@ impl Station {
     /// Shows what is new in the log to all who look.
     fn show(&mut self) {
         if self.attached.is_none() && self.idle.is_none() {
-            self.idle = Record::open(&self.log).ok();
+            self.idle = Record::open(&self.log, self.log_bytes).ok();
         }
         let record = match (&self.attached, &self.idle) {
             (Some(attached), _) => &attached.host.sink,
             (None, Some(record)) => record,
             (None, None) => return,
         };
-        let replay = record.len().saturating_sub(self.replay_bytes);
+        let replay = record.end_offset().saturating_sub(self.replay_bytes);
         while let Ok((stream, _)) = self.listener.accept() {
             self.viewers.extend(Viewer::new(stream, replay).ok());
         }
         for viewer in &mut self.viewers {
-            viewer.show(record.file());
+            viewer.show(record);
         }
         self.viewers.retain(|viewer| !viewer.gone);
         if self.pty.is_watched().unwrap_or(false) {
             let pty = &mut self.pty;
             // It is there for who looks; the log has everything.
-            let _ = self
-                .pty_cursor
-                .advance(record.file(), |bytes| pty.take(bytes));
+            let _ = self.pty_cursor.advance(record, |bytes| pty.take(bytes));
         } else {
-            self.pty_cursor = Cursor(record.len());
+            self.pty_cursor = Cursor(record.end_offset());
         }
     }
 }

@@ -1,12 +1,12 @@
 //! Who looks at a terminal: reads the log at a pace of its own.
 
-use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
-use std::os::unix::fs::FileExt;
 use std::os::unix::net::UnixStream;
 
 use rustix::event::PollFlags;
+
+use super::record::Record;
 
 /// Bytes that are moved at once.
 const PIECE: usize = 16 * 1024;
@@ -19,12 +19,14 @@ impl Cursor {
     /// Gives what follows to `write`, until it takes no more; says whether all has been taken.
     pub(super) fn advance(
         &mut self,
-        log: &File,
+        log: &Record,
         mut write: impl FnMut(&[u8]) -> std::io::Result<usize>,
     ) -> std::io::Result<bool> {
         let mut piece = [0; PIECE];
         loop {
-            let count = log.read_at(&mut piece, self.0)?;
+            // What is in no log any more has been missed.
+            let (offset, count) = log.read_at(&mut piece, self.0)?;
+            self.0 = offset;
             if count == 0 {
                 return Ok(true);
             }
@@ -63,7 +65,7 @@ impl Viewer {
         (self.stream.as_fd(), flags)
     }
 
-    pub(super) fn show(&mut self, log: &File) {
+    pub(super) fn show(&mut self, log: &Record) {
         let stream = &mut self.stream;
         let outcome = self.cursor.advance(log, |bytes| match stream.write(bytes) {
             Err(error)

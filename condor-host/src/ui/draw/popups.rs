@@ -35,12 +35,20 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, popup: Popup) {
             show(frame, " Help ", lines);
         }
         Popup::Leave => {
-            let lines = vec![
-                Line::raw(format!("l  leave; the system `{}` goes on,", model.system)),
-                Line::raw("   and `condor ui` shows it again"),
-                Line::raw("d  take the system down"),
-                Line::raw("Esc  stay"),
-            ];
+            let (system, me) = (&model.system, crate::cli::me());
+            let lines = if model.gone.is_some() {
+                vec![
+                    Line::raw(format!("l  leave; the system `{system}` has ended")),
+                    Line::raw("Esc  stay"),
+                ]
+            } else {
+                vec![
+                    Line::raw(format!("l  leave; the system `{system}` goes on,")),
+                    Line::raw(format!("   and `{me} ui` shows it again")),
+                    Line::raw("d  take the system down"),
+                    Line::raw("Esc  stay"),
+                ]
+            };
             show(frame, " Leave ", lines);
         }
         Popup::Menu { member, entry } => menu(frame, model, member, entry),

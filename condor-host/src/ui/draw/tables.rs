@@ -5,40 +5,30 @@ use ratatui::text::Line;
 
 use crate::commands::table::{Left, Right, Table, or_dash};
 use crate::numbers::FILES;
+use crate::ui::log;
 use crate::ui::model::{Model, Page};
 use crate::view::{LoopRates, VectorCounts};
 
-pub(super) fn lines(model: &Model, page: Page) -> Vec<Line<'_>> {
+/// What stays above a table, and its rows in so many columns.
+pub(super) fn lines(model: &Model, page: Page, width: u16) -> (Vec<Line<'_>>, Vec<Line<'_>>) {
     if page == Page::Log {
-        return model
-            .log
-            .iter()
-            .map(|line| Line::raw(brief(line)))
-            .collect();
+        let rows = log::rows(&model.log, width).into_iter();
+        return (Vec::new(), rows.map(Line::raw).collect());
     }
-    let mut lines = Vec::new();
+    let mut head = Vec::new();
     if let Some(why) = &model.blind {
-        lines.push(Line::raw(format!("The counts cannot be read: {why}")).red());
+        head.push(Line::raw(format!("The counts cannot be read: {why}")).red());
     }
     let text = match page {
         Page::Loops => loops(&model.loops),
         Page::Messages => vectors(&model.vectors),
         _ => files(model),
     };
-    let table = text.lines().map(|line| Line::raw(line.to_owned()));
-    lines.extend(table);
-    lines
-}
-
-/// A line of the log with the time of day to the millisecond in place of its first word.
-fn brief(line: &str) -> String {
-    let Some((time, text)) = line.split_once(' ') else {
-        return line.into();
-    };
-    match time.split_once('T').and_then(|(_, time)| time.get(..12)) {
-        Some(time) => format!("{time} {text}"),
-        None => line.into(),
+    let mut rows = text.lines().map(|line| Line::raw(line.to_owned()));
+    if page != Page::Files {
+        head.extend(rows.next().map(Stylize::bold));
     }
+    (head, rows.collect())
 }
 
 fn loops(loops: &[(String, LoopRates)]) -> String {

@@ -195,6 +195,11 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
     );
     model.popup = Some(Popup::Leave);
     expect(&picture(&mut model, SMALL), &["d  take the system down"]);
+    model.hear(News::Gone("the supervisor ended".into()));
+    expect(
+        &picture(&mut model, SMALL),
+        &["the system `utah-mit-hand` has ended"],
+    );
 }
 
 #[test]
@@ -210,7 +215,7 @@ fn what_is_wrong_is_said() {
         &lines,
         &[
             "servo-a: failed, no terminal",
-            "No supervisor: the supervisor ended",
+            "No supervisor; F10 leaves: the supervisor ended",
         ],
     );
     model.focus = Page::Loops;
@@ -237,6 +242,70 @@ fn a_window_shows_what_it_has_shown_before() {
     assert!(!lines.join("\n").contains("line 99"));
     model.scroll(page, -40);
     expect(&picture(&mut model, SMALL), &["line 99"]);
+}
+
+#[test]
+fn what_was_written_is_whole_again_on_a_wider_screen() {
+    let mut model = model();
+    let row = "0123456789".repeat(11);
+    let text = format!("\r\n{row}\r\nand more");
+    model.hear(News::Output(WindowId(2), text.into_bytes()));
+    model.focus = Page::Window(WindowId(2));
+    expect(&picture(&mut model, (44, 24)), &[&row[..44]]);
+    expect(&picture(&mut model, (120, 24)), &[&row, "and more"]);
+}
+
+#[test]
+fn a_line_of_the_log_is_not_cut() {
+    let mut model = model();
+    let words = "a line that is longer than a small terminal is wide ".repeat(2);
+    model.hear(News::Log(format!(
+        "2026-11-21T15:28:53.000000Z condor: {words}end"
+    )));
+    model.focus = Page::Log;
+    let lines = picture(&mut model, SMALL);
+    expect(&lines, &["15:28:53.000 condor: a line", "wide end"]);
+    for number in 0..100 {
+        model.hear(News::Log(format!(
+            "2026-11-21T15:28:54.000000Z number {number}"
+        )));
+    }
+    // Its beginning can be reached, and no further.
+    picture(&mut model, SMALL);
+    model.scroll(Page::Log, 1000);
+    expect(&picture(&mut model, SMALL), &["15:28:52.078"]);
+    model.scroll(Page::Log, -1);
+    expect(&picture(&mut model, SMALL), &["15:28:53.000"]);
+}
+
+#[test]
+fn the_titles_of_a_table_stay() {
+    let mut model = model();
+    let vectors = model.vectors.clone();
+    for _ in 0..10 {
+        model.vectors.extend(vectors.clone());
+    }
+    model.vectors[54].0 = "the-last".into();
+    model.focus = Page::Messages;
+    picture(&mut model, SMALL);
+    model.scroll(Page::Messages, -1000);
+    let lines = picture(&mut model, SMALL);
+    expect(&lines, &[MESSAGES[0], "the-last"]);
+    // Rows fill the page: 22 lines less two borders and the titles.
+    let rows = lines.iter().filter(|line| line.contains("servos"));
+    assert_eq!(rows.count(), 19);
+}
+
+#[test]
+fn the_first_of_an_odd_number_of_windows_has_all_columns() {
+    let mut model = model();
+    let row = "0123456789".repeat(11);
+    model.hear(News::Output(WindowId(1), format!("\r\n{row}").into_bytes()));
+    let lines = picture(&mut model, LARGE);
+    expect(&lines, &[&row]);
+    let place = |name: &str| lines.iter().position(|line| line.contains(name));
+    assert_eq!(place("servo-a: running"), place("servo-b: running"));
+    assert_eq!(place("table: running"), place("plant: running"));
 }
 
 #[test]

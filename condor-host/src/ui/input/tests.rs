@@ -124,6 +124,8 @@ fn the_mouse_chooses_and_scrolls_what_it_points_at() {
     assert_eq!(at(click, 5, 0), Some(Action::Focus(Page::Loops)));
     assert_eq!(at(click, 40, 10), Some(Action::Focus(WINDOW)));
     assert_eq!(at(click, 40, 0), None);
+    let right = MouseEventKind::Down(MouseButton::Right);
+    assert_eq!(at(right, 5, 0), Some(Action::MenuOf(Page::Loops)));
     let wheel = at(MouseEventKind::ScrollUp, 40, 10);
     assert_eq!(wheel, Some(Action::Scroll(WINDOW, WHEEL)));
 }

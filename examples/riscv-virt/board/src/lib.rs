@@ -10,7 +10,7 @@
 //! board::program!(main);
 //!
 //! fn main(hart: board::Hart) -> u32 {
-//!     board::status(Servo.run(&hart))
+//!     board::status(&Servo.run(&hart))
 //! }
 //! ```
 //!

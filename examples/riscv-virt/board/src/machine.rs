@@ -36,7 +36,7 @@ pub(crate) const EXTERNAL: usize = 1 << 11;
 /// Causes of traps.
 pub(crate) mod cause {
     const INTERRUPT: usize = 1 << (usize::BITS - 1);
-    pub(crate) const SOFTWARE: usize = INTERRUPT | 3;
-    pub(crate) const TIMER: usize = INTERRUPT | 7;
-    pub(crate) const EXTERNAL: usize = INTERRUPT | 11;
+    pub(crate) const SOFTWARE: usize = INTERRUPT | 0x3;
+    pub(crate) const TIMER: usize = INTERRUPT | 0x7;
+    pub(crate) const EXTERNAL: usize = INTERRUPT | 0xb;
 }

@@ -62,7 +62,7 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
 }
 
 /// The status for what came of a program.
-pub fn status<E>(outcome: Result<(), E>) -> u32 {
+pub fn status<E>(outcome: &Result<(), E>) -> u32 {
     u32::from(outcome.is_err())
 }
 

@@ -15,9 +15,9 @@ const NO_PROGRAM: u32 = 2;
 
 fn main(mut hart: Hart) -> u32 {
     match hart.program() {
-        Some("echo") => status(Echo.run(&hart)),
-        Some("stress") => status(Stress(|| stack::deepest(&hart)).run(&hart)),
-        Some("table") => status(Table.run(&hart)),
+        Some("echo") => status(&Echo.run(&hart)),
+        Some("stress") => status(&Stress(|| stack::deepest(&hart)).run(&hart)),
+        Some("table") => status(&Table.run(&hart)),
         Some("faulty") => status(faulty::Faulty.run(&hart)),
         _ => NO_PROGRAM,
     }

@@ -17,10 +17,10 @@ const NO_PROGRAM: u32 = 2;
 
 fn main(mut hart: Hart) -> u32 {
     match hart.program() {
-        Some("master") => status(Master.run(&hart)),
-        Some("replay") => status(Replay.run(&hart)),
-        Some("servo") => status(Servo.run(&hart)),
-        Some("table") => status(Table.run(&hart)),
+        Some("master") => status(&Master.run(&hart)),
+        Some("replay") => status(&Replay.run(&hart)),
+        Some("servo") => status(&Servo.run(&hart)),
+        Some("table") => status(&Table.run(&hart)),
         _ => NO_PROGRAM,
     }
 }

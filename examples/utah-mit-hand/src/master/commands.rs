@@ -1,6 +1,6 @@
 //! [`Commands`]: what is typed.
 
-use core::fmt::{self, Arguments, Display, Write};
+use core::fmt::{Arguments, Write};
 
 use condor_hand::servo::{JointGains, Mode, PositionLaw};
 use condor_hand::tendon::TensionGains;
@@ -21,13 +21,16 @@ use crate::table::{self, State};
 use crate::{FINGERS, JOINTS, UtahMit};
 
 mod hold;
+mod shown;
+
+use shown::{Boards, Gains, Row, Titles};
 
 const HELP: &str = "\
 help                               this
 status                             the fingers, the motion, the table
 enable [FINGER]                    restart, if need be, and hold where it is
 disable [FINGER]                   both tendons at their least tension
-run [NAME]                         a motion; without a name what is recorded or loaded
+run [NAME]                         a motion, else what is recorded or loaded
 motions                            their names
 pause, resume, abort               the motion; ^C aborts, too
 to FINGER.JOINT RAD [SECONDS]      one joint
@@ -66,6 +69,14 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
         if let Err(problem) = self.execute(verb, &mut words) {
             self.say(format_args!("{problem}"));
         }
+    }
+
+    /// Whether all fingers have told how they are, and where.
+    pub(super) fn sees_all(&self) -> bool {
+        let measured = with(self.shared, |drive| {
+            drive.measured.iter().all(Option::is_some)
+        });
+        measured == Some(true) && (0..FINGERS).all(|finger| self.servos.status(finger).is_some())
     }
 
     /// Looks at the servos. All motion stops when a finger does not follow any more.
@@ -177,23 +188,32 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
     }
 
     fn status(&mut self) {
+        let mut titles: Option<Titles<'_>> = None;
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
-            let state = Condition(self.servos.status(finger));
-            let processor = self.servos.processor(finger);
+            if !titles.as_ref().is_some_and(|titles| titles.suit(entry)) {
+                self.say(format_args!("{}", titles.insert(Titles(entry))));
+            }
             let measured = with(self.shared, |drive| {
                 drive.measured.get(finger).copied().flatten()
             });
-            match measured.flatten() {
-                Some(position) => self.say(format_args!(
-                    "{:<7}{state} (processor {processor})  {}",
-                    entry.name,
-                    Joints(entry, &position)
-                )),
-                None => self.say(format_args!(
-                    "{:<7}{state} (processor {processor}) is not measured",
-                    entry.name
-                )),
+            let row = Row {
+                finger: entry,
+                status: self.servos.status(finger),
+                processor: self.servos.processor(finger),
+                measured: measured.flatten(),
+            };
+            self.say(format_args!("{row}"));
+        }
+        for (finger, entry) in self.hand.fingers.iter().enumerate() {
+            if let Some(fault) = self.servos.status(finger).and_then(|status| status.fault) {
+                self.say(format_args!("fault of {}: {fault}", entry.name));
             }
+        }
+        if let Some(resting @ 1..) = self.others.resting() {
+            let boards = Boards(resting);
+            self.say(format_args!(
+                "at rest, with the least tensions: D/A boards {boards}"
+            ));
         }
         let is_paused = with(self.shared, |drive| drive.generator.is_paused());
         let paused = if is_paused == Some(true) {
@@ -354,7 +374,9 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
                 client.set_gains(finger, joint, &gains, timeout)
             })??;
         } else {
-            self.say(format_args!("{}", Gains(gains)));
+            for line in Gains::LINES {
+                self.say(format_args!("{}", Gains(gains, line)));
+            }
         }
         Ok(())
     }
@@ -455,7 +477,7 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
     }
 }
 
-/// A gain by its name.
+/// A gain by the name that `condor vars` has for it, too.
 fn gain<'g>(gains: &'g mut JointGains<f64>, name: &str) -> Option<&'g mut f64> {
     if let Some((side, name)) = name.split_once('.') {
         let TensionGains { kt, ki, kd, kv } = match side {
@@ -472,88 +494,25 @@ fn gain<'g>(gains: &'g mut JointGains<f64>, name: &str) -> Option<&'g mut f64> {
         };
     }
     match (&mut gains.law, name) {
-        (_, "torque") => Some(&mut gains.k_torque),
+        (_, "k_torque") => Some(&mut gains.k_torque),
         (PositionLaw::Pd { kp, .. }, "kp") => Some(kp),
         (PositionLaw::Pd { kv, .. }, "kv") => Some(kv),
         (PositionLaw::Pd { ki, .. }, "ki") => Some(ki),
-        (PositionLaw::Pd { integral_nm, .. }, "integral") => Some(integral_nm),
-        (PositionLaw::ComputedTorque { bandwidth_hz, .. }, "bandwidth") => Some(bandwidth_hz),
-        (PositionLaw::ComputedTorque { damping_ratio, .. }, "damping") => Some(damping_ratio),
+        (PositionLaw::Pd { integral_nm, .. }, "integral_nm") => Some(integral_nm),
+        (PositionLaw::ComputedTorque { bandwidth_hz, .. }, "bandwidth_hz") => Some(bandwidth_hz),
+        (PositionLaw::ComputedTorque { damping_ratio, .. }, "damping_ratio") => Some(damping_ratio),
         _ => None,
     }
 }
 
-/// Gains by their names.
-struct Gains(JointGains<f64>);
+#[cfg(test)]
+mod tests {
+    use super::HELP;
 
-impl Display for Gains {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let JointGains {
-            law,
-            k_torque,
-            tension,
-        } = &self.0;
-        match law {
-            PositionLaw::Pd {
-                kp,
-                kv,
-                ki,
-                integral_nm,
-            } => write!(f, "kp {kp} kv {kv} ki {ki} integral {integral_nm}")?,
-            PositionLaw::ComputedTorque {
-                bandwidth_hz,
-                damping_ratio,
-            } => write!(f, "bandwidth {bandwidth_hz} damping {damping_ratio}")?,
+    #[test]
+    fn help_fits_a_small_terminal() {
+        for line in HELP.lines() {
+            assert!(line.chars().count() < 80, "{line}");
         }
-        write!(f, " torque {k_torque}")?;
-        for (side, TensionGains { kt, ki, kd, kv }) in
-            [("flexor", &tension.flexor), ("extensor", &tension.extensor)]
-        {
-            write!(
-                f,
-                " {side}.kt {kt} {side}.ki {ki} {side}.kd {kd} {side}.kv {kv}"
-            )?;
-        }
-        Ok(())
-    }
-}
-
-/// How a finger is, in a few words.
-struct Condition<'s>(Option<&'s condor_hand::message::Status<JOINTS>>);
-
-impl Display for Condition<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(status) = self.0 else {
-            return f.write_str("gone");
-        };
-        if let Some(fault) = status.fault {
-            return write!(f, "fault: {fault}");
-        }
-        let [first, ..] = status.modes;
-        if status.is_resting {
-            f.write_str("rests")
-        } else if status.modes.iter().any(|&mode| mode != first) {
-            f.write_str("in several modes")
-        } else {
-            f.write_str(match first {
-                Mode::Off => "off",
-                Mode::Tension => "by tension",
-                Mode::Torque => "by torque",
-                Mode::Position => "follows",
-                Mode::Grasp => "holds",
-            })
-        }
-    }
-}
-
-/// The joints of a finger by their names, rad.
-struct Joints<'h>(&'h condor_hand::config::Finger<JOINTS>, &'h [f64; JOINTS]);
-
-impl Display for Joints<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (joint, position) in self.0.joints.iter().zip(self.1) {
-            write!(f, " {} {position:.3}", joint.name)?;
-        }
-        Ok(())
     }
 }

@@ -142,6 +142,20 @@ impl<'r, 'v, M: Machine> Others<'r, 'v, M> {
         }
     }
 
+    /// A bit for each D/A board of the simulated robot that rests; `None` without a robot.
+    pub(super) fn resting(&self) -> Option<u64> {
+        let mut truths = self.plants.iter().filter_map(|plant| {
+            let state = plant.mailbox.peer_state(Processor(plant.number));
+            if !matches!(state, Ok(PeerState::Up { .. })) {
+                return None;
+            }
+            let cell = objects::truth(&plant.region).ok().flatten()?;
+            let latest = cell.subscriber(plant.region.clone()).ok()?.read().ok()?;
+            Some(latest.value.resting)
+        });
+        truths.next()
+    }
+
     /// Asks the simulated robot.
     pub(super) fn plant(&mut self, request: &plant::Request) -> Result<(), Problem<'static>> {
         for plant in &mut self.plants {

@@ -1,0 +1,164 @@
+//! What `status` and `gains` show, in lines of at most 80 columns.
+
+use core::fmt::{self, Display};
+
+use condor_hand::config::Finger;
+use condor_hand::message::Status;
+use condor_hand::servo::{JointGains, Mode, PositionLaw};
+use condor_hand::tendon::TensionGains;
+
+use crate::JOINTS;
+
+/// The columns of a name, and of how a finger is.
+const NAME: usize = 6;
+const CONDITION: usize = 10;
+
+/// One line of the gains of a joint, by their names.
+pub(super) struct Gains(pub(super) JointGains<f64>, pub(super) Line);
+
+/// What is in a line.
+#[derive(Clone, Copy)]
+pub(super) enum Line {
+    Law,
+    Flexor,
+    Extensor,
+}
+
+impl Gains {
+    pub(super) const LINES: [Line; 3] = [Line::Law, Line::Flexor, Line::Extensor];
+}
+
+impl Display for Gains {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let JointGains {
+            law,
+            k_torque,
+            tension,
+        } = &self.0;
+        let (side, TensionGains { kt, ki, kd, kv }) = match self.1 {
+            Line::Flexor => ("flexor", &tension.flexor),
+            Line::Extensor => ("extensor", &tension.extensor),
+            Line::Law => {
+                match law {
+                    PositionLaw::Pd {
+                        kp,
+                        kv,
+                        ki,
+                        integral_nm,
+                    } => write!(f, "kp {kp} kv {kv} ki {ki} integral_nm {integral_nm}")?,
+                    PositionLaw::ComputedTorque {
+                        bandwidth_hz,
+                        damping_ratio,
+                    } => write!(
+                        f,
+                        "bandwidth_hz {bandwidth_hz} damping_ratio {damping_ratio}"
+                    )?,
+                }
+                return write!(f, " k_torque {k_torque}");
+            }
+        };
+        write!(
+            f,
+            "{side}.kt {kt} {side}.ki {ki} {side}.kd {kd} {side}.kv {kv}"
+        )
+    }
+}
+
+/// Over the rows of fingers whose joints are called the same.
+pub(super) struct Titles<'h>(pub(super) &'h Finger<JOINTS>);
+
+impl Titles<'_> {
+    /// Whether another finger may stand below them.
+    pub(super) fn suit(&self, other: &Finger<JOINTS>) -> bool {
+        let mut names = self.0.joints.iter().zip(&other.joints);
+        names.all(|(a, b)| a.name == b.name)
+    }
+}
+
+impl Display for Titles<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:<NAME$} {:<CONDITION$} on", "finger", "is")?;
+        for joint in &self.0.joints {
+            let width = column(&joint.name);
+            write!(f, "{:>width$}", joint.name.as_str())?;
+        }
+        f.write_str("  rad")
+    }
+}
+
+/// A finger: how it is, on which processor, and where its joints are, if that is known, rad.
+pub(super) struct Row<'h> {
+    pub(super) finger: &'h Finger<JOINTS>,
+    pub(super) status: Option<&'h Status<JOINTS>>,
+    pub(super) processor: u8,
+    pub(super) measured: Option<[f64; JOINTS]>,
+}
+
+impl Display for Row<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.finger.name.as_str();
+        let condition = condition(self.status);
+        let processor = self.processor;
+        write!(f, "{name:<NAME$} {condition:<CONDITION$} {processor:>2}")?;
+        for (number, joint) in self.finger.joints.iter().enumerate() {
+            let width = column(&joint.name);
+            match self.measured.and_then(|all| all.get(number).copied()) {
+                Some(position) => write!(f, "{position:>width$.3}")?,
+                None => write!(f, "{:>width$}", "-")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Room for a title and for a position, and a blank before it.
+fn column(name: &str) -> usize {
+    name.len().max(6) + 2
+}
+
+/// How a finger is, in a word or two.
+fn condition(status: Option<&Status<JOINTS>>) -> &'static str {
+    let Some(status) = status else {
+        return "gone";
+    };
+    let [first, ..] = status.modes;
+    if status.fault.is_some() {
+        "fault"
+    } else if status.is_resting {
+        "rests"
+    } else if status.modes.iter().any(|&mode| mode != first) {
+        "mixed"
+    } else {
+        match first {
+            Mode::Off => "off",
+            Mode::Tension => "by tension",
+            Mode::Torque => "by torque",
+            Mode::Position => "follows",
+            Mode::Grasp => "holds",
+        }
+    }
+}
+
+/// D/A boards, a bit for each, by their numbers.
+pub(super) struct Boards(pub(super) u64);
+
+impl Display for Boards {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut comma = "";
+        for board in (0..u64::BITS).filter(|board| self.0 >> board & 1 != 0) {
+            write!(f, "{comma}{board}")?;
+            comma = ", ";
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boards_are_told_by_their_numbers() {
+        assert_eq!(std::format!("{}", Boards(0b1011)), "0, 1, 3");
+    }
+}
