@@ -16,7 +16,6 @@ use condor_host::Machine;
 use condor_mbox::Call;
 
 pub use failure::Failure;
-#[cfg(feature = "program")]
 pub use ground::published;
 pub use stress::Stress;
 pub use table::{Echo, Table};

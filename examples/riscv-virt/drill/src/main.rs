@@ -18,7 +18,7 @@ fn main(mut hart: Hart) -> u32 {
         Some("echo") => status(&Echo.run(&hart)),
         Some("stress") => status(&Stress(|| stack::deepest(&hart)).run(&hart)),
         Some("table") => status(&Table.run(&hart)),
-        Some("faulty") => status(faulty::Faulty.run(&hart)),
+        Some("faulty") => status(&faulty::Faulty.run(&hart)),
         _ => NO_PROGRAM,
     }
 }
