@@ -217,9 +217,10 @@ impl<M: Machine> Running<'_, '_, M> {
                 }
                 let mut verdict = Verdict::default();
                 for (number, rate) in RATES.into_iter().enumerate() {
+                    // The first release is that of the start.
                     let due = || {
                         let passed = clock.now().ns_since(begun);
-                        (passed * u64::from(rate.numerator()) / 1_000_000_000) as u32
+                        1 + (passed * u64::from(rate.numerator()) / 1_000_000_000) as u32
                     };
                     // A release that is only late is made up for now.
                     let (first, deadline) = (due(), clock.now().after(PATIENCE));
