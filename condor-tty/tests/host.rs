@@ -252,7 +252,8 @@ fn typed_by_many_hosts(text: &[u8], queue_is_read: impl Fn(u32) -> bool) -> Vec<
 
 #[test]
 fn what_is_typed_is_taken_once_whenever_hosts_are_killed() {
-    let text: String = (0..200).map(|number| format!("{number}\n")).collect();
+    let lines: Vec<_> = (0..200).map(|number| format!("{number}\n")).collect();
+    let text = lines.concat();
     let read = typed_by_many_hosts(text.as_bytes(), |_| true);
     assert_eq!(String::from_utf8(read).unwrap(), text);
 }
