@@ -7,7 +7,7 @@ use condor_host::control::State;
 
 use crate::killer::{Killer, Kills, Screen};
 use crate::system::{Counts, DEADLINE, LOOK, MASTER, Outcome, TELLERS, Up};
-use crate::teller::Said;
+use crate::teller::Tally;
 
 const MOTIONS: [&str; 4] = ["wave", "counting", "fist", "open"];
 /// The time between two lines that are typed at a teller.
@@ -35,14 +35,15 @@ pub(crate) struct Seen {
     pub(crate) wrong: Vec<String>,
 }
 
-/// Runs the system for a time; with `seed` something is killed again and again.
-pub(crate) fn run(length: Duration, seed: Option<u64>) -> Outcome<Seen> {
+/// Runs the system for a time; with `random`, where a random sequence begins,
+/// something is killed again and again.
+pub(crate) fn run(length: Duration, random: Option<u64>) -> Outcome<Seen> {
     let up = Up::start()?;
     let mut screen = Screen::start(&up)?;
     let mut master = Master::begin(&up)?;
     let mut seen = Seen::default();
     let before = up.status()?;
-    let mut killer = seed.map(Killer::new);
+    let mut killer = random.map(Killer::new);
     let end = Instant::now() + length;
     let mut typed_at = Instant::now();
     while Instant::now() < end {
@@ -267,7 +268,7 @@ fn check_tellers(up: &Up, seen: &mut Seen) -> Outcome<()> {
     }
     let mut said = Vec::new();
     for (name, number) in TELLERS {
-        let total = up.wait_for(name, 0, DEADLINE, |text| text.lines().find_map(Said::read))?;
+        let total = up.wait_for(name, 0, DEADLINE, |text| text.lines().find_map(Tally::read))?;
         let text = up.shown(name, 0)?;
         check_lines(name, &text, &total, seen);
         let wrong = total.check_files(&up.files(), number);
@@ -293,7 +294,7 @@ fn check_tellers(up: &Up, seen: &mut Seen) -> Outcome<()> {
 }
 
 /// Each line of a teller, and each that was typed, must be there once and in order.
-fn check_lines(name: &str, text: &str, total: &Said, seen: &mut Seen) {
+fn check_lines(name: &str, text: &str, total: &Tally, seen: &mut Seen) {
     let (mut said, mut typed, mut lives) = (0, 0, 0);
     for line in text.lines().filter(|line| !line.is_empty()) {
         if line == format!("said {said}") {
@@ -302,7 +303,7 @@ fn check_lines(name: &str, text: &str, total: &Said, seen: &mut Seen) {
             typed += 1;
         } else if line.starts_with("[began at ") {
             lives += 1;
-        } else if line != "typed ended" && Said::read(line).is_none() {
+        } else if line != "typed ended" && Tally::read(line).is_none() {
             seen.wrong.push(format!(
                 "{name} shows {line:?} after {said} lines of its own and {typed} that were typed"
             ));

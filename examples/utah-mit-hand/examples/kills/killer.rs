@@ -79,7 +79,7 @@ fn spawn(up: &Up, drawn: &Arc<AtomicU64>) -> Outcome<Child> {
 /// Takes what is drawn, until nobody draws.
 fn look(pty: OwnedFd, drawn: &AtomicU64) {
     let mut pty = File::from(pty);
-    let mut bytes = [0; 65_536];
+    let mut bytes = [0; 8192];
     while let Ok(count @ 1..) = pty.read(&mut bytes) {
         drawn.fetch_add(count as u64, Relaxed);
     }

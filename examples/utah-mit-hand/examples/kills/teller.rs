@@ -163,7 +163,7 @@ fn tell<M: Machine>(machine: &M) -> Result<(), Box<dyn Error>> {
 }
 
 /// What a teller has said at the end.
-pub(crate) struct Said {
+pub(crate) struct Tally {
     pub(crate) said: u32,
     pub(crate) asked: u32,
     pub(crate) told: u32,
@@ -175,7 +175,7 @@ pub(crate) struct Said {
     pub(crate) wrong: u32,
 }
 
-impl Said {
+impl Tally {
     /// From the line, if it is one.
     pub(crate) fn read(line: &str) -> Option<Self> {
         let numbers = line.strip_prefix("total ")?.split(' ');
