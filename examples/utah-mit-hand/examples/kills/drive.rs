@@ -29,7 +29,7 @@ pub(crate) struct Seen {
     pub(crate) replaced: u32,
     pub(crate) saved: u32,
     pub(crate) motions: u32,
-    /// Motions that a fault of a finger has ended, as the master said.
+    /// How often a finger gave up, as the master said.
     pub(crate) faults: u32,
     /// All that is not as it should be.
     pub(crate) wrong: Vec<String>,
@@ -177,7 +177,7 @@ impl Master {
         if text.contains("gave up") || text.contains("is not enabled") {
             // Deadlines that a busy machine misses are a fault of the hand, and the master says so.
             self.looked += text.len();
-            seen.faults += 1;
+            seen.faults += u32::from(text.contains("gave up"));
             up.type_line(MASTER, "clear")?;
             up.type_line(MASTER, "enable")?;
             self.stage = Stage::Enabling {

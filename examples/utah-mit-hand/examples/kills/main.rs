@@ -124,7 +124,7 @@ fn sum(seen: &Seen) -> String {
         "{} kills of the user interface, {} of the terminal service, {} of the file service\n  \
          {lines} lines written, {typed} lines typed at each of 2 terminals, {messages} messages,\n  \
          {appended} lines appended, {replaced} files replaced, {saved} sequences saved, {motions} motions \
-         done, {faults} ended by a fault, {} KiB drawn",
+         done, {faults} faults of fingers, {} KiB drawn",
         kills.screen,
         kills.terminals,
         kills.files,
