@@ -85,10 +85,11 @@ impl Counts {
     }
 
     fn from_bytes(bytes: [u8; Self::BYTES]) -> Self {
-        let [a, b, c, d, e, f, g, h] = bytes;
+        let (words, _) = bytes.as_chunks::<4>();
+        let word = |index: usize| u32::from_ne_bytes(words[index]);
         Self {
-            skipped: u32::from_ne_bytes([a, b, c, d]),
-            mean_run_ns: u32::from_ne_bytes([e, f, g, h]),
+            skipped: word(0),
+            mean_run_ns: word(1),
         }
     }
 
