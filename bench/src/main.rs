@@ -15,6 +15,7 @@ mod mos_instructions;
 mod options;
 mod process;
 mod shuffle;
+mod system;
 mod tty;
 
 use std::error::Error;
@@ -63,6 +64,11 @@ const COMMANDS: &[Command] = &[
         name: "mos",
         about: "servo loops of condor-mos beside FIFO threads, sleeps, tokio and embassy",
         run: mos::run,
+    },
+    Command {
+        name: "system",
+        about: "how fast a servo processor of 8 and 16 joints runs, beside an empty loop",
+        run: system::run,
     },
     Command {
         name: "tty",

@@ -42,6 +42,8 @@ pub mod processor {
     pub const WAITING: u32 = 36;
     /// Values of the host's cursor that were not believed.
     pub const IGNORED: u32 = 40;
+    /// Characters of input messages that have been taken.
+    pub const TYPED: u32 = 44;
 }
 
 /// Offsets, in bytes from the beginning of a block, of the words that the host writes.
@@ -124,5 +126,5 @@ pub const fn is_capacity(capacity: u32) -> bool {
     capacity.is_power_of_two() && capacity >= MIN_CAPACITY && capacity <= MAX_CAPACITY
 }
 
-const_assert!(processor::IGNORED + 4 <= LINE);
+const_assert!(processor::TYPED + 4 <= LINE);
 const_assert!(host::RECORDS[1] + 8 <= BLOCK_BYTES);

@@ -36,6 +36,7 @@ pub(crate) struct Output<W, X> {
     disbelieved: Word,
     ignored: Word,
     lost: Word,
+    typed: Word,
     waiting: Word,
     policy: Word,
     /// Nanoseconds of [`Policy::Block`], low word and high word.
@@ -69,6 +70,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
             disbelieved: Word::new(0),
             ignored: Word::new(0),
             lost: Word::new(0),
+            typed: Word::new(0),
             waiting: Word::new(0),
             policy: Word::new(PolicyKind::DropNew.word()),
             timeout: [Word::new(0), Word::new(0)],
@@ -299,6 +301,15 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
             let lost = self.lost.get().wrapping_add(bytes as u32);
             self.lost.set(lost);
             self.store(words::LOST, lost, StoreOrder::Relaxed)
+        })
+    }
+
+    /// Counts a character of the host's that has been taken.
+    pub(crate) fn count_typed(&self) -> Result<(), AccessError> {
+        self.exclusion.with(|| {
+            let typed = self.typed.get().wrapping_add(1);
+            self.typed.set(typed);
+            self.store(words::TYPED, typed, StoreOrder::Relaxed)
         })
     }
 

@@ -73,6 +73,8 @@ pub struct Status {
     pub unread: u32,
     /// Values of the host's cursor that the processor did not believe; wraps.
     pub ignored: u32,
+    /// Characters of hosts that the terminal has taken in this life; wraps.
+    pub typed: u32,
     /// What happens to output that finds no room; `None` if the word is of no policy.
     pub policy: Option<PolicyKind>,
     /// Whether lines are edited on the processor.
@@ -384,6 +386,7 @@ impl<W: MemoryWindow> Reader<W> {
                 .wrapping_add(behind.saturating_sub(self.capacity)),
             unread: behind.min(self.capacity),
             ignored: word(processor::IGNORED)?,
+            typed: word(processor::TYPED)?,
             policy: PolicyKind::from_word(word(processor::POLICY)?),
             cooked: mode & mode::COOKED != 0,
             stopped: mode & mode::STOPPED != 0,

@@ -150,7 +150,12 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
             let _ = call.try_send(to, vector, data);
         };
         // A terminal whose memory is gone has nothing to show, but still takes what is typed.
-        match self.accept_and(character, post).unwrap_or(Accepted::Taken) {
+        let accepted = self.accept_and(character, post).unwrap_or(Accepted::Taken);
+        if accepted != Accepted::Full {
+            // Before the reply: a host that dies without it leaves the count to the next one.
+            let _ = self.output.count_typed();
+        }
+        match accepted {
             Accepted::Full => reply::FULL,
             Accepted::Taken => reply::ACCEPTED,
             Accepted::Interrupts => {

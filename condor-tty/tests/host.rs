@@ -7,7 +7,7 @@ use condor_mbox::sim::System;
 use condor_mbox::{Call, CriticalSection, Processor, Region};
 use condor_tty::linux::{Host, Log, Sink, Tee};
 use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
-use embedded_io::{Read, Write};
+use embedded_io::{Read, ReadReady, Write};
 
 const HOST: Processor = Processor(0);
 const HAND: Processor = Processor(1);
@@ -159,4 +159,110 @@ fn a_sink_is_told_where_its_host_attaches() {
     assert_eq!(positions, [0, 3, 0]);
     assert!(lives[0] == lives[1] && lives[1] != lives[2], "{lives:?}");
     assert_eq!(first.0, second.0);
+}
+
+/// What is typed, with the mark by which one host after the other finds what comes next.
+struct Keys {
+    text: Vec<u8>,
+    mark: Option<(u32, u32, usize)>,
+    next: Option<usize>,
+}
+
+impl Sink for Keys {
+    fn take(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        Ok(bytes.len())
+    }
+
+    fn typed(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let Some(next) = &mut self.next else {
+            return Ok(0);
+        };
+        let rest = &self.text[*next..];
+        let count = rest.len().min(into.len());
+        into[..count].copy_from_slice(&rest[..count]);
+        *next += count;
+        Ok(count)
+    }
+
+    fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> std::io::Result<()> {
+        let offset = match (self.mark, self.next) {
+            (Some((of, then, offset)), _) if of == life => {
+                offset + taken.wrapping_sub(then) as usize
+            }
+            (_, next) => next.unwrap_or(0) - waiting,
+        };
+        self.mark = Some((life, taken, offset));
+        self.next = Some(offset + waiting);
+        Ok(())
+    }
+
+    fn dropped(&mut self, taken: u32, count: usize) -> std::io::Result<()> {
+        let (life, then, offset) = self.mark.unwrap();
+        let offset = offset + taken.wrapping_sub(then) as usize + count;
+        self.mark = Some((life, taken, offset));
+        Ok(())
+    }
+}
+
+/// Types `text` by hosts that end one after the other, each after a few steps, while the processor's
+/// program reads as it comes; gives all that it has read.
+fn typed_by_many_hosts(text: &[u8], queue_is_read: impl Fn(u32) -> bool) -> Vec<u8> {
+    let system = System::<2>::in_virtual_time(4096);
+    let [_, windows] = system.windows(HAND);
+    let ram = Region::users(windows.data).unwrap();
+    let terminal =
+        Terminal::<_, _, 16>::new(ram.clone(), &mut ram.places(), 64, CriticalSection).unwrap();
+    let receive = |call: &Call<'_>| terminal.receive(call);
+    let mut hand = system.mailbox(HAND).unwrap();
+    hand.set_vector(Vectors::DEFAULT.input, &receive, "input")
+        .unwrap();
+    hand.set_vector(Vectors::DEFAULT.room, &receive, "room")
+        .unwrap();
+    hand.join().unwrap();
+    let mut console = terminal.console(&hand).with_read_timeout(Duration::ZERO);
+    let mut sink = Keys {
+        text: text.to_vec(),
+        mark: None,
+        next: None,
+    };
+    let (mut read, mut line) = (Vec::new(), [0; 16]);
+    for life in 0_u32..1000 {
+        sink.next = None;
+        let mut host = system.mailbox(HOST).unwrap();
+        host.join().unwrap();
+        let mut tty = Host::attach(ram.clone(), terminal.offset(), HAND, HOST, sink).unwrap();
+        for step in 0..life % 23 {
+            tty.serve(&host).unwrap();
+            if (life + step) % 3 != 0 {
+                hand.service(Duration::ZERO).unwrap();
+            }
+            while queue_is_read(life) && console.read_ready().unwrap() {
+                match console.read(&mut line) {
+                    Ok(count) => read.extend(&line[..count]),
+                    Err(ConsoleError::Interrupted) => read.extend(b"^C"),
+                    Err(error) => panic!("{error}"),
+                }
+            }
+        }
+        // As if it had been killed, with whatever was under way.
+        sink = tty.sink;
+    }
+    read
+}
+
+#[test]
+fn what_is_typed_is_taken_once_whenever_hosts_are_killed() {
+    let lines: Vec<_> = (0..200).map(|number| format!("{number}\n")).collect();
+    let text = lines.concat();
+    let read = typed_by_many_hosts(text.as_bytes(), |_| true);
+    assert_eq!(String::from_utf8(read).unwrap(), text);
+}
+
+#[test]
+fn what_an_interrupt_has_dropped_is_not_typed_by_the_next_host() {
+    // The program reads late, so that most of the first lines wait when somebody interrupts.
+    let mut text: Vec<u8> = (0..30).flat_map(|_| *b"forget\n").collect();
+    text.extend(b"\x03after\n");
+    let read = typed_by_many_hosts(&text, |life| life > 300);
+    assert_eq!(String::from_utf8_lossy(&read), "^Cafter\n");
 }

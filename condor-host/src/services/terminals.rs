@@ -8,26 +8,34 @@
 //! | `NAME.old.log` | what was in the log until it was full; the one before is gone then |
 //! | `NAME.sock` | sends who connects the end of the log, and then what comes; what is written to it is typed |
 //! | `NAME` | leads to a pseudo-terminal with what comes; what is written to it is typed |
-//! | `NAME.mark` | which byte of the output is where in the log |
+//! | `NAME.typed` | all that is typed; what is added to it is typed, see [`type_in`] |
+//! | `NAME.mark`, `NAME.typed.mark` | which byte of the output, and of the input, is where in the file |
 //!
 //! The terminal is the object `console` in the [directory](crate::directory) of the processor, or
 //! else its first terminal.
 //!
 //! The log neither loses nor repeats a byte when the service is killed: the position in the output
-//! follows from the length of the log. Sockets and pseudo-terminals are readers of the log, each as
+//! follows from the length of the log. The same is true of `NAME.typed`: how far the program has
+//! taken it follows from the count that the terminal keeps in its own memory. What is still on its way
+//! in a socket or a pseudo-terminal when the service is killed goes with it. Sockets and pseudo-terminals are readers of the log, each as
 //! fast as its program, so that none of them holds up the terminal.
 
+mod paper;
 mod record;
 mod station;
+mod typing;
 mod viewer;
 
-use std::os::fd::AsFd;
+use std::io;
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd, OwnedFd};
 use std::path::Path;
 use std::time::Duration;
 
 use condor_mbox::{Mailbox, Processor, Region, SingleContext};
 use condor_tty::Vectors;
 use rustix::event::{PollFd, PollFlags, Timespec, epoll};
+use rustix::fs::inotify;
 use rustix::io::Errno;
 
 use super::{ServiceError, claim};
@@ -58,6 +66,7 @@ pub fn serve(
     // Pseudo-terminals that nobody has open would end every wait for their level.
     let ptys = epoll::create(epoll::CreateFlags::CLOEXEC)
         .map_err(|error| ServiceError::Events(error.into()))?;
+    let typed = watch().map_err(ServiceError::Events)?;
     let mut stations = Vec::new();
     for (number, name) in processors {
         let Some(window) = windows.get(number.index()) else {
@@ -73,6 +82,9 @@ pub fn serve(
         let flags = epoll::EventFlags::IN | epoll::EventFlags::OUT | epoll::EventFlags::ET;
         let data = epoll::EventData::new_u64(0);
         epoll::add(&ptys, station.pty(), data, flags)
+            .map_err(|error| ServiceError::Events(error.into()))?;
+        let file = typing::file_of(&directory.join(format!("{name}.log")));
+        inotify::add_watch(&typed, &file, inotify::WatchFlags::MODIFY)
             .map_err(|error| ServiceError::Events(error.into()))?;
         stations.push(station);
     }
@@ -91,6 +103,7 @@ pub fn serve(
         let mut polled = vec![
             PollFd::new(&bell, PollFlags::IN),
             PollFd::new(&ptys, PollFlags::IN),
+            PollFd::new(&typed, PollFlags::IN),
             PollFd::from_borrowed_fd(signals.descriptor(), PollFlags::IN),
         ];
         for (descriptor, flags) in stations.iter().flat_map(Station::descriptors) {
@@ -102,6 +115,7 @@ pub fn serve(
             Err(error) => return Err(ServiceError::Events(error.into())),
         }
         quiet(&ptys);
+        forget(&typed);
     }
     for station in stations {
         station.detach();
@@ -115,6 +129,30 @@ fn quiet(ptys: impl AsFd) {
     let buffer = rustix::buffer::spare_capacity(&mut events);
     // An error leaves them for the next time.
     let _ = epoll::wait(ptys, buffer, Some(&Timespec::default()));
+}
+
+/// For events of files to which somebody types.
+fn watch() -> io::Result<OwnedFd> {
+    Ok(inotify::init(
+        inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK,
+    )?)
+}
+
+/// Takes the events of files, all of which are looked at anyway.
+fn forget(typed: &OwnedFd) {
+    let mut events = [MaybeUninit::uninit(); 1024];
+    let mut events = inotify::Reader::new(typed, &mut events);
+    while events.next().is_ok() {}
+}
+
+/// Types characters at the terminal of the processor `name`, of which its program gets every one once,
+/// also if the service is killed meanwhile, or is not there at all.
+///
+/// # Errors
+/// The file's.
+pub fn type_in(directory: &Directory, name: &str, characters: &[u8]) -> io::Result<()> {
+    let log = directory.terminals().join(format!("{name}.log"));
+    typing::add(&mut typing::open(&typing::file_of(&log))?, characters)
 }
 
 /// The arguments with which the program starts it.

@@ -9,6 +9,7 @@ use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
 
 use condor_host::control::{Request, State};
+use condor_host::services::terminals::type_in;
 use running::{DEADLINE, Up, kill, wait_for_end};
 
 /// Two processors, which write lines and echo what is typed.
@@ -240,6 +241,35 @@ fn what_is_typed_on_a_socket_reaches_the_program() {
     // Who comes later is shown what was before.
     let mut second = up.terminal("b");
     running::read_until(&mut second, "typed hello\r\n");
+}
+
+#[test]
+fn what_is_typed_reaches_the_program_once_whatever_is_killed() {
+    let up = Up::start(TWO, &[]);
+    let mut typed = 0;
+    let mut type_some = |count: usize| {
+        for _ in 0..count {
+            let line = format!("line {typed}\n");
+            type_in(&up.directory(), "a", line.as_bytes()).unwrap();
+            typed += 1;
+        }
+        typed
+    };
+    for _ in 0..10 {
+        let events = up.events();
+        type_some(20);
+        kill(up.status().services[1].pid.unwrap());
+        type_some(20);
+        running::wait(events, "terminals", State::Running);
+    }
+    let last = type_some(1);
+    up.read_terminal("a", &format!("typed line {}\r\n", last - 1));
+    let log = up.directory().terminals().join("a.log");
+    let text = std::fs::read_to_string(log).unwrap();
+    let lines: Vec<_> = text.lines().filter(|it| it.starts_with("typed")).collect();
+    let expected: Vec<_> = (0..last).map(|it| format!("typed line {it}")).collect();
+    assert_eq!(lines, expected);
+    assert_eq!(up.status().services[1].restarts, 10);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::time::Duration;
 use condor_host::directory::{Directory, Kind};
 use condor_host::{Machine, Program};
 use condor_mbox::{Call, Mailbox, Region};
-use condor_tty::{ConsoleError, Policy, Terminal, Vectors};
+use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
 use embedded_io::{Read, Write};
 
 const CAPACITY: u32 = 4096;
@@ -57,6 +57,11 @@ impl Writer {
         let mut directory = Directory::new(own.clone(), &mut places)?;
         let terminal = Terminal::<_, _, 256>::new(own, &mut places, CAPACITY, machine.exclusion())?;
         directory.enter("console", Kind::Terminal, terminal.offset(), CAPACITY)?;
+        // What is typed would come between the words of a line.
+        terminal.configure(&Settings {
+            echo: false,
+            ..Settings::COOKED
+        })?;
         terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
         let receive = |call: &Call<'_>| terminal.receive(call);
         let mut mailbox = Mailbox::new(number, windows, machine.doorbell(), machine.exclusion())?;

@@ -31,6 +31,9 @@ pub struct Host<W, S> {
     begin: usize,
     end: usize,
     typed: VecDeque<u8>,
+    settled: Settled,
+    /// Characters that an interrupt has dropped, and that the sink has not been told of.
+    interrupted: usize,
     /// A character whose reply has not come.
     sent: Option<Sent>,
     dropped: u64,
@@ -42,6 +45,15 @@ struct Sent {
     pending: Pending,
     /// It is to be kept if there is no room for it: nobody has interrupted since.
     keep: bool,
+}
+
+/// Whether a character of a former host may be under way.
+#[derive(Debug)]
+enum Settled {
+    No,
+    /// The reply to this comes after it.
+    Asked(Pending),
+    Yes,
 }
 
 /// What a call of [`Host::serve`] did.
@@ -80,6 +92,8 @@ impl From<AccessError> for HostError {
 
 /// Bytes that are read at once.
 const BUFFER: usize = 64 * 1024;
+/// Characters that are taken from the sink at once.
+const PIECE: usize = 256;
 /// Characters that are kept for a processor that does not take them.
 const TYPED: usize = 64 * 1024;
 /// How often one call looks at the ring.
@@ -110,6 +124,8 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
             begin: 0,
             end: 0,
             typed: VecDeque::new(),
+            settled: Settled::No,
+            interrupted: 0,
             sent: None,
             dropped: 0,
         })
@@ -131,6 +147,7 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
         let interrupt = self.reader.status()?.interrupt;
         for character in characters {
             if interrupt == Some(*character) {
+                self.interrupted += self.typed.len();
                 self.typed.clear();
                 if let Some(sent) = &mut self.sent {
                     sent.keep = false;
@@ -168,6 +185,7 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
         match Reader::attach(self.region.clone(), self.reader.offset(), self.me) {
             Ok(reader) => {
                 self.reader = reader;
+                self.settled = Settled::No;
                 self.begin = 0;
                 self.end = 0;
                 self.sink.restarted();
@@ -242,10 +260,6 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
         mailbox: &M,
         served: &mut Served,
     ) -> Result<(), HostError> {
-        let mut characters = [0; 256];
-        let count = self.sink.typed(&mut characters)?;
-        let characters = characters.get(..count).unwrap_or_default();
-        self.type_in(characters)?;
         if let Some(sent) = self.sent.take() {
             match mailbox.look(&sent.pending) {
                 Ok(None) => {
@@ -267,13 +281,70 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
             }
             mailbox.abandon(&sent.pending);
         }
+        if !self.settle(mailbox)? {
+            return Ok(());
+        }
+        if self.typed.len() < PIECE {
+            let mut characters = [0; PIECE];
+            let count = self.sink.typed(&mut characters)?;
+            let characters = characters.get(..count).unwrap_or_default();
+            self.type_in(characters)?;
+        }
+        if self.interrupted > 0 {
+            // Nothing is under way: the count is exact.
+            let taken = self.reader.status()?.typed;
+            self.sink.dropped(taken, self.interrupted)?;
+            self.interrupted = 0;
+        }
         self.send_next(mailbox)
+    }
+
+    /// Waits, over several calls, for what a former host had under way; says whether that is over.
+    fn settle<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> Result<bool, HostError> {
+        match core::mem::replace(&mut self.settled, Settled::No) {
+            Settled::Yes => {}
+            Settled::No => {
+                let message = Message {
+                    to: self.to,
+                    vector: self.vectors.room,
+                    data: self.reader.offset(),
+                };
+                match mailbox.open(message) {
+                    Ok(pending) => self.settled = Settled::Asked(pending),
+                    Err(error) => fatal(error, self.me)?,
+                }
+                return Ok(false);
+            }
+            Settled::Asked(pending) => {
+                let settled = match mailbox.look(&pending) {
+                    Ok(None) => {
+                        self.settled = Settled::Asked(pending);
+                        return Ok(false);
+                    }
+                    Ok(Some(_)) => Ok(true),
+                    // Its program has gone, and with it what was under way; the next one is asked.
+                    Err(error) => fatal(error, self.me).map(|()| false),
+                };
+                mailbox.abandon(&pending);
+                if !settled? {
+                    return Ok(false);
+                }
+                let taken = self.reader.status()?.typed;
+                self.sink
+                    .typing(self.reader.life(), taken, self.typed.len())?;
+                self.interrupted = 0;
+            }
+        }
+        self.settled = Settled::Yes;
+        Ok(true)
     }
 
     /// Puts a character that was not taken before all others, unless somebody interrupted since.
     fn keep(&mut self, sent: &Sent) {
         if sent.keep {
             self.typed.push_front(sent.character);
+        } else {
+            self.interrupted += 1;
         }
     }
 

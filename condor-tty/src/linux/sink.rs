@@ -31,6 +31,28 @@ pub trait Sink {
         Ok(0)
     }
 
+    /// The host sends what is typed from now on: `taken` characters have been taken in this `life` of
+    /// the terminal, whoever sent them, which wraps, and `waiting` of those that
+    /// [`typed`](Self::typed) gave come next. For input that outlives its host: none of a former host
+    /// is under way any more.
+    ///
+    /// # Errors
+    /// The sink's; the host asks again.
+    fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
+        let _ = (life, taken, waiting);
+        Ok(())
+    }
+
+    /// Somebody has interrupted: when `taken` characters had been taken, the next `count` of those that
+    /// [`typed`](Self::typed) gave were dropped.
+    ///
+    /// # Errors
+    /// The sink's; nothing more is sent then until the host could say it.
+    fn dropped(&mut self, taken: u32, count: usize) -> io::Result<()> {
+        let _ = (taken, count);
+        Ok(())
+    }
+
     /// What was offered and not taken will not be offered again: the terminal has begun a new life.
     fn restarted(&mut self) {}
 
@@ -56,6 +78,14 @@ impl<S: Sink + ?Sized> Sink for Box<S> {
         (**self).typed(into)
     }
 
+    fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
+        (**self).typing(life, taken, waiting)
+    }
+
+    fn dropped(&mut self, taken: u32, count: usize) -> io::Result<()> {
+        (**self).dropped(taken, count)
+    }
+
     fn restarted(&mut self) {
         (**self).restarted();
     }
@@ -67,7 +97,8 @@ impl<S: Sink + ?Sized> Sink for Box<S> {
 
 /// Two sinks that get the same; each may itself be a `Tee`.
 ///
-/// The one that takes less holds the terminal; the other one is at most a buffer ahead of it.
+/// The one that takes less holds the terminal; the other one is at most a buffer ahead of it. What is
+/// typed at one or the other is not told apart, so neither hears what of it was taken.
 #[derive(Debug)]
 pub struct Tee<A, B> {
     /// One of them.

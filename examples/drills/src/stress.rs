@@ -14,7 +14,9 @@ use core::time::Duration;
 
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, Program};
-use condor_mbox::{Call, Clock as _, Doorbell as _, Error, Processor, Publisher, Region, Ticket};
+use condor_mbox::{
+    Call, Clock as _, Doorbell as _, Error, Instant, Processor, Publisher, Region, Ticket,
+};
 use condor_mos::{Clock as TickClock, LoopId, Overrun, Rate, Scan, Scheduler, Timer as _};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -98,7 +100,7 @@ impl<F: Fn() -> u32> Program for Stress<F> {
         mailbox.set_vector(TICK, &tick, "tick")?;
         mailbox.set_vector(ASK, &ask, "ask")?;
         mailbox.join()?;
-        mailbox.ring_always(M::MAIL_INTERRUPTS)?;
+        mailbox.ring_always(true)?;
 
         let running = Running {
             machine,
@@ -197,6 +199,8 @@ impl<M: Machine> Running<'_, '_, M> {
             scope.assign(LoopId(0), Overrun::Skip, &mut fast)?;
             scope.assign(LoopId(1), Overrun::Skip, &mut slow)?;
             let background = || {
+                // The loops begin in between.
+                let before = clock.now();
                 scheduler.start()?;
                 let begun = clock.now();
                 let end = begun.after(Duration::from_secs(seconds.into()));
@@ -218,17 +222,17 @@ impl<M: Machine> Running<'_, '_, M> {
                 let mut verdict = Verdict::default();
                 for (number, rate) in RATES.into_iter().enumerate() {
                     // The first release is that of the start.
-                    let due = || {
-                        let passed = clock.now().ns_since(begun);
+                    let due = |since: Instant| {
+                        let passed = clock.now().ns_since(since);
                         1 + (passed * u64::from(rate.numerator()) / 1_000_000_000) as u32
                     };
                     // A release that is only late is made up for now.
-                    let (first, deadline) = (due(), clock.now().after(PATIENCE));
+                    let (first, deadline) = (due(begun), clock.now().after(PATIENCE));
                     let mut counts = scheduler.statistics(LoopId(number as u8))?;
                     while counts.released < first && clock.now() < deadline {
                         counts = scheduler.statistics(LoopId(number as u8))?;
                     }
-                    let ahead = counts.released.saturating_sub(due());
+                    let ahead = counts.released.saturating_sub(due(before));
                     let behind = first.saturating_sub(counts.released);
                     reports.publish(number, &counts)?;
                     verdict.set_loop(number, &counts, ahead.max(behind));
@@ -296,12 +300,11 @@ impl<M: Machine> Running<'_, '_, M> {
     }
 
     fn look(&self, nap: Duration) -> Result<(), Failure> {
-        if M::MAIL_INTERRUPTS {
-            // Whatever comes is served before this returns.
-            let bell = self.machine.doorbell();
-            bell.wait(bell.prepare(), bell.now().after(nap));
-        } else {
-            self.mailbox.serve(nap)?;
+        let bell = self.machine.doorbell();
+        let seen = bell.prepare();
+        // With an interrupt, whatever comes is served before the wait returns.
+        if M::MAIL_INTERRUPTS || self.mailbox.service(PATIENCE)? == 0 {
+            bell.wait(seen, bell.now().after(nap));
         }
         Ok(())
     }

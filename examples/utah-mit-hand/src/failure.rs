@@ -19,6 +19,9 @@ use crate::recording::RecordingError;
 /// What something else says, as much of it as fits.
 pub type Words = heapless::String<80, u8>;
 
+/// The name of a file, as much of it as fits.
+pub type Name = heapless::String<48, u8>;
+
 /// Why a program of the hand ended before it was told to.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -150,7 +153,7 @@ pub enum Failure {
     #[error("{name}: {error}")]
     Recording {
         /// The name of its file.
-        name: Words,
+        name: Name,
         /// What is wrong.
         error: RecordingError,
     },
@@ -171,9 +174,9 @@ impl Failure {
 }
 
 /// As much of what something prints as fits.
-pub(crate) fn words(printed: &impl Display) -> Words {
-    struct Cut(Words);
-    impl Write for Cut {
+pub(crate) fn words<const N: usize>(printed: &impl Display) -> heapless::String<N, u8> {
+    struct Cut<const N: usize>(heapless::String<N, u8>);
+    impl<const N: usize> Write for Cut<N> {
         fn write_str(&mut self, text: &str) -> core::fmt::Result {
             for letter in text.chars() {
                 if self.0.push(letter).is_err() {
@@ -183,7 +186,7 @@ pub(crate) fn words(printed: &impl Display) -> Words {
             Ok(())
         }
     }
-    let mut cut = Cut(Words::new());
+    let mut cut = Cut(heapless::String::new());
     // It takes everything.
     let _ = write!(cut, "{printed}");
     cut.0

@@ -28,7 +28,7 @@ mod failure;
 mod late;
 mod start;
 
-pub use failure::{Failure, Words};
+pub use failure::{Failure, Name, Words};
 
 /// Fingers of the hand.
 pub const FINGERS: usize = 4;

@@ -110,7 +110,7 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
             controllers: controllers(self.hand, served)?,
             row: None,
         };
-        let mut sink = self.sink(files, to)?;
+        let mut sink = Self::sink(files, to)?;
         let mut hash = Fnv::new();
         let mut difference = None;
         while let Some(row) = rows.next().map_err(reading)? {
@@ -144,7 +144,6 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
     }
 
     fn sink<'f>(
-        &self,
         files: &'f Files<'r, 'v, M>,
         to: Option<&'r str>,
     ) -> Result<Sink<'f, 'r, Post<'v, M>, M::Window>, Failure> {

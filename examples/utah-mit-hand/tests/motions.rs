@@ -76,6 +76,80 @@ fn enabled(typist: &mut Typist<'_>) {
     typist.wait(1.0);
 }
 
+/// What is left of a run in which the services are killed, or not.
+#[derive(Debug, PartialEq)]
+struct Left {
+    /// How often each line of an end was said.
+    said: Vec<usize>,
+    saved: Vec<u8>,
+    skips: Vec<(u8, u32)>,
+}
+
+fn worked(typist: &mut Typist<'_>, kills: bool) -> Left {
+    let names = ["open", "wave", "counting"];
+    enabled(typist);
+    let life = typist.life_of_files();
+    assert!(life.is_some());
+    let mut shown = String::new();
+    for name in names {
+        if kills {
+            // The motion is loaded by the next life.
+            typist.kill_files();
+            typist.wait(0.05);
+        }
+        typist.types(&format!("run {name}"));
+        typist.wait(0.3);
+        if kills {
+            typist.kill_terminals();
+            typist.kill_files();
+        }
+        typist.expect(&format!("{name} is done\n"), 20.0);
+        shown += &std::mem::take(&mut typist.shown);
+    }
+    typist.types("record kept");
+    typist.types("to thumb.middle 0.9 0.4");
+    typist.wait(0.7);
+    if kills {
+        typist.kill_files();
+        typist.wait(0.05);
+    }
+    typist.types("save");
+    if kills {
+        typist.kill_terminals();
+    }
+    typist.expect("kept: 1 motions saved\n", 5.0);
+    shown += &typist.shown;
+    let mut ends: Vec<_> = names.iter().map(|name| format!("{name} is done")).collect();
+    ends.push("kept: 1 motions saved".into());
+    // So that the last counts are published.
+    typist.wait(0.2);
+    let killed = typist.life_of_files() != life;
+    assert_eq!(killed, kills);
+    let counts = typist.counts();
+    for (number, runs, _) in &counts {
+        assert!(*runs > 200, "{number} ran {runs} times");
+    }
+    Left {
+        said: ends.iter().map(|end| shown.matches(end).count()).collect(),
+        saved: typist.file("motions/kept.motion"),
+        skips: counts
+            .iter()
+            .map(|(number, _, skips)| (*number, *skips))
+            .collect(),
+    }
+}
+
+#[test]
+fn services_that_are_killed_cost_no_release_no_motion_and_no_line() {
+    let quiet = run(|typist| worked(typist, false));
+    assert_eq!(quiet.said, [1; 4]);
+    assert!(
+        quiet.skips.iter().all(|(_, skips)| *skips == 0),
+        "{quiet:?}"
+    );
+    assert_eq!(run(|typist| worked(typist, true)), quiet);
+}
+
 /// The set-points of the sequence in memory, from where its first motion ends, 0.9 s.
 fn replayed(typist: &mut Typist<'_>) -> Vec<[[f64; 4]; 4]> {
     typist.wanted.clear();

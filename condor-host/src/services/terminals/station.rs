@@ -1,5 +1,6 @@
 //! [`Station`]: the terminal of one processor, with its log and with all who look at it.
 
+use std::fs::File;
 use std::io::ErrorKind;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixListener;
@@ -11,7 +12,8 @@ use condor_tty::ReaderError;
 use condor_tty::linux::{Host, HostError, Pty, Sink, Unwatched};
 use rustix::event::PollFlags;
 
-use super::record::Record;
+use super::paper::Paper;
+use super::typing;
 use super::viewer::{Cursor, Viewer};
 use crate::directory::{self, Kind};
 use crate::numbers::TERMINALS;
@@ -19,8 +21,6 @@ use crate::services::ServiceError;
 
 /// How often a terminal is served before the others have their turn.
 const TURNS: usize = 16;
-/// Characters that are kept for a terminal that is not there yet.
-const EARLY: usize = 64 * 1024;
 
 pub(super) struct Station {
     processor: Processor,
@@ -36,9 +36,9 @@ pub(super) struct Station {
     pty_cursor: Cursor,
     replay_bytes: u64,
     /// The log while nothing is attached.
-    idle: Option<Record>,
-    /// What was typed before there was a terminal.
-    early: Vec<u8>,
+    idle: Option<Paper>,
+    /// Where all that is typed goes first.
+    typed: File,
 }
 
 /// How much of a terminal's output is kept.
@@ -52,7 +52,7 @@ pub struct Sizes {
 
 struct Attached {
     offset: u32,
-    host: Host<LinuxWindow, Record>,
+    host: Host<LinuxWindow, Paper>,
 }
 
 impl Station {
@@ -67,7 +67,9 @@ impl Station {
         }: Sizes,
     ) -> Result<Self, ServiceError> {
         let log = directory.join(format!("{name}.log"));
-        let record = Record::open(&log, log_bytes).map_err(ServiceError::at("open", &log))?;
+        let paper = Paper::open(&log, log_bytes).map_err(ServiceError::at("open", &log))?;
+        let path = typing::file_of(&log);
+        let typed = typing::open(&path).map_err(ServiceError::at("open", &path))?;
         let socket = directory.join(format!("{name}.sock"));
         let listener = listen(&socket).map_err(ServiceError::at("listen at", &socket))?;
         let link = directory.join(name);
@@ -84,10 +86,10 @@ impl Station {
             listener,
             viewers: Vec::new(),
             pty,
-            pty_cursor: Cursor(record.end_offset()),
+            pty_cursor: Cursor(paper.record.end_offset()),
             replay_bytes,
-            idle: Some(record),
-            early: Vec::new(),
+            idle: Some(paper),
+            typed,
         })
     }
 
@@ -133,16 +135,16 @@ impl Station {
             return Ok(());
         }
         self.release();
-        let record = match self.idle.take() {
-            Some(record) => record,
-            None => Record::open(&self.log, self.log_bytes)?,
+        let paper = match self.idle.take() {
+            Some(paper) => paper,
+            None => Paper::open(&self.log, self.log_bytes)?,
         };
         let host = Host::attach(
             self.region.clone(),
             offset,
             self.processor,
             TERMINALS,
-            record,
+            paper,
         );
         match host {
             Ok(host) => {
@@ -173,18 +175,12 @@ impl Station {
         let mut characters = [0; 1024];
         for viewer in &mut self.viewers {
             let count = viewer.typed(&mut characters);
-            self.early
-                .extend_from_slice(characters.get(..count).unwrap_or_default());
+            let characters = characters.get(..count).unwrap_or_default();
+            typing::add(&mut self.typed, characters)?;
         }
         let count = self.pty.typed(&mut characters)?;
-        self.early
-            .extend_from_slice(characters.get(..count).unwrap_or_default());
-        self.early.truncate(EARLY);
-        if let Some(Attached { host, .. }) = &mut self.attached {
-            host.type_in(&self.early)?;
-            self.early.clear();
-        }
-        Ok(())
+        let characters = characters.get(..count).unwrap_or_default();
+        Ok(typing::add(&mut self.typed, characters)?)
     }
 
     fn serve_terminal<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> Result<bool, HostError> {
@@ -225,11 +221,11 @@ impl Station {
     /// Shows what is new in the log to all who look.
     fn show(&mut self) {
         if self.attached.is_none() && self.idle.is_none() {
-            self.idle = Record::open(&self.log, self.log_bytes).ok();
+            self.idle = Paper::open(&self.log, self.log_bytes).ok();
         }
         let record = match (&self.attached, &self.idle) {
-            (Some(attached), _) => &attached.host.sink,
-            (None, Some(record)) => record,
+            (Some(attached), _) => &attached.host.sink.record,
+            (None, Some(paper)) => &paper.record,
             (None, None) => return,
         };
         let replay = record.end_offset().saturating_sub(self.replay_bytes);

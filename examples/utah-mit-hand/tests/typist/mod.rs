@@ -48,6 +48,8 @@ pub(crate) struct Typist<'m> {
     machine: &'m Simulated<LinuxBus>,
     mailbox: &'m Post<'m>,
     ends: &'m [AtomicU64; PROCESSORS],
+    /// The directory that is served.
+    files: &'m Path,
     reader: Option<Reader<LinuxWindow>>,
     /// What the master's terminal has shown.
     pub(crate) shown: String,
@@ -78,12 +80,12 @@ pub(crate) fn run<R: Send>(script: impl FnOnce(&mut Typist<'_>) -> R + Send) -> 
     memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
     let bytes = boards::address::BUS_BYTES;
     let bus = LinuxBus::map(&memory, 0, 0, bytes, Access::ReadWrite).unwrap();
-    let server = Server::new(files.path(), Options::default()).unwrap();
     let ends: [AtomicU64; PROCESSORS] = std::array::from_fn(|_| AtomicU64::new(u64::MAX));
     let found = Mutex::new(None);
 
     let mut system = System::with_bus(WINDOW_BYTES, bus).unwrap();
-    let serving = |machine: &Simulated<LinuxBus>| serve_files(machine, &server, &ends);
+    let root = files.path();
+    let serving = |machine: &Simulated<LinuxBus>| serve_files(machine, root, &ends);
     system.host(numbers::FILES, serving).unwrap();
     let lives = &ends;
     system
@@ -114,6 +116,7 @@ pub(crate) fn run<R: Send>(script: impl FnOnce(&mut Typist<'_>) -> R + Send) -> 
                 machine,
                 mailbox: &mailbox,
                 ends: &ends,
+                files: root,
                 reader: None,
                 shown: String::new(),
                 former: None,
@@ -155,12 +158,31 @@ fn live(
     Ok(())
 }
 
+/// Serves files, in one life after the other, none of which says that it ends.
 fn serve_files(
     machine: &Simulated<LinuxBus>,
-    server: &Server,
+    root: &Path,
     ends: &[AtomicU64; PROCESSORS],
 ) -> Result<(), condor_mbox::Error> {
+    let end = &ends[numbers::FILES.index()];
+    while !machine.is_stopping() && end.load(Relaxed) != 0 {
+        let server = Server::new(root, Options::default()).unwrap();
+        serve_files_once(machine, &server, end)?;
+        if end.compare_exchange(1, u64::MAX, Relaxed, Relaxed).is_ok() {
+            // As long as a process takes to come up.
+            machine.work(150_000_000);
+        }
+    }
+    Ok(())
+}
+
+fn serve_files_once(
+    machine: &Simulated<LinuxBus>,
+    server: &Server,
+    end: &AtomicU64,
+) -> Result<(), condor_mbox::Error> {
     let windows = machine.windows();
+    server.recover(&windows);
     let handler = |call: &Call<'_>| server.answer(call, &windows);
     let mut mailbox = Mailbox::new(
         numbers::FILES,
@@ -171,7 +193,7 @@ fn serve_files(
     mailbox.set_waiting(machine.waiting());
     mailbox.set_vector(condor_fs::wire::FILES, &handler, "files")?;
     mailbox.join()?;
-    while !machine.is_stopping() && ends[numbers::FILES.index()].load(Relaxed) != 0 {
+    while !machine.is_stopping() && end.load(Relaxed) == u64::MAX {
         mailbox.serve(Duration::from_millis(20))?;
     }
     Ok(())
@@ -333,6 +355,31 @@ impl Typist<'_> {
                 return;
             }
         }
+    }
+
+    /// The present life of the file service, if it has one.
+    pub(crate) fn life_of_files(&self) -> Option<u32> {
+        match self.mailbox.peer_state(numbers::FILES).unwrap() {
+            PeerState::Up { life, .. } => Some(life),
+            _ => None,
+        }
+    }
+
+    /// Ends the present life of the file service; the next one begins a moment later.
+    pub(crate) fn kill_files(&mut self) {
+        self.ends[numbers::FILES.index()].store(1, Relaxed);
+    }
+
+    /// Serves no terminal for a while, and then attaches anew, where the former host stopped.
+    pub(crate) fn kill_terminals(&mut self) {
+        self.reader = None;
+        self.machine.work(150_000_000);
+        self.next_ns = self.next_ns.max(self.machine.now());
+    }
+
+    /// What is in a file.
+    pub(crate) fn file(&self, path: &str) -> Vec<u8> {
+        std::fs::read(self.files.join(path)).unwrap()
     }
 
     /// Processor, runs and skips of each loop.

@@ -1,0 +1,215 @@
+//! [`Typing`]: all that is typed at a terminal, of which its program gets every character once.
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+/// The file to which characters are added, and how far the terminal has taken them.
+///
+/// The terminal counts what it takes, in its own memory. From the mark on, every character of the
+/// file is sent, so the count says which comes next, whatever moment the service is killed in.
+#[derive(Debug)]
+pub(super) struct Typing {
+    file: File,
+    mark_path: PathBuf,
+    mark: Option<Mark>,
+    /// Where the next characters are read; none as long as some of a former service may be under way.
+    next: Option<u64>,
+}
+
+/// Which character of the file comes next when the terminal has taken so many.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Mark {
+    life: u32,
+    taken: u32,
+    offset: u64,
+}
+
+/// The file of the terminal with this log.
+pub(super) fn file_of(log: &Path) -> PathBuf {
+    log.with_extension("typed")
+}
+
+/// Adds characters to the file of a terminal, all or none of them.
+pub(super) fn add(file: &mut File, characters: &[u8]) -> io::Result<()> {
+    if characters.is_empty() {
+        return Ok(());
+    }
+    file.write_all(characters)
+}
+
+/// Opens it for those who type.
+pub(super) fn open(path: &Path) -> io::Result<File> {
+    File::options().append(true).create(true).open(path)
+}
+
+impl Typing {
+    pub(super) fn open(log: &Path) -> io::Result<Self> {
+        let path = file_of(log);
+        open(&path)?;
+        let mark_path = path.with_extension("typed.mark");
+        Ok(Self {
+            file: File::open(&path)?,
+            mark: Mark::read(&mark_path),
+            mark_path,
+            next: None,
+        })
+    }
+
+    /// What comes next.
+    pub(super) fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let Some(next) = &mut self.next else {
+            return Ok(0);
+        };
+        let count = self.file.read_at(into, *next)?;
+        *next += count as u64;
+        Ok(count)
+    }
+
+    /// Nothing is under way: `taken` characters have been taken in this life, and `waiting` of those
+    /// that were read come next.
+    pub(super) fn begin(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
+        let offset = match (self.mark, self.next) {
+            (Some(mark), _) if mark.life == life => mark.after(taken),
+            // The program has begun anew, and gets what the former one did not.
+            (_, Some(next)) => next.saturating_sub(waiting as u64),
+            (None, None) => 0,
+            // Service and program have both begun anew: nobody knows what the former ones did, and
+            // to do it twice would be worse than not to do it.
+            (Some(_), None) => self.file.metadata()?.len(),
+        };
+        self.put(Mark {
+            life,
+            taken,
+            offset,
+        })?;
+        self.next = Some(offset + waiting as u64);
+        Ok(())
+    }
+
+    /// When `taken` characters had been taken, the next `count` were dropped.
+    pub(super) fn drop_next(&mut self, taken: u32, count: usize) -> io::Result<()> {
+        let Some(mark) = self.mark else {
+            return Ok(());
+        };
+        self.put(Mark {
+            taken,
+            offset: mark.after(taken) + count as u64,
+            ..mark
+        })
+    }
+
+    fn put(&mut self, mark: Mark) -> io::Result<()> {
+        if self.mark != Some(mark) {
+            mark.write(&self.mark_path)?;
+            self.mark = Some(mark);
+        }
+        Ok(())
+    }
+}
+
+impl Mark {
+    /// Where the character is that comes next when `taken` have been taken.
+    fn after(&self, taken: u32) -> u64 {
+        self.offset + u64::from(taken.wrapping_sub(self.taken))
+    }
+
+    fn read(path: &Path) -> Option<Self> {
+        let text = std::fs::read_to_string(path).ok()?;
+        let mut numbers = text.split_whitespace();
+        Some(Self {
+            life: numbers.next()?.parse().ok()?,
+            taken: numbers.next()?.parse().ok()?,
+            offset: numbers.next()?.parse().ok()?,
+        })
+    }
+
+    /// Replaces the mark of before as a whole.
+    fn write(&self, path: &Path) -> io::Result<()> {
+        let Self {
+            life,
+            taken,
+            offset,
+        } = self;
+        let part = path.with_extension("part");
+        std::fs::write(&part, format!("{life} {taken} {offset}\n"))?;
+        std::fs::rename(part, path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn typing(text: &str) -> (tempfile::TempDir, PathBuf) {
+        let directory = tempfile::tempdir().expect("a directory");
+        let log = directory.path().join("hand.log");
+        type_more(&log, text);
+        (directory, log)
+    }
+
+    fn type_more(log: &Path, text: &str) {
+        let mut file = open(&file_of(log)).expect("a file");
+        add(&mut file, text.as_bytes()).expect("room");
+    }
+
+    fn rest(typing: &mut Typing) -> String {
+        let mut bytes = [0; 64];
+        let count = typing.read(&mut bytes).expect("it can be read");
+        String::from_utf8_lossy(&bytes[..count]).into_owned()
+    }
+
+    #[test]
+    fn the_next_service_goes_on_after_what_the_terminal_has_taken() {
+        let (_directory, log) = typing("abcdef");
+        let mut first = Typing::open(&log).expect("it opens");
+        assert_eq!(rest(&mut first), "", "before the terminal was asked");
+        first.begin(7, u32::MAX, 0).expect("a mark");
+        assert_eq!(rest(&mut first), "abcdef");
+        drop(first);
+        let mut second = Typing::open(&log).expect("it opens");
+        // The terminal has taken four, and its count has wrapped.
+        second.begin(7, 3, 0).expect("a mark");
+        assert_eq!(rest(&mut second), "ef");
+        type_more(&log, "gh");
+        assert_eq!(rest(&mut second), "gh");
+    }
+
+    #[test]
+    fn what_an_interrupt_dropped_is_not_typed_by_the_next_service() {
+        let (_directory, log) = typing("abcd\x03xy");
+        let mut first = Typing::open(&log).expect("it opens");
+        first.begin(1, 0, 0).expect("a mark");
+        rest(&mut first);
+        // `a` was taken, `bcd` dropped.
+        first.drop_next(1, 3).expect("a mark");
+        for (taken, left) in [(1, "\x03xy"), (2, "xy"), (4, "")] {
+            let mut next = Typing::open(&log).expect("it opens");
+            next.begin(1, taken, 0).expect("a mark");
+            assert_eq!(rest(&mut next), left);
+        }
+    }
+
+    #[test]
+    fn a_new_program_gets_what_the_former_one_did_not_take() {
+        let (_directory, log) = typing("abcd");
+        let mut typing = Typing::open(&log).expect("it opens");
+        typing.begin(1, 0, 0).expect("a mark");
+        assert_eq!(rest(&mut typing), "abcd");
+        // `cd` wait with the host, which sends them to the new life.
+        typing.begin(2, 0, 2).expect("a mark");
+        assert_eq!(rest(&mut typing), "");
+        drop(typing);
+        let mut next = Typing::open(&log).expect("it opens");
+        next.begin(2, 1, 0).expect("a mark");
+        assert_eq!(rest(&mut next), "d");
+        drop(next);
+        // Both have begun anew: what was typed for the former ones is over.
+        let mut last = Typing::open(&log).expect("it opens");
+        last.begin(3, 0, 0).expect("a mark");
+        assert_eq!(rest(&mut last), "");
+        type_more(&log, "e");
+        assert_eq!(rest(&mut last), "e");
+    }
+}

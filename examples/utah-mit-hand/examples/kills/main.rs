@@ -1,0 +1,147 @@
+//! The hand at work while its services and its user interface are killed again and again.
+//!
+//! `cargo run --release -p utah-mit-hand --example kills -- --for 60s [--seed N]`
+//!
+//! Runs the hand with two programs that count all they do, first undisturbed, then for the same time
+//! with a `kill -9` every few hundred milliseconds, at random to the file service, the terminal service
+//! or the user interface. Fails if in either run a message, a byte that was written or typed, a line of
+//! a file or a motion was lost or doubled, or if a processor did not live on. Beside each other it
+//! prints the releases that the loops have skipped, which depend on what else the machine does.
+
+mod drive;
+mod killer;
+mod system;
+mod teller;
+
+use std::process::ExitCode;
+use std::time::{Duration, SystemTime};
+
+use condor_host::cli::{self, Programs};
+use condor_host::linux;
+use utah_mit_hand::master::Master;
+use utah_mit_hand::plant::Plant;
+use utah_mit_hand::servo::Servo;
+use utah_mit_hand::table::Table;
+
+use drive::Seen;
+use teller::Teller;
+
+const USAGE: &str = "usage: kills [--for SECONDSs] [--seed N]";
+
+/// The programs of the processors.
+struct Hand;
+
+impl Programs for Hand {
+    fn names(&self) -> &[&'static str] {
+        &["master", "plant", "servo", "table", "teller"]
+    }
+
+    fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
+        // SAFETY: the loops of the hand's programs neither allocate nor print, and take no lock of the
+        // host's. The teller has none.
+        unsafe {
+            match name {
+                "master" => linux::run(&Master, arguments),
+                "plant" => linux::run(&Plant, arguments),
+                "servo" => linux::run(&Servo, arguments),
+                "table" => linux::run(&Table, arguments),
+                _ => linux::run(&Teller, arguments),
+            }
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    // What the supervisor starts is this program, too.
+    let verb = std::env::args().nth(1);
+    if verb.is_some_and(|verb| !verb.starts_with('-')) {
+        return cli::main(&Hand);
+    }
+    let Some((length, seed)) = options(std::env::args().skip(1)) else {
+        eprintln!("{USAGE}");
+        return ExitCode::from(2);
+    };
+    println!("{length:?} undisturbed, then {length:?} with kills, seed {seed}");
+    let outcome = drive::run(length, None).and_then(|quiet| {
+        println!("undisturbed: {}", sum(&quiet));
+        let killed = drive::run(length, Some(seed))?;
+        println!("with kills:  {}", sum(&killed));
+        Ok((quiet, killed))
+    });
+    let (quiet, killed) = match outcome {
+        Ok(both) => both,
+        Err(error) => {
+            eprintln!("kills: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    print(&quiet, &killed);
+    for (run, seen) in [("undisturbed", &quiet), ("with kills", &killed)] {
+        for wrong in &seen.wrong {
+            println!("WRONG, {run}: {wrong}");
+        }
+    }
+    if quiet.wrong.is_empty() && killed.wrong.is_empty() {
+        println!("nothing was lost or doubled, and every processor has lived on");
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}
+
+/// The length of a run, and what chance begins with.
+fn options(mut arguments: impl Iterator<Item = String>) -> Option<(Duration, u64)> {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let mut seed = now.map_or(0, |now| u64::from(now.subsec_nanos()));
+    let mut length = Duration::from_secs(60);
+    while let Some(argument) = arguments.next() {
+        let value = arguments.next()?;
+        match argument.as_str() {
+            "--for" => length = Duration::from_secs(value.strip_suffix('s')?.parse().ok()?),
+            "--seed" => seed = value.parse().ok()?,
+            _ => return None,
+        }
+    }
+    Some((length, seed))
+}
+
+/// What a run has done, in a line.
+fn sum(seen: &Seen) -> String {
+    let Seen {
+        kills,
+        typed,
+        lines,
+        messages,
+        appended,
+        replaced,
+        saved,
+        motions,
+        faults,
+        drawn,
+        ..
+    } = seen;
+    format!(
+        "{} kills of the user interface, {} of the terminal service, {} of the file service\n  \
+         {lines} lines written, {typed} lines typed at each of 2 terminals, {messages} messages,\n  \
+         {appended} lines appended, {replaced} files replaced, {saved} sequences saved, {motions} motions \
+         done, {faults} faults of fingers, {} KiB drawn",
+        kills.screen,
+        kills.terminals,
+        kills.files,
+        drawn / 1024
+    )
+}
+
+fn print(quiet: &Seen, killed: &Seen) {
+    println!(
+        "\n{:<10} {:<14} {:>9} {:>7} {:>12} {:>9} {:>7} {:>12}",
+        "", "undisturbed:", "runs", "skips", "worst late", "kills:", "skips", "worst late"
+    );
+    for ((name, a), (_, b)) in quiet.counts.iter().zip(&killed.counts) {
+        println!(
+            "{name:<10} {:<14} {:>9} {:>7} {:>9.0} us {:>9} {:>7} {:>9.0} us",
+            a.loop_name, a.runs, a.overruns, a.worst_us, b.runs, b.overruns, b.worst_us
+        );
+    }
+    println!();
+}
