@@ -20,7 +20,7 @@ use crate::recording::RecordingError;
 pub type Words = heapless::String<80, u8>;
 
 /// The name of a file, as much of it as fits.
-pub type Name = heapless::String<48, u8>;
+pub type Name = heapless::String<32, u8>;
 
 /// Why a program of the hand ended before it was told to.
 #[derive(Clone, Debug, PartialEq, Error)]

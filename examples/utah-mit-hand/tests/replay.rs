@@ -162,7 +162,7 @@ fn record(files: &Path, ticks: u32) -> (Vec<Seen>, String) {
     let mut seen = Vec::new();
     let arguments = ["record=servo.rec", &format!("ticks={ticks}")];
     let run = run_on(files, &arguments, None, 4.0, None, |master| {
-        script(master, &mut seen)
+        script(master, &mut seen);
     });
     (seen, run.said[0].clone())
 }
