@@ -103,7 +103,7 @@ fn print_times(name: &str, times: &Times, names: &[(&str, u8)]) {
         let (sent, replied) = (of(&times.sent), of(&times.replied));
         if replied > 0 {
             println!(
-                "{name:<10} to {other:<10} {:>10.2} us, with reply {:>10.2} us",
+                "{name:<13} to {other:<13} {:>10.2} us, with reply {:>10.2} us",
                 us(sent),
                 us(replied)
             );

@@ -1,13 +1,14 @@
 //! [`Table`]: how long a message takes, as in Table 1 of A. I. Memo 977; and [`Echo`], its other end.
 //!
 //! `table to=1,5 rounds=2000 after=0` measures messages to processors 1 and 5, once processor 0 has
-//! measured. Each of them runs [`Echo`], or [`Table`], which answers, too.
+//! measured. Each of them runs [`Echo`], or [`Table`], which answers, too. With the argument `sleep` a
+//! processor never looks again and again for what comes, but sleeps until it is rung.
 
 use core::fmt::Write as _;
 use core::time::Duration;
 
 use condor_host::{Machine, PROCESSORS, Program};
-use condor_mbox::{Call, Clock as _, PeerState, Processor, Vector};
+use condor_mbox::{Call, Clock as _, PeerState, Processor, Vector, Waiting};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
@@ -108,6 +109,9 @@ fn with_mailbox<M: Machine>(
     let mut mailbox = ground::mailbox(machine, &typed)?;
     mailbox.set_vector(NOTHING, &nothing, "nothing")?;
     mailbox.set_vector(INCREMENT, &increment, "increment")?;
+    if arguments::is_there(machine, "sleep") {
+        mailbox.set_waiting(Waiting::Sleep);
+    }
     mailbox.join()?;
     let say = |peer: Processor, sent, replied| {
         // What finds no room there is counted by the terminal.
