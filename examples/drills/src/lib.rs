@@ -2,9 +2,11 @@
 //!
 //! * [`Stress`]: everybody sends to everybody, nested, from loops, handlers and backgrounds, and counts.
 //! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
-#![cfg_attr(not(feature = "program"), no_std)]
+#![cfg_attr(not(feature = "alone"), no_std)]
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "alone")]
+pub mod alone;
 pub mod stress;
 pub mod table;
 
@@ -16,7 +18,6 @@ use condor_host::Machine;
 use condor_mbox::Call;
 
 pub use failure::Failure;
-#[cfg(feature = "program")]
 pub use ground::published;
 pub use stress::Stress;
 pub use table::{Echo, Table};
