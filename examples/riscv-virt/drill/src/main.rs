@@ -2,6 +2,7 @@
 #![no_std]
 #![no_main]
 
+mod depths;
 mod faulty;
 
 use board::{Hart, stack, status};
@@ -18,6 +19,7 @@ fn main(mut hart: Hart) -> u32 {
         Some("echo") => status(Echo.run(&hart)),
         Some("stress") => status(Stress(|| stack::deepest(&hart)).run(&hart)),
         Some("table") => status(Table.run(&hart)),
+        Some("stack") => status(depths::run(&hart)),
         Some("faulty") => status(faulty::Faulty.run(&hart)),
         _ => NO_PROGRAM,
     }
