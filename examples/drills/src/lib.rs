@@ -4,13 +4,14 @@
 //! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
 //!
 //! What harts alone can run is in the images of `examples/riscv-virt`; what it leaves behind is here:
-//! [`stack`].
+//! [`instructions`], [`stack`].
 #![cfg_attr(not(feature = "alone"), no_std)]
 #![forbid(unsafe_code)]
 
 #[cfg(feature = "alone")]
 pub mod alone;
 pub mod ground;
+pub mod instructions;
 pub mod stack;
 pub mod stress;
 pub mod table;
