@@ -5,6 +5,7 @@
 mod allocations;
 mod clock;
 mod dev;
+mod firmware;
 mod fs;
 mod hand;
 mod machine;
@@ -14,6 +15,7 @@ mod mos;
 mod mos_instructions;
 mod options;
 mod process;
+mod riscv_instructions;
 mod shuffle;
 mod system;
 mod tty;
@@ -71,6 +73,11 @@ const COMMANDS: &[Command] = &[
         run: system::run,
     },
     Command {
+        name: "riscv-instructions",
+        about: "instructions of a release and of a message on a RISC-V hart in QEMU",
+        run: riscv_instructions::run,
+    },
+    Command {
         name: "tty",
         about: "blocks of condor-tty into memory beside memcpy, and into a pty beside write(2)",
         run: tty::run,
@@ -85,7 +92,7 @@ static ALLOCATOR: allocations::Counting<mbox::arena::Allocator> =
 fn print_usage() {
     eprintln!("usage: condor-bench COMMAND {}", options::USAGE);
     for command in COMMANDS {
-        eprintln!("  {:16} {}", command.name, command.about);
+        eprintln!("  {:18} {}", command.name, command.about);
     }
 }
 

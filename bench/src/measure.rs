@@ -155,10 +155,13 @@ pub(crate) struct Report {
     pub(crate) text: String,
     /// The figures that have goals.
     pub(crate) goals: Vec<Goal>,
+    /// Those that have none, which are in the text, too.
+    pub(crate) figures: Vec<(&'static str, f64)>,
 }
 
 impl Report {
-    /// One object: `{"name": {"value": …, "goal": …, "better": …, "low": …, "high": …}}`.
+    /// One object: `{"name": {"value": …, "goal": …, "better": …, "low": …, "high": …}}`, with a value
+    /// alone where there is no goal.
     pub(crate) fn json(&self) -> String {
         let members = self.goals.iter().map(|goal| {
             let better = match goal.better {
@@ -173,7 +176,10 @@ impl Report {
                 goal.name, goal.limit,
             )
         });
-        let members: Vec<String> = members.collect();
+        let figures = self.figures.iter();
+        let figures = figures
+            .map(|(name, value)| format!("  \"{name}\": {{\"value\": {}}}", number(*value, 4)));
+        let members: Vec<String> = members.chain(figures).collect();
         if members.is_empty() {
             "{}".to_owned()
         } else {
@@ -301,11 +307,12 @@ mod tests {
         let report = Report {
             text: String::new(),
             goals: vec![goal],
+            figures: vec![("z", 2.5)],
         };
         assert_eq!(
             report.json(),
             "{\n  \"x_vs_y\": {\"value\": 1.0000, \"goal\": 1.15, \"better\": \"lower\", \
-             \"low\": 0.5000, \"high\": 2.0000}\n}"
+             \"low\": 0.5000, \"high\": 2.0000},\n  \"z\": {\"value\": 2.5000}\n}"
         );
     }
 }

@@ -81,5 +81,9 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
             better: Better::Higher,
         },
     ];
-    Ok(Report { text, goals })
+    Ok(Report {
+        text,
+        goals,
+        ..Report::default()
+    })
 }

@@ -57,6 +57,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     Ok(Report {
         text: text(&plan, &place, &played)?,
         goals: goals(&played),
+        ..Report::default()
     })
 }
 

@@ -80,7 +80,11 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         lanes.grasp.residual, lanes.grasp.of_cholesky
     )?;
     let goals = goals(&lanes, &times);
-    Ok(Report { text, goals })
+    Ok(Report {
+        text,
+        goals,
+        ..Report::default()
+    })
 }
 
 /// A task, ours, and all rows of its table.

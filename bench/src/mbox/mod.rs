@@ -172,6 +172,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     Ok(Report {
         text: text(&entries, &plan, &played)?,
         goals: goals(&entries, &played),
+        ..Report::default()
     })
 }
 

@@ -138,7 +138,11 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         limit: 1.0,
         better: Better::Lower,
     });
-    Ok(Report { text, goals })
+    Ok(Report {
+        text,
+        goals,
+        ..Report::default()
+    })
 }
 
 /// The figures of one contestant in every round.

@@ -1,12 +1,13 @@
 //! Builds the firmwares and runs them in QEMU.
 
-use std::io::{ErrorKind, Read};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::Result;
+use crate::firmware::{self, tool};
 
 const TARGET: &str = "thumbv7m-none-eabi";
 const QEMU: &str = "qemu-system-arm";
@@ -25,32 +26,14 @@ pub(crate) struct Workspace {
 }
 
 impl Workspace {
-    /// Builds all firmwares for release, with their own lock file.
+    /// Builds all firmwares for release.
     ///
     /// # Errors
     /// A tool is missing, or a firmware does not build.
     pub(crate) fn build() -> Result<Self> {
         let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware");
-        let target_dir = dir.join("target");
-        need_target()?;
-        // Flags for this machine's compiler would reach the firmware's.
-        let status = tool("cargo", "it comes with Rust: https://rustup.rs", |cargo| {
-            cargo
-                .args(["build", "--release", "--locked", "--target", TARGET])
-                .arg("--target-dir")
-                .arg(&target_dir)
-                .current_dir(&dir)
-                .env_remove("RUSTFLAGS")
-                .env_remove("CARGO_ENCODED_RUSTFLAGS")
-                .stdout(Stdio::null())
-                .status()
-        })?;
-        if !status.success() {
-            return Err(format!("the firmwares do not build: cargo in {}", dir.display()).into());
-        }
-        Ok(Self {
-            images: target_dir.join(TARGET).join("release"),
-        })
+        let images = firmware::build(&dir, TARGET, &[])?;
+        Ok(Self { images })
     }
 
     /// Runs the firmware of a package and gives back what it printed.
@@ -95,38 +78,4 @@ impl Workspace {
             None => Err(format!("{package} did not end within {PATIENCE:?}: {text}").into()),
         }
     }
-}
-
-/// Installs the core library for the target if it is missing.
-fn need_target() -> Result<()> {
-    let library = tool("rustc", "it comes with Rust: https://rustup.rs", |rustc| {
-        rustc
-            .args(["--print", "target-libdir", "--target", TARGET])
-            .output()
-    })?;
-    if Path::new(String::from_utf8_lossy(&library.stdout).trim()).is_dir() {
-        return Ok(());
-    }
-    let how =
-        format!("install the core library for {TARGET} in the way the compiler was installed");
-    let status = tool("rustup", &how, |rustup| {
-        rustup.args(["target", "add", TARGET]).status()
-    })?;
-    if status.success() {
-        Ok(())
-    } else {
-        Err(format!("rustup target add {TARGET} failed").into())
-    }
-}
-
-/// Runs a tool, or says how to get it.
-fn tool<T>(
-    name: &str,
-    how: &str,
-    run: impl FnOnce(&mut Command) -> std::io::Result<T>,
-) -> Result<T> {
-    run(&mut Command::new(name)).map_err(|error| match error.kind() {
-        ErrorKind::NotFound => format!("{name} is not installed: {how}").into(),
-        _ => format!("{name}: {error}").into(),
-    })
 }

@@ -60,6 +60,7 @@ pub(crate) fn run(_: &Options) -> Result<Report> {
     Ok(Report {
         text: table(&checked, &rows)?,
         goals: goals(&rows),
+        ..Report::default()
     })
 }
 

@@ -57,6 +57,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
             goal("memory_vs_memcpy", memory, 0.8),
             goal("pty_vs_write", pty, 0.9),
         ],
+        ..Report::default()
     })
 }
 

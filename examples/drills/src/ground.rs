@@ -14,25 +14,35 @@ use crate::failure::Failure;
 const SHOWN_BYTES: u32 = 4096;
 const TYPED: usize = 16;
 
-pub(crate) type Post<'v, M> = Mailbox<
+/// The mailbox of a drill.
+pub type Post<'v, M> = Mailbox<
     'v,
     <M as Machine>::Window,
     <M as Machine>::Doorbell,
     <M as Machine>::Exclusion,
     PROCESSORS,
 >;
-pub(crate) type Console<M> = Terminal<<M as Machine>::Window, <M as Machine>::Exclusion, TYPED>;
+/// The terminal of a drill.
+pub type Console<M> = Terminal<<M as Machine>::Window, <M as Machine>::Exclusion, TYPED>;
 
 /// What a drill has before it has a mailbox.
-pub(crate) struct Ground<M: Machine> {
-    pub(crate) own: Region<M::Window>,
-    pub(crate) places: Places,
-    pub(crate) directory: Directory<M::Window>,
-    pub(crate) terminal: Console<M>,
+pub struct Ground<M: Machine> {
+    /// What users have of this processor's `data`.
+    pub own: Region<M::Window>,
+    /// What is still free of it.
+    pub places: Places,
+    /// What is where.
+    pub directory: Directory<M::Window>,
+    /// The terminal, whose vectors [`mailbox`] sets.
+    pub terminal: Console<M>,
 }
 
 impl<M: Machine> Ground<M> {
-    pub(crate) fn new(machine: &M) -> Result<Self, Failure> {
+    /// Makes the directory, and a terminal.
+    ///
+    /// # Errors
+    /// The memory is too small for that.
+    pub fn new(machine: &M) -> Result<Self, Failure> {
         let own = users(machine, machine.number().0)?;
         let mut places = own.places();
         let mut directory = Directory::new(own.clone(), &mut places)?;
@@ -46,8 +56,11 @@ impl<M: Machine> Ground<M> {
         })
     }
 
-    /// A cell of a name for others to read.
-    pub(crate) fn publish<T>(
+    /// A cell of a name for others to read, with [`published`].
+    ///
+    /// # Errors
+    /// The memory is too small for that.
+    pub fn publish<T>(
         &mut self,
         name: &str,
     ) -> Result<condor_mbox::Publisher<T, Region<M::Window>>, Failure>
@@ -75,7 +88,10 @@ pub(crate) fn users<M: Machine>(machine: &M, number: u8) -> Result<Region<M::Win
 }
 
 /// A mailbox that has not joined, with the vectors of a terminal.
-pub(crate) fn mailbox<'v, M: Machine>(
+///
+/// # Errors
+/// [`Failure::Mailbox`].
+pub fn mailbox<'v, M: Machine>(
     machine: &M,
     typed: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
 ) -> Result<Post<'v, M>, Failure> {

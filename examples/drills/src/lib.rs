@@ -2,15 +2,22 @@
 //!
 //! * [`Stress`]: everybody sends to everybody, nested, from loops, handlers and backgrounds, and counts.
 //! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
-#![cfg_attr(not(feature = "program"), no_std)]
+//!
+//! What harts alone can run is in the images of `examples/riscv-virt`; what it leaves behind is here:
+//! [`instructions`], [`stack`].
+#![cfg_attr(not(feature = "alone"), no_std)]
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "alone")]
+pub mod alone;
+pub mod ground;
+pub mod instructions;
+pub mod stack;
 pub mod stress;
 pub mod table;
 
 mod arguments;
 mod failure;
-mod ground;
 
 use condor_host::Machine;
 use condor_mbox::Call;

@@ -1,8 +1,10 @@
 //! Drills: `condor` with programs that put mailbox and servo loops to the proof.
 //!
 //! `drills` brings up the stress of `stress.toml`, on processes of this machine; `drills exact` plays a
-//! stress of harts alone, in which time counts instructions.
+//! stress of harts alone, in which time counts instructions, and `drills stack` has one measure how deep
+//! its stack gets.
 
+mod depths;
 mod exact;
 mod summary;
 
@@ -48,10 +50,12 @@ impl Programs for Drills {
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
-    if arguments.next().as_deref() != Some("exact") {
-        return cli::main(&Drills);
-    }
-    match exact::run(arguments) {
+    let outcome = match arguments.next().as_deref() {
+        Some("exact") => exact::run(arguments),
+        Some("stack") => depths::run(arguments),
+        _ => return cli::main(&Drills),
+    };
+    match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("drills: {error}");

@@ -1,48 +1,114 @@
 //! How deep the stack of a program was.
+//!
+//! What has not been used still has the paint on it. Frames are told by what is written: bytes at the
+//! bottom of one that nobody writes do not show, but for those that only align the stack pointer.
+
+use core::arch::asm;
 
 use condor_host::harts::map::STACK_BYTES;
 
 use crate::hart::Hart;
-use crate::machine::RAM;
+use crate::machine::{CLINT, RAM};
+use crate::trap::masked;
 
 /// Bytes of a stack.
 pub const BYTES: u32 = STACK_BYTES;
 /// What lies where the stack has not been.
 pub const PAINT: u64 = 0xc0de_d00d_5eed_f00d;
 
+/// What the stack pointer is a multiple of, by the calling convention.
+const ALIGNED: u32 = 16;
+/// How far [`taken`] looks.
+const REACH: usize = 64 * 1024;
+const MTIME: usize = CLINT + 0xbff8;
+
 /// The most bytes of its stack that the program of `hart`, which runs this, has used since it began or
 /// since [`paint`].
 #[must_use]
 pub fn deepest(hart: &Hart) -> u32 {
-    let end = end(hart);
     let words = STACK_BYTES as usize / 8;
-    let begin = end.wrapping_sub(STACK_BYTES as usize) as *const u64;
+    let begin = begin(hart) as *const u64;
     // SAFETY: the stack of this hart is there, and what the program uses of it is not read but counted:
     // reading stops at the first word that is not paint.
     let painted =
         (0..words).take_while(|&word| unsafe { begin.add(word).read_volatile() } == PAINT);
-    STACK_BYTES - 8 * painted.count() as u32
+    (STACK_BYTES - 8 * painted.count() as u32).next_multiple_of(ALIGNED)
 }
 
-/// Paints what is below the frames that are in use, but for some bytes that this call needs itself.
+/// Paints all that is below the frames that are in use.
+#[inline(never)]
 pub fn paint(hart: &Hart) {
-    let marker = 0_u64;
-    let most = core::ptr::from_ref(&marker) as usize - 512;
-    let mut at = end(hart).wrapping_sub(STACK_BYTES as usize);
-    while at < most {
-        // SAFETY: it lies in the stack of this hart, below all frames: an interrupt's come and go.
-        unsafe { (at as *mut u64).write_volatile(PAINT) };
-        at += 8;
-    }
+    let begin = begin(hart);
+    // An interrupt would leave its frames there.
+    masked(|_| {
+        // SAFETY: what lies below the stack pointer is nobody's.
+        unsafe {
+            asm!(
+                "2:",
+                "sd {paint}, 0({at})",
+                "addi {at}, {at}, 8",
+                "bltu {at}, sp, 2b",
+                at = inout(reg) begin => _,
+                paint = in(reg) PAINT,
+                options(nostack),
+            );
+        }
+    });
 }
 
-/// How many bytes are in use where this is called.
+/// How many bytes interrupts take at most below the frame that is in use, while this one idles for
+/// `ticks` of the timer; interrupts that were masked are let in for so long.
+///
+/// It is exact as far as 64 KiB: all interrupts find the stack pointer at one place.
 #[must_use]
-pub fn used(hart: &Hart) -> u32 {
-    let marker = 0_u64;
-    (end(hart).wrapping_sub(core::ptr::from_ref(&marker) as usize)) as u32
+#[inline(never)]
+pub fn taken(hart: &Hart, ticks: u64) -> u32 {
+    let taken: usize;
+    // SAFETY: what lies below the stack pointer is nobody's, down to where the stack begins. Handlers are
+    // there for what is enabled; the caller, who may have masked interrupts, has no section in progress,
+    // as it calls this. Memory that handlers use is stored before.
+    unsafe {
+        asm!(
+            "csrrci {masked}, mstatus, 8",
+            "sub {low}, sp, {low}",
+            "bgeu {low}, {begin}, 1f",
+            "mv {low}, {begin}",
+            "1:",
+            "mv {at}, {low}",
+            "2:",
+            "sd {paint}, 0({at})",
+            "addi {at}, {at}, 8",
+            "bltu {at}, sp, 2b",
+            "ld {at}, 0({mtime})",
+            "add {until}, {until}, {at}",
+            "csrsi mstatus, 8",
+            "3:",
+            "ld {at}, 0({mtime})",
+            "bltu {at}, {until}, 3b",
+            "csrci mstatus, 8",
+            "mv {at}, {low}",
+            "4:",
+            "ld {until}, 0({at})",
+            "bne {until}, {paint}, 5f",
+            "addi {at}, {at}, 8",
+            "bltu {at}, sp, 4b",
+            "5:",
+            "sub {at}, sp, {at}",
+            "andi {masked}, {masked}, 8",
+            "csrs mstatus, {masked}",
+            masked = out(reg) _,
+            low = inout(reg) REACH => _,
+            begin = in(reg) begin(hart),
+            at = out(reg) taken,
+            until = inout(reg) ticks => _,
+            mtime = in(reg) MTIME,
+            paint = in(reg) PAINT,
+        );
+    }
+    (taken as u32).next_multiple_of(ALIGNED)
 }
 
-fn end(hart: &Hart) -> usize {
-    RAM.wrapping_add(hart.map().stack_end(hart.hart()) as usize)
+fn begin(hart: &Hart) -> usize {
+    let end = RAM.wrapping_add(hart.map().stack_end(hart.hart()) as usize);
+    end.wrapping_sub(STACK_BYTES as usize)
 }

@@ -79,7 +79,7 @@ pub(crate) fn time(on: bool) {
 }
 
 /// Runs `body` with interrupts masked; it is told whether they were not before.
-pub(crate) fn masked<R>(body: impl FnOnce(bool) -> R) -> R {
+pub fn masked<R>(body: impl FnOnce(bool) -> R) -> R {
     let interruptible = mstatus::read().mie();
     // SAFETY: masking interrupts breaks nobody's section.
     unsafe { mstatus::clear_mie() };

@@ -2,7 +2,9 @@
 #![no_std]
 #![no_main]
 
+mod depths;
 mod faulty;
+mod instructions;
 
 use board::{Hart, stack, status};
 use condor_host::Program as _;
@@ -18,6 +20,8 @@ fn main(mut hart: Hart) -> u32 {
         Some("echo") => status(&Echo.run(&hart)),
         Some("stress") => status(&Stress(|| stack::deepest(&hart)).run(&hart)),
         Some("table") => status(&Table.run(&hart)),
+        Some("instructions") => status(&instructions::run(&hart)),
+        Some("stack") => status(&depths::run(&hart)),
         Some("faulty") => status(&faulty::Faulty.run(&hart)),
         _ => NO_PROGRAM,
     }

@@ -1,0 +1,71 @@
+//! Builds what runs in QEMU.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use crate::Result;
+
+/// Builds packages of the workspace in `dir` for release, with its own lock file, or all of them if none
+/// is named; says where the images are.
+///
+/// # Errors
+/// A tool is missing, or a package does not build.
+pub(crate) fn build(dir: &Path, target: &str, packages: &[&str]) -> Result<PathBuf> {
+    let target_dir = dir.join("target");
+    need_target(target)?;
+    // Flags for this machine's compiler would reach the firmware's.
+    let status = tool("cargo", "it comes with Rust: https://rustup.rs", |cargo| {
+        cargo
+            .args(["build", "--release", "--locked", "--target", target])
+            .args(packages.iter().flat_map(|package| ["--package", package]))
+            .arg("--target-dir")
+            .arg(&target_dir)
+            .current_dir(dir)
+            .env_remove("RUSTFLAGS")
+            .env_remove("CARGO_ENCODED_RUSTFLAGS")
+            .stdout(Stdio::null())
+            .status()
+    })?;
+    if !status.success() {
+        return Err(format!("the firmwares do not build: cargo in {}", dir.display()).into());
+    }
+    Ok(target_dir.join(target).join("release"))
+}
+
+/// Installs the core library for the target if it is missing.
+fn need_target(target: &str) -> Result<()> {
+    let library = tool("rustc", "it comes with Rust: https://rustup.rs", |rustc| {
+        rustc
+            .args(["--print", "target-libdir", "--target", target])
+            .output()
+    })?;
+    if Path::new(String::from_utf8_lossy(&library.stdout).trim()).is_dir() {
+        return Ok(());
+    }
+    let how =
+        format!("install the core library for {target} in the way the compiler was installed");
+    let status = tool("rustup", &how, |rustup| {
+        rustup.args(["target", "add", target]).status()
+    })?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err(format!("rustup target add {target} failed").into())
+    }
+}
+
+/// Runs a tool, or says how to get it.
+///
+/// # Errors
+/// It is missing, or cannot be run.
+pub(crate) fn tool<T>(
+    name: &str,
+    how: &str,
+    run: impl FnOnce(&mut Command) -> std::io::Result<T>,
+) -> Result<T> {
+    run(&mut Command::new(name)).map_err(|error| match error.kind() {
+        ErrorKind::NotFound => format!("{name} is not installed: {how}").into(),
+        _ => format!("{name}: {error}").into(),
+    })
+}

@@ -1,0 +1,135 @@
+//! How deep the stack of a hart gets: measured by painting, beside what its levels alone add up to.
+
+use std::time::Duration;
+
+use condor_host::cli::AnyError;
+use condor_mbox::MAX_DEPTH;
+use drills::alone::Alone;
+use drills::stack::{Depths, NAME, NESTED};
+
+/// An instruction takes 2³ ns.
+const SHIFT: u8 = 3;
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// Plays it, and prints what came out: the arguments are the monitor and the image.
+///
+/// # Errors
+/// What is missing; a stack that is deeper than its levels, or levels that did not nest.
+pub(crate) fn run(mut arguments: impl Iterator<Item = String>) -> Result<(), AnyError> {
+    let mut argument = || {
+        let usage = "usage: drills stack MONITOR IMAGE";
+        arguments.next().ok_or(usage)
+    };
+    let (monitor, image) = (argument()?, argument()?);
+    let hart = Alone::new(1, image.as_ref(), &["stack"])?;
+    hart.play(monitor.as_ref(), SHIFT, PATIENCE)?;
+    let depths = drills::published::<Depths, _>(&hart.region(0)?, NAME)?;
+    let depths = depths.ok_or("the hart has published nothing")?;
+    print(&depths);
+    Ok(check(&depths)?)
+}
+
+fn print(depths: &Depths) {
+    let line = |what: &str, bytes: u32| println!("{what:<58} {bytes:>7}");
+    println!("{:<58} {:>7}", "each alone", "bytes");
+    line("background, with interrupts masked", depths.background);
+    for (nested, bytes) in depths.mailbox.into_iter().enumerate() {
+        let what = match nested {
+            0 => "mailbox interrupt, 1 handler".into(),
+            _ => format!("the same, {} handlers, nested", nested + 1),
+        };
+        line(&what, bytes);
+    }
+    line("loop of 100 Hz", depths.slow);
+    line("loop of 400 Hz", depths.fast);
+    println!("\n{:<58} {:>7}", "together", "bytes");
+    line(
+        "background + mailbox interrupt + both loops",
+        depths.bound(),
+    );
+    line("measured", depths.deepest);
+    let more = (MAX_DEPTH as usize).saturating_sub(NESTED);
+    line(
+        &format!("the sum with {MAX_DEPTH} handlers, the most that a mailbox nests"),
+        most(depths, more),
+    );
+    line("there is", depths.stack);
+    println!(
+        "\n{} times the loop of 400 Hz ran above that of 100 Hz, above the innermost handler",
+        depths.at_once
+    );
+}
+
+fn most(depths: &Depths, more: usize) -> u32 {
+    let more = u32::try_from(more).unwrap_or(u32::MAX);
+    let nested = depths.nested().saturating_mul(more);
+    depths.bound().saturating_add(nested)
+}
+
+/// That the stack is no deeper than its levels, all of which took part.
+fn check(depths: &Depths) -> Result<(), String> {
+    let (deepest, bound) = (depths.deepest, depths.bound());
+    if deepest > bound {
+        return Err(format!(
+            "the stack was {deepest} bytes deep, its levels are {bound}"
+        ));
+    }
+    let levels = [depths.mailbox_bound(), depths.slow, depths.fast];
+    if levels.contains(&0) {
+        return Err(format!("a level did not run: {levels:?}"));
+    }
+    let single = levels.into_iter().max().unwrap_or(0);
+    let one = depths.background.saturating_add(single);
+    if deepest <= one || depths.at_once == 0 {
+        return Err(format!(
+            "the levels did not nest: the stack was {deepest} bytes deep, and one level makes it {one}"
+        ));
+    }
+    if depths.skipped > 0 {
+        return Err(format!("{} releases were skipped", depths.skipped));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: Depths = Depths {
+        stack: 524_288,
+        background: 1000,
+        mailbox: [500, 900, 1300, 1700, 2100, 2500],
+        slow: 700,
+        fast: 600,
+        deepest: 4600,
+        at_once: 3,
+        skipped: 0,
+    };
+
+    #[test]
+    fn the_sum_has_each_level_once() {
+        assert_eq!(GOOD.bound(), 4800);
+        assert_eq!(GOOD.nested(), 400);
+        assert_eq!(most(&GOOD, 2), 5600);
+    }
+
+    #[test]
+    fn a_stack_is_as_deep_as_all_levels_and_deeper_than_one() {
+        assert!(check(&GOOD).is_ok());
+        for wrong in [
+            Depths {
+                deepest: 4801,
+                ..GOOD
+            },
+            Depths {
+                deepest: 3500,
+                ..GOOD
+            },
+            Depths { at_once: 0, ..GOOD },
+            Depths { skipped: 1, ..GOOD },
+            Depths { fast: 0, ..GOOD },
+        ] {
+            assert!(check(&wrong).is_err(), "{wrong:?}");
+        }
+    }
+}

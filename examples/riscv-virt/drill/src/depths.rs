@@ -1,0 +1,284 @@
+//! How deep the levels of a program go: background, mailbox interrupt with handlers that call back, a
+//! slow loop and a fast one; each alone, and all together.
+//!
+//! The machine is to run with `-icount`, so that what is too late is so by the program's fault.
+
+use core::cell::Cell;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::time::Duration;
+
+use board::{Hart, MTIME, stack};
+use condor_host::Machine as _;
+use condor_mbox::{Call, Clock as _, Processor, Vector};
+use condor_mos::riscv::Clint;
+use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler};
+use drills::Failure;
+use drills::ground::{self, Ground, Post};
+use drills::stack::{Depths, NAME, NESTED};
+
+const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
+const FAST: LoopId = LoopId(0);
+const SLOW: LoopId = LoopId(1);
+const ASK: Vector = Vector(42);
+const TICK: Vector = Vector(41);
+
+/// What the slow loop computes, and the innermost handler: long enough to be interrupted by all that is
+/// above them.
+const SLOW_TAKES: Duration = Duration::from_micros(3500);
+const HANDLER_TAKES: Duration = Duration::from_millis(4);
+/// How often each level is looked at alone, and how long, in ticks of the timer.
+const LOOKS: u32 = 50;
+const PERIOD_OF_FAST: u64 = 25_000;
+const PERIOD_OF_SLOW: u64 = 100_000;
+const LONGER_THAN_HANDLER: u64 = 50_000;
+/// How long all run together.
+const TOGETHER: Duration = Duration::from_secs(3);
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Measures, and publishes what came out.
+pub(crate) fn run(hart: &Hart) -> Result<(), Failure> {
+    let mut ground = Ground::<Hart>::new(hart)?;
+    let mut publisher = ground.publish::<Depths>(NAME)?;
+    let terminal = ground.terminal;
+    let state = State::default();
+    let typed = |call: &Call<'_>| terminal.receive(call);
+    let ask = |call: &Call<'_>| state.answer(hart, call);
+    let tick = |_: &Call<'_>| 0;
+    let mut mailbox = ground::mailbox(hart, &typed)?;
+    mailbox.set_vector(ASK, &ask, "ask")?;
+    mailbox.set_vector(TICK, &tick, "tick")?;
+    mailbox.join()?;
+    mailbox.ring_always(true)?;
+    let levels = Levels {
+        hart,
+        mailbox: &mailbox,
+        state: &state,
+    };
+    let depths = levels.measure()?;
+    if state.failed.load(Ordering::Relaxed) {
+        return Err(Failure::Wrong);
+    }
+    publisher.publish(&depths)?;
+    Ok(())
+}
+
+/// What levels tell each other. One hart: what an interrupt has stored is there.
+#[derive(Default)]
+struct State {
+    in_handler: AtomicBool,
+    in_slow: AtomicBool,
+    /// How often the fast loop ran above both.
+    at_once: AtomicU32,
+    failed: AtomicBool,
+}
+
+impl State {
+    /// Asks back, as often as it is told to; the innermost handler computes.
+    fn answer(&self, hart: &Hart, call: &Call<'_>) -> u32 {
+        let Some(rest) = call.data().checked_sub(1) else {
+            self.in_handler.store(true, Ordering::Relaxed);
+            compute(hart, HANDLER_TAKES);
+            self.in_handler.store(false, Ordering::Relaxed);
+            return 0;
+        };
+        match call.send_with_reply(hart.number(), ASK, rest, PATIENCE) {
+            Ok(reply) => reply.wrapping_add(1),
+            Err(_) => {
+                self.failed.store(true, Ordering::Relaxed);
+                0
+            }
+        }
+    }
+
+    fn fast(&self) {
+        if self.in_handler.load(Ordering::Relaxed) && self.in_slow.load(Ordering::Relaxed) {
+            self.at_once.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    fn slow(&self, hart: &Hart) {
+        self.in_slow.store(true, Ordering::Relaxed);
+        compute(hart, SLOW_TAKES);
+        self.in_slow.store(false, Ordering::Relaxed);
+    }
+}
+
+type Loops = Scheduler<&'static Clint, Scan<2>, 2>;
+
+struct Levels<'l, 'v> {
+    hart: &'l Hart,
+    mailbox: &'l Post<'v, Hart>,
+    state: &'l State,
+}
+
+impl Levels<'_, '_> {
+    fn measure(&self) -> Result<Depths, Failure> {
+        let Self { hart, state, .. } = self;
+        let me = hart.number();
+        let table = Scan::try_new(RATES, Clock::of::<u64>(MTIME))?;
+        let scheduler: Loops = Scheduler::new(hart.platform(), table);
+        // Each sends when it begins and when it has computed: its own rings come while it runs.
+        let mut fast = || {
+            state.fast();
+            self.tick(me);
+        };
+        let mut slow = || {
+            self.tick(me);
+            state.slow(hart);
+            self.tick(me);
+        };
+        let mut depths = Depths {
+            stack: stack::BYTES,
+            ..Depths::default()
+        };
+        scheduler.scope(|scope| {
+            scope.assign(FAST, Overrun::Skip, &mut fast)?;
+            scope.assign(SLOW, Overrun::Skip, &mut slow)?;
+            let serve = || {
+                if self.mailbox.service(PATIENCE).is_err() {
+                    state.failed.store(true, Ordering::Relaxed);
+                }
+            };
+            // Rings of the loops are noted while they run, and serve nothing afterwards.
+            hart.with_mail(
+                || (),
+                || -> Result<(), Failure> {
+                    depths.slow = self.alone(&scheduler, [SLOW, FAST], PERIOD_OF_SLOW)?;
+                    depths.fast = self.alone(&scheduler, [FAST, SLOW], PERIOD_OF_FAST)?;
+                    Ok(())
+                },
+            )?;
+            hart.with_mail(serve, || {
+                for (nested, depth) in (0..).zip(&mut depths.mailbox) {
+                    *depth = self.mailbox_alone(me, nested)?;
+                }
+                let now = hart.doorbell().now();
+                depths.background = board::masked(|_| self.background(me, now, true))?;
+                scheduler.enable(SLOW)?;
+                scheduler.enable(FAST)?;
+                stack::paint(hart);
+                let skipped = || -> Result<u32, Failure> {
+                    let (fast, slow) = (scheduler.statistics(FAST)?, scheduler.statistics(SLOW)?);
+                    Ok(fast.skipped.wrapping_add(slow.skipped))
+                };
+                depths.skipped = self.timed(&scheduler, || {
+                    let before = skipped()?;
+                    let end = hart.doorbell().now().after(TOGETHER);
+                    self.background(me, end, false)?;
+                    Ok(skipped()?.wrapping_sub(before))
+                })?;
+                depths.deepest = stack::deepest(hart);
+                Ok::<(), Failure>(())
+            })
+        })?;
+        depths.at_once = state.at_once.load(Ordering::Relaxed);
+        Ok(depths)
+    }
+
+    /// A message that nobody waits for. Where there is no room, it is sent another time.
+    fn tick(&self, me: Processor) {
+        let _ = self.mailbox.try_send(me, TICK, 0);
+    }
+
+    /// What the first of two loops takes above an idle background.
+    fn alone(&self, scheduler: &Loops, loops: [LoopId; 2], ticks: u64) -> Result<u32, Failure> {
+        let [alone, not] = loops;
+        scheduler.enable(alone)?;
+        scheduler.disable(not)?;
+        let mut most = 0;
+        self.timed(scheduler, || {
+            for _ in 0..LOOKS {
+                most = board::masked(|_| stack::taken(self.hart, ticks)).max(most);
+                // There is room for the next.
+                self.mailbox.service(PATIENCE)?;
+            }
+            Ok(0)
+        })?;
+        Ok(most)
+    }
+
+    /// What the mailbox interrupt takes above an idle background.
+    fn mailbox_alone(&self, me: Processor, nested: u32) -> Result<u32, Failure> {
+        let mut most = 0;
+        for _ in 0..LOOKS {
+            let taken = board::masked(|_| -> Result<_, Failure> {
+                let mut ticket = self.mailbox.begin(me, ASK, nested)?;
+                let taken = stack::taken(self.hart, LONGER_THAN_HANDLER);
+                match ticket.poll()? {
+                    Some(reply) if reply == nested => Ok(taken),
+                    _ => Err(Failure::Wrong),
+                }
+            })?;
+            most = most.max(taken);
+        }
+        Ok(most)
+    }
+
+    /// Calls itself until then, and says how deep the stack was; alone it is interrupted only where it
+    /// idles, and what interrupts leave there is painted over.
+    #[inline(never)]
+    fn background(
+        &self,
+        me: Processor,
+        end: condor_mbox::Instant,
+        alone: bool,
+    ) -> Result<u32, Failure> {
+        let deepest = Cell::new(0);
+        let look = || deepest.set(stack::deepest(self.hart).max(deepest.get()));
+        if alone {
+            stack::paint(self.hart);
+        }
+        loop {
+            let nested = NESTED as u32 - 1;
+            let mut ticket = self.mailbox.begin(me, ASK, nested)?;
+            if alone {
+                look();
+                let _ = stack::taken(self.hart, LONGER_THAN_HANDLER);
+                stack::paint(self.hart);
+            }
+            let reply = loop {
+                if let Some(reply) = ticket.poll()? {
+                    break reply;
+                }
+            };
+            drop(ticket);
+            if reply != nested {
+                return Err(Failure::Wrong);
+            }
+            look();
+            if self.hart.doorbell().now() >= end {
+                return Ok(deepest.get());
+            }
+        }
+    }
+
+    /// Runs `body` while the timer's interrupt runs loops.
+    fn timed(
+        &self,
+        scheduler: &Loops,
+        body: impl FnOnce() -> Result<u32, Failure>,
+    ) -> Result<u32, Failure> {
+        let timed = || {
+            scheduler.start()?;
+            let result = body();
+            scheduler.stop();
+            result
+        };
+        let handler = || scheduler.on_timer();
+        let result = self.hart.with_timer(scheduler.platform(), handler, timed);
+        result.map_err(|_| Failure::Timer)?
+    }
+}
+
+/// Computes for so long, with a frame of some size that floating point is done in.
+#[inline(never)]
+fn compute(hart: &Hart, time: Duration) {
+    let bell = hart.doorbell();
+    let end = bell.now().after(time);
+    let mut values = [1.0_f64; 32];
+    while bell.now() < end {
+        for value in core::hint::black_box(&mut values) {
+            *value = *value * 0.75 + 0.25;
+        }
+    }
+}
