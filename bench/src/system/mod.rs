@@ -204,7 +204,11 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         // SAFETY: the only thread that was started, in `refused`, has ended.
         unsafe { answer(question, &mut stage, &mut text, &mut goals) }?;
     }
-    Ok(Report { text, goals })
+    Ok(Report {
+        text,
+        goals,
+        figures: Vec::new(),
+    })
 }
 
 /// Finds the highest clean rates of a way.
