@@ -37,6 +37,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let exact =
         format!("target/release/drills exact {images}/monitor {images}/drill {EXACT_SECONDS}");
     command(context, &exact).run()?;
+    let stack = format!("target/release/drills stack {images}/monitor {images}/drill");
+    command(context, &stack).run()?;
     let tests = "cargo test --release --locked -p drills --test harts -- --ignored";
     let mut passed = 0;
     command(context, tests).watch(|line| passed += u32::from(line.ends_with("... ok")))?;

@@ -3,6 +3,7 @@
 //! The machine is to run with `-icount shift=0`, where `minstret` counts one for every instruction and a
 //! trap takes none. What interrupts take is found by a background that knows how many instructions it
 //! runs itself; sequences and a trap handler of known length are counted first, in the same ways.
+#![allow(clippy::inline_always, reason = "a call would be counted, too")]
 
 use core::arch::{asm, global_asm};
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -208,7 +209,6 @@ fn messages(hart: &Hart, mailbox: &Post<'_, Hart>, counts: &mut Counts) -> Resul
 const BODY: u32 = 5;
 
 /// Counts a run of a loop. It brings its address along, so that its length depends on no compiler.
-#[allow(clippy::inline_always, reason = "a call would be counted, too")]
 #[inline(always)]
 fn body<const LOOP: usize>() {
     const { assert!(LOOP < LOOPS) };
