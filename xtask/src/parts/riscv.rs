@@ -1,5 +1,7 @@
 //! Bare-metal harts beside this machine: a whole system of them runs in QEMU.
 
+use std::env;
+
 use crate::Result;
 use crate::command::command;
 use crate::context::Context;
@@ -14,12 +16,19 @@ const EXACT_SECONDS: u32 = 5;
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_target(context, HARTS_TARGET)?;
     // A newer qemu-utils, from a distribution's backports, keeps the package out.
-    need_debian(
+    let qemu = need_debian(
         context,
         "qemu-system-misc",
         "qemu-system-riscv64",
         &["qemu-utils"],
-    )?;
+    );
+    if let Err(problem) = qemu {
+        // Whoever has no QEMU can check all else.
+        if env::var_os("CI").is_some() {
+            return Err(problem);
+        }
+        return Ok(Summary::of("nothing").leaving_out(format!("ALL OF IT: {problem}")));
+    }
     command(context, "cargo build --release --locked")
         .dir(HARTS)
         .env("CARGO_TARGET_DIR", "target")
