@@ -1,12 +1,9 @@
 //! `condor up`.
 
 use std::cell::Cell;
-use std::io::{self, Write as _};
-use std::net::Shutdown;
-use std::os::unix::net::UnixStream;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clap::Args;
 use jiff::SignedDuration;
@@ -14,6 +11,7 @@ use jiff::SignedDuration;
 use super::summary::Summary;
 use super::{AnyError, Programs, description};
 use crate::description::Description;
+use crate::services::terminals;
 use crate::supervisor::{self, Options};
 use crate::system::Directory;
 
@@ -109,38 +107,15 @@ pub(super) fn run(
     })
 }
 
-/// How long the terminal service may take to find a terminal.
-const TERMINAL: Duration = Duration::from_secs(10);
-
-/// Types what the description says, each processor's lines from a thread that nothing waits for.
+/// Types what the description says.
 fn type_lines(description: &Description, directory: &Directory) {
     for processor in &description.processors {
         if processor.headless.is_empty() {
             continue;
         }
-        let socket = directory.terminal(&processor.name);
-        let (name, text) = (processor.name.clone(), processor.headless.join("\n") + "\n");
-        std::thread::spawn(move || {
-            if let Err(error) = type_at(&socket, &text) {
-                eprintln!("condor: nothing can be typed at the terminal of {name}: {error}");
-            }
-        });
-    }
-}
-
-fn type_at(socket: &Path, text: &str) -> io::Result<()> {
-    let deadline = Instant::now() + TERMINAL;
-    let mut terminal = loop {
-        match UnixStream::connect(socket) {
-            Ok(terminal) => break terminal,
-            Err(error) if Instant::now() >= deadline => return Err(error),
-            // It appears when the service has found the terminal in the program's window.
-            Err(_) => std::thread::sleep(Duration::from_millis(20)),
+        let (name, text) = (&processor.name, processor.headless.join("\n") + "\n");
+        if let Err(error) = terminals::type_in(directory, name, text.as_bytes()) {
+            eprintln!("condor: nothing can be typed at the terminal of {name}: {error}");
         }
-    };
-    terminal.write_all(text.as_bytes())?;
-    terminal.shutdown(Shutdown::Write)?;
-    // What the program answers is in its log; the service closes when it has taken all.
-    io::copy(&mut terminal, &mut io::sink())?;
-    Ok(())
+    }
 }

@@ -1,5 +1,6 @@
 //! `condor tty`.
 
+use std::fs::File;
 use std::io::{ErrorKind, IsTerminal, Read, Write};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
@@ -13,6 +14,7 @@ use serde::Serialize;
 use super::How;
 use super::running::Running;
 use crate::cli::{AnyError, duration};
+use crate::services::terminals::keyboard;
 
 /// Ctrl-], as telnet has it.
 const LEAVE: u8 = 0x1d;
@@ -69,7 +71,8 @@ impl Tty {
         } else {
             None
         };
-        let outcome = self.connect(stream, is_person);
+        let keyboard = keyboard(&running.directory, name)?;
+        let outcome = self.connect(stream, keyboard, is_person);
         drop(raw);
         if is_person {
             eprintln!();
@@ -77,7 +80,12 @@ impl Tty {
         outcome
     }
 
-    fn connect(&self, mut stream: UnixStream, is_person: bool) -> Result<(), AnyError> {
+    fn connect(
+        &self,
+        mut stream: UnixStream,
+        mut keyboard: File,
+        is_person: bool,
+    ) -> Result<(), AnyError> {
         let deadline = self.limit.map(|limit| Instant::now() + limit);
         let mut input = Some(std::io::stdin().lock());
         let mut bytes = [0; 4096];
@@ -115,7 +123,7 @@ impl Tty {
                 if is_person && typed.contains(&LEAVE) {
                     return Ok(());
                 }
-                stream.write_all(typed)?;
+                keyboard.write_all(typed)?;
                 if count == 0 {
                     if is_person || deadline.is_none() {
                         return Ok(());

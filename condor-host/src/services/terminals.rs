@@ -17,8 +17,8 @@
 //! The log neither loses nor repeats a byte when the service is killed: the position in the output
 //! follows from the length of the log. The same is true of `NAME.typed`: how far the program has
 //! taken it follows from the count that the terminal keeps in its own memory. What is still on its way
-//! in a socket or a pseudo-terminal when the service is killed goes with it. Sockets and pseudo-terminals are readers of the log, each as
-//! fast as its program, so that none of them holds up the terminal.
+//! in a socket or a pseudo-terminal when the service is killed goes with it. Sockets and pseudo-terminals
+//! are readers of the log, each as fast as its program, so that none of them holds up the terminal.
 
 mod paper;
 mod record;
@@ -26,6 +26,7 @@ mod station;
 mod typing;
 mod viewer;
 
+use std::fs::File;
 use std::io;
 use std::mem::MaybeUninit;
 use std::os::fd::{AsFd, OwnedFd};
@@ -151,8 +152,13 @@ fn forget(typed: &OwnedFd) {
 /// # Errors
 /// The file's.
 pub fn type_in(directory: &Directory, name: &str, characters: &[u8]) -> io::Result<()> {
+    typing::add(&mut keyboard(directory, name)?, characters)
+}
+
+/// The file to which is added what is typed at the terminal of the processor `name`.
+pub(crate) fn keyboard(directory: &Directory, name: &str) -> io::Result<File> {
     let log = directory.terminals().join(format!("{name}.log"));
-    typing::add(&mut typing::open(&typing::file_of(&log))?, characters)
+    typing::open(&typing::file_of(&log))
 }
 
 /// The arguments with which the program starts it.

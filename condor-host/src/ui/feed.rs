@@ -12,6 +12,7 @@ use crossterm::event::Event;
 use super::model::by_number;
 use super::window::WindowId;
 use crate::control::{Client, ClientError, Request, Status};
+use crate::services::terminals;
 use crate::system::Directory;
 
 /// The time between two looks at the processors.
@@ -20,8 +21,6 @@ const STATUS: Duration = Duration::from_millis(500);
 const AGAIN: Duration = Duration::from_millis(500);
 /// Lines of the log from before.
 const LOG_LINES: usize = 500;
-/// How long who is typed to may take.
-const PATIENCE: Duration = Duration::from_millis(200);
 
 /// Something that came.
 #[derive(Debug)]
@@ -141,8 +140,7 @@ fn follow(directory: &Directory, news: &Sender<News>) -> Result<bool, ClientErro
 fn terminal(directory: &Directory, name: &str, id: WindowId, news: &Sender<News>) {
     loop {
         if let Ok(stream) = UnixStream::connect(directory.terminal(name))
-            && let Ok(input) = stream.try_clone()
-            && input.set_write_timeout(Some(PATIENCE)).is_ok()
+            && let Ok(input) = terminals::keyboard(directory, name)
         {
             let opened = News::Opened(id, input.into());
             if news.send(opened).is_err() || !pass_on(stream, id, news) {
