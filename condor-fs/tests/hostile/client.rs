@@ -421,11 +421,13 @@ fn names(directory: &Path) -> Vec<String> {
 
 /// The tree as it is at the beginning of each run.
 fn renew(tree: &Path) {
-    for name in names(tree) {
-        let path = tree.join(&name);
-        if name == ".condor-fs" {
+    for entry in std::fs::read_dir(tree).unwrap() {
+        let entry = entry.unwrap();
+        if entry.file_name() == ".condor-fs" {
             continue;
         }
+        // By its own name, which may be no text.
+        let path = entry.path();
         if path.is_dir() && !path.is_symlink() {
             std::fs::remove_dir_all(path).unwrap();
         } else {

@@ -76,7 +76,10 @@ fn processors_and_their_loops_are_shown() {
     assert_eq!(b["terminals"][0]["reader"], 9);
     let table = text(&up, &["ps", "--system", "tested"]);
     assert!(table.starts_with("tested: up "), "{table}");
-    assert!(table.contains("     1  b          process  running"), "{table}");
+    assert!(
+        table.contains("     1  b          process  running"),
+        "{table}"
+    );
 
     let top = json(&up, &["top", "--once"]);
     assert_eq!(strings(&top["loops"], "processor"), ["a", "b"]);
