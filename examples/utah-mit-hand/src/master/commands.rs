@@ -2,6 +2,7 @@
 
 use core::fmt::{self, Arguments, Display, Write};
 
+use condor_hand::decimal::Decimal;
 use condor_hand::servo::{JointGains, Mode, PositionLaw};
 use condor_hand::tendon::TensionGains;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
@@ -499,19 +500,35 @@ impl Display for Gains {
                 kv,
                 ki,
                 integral_nm,
-            } => write!(f, "kp {kp} kv {kv} ki {ki} integral {integral_nm}")?,
+            } => write!(
+                f,
+                "kp {} kv {} ki {} integral {}",
+                Decimal(*kp),
+                Decimal(*kv),
+                Decimal(*ki),
+                Decimal(*integral_nm)
+            )?,
             PositionLaw::ComputedTorque {
                 bandwidth_hz,
                 damping_ratio,
-            } => write!(f, "bandwidth {bandwidth_hz} damping {damping_ratio}")?,
+            } => write!(
+                f,
+                "bandwidth {} damping {}",
+                Decimal(*bandwidth_hz),
+                Decimal(*damping_ratio)
+            )?,
         }
-        write!(f, " torque {k_torque}")?;
+        write!(f, " torque {}", Decimal(*k_torque))?;
         for (side, TensionGains { kt, ki, kd, kv }) in
             [("flexor", &tension.flexor), ("extensor", &tension.extensor)]
         {
             write!(
                 f,
-                " {side}.kt {kt} {side}.ki {ki} {side}.kd {kd} {side}.kv {kv}"
+                " {side}.kt {} {side}.ki {} {side}.kd {} {side}.kv {}",
+                Decimal(*kt),
+                Decimal(*ki),
+                Decimal(*kd),
+                Decimal(*kv)
             )?;
         }
         Ok(())
@@ -552,7 +569,7 @@ struct Joints<'h>(&'h condor_hand::config::Finger<JOINTS>, &'h [f64; JOINTS]);
 impl Display for Joints<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (joint, position) in self.0.joints.iter().zip(self.1) {
-            write!(f, " {} {position:.3}", joint.name)?;
+            write!(f, " {} {:.3}", joint.name, Decimal(*position))?;
         }
         Ok(())
     }
