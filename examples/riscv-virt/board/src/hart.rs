@@ -60,7 +60,8 @@ impl core::fmt::Display for HartError {
 /// The hart that runs this program.
 #[derive(Debug)]
 pub struct Hart {
-    hart: u32,
+    /// Its `mhartid`.
+    id: u32,
     number: Processor,
     map: Map,
     control: Control<StaticWindow<'static>>,
@@ -90,7 +91,7 @@ impl Hart {
         let len = control.arguments(&mut arguments);
         let bus = RAM.wrapping_add(map.bus as usize) as *mut u8;
         Ok(Self {
-            hart,
+            id: hart,
             number,
             control,
             bell: HartBell::new(msip, &map),
@@ -108,7 +109,7 @@ impl Hart {
     /// Which hart of the machine it is.
     #[must_use]
     pub const fn hart(&self) -> u32 {
-        self.hart
+        self.id
     }
 
     /// What lies where.

@@ -38,5 +38,5 @@ pub(crate) mod cause {
     const INTERRUPT: usize = 1 << (usize::BITS - 1);
     pub(crate) const SOFTWARE: usize = INTERRUPT | 3;
     pub(crate) const TIMER: usize = INTERRUPT | 7;
-    pub(crate) const EXTERNAL: usize = INTERRUPT | 11;
+    pub(crate) const EXTERNAL: usize = INTERRUPT | 0xb;
 }

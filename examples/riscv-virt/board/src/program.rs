@@ -62,6 +62,10 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
 }
 
 /// The status for what came of a program.
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "nobody has any more use for it"
+)]
 pub fn status<E>(outcome: Result<(), E>) -> u32 {
     u32::from(outcome.is_err())
 }

@@ -81,13 +81,11 @@ impl State {
             self.in_handler.store(false, Ordering::Relaxed);
             return 0;
         };
-        match call.send_with_reply(hart.number(), ASK, rest, PATIENCE) {
-            Ok(reply) => reply.wrapping_add(1),
-            Err(_) => {
-                self.failed.store(true, Ordering::Relaxed);
-                0
-            }
+        let reply = call.send_with_reply(hart.number(), ASK, rest, PATIENCE);
+        if reply.is_err() {
+            self.failed.store(true, Ordering::Relaxed);
         }
+        reply.map_or(0, |reply| reply.wrapping_add(1))
     }
 
     fn fast(&self) {
