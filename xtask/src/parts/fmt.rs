@@ -10,7 +10,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let check = "cargo fmt --all --check";
     command(context, check).run()?;
     let mut others = context.other_workspaces();
-    others.extend([firmware::WORKSPACE, firmware::BENCH]);
+    others.extend([firmware::WORKSPACE, firmware::HARTS, firmware::BENCH]);
     for dir in &others {
         command(context, check).dir(dir).run()?;
     }

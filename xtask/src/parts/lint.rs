@@ -41,17 +41,19 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         );
         command(context, &line).dir(firmware::WORKSPACE).run()?;
     }
-    need_target(context, firmware::BENCH_TARGET)?;
-    let line = format!(
-        "cargo clippy --workspace --target {} -- -D warnings",
-        firmware::BENCH_TARGET
-    );
-    command(context, &line).dir(firmware::BENCH).run()?;
+    for (dir, target) in [
+        (firmware::HARTS, firmware::HARTS_TARGET),
+        (firmware::BENCH, firmware::BENCH_TARGET),
+    ] {
+        need_target(context, target)?;
+        let line = format!("cargo clippy --workspace --target {target} -- -D warnings");
+        command(context, &line).dir(dir).run()?;
+    }
     let mut checked = format!(
         "{} feature sets, {} loom models, {} firmwares",
         FEATURE_SETS.len(),
         models.len(),
-        FIRMWARES.len() + 1
+        FIRMWARES.len() + 2
     );
     for dir in others {
         checked += ", ";
