@@ -275,7 +275,7 @@ mod tests {
             let ours = std::format!("{:.after$}", Decimal(value));
             let ours: f64 = ours.parse().unwrap();
             // Ties may go another way.
-            let unit = 0.1_f64.powi(i32::try_from(after).unwrap());
+            let unit = 1.0 / super::POWERS[after];
             prop_assert!((ours - value).abs() <= 0.500_001 * unit);
         }
 
