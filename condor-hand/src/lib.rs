@@ -34,6 +34,7 @@ pub mod trajectory;
 
 // What they are made of, useful without a hand.
 pub mod control;
+pub mod decimal;
 pub mod dynamics;
 pub mod kinematics;
 pub mod math;

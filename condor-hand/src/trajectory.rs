@@ -44,6 +44,7 @@ pub use interpolator::{Interpolator, SetPointError, Timing};
 
 use thiserror::Error;
 
+use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite, max, min};
 
 /// Where a joint has to be, and how it moves there.
@@ -99,7 +100,11 @@ pub struct Limits<T> {
 #[non_exhaustive]
 pub enum TrajectoryError {
     /// The range of positions is empty or not finite.
-    #[error("joint {joint} may be in {low}..={high} rad; low must be below high, both finite")]
+    #[error(
+        "joint {joint} may be in {low}..={high} rad; low must be below high, both finite",
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Range {
         /// The joint, from 0.
         joint: usize,
@@ -109,7 +114,10 @@ pub enum TrajectoryError {
         high: f64,
     },
     /// A rate that is not above zero, or not finite.
-    #[error("the limit {value} of the {quantity} of joint {joint} must be above zero and finite")]
+    #[error(
+        "the limit {value} of the {quantity} of joint {joint} must be above zero and finite",
+        value = Decimal(*.value),
+    )]
     Rate {
         /// The joint, from 0.
         joint: usize,
@@ -119,7 +127,7 @@ pub enum TrajectoryError {
         value: f64,
     },
     /// A start that is not finite.
-    #[error("joint {joint} starts at {value} rad")]
+    #[error("joint {joint} starts at {value} rad", value = Decimal(*.value))]
     Start {
         /// The joint, from 0.
         joint: usize,
@@ -127,7 +135,7 @@ pub enum TrajectoryError {
         value: f64,
     },
     /// A tick that does not last.
-    #[error("a tick of {value} s must be above zero and finite")]
+    #[error("a tick of {value} s must be above zero and finite", value = Decimal(*.value))]
     Tick {
         /// Its duration, s.
         value: f64,
@@ -220,19 +228,23 @@ pub enum ProfileError {
     #[error("a boundary condition or a result of it is not finite")]
     NotFinite,
     /// A duration that is not above zero.
-    #[error("a duration of {duration} s must be above zero")]
+    #[error("a duration of {duration} s must be above zero", duration = Decimal(*.duration))]
     Duration {
         /// s
         duration: f64,
     },
     /// A bound that is not above zero.
-    #[error("a bound of {bound} must be above zero and finite")]
+    #[error("a bound of {bound} must be above zero and finite", bound = Decimal(*.bound))]
     Bound {
         /// In its own unit.
         bound: f64,
     },
     /// The bounds allow no profile that lasts so short.
-    #[error("{duration} s is too short: the bounds need {least} s")]
+    #[error(
+        "{duration} s is too short: the bounds need {least} s",
+        duration = Decimal(*.duration),
+        least = Decimal(*.least),
+    )]
     TooShort {
         /// The duration that was given, s.
         duration: f64,
@@ -240,7 +252,10 @@ pub enum ProfileError {
         least: f64,
     },
     /// No profile of this kind lasts exactly so long from this moving state.
-    #[error("from this moving state nothing lasts exactly {duration} s")]
+    #[error(
+        "from this moving state nothing lasts exactly {duration} s",
+        duration = Decimal(*.duration),
+    )]
     Blocked {
         /// The duration that was given, s.
         duration: f64,
@@ -256,7 +271,7 @@ pub enum ProfileError {
         most: usize,
     },
     /// A knot that is not after the one before it.
-    #[error("knot {index} is at {time} s, not after the one before it")]
+    #[error("knot {index} is at {time} s, not after the one before it", time = Decimal(*.time))]
     Order {
         /// The knot, from 0.
         index: usize,

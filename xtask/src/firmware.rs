@@ -1,4 +1,5 @@
-//! The bare-metal examples and the firmwares of the benchmarks, which are built for targets of their own.
+//! What is built for targets of its own: the bare-metal examples, the images of harts beside a host, and
+//! the firmwares of the benchmarks.
 
 use std::path::PathBuf;
 
@@ -16,11 +17,14 @@ pub(crate) const BENCH: &str = "bench/firmware";
 /// What those are built for.
 pub(crate) const BENCH_TARGET: &str = "thumbv7m-none-eabi";
 
-/// The workspace of the harts beside a host, relative to the root.
+/// The workspace of the images that harts run beside a host, relative to the root.
 pub(crate) const HARTS: &str = "examples/riscv-virt";
 
 /// What those are built for.
 pub(crate) const HARTS_TARGET: &str = "riscv64gc-unknown-none-elf";
+
+/// Those images.
+pub(crate) const HART_IMAGES: [&str; 3] = ["monitor", "drill", "hand"];
 
 /// One of the examples.
 pub(crate) struct Firmware {
@@ -135,19 +139,30 @@ impl Firmware {
     /// # Errors
     /// The target cannot be had, or the firmware cannot be built.
     pub(crate) fn build(&self, context: &Context, features: &str) -> Result<PathBuf> {
-        let Self {
-            package, target, ..
-        } = self;
-        need_target(context, target)?;
-        let mut line = format!("cargo build --release --locked -p {package} --target {target}");
-        if !features.is_empty() {
-            line = format!("{line} --features {features}");
-        }
-        command(context, &line)
-            .dir(WORKSPACE)
-            .env("CARGO_TARGET_DIR", "target")
-            .run()?;
-        let image = format!("{WORKSPACE}/target/{target}/release/{package}");
-        Ok(context.root.join(image))
+        build(context, WORKSPACE, self.package, self.target, features)
     }
+}
+
+/// Builds a package of a workspace for release, and says where the image is.
+///
+/// # Errors
+/// The target cannot be had, or the package cannot be built.
+pub(crate) fn build(
+    context: &Context,
+    workspace: &str,
+    package: &str,
+    target: &str,
+    features: &str,
+) -> Result<PathBuf> {
+    need_target(context, target)?;
+    let mut line = format!("cargo build --release --locked -p {package} --target {target}");
+    if !features.is_empty() {
+        line = format!("{line} --features {features}");
+    }
+    command(context, &line)
+        .dir(workspace)
+        .env("CARGO_TARGET_DIR", "target")
+        .run()?;
+    let image = format!("{workspace}/target/{target}/release/{package}");
+    Ok(context.root.join(image))
 }

@@ -3,6 +3,7 @@ use core::fmt;
 use thiserror::Error;
 
 use super::{Converter, Name, ProcessorKind};
+use crate::decimal::Decimal;
 
 /// The way to a value within the thing that has it, such as `flexor.gains.kt`.
 pub type Field = heapless::String<39, u8>;
@@ -63,7 +64,7 @@ pub enum WirePart {
 #[non_exhaustive]
 pub enum Mistake {
     /// A number that is infinite or none at all.
-    #[error("{place} is {value}, which is no finite number")]
+    #[error("{place} is {value}, which is no finite number", value = Decimal(*.value))]
     NotFinite {
         /// Which number.
         place: Place,
@@ -71,7 +72,7 @@ pub enum Mistake {
         value: f64,
     },
     /// A number that must be above zero.
-    #[error("{place} is {value}; it must be above 0")]
+    #[error("{place} is {value}; it must be above 0", value = Decimal(*.value))]
     NotPositive {
         /// Which number.
         place: Place,
@@ -79,7 +80,11 @@ pub enum Mistake {
         value: f64,
     },
     /// A number that must be at least something.
-    #[error("{place} is {value}; it must be at least {least}")]
+    #[error(
+        "{place} is {value}; it must be at least {least}",
+        value = Decimal(*.value),
+        least = Decimal(*.least),
+    )]
     TooSmall {
         /// Which number.
         place: Place,
@@ -89,7 +94,11 @@ pub enum Mistake {
         least: f64,
     },
     /// A number that must be at most something.
-    #[error("{place} is {value}; it must be at most {most}")]
+    #[error(
+        "{place} is {value}; it must be at most {most}",
+        value = Decimal(*.value),
+        most = Decimal(*.most),
+    )]
     TooLarge {
         /// Which number.
         place: Place,
@@ -99,7 +108,11 @@ pub enum Mistake {
         most: f64,
     },
     /// Two limits in the wrong order.
-    #[error("{place} is {value}; it must be below `{upper}`, which is {limit}")]
+    #[error(
+        "{place} is {value}; it must be below `{upper}`, which is {limit}",
+        value = Decimal(*.value),
+        limit = Decimal(*.limit),
+    )]
     Order {
         /// The number that must be below the other.
         place: Place,
@@ -117,7 +130,11 @@ pub enum Mistake {
         place: Place,
     },
     /// A value that a converter must have, but cannot.
-    #[error("{place} has {counts} counts for {value}; its converter ends at {full_scale}")]
+    #[error(
+        "{place} has {counts} counts for {value}; its converter ends at {full_scale}",
+        counts = Decimal(*.counts),
+        value = Decimal(*.value),
+    )]
     BeyondConverter {
         /// Which converter.
         place: Place,
@@ -129,7 +146,10 @@ pub enum Mistake {
         full_scale: u32,
     },
     /// A filter that its loop is too slow for.
-    #[error("{place} is {cutoff_hz}; a loop of {rate_hz} Hz filters below half of that")]
+    #[error(
+        "{place} is {cutoff_hz}; a loop of {rate_hz} Hz filters below half of that",
+        cutoff_hz = Decimal(*.cutoff_hz),
+    )]
     Cutoff {
         /// Which cutoff.
         place: Place,
@@ -141,7 +161,9 @@ pub enum Mistake {
     /// Axes that are not orthogonal unit vectors, or left-handed.
     #[error(
         "{place} is no rotation: the products of its axes are wrong by {error}, \
-         and its determinant is {determinant}"
+         and its determinant is {determinant}",
+        error = Decimal(*.error),
+        determinant = Decimal(*.determinant),
     )]
     NotRotation {
         /// Which rotation.
@@ -152,7 +174,10 @@ pub enum Mistake {
         determinant: f64,
     },
     /// An axis that is no unit vector.
-    #[error("{place} has the length {length}; an axis has the length 1")]
+    #[error(
+        "{place} has the length {length}; an axis has the length 1",
+        length = Decimal(*.length),
+    )]
     NotUnit {
         /// Which axis.
         place: Place,
@@ -235,7 +260,11 @@ pub enum Mistake {
         trajectory_hz: u32,
     },
     /// A processor that has too much to do.
-    #[error("processor {number} would be busy for {load} of its time; its budget is {budget}")]
+    #[error(
+        "processor {number} would be busy for {load} of its time; its budget is {budget}",
+        load = Decimal(*.load),
+        budget = Decimal(*.budget),
+    )]
     Load {
         /// The processor.
         number: u8,
@@ -259,7 +288,10 @@ pub enum Mistake {
         second: WireEnd,
     },
     /// A tendon that does not pull its own joint to its own side.
-    #[error("{place} is {arm} m; a flexor's is above 0, an extensor's below")]
+    #[error(
+        "{place} is {arm} m; a flexor's is above 0, an extensor's below",
+        arm = Decimal(*.arm),
+    )]
     OwnArm {
         /// Which arm.
         place: Place,

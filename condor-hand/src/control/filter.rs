@@ -8,6 +8,7 @@
 
 use thiserror::Error;
 
+use crate::decimal::Decimal;
 use crate::math::{Real, abs, exp, is_finite, real, tan};
 
 /// A filter that cannot be.
@@ -15,7 +16,10 @@ use crate::math::{Real, abs, exp, is_finite, real, tan};
 #[non_exhaustive]
 pub enum FilterError {
     /// A sample rate that is not positive and finite.
-    #[error("the sample rate is {sample_hz} Hz; it must be positive")]
+    #[error(
+        "the sample rate is {sample_hz} Hz; it must be positive",
+        sample_hz = Decimal(*.sample_hz),
+    )]
     SampleRate {
         /// The sample rate, Hz.
         sample_hz: f64,
@@ -23,7 +27,9 @@ pub enum FilterError {
     /// A cutoff that is not between zero and half the sample rate.
     #[error(
         "the cutoff is {cutoff_hz} Hz; it must be above 0 and below {nyquist_hz} Hz, half the \
-         sample rate"
+         sample rate",
+        cutoff_hz = Decimal(*.cutoff_hz),
+        nyquist_hz = Decimal(*.nyquist_hz),
     )]
     Cutoff {
         /// The cutoff, Hz.

@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite};
 
 /// The gains of a [`Pid`]: what the output has per unit of the error, per unit-second and per unit
@@ -28,7 +29,10 @@ pub struct PidLimits<T> {
 #[non_exhaustive]
 pub enum PidError {
     /// A gain that is negative or not finite.
-    #[error("the gain {gain} is {value}; it must be finite and not negative")]
+    #[error(
+        "the gain {gain} is {value}; it must be finite and not negative",
+        value = Decimal(*.value),
+    )]
     Gain {
         /// The gain's name.
         gain: &'static str,
@@ -36,7 +40,11 @@ pub enum PidError {
         value: f64,
     },
     /// Limits of the output that are not finite or not in order.
-    #[error("the output is to be in {low}..={high}; the limits must be finite and in order")]
+    #[error(
+        "the output is to be in {low}..={high}; the limits must be finite and in order",
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Output {
         /// The lower limit.
         low: f64,
@@ -44,13 +52,19 @@ pub enum PidError {
         high: f64,
     },
     /// A limit of the integral that is negative or not finite.
-    #[error("the limit of the integral is {value}; it must be finite and not negative")]
+    #[error(
+        "the limit of the integral is {value}; it must be finite and not negative",
+        value = Decimal(*.value),
+    )]
     Integral {
         /// The limit.
         value: f64,
     },
     /// A sample rate that is not positive and finite.
-    #[error("the sample rate is {sample_hz} Hz; it must be positive")]
+    #[error(
+        "the sample rate is {sample_hz} Hz; it must be positive",
+        sample_hz = Decimal(*.sample_hz),
+    )]
     SampleRate {
         /// The sample rate, Hz.
         sample_hz: f64,

@@ -1,9 +1,12 @@
+use core::fmt;
+
 use heapless::Vec;
 use nalgebra::Vector3;
 use thiserror::Error;
 
 use super::axis::{AxisError, AxisServo};
 use crate::config::{Axis, Hand};
+use crate::decimal::Decimal;
 use crate::math::{is_finite, max, min};
 use crate::trajectory::{
     Event, Generator, Limits, Observations, Pace, Primitive, PrimitiveError, Profile, SetPoint,
@@ -68,6 +71,21 @@ pub enum TableState {
     },
 }
 
+impl fmt::Display for TableState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Starting { speed } => {
+                write!(f, "to go home at {} of its limits", Decimal(*speed))
+            }
+            Self::Homing => f.write_str("on its way home"),
+            Self::Stopped => f.write_str("stopped on its way home"),
+            Self::Ready => f.write_str("ready"),
+            Self::Failed { axis } => write!(f, "failed: axis {axis}"),
+        }
+    }
+}
+
 /// What a table did in one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TableTick {
@@ -114,13 +132,16 @@ pub enum TableError {
     #[error(transparent)]
     Motion(#[from] PrimitiveError),
     /// A motion of a table that has not been home.
-    #[error("the table takes no motion before it has been home; it is {state:?}")]
+    #[error("the table takes no motion before it has been home; it is {state}")]
     NotReady {
         /// What it is about.
         state: TableState,
     },
     /// A speed on the way home that is none.
-    #[error("a speed of {speed} on the way home; it must be above 0 and at most 1")]
+    #[error(
+        "a speed of {speed} on the way home; it must be above 0 and at most 1",
+        speed = Decimal(*.speed),
+    )]
     Speed {
         /// As a fraction of the limits.
         speed: f64,

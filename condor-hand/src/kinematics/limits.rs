@@ -1,6 +1,7 @@
 use nalgebra::SVector;
 use thiserror::Error;
 
+use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite, max, min, real, wrap};
 
 /// Between which positions each of N joints may be: rad, m for a prismatic joint.
@@ -13,7 +14,9 @@ pub struct JointLimits<T: Real, const N: usize> {
 /// Limits between which no joint can be.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
-    "joint {joint} has the limits {lower} and {upper}; the lower must be finite and below the upper"
+    "joint {joint} has the limits {lower} and {upper}; the lower must be finite and below the upper",
+    lower = Decimal(*.lower),
+    upper = Decimal(*.upper),
 )]
 pub struct JointLimitsError {
     /// The joint, from 0.

@@ -11,6 +11,7 @@ use super::{
     state,
 };
 use crate::config::Name;
+use crate::decimal::Decimal;
 use crate::servo::{JointGains, JointTarget, Mode};
 
 /// Asks the servos of another processor, from the background of this one.
@@ -56,7 +57,10 @@ pub enum ClientError {
         number: u32,
     },
     /// The servo loop has not come to the order: it may still.
-    #[error("the servo loop of {to} has not come to order {number} within {timeout:?}")]
+    #[error(
+        "the servo loop of {to} has not come to order {number} within {timeout} s",
+        timeout = Decimal(.timeout.as_secs_f64())
+    )]
     NotDone {
         /// The servo processor.
         to: Processor,
@@ -66,7 +70,7 @@ pub enum ClientError {
         timeout: Duration,
     },
     /// Others kept the handler from looking at the request.
-    #[error("{to} was busy for {timeout:?}")]
+    #[error("{to} was busy for {timeout} s", timeout = Decimal(.timeout.as_secs_f64()))]
     Busy {
         /// The servo processor.
         to: Processor,

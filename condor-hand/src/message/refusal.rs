@@ -1,6 +1,7 @@
 use thiserror::Error;
 
 use super::words::{Put, Taken};
+use crate::decimal::Decimal;
 use crate::servo::SettingError;
 
 /// Why a request was refused, with the values that are wrong.
@@ -48,7 +49,7 @@ pub enum Refusal {
         part: u32,
     },
     /// A number that is not finite, or negative where that makes no sense.
-    #[error("number {number} of the request, from 0, is {value}")]
+    #[error("number {number} of the request, from 0, is {value}", value = Decimal(*.value))]
     Number {
         /// Which number of the request, from 0.
         number: u32,
@@ -59,7 +60,12 @@ pub enum Refusal {
     #[error("the finger rests after a fault; restart it first")]
     AfterFault,
     /// A position beyond the limits of the joint.
-    #[error("joint {joint} cannot go to {position} rad; its limits are {low} rad and {high} rad")]
+    #[error(
+        "joint {joint} cannot go to {position} rad; its limits are {low} rad and {high} rad",
+        position = Decimal(*.position),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Position {
         /// The joint, from 0.
         joint: u32,
@@ -71,7 +77,12 @@ pub enum Refusal {
         high: f64,
     },
     /// A torque beyond what the tendons of the joint can give.
-    #[error("joint {joint} cannot give {torque} N m; its tendons give {low} N m to {high} N m")]
+    #[error(
+        "joint {joint} cannot give {torque} N m; its tendons give {low} N m to {high} N m",
+        torque = Decimal(*.torque),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Torque {
         /// The joint, from 0.
         joint: u32,
@@ -83,7 +94,12 @@ pub enum Refusal {
         high: f64,
     },
     /// A tension beyond what a tendon may have.
-    #[error("a tendon of joint {joint} cannot have {tension} N; it has {low} N to {high} N")]
+    #[error(
+        "a tendon of joint {joint} cannot have {tension} N; it has {low} N to {high} N",
+        tension = Decimal(*.tension),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Tension {
         /// The joint, from 0.
         joint: u32,

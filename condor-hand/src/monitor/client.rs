@@ -6,6 +6,7 @@ use condor_mbox::{
 
 use super::handler::{BUSY, Block, DONE, MONITOR, MonitorPlaces, SELECT, take_error};
 use super::selection::{Selection, SelectionError};
+use crate::decimal::Decimal;
 
 /// Selects what the monitor of another processor samples, from the background of this one.
 #[derive(Debug)]
@@ -26,7 +27,7 @@ pub enum MonitorClientError {
     #[error(transparent)]
     Selection(#[from] SelectionError),
     /// Others kept the handler from looking at it.
-    #[error("{to} was busy for {timeout:?}")]
+    #[error("{to} was busy for {timeout} s", timeout = Decimal(.timeout.as_secs_f64()))]
     Busy {
         /// The processor.
         to: Processor,

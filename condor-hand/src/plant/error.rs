@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use crate::decimal::Decimal;
 use crate::math::is_finite;
 use crate::tendon::ArmError;
 
@@ -8,7 +9,7 @@ use crate::tendon::ArmError;
 #[non_exhaustive]
 pub enum PlantError {
     /// A parameter that must be above zero.
-    #[error("{name} is {value}; it must be finite and above zero")]
+    #[error("{name} is {value}; it must be finite and above zero", value = Decimal(*.value))]
     NotPositive {
         /// What it is, with its unit.
         name: &'static str,
@@ -16,7 +17,7 @@ pub enum PlantError {
         value: f64,
     },
     /// A parameter that must not be below zero.
-    #[error("{name} is {value}; it must be finite and not below zero")]
+    #[error("{name} is {value}; it must be finite and not below zero", value = Decimal(*.value))]
     Negative {
         /// What it is, with its unit.
         name: &'static str,
@@ -24,7 +25,7 @@ pub enum PlantError {
         value: f64,
     },
     /// A parameter or a state that is no finite number.
-    #[error("{name} is {value}; it must be finite")]
+    #[error("{name} is {value}; it must be finite", value = Decimal(*.value))]
     NotFinite {
         /// What it is, with its unit.
         name: &'static str,
@@ -32,7 +33,11 @@ pub enum PlantError {
         value: f64,
     },
     /// A range whose ends are not in order.
-    #[error("{name} is from {low} to {high}; the first must be below the second")]
+    #[error(
+        "{name} is from {low} to {high}; the first must be below the second",
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Range {
         /// What it is, with its unit.
         name: &'static str,
@@ -42,13 +47,16 @@ pub enum PlantError {
         high: f64,
     },
     /// A mass matrix with which no torque gives an acceleration.
-    #[error("the mass matrix is not positive definite at joint positions that begin {first} rad")]
+    #[error(
+        "the mass matrix is not positive definite at joint positions that begin {first} rad",
+        first = Decimal(*.first),
+    )]
     Massless {
         /// The position of the first joint, rad.
         first: f64,
     },
     /// A parameter that must be zero.
-    #[error("{name} is {value}; it must be zero")]
+    #[error("{name} is {value}; it must be zero", value = Decimal(*.value))]
     NotZero {
         /// What it is, with its unit.
         name: &'static str,
@@ -81,7 +89,12 @@ pub enum PlantError {
     #[error(transparent)]
     Arms(#[from] ArmError),
     /// An axis of a table that the simulated one cannot have.
-    #[error("an axis along ({x}, {y}, {z}); each must lie along another of x, y and z")]
+    #[error(
+        "an axis along ({x}, {y}, {z}); each must lie along another of x, y and z",
+        x = Decimal(*.x),
+        y = Decimal(*.y),
+        z = Decimal(*.z),
+    )]
     Direction {
         /// Of its direction.
         x: f64,

@@ -2,6 +2,7 @@ use thiserror::Error;
 
 use super::{PositionLaw, SoftStop};
 use crate::control::{FilterError, PidError};
+use crate::decimal::Decimal;
 use crate::dynamics::Drive;
 use crate::math::{Real, is_finite};
 use crate::tendon::{Allocation, AllocationError, Pair, TensionGains, TensionServoError};
@@ -63,7 +64,7 @@ pub enum SettingError {
     #[error("the finger rests after a fault, which must be cleared first")]
     AfterFault,
     /// A number that is not finite, or negative where that makes no sense.
-    #[error("joint {joint} cannot have {value} as {what}")]
+    #[error("joint {joint} cannot have {value} as {what}", value = Decimal(*.value))]
     Value {
         /// The joint, from 0.
         joint: usize,
@@ -73,7 +74,7 @@ pub enum SettingError {
         value: f64,
     },
     /// A number of the whole finger that is not finite or not positive.
-    #[error("a finger cannot have {value} as {what}")]
+    #[error("a finger cannot have {value} as {what}", value = Decimal(*.value))]
     Finger {
         /// What the number is.
         what: &'static str,
@@ -81,7 +82,12 @@ pub enum SettingError {
         value: f64,
     },
     /// A position beyond the limits of the joint.
-    #[error("joint {joint} cannot go to {position} rad; its limits are {low} rad and {high} rad")]
+    #[error(
+        "joint {joint} cannot go to {position} rad; its limits are {low} rad and {high} rad",
+        position = Decimal(*.position),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Position {
         /// The joint, from 0.
         joint: usize,
@@ -93,7 +99,12 @@ pub enum SettingError {
         high: f64,
     },
     /// A torque beyond what its tendons can give.
-    #[error("joint {joint} cannot give {torque} N m; its tendons give {low} N m to {high} N m")]
+    #[error(
+        "joint {joint} cannot give {torque} N m; its tendons give {low} N m to {high} N m",
+        torque = Decimal(*.torque),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Torque {
         /// The joint, from 0.
         joint: usize,
@@ -105,7 +116,12 @@ pub enum SettingError {
         high: f64,
     },
     /// A tension beyond what the tendon may have.
-    #[error("a tendon of joint {joint} cannot have {tension} N; it has {low} N to {high} N")]
+    #[error(
+        "a tendon of joint {joint} cannot have {tension} N; it has {low} N to {high} N",
+        tension = Decimal(*.tension),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Tension {
         /// The joint, from 0.
         joint: usize,

@@ -10,6 +10,7 @@ use nalgebra::SVector;
 use thiserror::Error;
 
 use super::{MomentArms, Pair, Pairs};
+use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite, max, min, real, sqrt};
 
 /// How much the two tendons of a joint pull against each other.
@@ -55,7 +56,9 @@ pub struct Allocation<T> {
 pub enum AllocationError {
     /// Limits that are not finite, not in order, or below zero.
     #[error(
-        "tensions are to be in {min_n}..={max_n} N; that must be finite and begin at 0 or above"
+        "tensions are to be in {min_n}..={max_n} N; that must be finite and begin at 0 or above",
+        min_n = Decimal(*.min_n),
+        max_n = Decimal(*.max_n),
     )]
     Limits {
         /// The least tension, N.
@@ -64,7 +67,10 @@ pub enum AllocationError {
         max_n: f64,
     },
     /// A co-contraction or a softness that is negative or not finite.
-    #[error("the {name} is {value} N; it must be finite and not negative")]
+    #[error(
+        "the {name} is {value} N; it must be finite and not negative",
+        value = Decimal(*.value),
+    )]
     Rectification {
         /// Which of the two.
         name: &'static str,

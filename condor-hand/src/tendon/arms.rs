@@ -2,6 +2,7 @@ use nalgebra::SVector;
 use thiserror::Error;
 
 use super::{Pair, Pairs};
+use crate::decimal::Decimal;
 use crate::math::{Real, is_finite};
 
 /// The moment arms of the tendons of one finger: the matrix P of `torque = P tension`, whose
@@ -24,7 +25,9 @@ pub enum ArmError {
     /// A joint whose own tendons do not pull it to both sides.
     #[error(
         "the tendons of joint {joint} have arms {flexor} m and {extensor} m at it; \
-         the flexor's must be positive and the extensor's negative"
+         the flexor's must be positive and the extensor's negative",
+        flexor = Decimal(*.flexor),
+        extensor = Decimal(*.extensor),
     )]
     Own {
         /// The joint, from 0.
@@ -36,7 +39,8 @@ pub enum ArmError {
     },
     /// A tendon that crosses a joint beyond its own.
     #[error(
-        "a tendon of joint {tendon} has the arm {arm} m at joint {joint}, which is distal to it"
+        "a tendon of joint {tendon} has the arm {arm} m at joint {joint}, which is distal to it",
+        arm = Decimal(*.arm),
     )]
     NotTriangular {
         /// The joint that the tendon belongs to, from 0.
@@ -47,7 +51,10 @@ pub enum ArmError {
         arm: f64,
     },
     /// An arm that is no finite number.
-    #[error("a tendon of joint {tendon} has the arm {arm} m at joint {joint}")]
+    #[error(
+        "a tendon of joint {tendon} has the arm {arm} m at joint {joint}",
+        arm = Decimal(*.arm),
+    )]
     NotFinite {
         /// The joint that the tendon belongs to, from 0.
         tendon: usize,

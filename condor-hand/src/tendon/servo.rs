@@ -1,6 +1,7 @@
 use thiserror::Error;
 
 use crate::control::{Integrator, PidError};
+use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite};
 
 /// The gains of a [`TensionServo`].
@@ -26,7 +27,7 @@ pub struct TensionGains<T> {
 #[non_exhaustive]
 pub enum TensionServoError {
     /// A largest tension that is not positive and finite.
-    #[error("the largest tension is {max_n} N; it must be positive")]
+    #[error("the largest tension is {max_n} N; it must be positive", max_n = Decimal(*.max_n))]
     Max {
         /// The largest tension, N.
         max_n: f64,

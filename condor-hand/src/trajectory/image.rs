@@ -205,7 +205,10 @@ pub fn encode<'m, const J: usize>(
         count += 1;
     }
     let end = put.at;
-    seal::<J>(header, body.split_at(end).0, count);
+    let (body, _) = body
+        .split_at_checked(end)
+        .ok_or(ImageError::BufferTooShort { len })?;
+    seal::<J>(header, body, count);
     Ok(HEADER_BYTES + end)
 }
 
@@ -232,7 +235,8 @@ pub fn append<const J: usize>(
     };
     put_checked(primitive, count, &mut put, whole)?;
     let end = put.at;
-    seal::<J>(header, body.split_at(end).0, count.saturating_add(1));
+    let (body, _) = body.split_at_checked(end).ok_or(short)?;
+    seal::<J>(header, body, count.saturating_add(1));
     Ok(HEADER_BYTES + end)
 }
 

@@ -2,6 +2,7 @@ use heapless::Vec;
 use thiserror::Error;
 
 use super::{ProfileError, Quantity};
+use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite};
 
 /// The most via points of a primitive.
@@ -352,7 +353,7 @@ pub enum PrimitiveError {
         joints: usize,
     },
     /// A position that is not finite.
-    #[error("joint {joint} is to go to {value} rad")]
+    #[error("joint {joint} is to go to {value} rad", value = Decimal(*.value))]
     Target {
         /// The joint.
         joint: usize,
@@ -360,19 +361,19 @@ pub enum PrimitiveError {
         value: f64,
     },
     /// A duration that is not above zero.
-    #[error("a duration of {value} s must be above zero and finite")]
+    #[error("a duration of {value} s must be above zero and finite", value = Decimal(*.value))]
     Duration {
         /// s
         value: f64,
     },
     /// A fraction of speed outside of its range.
-    #[error("a speed of {value} must be above 0 and at most 1")]
+    #[error("a speed of {value} must be above 0 and at most 1", value = Decimal(*.value))]
     Speed {
         /// Of the limits of velocity.
         value: f64,
     },
     /// A blend that is negative or not finite.
-    #[error("a blend of {value} s must be at least zero and finite")]
+    #[error("a blend of {value} s must be at least zero and finite", value = Decimal(*.value))]
     Blend {
         /// s
         value: f64,
@@ -388,7 +389,8 @@ pub enum PrimitiveError {
     },
     /// Via points that are not in order.
     #[error(
-        "via point {index} is at {at} of the duration; it must be after the one before, below 1"
+        "via point {index} is at {at} of the duration; it must be after the one before, below 1",
+        at = Decimal(*.at),
     )]
     ViaTime {
         /// The via point, from 0.
@@ -397,7 +399,12 @@ pub enum PrimitiveError {
         at: f64,
     },
     /// A joint would leave its range.
-    #[error("joint {joint} would go to {value} rad; it may be in {low}..={high} rad")]
+    #[error(
+        "joint {joint} would go to {value} rad; it may be in {low}..={high} rad",
+        value = Decimal(*.value),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Position {
         /// The joint.
         joint: usize,
@@ -409,7 +416,11 @@ pub enum PrimitiveError {
         high: f64,
     },
     /// A joint would be too fast.
-    #[error("joint {joint} would reach a {quantity} of {value}; its limit is {limit}")]
+    #[error(
+        "joint {joint} would reach a {quantity} of {value}; its limit is {limit}",
+        value = Decimal(*.value),
+        limit = Decimal(*.limit),
+    )]
     Rate {
         /// The joint.
         joint: usize,

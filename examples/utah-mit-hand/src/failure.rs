@@ -136,7 +136,7 @@ pub enum Failure {
     #[error(transparent)]
     Start(#[from] StartError),
     /// An argument of the program.
-    #[error("the argument {argument:?} is none of {known}")]
+    #[error("the argument \"{argument}\" is none of {known}")]
     Argument {
         /// What was given.
         argument: Words,

@@ -199,7 +199,8 @@ fn diagonal(gains: [f64; 6]) -> [[f64; 6]; 6] {
 }
 
 fn matrix(rows: &[[f64; 6]; 6]) -> Matrix6<f64> {
-    Matrix6::from_row_iterator(rows.iter().flatten().copied())
+    // Its columns are the rows.
+    Matrix6::from(*rows).transpose()
 }
 
 /// What a processor does about a grasp.

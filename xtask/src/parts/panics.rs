@@ -1,4 +1,5 @@
-//! A library of generics emits no code: the search is made in firmwares that use every call.
+//! A library of generics emits no code: the search is made in firmwares that use every call, and in the
+//! images of harts, which are whole programs.
 //!
 //! Their panic handler calls a function of a name of its own. The linker drops what nothing
 //! reaches, so the name is in the image if and only if something there can panic. That the search
@@ -6,7 +7,7 @@
 
 use crate::Result;
 use crate::context::Context;
-use crate::firmware::FIRMWARES;
+use crate::firmware::{self, FIRMWARES, HART_IMAGES};
 use crate::image::{Image, Origin};
 use crate::outcome::Summary;
 
@@ -16,27 +17,35 @@ const PANICKED: &str = "condor_firmware_panicked";
 const ON_PURPOSE: &str = "may_panic";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
+    let firmwares = FIRMWARES
+        .iter()
+        .map(|firmware| (firmware::WORKSPACE, firmware.package, firmware.target));
+    let images = HART_IMAGES
+        .iter()
+        .map(|package| (firmware::HARTS, *package, firmware::HARTS_TARGET));
     let mut functions = 0;
-    for firmware in &FIRMWARES {
-        let package = format!("{} for {}", firmware.package, firmware.target);
-        let control = Image::read(&firmware.build(context, "panicking")?)?;
+    for (workspace, package, target) in firmwares.chain(images) {
+        let build = |features| firmware::build(context, workspace, package, target, features);
+        let name = format!("{package} for {target}");
+        let control = Image::read(&build("panicking")?)?;
         let found = control.origins_of(PANICKED)?.unwrap_or_default();
         if !found.iter().any(|origin| origin.what.contains(ON_PURPOSE)) {
             return Err(format!(
-                "{package}: the search does not find the panic in `{ON_PURPOSE}`, but {}",
+                "{name}: the search does not find the panic in `{ON_PURPOSE}`, but {}",
                 list(&found)
             )
             .into());
         }
-        let image = Image::read(&firmware.build(context, "")?)?;
+        let image = Image::read(&build("")?)?;
         if let Some(origins) = image.origins_of(PANICKED)? {
-            return Err(format!("{package} can panic: {}", list(&origins)).into());
+            return Err(format!("{name} can panic: {}", list(&origins)).into());
         }
         functions += image.functions();
     }
     Ok(Summary::of(format!(
-        "{} firmwares, {functions} functions",
-        FIRMWARES.len()
+        "{} firmwares and {} images of harts, {functions} functions",
+        FIRMWARES.len(),
+        HART_IMAGES.len()
     )))
 }
 

@@ -2,6 +2,7 @@ use core::fmt;
 
 use thiserror::Error;
 
+use crate::decimal::Decimal;
 use crate::tendon::Pair;
 
 /// What is wrong.
@@ -101,7 +102,7 @@ impl fmt::Display for FaultSite {
 
 /// A fault, with the value that showed it.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("{site}: {code} ({value})")]
+#[error("{site}: {code} ({value})", value = Decimal(*.value))]
 pub struct Fault {
     /// What is wrong.
     pub code: FaultCode,

@@ -1,6 +1,7 @@
 use thiserror::Error;
 
 use super::{FaultCode, FaultSite};
+use crate::decimal::Decimal;
 use crate::math::{Real, is_finite};
 use crate::tendon::Pair;
 
@@ -89,7 +90,10 @@ pub struct FaultLimits<T, const N: usize> {
 #[non_exhaustive]
 pub enum FaultLimitsError {
     /// A threshold that is negative or not finite.
-    #[error("{site}: the threshold of '{code}' is {value}; it must be finite and not negative")]
+    #[error(
+        "{site}: the threshold of '{code}' is {value}; it must be finite and not negative",
+        value = Decimal(*.value),
+    )]
     Threshold {
         /// Where.
         site: FaultSite,
@@ -99,7 +103,11 @@ pub enum FaultLimitsError {
         value: f64,
     },
     /// A range that is not finite or not in order.
-    #[error("{site}: the range of '{code}' is {low}..={high}; it must be finite and in order")]
+    #[error(
+        "{site}: the range of '{code}' is {low}..={high}; it must be finite and in order",
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
     Range {
         /// Where.
         site: FaultSite,

@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use crate::decimal::Decimal;
 use crate::math::{Real, is_finite, real, round};
 use crate::tendon::{Pair, Pairs};
 
@@ -17,7 +18,11 @@ pub struct SafeRamp<T: Real, const N: usize> {
 #[non_exhaustive]
 pub enum RampError {
     /// A time of less than two samples, or of more than can be counted.
-    #[error("a ramp of {seconds} s at {sample_hz} Hz; it must take 2 to {max} samples", max = u32::MAX)]
+    #[error(
+        "a ramp of {seconds} s at {sample_hz} Hz; it must take 2 to {max} samples", max = u32::MAX,
+        seconds = Decimal(*.seconds),
+        sample_hz = Decimal(*.sample_hz),
+    )]
     Time {
         /// The time, s.
         seconds: f64,
@@ -25,7 +30,11 @@ pub enum RampError {
         sample_hz: f64,
     },
     /// A tension that is not finite.
-    #[error("a ramp from {from} N to {to} N at joint {joint}")]
+    #[error(
+        "a ramp from {from} N to {to} N at joint {joint}",
+        from = Decimal(*.from),
+        to = Decimal(*.to),
+    )]
     Tension {
         /// The joint, from 0.
         joint: usize,

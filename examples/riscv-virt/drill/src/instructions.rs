@@ -209,6 +209,7 @@ fn messages(hart: &Hart, mailbox: &Post<'_, Hart>, counts: &mut Counts) -> Resul
 const BODY: u32 = 5;
 
 /// Counts a run of a loop. It brings its address along, so that its length depends on no compiler.
+#[expect(clippy::inline_always, reason = "a call would be counted, too")]
 #[inline(always)]
 fn body<const LOOP: usize>() {
     const { assert!(LOOP < LOOPS) };
@@ -261,6 +262,7 @@ fn taken_until(runs: &AtomicU32, number: u32) -> u32 {
 }
 
 /// The counter, which counts this read, too.
+#[expect(clippy::inline_always, reason = "a call would be counted, too")]
 #[inline(always)]
 fn counter() -> u64 {
     let count;
@@ -270,6 +272,7 @@ fn counter() -> u64 {
 }
 
 /// Instructions since a read of the counter, and before this one.
+#[expect(clippy::inline_always, reason = "a call would be counted, too")]
 #[inline(always)]
 fn since(begun: u64) -> u32 {
     counter().wrapping_sub(begun).wrapping_sub(1) as u32

@@ -2,6 +2,7 @@
 
 use condor_fs::Error as FileError;
 use condor_hand::config::Name;
+use condor_hand::decimal::Decimal;
 use condor_hand::message::ClientError;
 use condor_hand::tendon::fault::Fault;
 use condor_hand::trajectory::image::ImageError;
@@ -16,21 +17,21 @@ use crate::{JOINTS, plant, table};
 /// Why a command is not done.
 #[derive(Debug, Error)]
 pub(super) enum Problem<'l> {
-    #[error("there is no command {0:?}; `help` lists them")]
+    #[error("there is no command \"{0}\"; `help` lists them")]
     Command(&'l str),
     #[error("{0} is missing")]
     Missing(&'static str),
-    #[error("{word:?} is not {what}")]
+    #[error("\"{word}\" is not {what}")]
     Not { word: &'l str, what: &'static str },
-    #[error("{0:?} is one word too many")]
+    #[error("\"{0}\" is one word too many")]
     TooMany(&'l str),
-    #[error("no finger is called {0:?}; `status` shows all")]
+    #[error("no finger is called \"{0}\"; `status` shows all")]
     Finger(&'l str),
-    #[error("no joint is called {0:?}; `status` shows all")]
+    #[error("no joint is called \"{0}\"; `status` shows all")]
     Joint(&'l str),
-    #[error("{0:?} is no name of a motion: letters, digits, - and _, at most {max}", max = NAME_BYTES)]
+    #[error("\"{0}\" is no name of a motion: letters, digits, - and _, at most {max}", max = NAME_BYTES)]
     Name(&'l str),
-    #[error("the law has no gain {0:?}; `gains FINGER.JOINT` shows all")]
+    #[error("the law has no gain \"{0}\"; `gains FINGER.JOINT` shows all")]
     Gain(&'l str),
     #[error("{0} is not enabled: `enable` takes it up where it is")]
     NotEnabled(Name),
@@ -49,7 +50,10 @@ pub(super) enum Problem<'l> {
     #[error("motion {0} has a guard of torque, tension or contact, which the master does not see")]
     Guard(u32),
     #[error(
-        "motion {number}: joint {joint} would go to {value} rad; it may be in {low}..={high} rad"
+        "motion {number}: joint {joint} would go to {value} rad; it may be in {low}..={high} rad",
+        value = Decimal(*.value),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
     )]
     Beyond {
         number: u32,
@@ -179,7 +183,8 @@ impl<'l> Words<'l> {
 }
 
 fn number<'l>(word: &'l str, what: &'static str) -> Result<f64, Problem<'l>> {
-    let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
+    let value = Decimal::parse(word).map(|value| value.0);
+    let value = value.filter(|value| value.is_finite());
     value.ok_or(Problem::Not { word, what })
 }
 

@@ -1,8 +1,9 @@
 //! What `status` and `gains` show, in lines of at most 80 columns.
 
-use core::fmt::{self, Display};
+use core::fmt::{self, Display, Write as _};
 
 use condor_hand::config::Finger;
+use condor_hand::decimal::Decimal;
 use condor_hand::message::Status;
 use condor_hand::servo::{JointGains, Mode, PositionLaw};
 use condor_hand::tendon::TensionGains;
@@ -45,21 +46,34 @@ impl Display for Gains {
                         kv,
                         ki,
                         integral_nm,
-                    } => write!(f, "kp {kp} kv {kv} ki {ki} integral_nm {integral_nm}")?,
+                    } => write!(
+                        f,
+                        "kp {} kv {} ki {} integral_nm {}",
+                        Decimal(*kp),
+                        Decimal(*kv),
+                        Decimal(*ki),
+                        Decimal(*integral_nm)
+                    )?,
                     PositionLaw::ComputedTorque {
                         bandwidth_hz,
                         damping_ratio,
                     } => write!(
                         f,
-                        "bandwidth_hz {bandwidth_hz} damping_ratio {damping_ratio}"
+                        "bandwidth_hz {} damping_ratio {}",
+                        Decimal(*bandwidth_hz),
+                        Decimal(*damping_ratio)
                     )?,
                 }
-                return write!(f, " k_torque {k_torque}");
+                return write!(f, " k_torque {}", Decimal(*k_torque));
             }
         };
         write!(
             f,
-            "{side}.kt {kt} {side}.ki {ki} {side}.kd {kd} {side}.kv {kv}"
+            "{side}.kt {} {side}.ki {} {side}.kd {} {side}.kv {}",
+            Decimal(*kt),
+            Decimal(*ki),
+            Decimal(*kd),
+            Decimal(*kv)
         )
     }
 }
@@ -103,7 +117,12 @@ impl Display for Row<'_> {
         for (number, joint) in self.finger.joints.iter().enumerate() {
             let width = column(&joint.name);
             match self.measured.and_then(|all| all.get(number).copied()) {
-                Some(position) => write!(f, "{position:>width$.3}")?,
+                Some(position) => {
+                    let mut text = heapless::String::<16>::new();
+                    // No joint has as many digits.
+                    let _ = write!(text, "{:.3}", Decimal(position));
+                    write!(f, "{text:>width$}")?;
+                }
                 None => write!(f, "{:>width$}", "-")?,
             }
         }

@@ -1,0 +1,312 @@
+//! [`Decimal`]: numbers as text, without a path that panics.
+//!
+//! Core prints and reads floating point to the last bit, by code with checks of its own that panic. A
+//! firmware in which nothing can panic, and which is searched for that, cannot have it; so the errors of
+//! control, from set-points to tendons, print their numbers in this way.
+
+use core::fmt::{self, Write as _};
+
+use crate::math;
+
+/// A number as people write it: `0.25`, `-1200`, `1.5e-21`.
+///
+/// It shows with twelve significant digits at most, without zeros at the end, or with as many digits
+/// after the point as a precision asks for, as in `{:.3}`. A width is not looked at.
+///
+/// ```
+/// use condor_hand::decimal::Decimal;
+///
+/// assert_eq!(Decimal(0.1 + 0.2).to_string(), "0.3");
+/// assert_eq!(format!("{:.3}", Decimal(-1.23456)), "-1.235");
+/// assert_eq!(Decimal::parse("25e-2"), Some(Decimal(0.25)));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decimal(pub f64);
+
+/// The numbers that have twelve digits before the point.
+const LEAST: f64 = 1e11;
+const END: f64 = 1e12;
+/// Digits that a 64-bit word has for certain, before the point and after.
+const WORD_DIGITS: u32 = 18;
+/// Powers of ten that are exact.
+const POWERS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+    1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
+];
+/// No number has as large an exponent, however many digits are before it.
+const MOST_EXPONENT: i32 = 100_000;
+
+impl Decimal {
+    /// Reads digits with at most one point, a sign before them, and an exponent after `e`.
+    ///
+    /// It is the nearest number if there are at most fifteen digits, and the exponent, counted from the
+    /// last of them, is at most 22; else it is close to that.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        let (is_negative, text) = sign(text);
+        let (digits, exponent) = match text.split_once(['e', 'E']) {
+            Some((digits, exponent)) => (digits, whole(exponent)?),
+            None => (text, 0),
+        };
+        let (before, after) = digits.split_once('.').unwrap_or((digits, ""));
+        let mut word = 0_u64;
+        let mut places = 0_i32;
+        let mut is_empty = true;
+        for (part, is_after) in [(before, false), (after, true)] {
+            for digit in part.chars() {
+                let digit = digit.to_digit(10)?;
+                is_empty = false;
+                let longer = word.checked_mul(10);
+                match longer.and_then(|longer| longer.checked_add(digit.into())) {
+                    Some(longer) => {
+                        word = longer;
+                        places = places.saturating_sub(is_after.into());
+                    }
+                    // The word is full: the digit is only a place.
+                    None => places = places.saturating_add((!is_after).into()),
+                }
+            }
+        }
+        #[expect(clippy::cast_precision_loss, reason = "fifteen digits lose nothing")]
+        let magnitude = scaled(word as f64, exponent.saturating_add(places));
+        let value = if is_negative { -magnitude } else { magnitude };
+        (!is_empty).then_some(Self(value))
+    }
+}
+
+impl fmt::Display for Decimal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(value) = *self;
+        if value.is_nan() {
+            return f.write_str("NaN");
+        }
+        if value.is_sign_negative() {
+            f.write_char('-')?;
+        }
+        let magnitude = math::abs(value);
+        if magnitude == f64::INFINITY {
+            return f.write_str("inf");
+        }
+        let asked = f.precision().and_then(|digits| u32::try_from(digits).ok());
+        if let Some(after) = asked.filter(|&after| after <= WORD_DIGITS) {
+            let all = magnitude * power(after);
+            if all < power(WORD_DIGITS) {
+                return put(f, nearest(all), after);
+            }
+        }
+        short(f, magnitude)
+    }
+}
+
+/// So many significant digits as there are to show.
+fn short(f: &mut fmt::Formatter<'_>, magnitude: f64) -> fmt::Result {
+    if magnitude == 0.0 {
+        return f.write_char('0');
+    }
+    // As digits before a point, and a power of ten.
+    let (mut digits, mut exponent) = (magnitude, 0_i32);
+    while digits >= END {
+        digits /= 10.0;
+        exponent = exponent.saturating_add(1);
+    }
+    // Small numbers in strides: a power of ten may be too large for all at once.
+    while digits < LEAST {
+        let (stride, power) = if digits < 1.0 { (11, 1e11) } else { (1, 10.0) };
+        digits *= power;
+        exponent = exponent.saturating_sub(stride);
+    }
+    let mut word = nearest(digits);
+    while word != 0 && word.is_multiple_of(10) {
+        word /= 10;
+        exponent = exponent.saturating_add(1);
+    }
+    let most = WORD_DIGITS.cast_signed();
+    let after_first = word.checked_ilog10().unwrap_or(0);
+    let largest = exponent.saturating_add(after_first.cast_signed());
+    if exponent >= 0 && largest < most {
+        let zeros = 10_u64.checked_pow(exponent.unsigned_abs());
+        return put(f, word.saturating_mul(zeros.unwrap_or(1)), 0);
+    }
+    if (-most..0).contains(&exponent) {
+        return put(f, word, exponent.unsigned_abs());
+    }
+    put(f, word, after_first)?;
+    write!(f, "e{largest}")
+}
+
+/// The digits of a word, the last `after` of them after a point.
+fn put(f: &mut fmt::Formatter<'_>, word: u64, after: u32) -> fmt::Result {
+    let first = word.checked_ilog10().unwrap_or(0).max(after);
+    for place in (0..=first).rev() {
+        let shifted = 10_u64
+            .checked_pow(place)
+            .and_then(|unit| word.checked_div(unit));
+        let digit = (shifted.unwrap_or(0) % 10) as u8;
+        f.write_char(char::from(b'0'.wrapping_add(digit)))?;
+        if place == after && place > 0 {
+            f.write_char('.')?;
+        }
+    }
+    Ok(())
+}
+
+/// The nearest whole number to one that is not negative.
+#[expect(clippy::cast_sign_loss, reason = "there is no sign")]
+fn nearest(magnitude: f64) -> u64 {
+    (magnitude + 0.5) as u64
+}
+
+/// Ten to a power that a number is scaled by exactly.
+fn power(exponent: u32) -> f64 {
+    let power = POWERS.get(exponent as usize);
+    power.copied().unwrap_or(f64::INFINITY)
+}
+
+/// A number times a power of ten.
+fn scaled(mut value: f64, exponent: i32) -> f64 {
+    let most = POWERS.len().saturating_sub(1) as u32;
+    let mut left = exponent.unsigned_abs();
+    // Beyond, it stays 0 or infinite.
+    while left > 0 && value != 0.0 && value.is_finite() {
+        let step = left.min(most);
+        if exponent > 0 {
+            value *= power(step);
+        } else {
+            value /= power(step);
+        }
+        left = left.saturating_sub(step);
+    }
+    value
+}
+
+/// Whether there is a minus, and what follows the sign.
+fn sign(text: &str) -> (bool, &str) {
+    match text.strip_prefix('-') {
+        Some(rest) => (true, rest),
+        None => (false, text.strip_prefix('+').unwrap_or(text)),
+    }
+}
+
+/// An exponent.
+fn whole(text: &str) -> Option<i32> {
+    let (is_negative, digits) = sign(text);
+    let mut value = None;
+    for digit in digits.chars() {
+        let so_far = value.unwrap_or(0_i32).saturating_mul(10);
+        let digit = digit.to_digit(10)?.cast_signed();
+        value = Some(so_far.saturating_add(digit).min(MOST_EXPONENT));
+    }
+    value.map(|value: i32| {
+        if is_negative {
+            value.saturating_neg()
+        } else {
+            value
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::string::ToString as _;
+
+    use proptest::prelude::*;
+
+    use super::Decimal;
+
+    #[test]
+    fn shows_numbers_as_people_write_them() {
+        for (value, text) in [
+            (0.0, "0"),
+            (-0.0, "-0"),
+            (1.0, "1"),
+            (-1200.0, "-1200"),
+            (0.7, "0.7"),
+            (0.1 + 0.2, "0.3"),
+            (1.0 / 3.0, "0.333333333333"),
+            (2.0e9, "2000000000"),
+            (123_456_789_012.0, "123456789012"),
+            (1e17, "100000000000000000"),
+            (0.000_012_5, "0.0000125"),
+            (1.5e-21, "1.5e-21"),
+            (9.999_999_999_999_99, "10"),
+            (1e300, "1e300"),
+            (-2.5e-300, "-2.5e-300"),
+            (5e-324, "4.94065645841e-324"),
+            (f64::MAX, "1.79769313486e308"),
+            (f64::INFINITY, "inf"),
+            (f64::NEG_INFINITY, "-inf"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(Decimal(value).to_string(), text);
+        }
+    }
+
+    #[test]
+    fn reads_what_is_a_number_and_nothing_else() {
+        for text in [
+            "", "-", ".", "e5", "1e", "1e+", "1.2.3", "0x10", "1 ", "inf", "nan", "--1",
+        ] {
+            assert_eq!(Decimal::parse(text), None, "{text}");
+        }
+        for text in [
+            "1",
+            "+1",
+            "-.5",
+            "5.",
+            "1e22",
+            "123456789012345e-22",
+            "000.100",
+            "7E+2",
+        ] {
+            assert_eq!(
+                Decimal::parse(text),
+                text.parse().ok().map(Decimal),
+                "{text}"
+            );
+        }
+        let infinite = Some(Decimal(f64::INFINITY));
+        assert_eq!(Decimal::parse("1e999999999999"), infinite);
+        assert_eq!(Decimal::parse("1e-999999999999"), Some(Decimal(0.0)));
+    }
+
+    proptest! {
+        #[test]
+        fn shows_as_core_does_with_a_precision(value in -1e6..1e6_f64, after in 0..6_usize) {
+            let ours = std::format!("{:.after$}", Decimal(value));
+            let ours: f64 = ours.parse().unwrap();
+            // Ties may go another way.
+            let unit = 1.0 / super::POWERS[after];
+            prop_assert!((ours - value).abs() <= 0.500_001 * unit);
+        }
+
+        #[test]
+        fn shows_twelve_digits_of_any_number(bits: u64) {
+            let value = f64::from_bits(bits);
+            prop_assume!(value.is_normal());
+            let back: f64 = Decimal(value).to_string().parse().unwrap();
+            prop_assert!(((back - value) / value).abs() < 6e-12, "{value} {}", Decimal(value));
+        }
+
+        #[test]
+        fn reads_fifteen_digits_as_core_does(
+            digits in 0_u64..1_000_000_000_000_000,
+            exponent in -22..=22_i32,
+        ) {
+            let text = std::format!("{digits}e{exponent}");
+            prop_assert_eq!(Decimal::parse(&text), text.parse().ok().map(Decimal));
+        }
+
+        #[test]
+        fn reads_any_number_closely(bits: u64) {
+            let value = f64::from_bits(bits);
+            prop_assume!(value.is_normal());
+            let read = Decimal::parse(&std::format!("{value:e}")).unwrap().0;
+            prop_assert!(read == value || ((read - value) / value).abs() < 1e-14, "{value} {read}");
+        }
+
+        #[test]
+        fn takes_any_text(text in ".*") {
+            let _ = Decimal::parse(&text);
+        }
+    }
+}
