@@ -5,6 +5,7 @@ use condor_host::PROCESSORS;
 use condor_host::harts::{Map, map};
 use condor_mbox::riscv::MsipDoorbell;
 use condor_mbox::{Clock, Doorbell, Instant, Processor};
+use riscv::register::time;
 
 use crate::link;
 use crate::machine::{CLINT, MTIME_HZ};
@@ -60,9 +61,12 @@ impl HartBell {
 }
 
 impl Clock for HartBell {
+    /// By the hart's own view of `mtime`: an access to the device takes far longer, and harts wait for
+    /// each other there.
     #[inline]
     fn now(&self) -> Instant {
-        self.msip.now()
+        const NS: u64 = 1_000_000_000 / MTIME_HZ.get() as u64;
+        Instant::from_ns(time::read64().wrapping_mul(NS))
     }
 }
 
