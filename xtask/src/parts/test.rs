@@ -15,7 +15,12 @@ const RUNS: [&[&str]; 2] = [
         "condor-tty",
         "xtask",
     ],
-    &["condor-host", "condor-mos", "examples/utah-mit-hand"],
+    &[
+        "condor-host",
+        "condor-mos",
+        "examples/drills",
+        "examples/utah-mit-hand",
+    ],
 ];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
