@@ -69,7 +69,7 @@ fn what_cannot_be_laid_out_is_said() {
     );
     assert_eq!(
         Map::new(MEMORY, &[3, 3], 65536, 0),
-        Err(MapError::Number { hart: 0, number: 3 })
+        Err(MapError::Number { hart: 1, number: 3 })
     );
     assert!(matches!(
         Map::new(MEMORY, &[0], 1 << 20, 0),
