@@ -39,7 +39,7 @@ record NAME                        from now on what runs; `save` ends it
 save [NAME], load NAME             in the files of the host
 table [X Y Z [SPEED]]              in m; table home, table stop, table off
 grasp [N/M], release               the ball, with a stiffness
-ball [RADIUS [MASS]], ball none    a simulated one, held until `letgo [TIME]`
+ball [RADIUS [MASS]], ball none    simulated, held until `letgo [SECONDS]`
 push N N N                         the ball
 fault FINGER.JOINT SENSOR          position sticks; flexor, extensor break
 clear                              mends all that
