@@ -6,7 +6,6 @@ use condor_mos::riscv::Clint;
 use riscv::register::mhartid;
 
 use crate::bell::HARTS;
-use crate::trap::masked;
 
 /// The hooks of a hart. What they borrow is in frames that are still there; see [`with`].
 #[derive(Clone, Copy)]
@@ -37,12 +36,12 @@ static HOOKS: OfHarts = OfHarts([const { Cell::new(NONE) }; HARTS]);
 
 /// Those of this hart.
 pub(crate) fn get() -> Hooks {
-    masked(|_| HOOKS.0.get(mhartid::read()).map_or(NONE, Cell::get))
+    critical_section::with(|_| HOOKS.0.get(mhartid::read()).map_or(NONE, Cell::get))
 }
 
 /// Changes those of this hart.
 pub(crate) fn change(change: impl FnOnce(&mut Hooks)) {
-    masked(|_| {
+    critical_section::with(|_| {
         if let Some(cell) = HOOKS.0.get(mhartid::read()) {
             let mut hooks = cell.get();
             change(&mut hooks);

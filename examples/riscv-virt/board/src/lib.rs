@@ -38,7 +38,6 @@ pub use hart::{Hart, HartError};
 pub use machine::MTIME;
 pub use memory::memory;
 pub use program::{start, status};
-pub use trap::masked;
 
 /// What the monitor does that programs do not.
 pub mod resident;

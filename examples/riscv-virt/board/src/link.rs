@@ -11,7 +11,6 @@ use condor_dev::{Bus, Mmio};
 use condor_host::harts::map;
 
 use crate::machine::{RAM, UART, UART_BYTES};
-use crate::trap::masked;
 
 const DATA: usize = UART;
 const INTERRUPTS: usize = UART + 1;
@@ -70,7 +69,7 @@ pub(crate) fn ring(number: u8) {
 /// Sends as much as the port takes of what is wanted.
 pub(crate) fn send() {
     let Shared { wanted, held } = shared();
-    masked(|_| {
+    critical_section::with(|_| {
         // Of those who come while the port is held, its holder sends: it looks once more after it has
         // let go, and each bit is set before its setter finds the port held.
         while wanted.load(Ordering::SeqCst) != 0 && held.swap(1, Ordering::SeqCst) == 0 {

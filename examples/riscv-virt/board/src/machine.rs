@@ -30,7 +30,6 @@ pub const MTIME: Rate = Rate::hz(MTIME_HZ.get());
 
 /// Machine interrupts, as bits of `mie`.
 pub(crate) const SOFTWARE: usize = 1 << 3;
-pub(crate) const TIMER: usize = 1 << 7;
 pub(crate) const EXTERNAL: usize = 1 << 11;
 
 /// Causes of traps.

@@ -9,7 +9,6 @@ use condor_host::harts::map::STACK_BYTES;
 
 use crate::hart::Hart;
 use crate::machine::{CLINT, RAM};
-use crate::trap::masked;
 
 /// Bytes of a stack.
 pub const BYTES: u32 = STACK_BYTES;
@@ -40,7 +39,7 @@ pub fn deepest(hart: &Hart) -> u32 {
 pub fn paint(hart: &Hart) {
     let begin = begin(hart);
     // An interrupt would leave its frames there.
-    masked(|_| {
+    critical_section::with(|_| {
         // SAFETY: what lies below the stack pointer is nobody's.
         unsafe {
             asm!(

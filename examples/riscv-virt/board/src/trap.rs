@@ -11,10 +11,7 @@ use condor_mbox::{Doorbell as _, Processor};
 use condor_mos::riscv::preserving_floats;
 use riscv::register::{mhartid, mie, mstatus};
 
-use crate::machine::{
-    EXTERNAL, MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, SOFTWARE, TIMER, UART_VECTOR,
-    cause,
-};
+use crate::machine::{MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, UART_VECTOR, cause};
 use crate::memory::{LEAST_BYTES, memory};
 use crate::resident::Return;
 use crate::{bell, hooks, link};
@@ -54,14 +51,12 @@ pub(crate) fn listen() {
 
 /// Enables what a hart is to be interrupted by besides its timer, and interrupts.
 pub(crate) fn open() {
-    let external = if mhartid::read() == RECEIVER {
-        EXTERNAL
-    } else {
-        0
-    };
     // SAFETY: the trap entry is set up, and no critical section is in progress.
     unsafe {
-        core::arch::asm!("csrs mie, {bits}", bits = in(reg) external | SOFTWARE);
+        if mhartid::read() == RECEIVER {
+            mie::set_mext();
+        }
+        mie::set_msoft();
         mstatus::set_mie();
     }
 }
@@ -71,24 +66,11 @@ pub(crate) fn time(on: bool) {
     // SAFETY: a handler is there while it is on.
     unsafe {
         if on {
-            core::arch::asm!("csrs mie, {bits}", bits = in(reg) TIMER);
+            mie::set_mtimer();
         } else {
-            core::arch::asm!("csrc mie, {bits}", bits = in(reg) TIMER);
+            mie::clear_mtimer();
         }
     }
-}
-
-/// Runs `body` with interrupts masked; it is told whether they were not before.
-pub fn masked<R>(body: impl FnOnce(bool) -> R) -> R {
-    let interruptible = mstatus::read().mie();
-    // SAFETY: masking interrupts breaks nobody's section.
-    unsafe { mstatus::clear_mie() };
-    let result = body(interruptible);
-    if interruptible {
-        // SAFETY: they were enabled before, so no section is in progress.
-        unsafe { mstatus::set_mie() };
-    }
-    result
 }
 
 /// Every interrupt comes here from `trap.s`, with interrupts masked.

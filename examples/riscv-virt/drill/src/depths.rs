@@ -151,7 +151,7 @@ impl Levels<'_, '_> {
                     *depth = self.mailbox_alone(me, nested)?;
                 }
                 let now = hart.doorbell().now();
-                depths.background = board::masked(|_| self.background(me, now, true))?;
+                depths.background = critical_section::with(|_| self.background(me, now, true))?;
                 scheduler.enable(SLOW)?;
                 scheduler.enable(FAST)?;
                 stack::paint(hart);
@@ -186,7 +186,7 @@ impl Levels<'_, '_> {
         let mut most = 0;
         self.timed(scheduler, || {
             for _ in 0..LOOKS {
-                most = board::masked(|_| stack::taken(self.hart, ticks)).max(most);
+                most = critical_section::with(|_| stack::taken(self.hart, ticks)).max(most);
                 // There is room for the next.
                 self.mailbox.service(PATIENCE)?;
             }
@@ -199,7 +199,7 @@ impl Levels<'_, '_> {
     fn mailbox_alone(&self, me: Processor, nested: u32) -> Result<u32, Failure> {
         let mut most = 0;
         for _ in 0..LOOKS {
-            let taken = board::masked(|_| -> Result<_, Failure> {
+            let taken = critical_section::with(|_| -> Result<_, Failure> {
                 let mut ticket = self.mailbox.begin(me, ASK, nested)?;
                 let taken = stack::taken(self.hart, LONGER_THAN_HANDLER);
                 match ticket.poll()? {
