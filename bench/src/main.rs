@@ -17,6 +17,7 @@ mod options;
 mod process;
 mod riscv_instructions;
 mod shuffle;
+mod swing;
 mod system;
 mod tty;
 

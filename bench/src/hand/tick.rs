@@ -6,7 +6,6 @@
 //! dynamics, or make the torques of a grasp with a stiffness.
 
 use std::array;
-use std::f64::consts::TAU;
 use std::hint::black_box;
 
 use condor_hand::controller::FingerController;
@@ -24,16 +23,11 @@ use nalgebra::{SVector, Vector3};
 use super::kinematics::{Tips, no_tips};
 use super::race::{Lane, Race};
 use super::subject::{FINGERS, GRAVITY, JOINTS, Joints, Subject};
+use crate::swing::{self, TICKS};
 use crate::{Result, allocations};
-
-/// Ticks after which the motion begins anew.
-const TICKS: usize = 512;
 
 /// Ticks that are watched for allocations.
 const WATCHED: usize = 4 * TICKS;
-
-/// Cutoffs of all filters, Hz.
-const CUTOFF_HZ: f64 = 100.0;
 
 type Controllers = [FingerController<PlanarFinger, JOINTS>; FINGERS];
 type Grasp = GraspStiffness<f64, FINGERS, JOINTS>;
@@ -65,42 +59,14 @@ impl Hand {
     /// Swings about the middle of all ranges, so far as part of them.
     fn new(subject: &Subject, swing: f64) -> Result<Self> {
         let mut config = subject.config.clone();
-        for joint in config
-            .fingers
-            .iter_mut()
-            .flat_map(|finger| &mut finger.joints)
-        {
-            joint.servo.position_cutoff_hz = Some(CUTOFF_HZ);
-            joint.flexor.cutoff_hz = Some(CUTOFF_HZ);
-            joint.extensor.cutoff_hz = Some(CUTOFF_HZ);
-        }
+        swing::filter_all(&mut config);
         let servo_hz = f64::from(config.servo_hz);
         let mut controllers = Vec::new();
-        let mut limits = Vec::new();
         for (finger, planar) in config.fingers.iter().zip(&subject.planar) {
             controllers.push(FingerController::new(&config, finger, *planar)?);
-            limits.push(finger.limits());
         }
-        let motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]> = (0..TICKS)
-            .map(|tick| {
-                array::from_fn(|finger| {
-                    array::from_fn(|joint| {
-                        let (low, high) = (limits[finger].low[joint], limits[finger].high[joint]);
-                        // Whole swings in all ticks.
-                        let swings = (1 + (finger + joint) % 3) as f64;
-                        let angle =
-                            TAU * (swings * tick as f64 / TICKS as f64 + 0.1 * joint as f64);
-                        let rate = TAU * swings * servo_hz / TICKS as f64;
-                        let size = swing * (high - low);
-                        SetPoint {
-                            position: f64::midpoint(low, high) + size * angle.sin(),
-                            velocity: size * rate * angle.cos(),
-                            acceleration: -size * rate * rate * angle.sin(),
-                        }
-                    })
-                })
-            })
-            .collect();
+        let limits = array::from_fn(|finger: usize| config.fingers[finger].limits());
+        let motion = swing::motion(&limits, swing, servo_hz);
         let start = motion[0].map(|finger| SVector::from(finger.map(|joint| joint.position)));
         Ok(Self {
             controllers: controllers

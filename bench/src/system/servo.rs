@@ -4,7 +4,6 @@
 //! acceleration of the table. Set-points come through shared memory in one tick of eight.
 
 use std::array;
-use std::f64::consts::TAU;
 
 use condor_hand::config::{Channel, Finger};
 use condor_hand::controller::{FingerController, Tick, read_finger, write_finger};
@@ -16,15 +15,12 @@ use condor_mbox::{Exclusion, MemoryWindow, Published, Publisher, Region};
 use nalgebra::Vector3;
 
 use crate::Result;
+use crate::swing::{self, TICKS};
 
 const JOINTS: usize = 4;
 const TEXT: &str = include_str!("../../../condor-hand/hands/utah-mit.toml");
-/// Ticks after which the motion begins anew.
-const TICKS: usize = 512;
 /// How far the joints swing, as a part of their ranges.
 const SWING: f64 = 0.2;
-/// Cutoffs of all filters, Hz.
-const CUTOFF_HZ: f64 = 100.0;
 /// Boards and lines that a channel may name.
 const BOARDS: usize = 8;
 const LINES: usize = 64;
@@ -49,37 +45,10 @@ impl<const F: usize> Bench<F> {
     /// The fingers `served` of the shipped hand, with every filter that there is.
     pub(super) fn new(served: [usize; F]) -> Result<Self> {
         let mut hand = Hand::from_toml(TEXT, "utah-mit.toml").map_err(|error| error.to_string())?;
-        for joint in hand
-            .fingers
-            .iter_mut()
-            .flat_map(|finger| &mut finger.joints)
-        {
-            joint.servo.position_cutoff_hz = Some(CUTOFF_HZ);
-            joint.flexor.cutoff_hz = Some(CUTOFF_HZ);
-            joint.extensor.cutoff_hz = Some(CUTOFF_HZ);
-        }
+        swing::filter_all(&mut hand);
         let servo_hz = f64::from(hand.servo_hz);
         let limits = served.map(|finger| hand.fingers[finger].limits());
-        let motion: Vec<[[SetPoint<f64>; JOINTS]; F]> = (0..TICKS)
-            .map(|tick| {
-                array::from_fn(|finger| {
-                    array::from_fn(|joint| {
-                        let (low, high) = (limits[finger].low[joint], limits[finger].high[joint]);
-                        // Whole swings in all ticks.
-                        let swings = (1 + (finger + joint) % 3) as f64;
-                        let angle =
-                            TAU * (swings * tick as f64 / TICKS as f64 + 0.1 * joint as f64);
-                        let rate = TAU * swings * servo_hz / TICKS as f64;
-                        let size = SWING * (high - low);
-                        SetPoint {
-                            position: f64::midpoint(low, high) + size * angle.sin(),
-                            velocity: size * rate * angle.cos(),
-                            acceleration: -size * rate * rate * angle.sin(),
-                        }
-                    })
-                })
-            })
-            .collect();
+        let motion = swing::motion(&limits, SWING, servo_hz);
         let counts = motion
             .iter()
             .map(|fingers| {
