@@ -415,12 +415,15 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         match outcome {
             Ok(ticks) => {
                 let name = self.record.map_or("", |(record, _)| record.file);
-                let line = format_args!("recorded {ticks} ticks in {name}");
-                say::<M>(terminal, self.mailbox, line);
+                say::<M>(
+                    terminal,
+                    self.mailbox,
+                    format_args!("recorded {ticks} ticks in {name}"),
+                );
             }
             Err(error) => {
-                let line = format_args!("{}", self.unrecorded(error));
-                say::<M>(terminal, self.mailbox, line);
+                let line = self.unrecorded(error);
+                say::<M>(terminal, self.mailbox, format_args!("{line}"));
             }
         }
     }
