@@ -4,7 +4,7 @@
 mod devices;
 #[path = "../../condor-fs/tests/hostile/mod.rs"]
 mod files;
-#[path = "../../condor-hand/tests/hostile/mod.rs"]
+#[path = "../../condor-hand/tests/hand/hostile/mod.rs"]
 mod hands;
 #[allow(dead_code)]
 #[path = "../../condor-fs/tests/peer/mod.rs"]

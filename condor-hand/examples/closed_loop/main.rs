@@ -1,12 +1,12 @@
 //! The shipped hand's controllers with their shipped gains, around a plant of your choice.
 //!
 //! Without a command the plant is the one of this package; with one it is another program, which
-//! answers lines of text as `tests/plant/mujoco_hand.py` does. The program fails where a goal is
+//! answers lines of text as `mujoco_hand.py` beside this file does. The program fails where a goal is
 //! not kept.
 //!
 //! ```text
 //! cargo run --release -p condor-hand --example closed_loop
-//! cargo run --release -p condor-hand --example closed_loop -- python condor-hand/tests/plant/mujoco_hand.py
+//! cargo run --release -p condor-hand --example closed_loop -- python condor-hand/examples/closed_loop/mujoco_hand.py
 //! ```
 
 mod process;

@@ -18,7 +18,7 @@ const COUNT: usize = FINGERS * JOINTS;
 /// How long a plant may think; a Python interpreter takes a while to start.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// The protocol is that of `tests/plant/mujoco_hand.py`: `reset` or `step` with numbers, answered by
+/// The protocol is that of `mujoco_hand.py`: `reset` or `step` with numbers, answered by
 /// positions, rates, tensions, and whatever else the plant has, in one line.
 pub(crate) struct Process {
     child: Child,

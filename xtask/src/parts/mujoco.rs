@@ -9,8 +9,8 @@ use crate::tools::need_python;
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let python = need_python(context, "target/mujoco", "mujoco numpy")?;
     let line = format!(
-        "cargo run --release -p condor-hand --example closed_loop -- \
-         {python} condor-hand/tests/plant/mujoco_hand.py"
+        "cargo run -p condor-hand --all-features --example closed_loop -- \
+         {python} condor-hand/examples/closed_loop/mujoco_hand.py"
     );
     let mut kept = 0;
     command(context, &line).watch(|line| kept += u32::from(line == "kept"))?;

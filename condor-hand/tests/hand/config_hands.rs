@@ -1,0 +1,261 @@
+//! The hands that ship say what they should, and become the mechanisms that they describe.
+#![cfg(feature = "text")]
+#![allow(
+    clippy::float_cmp,
+    reason = "a number of the file is the number of the hand, to the last bit"
+)]
+
+use condor_hand::config::{Form, Hand, Output, Processor, ProcessorKind};
+use condor_hand::math::{sin_cos, sqrt};
+use condor_hand::tendon::Pair;
+use condor_hand::tendon::Rectification;
+use nalgebra::{Matrix3, Vector3};
+use serde_json::Value;
+
+const UTAH: &str = include_str!("../../hands/utah-mit.toml");
+const ASYM: &str = include_str!("../hands/utah-mit-asym.toml");
+const TRIPOD: &str = include_str!("../hands/tripod.toml");
+
+fn utah() -> Hand<4, 4> {
+    Hand::from_toml(UTAH, "utah-mit.toml").unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn asym() -> Hand<4, 4> {
+    Hand::from_toml(ASYM, "utah-mit-asym.toml").unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn tripod<const F: usize, const J: usize>() -> Hand<F, J> {
+    Hand::from_toml(TRIPOD, "tripod.toml").unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn geometry() -> Value {
+    serde_json::from_str(include_str!("../reference/geometry.json")).unwrap()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+fn vector(value: &Value) -> Vector3<f64> {
+    Vector3::from_fn(|row, _| number(&value[row]))
+}
+
+fn matrix(value: &Value) -> Matrix3<f64> {
+    Matrix3::from_fn(|row, column| number(&value[row][column]))
+}
+
+#[test]
+fn the_utah_hand_is_that_of_the_reference_data() {
+    let (hand, geometry) = (utah(), geometry());
+    assert_eq!(hand.fingers.len(), 4);
+    for (index, finger) in hand.fingers.iter().enumerate() {
+        let planar = finger.planar().unwrap();
+        let base = &geometry["base"][index];
+        assert_eq!(planar.base.rotation, matrix(&base["R"]));
+        assert_eq!(planar.base.position, vector(&base["p"]));
+        let limits = finger.limits();
+        for joint in 0..4 {
+            assert_eq!(planar.lengths[joint], number(&geometry["l"][joint]));
+            assert_eq!(limits.low[joint], number(&geometry["qmin"][joint]));
+            assert_eq!(limits.high[joint], number(&geometry["qmax"][joint]));
+            let body = planar.bodies[joint];
+            assert_eq!(body.mass, number(&geometry["mass"][joint]));
+            assert_eq!(
+                Vector3::new(body.center, 0.0, 0.0),
+                vector(&geometry["com"][joint])
+            );
+            let inertia = matrix(&geometry["inertia_about_com"][joint]);
+            let error = Matrix3::from_diagonal(&body.inertia) - inertia;
+            assert!(error.norm() < 1e-12 * inertia.norm(), "{inertia}");
+        }
+    }
+    assert_eq!(Vector3::from(hand.gravity), vector(&geometry["gravity"]));
+}
+
+#[test]
+fn a_planar_finger_is_the_same_chain() {
+    let (hand, geometry) = (utah(), geometry());
+    for finger in &hand.fingers {
+        let (chain, planar) = (finger.chain(), finger.planar().unwrap());
+        assert_eq!(chain.base, planar.base);
+        assert_eq!(chain.tip, vector(&geometry["tip"]));
+        for joint in 0..4 {
+            let placed = chain.joints[joint];
+            assert_eq!(
+                placed.placement.position,
+                vector(&geometry["offsets"][joint])
+            );
+            assert_eq!(placed.placement.rotation, Matrix3::identity());
+            let axis = vector(&geometry["axes"][joint]);
+            assert_eq!(
+                placed.motion,
+                condor_hand::kinematics::Motion::Revolute(axis)
+            );
+            assert_eq!(
+                chain.bodies[joint].inertia.diagonal(),
+                planar.bodies[joint].inertia
+            );
+            assert_eq!(chain.bodies[joint].center.x, planar.bodies[joint].center);
+        }
+    }
+}
+
+#[test]
+fn the_moment_arms_are_those_of_the_reference_data() {
+    let geometry = geometry();
+    for (hand, name) in [(Box::new(utah()), "P_sym"), (Box::new(asym()), "P_asym")] {
+        for finger in &hand.fingers {
+            let arms = finger.moment_arms().unwrap();
+            for (joint, row) in arms.rows().iter().enumerate() {
+                for (tendon, pair) in row.iter().enumerate() {
+                    let expected = &geometry[name][joint];
+                    assert_eq!(
+                        pair.flexor,
+                        number(&expected[2 * tendon]),
+                        "{joint} {tendon}"
+                    );
+                    assert_eq!(pair.extensor, number(&expected[2 * tendon + 1]));
+                }
+            }
+            for joint in &finger.joints {
+                assert_eq!(joint.tension_range(), (4.0, 130.0));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_processors_are_those_of_the_memo() {
+    let hand = utah();
+    let indices = |number| {
+        let fingers = hand.fingers_on(number);
+        fingers.map(|(index, _)| index).collect::<Vec<_>>()
+    };
+    assert_eq!(indices(1), [0, 1]);
+    assert_eq!(indices(2), [2, 3]);
+    assert!(indices(0).is_empty() && indices(3).is_empty());
+    let rates = hand
+        .processors
+        .iter()
+        .map(|processor| hand.rate_hz(processor));
+    assert_eq!(rates.collect::<Vec<_>>(), [50, 400, 400, 400]);
+    // 400 Hz times 150 µs and eight joints of 200 µs.
+    assert!((hand.load(hand.processor(1).unwrap()) - 0.7).abs() < 1e-12);
+    // Sixteen positions and 32 tensions in, 32 tensions out, and three axes of the table.
+    assert_eq!(hand.wires().count(), 16 + 32 + 32 + 6);
+}
+
+#[test]
+fn every_channel_leads_to_its_wire_and_back() {
+    let (utah, tripod) = (utah(), tripod::<3, 3>());
+    for (channel, wire) in utah.wires() {
+        assert_eq!(utah.wire(channel), Some(wire));
+        let input = utah.input(wire).unwrap();
+        let output = utah.output(wire).map(Output::channel);
+        assert!(channel == input.channel() || Some(channel) == output);
+    }
+    assert_eq!(tripod.wires().count(), 9 * 5);
+}
+
+#[test]
+fn a_hand_of_another_kind_is_described_too() {
+    let hand = tripod::<3, 3>();
+    let finger = &hand.fingers[1];
+    assert!(finger.planar().is_none());
+    assert!(matches!(
+        finger.form,
+        Form::Chain {
+            tip: [0.02, 0.0, 0.0]
+        }
+    ));
+    let chain = finger.chain();
+    let (sine, cosine) = (sqrt(0.75), -0.5);
+    let turn = Matrix3::new(cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0);
+    assert!((chain.base.rotation - turn).norm() < 1e-15);
+    let (sine, cosine) = sin_cos(0.1);
+    let roll = chain.joints[1].placement.rotation;
+    assert!((roll * Vector3::y() - Vector3::new(0.0, cosine, sine)).norm() < 1e-15);
+    assert_eq!(
+        chain.joints[2].motion,
+        condor_hand::kinematics::Motion::Prismatic(Vector3::x())
+    );
+    assert_eq!(chain.bodies[0].inertia[(0, 1)], 1e-7);
+    assert_eq!(chain.bodies[0].inertia[(2, 1)], -1e-7);
+    assert_eq!(chain.bodies[2].mass, 0.0);
+    assert_eq!(finger.joints[2].tension_range(), (1.0, 30.0));
+    // From the finger that it is like, before what all joints have; the choices do not mix.
+    let mean = Rectification::Mean {
+        co_contraction_n: 5.0,
+    };
+    assert_eq!(finger.joints[2].rectification, mean);
+    assert_eq!(finger.joints[1].rectification, Rectification::Hard);
+    let nail = &finger.joints[2].adc;
+    assert_eq!((nail.channel, nail.bits, nail.gain), (15, 16, 1e-6));
+    let servo = hand
+        .processors
+        .iter()
+        .find(|entry| entry.kind == ProcessorKind::Servo)
+        .unwrap();
+    assert_eq!(hand.rate_hz(servo), 2000);
+    assert_eq!(hand.fingers_on(7).count(), 3);
+    let arms = finger.moment_arms().unwrap();
+    assert_eq!(arms.rows()[0][1], Pair::both(0.001));
+    let extensor = finger.joints[0].extensor;
+    assert_eq!(
+        [0.0, 30.0, 40.0, 99.0].map(|n| extensor.dac.counts(n)),
+        [1000, 250, 0, 0]
+    );
+    assert!((extensor.adc.value(30_000) - 30.0).abs() < 1e-12);
+    assert_eq!(extensor.dac.counts(f64::NAN), 1000);
+    assert_eq!(extensor.dac.counts(f64::INFINITY), 0);
+}
+
+#[test]
+fn room_to_spare_changes_nothing() {
+    let (small, large) = (tripod::<3, 3>(), tripod::<5, 6>());
+    for (small, large) in small.fingers.iter().zip(&large.fingers) {
+        let (few, many) = (small.chain(), large.chain());
+        assert_eq!(few.joints, many.joints[..3]);
+        assert_eq!(few.bodies, many.bodies[..3]);
+        assert_eq!(few.tip, many.tip);
+        assert!(
+            many.joints[3..]
+                .iter()
+                .all(|joint| joint.motion == condor_hand::kinematics::Motion::Fixed)
+        );
+        let (few, many) = (small.moment_arms().unwrap(), large.moment_arms().unwrap());
+        for joint in 0..3 {
+            assert_eq!(few.rows()[joint], many.rows()[joint][..3]);
+        }
+        assert_eq!(
+            many.rows()[4][4],
+            Pair {
+                flexor: 1.0,
+                extensor: -1.0
+            }
+        );
+    }
+}
+
+#[test]
+fn a_processor_without_a_rate_has_that_of_its_kind() {
+    let mut hand = utah();
+    hand.servo_hz = 800;
+    let rate = |processor: &Processor| hand.rate_hz(processor);
+    assert_eq!(
+        hand.processors.iter().map(rate).collect::<Vec<_>>(),
+        [50, 800, 800, 800]
+    );
+}
+
+#[test]
+fn a_choice_replaces_another_one_whole() {
+    let name = "name = \"middle\"\nlimits";
+    assert!(UTAH.contains(name));
+    let own = "name = \"middle\"\nrectification = { mean = { co_contraction_n = 9.0 } }\nlimits";
+    let hand = Hand::<4, 4>::from_toml(&UTAH.replace(name, own), "edited").unwrap();
+    let mean = Rectification::Mean {
+        co_contraction_n: 9.0,
+    };
+    assert_eq!(hand.fingers[0].joints[2].rectification, mean);
+}

@@ -1,0 +1,527 @@
+//! What a finger of the shipped hand promises, whatever its sensors and its users say.
+
+#![allow(
+    clippy::float_cmp,
+    reason = "what does not move has a rate of exactly zero"
+)]
+
+use condor_hand::config::Hand;
+use condor_hand::controller::FingerController;
+use condor_hand::dynamics::Dynamics;
+use condor_hand::kinematics::PlanarFinger;
+use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed, SettingError};
+use condor_hand::tendon::fault::{FaultCode, FaultSite};
+use condor_hand::tendon::{Pair, Pairs};
+use condor_hand::trajectory::SetPoint;
+use nalgebra::{SVector, Vector3, Vector4};
+use proptest::prelude::*;
+
+const TEXT: &str = include_str!("../../hands/utah-mit.toml");
+const PERIOD_S: f64 = 1.0 / 400.0;
+const LEAST_N: f64 = 4.0;
+const MOST_N: f64 = 130.0;
+
+type Controller = FingerController<PlanarFinger, 4>;
+
+fn hand() -> Hand<4, 4> {
+    Hand::from_toml(TEXT, "utah-mit.toml").unwrap()
+}
+
+fn controller() -> Controller {
+    let hand = hand();
+    let finger = &hand.fingers[0];
+    FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap()
+}
+
+fn gravity() -> Vector3<f64> {
+    Vector3::new(0.0, 0.0, -9.81)
+}
+
+fn posture() -> Vector4<f64> {
+    Vector4::new(0.1, 0.6, 0.8, 0.7)
+}
+
+fn sensed(tensions: Pairs<f64, 4>) -> Sensed<f64, 4> {
+    Sensed {
+        position: posture(),
+        tension: tensions,
+    }
+}
+
+/// Ticks with sensors that say what was commanded.
+fn run(controller: &mut Controller, tensions: &mut Pairs<f64, 4>, ticks: usize) {
+    for _ in 0..ticks {
+        let tick = controller.tick(&sensed(*tensions), &gravity(), PERIOD_S);
+        assert_eq!(tick.fault, None);
+        *tensions = tick.output.tension;
+    }
+}
+
+fn largest_step(a: &Pairs<f64, 4>, b: &Pairs<f64, 4>) -> f64 {
+    a.iter()
+        .zip(b)
+        .flat_map(|(a, b)| [a.flexor - b.flexor, a.extensor - b.extensor])
+        .fold(0.0, |largest, step| {
+            condor_hand::math::max(step.abs(), largest)
+        })
+}
+
+#[test]
+fn a_finger_begins_off_with_its_least_tensions() {
+    let mut controller = controller();
+    let tick = controller.tick(&sensed([Pair::both(LEAST_N); 4]), &gravity(), PERIOD_S);
+    assert_eq!(tick.output.tension, [Pair::both(LEAST_N); 4]);
+    assert_eq!(tick.target, [None; 4]);
+    assert!((0..4).all(|joint| controller.mode(joint) == Some(Mode::Off)));
+    assert_eq!(controller.mode(4), None);
+}
+
+#[test]
+fn no_change_of_mode_makes_a_step_of_tension() {
+    let modes = [
+        Mode::Position,
+        Mode::Torque,
+        Mode::Tension,
+        Mode::Grasp,
+        Mode::Position,
+        Mode::Off,
+        Mode::Tension,
+        Mode::Torque,
+        Mode::Off,
+        Mode::Grasp,
+        Mode::Tension,
+        Mode::Position,
+        Mode::Grasp,
+        Mode::Torque,
+        Mode::Position,
+        Mode::Tension,
+        Mode::Off,
+    ];
+    let mut controller = controller();
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    run(&mut controller, &mut tensions, 5);
+    for mode in modes {
+        for joint in 0..4 {
+            controller.set_mode(joint, mode).unwrap();
+            assert_eq!(controller.mode(joint), Some(mode));
+            let before = tensions;
+            run(&mut controller, &mut tensions, 1);
+            assert!(
+                largest_step(&before, &tensions) < 1e-9,
+                "joint {joint} to {mode:?}: {before:?} to {tensions:?}"
+            );
+            // In the midst of the transition, the next joint's change.
+            for _ in 0..7 {
+                let before = tensions;
+                run(&mut controller, &mut tensions, 1);
+                assert!(largest_step(&before, &tensions) < 4.0);
+            }
+        }
+        run(&mut controller, &mut tensions, 60);
+    }
+}
+
+#[test]
+fn other_gains_make_no_step_of_tension() {
+    let mut controller = controller();
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    let target = SetPoint::rest(posture()[1] + 0.1);
+    for joint in 0..4 {
+        controller.set_mode(joint, Mode::Position).unwrap();
+    }
+    run(&mut controller, &mut tensions, 60);
+    controller
+        .set_target(1, JointTarget::Position(target))
+        .unwrap();
+    run(&mut controller, &mut tensions, 60);
+    let gains = JointGains {
+        law: PositionLaw::Pd {
+            kp: 3.0,
+            kv: 0.01,
+            ki: 0.0,
+            integral_nm: 0.0,
+        },
+        ..*controller.gains(1).unwrap()
+    };
+    controller.set_gains(1, &gains).unwrap();
+    assert_eq!(controller.gains(1), Some(&gains));
+    let before = tensions;
+    run(&mut controller, &mut tensions, 1);
+    assert!(largest_step(&before, &tensions) < 1e-9);
+    run(&mut controller, &mut tensions, 60);
+    assert!(
+        largest_step(&before, &tensions) > 1.0,
+        "the gains changed nothing"
+    );
+}
+
+#[test]
+fn a_held_joint_gets_the_torque_that_holds_it() {
+    let mut controller = controller();
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    for joint in 0..4 {
+        controller.set_mode(joint, Mode::Position).unwrap();
+    }
+    run(&mut controller, &mut tensions, 100);
+    let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+    let weight = controller
+        .mechanism()
+        .gravity_torque(&posture(), &gravity());
+    assert!((tick.output.torque - weight).amax() < 1e-12);
+    assert_eq!(
+        tick.target,
+        [0, 1, 2, 3].map(|joint| Some(posture()[joint]))
+    );
+}
+
+#[test]
+fn what_a_joint_cannot_have_is_refused_with_its_value() {
+    let mut controller = controller();
+    let refused = controller.set_target(2, JointTarget::Position(SetPoint::rest(3.0)));
+    assert!(matches!(
+        refused,
+        Err(SettingError::Position { joint: 2, position, .. }) if position > 2.9
+    ));
+    assert!(matches!(
+        controller.set_target(1, JointTarget::Torque(f64::NAN)),
+        Err(SettingError::Torque { joint: 1, .. })
+    ));
+    assert!(matches!(
+        controller.set_target(0, JointTarget::Tension(Pair { flexor: 10.0, extensor: 131.0 })),
+        Err(SettingError::Tension { joint: 0, tension, .. }) if tension > 130.0
+    ));
+    assert!(matches!(
+        controller.set_mode(4, Mode::Off),
+        Err(SettingError::NoJoint {
+            joint: 4,
+            joints: 4
+        })
+    ));
+    let mut gains = *controller.gains(0).unwrap();
+    gains.k_torque = -1.0;
+    let refused = controller.set_gains(0, &gains).unwrap_err();
+    assert_eq!(refused.to_string(), "joint 0 cannot have -1 as torque gain");
+    assert!((0..4).all(|joint| controller.mode(joint) == Some(Mode::Off)));
+}
+
+#[test]
+fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
+    let mut controller = controller();
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    for joint in 0..4 {
+        controller.set_mode(joint, Mode::Position).unwrap();
+    }
+    run(&mut controller, &mut tensions, 100);
+    let mut command = tensions;
+    let mut broken = sensed(tensions);
+    broken.position[2] = f64::NAN;
+    let mut ticks = 0;
+    let fault = loop {
+        let tick = controller.tick(&broken, &gravity(), PERIOD_S);
+        if let Some(fault) = tick.fault {
+            assert!(largest_step(&command, &tick.output.command) < 1.0, "a step");
+            command = tick.output.command;
+            break fault;
+        }
+        command = tick.output.command;
+        ticks += 1;
+        assert!(ticks < 1000, "no fault was seen");
+    };
+    assert_eq!(fault.site, FaultSite::Joint(2));
+    assert_eq!(fault.code, FaultCode::NotFinite);
+    assert_eq!(
+        controller.set_mode(0, Mode::Position),
+        Err(SettingError::AfterFault)
+    );
+    // Good sensors do not bring it back, and the way down has no step.
+    for _ in 0..400 {
+        let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+        assert_eq!(tick.fault.unwrap().site, fault.site);
+        assert!(largest_step(&command, &tick.output.command) < 1.0);
+        command = tick.output.command;
+    }
+    assert_eq!(command, [Pair::both(LEAST_N); 4]);
+    controller.clear();
+    let mut tensions = command;
+    run(&mut controller, &mut tensions, 1);
+    controller.set_mode(0, Mode::Position).unwrap();
+    run(&mut controller, &mut tensions, 1);
+}
+
+#[test]
+fn a_master_that_falls_silent_is_a_fault() {
+    let mut controller = controller();
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    controller.set_mode(1, Mode::Position).unwrap();
+    run(&mut controller, &mut tensions, 100);
+    let points = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
+    for _ in 0..10 {
+        controller.follow(&points).unwrap();
+        run(&mut controller, &mut tensions, 8);
+    }
+    let fault = (0..100).find_map(|_| {
+        let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+        tick.fault
+    });
+    assert_eq!(fault.unwrap().code, FaultCode::StaleSetPoint);
+}
+
+#[test]
+fn a_joint_joins_the_motion_of_the_master_without_a_jump() {
+    let mut controller = controller();
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    for joint in 0..4 {
+        controller.set_mode(joint, Mode::Position).unwrap();
+    }
+    run(&mut controller, &mut tensions, 1);
+    let aim = posture() + Vector4::new(0.02, 0.3, 0.1, -0.2);
+    let points = [0, 1, 2, 3].map(|joint| SetPoint::rest(aim[joint]));
+    let mut last = posture();
+    for tick in 0..160 {
+        if tick % 8 == 0 {
+            controller.follow(&points).unwrap();
+        }
+        let tick = controller.tick(
+            &Sensed {
+                position: last,
+                tension: tensions,
+            },
+            &gravity(),
+            PERIOD_S,
+        );
+        assert_eq!(tick.fault, None);
+        tensions = tick.output.tension;
+        let now = SVector::from_fn(|joint, _| tick.target[joint].unwrap());
+        assert!((now - last).amax() < 15.0 * PERIOD_S + 1e-12);
+        last = now;
+    }
+    assert!((last - aim).amax() < 1e-12);
+}
+
+#[test]
+fn a_finger_of_fewer_joints_than_there_is_room_for_is_one_without_them() {
+    let text = include_str!("../hands/tripod.toml");
+    let hand = Hand::<3, 5>::from_toml(text, "tripod.toml").unwrap();
+    let finger = &hand.fingers[0];
+    assert_eq!(finger.joints.len(), 3);
+    let mut controller = FingerController::new(&hand, finger, finger.chain()).unwrap();
+    let none = Err(SettingError::NoJoint {
+        joint: 3,
+        joints: 3,
+    });
+    assert_eq!(controller.mode(3), None);
+    assert_eq!(controller.gains(3), None);
+    assert_eq!(controller.set_mode(3, Mode::Position), none);
+    assert_eq!(controller.set_target(3, JointTarget::Torque(0.0)), none);
+    let gains = *controller.gains(2).unwrap();
+    assert_eq!(controller.set_gains(3, &gains), none);
+    for joint in 0..3 {
+        controller.set_mode(joint, Mode::Position).unwrap();
+    }
+    let mut least = [Pair::both(0.0); 5];
+    least[..3].fill(Pair::both(1.0));
+    let sensed = Sensed {
+        position: SVector::from([0.1, 0.2, 0.005, 0.0, 0.0]),
+        tension: least,
+    };
+    for _ in 0..200 {
+        let tick = controller.tick(&sensed, &gravity(), 1.0 / 2000.0);
+        assert_eq!(tick.fault, None);
+        assert_eq!(tick.output.command[3..], [Pair::both(0.0); 2]);
+    }
+}
+
+#[test]
+fn a_finger_ticks_at_the_rate_of_its_processor() {
+    let text = include_str!("../hands/tripod.toml");
+    let hand = Hand::<3, 3>::from_toml(text, "tripod.toml").unwrap();
+    let finger = &hand.fingers[0];
+    assert_eq!((hand.servo_hz, hand.servo_rate_hz(finger)), (1000, 2000));
+    let mut controller = FingerController::new(&hand, finger, finger.chain()).unwrap();
+    controller.set_mode(0, Mode::Position).unwrap();
+    let sensed = Sensed {
+        position: SVector::from([0.1, 0.2, 0.005]),
+        tension: [Pair::both(1.0); 3],
+    };
+    controller.tick(&sensed, &gravity(), 1.0 / 2000.0);
+    // 100 times a second: 20 ticks of 2 kHz.
+    let points = [0.1, 0.2, 0.005].map(SetPoint::rest);
+    controller.follow(&points).unwrap();
+    let to = [0.2, 0.2, 0.005].map(SetPoint::rest);
+    controller.follow(&to).unwrap();
+    let mut moved = 0;
+    let mut last = Some(0.1);
+    for _ in 0..100 {
+        let tick = controller.tick(&sensed, &gravity(), 1.0 / 2000.0);
+        moved += u32::from(tick.target[0] != last);
+        last = tick.target[0];
+        if moved > 0 && last == Some(0.2) {
+            break;
+        }
+    }
+    // Early by one tick of the master, it takes two.
+    assert_eq!((last, moved), (Some(0.2), 40));
+}
+
+#[test]
+fn a_joint_whose_sensor_begins_with_no_number_holds_the_first_that_comes() {
+    let mut controller = controller();
+    controller.set_mode(1, Mode::Position).unwrap();
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    let mut blind = sensed(tensions);
+    blind.position[1] = f64::NAN;
+    for _ in 0..10 {
+        let tick = controller.tick(&blind, &gravity(), PERIOD_S);
+        assert_eq!(tick.fault, None);
+        assert_eq!(tick.target[1], None);
+        assert_eq!(tick.output.tension[1], Pair::both(LEAST_N));
+    }
+    let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+    assert!(tick.output.velocity[1] == 0.0);
+    assert_eq!(tick.output.tension, [Pair::both(LEAST_N); 4]);
+    let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+    assert_eq!(tick.target[1], Some(posture()[1]));
+    assert!(tick.output.velocity[1] == 0.0);
+    tensions = tick.output.tension;
+    run(&mut controller, &mut tensions, 5);
+}
+
+#[test]
+fn a_target_for_a_joint_that_was_never_seen_pulls_nothing() {
+    let mut controller = controller();
+    let aim = JointTarget::Position(SetPoint::rest(posture()[1]));
+    controller.set_target(1, aim).unwrap();
+    let mut blind = sensed([Pair::both(LEAST_N); 4]);
+    blind.position[1] = f64::INFINITY;
+    // Not yet a fault.
+    for _ in 0..39 {
+        let tick = controller.tick(&blind, &gravity(), PERIOD_S);
+        assert_eq!(tick.fault, None);
+        assert!(tick.output.velocity[1] == 0.0);
+        assert!(
+            tick.output.torque[1].abs() < 0.05,
+            "{}",
+            tick.output.torque[1]
+        );
+        blind.tension = tick.output.tension;
+    }
+}
+
+#[test]
+fn a_mode_that_a_joint_has_leaves_it_with_its_master() {
+    let mut controller = controller();
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    controller.set_mode(1, Mode::Position).unwrap();
+    run(&mut controller, &mut tensions, 1);
+    for tick in 0..10 {
+        let moving = SetPoint {
+            position: posture()[1] + 0.004 * f64::from(tick),
+            velocity: 0.2,
+            acceleration: 0.0,
+        };
+        controller.follow(&[moving; 4]).unwrap();
+        controller.set_mode(1, Mode::Position).unwrap();
+        run(&mut controller, &mut tensions, 8);
+    }
+    // Still the master's: that it falls silent is noticed.
+    let fault = (0..100).find_map(|_| {
+        let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+        tick.fault
+    });
+    assert_eq!(fault.unwrap().code, FaultCode::StaleSetPoint);
+}
+
+#[test]
+fn a_set_point_that_is_refused_changes_nothing() {
+    let mut controller = controller();
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    for joint in 0..4 {
+        controller.set_mode(joint, Mode::Position).unwrap();
+    }
+    run(&mut controller, &mut tensions, 1);
+    let good = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
+    controller.follow(&good).unwrap();
+    run(&mut controller, &mut tensions, 8);
+    let mut untouched = controller.clone();
+    let mut same = tensions;
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let mut points = good.map(|point| SetPoint::rest(point.position + 0.1));
+        points[3].position = bad;
+        assert!(controller.follow(&points).is_err(), "{bad}");
+    }
+    for _ in 0..8 {
+        let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
+        let other = untouched.tick(&sensed(same), &gravity(), PERIOD_S);
+        assert_eq!(tick, other);
+        (tensions, same) = (tick.output.tension, other.output.tension);
+    }
+}
+
+/// The ramp is the shortest that there is, a transition the longest, and the tensions' servos have
+/// integrals: nothing of any of them is left when the finger can be used again.
+#[test]
+fn after_a_fault_and_its_ramp_a_finger_rests_at_its_least_tensions() {
+    let mut hand = hand();
+    hand.faults.safe_s = 0.01;
+    hand.transition_s = 1.0;
+    for finger in &mut hand.fingers {
+        for joint in &mut finger.joints {
+            joint.flexor.gains.ki = 5.0;
+            joint.extensor.gains.ki = 5.0;
+        }
+    }
+    hand.check().unwrap();
+    let finger = &hand.fingers[0];
+    let mut controller = FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap();
+    let high = JointTarget::Tension(Pair::both(60.0));
+    for joint in 0..4 {
+        controller.set_target(joint, high).unwrap();
+    }
+    let mut tensions = [Pair::both(LEAST_N); 4];
+    run(&mut controller, &mut tensions, 500);
+    let mut broken = sensed(tensions);
+    broken.position[0] = f64::NAN;
+    // The measured tensions lag behind, which fills the integrals.
+    let faulty = (0..200).find(|_| {
+        let tick = controller.tick(&broken, &gravity(), PERIOD_S);
+        tick.fault.is_some()
+    });
+    assert!(faulty.is_some());
+    for _ in 0..10 {
+        controller.tick(&sensed([Pair::both(2.0); 4]), &gravity(), PERIOD_S);
+    }
+    controller.clear();
+    for _ in 0..20 {
+        let tick = controller.tick(&sensed([Pair::both(LEAST_N); 4]), &gravity(), PERIOD_S);
+        assert_eq!(tick.fault, None);
+        assert_eq!(tick.output.tension, [Pair::both(LEAST_N); 4]);
+        assert_eq!(tick.output.command, [Pair::both(LEAST_N); 4]);
+    }
+}
+
+proptest! {
+    #[test]
+    fn commands_are_finite_and_within_what_actuators_have(
+        values in proptest::collection::vec(proptest::num::f64::ANY, 12 * 40),
+        modes in proptest::collection::vec((0_usize..4, 0_u32..5), 40),
+    ) {
+        let mut controller = controller();
+        for (sample, (joint, mode)) in values.chunks(12).zip(modes) {
+            // Refused after a fault, which is as good.
+            let _ = controller.set_mode(joint, Mode::from_number(mode).unwrap());
+            let sensed = Sensed {
+                position: SVector::from_column_slice(&sample[..4]),
+                tension: core::array::from_fn(|joint| Pair {
+                    flexor: sample[4 + 2 * joint],
+                    extensor: sample[5 + 2 * joint],
+                }),
+            };
+            let tick = controller.tick(&sensed, &gravity(), PERIOD_S);
+            for pair in tick.output.command {
+                for command in [pair.flexor, pair.extensor] {
+                    prop_assert!((0.0..=MOST_N).contains(&command), "{command}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,375 @@
+//! The dynamics of chains of every kind of joint, against the mechanics of points and bodies.
+//!
+//! The energies come from the places of the bodies alone, by difference quotients; nothing here
+//! uses the recursions that are tested.
+
+#![allow(
+    clippy::float_cmp,
+    reason = "a joint that does not move has exactly zeros"
+)]
+
+use std::ops::{Mul, Sub};
+
+use condor_hand::dynamics::Dynamics;
+use condor_hand::kinematics::{Body, Chain, Joint, Motion};
+use condor_hand::math::max;
+use condor_hand::{Pose, Real};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, Vector3, Vector4};
+use proptest::prelude::*;
+
+use crate::support::geometry;
+
+type Joints<const N: usize> = SVector<f64, N>;
+
+const STEP: f64 = 1e-3;
+const STENCIL: [f64; 4] = [-2.0 * STEP, -STEP, STEP, 2.0 * STEP];
+
+/// The derivative at zero of what has these values at the places of the stencil, to the fourth
+/// order of the step.
+fn derivative<V>([far_back, back, on, far_on]: [V; 4]) -> V
+where
+    V: Sub<Output = V> + Mul<f64, Output = V>,
+{
+    (on - back) * (8.0 / (12.0 * STEP)) - (far_on - far_back) * (1.0 / (12.0 * STEP))
+}
+
+/// The frame of each link, in the palm.
+fn frames<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>) -> [Pose; N] {
+    let mut frame = chain.base;
+    std::array::from_fn(|i| {
+        let joint = &chain.joints[i];
+        frame = frame.then(&joint.placement);
+        match joint.motion {
+            Motion::Revolute(axis) => {
+                let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), q[i]);
+                frame.rotation *= turn.into_inner();
+            }
+            Motion::Prismatic(axis) => frame.position = frame.transform(&(axis * q[i])),
+            Motion::Fixed => {}
+        }
+        frame
+    })
+}
+
+fn potential<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>, gravity: &Vector3<f64>) -> f64 {
+    let frames = frames(chain, q);
+    let bodies = frames.iter().zip(&chain.bodies);
+    bodies
+        .map(|(frame, body)| -body.mass * gravity.dot(&frame.transform(&body.center)))
+        .sum()
+}
+
+/// The mass matrix, from how far each joint moves and turns each body.
+fn mass_from_places<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>) -> SMatrix<f64, N, N> {
+    let here = frames(chain, q);
+    let mut velocities = [SMatrix::<f64, 3, N>::zeros(); N];
+    let mut rates = velocities;
+    for joint in 0..N {
+        let moved = |t: f64| {
+            let mut q = *q;
+            q[joint] += t;
+            frames(chain, &q)
+        };
+        let [far_back, back, on, far_on] = STENCIL.map(moved);
+        for (link, body) in chain.bodies.iter().enumerate() {
+            let center = [&far_back, &back, &on, &far_on].map(|f| f[link].transform(&body.center));
+            let axes = [&far_back, &back, &on, &far_on].map(|f| f[link].rotation);
+            velocities[link].set_column(joint, &derivative(center));
+            // In the axes of the link the derivative of the rotation is the cross matrix of the rate.
+            let cross = here[link].rotation.transpose() * derivative(axes);
+            let rate = Vector3::new(cross[(2, 1)], cross[(0, 2)], cross[(1, 0)]);
+            rates[link].set_column(joint, &rate);
+        }
+    }
+    let mut mass = SMatrix::zeros();
+    for (body, (velocity, rate)) in chain.bodies.iter().zip(velocities.iter().zip(&rates)) {
+        mass += velocity.transpose() * velocity * body.mass;
+        mass += rate.transpose() * body.inertia * rate;
+    }
+    mass
+}
+
+fn kinetic<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>, qd: &Joints<N>) -> f64 {
+    0.5 * qd.dot(&(mass_from_places(chain, q) * qd))
+}
+
+/// Lagrange's equations: what each coordinate takes for this motion.
+fn lagrange<const N: usize>(
+    chain: &Chain<f64, N>,
+    q: &Joints<N>,
+    qd: &Joints<N>,
+    qdd: &Joints<N>,
+    gravity: &Vector3<f64>,
+) -> Joints<N> {
+    let momentum = |t: f64| {
+        let rates = qd + qdd * t;
+        mass_from_places(chain, &(q + qd * t + qdd * (0.5 * t * t))) * rates
+    };
+    let momentum_rate = derivative(STENCIL.map(momentum));
+    Joints::<N>::from_fn(|i, _| {
+        let difference = |t: f64| {
+            let mut moved = *q;
+            moved[i] += t;
+            kinetic(chain, &moved, qd) - potential(chain, &moved, gravity)
+        };
+        momentum_rate[i] - derivative(STENCIL.map(difference))
+    })
+}
+
+fn vectors<const N: usize>(largest: f64) -> impl Strategy<Value = Joints<N>> {
+    prop::array::uniform(-largest..largest).prop_map(|all: [f64; N]| Joints::from(all))
+}
+
+fn in_space(largest: f64) -> impl Strategy<Value = Vector3<f64>> {
+    prop::array::uniform3(-largest..largest).prop_map(Vector3::from)
+}
+
+fn poses() -> impl Strategy<Value = Pose> {
+    (in_space(3.0), in_space(0.5)).prop_map(|(turn, position)| Pose {
+        rotation: Rotation3::new(turn).into_inner(),
+        position,
+    })
+}
+
+fn motions() -> impl Strategy<Value = Motion> {
+    let axis = in_space(1.0)
+        .prop_filter("an axis has a direction", |axis| axis.norm() > 0.1)
+        .prop_map(|axis| axis.normalize());
+    (axis, 0..5).prop_map(|(axis, kind)| match kind {
+        0 => Motion::Fixed,
+        1 => Motion::Prismatic(axis),
+        _ => Motion::Revolute(axis),
+    })
+}
+
+fn bodies() -> impl Strategy<Value = Body> {
+    let principal = prop::array::uniform3(0.01..0.1);
+    (0.1..2.0, in_space(0.3), in_space(3.0), principal).prop_map(
+        |(mass, center, turn, principal)| {
+            let axes = Rotation3::new(turn).into_inner();
+            let principal = Matrix3::from_diagonal(&Vector3::from(principal));
+            Body {
+                mass,
+                center,
+                inertia: axes * principal * axes.transpose(),
+            }
+        },
+    )
+}
+
+fn chains<const N: usize>() -> impl Strategy<Value = Chain<f64, N>> {
+    let joint = (poses(), motions()).prop_map(|(placement, motion)| Joint { placement, motion });
+    let joints = prop::array::uniform(joint);
+    (poses(), joints, prop::array::uniform(bodies())).prop_map(|(base, joints, bodies)| Chain {
+        base,
+        joints,
+        bodies,
+        tip: Vector3::zeros(),
+    })
+}
+
+fn moves(joint: &Joint) -> bool {
+    joint.motion != Motion::Fixed
+}
+
+fn follow_from_lagrange<const N: usize>(
+    chain: &Chain<f64, N>,
+    [q, qd, qdd]: [Joints<N>; 3],
+    gravity: &Vector3<f64>,
+) -> Result<(), TestCaseError> {
+    let mass = chain.mass_matrix(&q);
+    let difference = (mass - mass_from_places(chain, &q)).amax() / (1e-6 + mass.amax());
+    prop_assert!(difference < 1e-9, "{}: {}", difference, mass);
+    let torque = chain.inverse_dynamics(&q, &qd, &qdd, gravity);
+    let expected = lagrange(chain, &q, &qd, &qdd, gravity);
+    let difference = (torque - expected).amax() / (1.0 + expected.amax());
+    prop_assert!(difference < 1e-7, "{} {}", torque, expected);
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn torques_of_any_chain_follow_from_its_energies(
+        chain in chains::<4>(), q in vectors(2.0), qd in vectors(1.0), qdd in vectors(3.0),
+        gravity in in_space(10.0),
+    ) {
+        follow_from_lagrange(&chain, [q, qd, qdd], &gravity)?;
+    }
+
+    #[test]
+    fn torques_of_an_arm_follow_from_its_energies(
+        chain in chains::<7>(), q in vectors(2.0), qd in vectors(1.0), qdd in vectors(3.0),
+        gravity in in_space(10.0),
+    ) {
+        follow_from_lagrange(&chain, [q, qd, qdd], &gravity)?;
+    }
+}
+
+proptest! {
+    #[test]
+    fn the_torques_of_an_acceleration_cause_it(
+        chain in chains::<7>(), q in vectors(3.0), qd in vectors(3.0), qdd in vectors(30.0),
+        gravity in in_space(10.0), armature in prop::array::uniform(0.0..0.1),
+    ) {
+        let armature = Joints::<7>::from(armature);
+        let moving = Joints::<7>::from_fn(|i, _| f64::from(u8::from(moves(&chain.joints[i]))));
+        let torque = chain.inverse_dynamics(&q, &qd, &qdd, &gravity)
+            + armature.component_mul(&qdd).component_mul(&moving);
+        let caused = chain.forward_dynamics(&q, &qd, &torque, &gravity, &armature).unwrap();
+        let expected = qdd.component_mul(&moving);
+        let difference = (caused - expected).amax();
+        prop_assert!(difference < 1e-7 * (1.0 + expected.amax()), "{} {}", caused, expected);
+    }
+
+    #[test]
+    fn a_fixed_joint_takes_no_part(
+        mut chain in chains::<4>(), q in vectors(2.0), qd in vectors(3.0), qdd in vectors(9.0),
+        torque in vectors(5.0), gravity in in_space(10.0),
+    ) {
+        chain.joints[1].motion = Motion::Fixed;
+        let armature = Joints::<4>::zeros();
+        let of = |value: f64| {
+            let [mut q, mut qd, mut qdd, mut torque] = [q, qd, qdd, torque];
+            for vector in [&mut q, &mut qd, &mut qdd, &mut torque] {
+                vector[1] = value;
+            }
+            (
+                chain.inverse_dynamics(&q, &qd, &qdd, &gravity),
+                chain.forward_dynamics(&q, &qd, &torque, &gravity, &armature),
+            )
+        };
+        let (taken, caused) = of(0.0);
+        prop_assert_eq!(taken[1], 0.0);
+        prop_assert_eq!(caused.unwrap()[1], 0.0);
+        prop_assert_eq!(of(7.0), (taken, caused));
+        prop_assert_eq!(chain.mass_matrix(&q).row(1).amax(), 0.0);
+    }
+
+    #[test]
+    fn single_precision_is_near(
+        chain in chains::<7>(), q in vectors(3.0), qd in vectors(3.0), qdd in vectors(30.0),
+        gravity in in_space(10.0),
+    ) {
+        let torque = chain.inverse_dynamics(&q, &qd, &qdd, &gravity);
+        let found = single(&chain)
+            .inverse_dynamics(&q.cast(), &qd.cast(), &qdd.cast(), &gravity.cast());
+        let difference = (found.cast::<f64>() - torque).amax();
+        prop_assert!(difference < 1e-5 * (1.0 + torque.amax()), "{} {}", found, torque);
+    }
+}
+
+fn single<const N: usize>(chain: &Chain<f64, N>) -> Chain<f32, N> {
+    let vector = |v: Vector3<f64>| v.map(f32::of);
+    let pose = |pose: &Pose| Pose {
+        rotation: pose.rotation.map(f32::of),
+        position: vector(pose.position),
+    };
+    Chain {
+        base: pose(&chain.base),
+        joints: chain.joints.each_ref().map(|joint| Joint {
+            placement: pose(&joint.placement),
+            motion: match joint.motion {
+                Motion::Revolute(axis) => Motion::Revolute(vector(axis)),
+                Motion::Prismatic(axis) => Motion::Prismatic(vector(axis)),
+                Motion::Fixed => Motion::Fixed,
+            },
+        }),
+        bodies: chain.bodies.each_ref().map(|body| Body {
+            mass: f32::of(body.mass),
+            center: vector(body.center),
+            inertia: body.inertia.map(f32::of),
+        }),
+        tip: vector(chain.tip),
+    }
+}
+
+/// One step of the classical Runge-Kutta method.
+fn step<const N: usize>(
+    model: &impl Dynamics<f64, N>,
+    (q, qd): (Joints<N>, Joints<N>),
+    torque: &Joints<N>,
+    gravity: &Vector3<f64>,
+    dt: f64,
+) -> (Joints<N>, Joints<N>) {
+    let none = Joints::<N>::zeros();
+    let rates = |q: Joints<N>, qd: Joints<N>| {
+        let qdd = model.forward_dynamics(&q, &qd, torque, gravity, &none);
+        (qd, qdd.unwrap())
+    };
+    let first = rates(q, qd);
+    let second = rates(q + first.0 * (dt / 2.0), qd + first.1 * (dt / 2.0));
+    let third = rates(q + second.0 * (dt / 2.0), qd + second.1 * (dt / 2.0));
+    let fourth = rates(q + third.0 * dt, qd + third.1 * dt);
+    (
+        q + (first.0 + (second.0 + third.0) * 2.0 + fourth.0) * (dt / 6.0),
+        qd + (first.1 + (second.1 + third.1) * 2.0 + fourth.1) * (dt / 6.0),
+    )
+}
+
+/// The energy of a motion under constant torques grows by their work, and by nothing else.
+fn keeps_energy<const N: usize>(
+    model: &impl Dynamics<f64, N>,
+    chain: &Chain<f64, N>,
+    start: Joints<N>,
+    torque: &Joints<N>,
+    steps: u32,
+    dt: f64,
+) {
+    let gravity = Vector3::new(1.0, -2.0, -9.0);
+    let none = Joints::<N>::zeros();
+    let before = potential(chain, &start, &gravity);
+    let (mut q, mut qd) = (start, none);
+    let mut most = 0.0_f64;
+    for _ in 0..steps {
+        (q, qd) = step(model, (q, qd), torque, &gravity, dt);
+        most = max(most, 0.5 * qd.dot(&(model.mass_matrix(&q) * qd)));
+    }
+    let after = potential(chain, &q, &gravity) + kinetic(chain, &q, &qd);
+    let work = torque.dot(&(q - start));
+    let lost = (after - before - work).abs() / most;
+    assert!(lost < 1e-8, "{lost} of {most} J");
+}
+
+#[test]
+fn a_finger_that_falls_keeps_its_energy() {
+    let hand = geometry();
+    let (finger, chain) = (hand.finger::<f64>(3), hand.chain::<f64>(3));
+    let start = Vector4::new(0.1, 0.4, 0.3, 0.2);
+    for torque in [Vector4::zeros(), Vector4::new(1e-4, 2e-3, -1e-3, 2e-4)] {
+        keeps_energy(&finger, &chain, start, &torque, 2000, 1e-4);
+        keeps_energy(&chain, &chain, start, &torque, 2000, 1e-4);
+    }
+}
+
+#[test]
+fn a_chain_that_turns_and_slides_keeps_its_energy() {
+    let tilt = Rotation3::new(Vector3::new(0.4, -0.2, 0.3)).into_inner();
+    let joint = |z, motion| Joint {
+        placement: Pose {
+            rotation: tilt,
+            position: Vector3::new(0.05, 0.0, z),
+        },
+        motion,
+    };
+    let chain = Chain {
+        base: Pose::at(0.0, 0.0, 1.0),
+        joints: [
+            joint(0.1, Motion::Revolute(Vector3::z())),
+            joint(0.2, Motion::Fixed),
+            joint(0.1, Motion::Prismatic(Vector3::x())),
+            joint(0.3, Motion::Revolute(Vector3::y())),
+            joint(0.2, Motion::Revolute(Vector3::x())),
+        ],
+        bodies: [Body {
+            mass: 0.8,
+            center: Vector3::new(0.02, -0.01, 0.1),
+            inertia: Matrix3::new(0.02, 1e-3, 0.0, 1e-3, 0.03, 2e-3, 0.0, 2e-3, 0.01),
+        }; 5],
+        tip: Vector3::zeros(),
+    };
+    let start = Joints::<5>::new(0.3, 0.0, 0.1, -0.4, 0.5);
+    let torque = Joints::<5>::new(0.1, 0.0, -2.0, 0.3, 0.05);
+    keeps_energy(&chain, &chain, start, &torque, 500, 1e-3);
+}

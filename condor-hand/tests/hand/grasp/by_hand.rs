@@ -1,0 +1,358 @@
+//! Grasps whose answers can be found with a pencil.
+
+use condor_hand::grasp::{
+    Contacts, Friction, GraspError, Normals, SpatialGain, Squeeze, Twist, Wrench,
+};
+use nalgebra::{Matrix6, Vector3, vector};
+
+use super::wrenches::{difference, wrench_of};
+
+const ORIGIN: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
+
+fn pull(force: Vector3<f64>, moment: Vector3<f64>) -> Wrench {
+    Wrench { force, moment }
+}
+
+#[test]
+fn a_force_between_two_tips_leaves_the_third_without_load() {
+    let tips = [
+        vector![0.02, 0.0, 0.0],
+        vector![-0.02, 0.0, 0.0],
+        vector![0.0, 0.02, 0.0],
+    ];
+    let lift = pull(vector![0.0, 0.0, 3.0], ORIGIN);
+    let held = Contacts::new(tips).unwrap().forces(&lift, &ORIGIN).unwrap();
+    let up = vector![0.0, 0.0, 1.5];
+    assert!(difference(&held.forces, &[up, up, ORIGIN]) < 1e-15);
+    assert_eq!(held.lost_moment, ORIGIN);
+}
+
+#[test]
+fn two_tips_lose_the_moment_about_their_line() {
+    let tips = [vector![-0.03, 0.01, 0.0], vector![0.03, 0.01, 0.0]];
+    let contacts = Contacts::new(tips).unwrap();
+    let asked = pull(vector![0.0, 0.0, 2.0], vector![0.05, 0.0, 0.006]);
+    let held = contacts.forces(&asked, &ORIGIN).unwrap();
+    // 2 N at y = 0.01 turn by 0.02 about x: that much of the moment is made, the rest is lost.
+    assert!((held.lost_moment - vector![0.03, 0.0, 0.0]).norm() < 1e-16);
+    let forces = [vector![0.0, -0.1, 1.0], vector![0.0, 0.1, 1.0]];
+    assert!(difference(&held.forces, &forces) < 1e-15);
+
+    // Soft tips that face each other make up for it, half each, about normals of opposite signs.
+    let normals = Normals::new([vector![2.0, 0.0, 0.0], vector![-1.0, 0.0, 0.0]]).unwrap();
+    let soft = contacts.soft_forces(&asked, &ORIGIN, &normals).unwrap();
+    assert!(difference(&soft.forces, &forces) < 1e-15);
+    assert!((soft.torsions[0] - 0.015).abs() < 1e-16 && (soft.torsions[1] + 0.015).abs() < 1e-16);
+
+    // Across the line they cannot.
+    let normals = Normals::new([vector![0.0, 1.0, 0.0], vector![0.0, 0.0, -1.0]]).unwrap();
+    let refused = contacts.soft_forces(&asked, &ORIGIN, &normals).unwrap_err();
+    assert_eq!(
+        refused,
+        GraspError::NormalsAcrossLine {
+            cosines: [0.0, 0.0]
+        }
+    );
+}
+
+#[test]
+fn one_tip_bears_a_force_through_it_and_nothing_else() {
+    let contacts = Contacts::new([vector![0.01, 0.02, 0.03]]).unwrap();
+    let force = vector![1.0, -2.0, 0.5];
+    let moment = vector![0.01, 0.02, 0.03].cross(&force);
+    let held = contacts.forces(&pull(force, moment), &ORIGIN).unwrap();
+    assert_eq!(held.forces, [force]);
+    assert_eq!(held.lost_moment, ORIGIN);
+    let twisted = moment + vector![0.0, 0.0, 1e-6];
+    let Err(GraspError::MomentAtOneContact { moment }) =
+        contacts.forces(&pull(force, twisted), &ORIGIN)
+    else {
+        panic!("one point made a moment");
+    };
+    assert!((moment[2] - 1e-6).abs() < 1e-15);
+}
+
+#[test]
+fn contacts_that_cannot_hold_are_refused_with_their_numbers() {
+    let line = [ORIGIN, vector![0.01, 0.0, 0.0], vector![0.03, 1e-9, 0.0]];
+    let Err(GraspError::NearCollinear {
+        conditioning,
+        least,
+    }) = Contacts::new(line)
+    else {
+        panic!("a line of contacts");
+    };
+    assert!(conditioning < least && least == 1e-9);
+    let point = [vector![0.01, 0.02, 0.03]; 4];
+    let Err(GraspError::Coincident {
+        first,
+        second,
+        distance,
+    }) = Contacts::new(point)
+    else {
+        panic!("one point four times");
+    };
+    assert_eq!((first, second, distance), (0, 1, 0.0));
+    let Err(GraspError::Coincident { .. }) = Contacts::new([vector![0.1, 0.0, 0.0]; 2]) else {
+        panic!("one point twice");
+    };
+    let Err(refused) = Contacts::new([ORIGIN, vector![0.0, f64::NAN, 0.0], ORIGIN]) else {
+        panic!("no point");
+    };
+    assert_eq!(refused.to_string(), "the tip position of finger 1 is NaN");
+    let Err(refused) = Contacts::<f64, 0>::new([]) else {
+        panic!("no contacts");
+    };
+    assert_eq!(
+        refused,
+        GraspError::TooFewContacts {
+            contacts: 0,
+            least: 1
+        }
+    );
+    // Two of four contacts at one place still hold, but cannot press on each other.
+    let double = [
+        ORIGIN,
+        ORIGIN,
+        vector![0.02, 0.0, 0.0],
+        vector![0.0, 0.02, 0.0],
+    ];
+    let contacts = Contacts::new(double).unwrap();
+    let refused = contacts
+        .internal_forces(&Squeeze::equal(1.0).unwrap())
+        .unwrap_err();
+    assert_eq!(
+        refused,
+        GraspError::Coincident {
+            first: 0,
+            second: 1,
+            distance: 0.0
+        }
+    );
+    let edge = Squeeze::none().with_edge(2, 1, 1.0).unwrap();
+    assert!(contacts.internal_forces(&edge).is_ok());
+}
+
+#[test]
+fn a_squeeze_pushes_both_ends_of_an_edge() {
+    let tips = [ORIGIN, vector![0.04, 0.0, 0.0], vector![0.0, 0.03, 0.0]];
+    let contacts = Contacts::new(tips).unwrap();
+    let squeeze = Squeeze::none()
+        .with_edge(0, 1, 2.0)
+        .unwrap()
+        .with_edge(2, 1, 5.0)
+        .unwrap();
+    assert_eq!(
+        (squeeze.edge(1, 2), squeeze.edge(0, 2), squeeze.edge(7, 1)),
+        (5.0, 0.0, 0.0)
+    );
+    let forces = contacts.internal_forces(&squeeze).unwrap();
+    let expected = [
+        vector![2.0, 0.0, 0.0],
+        vector![-6.0, 3.0, 0.0],
+        vector![4.0, -3.0, 0.0],
+    ];
+    assert!(difference(&forces, &expected) < 1e-14);
+    let none = wrench_of(&tips, &forces, &vector![1.0, 2.0, 3.0]);
+    assert!(none.force.norm() + none.moment.norm() < 1e-14);
+    for (first, second, force) in [(0, 0, 1.0), (0, 3, 1.0), (0, 1, -1.0), (0, 1, f64::NAN)] {
+        let refused = squeeze.with_edge(first, second, force).unwrap_err();
+        assert!(matches!(
+            refused,
+            GraspError::SqueezeEdge { contacts: 3, .. }
+        ));
+    }
+}
+
+#[test]
+fn the_edges_of_a_square_have_a_stress_of_their_own() {
+    // The sides push and the diagonals would pull: no edge can pull, so a square has one pattern
+    // of six forces less. The internal force that is missing is normal to it, of alternating sign.
+    let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| vector![x, y, 0.0]);
+    let contacts = Contacts::new(square).unwrap();
+    let mut sides = Squeeze::none();
+    let mut diagonals = Squeeze::none();
+    for corner in 0..4 {
+        sides = sides.with_edge(corner, (corner + 1) % 4, 1.0).unwrap();
+    }
+    for corner in 0..2 {
+        diagonals = diagonals
+            .with_edge(corner, corner + 2, 2.0_f64.sqrt())
+            .unwrap();
+    }
+    let sides = contacts.internal_forces(&sides).unwrap();
+    let diagonals = contacts.internal_forces(&diagonals).unwrap();
+    assert!(difference(&sides, &diagonals) < 1e-15);
+    let normal = [1.0, -1.0, 1.0, -1.0].map(|z| vector![0.0, 0.0, z]);
+    let none = wrench_of(&square, &normal, &ORIGIN);
+    assert_eq!(none, Wrench::zero());
+}
+
+#[test]
+fn friction_is_measured_from_the_cone() {
+    let normals = Normals::new([vector![0.0, 0.0, 3.0]]).unwrap();
+    let force = [vector![3.0, 4.0, 12.0]];
+    let point = Friction::<f64>::point(0.5).unwrap();
+    assert_eq!(point.margins(&normals, &force, &[0.0]).unwrap(), [1.0]);
+    assert_eq!(
+        point.margins(&normals, &force, &[0.1]).unwrap(),
+        [f64::NEG_INFINITY]
+    );
+    let pull = [vector![0.0, 0.0, -2.0]];
+    assert_eq!(point.margins(&normals, &pull, &[0.0]).unwrap(), [-1.0]);
+    // 12 N bear 0.024 N m alone; half of that and 12 N of (sqrt 3)/2 mu tangential force are the limit.
+    let soft = Friction::soft(0.5, 0.002).unwrap();
+    let limit = [vector![6.0 * 0.75_f64.sqrt(), 0.0, 12.0]];
+    assert!(soft.margins(&normals, &limit, &[0.012]).unwrap()[0].abs() < 1e-14);
+    assert!(soft.margins(&normals, &limit, &[-0.0121]).unwrap()[0] < -0.01);
+    for refused in [
+        Friction::point(0.0),
+        Friction::point(f64::NAN),
+        Friction::soft(0.5, -1.0),
+    ] {
+        assert!(matches!(
+            refused,
+            Err(GraspError::FrictionCoefficient { .. })
+        ));
+    }
+}
+
+#[test]
+fn two_tips_that_lift_a_block_need_the_weight_over_twice_the_friction() {
+    let tips = [vector![-0.03, 0.0, 0.0], vector![0.03, 0.0, 0.0]];
+    let contacts = Contacts::new(tips).unwrap();
+    let normals = Normals::new([vector![1.0, 0.0, 0.0], vector![-1.0, 0.0, 0.0]]).unwrap();
+    let lift = pull(vector![0.0, 0.0, 3.0], ORIGIN);
+    let forces = contacts.forces(&lift, &ORIGIN).unwrap().forces;
+    let direction = contacts
+        .internal_forces(&Squeeze::equal(1.0).unwrap())
+        .unwrap();
+    let friction = Friction::<f64>::point(0.5).unwrap();
+    let range = friction
+        .squeeze_range(&normals, &forces, &[0.0; 2], &direction)
+        .unwrap();
+    assert!((range.least - 3.0).abs() < 1e-14 && range.greatest.is_none());
+    assert!((range.with_safety(1.2) - 3.6).abs() < 1e-14);
+    // A soft tip that also turns the block takes more: (1.5/0.5)² + (0.008/0.002)² = 5².
+    let soft = Friction::soft(0.5, 0.002).unwrap();
+    let range = soft
+        .squeeze_range(&normals, &forces, &[0.008, 0.008], &direction)
+        .unwrap();
+    assert!((range.least - 5.0).abs() < 1e-14);
+    let point = friction.squeeze_range(&normals, &forces, &[0.0, 0.008], &direction);
+    assert!(matches!(
+        point,
+        Err(GraspError::NoSqueeze { contact: 1, .. })
+    ));
+    // A surface that faces away is pulled off by any squeeze.
+    let away = Normals::new([vector![1.0, 0.0, 0.0], vector![1.0, 0.0, 0.0]]).unwrap();
+    let Err(GraspError::NoSqueeze { contact, least, .. }) =
+        friction.squeeze_range(&away, &forces, &[0.0; 2], &direction)
+    else {
+        panic!("no force holds from outside");
+    };
+    assert!(contact == 1 && (least - 3.0).abs() < 1e-14);
+}
+
+#[test]
+fn a_squeeze_off_the_normal_has_a_greatest_too() {
+    // Unit normal z, friction 0.5: the direction has slope 1 and leaves the cone at last.
+    let normals = Normals::new([vector![0.0, 0.0, 1.0]]).unwrap();
+    let friction = Friction::<f64>::point(0.5).unwrap();
+    let range = |force, direction: Vector3<f64>| {
+        friction.squeeze_range(&normals, &[force], &[0.0], &[direction])
+    };
+    let cut = range(vector![-4.0, 0.0, 4.0], vector![1.0, 0.0, 1.0]).unwrap();
+    // x = s - 4, z = s + 4: |x| = z / 2 at s = 4/3 and at s = 12.
+    assert!((cut.least - 4.0 / 3.0).abs() < 1e-14);
+    assert!((cut.greatest.unwrap() - 12.0).abs() < 1e-13);
+    assert_eq!(cut.with_safety(100.0), cut.greatest.unwrap());
+    // Along the cone itself the condition is linear: x = s, z = 2 s + 1 at most 0.
+    let along = range(vector![0.0, 0.0, 1.0], vector![1.0, 0.0, 2.0]).unwrap();
+    assert_eq!((along.least, along.greatest), (0.0, None));
+    let toward = range(vector![1.0, 0.0, 0.0], vector![-1.0, 0.0, 2.0]).unwrap();
+    assert!((toward.least - 0.5).abs() < 1e-15 && toward.greatest.is_none());
+    // A direction that pulls off.
+    let off = range(vector![0.0, 0.0, 3.0], vector![0.0, 0.0, -1.0]).unwrap();
+    assert_eq!((off.least, off.greatest), (0.0, Some(3.0)));
+    // No direction at all.
+    assert_eq!(range(vector![0.0, 0.1, 1.0], ORIGIN).unwrap().least, 0.0);
+    assert!(range(vector![0.0, 0.6, 1.0], ORIGIN).is_err());
+    // The cone is missed.
+    assert!(range(vector![0.0, 5.0, 1.0], vector![1.0, 0.0, 1.0]).is_err());
+    // Only its mirror image is met.
+    assert!(range(vector![0.0, 0.0, -1.0], vector![1.0, 0.0, 0.0]).is_err());
+}
+
+#[test]
+fn gains_are_refused_that_are_no_spring() {
+    let told = |matrix: Matrix6<f64>| SpatialGain::new(&matrix).unwrap_err();
+    let diagonal = [200.0, 250.0, 150.0, 0.1, 0.1, 0.1];
+    let spring = *SpatialGain::diagonal(diagonal).unwrap().matrix();
+    assert_eq!(spring.diagonal().as_slice(), diagonal);
+    let mut bent = spring;
+    bent[(1, 3)] = 0.5;
+    assert_eq!(
+        told(bent),
+        GraspError::NotSymmetric {
+            row: 1,
+            column: 3,
+            value: 0.5,
+            mirrored: 0.0
+        }
+    );
+    bent = spring;
+    bent[(4, 4)] = -0.1;
+    assert_eq!(
+        told(bent),
+        GraspError::NotSemidefinite {
+            axis: 4,
+            pivot: -0.1
+        }
+    );
+    // The coupled block [[200, 6], [6, 0.1]] has the determinant -16.
+    bent = spring;
+    (bent[(0, 3)], bent[(3, 0)]) = (6.0, 6.0);
+    assert!(matches!(told(bent), GraspError::NotSemidefinite { .. }));
+    (bent[(0, 3)], bent[(3, 0)]) = (4.4, 4.4);
+    assert!(SpatialGain::new(&bent).is_ok());
+    bent = spring;
+    (bent[(2, 2)], bent[(2, 5)], bent[(5, 2)]) = (0.0, 1e-3, 1e-3);
+    assert!(matches!(told(bent), GraspError::NotSemidefinite { .. }));
+    bent[(3, 2)] = f64::NAN;
+    assert!(matches!(
+        told(bent),
+        GraspError::GainNotFinite {
+            row: 3,
+            column: 2,
+            ..
+        }
+    ));
+    // Three axes that pairwise agree and together do not.
+    let mut odd = Matrix6::identity();
+    for (row, column, gain) in [(0, 1, 0.9), (1, 2, 0.9), (0, 2, -0.9)] {
+        (odd[(row, column)], odd[(column, row)]) = (gain, gain);
+    }
+    assert!(matches!(told(odd), GraspError::NotSemidefinite { .. }));
+    assert_eq!(
+        SpatialGain::<f64>::zero().times(&Twist::zero()),
+        Wrench::zero()
+    );
+}
+
+#[test]
+fn half_a_turn_is_seen_whole() {
+    let tips = [
+        vector![0.02, 0.0, 0.01],
+        vector![-0.02, 0.0, 0.0],
+        vector![0.0, 0.03, 0.0],
+    ];
+    let contacts = Contacts::new(tips).unwrap();
+    let turned = tips.map(|tip| vector![-tip.x, -tip.y, tip.z]);
+    let twist = contacts.rigid_motion(&turned, &ORIGIN).unwrap();
+    assert!((twist.angular.norm() - std::f64::consts::PI).abs() < 1e-14);
+    assert!(twist.angular.xy().norm() < 1e-14 && twist.linear.norm() < 1e-16);
+    let line = [0.0, 1.0, 2.0].map(|x| vector![x, 0.0, 0.0]);
+    let refused = contacts.rigid_motion(&line, &ORIGIN).unwrap_err();
+    assert!(matches!(refused, GraspError::NoRotation { .. }));
+}

@@ -1,0 +1,35 @@
+//! What the crate promises. One program: what all of these share is compiled once.
+#![cfg(not(condor_loom))]
+
+// What is shared.
+#[cfg(feature = "text")]
+mod hostile;
+mod support;
+
+// The robot.
+mod config_files;
+mod config_hands;
+mod config_mistakes;
+mod dynamics;
+mod dynamics_physics;
+mod inverse;
+mod kinematics;
+mod tendons;
+
+// Its control.
+mod control;
+mod controller;
+mod faults;
+mod grasp;
+mod servo_closed_loop;
+mod table;
+mod tension_servo;
+mod trajectory;
+
+// Who asks and watches.
+mod message;
+mod monitor;
+
+// Whatever comes, and what is simulated.
+mod hostile_hand;
+mod plant;

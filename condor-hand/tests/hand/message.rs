@@ -1,0 +1,577 @@
+//! What servos promise to whoever sends them messages.
+
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use condor_hand::config::Hand;
+use condor_hand::controller::FingerController;
+use condor_hand::kinematics::PlanarFinger;
+use condor_hand::message::{
+    ALL_JOINTS, ClientError, Identity, REQUEST_WORDS, Refusal, SERVO, ServoClient, ServoLoop,
+    ServoObject, ServoPlaces, Verb,
+};
+use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
+use condor_hand::tendon::fault::{FaultCode, FaultSite};
+use condor_hand::tendon::{Pair, TensionGains};
+use condor_hand::trajectory::SetPoint;
+use condor_mbox::sim::{Mailbox, SimWindow, System};
+use condor_mbox::{
+    Call, CriticalSection, Error, ExchangeError, Processor, Region, SingleContext, Vector,
+};
+use nalgebra::{Vector3, Vector4};
+use proptest::prelude::*;
+
+const MASTER: Processor = Processor(0);
+const SLAVE: Processor = Processor(1);
+const SECOND: Duration = Duration::from_secs(1);
+const PERIOD_S: f64 = 1.0 / 400.0;
+const DATA_BYTES: u32 = 8192;
+
+type Servos = ServoLoop<'static, PlanarFinger, SimWindow, 2, 4>;
+type Client<'m> = ServoClient<'m, Mailbox<'static, 2>, SimWindow, 2, 4>;
+
+fn hand() -> Hand<4, 4> {
+    Hand::from_toml(
+        include_str!("../../hands/utah-mit.toml"),
+        "hands/utah-mit.toml",
+    )
+    .unwrap()
+}
+
+fn sensed() -> Sensed<f64, 4> {
+    Sensed {
+        position: Vector4::new(0.1, 0.6, 0.8, 0.7),
+        tension: [Pair::both(4.0); 4],
+    }
+}
+
+/// A system of a master and two fingers, whose sensors say what was commanded.
+struct Rig {
+    system: System<2>,
+    places: ServoPlaces<2, 4>,
+    fingers: Arc<Mutex<(Servos, [Sensed<f64, 4>; 2])>>,
+    /// In virtual time: whether the loop runs while the master waits.
+    ticking: Arc<AtomicBool>,
+    master: Mailbox<'static, 2>,
+}
+
+fn tick(fingers: &Mutex<(Servos, [Sensed<f64, 4>; 2])>) {
+    let (servos, sensed) = &mut *fingers.lock().unwrap();
+    for (finger, sensed) in sensed.iter_mut().enumerate() {
+        let gravity = Vector3::new(0.0, 0.0, -9.81);
+        let tick = servos.tick(finger, sensed, &gravity, PERIOD_S).unwrap();
+        sensed.tension = tick.output.tension;
+    }
+}
+
+impl Rig {
+    /// The servos and their mailbox, which has not been asked to serve.
+    fn parts(system: System<2>) -> (Self, Mailbox<'static, 2>) {
+        let hand = hand();
+        let [_, windows] = system.windows(SLAVE);
+        let ram = Region::users(windows.data).unwrap();
+        let places = ServoPlaces::new(&mut ram.places(), 2).unwrap();
+        let names = [&hand.fingers[0].name, &hand.fingers[1].name];
+        let identity = Identity::new(
+            &hand.name,
+            names.map(condor_hand::config::Name::as_str),
+            hand.servo_hz,
+        );
+        let controllers = [0, 1].map(|finger| {
+            let finger = &hand.fingers[finger];
+            FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap()
+        });
+        let object = Box::leak(Box::new(ServoObject::new()));
+        let (handler, servos) = object
+            .split(identity, &ram, places, CriticalSection, controllers)
+            .unwrap();
+        let mut slave = system.mailbox(SLAVE).unwrap();
+        let handler = Box::leak(Box::new(move |call: &Call<'_>| handler.answer(call)));
+        slave.set_vector(SERVO, handler, "servos").unwrap();
+        slave.join().unwrap();
+        let master = system.mailbox(MASTER).unwrap();
+        let rig = Self {
+            system,
+            places,
+            fingers: Arc::new(Mutex::new((servos, [sensed(), sensed()]))),
+            ticking: Arc::new(AtomicBool::new(true)),
+            master,
+        };
+        (rig, slave)
+    }
+
+    fn in_virtual_time() -> Self {
+        let (mut rig, slave) = Self::parts(System::in_virtual_time(DATA_BYTES));
+        let (fingers, ticking) = (Arc::clone(&rig.fingers), Arc::clone(&rig.ticking));
+        rig.system.while_waiting(SLAVE, move || {
+            slave.service(SECOND).unwrap();
+            if ticking.load(Ordering::Relaxed) {
+                tick(&fingers);
+            }
+        });
+        rig.master.join().unwrap();
+        rig
+    }
+
+    fn ram(&self) -> Region<SimWindow> {
+        let [_, windows] = self.system.windows(MASTER);
+        Region::users(windows.data).unwrap()
+    }
+
+    fn client(&self) -> Client<'_> {
+        ServoClient::new(&self.master, SLAVE, &self.ram(), self.places).unwrap()
+    }
+
+    /// Words that no client sends, and what comes back: the reply and the response.
+    fn raw(&self, words: &[u32]) -> (u32, [u32; REQUEST_WORDS]) {
+        let (ram, block) = (self.ram(), self.places.block(MASTER).unwrap());
+        for (word, offset) in words.iter().zip((block..).step_by(4)) {
+            ram.set_word(offset, *word).unwrap();
+        }
+        let reply = self.master.send_with_reply(SLAVE, SERVO, block, SECOND);
+        let response = block + 4 * REQUEST_WORDS as u32;
+        let words = core::array::from_fn(|word| ram.word(response + 4 * word as u32).unwrap());
+        (reply.unwrap(), words)
+    }
+
+    fn modes(&self, finger: usize) -> [Mode; 4] {
+        let servos = &self.fingers.lock().unwrap().0;
+        core::array::from_fn(|joint| servos.controller(finger).unwrap().mode(joint).unwrap())
+    }
+
+    fn gains(&self, finger: usize, joint: usize) -> JointGains<f64> {
+        let servos = &self.fingers.lock().unwrap().0;
+        *servos.controller(finger).unwrap().gains(joint).unwrap()
+    }
+
+    fn ticks(&self, count: usize) {
+        for _ in 0..count {
+            tick(&self.fingers);
+        }
+    }
+}
+
+fn other_gains() -> JointGains<f64> {
+    JointGains {
+        law: PositionLaw::ComputedTorque {
+            bandwidth_hz: 3.25,
+            damping_ratio: 0.9,
+        },
+        k_torque: 0.125,
+        tension: Pair {
+            flexor: TensionGains {
+                kt: 0.5,
+                ki: 0.25,
+                kd: 0.001,
+                kv: 2.0,
+            },
+            extensor: TensionGains {
+                kt: 0.75,
+                ki: 0.0,
+                kd: 0.002,
+                kv: 3.0,
+            },
+        },
+    }
+}
+
+#[test]
+fn a_processor_says_which_servos_it_has() {
+    let rig = Rig::in_virtual_time();
+    let mut client = rig.client();
+    for (number, finger) in hand().fingers.iter().take(2).enumerate() {
+        let hello = client.hello(number as u32, SECOND).unwrap();
+        assert_eq!(
+            (hello.hand, hello.finger),
+            (hand().name, finger.name.clone())
+        );
+        assert_eq!((hello.fingers, hello.joints, hello.servo_hz), (2, 4, 400));
+    }
+    let refused = client.hello(2, SECOND).unwrap_err();
+    let (finger, fingers) = (2, 2);
+    assert_eq!(
+        refused,
+        ClientError::Refused(Refusal::NoFinger { finger, fingers })
+    );
+}
+
+#[test]
+fn servos_are_enabled_and_disabled() {
+    let rig = Rig::in_virtual_time();
+    let mut client = rig.client();
+    client.enable(1, Some(2), Mode::Torque, SECOND).unwrap();
+    assert_eq!(rig.modes(1)[2], Mode::Torque);
+    client.enable(1, None, Mode::Position, SECOND).unwrap();
+    assert_eq!(rig.modes(1), [Mode::Position; 4]);
+    assert_eq!(rig.modes(0), [Mode::Off; 4]);
+    client.disable(1, Some(0), SECOND).unwrap();
+    let status = client.status(1, SECOND).unwrap();
+    let position = Mode::Position;
+    assert_eq!(status.modes, [Mode::Off, position, position, position]);
+    assert_eq!((status.fault, status.is_resting), (None, false));
+    let before = status.ticks;
+    rig.ticks(10);
+    assert!(client.status(1, SECOND).unwrap().ticks.wrapping_sub(before) >= 10);
+    assert_eq!(
+        client.enable(1, Some(4), Mode::Torque, SECOND),
+        Err(ClientError::Refused(Refusal::NoJoint {
+            joint: 4,
+            joints: 4
+        }))
+    );
+}
+
+#[test]
+fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
+    let rig = Rig::in_virtual_time();
+    let mut client = rig.client();
+    let limits = hand().fingers[0].joints[1].limits;
+    let point = SetPoint::rest(0.7);
+    for target in [
+        JointTarget::Position(point),
+        JointTarget::Torque(0.01),
+        JointTarget::Grasp(-0.01),
+        JointTarget::Tension(Pair {
+            flexor: 12.0,
+            extensor: 9.0,
+        }),
+        JointTarget::Off,
+    ] {
+        client.set_target(0, 1, &target, SECOND).unwrap();
+        assert_eq!(rig.modes(0)[1], target.mode());
+    }
+    client
+        .set_target(0, 1, &JointTarget::Position(point), SECOND)
+        .unwrap();
+    let position = 9.5;
+    let refused = client.set_target(
+        0,
+        1,
+        &JointTarget::Position(SetPoint::rest(position)),
+        SECOND,
+    );
+    assert_eq!(
+        refused,
+        Err(ClientError::Refused(Refusal::Position {
+            joint: 1,
+            position,
+            low: limits.low,
+            high: limits.high
+        }))
+    );
+    let refused = client.set_target(0, 1, &JointTarget::Torque(1e3), SECOND);
+    assert!(
+        matches!(refused, Err(ClientError::Refused(Refusal::Torque { joint: 1, torque, .. })) if torque > 999.0),
+        "{refused:?}"
+    );
+    let refused = client.set_target(0, 1, &JointTarget::Tension(Pair::both(1e3)), SECOND);
+    assert!(
+        matches!(refused, Err(ClientError::Refused(Refusal::Tension { joint: 1, tension, .. })) if tension > 999.0),
+        "{refused:?}"
+    );
+    let refused = client.set_target(0, 1, &JointTarget::Torque(f64::NAN), SECOND);
+    assert!(
+        matches!(refused, Err(ClientError::Refused(Refusal::Number { number: 0, value })) if value.is_nan()),
+        "{refused:?}"
+    );
+    assert_eq!(rig.modes(0)[1], Mode::Position);
+}
+
+#[test]
+fn gains_change_whole_at_a_tick() {
+    let rig = Rig::in_virtual_time();
+    let mut client = rig.client();
+    let before = rig.gains(0, 2);
+    assert_eq!(client.gains(0, 2, SECOND), Ok(before));
+
+    // Without a tick nothing is in force.
+    rig.ticking.store(false, Ordering::Relaxed);
+    let short = Duration::from_millis(2);
+    let not_done = client.set_gains(0, 2, &other_gains(), short);
+    assert!(
+        matches!(not_done, Err(ClientError::NotDone { to: SLAVE, timeout, .. }) if timeout == short),
+        "{not_done:?}"
+    );
+    assert_eq!(rig.gains(0, 2), before);
+    rig.ticks(1);
+    assert_eq!(rig.gains(0, 2), other_gains());
+    assert_eq!(client.gains(0, 2, SECOND), Ok(other_gains()));
+
+    rig.ticking.store(true, Ordering::Relaxed);
+    let mut wrong = other_gains();
+    wrong.tension.extensor.ki = -1.0;
+    let (number, value) = (10, -1.0);
+    assert_eq!(
+        client.set_gains(0, 2, &wrong, SECOND),
+        Err(ClientError::Refused(Refusal::Number { number, value }))
+    );
+    assert_eq!(rig.gains(0, 2), other_gains());
+    client.set_gains(0, 2, &before, SECOND).unwrap();
+    assert_eq!(rig.gains(0, 2), before);
+    assert_eq!(rig.modes(0), [Mode::Off; 4]);
+}
+
+#[test]
+fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
+    let rig = Rig::in_virtual_time();
+    let mut client = rig.client();
+    client.enable(0, None, Mode::Torque, SECOND).unwrap();
+    rig.fingers.lock().unwrap().1[0].position[3] = f64::NAN;
+    rig.ticks(50);
+    let status = client.status(0, SECOND).unwrap();
+    let fault = status.fault.unwrap();
+    assert_eq!(fault.code, FaultCode::NotFinite);
+    assert_eq!(fault.site, FaultSite::Joint(3));
+    assert!(status.is_resting);
+    assert_eq!(status.modes, [Mode::Off; 4]);
+    assert_eq!(client.status(1, SECOND).unwrap().fault, None);
+
+    let refused = client.enable(0, None, Mode::Torque, SECOND);
+    assert_eq!(refused, Err(ClientError::Refused(Refusal::AfterFault)));
+    rig.fingers.lock().unwrap().1[0].position[3] = 0.7;
+    // Two restarts between two ticks are one clearing, and count twice.
+    rig.ticking.store(false, Ordering::Relaxed);
+    let restart = [Verb::Restart as u32, 0];
+    assert_eq!(rig.raw(&restart).1[0], 0);
+    assert_eq!(rig.raw(&restart).1[0], 0);
+    rig.ticks(1);
+    rig.ticking.store(true, Ordering::Relaxed);
+    assert_eq!(client.status(0, SECOND).unwrap().restarts, 2);
+    client.restart(0, SECOND).unwrap();
+    rig.ticks(400);
+    let status = client.status(0, SECOND).unwrap();
+    assert_eq!((status.fault, status.is_resting), (None, false));
+    assert_eq!(status.restarts, 3);
+    // What was refused is not done later.
+    assert_eq!(status.modes, [Mode::Off; 4]);
+    client.enable(0, None, Mode::Torque, SECOND).unwrap();
+}
+
+#[test]
+fn an_order_that_another_one_replaced_says_so() {
+    let rig = Rig::in_virtual_time();
+    rig.ticking.store(false, Ordering::Relaxed);
+    let mode = |joint: u32, mode: Mode| rig.raw(&[Verb::Mode as u32, 0, joint, mode as u32]).1;
+    let outcome = |joint, number| rig.raw(&[Verb::Outcome as u32, 0, joint, number, 0]).1[0];
+    let [0, first, ..] = mode(1, Mode::Torque) else {
+        panic!("refused");
+    };
+    let [0, second, ..] = mode(ALL_JOINTS, Mode::Tension) else {
+        panic!("refused");
+    };
+    assert_eq!(second, first + 1);
+    assert_eq!((outcome(1, first), outcome(1, second)), (2, 2));
+    rig.ticks(1);
+    assert_eq!((outcome(1, first), outcome(ALL_JOINTS, second)), (3, 0));
+    assert_eq!(rig.modes(0), [Mode::Tension; 4]);
+}
+
+#[test]
+fn the_masters_set_points_are_followed_without_messages() {
+    let rig = Rig::in_virtual_time();
+    let mut set_points = rig.places.set_points(0, &rig.ram()).unwrap();
+    assert!(rig.places.set_points(2, &rig.ram()).is_err());
+    let mut client = rig.client();
+    client.enable(0, None, Mode::Position, SECOND).unwrap();
+    rig.ticking.store(false, Ordering::Relaxed);
+    let start = sensed().position;
+    for step in 1..=20 {
+        let moved = start[1] + 0.002 * f64::from(step);
+        let mut points: [_; 4] = core::array::from_fn(|joint| SetPoint::rest(start[joint]));
+        points[1] = SetPoint {
+            position: moved,
+            velocity: 0.1,
+            acceleration: 0.0,
+        };
+        set_points.publish(&points).unwrap();
+        rig.ticks(8);
+    }
+    let (servos, sensed) = &mut *rig.fingers.lock().unwrap();
+    let tick = servos
+        .tick(0, &sensed[0], &Vector3::new(0.0, 0.0, -9.81), PERIOD_S)
+        .unwrap();
+    assert!(
+        (tick.target[1].unwrap() - start[1] - 0.04).abs() < 0.01,
+        "{tick:?}"
+    );
+    assert!((tick.target[2].unwrap() - start[2]).abs() < 1e-6);
+}
+
+#[test]
+fn set_points_that_are_not_finite_are_refused_and_counted() {
+    let rig = Rig::in_virtual_time();
+    let mut set_points = rig.places.set_points(1, &rig.ram()).unwrap();
+    let mut client = rig.client();
+    client.enable(1, None, Mode::Position, SECOND).unwrap();
+    for _ in 0..3 {
+        set_points.publish(&[SetPoint::rest(f64::NAN); 4]).unwrap();
+        rig.ticks(2);
+    }
+    let status = client.status(1, SECOND).unwrap();
+    assert_eq!(status.refused_set_points, 3);
+    assert_eq!(status.modes, [Mode::Position; 4]);
+}
+
+#[test]
+fn a_message_with_another_offset_is_refused() {
+    let rig = Rig::in_virtual_time();
+    let mine = rig.places.block(MASTER).unwrap();
+    let others = rig.places.block(SLAVE).unwrap();
+    assert_eq!(rig.places.block(Processor(2)), None);
+    for offset in [0, mine - 4, mine + 1, others, DATA_BYTES, u32::MAX] {
+        let reply = rig.master.send_with_reply(SLAVE, SERVO, offset, SECOND);
+        assert_eq!(reply, Ok(0), "{offset:#x}");
+    }
+}
+
+#[test]
+fn places_that_are_not_there_are_errors() {
+    let rig = Rig::in_virtual_time();
+    let small = Region::users(rig.system.windows(MASTER)[1].data.clone()).unwrap();
+    let small = small.part(0, 576).unwrap();
+    assert!(ServoPlaces::<2, 4>::new(&mut small.places(), 2).is_err());
+    assert!(ServoClient::new(&rig.master, SLAVE, &small, rig.places).is_err());
+    let mut object = ServoObject::<2, 4>::new();
+    let hand = hand();
+    let controllers = [0, 1].map(|finger| {
+        let finger = &hand.fingers[finger];
+        FingerController::new(&hand, finger, finger.chain()).unwrap()
+    });
+    let identity = Identity::new("a", ["b", "c"], 400);
+    let split = object.split(
+        identity,
+        &small,
+        rig.places,
+        SingleContext::new(),
+        controllers,
+    );
+    assert!(split.is_err());
+}
+
+#[test]
+fn a_processor_without_servos_is_an_error_with_its_number() {
+    let rig = Rig::in_virtual_time();
+    let reply = rig.master.send_with_reply(SLAVE, Vector(9), 0, SECOND);
+    assert!(matches!(reply, Err(Error::NoHandler { to: SLAVE, .. })));
+    rig.system.stall(SLAVE, true);
+    let stalled = rig.client().status(0, SECOND);
+    assert!(
+        matches!(
+            stalled,
+            Err(ClientError::Exchange(ExchangeError::Mailbox(
+                Error::Stalled { to: SLAVE, .. }
+            )))
+        ),
+        "{stalled:?}"
+    );
+}
+
+/// Words that are often nearly right.
+fn word() -> impl Strategy<Value = u32> {
+    prop_oneof![
+        4 => 0_u32..6,
+        1 => Just(ALL_JOINTS),
+        1 => any::<u32>(),
+        1 => any::<f64>().prop_map(|number| (number.to_bits() >> 32) as u32),
+    ]
+}
+
+fn is_valid(gains: &JointGains<f64>) -> bool {
+    let law = match gains.law {
+        PositionLaw::Pd {
+            kp,
+            kv,
+            ki,
+            integral_nm,
+        } => [kp, kv, ki, integral_nm],
+        PositionLaw::ComputedTorque {
+            bandwidth_hz,
+            damping_ratio,
+        } => [bandwidth_hz, damping_ratio, 0.0, 0.0],
+    };
+    law.iter().all(|gain| gain.is_finite() && *gain >= 0.0)
+}
+
+#[test]
+fn whatever_a_peer_writes_the_servos_stay_valid() {
+    let rig = Rig::in_virtual_time();
+    let refused = AtomicU32::new(0);
+    let ram = rig.ram();
+    let words = prop::collection::vec(word(), REQUEST_WORDS);
+    let points = prop::collection::vec((0..DATA_BYTES / 4, word()), 0..40);
+    proptest!(|(words in words, data in points, own in any::<bool>(), offset in any::<u32>())| {
+        let before = ([rig.modes(0), rig.modes(1)], rig.gains(0, 1));
+        rig.ticking.store(false, Ordering::Relaxed);
+        // Anybody writes anything anywhere in the data of everybody, the set-points included.
+        for (place, word) in &data {
+            ram.set_word(4 * place, *word).unwrap();
+        }
+        if own {
+            let (reply, response) = rig.raw(&words);
+            prop_assert_eq!(reply, 1);
+            if response[0] >= 16 {
+                refused.fetch_add(1, Ordering::Relaxed);
+                rig.ticks(1);
+                // The set-points alone may have made a fault, which switches the finger off.
+                prop_assert_eq!(before.1, rig.gains(0, 1));
+                for (finger, modes) in before.0.into_iter().enumerate() {
+                    let fault = rig.fingers.lock().unwrap().0.controller(finger).unwrap().fault();
+                    prop_assert!(fault.is_some() || modes == rig.modes(finger));
+                }
+            }
+        } else {
+            rig.master.send_with_reply(SLAVE, SERVO, offset, SECOND).unwrap();
+        }
+        rig.ticks(1);
+        for finger in 0..2 {
+            for joint in 0..4 {
+                prop_assert!(is_valid(&rig.gains(finger, joint)));
+            }
+        }
+        let sensed = rig.fingers.lock().unwrap().1;
+        for pair in sensed.iter().flat_map(|sensed| sensed.tension) {
+            for tension in [pair.flexor, pair.extensor] {
+                prop_assert!((0.0..=1000.0).contains(&tension));
+            }
+        }
+    });
+    assert!(refused.into_inner() > 20);
+}
+
+#[test]
+fn threads_give_orders_while_the_loop_runs() {
+    const LONG: Duration = Duration::from_secs(120);
+    let (mut rig, slave) = Rig::parts(System::in_real_time(DATA_BYTES));
+    rig.master.join().unwrap();
+    let done = AtomicBool::new(false);
+    std::thread::scope(|threads| {
+        let (fingers, done) = (&rig.fingers, &done);
+        threads.spawn(move || {
+            while !done.load(Ordering::Relaxed) {
+                tick(fingers);
+                std::thread::yield_now();
+            }
+        });
+        threads.spawn(move || {
+            while !done.load(Ordering::Relaxed) {
+                slave.serve(Duration::from_millis(20)).unwrap();
+            }
+        });
+        let orders = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            let mut client = rig.client();
+            for round in 0..50_u32 {
+                let mode = [Mode::Torque, Mode::Tension, Mode::Off][round as usize % 3];
+                client.enable(round % 2, None, mode, LONG).unwrap();
+                let status = client.status(round % 2, LONG).unwrap();
+                assert_eq!(status.modes, [mode; 4]);
+                let mut gains = other_gains();
+                gains.k_torque = f64::from(round) / 64.0;
+                client.set_gains(0, round % 4, &gains, LONG).unwrap();
+                assert_eq!(client.gains(0, round % 4, LONG), Ok(gains));
+            }
+        }));
+        done.store(true, Ordering::Relaxed);
+        orders.unwrap();
+    });
+}

@@ -1,0 +1,114 @@
+//! The simulated hand of a configuration.
+
+use condor_hand::config::Hand;
+use condor_hand::plant::{DriveKind, Machine, PlantError, Stop, Surface};
+use condor_hand::tendon::Pair;
+use nalgebra::{Vector3, Vector4};
+
+use crate::support::geometry;
+
+fn machine() -> Machine {
+    let stop = Stop {
+        stiffness: 1e4,
+        damping: 100.0,
+    };
+    Machine {
+        actuator: DriveKind::exact,
+        joint_stop: stop,
+        axis_stop: stop,
+        updates: 25,
+        tip_radius: 0.008,
+        surface: Surface {
+            stiffness: 1e4,
+            damping: 1.0,
+            shear_stiffness: 1e4,
+            shear_damping: 1.0,
+            friction: 0.1,
+        },
+    }
+}
+
+fn shipped() -> Hand<4, 4> {
+    let text = include_str!("../../../hands/utah-mit.toml");
+    Hand::from_toml(text, "utah-mit.toml").unwrap()
+}
+
+#[test]
+fn a_finger_has_the_numbers_of_its_configuration() {
+    let mut hand = shipped();
+    hand.fingers[2].joints[1].extensor.actuator_hz = 40.0;
+    hand.fingers[2].joints[1].friction.coulomb = 0.01;
+    hand.fingers[2].joints[1].friction.coulomb_rate = 0.2;
+    let geometry = geometry();
+    let finger = &hand.fingers[2];
+    let parameters = machine().finger_parameters(finger).unwrap();
+    assert_eq!(parameters.arms, geometry.symmetric_arms());
+    for (joint, parameters) in parameters.joints.iter().enumerate() {
+        assert_eq!(parameters.armature, 1.6e-5);
+        assert_eq!(parameters.damping, 2e-3);
+        assert_eq!(
+            parameters.range,
+            (geometry.qmin[joint], geometry.qmax[joint])
+        );
+    }
+    assert_eq!(
+        (parameters.joints[1].coulomb, parameters.joints[1].fade),
+        (0.01, 0.2)
+    );
+    assert_eq!(parameters.drives[1].flexor.max_n, geometry.fmax);
+    let pole_hz = |kind| match kind {
+        DriveKind::Exact { time_constant_s } => 1.0 / (core::f64::consts::TAU * time_constant_s),
+        _ => f64::NAN,
+    };
+    assert!((pole_hz(parameters.drives[1].flexor.kind) - 20.0).abs() < 1e-12);
+    assert!((pole_hz(parameters.drives[1].extensor.kind) - 40.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_finger_without_one_of_its_joints_stays_there() {
+    let mut hand = shipped();
+    hand.fingers[0].joints.pop();
+    let finger = &hand.fingers[0];
+    let q = Vector4::new(0.1, 0.5, 0.6, 0.0);
+    let mut plant = machine().finger(finger, finger.chain(), q).unwrap();
+    assert_eq!(plant.tensions()[0], Pair::both(4.0));
+    let gravity = Vector3::from(hand.gravity);
+    plant
+        .step(0.05, 500, &[Pair::both(4.0); 4], &gravity)
+        .unwrap();
+    assert_eq!(plant.q()[3], 0.0);
+    assert!((plant.q() - q).amax() > 0.01, "{:?}", plant.q());
+}
+
+#[test]
+fn a_hand_rubs_as_its_configuration_says() {
+    let mut hand = shipped();
+    let parameters = machine().hand_parameters(&hand);
+    assert_eq!(parameters.tip_object.friction, 0.5);
+    assert_eq!(parameters.period_s, 1.0 / 400.0);
+    assert_eq!(parameters.gravity, Vector3::new(0.0, 0.0, -9.81));
+    hand.contact = None;
+    let parameters = machine().hand_parameters(&hand);
+    assert_eq!(parameters.tip_ground.friction, 0.1);
+}
+
+#[test]
+fn axes_of_a_table_lie_along_those_of_the_palm() {
+    let hand = shipped();
+    let mut table = hand.table.unwrap();
+    table.axes.truncate(2);
+    table.axes[0].direction = [0.0, 0.0, -1.0];
+    table.axes[0].limits.low = -0.05;
+    let mut plant = machine().table(&table).unwrap();
+    for _ in 0..20_000 {
+        plant.advance(1e-4, &Vector3::new(0.0, 0.0, 50.0)).unwrap();
+    }
+    // Up is its negative sense, where it has 50 mm and then a stop of 1e4 N/m.
+    assert!((plant.position().z - 0.055).abs() < 1e-6, "{plant:?}");
+    table.axes[1].direction = [0.0, 0.0, 1.0];
+    let twice = machine().table(&table).unwrap_err();
+    assert!(matches!(twice, PlantError::Direction { z: 1.0, .. }));
+    table.axes[1].direction = [0.6, 0.8, 0.0];
+    let oblique = machine().table(&table).unwrap_err();
+    assert!(oblique.to_string().contains("(0.6, 0.8, 0)"), "{oblique}");
+}

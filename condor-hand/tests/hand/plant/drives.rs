@@ -1,0 +1,222 @@
+//! How tension follows its command.
+
+use condor_hand::plant::{Drive, DriveKind, Elastic, Finger, PlantError, Pneumatic};
+use condor_hand::tendon::{Pair, Pairs};
+use nalgebra::{Vector1, Vector3};
+use proptest::prelude::*;
+
+use super::mechanisms::{Pendulum, exact, finger, free_joint};
+
+const ROD: Pendulum = Pendulum {
+    mass: 0.1,
+    length: 0.1,
+};
+
+/// A joint too heavy to move.
+fn held(drive: Drive) -> Finger<Pendulum, 1> {
+    let mut joint = free_joint();
+    joint.armature = 1e6;
+    finger(ROD, joint, drive)
+}
+
+fn pneumatic(elastic: Option<Elastic>) -> Drive {
+    Drive {
+        max_n: 130.0,
+        kind: DriveKind::Pneumatic(Pneumatic {
+            area_m2: 2.355e-4,
+            valve_hz: 80.0,
+            valve_damping: 0.7,
+            fill_s: 1.0 / (40.0 * core::f64::consts::PI),
+            heat_ratio: 1.4,
+            atmosphere_pa: 101_325.0,
+            volume_m3: 1e-5,
+            viscous: 5.0,
+            coulomb_n: 1.0,
+            fade: 0.05,
+            elastic,
+        }),
+    }
+}
+
+const ELASTIC: Option<Elastic> = Some(Elastic {
+    stiffness: 4e4,
+    damping: 5.0,
+    piston_kg: 0.05,
+});
+
+fn flexor(command: f64) -> Pairs<f64, 1> {
+    [Pair {
+        flexor: command,
+        extensor: 0.0,
+    }]
+}
+
+fn step(finger: &mut Finger<Pendulum, 1>, dt: f64, updates: u32, command: f64) -> f64 {
+    finger
+        .step(dt, updates, &flexor(command), &Vector3::zeros())
+        .unwrap();
+    finger.tensions()[0].flexor
+}
+
+#[test]
+fn the_exact_drive_pulls_alike_in_one_update_and_in_many() {
+    let (mut coarse, mut fine) = (held(exact(0.008)), held(exact(0.008)));
+    let at_once = step(&mut coarse, 0.01, 1, 50.0);
+    let mut mean = 0.0;
+    for _ in 0..100 {
+        mean += step(&mut fine, 1e-4, 1, 50.0) / 100.0;
+    }
+    let derived = 50.0 * (1.0 - 0.8 * (1.0 - libm::exp(-1.25)));
+    assert!(
+        (at_once - derived).abs() < 1e-12,
+        "{at_once} N, not {derived} N"
+    );
+    assert!((mean - derived).abs() < 1e-11, "{mean} N, not {derived} N");
+}
+
+#[test]
+fn a_pneumatic_drive_settles_at_its_command_with_the_pole_of_its_chamber() {
+    for tendon in [None, ELASTIC] {
+        let mut finger = held(pneumatic(tendon));
+        finger.reset(Vector1::zeros(), flexor(20.0)).unwrap();
+        let rest = step(&mut finger, 0.1, 1000, 20.0);
+        assert!((rest - 20.0).abs() < 0.02, "{tendon:?}: {rest} N");
+        // After 15 ms the valve has done, and the chamber goes on alone.
+        let early = 22.0 - step(&mut finger, 0.015, 150, 22.0);
+        let late = 22.0 - step(&mut finger, 0.010, 100, 22.0);
+        let time_constant = 0.010 / libm::log(early / late);
+        let pole_hz = 1.0 / (2.0 * core::f64::consts::PI * time_constant);
+        assert!((17.0..21.0).contains(&pole_hz), "{tendon:?}: {pole_hz} Hz");
+        let settled = step(&mut finger, 0.5, 5000, 22.0);
+        assert!((settled - 22.0).abs() < 0.02, "{tendon:?}: {settled} N");
+    }
+}
+
+#[test]
+fn a_growing_chamber_loses_pressure() {
+    // Drawn in at 0.5 m/s, against still.
+    let mut joint = free_joint();
+    joint.armature = 1e6;
+    let mut moved = finger(ROD, joint, pneumatic(None));
+    moved.reset(Vector1::zeros(), flexor(60.0)).unwrap();
+    for update in 0..12_000 {
+        let torque = Vector1::new(if update < 10_000 { 5e7 } else { 0.0 });
+        moved
+            .advance(1e-4, &flexor(60.0), &Vector3::zeros(), &torque)
+            .unwrap();
+    }
+    let rate = moved.qd().x * 0.01;
+    // Coulomb friction is all there at ten times the speed where it fades.
+    assert!((rate - 0.5).abs() < 1e-3, "{rate} m/s");
+    // P' = 0: 60 N / A - P = fill gamma (P + atmosphere) A s' / V, and friction on top.
+    let area = 2.355e-4;
+    let growth = 1.4 * area * rate / 1e-5 / (40.0 * core::f64::consts::PI);
+    let pressure = (60.0 / area - growth * 101_325.0) / (1.0 + growth);
+    let expected = pressure * area - 5.0 * rate - 1.0;
+    let tension = moved.tensions()[0].flexor;
+    assert!(
+        (tension - expected).abs() < 0.02,
+        "{tension} N, not {expected} N"
+    );
+}
+
+#[test]
+fn a_slack_tendon_never_pushes() {
+    for tendon in [None, ELASTIC] {
+        let mut finger = finger(ROD, free_joint(), pneumatic(tendon));
+        finger.reset(Vector1::zeros(), flexor(10.0)).unwrap();
+        let (mut slack, mut taut) = (0, 0);
+        for update in 0..20_000 {
+            // To and fro, with the drive asked for nothing half of the time.
+            let torque = Vector1::new(if update / 1000 % 2 == 0 { 0.3 } else { -0.3 });
+            let command = flexor(if update / 5000 % 2 == 0 { 0.0 } else { 3.0 });
+            finger
+                .advance(1e-4, &command, &Vector3::zeros(), &torque)
+                .unwrap();
+            let tension = finger.tensions()[0];
+            assert!(
+                tension.flexor >= 0.0 && tension.extensor >= 0.0,
+                "{tension:?}"
+            );
+            if tension.flexor == 0.0 {
+                slack += 1;
+            } else {
+                taut += 1;
+            }
+        }
+        assert!(
+            slack > 1000 && taut > 1000,
+            "{tendon:?}: {slack} and {taut}"
+        );
+    }
+}
+
+#[test]
+fn what_is_no_number_is_no_command() {
+    for drive in [exact(0.008), pneumatic(None), pneumatic(ELASTIC)] {
+        let (mut with, mut without) = (held(drive), held(drive));
+        for (odd, even) in [
+            (f64::NAN, 0.0),
+            (f64::INFINITY, 130.0),
+            (-5.0, 0.0),
+            (500.0, 130.0),
+        ] {
+            let odd = step(&mut with, 2.5e-3, 25, odd);
+            let even = step(&mut without, 2.5e-3, 25, even);
+            assert_eq!(odd.to_bits(), even.to_bits());
+            assert_eq!(with.q(), without.q());
+        }
+        assert!(step(&mut with, 0.1, 1000, 130.0) > 100.0);
+    }
+}
+
+#[test]
+fn impossible_drives_are_refused_with_the_value() {
+    let mut joint = free_joint();
+    let parameters = |drive, joint| condor_hand::plant::FingerParameters {
+        arms: super::mechanisms::own_arms(0.01),
+        joints: [joint],
+        drives: [Pair::both(drive)],
+    };
+    let refused = Finger::new(ROD, parameters(exact(0.0), joint), Vector1::zeros()).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "the time constant of a drive, s is 0; it must be finite and above zero"
+    );
+    joint.range = (0.5, 0.5);
+    let refused = Finger::new(ROD, parameters(exact(0.1), joint), Vector1::zeros()).unwrap_err();
+    assert!(matches!(
+        refused,
+        PlantError::Range {
+            low: 0.5,
+            high: 0.5,
+            ..
+        }
+    ));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn any_commands_leave_a_finite_state(
+        commands in prop::collection::vec(any::<f64>(), 32),
+        start in -1.0_f64..1.0,
+        rigid in any::<bool>(),
+    ) {
+        let mut joint = free_joint();
+        joint.range = (-1.0, 1.0);
+        joint.stop.stiffness = 50.0;
+        joint.stop.damping = 0.05;
+        joint.armature = 1e-5;
+        let mut finger = finger(ROD, joint, pneumatic(if rigid { None } else { ELASTIC }));
+        finger.reset(Vector1::new(start), flexor(4.0)).unwrap();
+        for pair in commands.chunks(2) {
+            let commands = [Pair { flexor: pair[0], extensor: pair[1] }];
+            finger.step(2.5e-3, 25, &commands, &Vector3::new(0.0, 0.0, -9.81)).unwrap();
+            prop_assert!(finger.q().x.abs() < 3.0, "{}", finger.q().x);
+            prop_assert!(finger.qd().x.is_finite());
+            prop_assert!((0.0..1e3).contains(&finger.tensions()[0].flexor));
+        }
+    }
+}
