@@ -7,6 +7,10 @@ use rustix::thread::futex;
 
 use super::context;
 
+/// How often a thread looks for the end of the holder's section before it asks the kernel to wait: most
+/// sections are shorter than a system call.
+const LOOKS: u32 = 100;
+
 /// A lock that a thread holds by its number, so that the kernel lends it the priority of who waits.
 ///
 /// Async-signal-safe, provided that no handler asks for it on the thread that holds it.
@@ -21,17 +25,31 @@ impl PiLock {
     #[inline]
     pub(super) fn lock(&self) {
         let me = context::thread_number();
-        // Acquire pairs with the Release exchange in `unlock`.
-        let taken = self
-            .0
-            .compare_exchange(0, me, Ordering::Acquire, Ordering::Relaxed);
-        if taken.is_err() {
+        if !self.take(me) {
             self.wait(me);
         }
     }
 
+    #[inline]
+    fn take(&self, me: u32) -> bool {
+        // Acquire pairs with the Release exchange in `unlock`.
+        self.0
+            .compare_exchange(0, me, Ordering::Acquire, Ordering::Relaxed)
+            .is_ok()
+    }
+
     #[cold]
     fn wait(&self, me: u32) {
+        for _ in 0..LOOKS {
+            core::hint::spin_loop();
+            // Relaxed: `take` orders.
+            match self.0.load(Ordering::Relaxed) {
+                0 if self.take(me) => return,
+                // Who waits in the kernel comes first.
+                holder if holder & libc::FUTEX_WAITERS != 0 => break,
+                _ => {}
+            }
+        }
         loop {
             match futex::lock_pi(&self.0, futex::Flags::PRIVATE, None) {
                 // The kernel has stored `me`; its own locks order it after the former holder.
@@ -40,11 +58,7 @@ impl PiLock {
                 // A kernel without inheritance.
                 Err(_) => rustix::thread::sched_yield(),
             }
-            // Acquire pairs with the Release exchange in `unlock`.
-            let taken = self
-                .0
-                .compare_exchange(0, me, Ordering::Acquire, Ordering::Relaxed);
-            if taken.is_ok() {
+            if self.take(me) {
                 return;
             }
         }
