@@ -51,7 +51,7 @@ mod windows;
 pub use error::{Error, LayoutField, Object, Progress, ProtocolWord};
 pub use id::{Processor, Vector};
 pub use mailbox::{
-    Call, Handler, MAX_DEPTH, Mailbox, Message, Messenger, PeerState, Pending, Ticket,
+    Call, Handler, Link, MAX_DEPTH, Mailbox, Message, Messenger, PeerState, Pending, Ticket,
     VectorStatistics, Waiting,
 };
 

@@ -4,12 +4,11 @@ use core::fmt;
 use core::time::Duration;
 
 use condor_mbox::{
-    AccessError, Exclusion, Instant, MemoryWindow, Message, Messenger, Processor, Vector,
+    AccessError, Exclusion, Instant, Link, MemoryWindow, Message, Messenger, Processor, Vector,
 };
 use embedded_io::{BufRead, ErrorType, Read, ReadExactError, ReadReady, Write, WriteReady};
 
 use crate::error::ConsoleError;
-use crate::link::Link;
 use crate::terminal::{LONGEST_NAP, Terminal};
 
 /// Characters that a console holds for [`BufRead`].

@@ -20,7 +20,6 @@ pub mod linux;
 mod console;
 mod error;
 mod input;
-mod link;
 mod output;
 mod policy;
 mod reader;
@@ -31,7 +30,6 @@ mod terminal;
 // The processor's end.
 pub use console::{Console, Poster};
 pub use error::{ConsoleError, TerminalError};
-pub use link::Link;
 pub use policy::{Policy, PolicyKind};
 pub use settings::{Characters, Mode, Settings};
 pub use terminal::{Accepted, Terminal};

@@ -3,14 +3,13 @@
 use core::time::Duration;
 
 use condor_mbox::{
-    AccessError, Call, Exclusion, MemoryWindow, Messenger, Places, Processor, Region, Vector,
+    AccessError, Call, Exclusion, Link, MemoryWindow, Messenger, Places, Processor, Region, Vector,
 };
 
 use crate::console::{Console, Poster};
 use crate::error::TerminalError;
 use crate::input::{Echo, Input, Outcome, Taken};
 use crate::layout::{self, ALIGNMENT, BLOCK_BYTES, Vectors, reply};
-use crate::link::Link;
 use crate::output::Output;
 use crate::policy::Policy;
 use crate::settings::Settings;

@@ -252,7 +252,7 @@ fn killed_a_thousand_times(policy: Policy, check: impl Fn(u32)) -> (u32, u32, u3
                 written.borrow_mut().pop();
                 let mut console = terminal.console(&board);
                 while !console.write_ready().unwrap() {
-                    condor_tty::Link::pause(&board, Duration::from_millis(1)).unwrap();
+                    condor_mbox::Link::pause(&board, Duration::from_millis(1)).unwrap();
                 }
                 written.borrow_mut().push(byte);
             }
@@ -262,7 +262,7 @@ fn killed_a_thousand_times(policy: Policy, check: impl Fn(u32)) -> (u32, u32, u3
             }
         }
         if !matches!(policy, Policy::Block { .. }) && given % 3 == 0 {
-            condor_tty::Link::pause(&board, Duration::from_millis(1)).unwrap();
+            condor_mbox::Link::pause(&board, Duration::from_millis(1)).unwrap();
         }
     }
     check(terminal.lost());

@@ -1,7 +1,7 @@
 use core::time::Duration;
 
 use condor_mbox::{
-    AccessError, Clock, Error, Exchange, ExchangeError, MemoryWindow, Messenger, Processor, Region,
+    AccessError, Error, Exchange, ExchangeError, Instant, Link, MemoryWindow, Processor, Region,
 };
 
 use super::places::ServoPlaces;
@@ -14,14 +14,18 @@ use crate::config::Name;
 use crate::decimal::Decimal;
 use crate::servo::{JointGains, JointTarget, Mode};
 
+/// How long a servo processor is left alone that has not come to what it was asked: an order is done
+/// at the next tick of its loop.
+const PAUSE: Duration = Duration::from_micros(200);
+
 /// Asks the servos of another processor, from the background of this one.
 ///
 /// Each call ends at its time-out. An order is done when its call returns without an error: the
 /// servo loop has come to it.
 #[derive(Debug)]
-pub struct ServoClient<'m, M: Messenger + ?Sized, C, W, const F: usize, const N: usize> {
-    exchange: Exchange<'m, M, Region<W>, Request, Response>,
-    clock: C,
+pub struct ServoClient<'m, L: Link + ?Sized, W, const F: usize, const N: usize> {
+    exchange: Exchange<'m, L, Region<W>, Request, Response>,
+    link: &'m L,
     to: Processor,
 }
 
@@ -95,10 +99,9 @@ pub enum ClientError {
     },
 }
 
-impl<'m, M, C, W, const F: usize, const N: usize> ServoClient<'m, M, C, W, F, N>
+impl<'m, L, W, const F: usize, const N: usize> ServoClient<'m, L, W, F, N>
 where
-    M: Messenger + ?Sized,
-    C: Clock,
+    L: Link + ?Sized,
     W: MemoryWindow + Clone,
 {
     /// A client of the servos of `to`, in the users' region of whose `data` they have `places`.
@@ -108,22 +111,17 @@ where
     /// # Errors
     /// `OutOfBounds` if the sender has no block in the places, or there is no room.
     pub fn new(
-        messenger: &'m M,
-        clock: C,
+        link: &'m L,
         to: Processor,
         region: &Region<W>,
         places: ServoPlaces<F, N>,
     ) -> Result<Self, AccessError> {
         let mut left = region.places();
-        let block = places.block(messenger.number());
+        let block = places.block(link.number());
         left.bytes(block.unwrap_or(u32::MAX) as usize)?;
         let whole = Region::whole(region.clone());
-        let exchange = Exchange::new(messenger, whole, &mut left)?;
-        Ok(Self {
-            exchange,
-            clock,
-            to,
-        })
+        let exchange = Exchange::new(link, whole, &mut left)?;
+        Ok(Self { exchange, link, to })
     }
 
     /// Which hand and finger it is.
@@ -256,7 +254,7 @@ where
         part: Part,
         timeout: Duration,
     ) -> Result<(), ClientError> {
-        let deadline = self.clock.now().after(timeout);
+        let deadline = self.link.now().after(timeout);
         let response = self.ask(request, timeout)?;
         let number = self.check(&response)?.word();
         let [_, finger, joint, ..] = *request;
@@ -270,7 +268,7 @@ where
             timeout,
         };
         loop {
-            let left = Duration::from_nanos(deadline.ns_since(self.clock.now()));
+            let left = self.left(deadline);
             if left.is_zero() {
                 return Err(not_done);
             }
@@ -279,7 +277,7 @@ where
                     return Err(not_done);
                 }
                 Err(error) => return Err(error),
-                Ok([state::PENDING, ..]) => {}
+                Ok([state::PENDING, ..]) => self.pause(deadline)?,
                 Ok([state::SUPERSEDED, ..]) => return Err(ClientError::Superseded { number }),
                 Ok(response) => return self.check(&response).map(|_| ()),
             }
@@ -288,9 +286,9 @@ where
 
     /// One request, again while another one is being answered.
     fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, ClientError> {
-        let deadline = self.clock.now().after(timeout);
+        let deadline = self.link.now().after(timeout);
         loop {
-            let left = Duration::from_nanos(deadline.ns_since(self.clock.now()));
+            let left = self.left(deadline);
             let response = self.exchange.call(self.to, SERVO, request, left)?;
             match response {
                 [state::BUSY, ..] if left.is_zero() => {
@@ -299,10 +297,20 @@ where
                         timeout,
                     });
                 }
-                [state::BUSY, ..] => {}
+                [state::BUSY, ..] => self.pause(deadline)?,
                 _ => return Ok(response),
             }
         }
+    }
+
+    fn left(&self, deadline: Instant) -> Duration {
+        Duration::from_nanos(deadline.ns_since(self.link.now()))
+    }
+
+    /// Gives the servo processor time.
+    fn pause(&self, deadline: Instant) -> Result<(), ClientError> {
+        let pause = self.left(deadline).min(PAUSE);
+        Ok(self.link.pause(pause).map_err(ExchangeError::from)?)
     }
 
     /// What follows in a response if all is well.

@@ -47,11 +47,10 @@ use crate::dynamics::Dynamics;
 /// slave.set_vector(SERVO, &handler, "servos")?;
 /// slave.join()?;
 ///
-/// // The master; `Mailbox` and clock are its own.
+/// // The master; `Mailbox` is its own.
 /// let mut master = system.mailbox(MASTER)?;
 /// master.join()?;
 /// let master = &master;
-/// let clock = master.doorbell();
 /// # let done = std::sync::atomic::AtomicBool::new(false);
 /// # let done = &done;
 /// std::thread::scope(|threads| {
@@ -65,7 +64,7 @@ use crate::dynamics::Dynamics;
 ///     # });
 ///     # let told = (|| {
 ///     let ram = Region::users(&master.windows(SLAVE)?.data)?;
-///     let mut client = ServoClient::new(master, clock, SLAVE, &ram, places)?;
+///     let mut client = ServoClient::new(master, SLAVE, &ram, places)?;
 ///     client.enable(0, Some(2), Mode::Torque, Duration::from_secs(60))?;
 ///     assert_eq!(client.status(0, Duration::from_secs(60))?.modes[2], Mode::Torque);
 ///     # Ok::<(), Box<dyn std::error::Error>>(())

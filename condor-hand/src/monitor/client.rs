@@ -1,18 +1,19 @@
 use core::time::Duration;
 
-use condor_mbox::{
-    AccessError, Clock, Exchange, ExchangeError, MemoryWindow, Messenger, Processor, Region,
-};
+use condor_mbox::{AccessError, Exchange, ExchangeError, Link, MemoryWindow, Processor, Region};
 
 use super::handler::{BUSY, Block, DONE, MONITOR, MonitorPlaces, SELECT, take_error};
 use super::selection::{Selection, SelectionError};
 use crate::decimal::Decimal;
 
+/// How long a handler is left alone that looks at the selection of somebody else.
+const PAUSE: Duration = Duration::from_micros(200);
+
 /// Selects what the monitor of another processor samples, from the background of this one.
 #[derive(Debug)]
-pub struct MonitorClient<'m, M: Messenger + ?Sized, C, W> {
-    exchange: Exchange<'m, M, Region<W>, Block, Block>,
-    clock: C,
+pub struct MonitorClient<'m, L: Link + ?Sized, W> {
+    exchange: Exchange<'m, L, Region<W>, Block, Block>,
+    link: &'m L,
     to: Processor,
 }
 
@@ -44,7 +45,7 @@ pub enum MonitorClientError {
     },
 }
 
-impl<'m, M: Messenger + ?Sized, C: Clock, W: MemoryWindow + Clone> MonitorClient<'m, M, C, W> {
+impl<'m, L: Link + ?Sized, W: MemoryWindow + Clone> MonitorClient<'m, L, W> {
     /// A client of the monitor of `to`, in the users' region of whose `data` it has `places`.
     ///
     /// There must be only one on this processor at a time.
@@ -52,21 +53,16 @@ impl<'m, M: Messenger + ?Sized, C: Clock, W: MemoryWindow + Clone> MonitorClient
     /// # Errors
     /// `OutOfBounds` if the sender has no block in the places, or there is no room.
     pub fn new(
-        messenger: &'m M,
-        clock: C,
+        link: &'m L,
         to: Processor,
         region: &Region<W>,
         places: MonitorPlaces,
     ) -> Result<Self, AccessError> {
         let mut left = region.places();
-        let block = places.block(messenger.number());
+        let block = places.block(link.number());
         left.bytes(block.unwrap_or(u32::MAX) as usize)?;
-        let exchange = Exchange::new(messenger, Region::whole(region.clone()), &mut left)?;
-        Ok(Self {
-            exchange,
-            clock,
-            to,
-        })
+        let exchange = Exchange::new(link, Region::whole(region.clone()), &mut left)?;
+        Ok(Self { exchange, link, to })
     }
 
     /// Selects what is sampled from the next tick on; gives the number of the selection, which
@@ -80,7 +76,7 @@ impl<'m, M: Messenger + ?Sized, C: Clock, W: MemoryWindow + Clone> MonitorClient
         selection: &Selection,
         timeout: Duration,
     ) -> Result<u32, MonitorClientError> {
-        let deadline = self.clock.now().after(timeout);
+        let deadline = self.link.now().after(timeout);
         let mut request = Block::default();
         let values = [SELECT, selection.every].into_iter().chain(selection.mask);
         for (word, value) in request.iter_mut().zip(values) {
@@ -88,12 +84,15 @@ impl<'m, M: Messenger + ?Sized, C: Clock, W: MemoryWindow + Clone> MonitorClient
         }
         let to = self.to;
         loop {
-            let left = Duration::from_nanos(deadline.ns_since(self.clock.now()));
+            let left = Duration::from_nanos(deadline.ns_since(self.link.now()));
             let [state, a, b, ..] = self.exchange.call(to, MONITOR, &request, left)?;
             match state {
                 DONE => return Ok(a),
                 BUSY if left.is_zero() => return Err(MonitorClientError::Busy { to, timeout }),
-                BUSY => {}
+                BUSY => self
+                    .link
+                    .pause(left.min(PAUSE))
+                    .map_err(ExchangeError::from)?,
                 word => {
                     let error = take_error([state, a, b]);
                     return Err(error.map_or(

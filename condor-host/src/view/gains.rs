@@ -5,7 +5,7 @@ use std::time::Duration;
 use condor_hand::message::{BLOCK_BYTES, ClientError, ServoClient, ServoPlaces};
 use condor_hand::servo::{JointGains, PositionLaw};
 use condor_hand::tendon::TensionGains;
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
+use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{AccessError, Processor, Region};
 
 use super::variables::WatchError;
@@ -64,7 +64,7 @@ pub struct Gain {
 /// The servos of a processor.
 pub struct Servos<'p> {
     processor: Processor,
-    client: ServoClient<'p, Post, LinuxDoorbell<PROCESSORS>, LinuxWindow, 0, JOINTS>,
+    client: ServoClient<'p, Post, LinuxWindow, 0, JOINTS>,
     /// `finger.joint` for each joint, with the numbers of both.
     joints: Vec<(String, u32, u32)>,
 }
@@ -84,8 +84,7 @@ impl View {
             processor,
             entry: *entry,
         })?;
-        let doorbell = self.post().doorbell().clone();
-        let client = ServoClient::new(self.post(), doorbell, processor, &region, places);
+        let client = ServoClient::new(self.post(), processor, &region, places);
         let client = client.map_err(|source| ViewError::Memory { processor, source })?;
         let mut servos = Servos {
             processor,

@@ -10,7 +10,7 @@ use condor_hand::monitor::{
     Kind, MonitorClient, MonitorClientError, MonitorPlaces, MonitorReader, MonitorReaderError, Row,
     Selection, SelectionError, Variable,
 };
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
+use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{AccessError, Processor, Region};
 use serde::Serialize;
 
@@ -183,13 +183,7 @@ impl Monitor {
     ) -> Result<Watch<'p>, WatchError> {
         let processor = self.processor;
         let wanted = Selection::new(variables.iter().copied(), every)?;
-        let client = MonitorClient::new(
-            post,
-            post.doorbell().clone(),
-            processor,
-            &self.region,
-            self.places,
-        );
+        let client = MonitorClient::new(post, processor, &self.region, self.places);
         let memory = |source| ViewError::Memory { processor, source };
         let client = client.map_err(memory)?;
         let told = self
@@ -221,7 +215,7 @@ impl Monitor {
 pub struct Watch<'p> {
     monitor: Monitor,
     post: &'p Post,
-    client: MonitorClient<'p, Post, LinuxDoorbell<PROCESSORS>, LinuxWindow>,
+    client: MonitorClient<'p, Post, LinuxWindow>,
     wanted: Selection,
     /// Whether that selection has been seen in force.
     begun: bool,

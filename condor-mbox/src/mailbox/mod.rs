@@ -2,6 +2,7 @@
 
 mod call;
 mod join;
+mod link;
 mod listen;
 mod pair;
 mod send;
@@ -10,6 +11,7 @@ mod vectors;
 mod wait;
 
 pub use call::{Call, Handler, Message, Messenger, Pending, Ticket};
+pub use link::Link;
 pub use vectors::VectorStatistics;
 pub use wait::Waiting;
 

@@ -7,10 +7,9 @@ use std::time::Duration;
 
 use condor_mbox::sim::{SimWindow, SimWindowError};
 use condor_mbox::{
-    AccessError, Error, Instant, LoadOrder, MemoryWindow, Message, Messenger, Pending, Processor,
-    StoreOrder, Vector, WindowError, WindowErrorKind,
+    AccessError, Error, Instant, Link, LoadOrder, MemoryWindow, Message, Messenger, Pending,
+    Processor, StoreOrder, Vector, WindowError, WindowErrorKind,
 };
-use condor_tty::Link;
 
 pub(crate) const HOST: Processor = Processor(0);
 pub(crate) const HAND: Processor = Processor(1);

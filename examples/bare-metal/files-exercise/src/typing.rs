@@ -3,9 +3,9 @@
 use core::sync::atomic::Ordering::Relaxed;
 
 use checks::Checks;
-use condor_mbox::{CriticalSection, StaticWindow};
+use condor_mbox::{CriticalSection, Link as _, StaticWindow};
 use condor_tty::layout::{input_data, reply};
-use condor_tty::{Accepted, Characters, Console, ConsoleError, Link, Settings, Vectors};
+use condor_tty::{Accepted, Characters, Console, ConsoleError, Settings, Vectors};
 use embedded_io::{BufRead as _, Read as _, ReadExactError, ReadReady as _, Write as _};
 
 use crate::memory::{HAND, HOST};
@@ -33,14 +33,14 @@ fn lines(
 ) -> Result<(), Trouble> {
     checks.group("lines");
     let mut impatient = pair.terminal.console(pair.hand).with_read_timeout(SHORT);
-    let before = Link::now(pair.hand);
+    let before = pair.hand.now();
     let late = impatient.read(&mut [0; 8]);
     checks.same(
         "nobody types",
         late,
         Err(ConsoleError::TimedOut { lost: 0 }),
     );
-    let waited = Link::now(pair.hand).ns_since(before);
+    let waited = pair.hand.now().ns_since(before);
     checks.that(
         "for as long as was said",
         u128::from(waited) >= SHORT.as_nanos(),
@@ -71,7 +71,7 @@ fn lines(
         Err(ReadExactError::UnexpectedEof),
     );
     checks.same("that was all", console.read_ready(), Ok(false));
-    Link::pause(pair.hand, SHORT)?;
+    pair.hand.pause(SHORT)?;
     Ok(())
 }
 

@@ -24,14 +24,7 @@ const ROOM_RAD: f64 = 0.02;
 const LEAVE_S: f64 = 0.5;
 const NAP: Duration = Duration::from_millis(20);
 
-type Client<'r, 'v, M> = ServoClient<
-    'r,
-    Post<'v, M>,
-    &'r <M as Machine>::Doorbell,
-    <M as Machine>::Window,
-    SERVED,
-    JOINTS,
->;
+type Client<'r, 'v, M> = ServoClient<'r, Post<'v, M>, <M as Machine>::Window, SERVED, JOINTS>;
 
 /// One servo processor.
 struct Servo<'r, 'v, M: Machine> {
@@ -212,7 +205,6 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
             });
             servo.client = Some(ServoClient::new(
                 self.mailbox,
-                self.mailbox.doorbell(),
                 Processor(servo.number),
                 &servo.region,
                 places,

@@ -241,18 +241,11 @@ impl Master<'_> {
     pub(crate) fn client<R>(
         &self,
         number: Processor,
-        ask: impl FnOnce(&mut ServoClient<'_, Post<'_>, &Bell, LinuxWindow, SERVED, JOINTS>) -> R,
+        ask: impl FnOnce(&mut ServoClient<'_, Post<'_>, LinuxWindow, SERVED, JOINTS>) -> R,
     ) -> R {
         let region = self.region(number);
         let places = objects::servos(&region).unwrap().unwrap();
-        let mut client = ServoClient::new(
-            self.mailbox,
-            self.mailbox.doorbell(),
-            number,
-            &region,
-            places,
-        )
-        .unwrap();
+        let mut client = ServoClient::new(self.mailbox, number, &region, places).unwrap();
         ask(&mut client)
     }
 

@@ -1,10 +1,16 @@
-//! [`Link`]: what a console needs of its processor's mailbox.
+//! [`Link`]: a mailbox that can be waited in, whatever its backend.
 
 use core::time::Duration;
 
-use condor_mbox::{Doorbell, Error, Exclusion, Instant, Mailbox, MemoryWindow, Messenger};
+use super::{Mailbox, Messenger};
+use crate::doorbell::Doorbell;
+use crate::error::Error;
+use crate::exclusion::Exclusion;
+use crate::time::Instant;
+use crate::window::MemoryWindow;
 
-/// A mailbox that can be waited in, whatever its backend.
+/// A mailbox that can be waited in, whatever its backend: what a service's client in the background
+/// of a processor needs of it.
 ///
 /// It is implemented for [`Mailbox`]; programs that keep theirs behind a type of their own
 /// forward to it.
