@@ -53,9 +53,9 @@ pub struct Qemu {
 
 impl Qemu {
     /// All that QEMU is given, for a machine with this memory whose serial line is the socket `link`,
-    /// at which somebody listens.
+    /// at which somebody listens, or leads nowhere.
     #[must_use]
-    pub fn arguments(&self, memory: &MachineMemory, link: &Path) -> Vec<String> {
+    pub fn arguments(&self, memory: &MachineMemory, link: Option<&Path>) -> Vec<String> {
         // A comma ends a value there, unless it is doubled.
         let quoted = |path: &Path| path.to_string_lossy().replace(',', ",,");
         let bytes = memory.map().memory_bytes;
@@ -68,13 +68,14 @@ impl Qemu {
             "none",
             "-monitor",
             "none",
-            "-serial",
-            "chardev:link",
             "-chardev",
         ]
         .map(Into::into)
         .into();
-        arguments.push(format!("socket,id=link,path={},server=off", quoted(link)));
+        arguments.push(link.map_or("null,id=link".into(), |link| {
+            format!("socket,id=link,path={},server=off", quoted(link))
+        }));
+        arguments.extend(["-serial".into(), "chardev:link".into()]);
         arguments.push("-object".into());
         arguments.push(format!(
             "memory-backend-file,id=ram,size={bytes},mem-path={},share=on",
@@ -115,7 +116,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError
         .set_nonblocking(true)
         .map_err(ServiceError::at("listen at", link))?;
     let mut machine = Process::new();
-    let arguments = qemu.arguments(&memory, link);
+    let arguments = qemu.arguments(&memory, Some(link));
     let image = Image::new(qemu.command.clone(), arguments, environment);
     machine.load(&image)?;
     machine.start()?;

@@ -9,6 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use condor_host::harts::{MachineMemory, Map, MapError, MemoryError, Order, State};
+use condor_host::services::machine::Qemu;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{AccessError, Region, layout};
 use tempfile::TempDir;
@@ -147,20 +148,13 @@ impl Alone {
     }
 
     fn switch_on(&self, monitor: &Path, shift: u8) -> Result<Machine, AloneError> {
-        let bytes = self.memory.map().memory_bytes;
-        let file = format!(
-            "memory-backend-file,id=ram,size={bytes},share=on,mem-path={}",
-            self.memory.path().display()
-        );
-        Command::new(QEMU)
-            .args(["-machine", "virt,memory-backend=ram", "-bios", "none"])
-            .args(["-smp", &self.harts.to_string()])
-            .args(["-m", &format!("{}M", bytes >> 20)])
-            .args(["-object", &file])
-            .args(["-icount", &format!("shift={shift},sleep=off")])
-            .args(["-display", "none", "-monitor", "none", "-serial", "null"])
-            .arg("-kernel")
-            .arg(monitor)
+        let qemu = Qemu {
+            command: QEMU.into(),
+            monitor: monitor.into(),
+            options: vec!["-icount".into(), format!("shift={shift},sleep=off")],
+        };
+        Command::new(&qemu.command)
+            .args(qemu.arguments(&self.memory, None))
             .stdin(Stdio::null())
             .spawn()
             .map(Machine)
