@@ -11,7 +11,7 @@ use crate::tools::{need_component, need_toolchain};
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let msrv = promised(&context.members()?)?;
     let Err(problem) = need_toolchain(context, &msrv) else {
-        let line = format!("cargo +{msrv} check --workspace --all-targets --all-features");
+        let line = format!("cargo +{msrv} check --workspace --all-features");
         command(context, &line).run()?;
         return Ok(Summary::of(format!("{msrv}, compiled with that toolchain")));
     };
