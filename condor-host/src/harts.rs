@@ -29,6 +29,8 @@ mod image;
 pub mod map;
 #[cfg(all(feature = "harts", target_os = "linux"))]
 mod memory;
+#[cfg(all(feature = "harts", target_os = "linux"))]
+mod qemu;
 
 pub use control::{ARGUMENT_BYTES, Control, Fault, Order, State, cause_name};
 #[cfg(all(feature = "harts", target_os = "linux"))]
@@ -38,3 +40,5 @@ pub use map::{Map, MapError, Run};
 pub(crate) use memory::bus;
 #[cfg(all(feature = "harts", target_os = "linux"))]
 pub use memory::{MachineMemory, MemoryError};
+#[cfg(all(feature = "harts", target_os = "linux"))]
+pub use qemu::Qemu;

@@ -6,7 +6,8 @@ use clap::Subcommand;
 use condor_fs::server::Options;
 use condor_mbox::Processor;
 
-use crate::services::machine::{self, Qemu};
+use crate::harts::Qemu;
+use crate::services::machine;
 use crate::services::terminals::{self, Sizes};
 use crate::services::{ServiceError, files};
 

@@ -13,7 +13,7 @@ pub use bridge::Bridge;
 
 use std::os::fd::AsFd;
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, SystemError};
@@ -23,7 +23,7 @@ use rustix::io::Errno;
 
 use super::ServiceError;
 use crate::description::Machine;
-use crate::harts::{MachineMemory, State};
+use crate::harts::{MachineMemory, Qemu, State};
 use crate::linux::Environment;
 use crate::numbers::{MACHINE, PROCESSORS};
 use crate::supervisor::{Image, Launch, Process, RunState, Signals, Stop};
@@ -39,56 +39,6 @@ const COMING_UP: Duration = Duration::from_secs(4);
 const END: Duration = Duration::from_secs(1);
 /// How long a number may be held by a former life of this service, or by a visitor.
 const SUCCESSION: Duration = Duration::from_secs(5);
-
-/// How QEMU is started.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Qemu {
-    /// The program, `qemu-system-riscv64`.
-    pub command: PathBuf,
-    /// The ELF file in which all harts come up.
-    pub monitor: PathBuf,
-    /// What it is given besides.
-    pub options: Vec<String>,
-}
-
-impl Qemu {
-    /// All that QEMU is given, for a machine with this memory whose serial line is the socket `link`,
-    /// at which somebody listens, or leads nowhere.
-    #[must_use]
-    pub fn arguments(&self, memory: &MachineMemory, link: Option<&Path>) -> Vec<String> {
-        // A comma ends a value there, unless it is doubled.
-        let quoted = |path: &Path| path.to_string_lossy().replace(',', ",,");
-        let bytes = memory.map().memory_bytes;
-        let mut arguments: Vec<String> = [
-            "-machine",
-            "virt,memory-backend=ram",
-            "-bios",
-            "none",
-            "-display",
-            "none",
-            "-monitor",
-            "none",
-            "-chardev",
-        ]
-        .map(Into::into)
-        .into();
-        arguments.push(link.map_or("null,id=link".into(), |link| {
-            format!("socket,id=link,path={},server=off", quoted(link))
-        }));
-        arguments.extend(["-serial".into(), "chardev:link".into()]);
-        arguments.push("-object".into());
-        arguments.push(format!(
-            "memory-backend-file,id=ram,size={bytes},mem-path={},share=on",
-            quoted(memory.path())
-        ));
-        arguments.extend(["-m".into(), format!("size={}M", bytes >> 20)]);
-        arguments.extend(["-smp".into(), memory.map().harts().to_string()]);
-        arguments.push("-kernel".into());
-        arguments.push(self.monitor.to_string_lossy().into_owned());
-        arguments.extend_from_slice(&self.options);
-        arguments
-    }
-}
 
 /// Serves the machine whose memory is the file `memory` until SIGTERM, or until QEMU ends. The socket
 /// `link` is made.

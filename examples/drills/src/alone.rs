@@ -8,8 +8,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use condor_host::harts::{MachineMemory, Map, MapError, MemoryError, Order, State};
-use condor_host::services::machine::Qemu;
+use condor_host::harts::{MachineMemory, Map, MapError, MemoryError, Order, Qemu, State};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{AccessError, Region, layout};
 use tempfile::TempDir;

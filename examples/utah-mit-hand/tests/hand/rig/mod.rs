@@ -38,7 +38,7 @@ pub(crate) type Posture = [[f64; JOINTS]; FINGERS];
 pub(crate) const WINDOW_BYTES: u32 = 262_144;
 const TICK_NS: u64 = 20_000_000;
 pub(crate) const SOON: Duration = Duration::from_secs(2);
-const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+const HAND: &str = include_str!("../../../../../condor-hand/hands/utah-mit.toml");
 
 pub(crate) fn hand() -> UtahMit {
     UtahMit::from_toml(HAND, "utah-mit.toml").unwrap()

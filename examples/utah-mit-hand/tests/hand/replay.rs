@@ -1,14 +1,12 @@
 //! What a servo processor was given, given again: the same outputs to the last bit.
 
-#![cfg(feature = "sim")]
-
-#[allow(dead_code, reason = "each test uses a part of the rig")]
-mod rig;
-
 use std::fs;
 use std::path::Path;
 use std::sync::Mutex;
 
+use crate::rig::{
+    FIRST, Master, Posture, SECOND, SOON, WINDOW_BYTES, console, files, run_on, serve_files,
+};
 use condor_dev::Bus;
 use condor_fs::server::{Options, Server};
 use condor_hand::servo::{JointTarget, Mode, PositionLaw};
@@ -16,9 +14,6 @@ use condor_hand::tendon::Pair;
 use condor_host::sim::System;
 use condor_host::{Machine, Program, numbers};
 use condor_mbox::{Processor, Region};
-use rig::{
-    FIRST, Master, Posture, SECOND, SOON, WINDOW_BYTES, console, files, run_on, serve_files,
-};
 use utah_mit_hand::boards::{Board, address, output_counts, socket, zero_of};
 use utah_mit_hand::grasp::{Order, State};
 use utah_mit_hand::recording::{OUTPUTS, Output};
@@ -31,7 +26,7 @@ const TICKS: u32 = 900;
 const CHANNELS: usize = 0x20;
 
 /// The recording that every target is given, and the hash of what comes of it.
-const SHIPPED: &[u8] = include_bytes!("data/servo.rec");
+const SHIPPED: &[u8] = include_bytes!("../data/servo.rec");
 const HASH: u64 = 0x6890_7ed1_404b_d31a;
 
 /// What a digital-to-analog converter was given: tick, and its counts.

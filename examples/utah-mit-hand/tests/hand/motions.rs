@@ -1,10 +1,6 @@
 //! The motions that ship, typed at the master's terminal, in virtual time.
 
-#![cfg(feature = "sim")]
-
-mod typist;
-
-use typist::{FIRST, MASTER, Typist, run};
+use crate::typist::{FIRST, MASTER, Typist, run};
 
 /// What a run of all motions shows.
 #[derive(Debug, PartialEq)]

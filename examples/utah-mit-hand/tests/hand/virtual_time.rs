@@ -1,12 +1,8 @@
 //! The whole hand in virtual time: its robot, both servo processors, the table, and a small master.
 
-#![cfg(feature = "sim")]
-
-mod rig;
-
+use crate::rig::{FIRST, Master, Posture, SECOND, hand, run};
 use condor_hand::kinematics::{JointLimits, Redundancy};
 use nalgebra::{Vector3, Vector4};
-use rig::{FIRST, Master, Posture, SECOND, hand, run};
 use utah_mit_hand::grasp::{Order, Reason, State};
 use utah_mit_hand::{plant, table};
 

@@ -30,7 +30,7 @@ const ALL: [Processor; 5] = [MASTER, FIRST, SECOND, TABLE, PLANT];
 const WINDOW_BYTES: u32 = 262_144;
 const STEP_NS: u64 = 500_000;
 const SOON: Duration = Duration::from_secs(2);
-const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+const HAND: &str = include_str!("../../../../../condor-hand/hands/utah-mit.toml");
 
 pub(crate) fn hand() -> UtahMit {
     UtahMit::from_toml(HAND, "utah-mit.toml").unwrap()

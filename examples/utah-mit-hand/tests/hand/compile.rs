@@ -1,7 +1,5 @@
 //! The motions that ship, as text and as bytes.
 
-#![cfg(feature = "std")]
-
 use std::fs;
 use std::path::Path;
 
@@ -10,7 +8,7 @@ use condor_hand::trajectory::image::Motions;
 use utah_mit_hand::compile::{compile_motions, joint_names};
 use utah_mit_hand::{FINGERS, JOINTS, UtahMit, grasp};
 
-const HAND: &str = include_str!("../../../condor-hand/hands/utah-mit.toml");
+const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
 const ALL: usize = FINGERS * JOINTS;
 
 fn hand() -> UtahMit {

@@ -1,0 +1,55 @@
+//! [`Qemu`]: the machine itself.
+
+use std::path::{Path, PathBuf};
+
+use super::MachineMemory;
+
+/// How QEMU is started.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Qemu {
+    /// The program, `qemu-system-riscv64`.
+    pub command: PathBuf,
+    /// The ELF file in which all harts come up.
+    pub monitor: PathBuf,
+    /// What it is given besides.
+    pub options: Vec<String>,
+}
+
+impl Qemu {
+    /// All that QEMU is given, for a machine with this memory whose serial line is the socket `link`,
+    /// at which somebody listens, or leads nowhere.
+    #[must_use]
+    pub fn arguments(&self, memory: &MachineMemory, link: Option<&Path>) -> Vec<String> {
+        // A comma ends a value there, unless it is doubled.
+        let quoted = |path: &Path| path.to_string_lossy().replace(',', ",,");
+        let bytes = memory.map().memory_bytes;
+        let mut arguments: Vec<String> = [
+            "-machine",
+            "virt,memory-backend=ram",
+            "-bios",
+            "none",
+            "-display",
+            "none",
+            "-monitor",
+            "none",
+            "-chardev",
+        ]
+        .map(Into::into)
+        .into();
+        arguments.push(link.map_or("null,id=link".into(), |link| {
+            format!("socket,id=link,path={},server=off", quoted(link))
+        }));
+        arguments.extend(["-serial".into(), "chardev:link".into()]);
+        arguments.push("-object".into());
+        arguments.push(format!(
+            "memory-backend-file,id=ram,size={bytes},mem-path={},share=on",
+            quoted(memory.path())
+        ));
+        arguments.extend(["-m".into(), format!("size={}M", bytes >> 20)]);
+        arguments.extend(["-smp".into(), memory.map().harts().to_string()]);
+        arguments.push("-kernel".into());
+        arguments.push(self.monitor.to_string_lossy().into_owned());
+        arguments.extend_from_slice(&self.options);
+        arguments
+    }
+}

@@ -1,0 +1,18 @@
+//! What the system of the hand promises. One program: what all of these share is compiled once.
+
+// What is shared: the system with a master that a test scripts, and the one with a person at its master's
+// terminal.
+#[cfg(feature = "sim")]
+mod rig;
+#[cfg(feature = "sim")]
+mod typist;
+
+#[cfg(feature = "std")]
+mod compile;
+#[cfg(feature = "sim")]
+mod motions;
+#[cfg(feature = "sim")]
+mod replay;
+mod same_bits;
+#[cfg(feature = "sim")]
+mod virtual_time;
