@@ -90,8 +90,11 @@ impl Line {
         self.judge(child.wait()?)
     }
 
-    /// Runs it; all that it printed goes to the log once it has ended, and is given.
-    fn collect(&self) -> Result<String, String> {
+    /// Runs it; all that it printed goes to the log once it has ended, and its standard output is given.
+    ///
+    /// # Errors
+    /// As [`Line::run`].
+    pub(crate) fn collect(&self) -> Result<String> {
         let output = self
             .command()
             .output()
@@ -100,10 +103,8 @@ impl Line {
         let printed = text(&output.stdout);
         // In one piece, between those of other lines.
         eprintln!("$ {self}\n{}{printed}", text(&output.stderr));
-        match self.judge(output.status) {
-            Ok(()) => Ok(printed),
-            Err(error) => Err(error.to_string()),
-        }
+        self.judge(output.status)?;
+        Ok(printed)
     }
 
     fn command(&self) -> Command {
@@ -149,24 +150,39 @@ impl Line {
 /// # Errors
 /// As [`Line::run`], of the first line that fails; all are run.
 pub(crate) fn together(lines: &[Line]) -> Result<Vec<String>> {
+    side_by_side(lines, Line::collect)
+}
+
+/// Does `work` for each item, for as many at a time as there are cores, and gives the results in the
+/// order of the items. What `work` runs it [collects](Line::collect), or else the log is in no order.
+///
+/// # Errors
+/// That of the first item that has one; all are worked on.
+pub(crate) fn side_by_side<T: Sync, R: Send>(
+    items: &[T],
+    work: impl Fn(&T) -> Result<R> + Sync,
+) -> Result<Vec<R>> {
     let next = AtomicUsize::new(0);
-    let results = Mutex::new(vec![None; lines.len()]);
+    let results: Vec<_> = items.iter().map(|_| Mutex::new(None)).collect();
     thread::scope(|scope| {
         for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
             scope.spawn(|| {
                 loop {
                     let number = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(line) = lines.get(number) else { break };
-                    let result = line.collect();
-                    let mut results = results.lock().unwrap_or_else(PoisonError::into_inner);
-                    results[number] = Some(result);
+                    let (Some(item), Some(place)) = (items.get(number), results.get(number)) else {
+                        break;
+                    };
+                    // An error of any type does not go to another thread.
+                    let result = work(item).map_err(|problem| problem.to_string());
+                    *place.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
                 }
             });
         }
     });
-    let results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let printed: Result<Vec<_>, String> = results.into_iter().flatten().collect();
-    Ok(printed?)
+    let results = results
+        .into_iter()
+        .filter_map(|place| place.into_inner().unwrap_or_else(PoisonError::into_inner));
+    Ok(results.collect::<Result<Vec<_>, String>>()?)
 }
 
 impl std::fmt::Display for Line {

@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use crate::Result;
 use crate::command::command;
 use crate::context::Context;
-use crate::tools::need_target;
 
 /// Their workspace, relative to the root.
 pub(crate) const WORKSPACE: &str = "examples/bare-metal";
@@ -133,20 +132,37 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
     },
 ];
 
+/// The firmwares in lanes, which can be built side by side: those of a lane have a target directory of
+/// their own.
+pub(crate) fn lanes() -> [Vec<&'static Firmware>; 2] {
+    let (riscv, arm) = FIRMWARES
+        .iter()
+        .partition(|firmware| lane(firmware.target) == "riscv");
+    [riscv, arm]
+}
+
+fn lane(target: &str) -> &'static str {
+    if target.starts_with("riscv") {
+        "riscv"
+    } else {
+        "arm"
+    }
+}
+
 impl Firmware {
-    /// Builds it for release, and says where the image is.
+    /// Builds it for release, and says where the image is. What it needs must be there.
     ///
     /// # Errors
-    /// The target cannot be had, or the firmware cannot be built.
+    /// The firmware cannot be built.
     pub(crate) fn build(&self, context: &Context, features: &str) -> Result<PathBuf> {
         build(context, WORKSPACE, self.package, self.target, features)
     }
 }
 
-/// Builds a package of a workspace for release, and says where the image is.
+/// Builds a package of a workspace for release, and says where the image is. The target must be there.
 ///
 /// # Errors
-/// The target cannot be had, or the package cannot be built.
+/// The package cannot be built.
 pub(crate) fn build(
     context: &Context,
     workspace: &str,
@@ -154,15 +170,20 @@ pub(crate) fn build(
     target: &str,
     features: &str,
 ) -> Result<PathBuf> {
-    need_target(context, target)?;
+    let directory = if workspace == WORKSPACE {
+        format!("target/{}", lane(target))
+    } else {
+        // Where the descriptions of systems look for images.
+        "target".into()
+    };
     let mut line = format!("cargo build --release --locked -p {package} --target {target}");
     if !features.is_empty() {
         line = format!("{line} --features {features}");
     }
     command(context, &line)
         .dir(workspace)
-        .env("CARGO_TARGET_DIR", "target")
-        .run()?;
-    let image = format!("{workspace}/target/{target}/release/{package}");
+        .env("CARGO_TARGET_DIR", directory.as_str())
+        .collect()?;
+    let image = format!("{workspace}/{directory}/{target}/release/{package}");
     Ok(context.root.join(image))
 }

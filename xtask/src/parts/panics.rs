@@ -6,10 +6,12 @@
 //! finds a panic is seen with a build that has one.
 
 use crate::Result;
+use crate::command::side_by_side;
 use crate::context::Context;
-use crate::firmware::{self, FIRMWARES, HART_IMAGES};
+use crate::firmware::{self, FIRMWARES, Firmware, HART_IMAGES};
 use crate::image::{Image, Origin};
 use crate::outcome::Summary;
+use crate::tools::need_target;
 
 /// What the panic handlers of the firmwares call.
 const PANICKED: &str = "condor_firmware_panicked";
@@ -17,14 +19,30 @@ const PANICKED: &str = "condor_firmware_panicked";
 const ON_PURPOSE: &str = "may_panic";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    let firmwares = FIRMWARES
-        .iter()
-        .map(|firmware| (firmware::WORKSPACE, firmware.package, firmware.target));
-    let images = HART_IMAGES
-        .iter()
-        .map(|package| (firmware::HARTS, *package, firmware::HARTS_TARGET));
+    for firmware in &FIRMWARES {
+        need_target(context, firmware.target)?;
+    }
+    need_target(context, firmware::HARTS_TARGET)?;
+    let images = HART_IMAGES.map(|package| (firmware::HARTS, package, firmware::HARTS_TARGET));
+    // The images take longest.
+    let mut lanes = vec![images.to_vec()];
+    lanes.extend(firmware::lanes().map(|lane| {
+        let built = |it: &Firmware| (firmware::WORKSPACE, it.package, it.target);
+        lane.into_iter().map(built).collect()
+    }));
+    let functions = side_by_side(&lanes, |lane| search(context, lane))?;
+    Ok(Summary::of(format!(
+        "{} firmwares and {} images of harts, {} functions",
+        FIRMWARES.len(),
+        HART_IMAGES.len(),
+        functions.iter().sum::<usize>()
+    )))
+}
+
+/// Searches packages, each with its workspace and its target, and gives the number of their functions.
+fn search(context: &Context, packages: &[(&str, &str, &str)]) -> Result<usize> {
     let mut functions = 0;
-    for (workspace, package, target) in firmwares.chain(images) {
+    for &(workspace, package, target) in packages {
         let build = |features| firmware::build(context, workspace, package, target, features);
         let name = format!("{package} for {target}");
         let control = Image::read(&build("panicking")?)?;
@@ -42,11 +60,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         }
         functions += image.functions();
     }
-    Ok(Summary::of(format!(
-        "{} firmwares and {} images of harts, {functions} functions",
-        FIRMWARES.len(),
-        HART_IMAGES.len()
-    )))
+    Ok(functions)
 }
 
 fn list(origins: &[Origin]) -> String {

@@ -10,19 +10,29 @@ use std::thread;
 use std::time::Duration;
 
 use crate::Result;
+use crate::command::side_by_side;
 use crate::context::Context;
-use crate::firmware::{FIRMWARES, Firmware};
+use crate::firmware::{self, FIRMWARES, Firmware};
 use crate::outcome::Summary;
-use crate::tools::need_debian;
+use crate::tools::{need_debian, need_target};
 
 /// A run takes about a second; a busy machine may need some more.
 const LIMIT: Duration = Duration::from_secs(120);
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    let mut checked = Vec::new();
     for firmware in &FIRMWARES {
         // A newer qemu-utils, from a distribution's backports, keeps the package out.
         need_debian(context, firmware.debian, firmware.qemu, &["qemu-utils"])?;
+        need_target(context, firmware.target)?;
+    }
+    let checked = side_by_side(&firmware::lanes(), |lane| check(context, lane))?;
+    Ok(Summary::of(checked.concat().join(", ")))
+}
+
+/// Builds and runs some firmwares, and tells how many checks each has made.
+fn check(context: &Context, firmwares: &[&Firmware]) -> Result<Vec<String>> {
+    let mut checked = Vec::new();
+    for firmware in firmwares {
         let image = firmware.build(context, "conformance,values")?;
         let (output, ended) = emulate(firmware, &image)?;
         match judge(&output, ended) {
@@ -38,7 +48,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             }
         }
     }
-    Ok(Summary::of(checked.join(", ")))
+    Ok(checked)
 }
 
 /// What the firmware printed, and how QEMU ended; `None` if it had to be stopped.

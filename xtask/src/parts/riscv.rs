@@ -3,7 +3,7 @@
 use std::env;
 
 use crate::Result;
-use crate::command::command;
+use crate::command::{command, together};
 use crate::context::Context;
 use crate::firmware::{HARTS, HARTS_TARGET};
 use crate::outcome::Summary;
@@ -29,15 +29,16 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         }
         return Ok(Summary::of("nothing").leaving_out(format!("ALL OF IT: {problem}")));
     }
-    command(context, "cargo build --release --locked")
-        .dir(HARTS)
-        .env("CARGO_TARGET_DIR", "target")
-        .run()?;
-    command(
-        context,
-        "cargo build --release --locked -p drills -p utah-mit-hand",
-    )
-    .run()?;
+    // The former ends with a long link on one core.
+    together(&[
+        command(context, "cargo build --release --locked")
+            .dir(HARTS)
+            .env("CARGO_TARGET_DIR", "target"),
+        command(
+            context,
+            "cargo build --release --locked -p drills -p utah-mit-hand",
+        ),
+    ])?;
     let hand = format!(
         "target/release/utah-mit-hand up {HARTS}/hand.toml --headless --for {HAND_SECONDS}s"
     );
