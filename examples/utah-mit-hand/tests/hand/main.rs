@@ -13,6 +13,5 @@ mod compile;
 mod motions;
 #[cfg(feature = "sim")]
 mod replay;
-mod same_bits;
 #[cfg(feature = "sim")]
 mod virtual_time;
