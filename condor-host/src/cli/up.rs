@@ -90,9 +90,13 @@ pub(super) fn run(
                 Ok(summary) => seen.set(summary),
                 Err(error) => eprintln!("condor: no summary of the windows: {error}"),
             }
-            if !how.json
-                && let Err(error) = programs.summarize(&description, directory)
-            {
+            if how.json {
+                return;
+            }
+            if !how.attended {
+                print_answers(&description, directory);
+            }
+            if let Err(error) = programs.summarize(&description, directory) {
                 eprintln!("condor: no summary of the programs: {error}");
             }
         },
@@ -105,6 +109,20 @@ pub(super) fn run(
     } else {
         ExitCode::SUCCESS
     })
+}
+
+/// Prints what was said at the terminals at which lines were typed.
+fn print_answers(description: &Description, directory: &Directory) {
+    for processor in &description.processors {
+        if processor.headless.is_empty() {
+            continue;
+        }
+        let name = &processor.name;
+        match std::fs::read(terminals::log(directory, name)) {
+            Ok(said) => println!("terminal of {name}:\n{}", String::from_utf8_lossy(&said)),
+            Err(error) => eprintln!("condor: no log of the terminal of {name}: {error}"),
+        }
+    }
 }
 
 /// Types what the description says.

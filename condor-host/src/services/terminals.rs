@@ -30,7 +30,7 @@ use std::fs::File;
 use std::io;
 use std::mem::MaybeUninit;
 use std::os::fd::{AsFd, OwnedFd};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use condor_mbox::{Mailbox, Processor, Region, SingleContext};
@@ -157,8 +157,12 @@ pub fn type_in(directory: &Directory, name: &str, characters: &[u8]) -> io::Resu
 
 /// The file to which is added what is typed at the terminal of the processor `name`.
 pub(crate) fn keyboard(directory: &Directory, name: &str) -> io::Result<File> {
-    let log = directory.terminals().join(format!("{name}.log"));
-    typing::open(&typing::file_of(&log))
+    typing::open(&typing::file_of(&log(directory, name)))
+}
+
+/// The file that has what the terminal of the processor `name` has written.
+pub(crate) fn log(directory: &Directory, name: &str) -> PathBuf {
+    directory.terminals().join(format!("{name}.log"))
 }
 
 /// The arguments with which the program starts it.

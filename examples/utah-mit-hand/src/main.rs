@@ -53,12 +53,12 @@ impl Programs for Hand {
         Some(SYSTEM.into())
     }
 
-    /// Compiles the motions that people write beside the description to those that the master loads.
+    /// Compiles the motions that people write beside the served directory to those that the master loads.
     fn prepare(&self, description: &Description) -> Result<(), AnyError> {
-        let motions = description.file.with_file_name("motions");
         let (Some(file), Some(files)) = (&description.hand, &description.files) else {
             return Ok(());
         };
+        let motions = files.root.with_file_name("motions");
         if !motions.is_dir() {
             return Ok(());
         }

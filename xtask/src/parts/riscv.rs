@@ -11,6 +11,11 @@ use crate::tools::{need_debian, need_target};
 
 /// How long the hand runs, and the harts whose time counts instructions.
 const HAND_SECONDS: u32 = 10;
+/// What the summary tells the tracking error of.
+const JOINTS: u32 = 16;
+/// What the master says if it cannot load the motion that its description has typed. Whether a motion
+/// comes to its end is a question of time: a busy machine misses deadlines, which stops fingers.
+const NO_MOTION: &str = "wave.motion:";
 const EXACT_SECONDS: u32 = 5;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
@@ -42,7 +47,14 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let hand = format!(
         "target/release/utah-mit-hand up {HARTS}/hand.toml --headless --for {HAND_SECONDS}s"
     );
-    command(context, &hand).run()?;
+    let (mut joints, mut has_motion) = (0, true);
+    command(context, &hand).watch(|line| {
+        joints += u32::from(is_tracking(line));
+        has_motion &= !line.contains(NO_MOTION);
+    })?;
+    if joints != JOINTS || !has_motion {
+        return Err(format!("`{hand}` shows {joints} joints of {JOINTS}, or had no motion").into());
+    }
     let images = format!("{HARTS}/target/{HARTS_TARGET}/release");
     let exact =
         format!("target/release/drills exact {images}/monitor {images}/drill {EXACT_SECONDS}");
@@ -60,4 +72,22 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     Ok(Summary::of(format!(
         "the hand on harts for {HAND_SECONDS} s, {EXACT_SECONDS} s of exact stress, {passed} tests"
     )))
+}
+
+/// Whether a line has a finger, a joint, and two angles.
+fn is_tracking(line: &str) -> bool {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    matches!(words[..], [_, _, rms, peak] if rms.parse::<f64>().is_ok() && peak.parse::<f64>().is_ok())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_tracking;
+
+    #[test]
+    fn a_joint_has_two_angles() {
+        assert!(is_tracking("thumb      distal          5.805     51.822"));
+        assert!(!is_tracking("finger     joint         rms deg   peak deg"));
+        assert!(!is_tracking("middle gave up: the finger"));
+    }
 }
