@@ -244,6 +244,24 @@ fn what_is_typed_on_a_socket_reaches_the_program() {
 }
 
 #[test]
+fn what_the_description_types_is_answered_in_the_summary() {
+    let arguments = r#"arguments = ["writer"]"#;
+    let typed = TWO.replacen(
+        arguments,
+        &format!("{arguments}\nheadless = [\"hello\"]"),
+        1,
+    );
+    let up = Up::start(&typed, &[]);
+    up.read_terminal("a", "typed hello\r\n");
+    up.interrupt();
+    let (code, summary) = up.end();
+    assert_eq!(code, Some(0));
+    let (_, answers) = summary.split_once("terminal of a:\n").unwrap();
+    assert!(answers.contains("typed hello\r\n"), "{summary}");
+    assert!(!summary.contains("terminal of b:"), "{summary}");
+}
+
+#[test]
 fn what_is_typed_reaches_the_program_once_whatever_is_killed() {
     let up = Up::start(TWO, &[]);
     let mut typed = 0;
