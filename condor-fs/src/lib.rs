@@ -16,7 +16,7 @@ mod errno;
 pub use client::dev;
 pub use client::{
     Area, Buffer, Directory, Entry, Error, File, FileReader, FileSystem, FileWriter, Kept, Lent,
-    OpenOptions, Station, Unwritten,
+    OpenOptions, Unwritten,
 };
 pub use errno::Errno;
 pub use wire::Status;

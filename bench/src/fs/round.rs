@@ -8,9 +8,9 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
 
-use condor_fs::{Area, Buffer, FileSystem, OpenOptions, Station, wire};
+use condor_fs::{Area, Buffer, FileSystem, OpenOptions, wire};
 use condor_mbox::linux::{LinuxWindow, System};
-use condor_mbox::{Call, Places, Processor, Region, SingleContext, Waiting};
+use condor_mbox::{Call, Link, Places, Processor, Region, SingleContext, Waiting};
 use embedded_io::SeekFrom;
 
 use super::chunks::CHUNK;
@@ -122,7 +122,7 @@ fn join<'v>(
     Ok((mailbox, own))
 }
 
-impl<S: Station> Lender for condor_fs::File<'_, '_, S, LinuxWindow, 1> {
+impl<S: Link> Lender for condor_fs::File<'_, '_, S, LinuxWindow, 1> {
     fn lend(
         &mut self,
         operation: Operation,

@@ -2,10 +2,10 @@
 
 use core::fmt;
 
-use condor_mbox::MemoryWindow;
+use condor_mbox::{Link, MemoryWindow};
 use embedded_io::{BufRead, ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
-use super::{Error, File, Station, whole};
+use super::{Error, File, whole};
 use crate::errno::Errno;
 use crate::wire::Operation;
 
@@ -17,14 +17,8 @@ use crate::wire::Operation;
 ///
 /// Nothing is lost or read twice by an error, nor by a time-out: what the operation turns out to
 /// have read is what comes next.
-pub struct FileReader<
-    'f,
-    'm,
-    S: Station + ?Sized,
-    W: MemoryWindow,
-    const FILES: usize,
-    const N: usize,
-> {
+pub struct FileReader<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
+{
     file: File<'f, 'm, S, W, FILES>,
     /// The part of the file's buffer that was not taken out of it.
     left: Part,
@@ -43,7 +37,7 @@ pub struct FileReader<
 ///
 /// Dropping it drops what is held. [`close`](Self::close) and [`into_inner`](Self::into_inner) tell
 /// what could not be written, and give the writer back.
-pub struct FileWriter<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub struct FileWriter<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> {
     file: File<'f, 'm, S, W, FILES>,
     /// How many bytes of the file's buffer are to be written.
     held: u32,
@@ -74,7 +68,7 @@ impl Part {
 /// The position at which an operation began whose end has not been seen.
 type Asked = Option<u64>;
 
-impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
+impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
     /// Reads with a buffer, from the position on; `N` bytes of it are in the reader itself.
     #[must_use]
     pub fn reader<const N: usize>(self) -> FileReader<'f, 'm, S, W, FILES, N> {
@@ -126,7 +120,7 @@ impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 
     }
 }
 
-impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
+impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
     FileReader<'f, 'm, S, W, FILES, N>
 {
     /// Where the next read begins, in bytes from the beginning of the file.
@@ -192,13 +186,13 @@ impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: 
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> ErrorType
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> ErrorType
     for FileReader<'_, '_, S, W, FILES, N>
 {
     type Error = Error;
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> BufRead
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> BufRead
     for FileReader<'_, '_, S, W, FILES, N>
 {
     /// At least one byte, none at the end of the file; [`Errno::INVAL`] if the area has no buffers.
@@ -219,7 +213,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> B
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Read
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Read
     for FileReader<'_, '_, S, W, FILES, N>
 {
     fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
@@ -244,7 +238,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> R
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Seek
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Seek
     for FileReader<'_, '_, S, W, FILES, N>
 {
     /// What was read ahead is dropped.
@@ -269,7 +263,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> S
     }
 }
 
-impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize>
+impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize>
     FileWriter<'f, 'm, S, W, FILES>
 {
     /// How many bytes were taken and are not known to be written.
@@ -335,13 +329,13 @@ impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize>
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
     for FileWriter<'_, '_, S, W, FILES>
 {
     type Error = Error;
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Write
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Write
     for FileWriter<'_, '_, S, W, FILES>
 {
     /// Takes at least one byte; [`Errno::INVAL`] if the area has no buffers.
@@ -386,7 +380,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Write
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Seek
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Seek
     for FileWriter<'_, '_, S, W, FILES>
 {
     /// What is held is written before.

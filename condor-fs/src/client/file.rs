@@ -1,10 +1,10 @@
 //! [`File`]: an open file.
 
-use condor_mbox::MemoryWindow;
+use condor_mbox::{Link, MemoryWindow};
 use embedded_io::{ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
 use super::operation::After;
-use super::{Buffer, Error, FileSystem, Kept, Lent, Open, State, Station, request, whole};
+use super::{Buffer, Error, FileSystem, Kept, Lent, Open, State, request, whole};
 use crate::errno::Errno;
 use crate::wire::{Operation, Request, Span, Status, block, halves, open as flag};
 
@@ -89,12 +89,12 @@ impl OpenOptions {
 ///
 /// After [`Error::TimedOut`] the position is moved by what turns out to have been done: see
 /// [`FileSystem::settle`].
-pub struct File<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub struct File<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> {
     pub(super) system: &'f FileSystem<'m, S, W, FILES>,
     index: usize,
 }
 
-impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
     /// Opens the file at `path`.
     ///
     /// # Errors
@@ -190,14 +190,14 @@ impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m
 }
 
 #[cfg(feature = "dev")]
-impl<'f, 'm, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
+impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
     /// What is open in a block.
     pub(super) fn at(system: &'f FileSystem<'m, S, W, FILES>, index: usize) -> Self {
         Self { system, index }
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, FILES> {
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, FILES> {
     /// Reads into `into` from the position on, and moves it: at most as many bytes as the file's
     /// buffer holds. 0 at the end of the file.
     ///
@@ -385,19 +385,19 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Drop for File<'_, '_, S, W, FILES> {
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Drop for File<'_, '_, S, W, FILES> {
     fn drop(&mut self) {
         self.system.leave(self.index);
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
     for File<'_, '_, S, W, FILES>
 {
     type Error = Error;
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Read for File<'_, '_, S, W, FILES> {
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Read for File<'_, '_, S, W, FILES> {
     fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
         File::read(self, into)
     }
@@ -407,7 +407,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Read for File<'_,
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Write for File<'_, '_, S, W, FILES> {
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Write for File<'_, '_, S, W, FILES> {
     fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
         File::write(self, from)
     }
@@ -422,7 +422,7 @@ impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Write for File<'_
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Seek for File<'_, '_, S, W, FILES> {
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Seek for File<'_, '_, S, W, FILES> {
     fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
         File::seek(self, to)
     }

@@ -10,7 +10,6 @@ mod error;
 mod file;
 mod names;
 mod operation;
-mod station;
 mod whole;
 
 pub use area::Area;
@@ -19,12 +18,11 @@ pub use buffered::{FileReader, FileWriter, Unwritten};
 pub use directory::{Directory, Entry};
 pub use error::Error;
 pub use file::{File, OpenOptions};
-pub use station::Station;
 
 use core::cell::Cell;
 use core::time::Duration;
 
-use condor_mbox::{MemoryWindow, Pending, Processor, Region};
+use condor_mbox::{Link, MemoryWindow, Pending, Processor, Region};
 
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, block, table};
@@ -40,7 +38,7 @@ use operation::After;
 /// is refused with [`Errno::BUSY`].
 ///
 /// A processor has one file system at a time: [`connect`](Self::connect) ends all former ones.
-pub struct FileSystem<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub struct FileSystem<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> {
     station: &'m S,
     server: Processor,
     own: Region<W>,
@@ -78,7 +76,7 @@ enum State {
     Left,
 }
 
-impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
     /// Asks `server` for a session. `own` is the users' region of the processor's own `data`, in
     /// which `area` was laid out; the mailbox has joined, with the area's
     /// [handler](Area::handler) at [`OPEN_FILES`](wire::OPEN_FILES).
@@ -171,9 +169,7 @@ impl<'m, S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> Drop
-    for FileSystem<'_, S, W, FILES>
-{
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Drop for FileSystem<'_, S, W, FILES> {
     fn drop(&mut self) {
         if let Some(pending) = self.pending.take() {
             self.station.abandon(&pending);

@@ -4,9 +4,9 @@ use core::cell::Cell;
 use core::sync::atomic::{Ordering, fence};
 use core::time::Duration;
 
-use condor_mbox::{Error as MailError, Instant, MemoryWindow, Message};
+use condor_mbox::{Error as MailError, Instant, Link, MemoryWindow, Message};
 
-use super::{Error, FileSystem, State, Station};
+use super::{Error, FileSystem, State};
 use crate::errno::Errno;
 use crate::wire::{self, Evidence, Request, Status, block, slot, state};
 
@@ -52,7 +52,7 @@ impl Drop for Alone<'_> {
     }
 }
 
-impl<S: Station + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
+impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
     pub(super) fn enter(&self) -> Result<Alone<'_>, Errno> {
         if self.busy.replace(true) {
             return Err(Errno::BUSY);

@@ -10,7 +10,7 @@ use jiff::SignedDuration;
 
 use super::summary::Summary;
 use super::{AnyError, Programs, description};
-use crate::description::Description;
+use crate::description::{Description, Processor};
 use crate::services::terminals;
 use crate::supervisor::{self, Options};
 use crate::system::Directory;
@@ -111,14 +111,16 @@ pub(super) fn run(
     })
 }
 
+/// The processors at whose terminals lines are typed.
+fn typed_at(description: &Description) -> impl Iterator<Item = &Processor> {
+    let processors = description.processors.iter();
+    processors.filter(|processor| !processor.headless.is_empty())
+}
+
 /// Prints what was said at the terminals at which lines were typed.
 fn print_answers(description: &Description, directory: &Directory) {
-    for processor in &description.processors {
-        if processor.headless.is_empty() {
-            continue;
-        }
-        let name = &processor.name;
-        match std::fs::read(terminals::log(directory, name)) {
+    for Processor { name, .. } in typed_at(description) {
+        match std::fs::read(terminals::log(&directory.terminals(), name)) {
             Ok(said) => println!("terminal of {name}:\n{}", String::from_utf8_lossy(&said)),
             Err(error) => eprintln!("condor: no log of the terminal of {name}: {error}"),
         }
@@ -127,11 +129,8 @@ fn print_answers(description: &Description, directory: &Directory) {
 
 /// Types what the description says.
 fn type_lines(description: &Description, directory: &Directory) {
-    for processor in &description.processors {
-        if processor.headless.is_empty() {
-            continue;
-        }
-        let (name, text) = (&processor.name, processor.headless.join("\n") + "\n");
+    for Processor { name, headless, .. } in typed_at(description) {
+        let text = headless.join("\n") + "\n";
         if let Err(error) = terminals::type_in(directory, name, text.as_bytes()) {
             eprintln!("condor: nothing can be typed at the terminal of {name}: {error}");
         }

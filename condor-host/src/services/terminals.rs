@@ -84,7 +84,7 @@ pub fn serve(
         let data = epoll::EventData::new_u64(0);
         epoll::add(&ptys, station.pty(), data, flags)
             .map_err(|error| ServiceError::Events(error.into()))?;
-        let file = typing::file_of(&directory.join(format!("{name}.log")));
+        let file = typing::file_of(&log(directory, name));
         inotify::add_watch(&typed, &file, inotify::WatchFlags::MODIFY)
             .map_err(|error| ServiceError::Events(error.into()))?;
         stations.push(station);
@@ -157,12 +157,12 @@ pub fn type_in(directory: &Directory, name: &str, characters: &[u8]) -> io::Resu
 
 /// The file to which is added what is typed at the terminal of the processor `name`.
 pub(crate) fn keyboard(directory: &Directory, name: &str) -> io::Result<File> {
-    typing::open(&typing::file_of(&log(directory, name)))
+    typing::open(&typing::file_of(&log(&directory.terminals(), name)))
 }
 
-/// The file that has what the terminal of the processor `name` has written.
-pub(crate) fn log(directory: &Directory, name: &str) -> PathBuf {
-    directory.terminals().join(format!("{name}.log"))
+/// The file in the directory of terminals that has what that of the processor `name` has written.
+pub(crate) fn log(directory: &Path, name: &str) -> PathBuf {
+    directory.join(format!("{name}.log"))
 }
 
 /// The arguments with which the program starts it.

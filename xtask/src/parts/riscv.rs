@@ -11,12 +11,12 @@ use crate::tools::{need_debian, need_target};
 
 /// How long the hand runs, and the harts whose time counts instructions.
 const HAND_SECONDS: u32 = 10;
+const EXACT_SECONDS: u32 = 5;
 /// What the summary tells the tracking error of.
 const JOINTS: u32 = 16;
 /// What the master says if it cannot load the motion that its description has typed. Whether a motion
 /// comes to its end is a question of time: a busy machine misses deadlines, which stops fingers.
 const NO_MOTION: &str = "wave.motion:";
-const EXACT_SECONDS: u32 = 5;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_target(context, HARTS_TARGET)?;

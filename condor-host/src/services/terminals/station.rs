@@ -66,7 +66,7 @@ impl Station {
             log_bytes,
         }: Sizes,
     ) -> Result<Self, ServiceError> {
-        let log = directory.join(format!("{name}.log"));
+        let log = super::log(directory, name);
         let paper = Paper::open(&log, log_bytes).map_err(ServiceError::at("open", &log))?;
         let path = typing::file_of(&log);
         let typed = typing::open(&path).map_err(ServiceError::at("open", &path))?;

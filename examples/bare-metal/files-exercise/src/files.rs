@@ -1,8 +1,8 @@
 //! Sessions, and open files.
 
 use checks::Checks;
-use condor_fs::{Errno, Error, File, FileSystem, OpenOptions, Station};
-use condor_mbox::MemoryWindow;
+use condor_fs::{Errno, Error, File, FileSystem, OpenOptions};
+use condor_mbox::{Link, MemoryWindow};
 use embedded_io::{Read as _, ReadExactError, Seek as _, SeekFrom, Write as _};
 
 use crate::memory::HOST;
@@ -24,17 +24,17 @@ pub(crate) fn connect<'p>(checks: &mut Checks<'_>, pair: &Pair<'p>) -> Result<Sy
     checks.group("a session");
     let connect = |timeout| FileSystem::connect(pair.hand, HOST, pair.own, pair.area, timeout);
     pair.attentive.set(false);
-    let before = Station::now(pair.hand);
+    let before = pair.hand.now();
     let late = connect(SHORT).err();
     let timed_out = matches!(late, Some(Error::TimedOut { server: HOST, .. }));
     checks.that("a host that does not answer is given up", timed_out);
-    let waited = Station::now(pair.hand).ns_since(before);
+    let waited = pair.hand.now().ns_since(before);
     checks.that(
         "in time, and not before",
         (SHORT.as_nanos()..PATIENCE.as_nanos()).contains(&waited.into()),
     );
     pair.attentive.set(true);
-    Station::pause(pair.hand, SHORT)?;
+    pair.hand.pause(SHORT)?;
     pair.server.refuse(Errno::AGAIN);
     let before = pair
         .server
@@ -241,7 +241,7 @@ pub(crate) fn several(
 }
 
 /// Reads what should follow, and no more.
-pub(crate) fn same_bytes<S: Station + ?Sized, W: MemoryWindow, const N: usize>(
+pub(crate) fn same_bytes<S: Link + ?Sized, W: MemoryWindow, const N: usize>(
     checks: &mut Checks<'_>,
     what: &str,
     file: &mut File<'_, '_, S, W, N>,

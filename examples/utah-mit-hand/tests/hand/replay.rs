@@ -4,9 +4,6 @@ use std::fs;
 use std::path::Path;
 use std::sync::Mutex;
 
-use crate::rig::{
-    FIRST, Master, Posture, SECOND, SOON, WINDOW_BYTES, console, files, run_on, serve_files,
-};
 use condor_dev::Bus;
 use condor_fs::server::{Options, Server};
 use condor_hand::servo::{JointTarget, Mode, PositionLaw};
@@ -19,6 +16,10 @@ use utah_mit_hand::grasp::{Order, State};
 use utah_mit_hand::recording::{OUTPUTS, Output};
 use utah_mit_hand::replay::Replay;
 use utah_mit_hand::{objects, plant, table};
+
+use crate::rig::{
+    FIRST, Master, Posture, SECOND, SOON, WINDOW_BYTES, console, files, run_on, serve_files,
+};
 
 const READY: Posture = [[0.0, 0.6, 0.8, 0.7]; 4];
 const TICKS: u32 = 900;

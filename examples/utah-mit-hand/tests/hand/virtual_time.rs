@@ -1,10 +1,11 @@
 //! The whole hand in virtual time: its robot, both servo processors, the table, and a small master.
 
-use crate::rig::{FIRST, Master, Posture, SECOND, hand, run};
 use condor_hand::kinematics::{JointLimits, Redundancy};
 use nalgebra::{Vector3, Vector4};
 use utah_mit_hand::grasp::{Order, Reason, State};
 use utah_mit_hand::{plant, table};
+
+use crate::rig::{FIRST, Master, Posture, SECOND, hand, run};
 
 const READY: Posture = [[0.0, 0.6, 0.8, 0.7]; 4];
 
