@@ -41,8 +41,6 @@ pub mod slot {
     pub const ERRNO: u32 = 80;
     /// Value.
     pub const VALUE: u32 = 84;
-    /// Step.
-    pub const STEP: u32 = 92;
     /// Evidence.
     pub const EVIDENCE: u32 = 96;
     /// Status.

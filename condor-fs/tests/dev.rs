@@ -181,19 +181,24 @@ fn every_misuse_has_its_error() {
 #[test]
 fn errors_of_files_keep_their_numbers() {
     let disk = disk();
-    with_switch(&support::system(), disk.path(), "max-file", |switch, _| {
-        let fd = switch.open("fs/log", 0, Mode::WRITE).unwrap();
-        assert_eq!(switch.write(fd, &[b'x'; 1000]), Ok(1000));
-        let outcome = switch.write(fd, b"y");
-        let Err(IoError::Bus(error)) = outcome else {
-            panic!("{outcome:?}");
-        };
-        assert_eq!(error.kind(), BusErrorKind::OutOfRange);
-        assert_eq!(file_error(outcome), Errno::FBIG);
-        let mut stream = Stream::new(switch, fd, Looks(0));
-        let error = stream.write(b"y").unwrap_err();
-        assert_eq!(error, StreamError::Io(outcome.unwrap_err()));
-    });
+    with_switch(
+        &support::system(),
+        disk.path(),
+        "max-file=1000",
+        |switch, _| {
+            let fd = switch.open("fs/log", 0, Mode::WRITE).unwrap();
+            assert_eq!(switch.write(fd, &[b'x'; 1000]), Ok(1000));
+            let outcome = switch.write(fd, b"y");
+            let Err(IoError::Bus(error)) = outcome else {
+                panic!("{outcome:?}");
+            };
+            assert_eq!(error.kind(), BusErrorKind::OutOfRange);
+            assert_eq!(file_error(outcome), Errno::FBIG);
+            let mut stream = Stream::new(switch, fd, Looks(0));
+            let error = stream.write(b"y").unwrap_err();
+            assert_eq!(error, StreamError::Io(outcome.unwrap_err()));
+        },
+    );
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod support;
 
 use std::cell::Cell;
 use std::path::Path;
+use std::time::Duration;
 
 use condor_fs::wire::{self, Operation, Request, Span, block, slot, table};
 use condor_fs::{Errno, OpenOptions};
@@ -16,6 +17,8 @@ use support::{Mail, Own, SERVER, TIMEOUT, disk, with_server};
 fn server_process() {
     support::server_process();
 }
+
+const PAUSE: Duration = Duration::from_millis(1);
 
 /// A slot of one's own, for requests that the client would never make, about a file that it opened.
 struct Raw<'r, 'v> {
@@ -91,15 +94,22 @@ impl Raw<'_, '_> {
             vector: wire::FILES,
             data,
         };
-        let reply = self
-            .mail
-            .send_with_reply_before(message, TIMEOUT, Instant::FOREVER)
-            .unwrap();
-        if reply == wire::DONE {
-            return Errno(self.own.word(self.at + slot::ERRNO).unwrap() as u16);
+        loop {
+            let reply = self
+                .mail
+                .send_with_reply_before(message, TIMEOUT, Instant::FOREVER)
+                .unwrap();
+            if reply == wire::DONE {
+                return Errno(self.own.word(self.at + slot::ERRNO).unwrap() as u16);
+            }
+            assert_ne!(reply & wire::REFUSED, 0);
+            let errno = Errno((reply & !wire::REFUSED) as u16);
+            if errno != Errno::AGAIN {
+                return errno;
+            }
+            // It asks where the table is.
+            self.mail.serve(PAUSE).unwrap();
         }
-        assert_ne!(reply & wire::REFUSED, 0);
-        Errno((reply & !wire::REFUSED) as u16)
     }
 
     /// The window, without the slot.

@@ -15,13 +15,6 @@ pub(super) struct Outcome {
     pub(super) about: Option<(Evidence, Status)>,
 }
 
-/// What was recorded of an operation that was begun.
-#[derive(Clone, Copy)]
-pub(super) struct Staged {
-    pub(super) step: u32,
-    pub(super) evidence: [u32; 8],
-}
-
 /// The record of one operation.
 pub(super) struct Log<'l> {
     region: Region<&'l LinuxWindow>,
@@ -40,35 +33,23 @@ impl<'l> Log<'l> {
         }
     }
 
-    /// The errno, if the operation is done.
-    pub(super) fn done(&self) -> Result<Option<u32>, Stop> {
-        if self.state()? == state::DONE {
-            Ok(Some(self.region.word(self.at + slot::ERRNO)?))
-        } else {
-            Ok(None)
-        }
+    /// Whether the operation is done.
+    pub(super) fn is_done(&self) -> Result<bool, Stop> {
+        Ok(self.state()? == state::DONE)
     }
 
     /// What was recorded, if it was begun.
-    pub(super) fn staged(&self) -> Result<Option<Staged>, Stop> {
+    pub(super) fn staged(&self) -> Result<Option<[u32; 8]>, Stop> {
         if self.state()? != state::STAGED {
             return Ok(None);
         }
-        Ok(Some(Staged {
-            step: self.region.word(self.at + slot::STEP)?,
-            evidence: words(&self.region, self.at + slot::EVIDENCE)?,
-        }))
+        Ok(Some(words(&self.region, self.at + slot::EVIDENCE)?))
     }
 
-    /// Records the intent, with what a next life must know; step 1.
+    /// Records the intent, with what a next life must know.
     pub(super) fn stage(&self, evidence: &[u32; 8]) -> Result<(), Stop> {
         self.set(slot::EVIDENCE, evidence)?;
-        self.set(slot::STEP, &[1])?;
         self.set_state(state::STAGED)
-    }
-
-    pub(super) fn step(&self, step: u32) -> Result<(), Stop> {
-        self.set(slot::STEP, &[step])
     }
 
     pub(super) fn record(&self, outcome: &Result<Outcome, Errno>) -> Result<(), Stop> {

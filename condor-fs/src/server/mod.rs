@@ -37,8 +37,8 @@ use open_files::OpenFiles;
 use quota::Quota;
 use tree::Tree;
 
-/// How long a client may take to say where its table is.
-const ASK: Duration = Duration::from_millis(100);
+/// How long a server that has just served waits for the next request before it sleeps.
+const MORE: Duration = Duration::from_millis(100);
 /// How often a server that has nothing to do looks whether it is to stop.
 const LOOK: Duration = Duration::from_millis(250);
 
@@ -65,7 +65,8 @@ struct Job<'j> {
     slot: u32,
     request: Request,
     operation: Operation,
-    ask: &'j dyn Fn() -> Option<u32>,
+    /// Where the table of a session is, if that is known.
+    ask: &'j dyn Fn(u64) -> Option<u32>,
 }
 
 impl Server {
@@ -90,13 +91,21 @@ impl<S: Steps> Server<S> {
     ) -> Result<Self, ServerError> {
         let root = root.as_ref();
         let tree = Tree::open(root)?;
+        let mode = options.file_mode;
+        tree.check_mode(mode)
+            .map_err(|source| ServerError::FileMode {
+                root: root.to_owned(),
+                mode,
+                source: source.into(),
+            })?;
+        let quota = Quota::of(&tree, options.quota_bytes).map_err(ServerError::at(root))?;
         let journal = Journal::open(&tree).map_err(ServerError::at(root))?;
         Ok(Self {
             tree,
             options,
             journal,
             open: OpenFiles::default(),
-            quota: Quota::default(),
+            quota,
             steps,
         })
     }
@@ -124,7 +133,7 @@ impl<S: Steps> Server<S> {
             served = match served {
                 0 if sleeps => sleep(&mut mailbox)?,
                 // Requests often follow each other.
-                _ => mailbox.serve(ASK)?,
+                _ => mailbox.serve(MORE)?,
             };
         }
         Ok(())
@@ -150,7 +159,7 @@ impl<S: Steps> Server<S> {
             request.session == record.session && request.sequence == record.sequence
         });
         if wanted {
-            self.serve_slot(record.processor, data, record.slot, &|| Some(record.table));
+            self.serve_slot(record.processor, data, record.slot, &|_| Some(record.table));
         }
     }
 
@@ -165,7 +174,7 @@ impl<S: Steps> Server<S> {
         let Some(Windows { data, .. }) = windows.get(sender.index()) else {
             return refused(Errno::FAULT);
         };
-        let ask = || call.send_with_reply(sender, wire::OPEN_FILES, 0, ASK).ok();
+        let ask = |session| self.open.ask(call, session);
         self.serve_slot(sender, data, call.data(), &ask)
     }
 
@@ -174,7 +183,7 @@ impl<S: Steps> Server<S> {
         processor: Processor,
         window: &LinuxWindow,
         slot: u32,
-        ask: &dyn Fn() -> Option<u32>,
+        ask: &dyn Fn(u64) -> Option<u32>,
     ) -> u32 {
         if self.options.refused.contains(processor) {
             return refused(Errno::ACCES);
@@ -208,10 +217,8 @@ impl<S: Steps> Server<S> {
     /// Does a job whose result is not in its slot yet; fails only if the slot cannot have one.
     fn run(&self, job: &Job<'_>) -> Result<(), Stop> {
         let log = Log::of(job);
-        if let Some(errno) = log.done()? {
-            // Its former server may have died before this.
-            self.clean(job, errno != 0);
-            return Ok(());
+        if log.is_done()? {
+            return Ok(()); // Its former server died before it replied.
         }
         self.reached(job, Step::Taken);
         let outcome = match self.execute(job, &log) {
@@ -225,8 +232,6 @@ impl<S: Steps> Server<S> {
         self.reached(job, Step::Acted);
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
-        self.clean(job, outcome.is_err());
-        self.reached(job, Step::Cleaned);
         self.journal.end();
         recorded
     }
@@ -245,10 +250,10 @@ fn sleep<D: Doorbell, X: Exclusion, const N: usize>(
     let doorbell = mailbox.doorbell();
     // What this service does not see, rings.
     let seen = doorbell.prepare();
-    let mut served = mailbox.service(ASK)?;
+    let mut served = mailbox.service(MORE)?;
     if served == 0 {
         doorbell.wait(seen, doorbell.now().after(LOOK));
-        served = mailbox.service(ASK)?;
+        served = mailbox.service(MORE)?;
     }
     mailbox.ring_always(false)?;
     Ok(served)
