@@ -17,6 +17,8 @@ const PAUSE: Duration = Duration::from_millis(1);
 #[derive(Clone, Copy)]
 pub(super) enum After {
     Nothing,
+    /// The same, after what a call had to know first.
+    Looked,
     /// The block was for a file to be opened.
     Opened {
         file: usize,
@@ -24,8 +26,16 @@ pub(super) enum After {
     Closed {
         file: usize,
     },
+    /// The same of a file that was dropped before.
+    Dropped {
+        file: usize,
+    },
     /// Data were moved at the file's own position.
     Moved {
+        file: usize,
+    },
+    /// The same for a reader or writer, which keeps account by the position.
+    Buffered {
         file: usize,
     },
     /// The paths of open files begin with another name.
@@ -33,6 +43,16 @@ pub(super) enum After {
         from: u32,
         to: u32,
     },
+}
+
+impl After {
+    /// Whether the operation is one that a call was made for: only then is its result that of the call.
+    pub(super) const fn is_asked_for(self) -> bool {
+        !matches!(
+            self,
+            Self::Looked | Self::Dropped { .. } | Self::Buffered { .. }
+        )
+    }
 }
 
 /// A result.
@@ -96,9 +116,22 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
         if self.in_doubt() {
             match self.finish(deadline) {
                 Ok(_) | Err(Error::Errno(_)) => {}
-                Err(error) => return Err(error),
+                Err(error) => return Err(self.not_begun(error)),
             }
         }
+    /// The error of a call whose own operation was not reached.
+    pub(super) fn not_begun(&self, error: Error) -> Error {
+        let cause = match error {
+            Error::TimedOut { cause, .. } => cause,
+            Error::Mailbox(error) => Some(error),
+            other => return other,
+        };
+        Error::NotBegun {
+            server: self.server,
+            cause,
+        }
+    }
+
         Ok(deadline)
     }
 
@@ -238,16 +271,25 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
             }
             (After::Opened { file }, None) => self.change(file, |open| open.state = State::Free),
             // A handle that the server does not know is closed all the same.
-            (After::Closed { file }, _) => {
+            (After::Closed { file } | After::Dropped { file }, _) => {
                 let at = self.area.block(file);
                 self.own.set_word(at.wrapping_add(block::HANDLE), 0)?;
                 self.change(file, |open| open.state = State::Free);
             }
-            (After::Moved { file }, Some(done)) => self.change(file, |open| {
-                open.position = open.position.saturating_add(done.value);
-            }),
+            (After::Moved { file } | After::Buffered { file }, Some(done)) => {
+                self.change(file, |open| {
+                    open.position = open.position.saturating_add(done.value);
+                });
+            }
             (After::Renamed { from, to }, Some(_)) => self.rewrite_paths(from, to)?,
-            (After::Nothing | After::Moved { .. } | After::Renamed { .. }, _) => {}
+            (
+                After::Nothing
+                | After::Looked
+                | After::Moved { .. }
+                | After::Buffered { .. }
+                | After::Renamed { .. },
+                _,
+            ) => {}
         }
         Ok(())
     }
