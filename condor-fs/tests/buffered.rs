@@ -42,7 +42,7 @@ impl Disk {
         let request = peer::request(own, slot).unwrap();
         // As every server: what is recorded is not done again.
         let done = own.word(slot + wire::slot::STATE).unwrap() == wire::state::DONE
-            && own.word(slot + wire::slot::STATE_SEQUENCE).unwrap() == request.sequence;
+            && u64::from(own.word(slot + wire::slot::STATE_SEQUENCE).unwrap()) == request.sequence;
         if !done {
             let outcome = self.act(own, &request);
             peer::record(own, slot, &request, outcome);

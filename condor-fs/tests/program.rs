@@ -75,10 +75,10 @@ fn its_options_are_those_of_the_library() {
         let mut file = files.open("file", write).unwrap();
         assert_eq!(file.write(&[1; 1000]), Ok(1000));
         fails(file.write(b"1"), Errno::FBIG);
-        // 28 bytes are the journal's, 5 the other file's.
+        // 32 bytes are the journal's, 5 the other file's.
         let mut other = files.open("other", write.exclusive()).unwrap();
-        fails(other.write(&[1; 468]), Errno::DQUOT);
-        assert_eq!(other.write(&[1; 467]), Ok(467));
+        fails(other.write(&[1; 464]), Errno::DQUOT);
+        assert_eq!(other.write(&[1; 463]), Ok(463));
         files.make_directory("directory").unwrap();
     });
     for (path, mode) in [("file", 0o600), ("other", 0o600), ("directory", 0o700)] {

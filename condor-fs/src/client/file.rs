@@ -133,6 +133,7 @@ impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S
         let at = self.area.block(index);
         let [session, session_high] = halves(self.session.get());
         for (offset, word) in [
+            // Its low word: without that there is none.
             (block::HANDLE, 0),
             (0, block::MAGIC),
             (block::SESSION, session),
@@ -284,11 +285,11 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, F
     /// # Errors
     /// See [`Error`].
     pub fn status(&self) -> Result<Status, Error> {
-        let request = self.system.about(Operation::FileStatus, self.index)?;
         self.look(After::Nothing)
     }
 
     fn look(&self, after: After) -> Result<Status, Error> {
+        let request = self.system.about(Operation::FileStatus, self.index)?;
         Ok(self.system.perform(&request, after)?.status)
     }
 

@@ -45,7 +45,7 @@ pub struct FileSystem<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize>
     area: Area<FILES>,
     timeout: Cell<Duration>,
     session: Cell<u64>,
-    sequence: Cell<u32>,
+    sequence: Cell<u64>,
     /// What is to follow the end of the operation in the slot, if that has not been seen.
     doubt: Cell<Option<After>>,
     /// The message about it, if its receiver has not died.
@@ -60,7 +60,7 @@ pub struct FileSystem<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize>
 #[derive(Clone, Copy, Default)]
 struct Open {
     state: State,
-    handle: u32,
+    handle: u64,
     flags: u32,
     position: u64,
     path_len: u32,

@@ -9,7 +9,7 @@ use rustix::fs::{Mode, OFlags};
 use super::tree::Tree;
 use crate::wire::{halves, whole};
 
-const BYTES: u32 = 28;
+const BYTES: u32 = 32;
 
 /// A mapped file, which outlives the process that wrote it.
 pub(super) struct Journal {
@@ -21,7 +21,7 @@ pub(super) struct Journal {
 pub(super) struct Record {
     pub(super) processor: Processor,
     pub(super) session: u64,
-    pub(super) sequence: u32,
+    pub(super) sequence: u64,
     pub(super) slot: u32,
     pub(super) table: u32,
 }
@@ -42,11 +42,13 @@ impl Journal {
     pub(super) fn begin(&self, record: &Record) {
         let ([session, session_high], number) =
             (halves(record.session), u32::from(record.processor.0));
+        let [sequence, sequence_high] = halves(record.sequence);
         let words = [
             number,
             session,
             session_high,
-            record.sequence,
+            sequence,
+            sequence_high,
             record.slot,
             record.table,
         ];
@@ -68,9 +70,9 @@ impl Journal {
         Some(Record {
             processor: Processor(word(1)?.try_into().ok()?),
             session: whole(word(2)?, word(3)?),
-            sequence: word(4)?,
-            slot: word(5)?,
-            table: word(6)?,
+            sequence: whole(word(4)?, word(5)?),
+            slot: word(6)?,
+            table: word(7)?,
         })
     }
 }

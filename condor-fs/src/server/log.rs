@@ -27,7 +27,7 @@ pub(super) struct Log<'l> {
     region: Region<&'l LinuxWindow>,
     at: u32,
     session: u64,
-    sequence: u32,
+    sequence: u64,
 }
 
 impl<'l> Log<'l> {
@@ -61,7 +61,7 @@ impl<'l> Log<'l> {
     }
 
     /// Records the intent, with what a next life must know; step 1.
-    pub(super) fn stage(&self, evidence: &[u32; 8]) -> Result<(), Stop> {
+    pub(super) fn stage(&self, evidence: &[u32]) -> Result<(), Stop> {
         self.set(slot::EVIDENCE, evidence)?;
         self.set(slot::STEP, &[1])?;
         self.set_state(state::STAGED)
@@ -88,14 +88,16 @@ impl<'l> Log<'l> {
     /// The state, if it is that of this operation.
     fn state(&self) -> Result<u32, Stop> {
         let state = self.region.word(self.at + slot::STATE)?;
-        let [session, high, sequence] = words(&self.region, self.at + slot::STATE_SESSION)?;
-        let of_this = wire::whole(session, high) == self.session && sequence == self.sequence;
+        let [session, session_high, sequence, sequence_high] =
+            words(&self.region, self.at + slot::STATE_SESSION)?;
+        let of_this = wire::whole(session, session_high) == self.session
+            && wire::whole(sequence, sequence_high) == self.sequence;
         Ok(if of_this { state } else { state::NONE })
     }
 
     fn set_state(&self, state: u32) -> Result<(), Stop> {
         self.set(slot::STATE_SESSION, &wire::halves(self.session))?;
-        self.set(slot::STATE_SEQUENCE, &[self.sequence])?;
+        self.set(slot::STATE_SEQUENCE, &wire::halves(self.sequence))?;
         self.set(slot::STATE, &[state])
     }
 

@@ -32,7 +32,7 @@ use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, slot};
 use error::Stop;
 use journal::{Journal, Record};
-use log::Log;
+use log::{Log, words};
 use open_files::OpenFiles;
 use quota::Quota;
 use tree::Tree;
@@ -267,17 +267,15 @@ fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno
     if region.word(at).map_err(fault)? != slot::MAGIC {
         return Err(Errno::FAULT);
     }
-    let mut words = [[0; 4]; slot::REQUEST_WORDS];
-    region.read(at, words.as_flattened_mut()).map_err(fault)?;
+    let mut bytes = [[0; 4]; slot::REQUEST_WORDS];
+    region.read(at, bytes.as_flattened_mut()).map_err(fault)?;
     // Pairs with the fence in the client's `write`: what is read below is no older than these words.
     fence(Ordering::Acquire);
-    let request = Request::from_words(&words.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
+    let request = Request::from_words(&bytes.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
     // A client that changed it meanwhile first took away the magic, then changed the sequence.
-    let (magic, sequence) = (
-        region.word(at).map_err(fault)?,
-        region.word(at + 12).map_err(fault)?,
-    );
-    if magic != slot::MAGIC || sequence != request.sequence {
+    let magic = region.word(at).map_err(fault)?;
+    let sequence: [u32; 2] = words(region, at + slot::SEQUENCE)?;
+    if magic != slot::MAGIC || sequence != wire::halves(request.sequence) {
         return Err(Errno::AGAIN);
     }
     Ok(request)

@@ -53,8 +53,7 @@ impl<S: Steps> Server<S> {
             return Ok(whole(low, high));
         }
         let size = about(file, c"")?.1.size;
-        let [low, high] = halves(size);
-        log.stage(&[low, high, 0, 0, 0, 0, 0, 0])?;
+        log.stage(&halves(size))?;
         self.reached(job, Step::Staged);
         Ok(size)
     }
