@@ -72,7 +72,8 @@ impl Server {
     /// A server of the tree at `root`, a directory.
     ///
     /// # Errors
-    /// [`ServerError::Served`] if a live server has this tree; [`ServerError::System`].
+    /// [`ServerError::Served`] if a live server has this tree; [`ServerError::Journal`] if its disk is
+    /// full; [`ServerError::System`].
     pub fn new(root: impl AsRef<Path>, options: Options) -> Result<Self, ServerError> {
         Self::with_steps(root, options, ())
     }
@@ -90,7 +91,7 @@ impl<S: Steps> Server<S> {
     ) -> Result<Self, ServerError> {
         let root = root.as_ref();
         let tree = Tree::open(root)?;
-        let journal = Journal::open(&tree).map_err(ServerError::at(root))?;
+        let journal = Journal::open(&tree, root)?;
         Ok(Self {
             tree,
             options,
@@ -104,7 +105,7 @@ impl<S: Steps> Server<S> {
     /// Recovers, joins with the number of `claim` and serves until `stop` is set.
     ///
     /// # Errors
-    /// [`ServerError::Mailbox`].
+    /// [`ServerError::Mailbox`]; [`ServerError::Journal`].
     pub fn serve<const N: usize>(
         &self,
         claim: Claim<N>,
@@ -112,7 +113,7 @@ impl<S: Steps> Server<S> {
     ) -> Result<(), ServerError> {
         let number = claim.number();
         let (windows, doorbell) = claim.into_parts();
-        self.recover(&windows);
+        self.recover(&windows)?;
         let handler = |call: &Call<'_>| self.answer(call, &windows);
         let mut mailbox = Mailbox::new(number, windows.clone(), doorbell, SingleContext::new())?;
         mailbox.set_waiting(self.options.waiting);
@@ -132,11 +133,18 @@ impl<S: Steps> Server<S> {
 
     /// Finishes what the former server of this tree was in the middle of, if its client still wants
     /// it. Call it before the mailbox joins; [`serve`](Self::serve) does.
-    pub fn recover<const N: usize>(&self, windows: &[Windows<LinuxWindow>; N]) {
-        if let Some(record) = self.journal.read() {
+    ///
+    /// # Errors
+    /// [`ServerError::Journal`] if it cannot be read.
+    pub fn recover<const N: usize>(
+        &self,
+        windows: &[Windows<LinuxWindow>; N],
+    ) -> Result<(), ServerError> {
+        if let Some(record) = self.journal.read()? {
             self.finish(&record, windows);
             self.journal.end();
         }
+        Ok(())
     }
 
     fn finish(&self, record: &Record, windows: &[Windows<LinuxWindow>]) {

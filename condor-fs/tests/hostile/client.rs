@@ -249,7 +249,7 @@ impl World {
             bytes.copy_from_slice(&word.to_le_bytes());
         }
         self.journal.write_all_at(&journal, 0).unwrap();
-        self.server.recover(&self.windows);
+        self.server.recover(&self.windows).unwrap();
         self.journal.read_exact_at(&mut journal[..4], 0).unwrap();
         assert_eq!(journal[..4], [0; 4], "it has come to its end");
     }
