@@ -12,6 +12,7 @@ use rustix::fs::{FallocateFlags, Mode, OFlags};
 use rustix::io::Errno as Linux;
 
 use super::ServerError;
+use super::limit::check_file_limit;
 use super::tree::{OWN, Tree};
 use crate::wire::{halves, whole};
 
@@ -94,6 +95,7 @@ impl Journal {
 fn map(tree: &Tree) -> io::Result<LinuxWindow> {
     let flags = OFlags::RDWR | OFlags::CREATE | OFlags::CLOEXEC | OFlags::NOFOLLOW;
     let file = rustix::fs::openat(tree.stage(), NAME, flags, Mode::RUSR | Mode::WUSR)?;
+    check_file_limit(BYTES.into())?;
     match rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, BYTES.into()) {
         Err(Linux::OPNOTSUPP) => {
             // What is written and synchronised has its room, too.

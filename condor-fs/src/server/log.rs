@@ -40,6 +40,25 @@ impl<'l> Log<'l> {
         }
     }
 
+    /// Notes that this life of the server works on the operation; gives how many lives now have.
+    pub(super) fn take(&self) -> Result<u32, Stop> {
+        if self.state()? != state::NONE {
+            let lives = self.region.word(self.at + slot::LIVES)?.saturating_add(1);
+            self.set(slot::LIVES, &[lives])?;
+            return Ok(lives);
+        }
+        self.set(slot::LIVES, &[1])?;
+        self.set(slot::STATE_SESSION, &wire::halves(self.session))?;
+        self.set(slot::STATE_SEQUENCE, &wire::halves(self.sequence))?;
+        self.set(slot::STATE, &[state::TAKEN])?;
+        Ok(1)
+    }
+
+    /// Takes back the last [`take`](Self::take): nothing was done.
+    pub(super) fn give_back(&self, lives: u32) -> Result<(), Stop> {
+        self.set(slot::LIVES, &[lives.saturating_sub(1)])
+    }
+
     /// The errno, if the operation is done.
     pub(super) fn done(&self) -> Result<Option<u32>, Stop> {
         if self.state()? == state::DONE {
@@ -64,7 +83,7 @@ impl<'l> Log<'l> {
     pub(super) fn stage(&self, evidence: &[u32]) -> Result<(), Stop> {
         self.set(slot::EVIDENCE, evidence)?;
         self.set(slot::STEP, &[1])?;
-        self.set_state(state::STAGED)
+        self.set(slot::STATE, &[state::STAGED])
     }
 
     pub(super) fn step(&self, step: u32) -> Result<(), Stop> {
@@ -82,7 +101,7 @@ impl<'l> Log<'l> {
             self.set(slot::EVIDENCE, &evidence.to_words())?;
             self.set(slot::STATUS, &status.to_words())?;
         }
-        self.set_state(state::DONE)
+        self.set(slot::STATE, &[state::DONE])
     }
 
     /// The state, if it is that of this operation.
@@ -93,12 +112,6 @@ impl<'l> Log<'l> {
         let of_this = wire::whole(session, session_high) == self.session
             && wire::whole(sequence, sequence_high) == self.sequence;
         Ok(if of_this { state } else { state::NONE })
-    }
-
-    fn set_state(&self, state: u32) -> Result<(), Stop> {
-        self.set(slot::STATE_SESSION, &wire::halves(self.session))?;
-        self.set(slot::STATE_SEQUENCE, &wire::halves(self.sequence))?;
-        self.set(slot::STATE, &[state])
     }
 
     /// In order: the next server sees no word without those before it.

@@ -4,7 +4,9 @@
 
 mod error;
 mod execute;
+mod give_up;
 mod journal;
+mod limit;
 mod log;
 mod names;
 mod open_files;
@@ -31,6 +33,7 @@ use condor_mbox::{
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, slot};
 use error::Stop;
+use give_up::is_given_up;
 use journal::{Journal, Record};
 use log::{Log, words};
 use open_files::OpenFiles;
@@ -217,20 +220,31 @@ impl<S: Steps> Server<S> {
     fn run(&self, job: &Job<'_>) -> Result<(), Stop> {
         let log = Log::of(job);
         if let Some(errno) = log.done()? {
-            // Its former server may have died before this.
-            self.clean(job, errno != 0);
+            // Its former server may have died before this, or of it.
+            if !is_given_up(log.take()?) {
+                self.clean(job, errno != 0);
+            }
             return Ok(());
         }
-        self.reached(job, Step::Taken);
-        let outcome = match self.execute(job, &log) {
+        let lives = log.take()?;
+        let attempt = if is_given_up(lives) {
+            self.give_up(job, &log, lives)
+        } else {
+            self.reached(job, Step::Taken);
+            self.execute(job, &log)
+        };
+        let outcome = match attempt {
             Err(Stop::Again) => {
                 self.journal.end();
+                log.give_back(lives)?;
                 return Err(Stop::Again);
             }
             Ok(outcome) => Ok(outcome),
             Err(Stop::Errno(errno)) => Err(errno),
         };
-        self.reached(job, Step::Acted);
+        if !is_given_up(lives) {
+            self.reached(job, Step::Acted);
+        }
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
         self.clean(job, outcome.is_err());

@@ -15,8 +15,8 @@ use crate::errno::Errno;
 use crate::wire::{Evidence, MAX_PATH, Operation, Span, Status, open as flag, rename};
 
 /// The steps of a removal.
-const TAKEN: u32 = 2;
-const GIVEN_BACK: u32 = 3;
+pub(super) const TAKEN: u32 = 2;
+pub(super) const GIVEN_BACK: u32 = 3;
 
 impl<S: Steps> Server<S> {
     pub(super) fn open(&self, job: &Job<'_>, log: &Log<'_>) -> Result<Outcome, Stop> {

@@ -8,6 +8,7 @@ use condor_mbox::layout::BELL_BYTES;
 use rustix::fs::{RawDir, SeekFrom};
 
 use super::error::Stop;
+use super::limit::check_file_limit;
 use super::log::{Log, Outcome};
 use super::tree::{OWN, about};
 use super::{Job, Server, Step, Steps};
@@ -38,6 +39,7 @@ impl<S: Steps> Server<S> {
         let len = u64::from(job.request.buffer.len);
         if len > 0 {
             let end = position.checked_add(len).ok_or(Errno::FBIG)?;
+            check_file_limit(end)?;
             self.admit(file, end)?;
         }
         self.transfer(job, position, |position, offset, len| {
@@ -99,6 +101,9 @@ impl<S: Steps> Server<S> {
             return Err(Errno::INVAL.into());
         }
         self.begin(job)?;
+        if size > about(file, c"")?.1.size {
+            check_file_limit(size)?;
+        }
         self.admit(file, size)?;
         rustix::fs::ftruncate(file, size)?;
         Ok(())

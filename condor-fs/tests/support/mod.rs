@@ -69,6 +69,9 @@ pub(crate) fn server_process() {
         step: step.into(),
         left: AtomicU32::new(count.parse().unwrap()),
     };
+    if options.contains("file-limit") {
+        limit_files(1000);
+    }
     let options = Options {
         read_only: options.contains("read-only"),
         max_file_bytes: options.contains("max-file").then_some(1000),
@@ -78,6 +81,16 @@ pub(crate) fn server_process() {
     let server = Server::with_steps(root, options, steps).unwrap();
     let claim = System::<N>::inherited().unwrap().claim(SERVER).unwrap();
     server.serve(claim, &AtomicBool::new(false)).unwrap();
+}
+
+/// Lets the kernel end this process if it makes a file longer.
+fn limit_files(bytes: u64) {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let limit = Rlimit {
+        current: Some(bytes),
+        maximum: getrlimit(Resource::Fsize).maximum,
+    };
+    setrlimit(Resource::Fsize, limit).unwrap();
 }
 
 /// A directory on a disk, where inode numbers are used again, as they are not on tmpfs: in cargo's
@@ -106,7 +119,8 @@ pub(crate) struct Supervisor {
 }
 
 impl Supervisor {
-    /// The first server dies as `kill` says.
+    /// The first server dies as `kill` says; with `every-life` in `options`, all others as soon as they
+    /// take that operation.
     pub(crate) fn start(
         system: &Arc<System<N>>,
         root: &Path,
@@ -128,11 +142,12 @@ impl Supervisor {
         let thread = std::thread::spawn(move || {
             let mut kill = kill;
             while !stop.load(Ordering::SeqCst) {
-                let how = kill
-                    .take()
-                    .map_or("0|-|0".into(), |(operation, step, count)| {
-                        format!("{}|{step:?}|{count}", operation as u32)
-                    });
+                let how = kill.map_or("0|-|0".into(), |(operation, step, count)| {
+                    format!("{}|{step:?}|{count}", operation as u32)
+                });
+                kill = kill
+                    .filter(|_| options.contains("every-life"))
+                    .map(|(operation, _, _)| (operation, Step::Taken, 1));
                 let mut command = Command::new(std::env::current_exe().unwrap());
                 command
                     .args(["server_process", "--exact", "--nocapture"])
@@ -222,6 +237,20 @@ pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
     mailbox.join().unwrap();
     let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT);
     program(files, &own, &mut places, &mailbox)
+}
+
+/// Runs `program` on a processor that does not say where its table of open files is.
+pub(crate) fn with_silent_client<R>(
+    system: &System<N>,
+    number: Processor,
+    program: impl FnOnce(Fs<'_, '_>) -> R,
+) -> R {
+    let (windows, doorbell) = system.claim(number).unwrap().into_parts();
+    let own = Region::users(windows[number.index()].data.clone()).unwrap();
+    let area = Area::<FILES>::new(&mut own.places(), 300, 4096).unwrap();
+    let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
+    mailbox.join().unwrap();
+    program(FileSystem::connect(&mailbox, SERVER, own, area, TIMEOUT).unwrap())
 }
 
 /// With a server of `root` that never dies.
