@@ -31,8 +31,8 @@ struct Raw<'r, 'v> {
     /// The path of the file.
     path: Span,
     session: u64,
-    handle: u32,
-    sequence: Cell<u32>,
+    handle: u64,
+    sequence: Cell<u64>,
 }
 
 /// With a tree that holds one file, of 4096 sevens.
@@ -61,7 +61,7 @@ fn with_raw(program: impl FnOnce(&Raw<'_, '_>)) {
                 len: 4,
             },
             session: wire::whole(word(block::SESSION), word(block::SESSION + 4)),
-            handle: word(block::HANDLE),
+            handle: wire::whole(word(block::HANDLE), word(block::HANDLE + 4)),
             sequence: Cell::new(1 << 20),
         });
     });
@@ -237,5 +237,76 @@ fn a_table_that_is_none_is_found_before_anything_is_touched() {
             raw.own.set_word(at, was).unwrap();
             raw.check_tree();
         }
+    });
+}
+
+/// As far apart as a sequence of 32 bits would go before it came again.
+const LAP: u64 = 1 << 32;
+
+#[test]
+fn a_handle_is_no_other_one_of_a_lap_later() {
+    with_raw(|raw| {
+        std::fs::write(raw.root.join("efil"), [9; 8]).unwrap();
+        let name = Span {
+            offset: raw.path.offset + 64,
+            len: 4,
+        };
+        raw.own.write(name.offset, b"efil").unwrap();
+        let open = |path: Span, sequence: u64| {
+            let errno = raw.ask(&Request {
+                sequence,
+                flags: wire::open::READ,
+                path,
+                ..raw.request(Operation::Open)
+            });
+            assert_eq!(errno, Errno(0));
+        };
+        let (first, second) = (LAP + 5, 2 * LAP + 5);
+        open(raw.path, first);
+        open(name, second);
+        for (handle, byte) in [(first, 7), (second, 9), (first, 7)] {
+            let errno = raw.ask(&Request {
+                handle,
+                buffer: name,
+                ..raw.request(Operation::Read)
+            });
+            assert_eq!(errno, Errno(0));
+            let mut read = [0; 4];
+            raw.own.read(name.offset, &mut read).unwrap();
+            assert_eq!(read, [byte; 4], "{handle:#x}");
+        }
+        // Nor is its block another one's.
+        let stranger = Request {
+            handle: raw.handle + LAP,
+            buffer: name,
+            ..raw.request(Operation::Read)
+        };
+        assert_eq!(raw.ask(&stranger), Errno::BADF);
+    });
+}
+
+#[test]
+fn a_file_that_was_set_aside_is_no_other_one_of_a_lap_later() {
+    with_raw(|raw| {
+        let unlink = |sequence: u64| {
+            raw.ask(&Request {
+                sequence,
+                path: raw.path,
+                ..raw.request(Operation::Unlink)
+            })
+        };
+        // It is open, and set aside.
+        assert_eq!(unlink(LAP + 5), Errno(0));
+        std::fs::write(raw.root.join("file"), b"new").unwrap();
+        assert_eq!(unlink(2 * LAP + 5), Errno(0));
+        assert!(!raw.root.join("file").exists());
+        let errno = raw.ask(&Request {
+            buffer: raw.path,
+            ..raw.request(Operation::Read)
+        });
+        assert_eq!(errno, Errno(0));
+        let mut read = [0; 4];
+        raw.own.read(raw.path.offset, &mut read).unwrap();
+        assert_eq!(read, [7; 4]);
     });
 }

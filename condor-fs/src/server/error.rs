@@ -17,6 +17,14 @@ pub enum ServerError {
         /// The tree.
         root: PathBuf,
     },
+    /// The journal cannot be kept: a full disk has no room for it, or it cannot be read.
+    #[error("cannot keep the journal {path:?}: {source}")]
+    Journal {
+        /// The journal.
+        path: PathBuf,
+        /// The system's answer.
+        source: io::Error,
+    },
     /// The system refused something.
     #[error("cannot serve {root:?}: {source}")]
     System {

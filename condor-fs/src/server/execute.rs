@@ -40,13 +40,14 @@ impl<S: Steps> Server<S> {
             Operation::Open | Operation::MakeDirectory | Operation::RemoveDirectory => wire::NONE,
             _ => self.table(job)?,
         };
-        self.journal.begin(&Record {
+        let record = Record {
             processor: job.processor,
             session: job.request.session,
             sequence: job.request.sequence,
             slot: job.slot,
             table,
-        });
+        };
+        self.journal.begin(&self.tree, &record)?;
         self.reached(job, Step::Begun);
         Ok(())
     }

@@ -4,7 +4,9 @@
 
 mod error;
 mod execute;
+mod give_up;
 mod journal;
+mod limit;
 mod log;
 mod names;
 mod open_files;
@@ -31,8 +33,9 @@ use condor_mbox::{
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, slot};
 use error::Stop;
+use give_up::is_given_up;
 use journal::{Journal, Record};
-use log::Log;
+use log::{Log, words};
 use open_files::OpenFiles;
 use quota::Quota;
 use tree::Tree;
@@ -73,7 +76,8 @@ impl Server {
     /// A server of the tree at `root`, a directory.
     ///
     /// # Errors
-    /// [`ServerError::Served`] if a live server has this tree; [`ServerError::System`].
+    /// [`ServerError::Served`] if a live server has this tree; [`ServerError::Journal`] if its disk is
+    /// full; [`ServerError::System`].
     pub fn new(root: impl AsRef<Path>, options: Options) -> Result<Self, ServerError> {
         Self::with_steps(root, options, ())
     }
@@ -99,7 +103,7 @@ impl<S: Steps> Server<S> {
                 source: source.into(),
             })?;
         let quota = Quota::of(&tree, options.quota_bytes).map_err(ServerError::at(root))?;
-        let journal = Journal::open(&tree).map_err(ServerError::at(root))?;
+        let journal = Journal::open(&tree, root)?;
         Ok(Self {
             tree,
             options,
@@ -113,7 +117,7 @@ impl<S: Steps> Server<S> {
     /// Recovers, joins with the number of `claim` and serves until `stop` is set.
     ///
     /// # Errors
-    /// [`ServerError::Mailbox`].
+    /// [`ServerError::Mailbox`]; [`ServerError::Journal`].
     pub fn serve<const N: usize>(
         &self,
         claim: Claim<N>,
@@ -121,7 +125,7 @@ impl<S: Steps> Server<S> {
     ) -> Result<(), ServerError> {
         let number = claim.number();
         let (windows, doorbell) = claim.into_parts();
-        self.recover(&windows);
+        self.recover(&windows)?;
         let handler = |call: &Call<'_>| self.answer(call, &windows);
         let mut mailbox = Mailbox::new(number, windows.clone(), doorbell, SingleContext::new())?;
         mailbox.set_waiting(self.options.waiting);
@@ -141,11 +145,18 @@ impl<S: Steps> Server<S> {
 
     /// Finishes what the former server of this tree was in the middle of, if its client still wants
     /// it. Call it before the mailbox joins; [`serve`](Self::serve) does.
-    pub fn recover<const N: usize>(&self, windows: &[Windows<LinuxWindow>; N]) {
-        if let Some(record) = self.journal.read() {
+    ///
+    /// # Errors
+    /// [`ServerError::Journal`] if it cannot be read.
+    pub fn recover<const N: usize>(
+        &self,
+        windows: &[Windows<LinuxWindow>; N],
+    ) -> Result<(), ServerError> {
+        if let Some(record) = self.journal.read()? {
             self.finish(&record, windows);
             self.journal.end();
         }
+        Ok(())
     }
 
     fn finish(&self, record: &Record, windows: &[Windows<LinuxWindow>]) {
@@ -220,16 +231,25 @@ impl<S: Steps> Server<S> {
         if log.is_done()? {
             return Ok(()); // Its former server died before it replied.
         }
-        self.reached(job, Step::Taken);
-        let outcome = match self.execute(job, &log) {
+        let lives = log.take()?;
+        let attempt = if is_given_up(lives) {
+            self.give_up(job, &log, lives)
+        } else {
+            self.reached(job, Step::Taken);
+            self.execute(job, &log)
+        };
+        let outcome = match attempt {
             Err(Stop::Again) => {
                 self.journal.end();
+                log.give_back(lives)?;
                 return Err(Stop::Again);
             }
             Ok(outcome) => Ok(outcome),
             Err(Stop::Errno(errno)) => Err(errno),
         };
-        self.reached(job, Step::Acted);
+        if !is_given_up(lives) {
+            self.reached(job, Step::Acted);
+        }
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
         self.journal.end();
@@ -272,17 +292,15 @@ fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno
     if region.word(at).map_err(fault)? != slot::MAGIC {
         return Err(Errno::FAULT);
     }
-    let mut words = [[0; 4]; slot::REQUEST_WORDS];
-    region.read(at, words.as_flattened_mut()).map_err(fault)?;
+    let mut bytes = [[0; 4]; slot::REQUEST_WORDS];
+    region.read(at, bytes.as_flattened_mut()).map_err(fault)?;
     // Pairs with the fence in the client's `write`: what is read below is no older than these words.
     fence(Ordering::Acquire);
-    let request = Request::from_words(&words.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
+    let request = Request::from_words(&bytes.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
     // A client that changed it meanwhile first took away the magic, then changed the sequence.
-    let (magic, sequence) = (
-        region.word(at).map_err(fault)?,
-        region.word(at + 12).map_err(fault)?,
-    );
-    if magic != slot::MAGIC || sequence != request.sequence {
+    let magic = region.word(at).map_err(fault)?;
+    let sequence: [u32; 2] = words(region, at + slot::SEQUENCE)?;
+    if magic != slot::MAGIC || sequence != wire::halves(request.sequence) {
         return Err(Errno::AGAIN);
     }
     Ok(request)

@@ -193,19 +193,10 @@ impl<S: Steps> Server<S> {
             return Ok(());
         }
         let places = (self.tree.place(&from)).and_then(|from| Ok((from, self.tree.place(&to)?)));
-        if let Some(staged) = log.staged()? {
-            let source = Evidence::from_words(&staged);
-            let found =
-                (places.as_ref().map_err(|errno| *errno)).and_then(|(from, _)| Ok(from.about()?));
-            match found {
-                Ok((found, _)) if found == source => {}
-                Ok((_, status)) if status.is_file() => {
-                    let (from, to) = places?;
-                    return self.finish_rename(job, &from, &to, source);
-                }
-                Ok(_) | Err(Errno::NOENT | Errno::NOTDIR) => return Ok(()),
-                Err(errno) => return Err(errno.into()),
-            }
+        if let Some(staged) = log.staged()?
+            && self.finish_rename(job, &places, Evidence::from_words(&staged))?
+        {
+            return Ok(());
         }
         let (from, to) = places?;
         let from = from.named(Errno::BUSY, Errno::BUSY)?;
@@ -248,19 +239,31 @@ impl<S: Steps> Server<S> {
         }
     }
 
-    /// After a former life has renamed: an open file may have been left at the old name.
-    fn finish_rename(
+    /// Whether a former life has renamed what has the evidence `source`; then finishes that.
+    pub(super) fn finish_rename(
         &self,
         job: &Job<'_>,
-        from: &Place,
-        to: &Place,
+        places: &Result<(Place, Place), Errno>,
         source: Evidence,
-    ) -> Result<(), Stop> {
-        let (left, _) = from.about()?;
-        if to.about().is_ok_and(|(found, _)| found == source) && self.is_open(job, left)? {
-            return self.set_exchanged_aside(job, from, to, left);
+    ) -> Result<bool, Stop> {
+        let found = match places {
+            Ok((from, to)) => from.about().map(|found| (from, to, found)),
+            Err(errno) => return gone(*errno),
+        };
+        match found {
+            Ok((_, _, (found, _))) if found == source => Ok(false),
+            Ok((from, to, (left, status))) => {
+                // What was open may have been left at the old name.
+                if status.is_file()
+                    && to.about().is_ok_and(|(found, _)| found == source)
+                    && self.is_open(job, left)?
+                {
+                    self.set_exchanged_aside(job, from, to, left)?;
+                }
+                Ok(true)
+            }
+            Err(errno) => gone(errno.into()),
         }
-        Ok(())
     }
 
     /// Sets an open file aside that has changed its name with the one that replaces it.
@@ -284,7 +287,9 @@ impl<S: Steps> Server<S> {
     fn set_aside(&self, job: &Job<'_>, place: &Place, evidence: Evidence) -> Result<(), Stop> {
         self.tree.set_aside(place, &job.unique_name())?;
         self.reached(job, Step::Aside);
-        self.mark_or_discard(job, evidence)
+        self.mark_or_discard(job, evidence)?;
+        self.reached(job, Step::Marked);
+        Ok(())
     }
 
     fn mark_or_discard(&self, job: &Job<'_>, evidence: Evidence) -> Result<(), Stop> {
@@ -292,12 +297,11 @@ impl<S: Steps> Server<S> {
         if !self.mark_silly(job, evidence).unwrap_or(false) {
             self.discard(&job.unique_name())?;
         }
-        self.reached(job, Step::Marked);
         Ok(())
     }
 
     /// Finishes what a former life has set aside; whether it has.
-    fn finish_aside(&self, job: &Job<'_>, log: &Log<'_>) -> Result<bool, Stop> {
+    pub(super) fn finish_aside(&self, job: &Job<'_>, log: &Log<'_>) -> Result<bool, Stop> {
         if log.staged()?.is_some()
             && let Some((evidence, _)) = self.tree.aside(&job.unique_name())?
         {
@@ -334,8 +338,16 @@ impl Job<'_> {
     }
 }
 
+/// Whether what a former life has staged is not where it was.
+fn gone(errno: Errno) -> Result<bool, Stop> {
+    match errno {
+        Errno::NOENT | Errno::NOTDIR => Ok(true),
+        errno => Err(errno.into()),
+    }
+}
+
 /// What is to be removed; nothing if a former life has removed it.
-fn remaining(
+pub(super) fn remaining(
     place: Result<Place, Errno>,
     log: &Log<'_>,
 ) -> Result<Option<(Place, Evidence, Status)>, Stop> {
@@ -346,7 +358,7 @@ fn remaining(
     });
     match (found, staged) {
         (Ok((_, found, _)), Some(staged)) if Evidence::from_words(&staged) != found => Ok(None),
-        (Err(Errno::NOENT | Errno::NOTDIR), Some(_)) => Ok(None),
+        (Err(errno), Some(_)) if gone(errno)? => Ok(None),
         (found, _) => Ok(Some(found?)),
     }
 }

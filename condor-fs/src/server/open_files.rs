@@ -27,7 +27,7 @@ pub(super) struct OpenFiles {
 #[derive(Default)]
 struct Cache {
     /// By processor, session and handle.
-    files: HashMap<(Processor, u64, u32), Arc<Opened>>,
+    files: HashMap<(Processor, u64, u64), Arc<Opened>>,
     /// Where the table of a session is.
     tables: HashMap<Processor, (u64, u32)>,
     /// The question for it that a session has not answered yet.
@@ -44,10 +44,11 @@ pub(super) struct Opened {
 pub(super) struct Block {
     at: u32,
     session: u64,
-    handle: u32,
+    handle: u64,
     flags: u32,
     path: Span,
-    pub(super) silly: u32,
+    /// The operation after which the file has a silly name; its low word is 0 if there is none.
+    silly: u64,
     evidence: Evidence,
 }
 
@@ -75,7 +76,7 @@ impl OpenFiles {
         self.cache.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn keep(&self, job: &Job<'_>, handle: u32, opened: Opened) -> Arc<Opened> {
+    pub(super) fn keep(&self, job: &Job<'_>, handle: u64, opened: Opened) -> Arc<Opened> {
         let opened = Arc::new(opened);
         let mut cache = self.lock();
         if cache.files.len() >= MOST {
@@ -154,7 +155,7 @@ impl<S: Steps> Server<S> {
             return Ok(Arc::clone(opened));
         }
         let block = self.block(job)?.ok_or(Errno::BADF)?;
-        let file = if block.silly == 0 {
+        let file = if block.has_path() {
             let path = job.path(block.path)?;
             self.tree
                 .open_path(&path, system_flags(block.flags), 0)
@@ -222,8 +223,11 @@ impl<S: Steps> Server<S> {
         let sequence = job.request.sequence;
         let mut any = false;
         for block in self.open_blocks(job)? {
-            if block.evidence == evidence && (block.silly == 0 || block.silly == sequence) {
-                job.region.set_word(block.at + block::SILLY, sequence)?;
+            if block.evidence == evidence && (block.has_path() || block.silly == sequence) {
+                let [low, high] = wire::halves(sequence);
+                // The low word last: a next life sees all of it, or none.
+                job.region.set_word(block.at + block::SILLY + 4, high)?;
+                job.region.set_word(block.at + block::SILLY, low)?;
                 any = true;
             }
         }
@@ -235,7 +239,7 @@ impl<S: Steps> Server<S> {
         let blocks = self.open_blocks(job)?;
         Ok(blocks
             .iter()
-            .any(|block| block.evidence == evidence && block.silly == 0))
+            .any(|block| block.evidence == evidence && block.has_path()))
     }
 
     /// The last end of a file that has a silly name removes it.
@@ -244,7 +248,7 @@ impl<S: Steps> Server<S> {
         let Some(block) = self.block(job)? else {
             return Ok(()); // Closed already.
         };
-        if block.silly == 0 {
+        if block.has_path() {
             return Ok(());
         }
         let blocks = self.open_blocks(job)?;
@@ -283,32 +287,39 @@ impl Blocks {
 }
 
 impl Block {
+    /// Whether the file has the path with which it was opened, and no silly name.
+    pub(super) const fn has_path(&self) -> bool {
+        self.silly as u32 == 0
+    }
+
     /// The block at `at`, if something is open in it.
     fn read(job: &Job<'_>, at: u32) -> Result<Option<Self>, Errno> {
         let words: [u32; block::WORDS] = words(&job.region, at)?;
         let [
             magic,
             session,
-            high,
+            session_high,
             handle,
+            handle_high,
             flags,
             path,
             path_len,
             silly,
+            silly_high,
             evidence @ ..,
         ] = words;
-        let session = wire::whole(session, high);
+        let session = wire::whole(session, session_high);
         let open = magic == block::MAGIC && handle != 0 && session == job.request.session;
         Ok(open.then_some(Self {
             at,
             session,
-            handle,
+            handle: wire::whole(handle, handle_high),
             flags,
             path: Span {
                 offset: path,
                 len: path_len,
             },
-            silly,
+            silly: wire::whole(silly, silly_high),
             evidence: Evidence::from_words(&evidence),
         }))
     }
@@ -328,7 +339,7 @@ pub(super) fn system_flags(flags: u32) -> OFlags {
 }
 
 /// The name X of WIRE.md.
-pub(super) fn unique_name(processor: Processor, session: u64, sequence: u32) -> CString {
-    let name = format!("{:02x}-{session:016x}-{sequence:08x}", processor.0);
+pub(super) fn unique_name(processor: Processor, session: u64, sequence: u64) -> CString {
+    let name = format!("{:02x}-{session:016x}-{sequence:016x}", processor.0);
     CString::new(name).unwrap_or_default() // It has no zero.
 }

@@ -13,6 +13,7 @@ use memchr::memmem::Finder;
 use rustix::fs::{Mode, OFlags, RawDir, SeekFrom};
 
 use super::error::Stop;
+use super::limit::check_file_limit;
 use super::log::{Log, Outcome};
 use super::tree::{OWN, about, path_of};
 use super::{Job, Server, Step, Steps};
@@ -44,6 +45,7 @@ impl<S: Steps> Server<S> {
         let len = u64::from(job.request.buffer.len);
         if len > 0 {
             let end = position.checked_add(len).ok_or(Errno::FBIG)?;
+            check_file_limit(end)?;
             self.admit(file, end)?;
         }
         self.transfer(job, position, |position, offset, len| {
@@ -73,10 +75,10 @@ impl<S: Steps> Server<S> {
             }
         }
         let new_end = end.checked_add(u64::from(buffer.len)).ok_or(Errno::FBIG)?;
+        check_file_limit(new_end)?;
         self.admit(file, new_end)?;
         if log.staged()?.is_none() {
-            let [low, high] = halves(end);
-            log.stage(&[low, high, 0, 0, 0, 0, 0, 0])?;
+            log.stage(&halves(end))?;
             self.reached(job, Step::Staged);
         }
         let (offset, len) = (BELL_BYTES + buffer.offset, buffer.len as usize);
@@ -95,7 +97,12 @@ impl<S: Steps> Server<S> {
 
     /// How many bytes of an append a former life has written to the range behind the end that it
     /// recorded, where programs of the host may have appended, too.
-    fn appended(&self, job: &Job<'_>, file: &OwnedFd, range: Range<u64>) -> Result<u64, Stop> {
+    pub(super) fn appended(
+        &self,
+        job: &Job<'_>,
+        file: &OwnedFd,
+        range: Range<u64>,
+    ) -> Result<u64, Stop> {
         let buffer = job.request.buffer;
         let (start, len) = (range.start, range.end.saturating_sub(range.start));
         let mut ours = vec![0; buffer.len as usize];
@@ -169,6 +176,9 @@ impl<S: Steps> Server<S> {
         }
         self.begin(job)?;
         let before = about(file, c"")?.1.size;
+        if size > before {
+            check_file_limit(size)?;
+        }
         self.admit(file, size)?;
         rustix::fs::ftruncate(file, size)?;
         self.quota.release(before.saturating_sub(size));
@@ -181,7 +191,7 @@ impl<S: Steps> Server<S> {
 
     pub(super) fn file_status(&self, job: &Job<'_>) -> Result<Outcome, Stop> {
         let (evidence, mut status) = about(&self.opened(job)?.file, c"")?;
-        if self.block(job)?.is_some_and(|block| block.silly != 0) {
+        if self.block(job)?.is_some_and(|block| !block.has_path()) {
             // The name by which the server keeps it is none.
             status.links = status.links.saturating_sub(1);
         }

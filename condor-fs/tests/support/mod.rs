@@ -95,6 +95,9 @@ pub(crate) fn server_process() {
     let mode = |option, default| {
         value(option).map_or(default, |mode| u32::from_str_radix(mode, 8).unwrap())
     };
+    if let Some(bytes) = value("file-limit") {
+        limit_files(bytes.parse().unwrap());
+    }
     let options = Options {
         read_only: has("read-only"),
         max_file_bytes: value("max-file").map(|bytes| bytes.parse().unwrap()),
@@ -138,6 +141,16 @@ pub(crate) fn is_root() -> bool {
     rustix::process::geteuid().is_root()
 }
 
+/// Lets the kernel end this process if it makes a file longer.
+fn limit_files(bytes: u64) {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let limit = Rlimit {
+        current: Some(bytes),
+        maximum: getrlimit(Resource::Fsize).maximum,
+    };
+    setrlimit(Resource::Fsize, limit).unwrap();
+}
+
 /// A directory on a disk, where inode numbers are used again, as they are not on tmpfs: in cargo's
 /// directory for tests, or in the one that `CONDOR_FS_TEST_DIR` names.
 pub(crate) fn disk() -> tempfile::TempDir {
@@ -164,7 +177,8 @@ pub(crate) struct Supervisor {
 }
 
 impl Supervisor {
-    /// The first server dies as `kill` says.
+    /// The first server dies as `kill` says; with `every-life` in `options`, all others as soon as they
+    /// take that operation.
     pub(crate) fn start(
         system: &Arc<System<N>>,
         root: &Path,
@@ -186,11 +200,12 @@ impl Supervisor {
         let thread = std::thread::spawn(move || {
             let mut kill = kill;
             while !stop.load(Ordering::SeqCst) {
-                let how = kill
-                    .take()
-                    .map_or("0|-|0".into(), |(operation, step, count)| {
-                        format!("{}|{step:?}|{count}", operation as u32)
-                    });
+                let how = kill.map_or("0|-|0".into(), |(operation, step, count)| {
+                    format!("{}|{step:?}|{count}", operation as u32)
+                });
+                kill = kill
+                    .filter(|_| options.contains("every-life"))
+                    .map(|(operation, _, _)| (operation, Step::Taken, 1));
                 let mut command = Command::new(std::env::current_exe().unwrap());
                 command
                     .args(["server_process", "--exact", "--nocapture"])
@@ -289,6 +304,20 @@ pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
     mailbox.join().unwrap();
     let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT);
     program(files, &own, &mut places, &mailbox)
+}
+
+/// Runs `program` on a processor that does not say where its table of open files is.
+pub(crate) fn with_silent_client<R>(
+    system: &System<N>,
+    number: Processor,
+    program: impl FnOnce(Fs<'_, '_>) -> R,
+) -> R {
+    let (windows, doorbell) = system.claim(number).unwrap().into_parts();
+    let own = Region::users(windows[number.index()].data.clone()).unwrap();
+    let area = Area::<FILES>::new(&mut own.places(), 300, 4096).unwrap();
+    let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
+    mailbox.join().unwrap();
+    program(FileSystem::connect(&mailbox, SERVER, own, area, TIMEOUT).unwrap())
 }
 
 /// With a server of `root` that never dies.
