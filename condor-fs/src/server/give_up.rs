@@ -35,6 +35,13 @@ impl<S: Steps> Server<S> {
         }
     }
 
+    /// Removes what is left of a request that was given up, and answered.
+    pub(super) fn clear_away(&self, job: &Job<'_>) {
+        if self.is_set_aside(job) == Ok(false) {
+            self.tree.discard(&job.unique_name());
+        }
+    }
+
     fn what_happened(&self, job: &Job<'_>, staged: &Staged) -> Result<Outcome, Stop> {
         let unique = job.unique_name();
         let evidence = Evidence::from_words(&staged.evidence);
@@ -48,7 +55,6 @@ impl<S: Steps> Server<S> {
                 outcome.about.is_some()
             }
             Operation::Unlink | Operation::RemoveDirectory => match self.tree.staged(&unique)? {
-                // What is left under the unique name goes with the session.
                 Some((evidence, status)) if !status.is_directory() => {
                     self.mark_silly(job, evidence)?;
                     true

@@ -248,6 +248,9 @@ impl<S: Steps> Server<S> {
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
         self.clean(job, outcome.is_err());
+        if is_given_up(lives) {
+            self.clear_away(job);
+        }
         self.reached(job, Step::Cleaned);
         self.journal.end();
         recorded
