@@ -73,6 +73,7 @@ fn given_up<R>(
 #[test]
 fn no_request_is_worked_on_by_a_third_server() {
     let canceled = Err(Error::Errno(Errno::CANCELED));
+    let left = |root: &std::path::Path| std::fs::read_dir(root.join(".condor-fs")).unwrap().count();
     let root = disk();
     let root = root.path();
     let at = |path: &str| root.join(path);
@@ -145,6 +146,7 @@ fn no_request_is_worked_on_by_a_third_server() {
             _ => fs.open("g", WRITE.exclusive()).map(drop),
         });
         let what = format!("{operation:?} {step:?}");
+        assert_eq!(left(root), 2, "{what}: the lock and the journal");
         let expected = if happens { Ok(()) } else { canceled };
         assert_eq!(outcome, expected, "{what}");
         let there = |path: &str, expected: bool| assert_eq!(at(path).exists(), expected, "{what}");
@@ -159,15 +161,9 @@ fn no_request_is_worked_on_by_a_third_server() {
             _ => there("g", happens),
         }
     }
-    let system = system();
-    let _supervisor = Supervisor::start(&system, root, None, "");
-    with_client(&system, CLIENT, |_, _, _, _| {
-        let own = std::fs::read_dir(at(".condor-fs")).unwrap();
-        assert_eq!(own.count(), 2, "the lock and the journal");
-    });
 }
 
-/// A file that was unlinked while it was open goes on, though the server died twice at that.
+/// A file that was unlinked or replaced while it was open goes on, though the server died twice at that.
 #[test]
 fn an_open_file_outlives_an_unlink_that_was_given_up() {
     let root = disk();
@@ -180,6 +176,28 @@ fn an_open_file_outlives_an_unlink_that_was_given_up() {
         Ok(bytes[..read].to_vec())
     });
     assert_eq!(read, Ok(b"data".to_vec()));
+    for (step, replaced) in [
+        (Step::Staged, false),
+        (Step::Moved, true),
+        (Step::Aside, true),
+        (Step::Marked, true),
+        (Step::Acted, true),
+    ] {
+        std::fs::write(root.path().join("f"), b"data").unwrap();
+        std::fs::write(root.path().join("g"), b"new").unwrap();
+        let read = given_up(root.path(), Operation::Rename, step, |fs| {
+            let mut file = fs.open("f", OpenOptions::new().read())?;
+            let renamed = fs.rename("g", "f");
+            assert_eq!(renamed.is_ok(), replaced, "{step:?}");
+            let mut bytes = [0; 8];
+            let read = file.read(&mut bytes)?;
+            file.close()?;
+            Ok(bytes[..read].to_vec())
+        });
+        assert_eq!(read, Ok(b"data".to_vec()), "{step:?}");
+        let own = std::fs::read_dir(root.path().join(".condor-fs")).unwrap();
+        assert_eq!(own.count(), 2, "{step:?}: the lock and the journal");
+    }
 }
 
 /// A client that does not answer is asked as often as it likes: nothing is begun, and nothing given up.

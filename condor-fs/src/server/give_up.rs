@@ -35,6 +35,14 @@ impl<S: Steps> Server<S> {
         }
     }
 
+    /// Removes what is left of a request that was given up, and answered.
+    pub(super) fn clear_away(&self, job: &Job<'_>) {
+        if self.is_set_aside(job) == Ok(false) {
+            // Mostly there is nothing.
+            let _ = self.discard(&job.unique_name());
+        }
+    }
+
     fn what_happened(
         &self,
         job: &Job<'_>,

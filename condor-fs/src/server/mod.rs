@@ -252,6 +252,9 @@ impl<S: Steps> Server<S> {
         }
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
+        if is_given_up(lives) {
+            self.clear_away(job);
+        }
         self.journal.end();
         recorded
     }

@@ -242,6 +242,14 @@ impl<S: Steps> Server<S> {
             .any(|block| block.evidence == evidence && block.has_path()))
     }
 
+    /// Whether the client has a file open that has the unique name of this operation.
+    pub(super) fn is_set_aside(&self, job: &Job<'_>) -> Result<bool, Stop> {
+        let blocks = self.open_blocks(job)?;
+        Ok(blocks
+            .iter()
+            .any(|block| block.silly == job.request.sequence))
+    }
+
     /// The last end of a file that has a silly name removes it.
     pub(super) fn close(&self, job: &Job<'_>) -> Result<(), Stop> {
         self.open.forget(job);
