@@ -77,7 +77,8 @@ impl Server {
     ///
     /// # Errors
     /// [`ServerError::Served`] if a live server has this tree; [`ServerError::Journal`] if its disk is
-    /// full; [`ServerError::System`].
+    /// full; [`ServerError::FileMode`]; [`ServerError::System`], also for what cannot be counted for
+    /// the quota.
     pub fn new(root: impl AsRef<Path>, options: Options) -> Result<Self, ServerError> {
         Self::with_steps(root, options, ())
     }
