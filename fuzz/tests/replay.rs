@@ -5,7 +5,9 @@ use std::path::Path;
 
 /// Gives a target each of its seeds.
 fn replay(target: &str, run: fn(&[u8])) {
-    let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("seeds").join(target);
+    let seeds = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("seeds")
+        .join(target);
     let mut files: Vec<_> = fs::read_dir(&seeds)
         .unwrap_or_else(|error| panic!("{}: {error}", seeds.display()))
         .map(|entry| entry.unwrap().path())

@@ -1,7 +1,6 @@
 //! The device switch, its buses, controllers, drivers and streams.
 #![cfg(not(condor_loom))]
 
-mod boards;
 mod buffered_read;
 mod buffered_write;
 mod bus_errors;
@@ -21,3 +20,5 @@ mod scenario;
 mod standard;
 mod stream;
 mod switch;
+
+use scenario::boards;

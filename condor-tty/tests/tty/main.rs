@@ -11,5 +11,6 @@ mod model;
 mod pty;
 mod screen;
 mod servo;
-mod support;
 mod terminals;
+
+use terminals::support;

@@ -8,7 +8,7 @@
 //! Both the property tests and the fuzz target include this module, hence no names of either.
 
 #[path = "../boards/mod.rs"]
-mod boards;
+pub(crate) mod boards;
 mod bus;
 mod journal;
 mod program;
