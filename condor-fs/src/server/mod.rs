@@ -33,7 +33,6 @@ use condor_mbox::{
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, slot};
 use error::Stop;
-use give_up::is_given_up;
 use journal::{Journal, Record};
 use log::{Log, words};
 use open_files::OpenFiles;
@@ -221,13 +220,13 @@ impl<S: Steps> Server<S> {
         let log = Log::of(job);
         if let Some(errno) = log.done()? {
             // Its former server may have died before this, or of it.
-            if !is_given_up(log.take()?) {
+            if !self.is_given_up(log.take()?) {
                 self.clean(job, errno != 0);
             }
             return Ok(());
         }
         let lives = log.take()?;
-        let attempt = if is_given_up(lives) {
+        let attempt = if self.is_given_up(lives) {
             self.give_up(job, &log, lives)
         } else {
             self.reached(job, Step::Taken);
@@ -242,13 +241,13 @@ impl<S: Steps> Server<S> {
             Ok(outcome) => Ok(outcome),
             Err(Stop::Errno(errno)) => Err(errno),
         };
-        if !is_given_up(lives) {
+        if !self.is_given_up(lives) {
             self.reached(job, Step::Acted);
         }
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
         self.clean(job, outcome.is_err());
-        if is_given_up(lives) {
+        if self.is_given_up(lives) {
             self.clear_away(job);
         }
         self.reached(job, Step::Cleaned);
