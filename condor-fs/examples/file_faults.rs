@@ -5,8 +5,7 @@
 //! [--directory DIRECTORY]`
 //!
 //! The directory, the temporary one if not given, must be on a disk: tmpfs never uses an inode number
-//! again. One wrong, lost or doubled effect, and the program fails. A call that is given up because two
-//! servers were killed at it is made again.
+//! again. One wrong, lost or doubled effect, and the program fails.
 
 mod serving;
 
@@ -17,7 +16,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use condor_fs::{Errno, Error, OpenOptions};
 use condor_mbox::Processor;
-use condor_mbox::linux::{LinuxWindow, Mailbox, System};
+use condor_mbox::linux::System;
 use embedded_io::SeekFrom;
 use serving::{AnyError, BYTES, Files, N, ServerProcess, on_processor, served};
 
@@ -145,7 +144,7 @@ struct Client<'c, 'm, 'v> {
 
 impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
     fn new(files: &'c Files<'m, 'v>, number: Processor, seed: u64) -> Result<Self, AnyError> {
-        again(|| files.make_directory(format!("{}", number.0)))?;
+        files.make_directory(format!("{}", number.0))?;
         Ok(Self {
             files,
             number,
@@ -170,11 +169,11 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
             0 | 1 => {
                 let expected = found.is_some().then_some(Errno::EXIST);
                 let data = self.random.bytes(300);
-                match again(|| self.files.open(&path, write.exclusive())) {
+                match self.files.open(&path, write.exclusive()) {
                     Ok(mut file) => {
                         expect(&path, None, expected)?;
-                        let written = again(|| file.write(&data))?;
-                        close(file)?;
+                        let written = file.write(&data)?;
+                        file.close()?;
                         self.model.insert(name, Some(data[..written].to_vec()));
                     }
                     Err(error) => expect(&path, Some(error), expected)?,
@@ -185,7 +184,7 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                 if kind == 4 {
                     options = options.append();
                 }
-                match again(|| self.files.open(&path, options)) {
+                match self.files.open(&path, options) {
                     Ok(mut file) => {
                         let Some(Some(mut model)) = found else {
                             return Err(format!("{path} should not be a file").into());
@@ -195,17 +194,17 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                         if kind == 4 {
                             at = model.len();
                         } else if kind == 3 {
-                            again(|| file.truncate(at as u64))?;
+                            file.truncate(at as u64)?;
                             model.resize(at, 0);
                         }
                         file.seek(SeekFrom::Start(at as u64))?;
-                        let written = again(|| file.write(&data))?;
+                        let written = file.write(&data)?;
                         if written > 0 {
                             model.resize(model.len().max(at + written), 0);
                             model[at..at + written].copy_from_slice(&data);
                         }
                         check(&mut file, &path, &model)?;
-                        close(file)?;
+                        file.close()?;
                         self.model.insert(name, Some(model));
                     }
                     Err(error) => {
@@ -229,7 +228,7 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                     Some(None) => Some(Errno::ISDIR),
                     Some(_) => None,
                 };
-                expect(&path, again(|| self.files.unlink(&path)).err(), expected)?;
+                expect(&path, self.files.unlink(&path).err(), expected)?;
                 if expected.is_none() {
                     self.model.remove(&name);
                 }
@@ -237,8 +236,7 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
             7 | 8 => self.rename(&name)?,
             9 => {
                 let expected = found.is_some().then_some(Errno::EXIST);
-                let outcome = again(|| self.files.make_directory(&path));
-                expect(&path, outcome.err(), expected)?;
+                expect(&path, self.files.make_directory(&path).err(), expected)?;
                 self.model.entry(name).or_insert(None);
             }
             10 => {
@@ -247,8 +245,7 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                     Some(None) => None,
                     Some(_) => Some(Errno::NOTDIR),
                 };
-                let outcome = again(|| self.files.remove_directory(&path));
-                expect(&path, outcome.err(), expected)?;
+                expect(&path, self.files.remove_directory(&path).err(), expected)?;
                 if expected.is_none() {
                     self.model.remove(&name);
                 }
@@ -269,7 +266,7 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
             (Some(None), Some(Some(_))) => Some(Errno::NOTDIR),
             _ => None,
         };
-        let outcome = again(|| self.files.rename(self.path(name), self.path(&to)));
+        let outcome = self.files.rename(self.path(name), self.path(&to));
         expect(name, outcome.err(), expected)?;
         if let (None, Some(what)) = (expected, found) {
             self.model.remove(name);
@@ -281,45 +278,34 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
     /// A record of its own to the log of both.
     fn append(&mut self) -> Result<(), AnyError> {
         let options = OpenOptions::new().append().create();
-        let mut log = again(|| self.files.open("log", options))?;
+        let mut log = self.files.open("log", options)?;
         let record = format!("{:03} {:011}\n", self.number.0, self.appended);
-        if again(|| log.write(record.as_bytes()))? != RECORD {
+        if log.write(record.as_bytes())? != RECORD {
             return Err("a record was cut".into());
         }
-        close(log)?;
+        log.close()?;
         self.appended += 1;
         Ok(())
     }
 }
 
-type OpenFile<'f, 'm, 'v> =
-    condor_fs::File<'f, 'm, Mailbox<'v, N>, LinuxWindow, { serving::FILES }>;
-
-/// Makes a call until it is not given up.
-fn again<R>(mut call: impl FnMut() -> Result<R, Error>) -> Result<R, Error> {
-    loop {
-        match call() {
-            Err(Error::Errno(Errno::CANCELED)) => {}
-            outcome => return outcome,
-        }
-    }
-}
-
-/// Closes a file, which it is also if that is given up.
-fn close(file: OpenFile<'_, '_, '_>) -> Result<(), Error> {
-    match file.close() {
-        Err(Error::Errno(Errno::CANCELED)) => Ok(()),
-        outcome => outcome,
-    }
-}
-
 /// Reads all of a file, and compares it with what it should hold.
-fn check(file: &mut OpenFile<'_, '_, '_>, path: &str, model: &[u8]) -> Result<(), AnyError> {
+fn check(
+    file: &mut condor_fs::File<
+        '_,
+        '_,
+        condor_mbox::linux::Mailbox<'_, N>,
+        condor_mbox::linux::LinuxWindow,
+        { serving::FILES },
+    >,
+    path: &str,
+    model: &[u8],
+) -> Result<(), AnyError> {
     file.seek(SeekFrom::Start(0))?;
     let mut read = vec![0; model.len() + 1];
     let mut len = 0;
     loop {
-        match again(|| file.read(&mut read[len..]))? {
+        match file.read(&mut read[len..])? {
             0 => break,
             more => len += more,
         }

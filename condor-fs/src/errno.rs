@@ -64,7 +64,7 @@ errnos! {
     OPNOTSUPP 95 "Neither a file nor a directory"
     STALE 116 "Not the file that was opened"
     DQUOT 122 "Quota exceeded"
-    CANCELED 125 "Given up after the server died at it twice"
+    CANCELED 125 "Given up: the server has died at it"
 }
 
 impl fmt::Display for Errno {

@@ -8,15 +8,12 @@ use super::{Job, Server, Steps};
 use crate::errno::Errno;
 use crate::wire::{Evidence, Operation, whole};
 
-/// How many lives of the server work on a request: the one that takes it, and the next one.
-const MOST_LIVES: u32 = 2;
-
-/// Whether `lives` have worked on a request as often as they may.
-pub(super) const fn is_given_up(lives: u32) -> bool {
-    lives > MOST_LIVES
-}
-
 impl<S: Steps> Server<S> {
+    /// Whether a request that `lives` have taken is not worked on any more.
+    pub(super) const fn is_given_up(&self, lives: u32) -> bool {
+        lives > self.options.lives
+    }
+
     /// The result of an operation of which nothing more is done: success if all that clients see of it
     /// has happened.
     pub(super) fn give_up(
@@ -27,7 +24,7 @@ impl<S: Steps> Server<S> {
     ) -> Result<Outcome, Stop> {
         // To look at what has happened may be what kills the server: one life tries it.
         if let Some(staged) = log.staged()?
-            && lives == MOST_LIVES + 1
+            && lives == self.options.lives.saturating_add(1)
         {
             self.what_happened(job, log, &staged)
         } else {

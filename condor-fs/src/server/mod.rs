@@ -33,7 +33,6 @@ use condor_mbox::{
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, slot};
 use error::Stop;
-use give_up::is_given_up;
 use journal::{Journal, Record};
 use log::{Log, words};
 use open_files::OpenFiles;
@@ -233,7 +232,7 @@ impl<S: Steps> Server<S> {
             return Ok(()); // Its former server died before it replied.
         }
         let lives = log.take()?;
-        let attempt = if is_given_up(lives) {
+        let attempt = if self.is_given_up(lives) {
             self.give_up(job, &log, lives)
         } else {
             self.reached(job, Step::Taken);
@@ -248,12 +247,12 @@ impl<S: Steps> Server<S> {
             Ok(outcome) => Ok(outcome),
             Err(Stop::Errno(errno)) => Err(errno),
         };
-        if !is_given_up(lives) {
+        if !self.is_given_up(lives) {
             self.reached(job, Step::Acted);
         }
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
-        if is_given_up(lives) {
+        if self.is_given_up(lives) {
             self.clear_away(job);
         }
         self.journal.end();
