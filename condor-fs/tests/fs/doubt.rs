@@ -13,7 +13,7 @@ fn not_begun(error: Error) -> bool {
     matches!(
         error,
         Error::NotBegun {
-            server: support::SERVER,
+            server: crate::support::SERVER,
             cause: Some(_)
         }
     )
