@@ -2,21 +2,16 @@
 //! served.
 #![cfg(all(feature = "linux", target_os = "linux"))]
 
-mod support;
-
 use std::time::Duration;
 
+use crate::support::{
+    CLIENT, Fs, N, OTHER, Supervisor, disk, system, with_client, with_silent_client,
+};
 use condor_fs::server::Step;
 use condor_fs::wire::Operation;
 use condor_fs::{Errno, Error, OpenOptions};
 use condor_mbox::linux::System;
 use embedded_io::SeekFrom;
-use support::{CLIENT, Fs, N, OTHER, Supervisor, disk, system, with_client};
-
-#[test]
-fn server_process() {
-    support::server_process();
-}
 
 const WRITE: OpenOptions = OpenOptions::new().write();
 
@@ -207,7 +202,7 @@ fn a_request_that_could_not_be_begun_is_not_given_up() {
     std::fs::write(root.path().join("f"), b"data").unwrap();
     let system: std::sync::Arc<System<N>> = system();
     let _supervisor = Supervisor::start(&system, root.path(), None, "");
-    support::with_silent_client(&system, CLIENT, |fs| {
+    with_silent_client(&system, CLIENT, |fs| {
         fs.set_timeout(Duration::from_millis(50));
         let late = fs.unlink("f").unwrap_err();
         assert!(matches!(late, Error::TimedOut { .. }), "{late}");

@@ -1,20 +1,13 @@
 //! Nothing is begun that the next server would not know of.
 #![cfg(all(feature = "linux", target_os = "linux"))]
 
-mod support;
-
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use crate::support::{disk, with_server};
 use condor_fs::server::{Options, Server, ServerError};
 use condor_fs::{Errno, Error, OpenOptions};
-use support::{disk, with_server};
-
-#[test]
-fn server_process() {
-    support::server_process();
-}
 
 #[test]
 fn without_a_journal_nothing_is_begun() {
@@ -91,10 +84,12 @@ fn a_server_does_not_start_on_a_full_disk() {
         println!("SKIPPED: no file system may be mounted here");
         return;
     }
-    let output = unshare(&format!("{mount}; exec \"$0\" on_a_full_disk --exact"))
-        .arg(std::env::current_exe().unwrap())
-        .env(FULL, root.path())
-        .output()
-        .unwrap();
+    let output = unshare(&format!(
+        "{mount}; exec \"$0\" journal::on_a_full_disk --exact"
+    ))
+    .arg(std::env::current_exe().unwrap())
+    .env(FULL, root.path())
+    .output()
+    .unwrap();
     assert!(output.status.success(), "{output:?}");
 }
