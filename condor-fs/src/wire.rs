@@ -45,8 +45,6 @@ pub mod slot {
     pub const ERRNO: u32 = 96;
     /// Value.
     pub const VALUE: u32 = 100;
-    /// Step.
-    pub const STEP: u32 = 108;
     /// Evidence.
     pub const EVIDENCE: u32 = 112;
     /// Status.

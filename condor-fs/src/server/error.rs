@@ -33,6 +33,16 @@ pub enum ServerError {
         /// The system's answer.
         source: io::Error,
     },
+    /// The server could not open again what it would make with these permissions.
+    #[error("cannot serve {root:?} with mode {mode:o} for new files: {source}")]
+    FileMode {
+        /// The tree.
+        root: PathBuf,
+        /// The permissions.
+        mode: u32,
+        /// Why such a file cannot be made, or not be opened again for reading and writing.
+        source: io::Error,
+    },
     /// The mailbox refused something.
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
@@ -53,19 +63,25 @@ impl ServerError {
 pub(super) enum Stop {
     /// Its result.
     Errno(Errno),
-    /// Nothing was done, for want of an answer of the client.
+    /// Nothing was done: the client has yet to say where its table is, or a program of the host to
+    /// give up its lease.
     Again,
 }
 
 impl From<Errno> for Stop {
     fn from(errno: Errno) -> Self {
-        Self::Errno(errno)
+        // Calls that never wait get this where others of Linux would wait.
+        if errno == Errno::AGAIN {
+            Self::Again
+        } else {
+            Self::Errno(errno)
+        }
     }
 }
 
 impl From<rustix::io::Errno> for Stop {
     fn from(errno: rustix::io::Errno) -> Self {
-        Self::Errno(errno.into())
+        Errno::from(errno).into()
     }
 }
 

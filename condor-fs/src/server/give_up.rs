@@ -1,8 +1,8 @@
 //! The end of a request at which the server has died twice: see "Deadly requests" in WIRE.md.
 
 use super::error::Stop;
-use super::log::{Log, Outcome, Staged};
-use super::names::{GIVEN_BACK, TAKEN};
+use super::log::{Log, Outcome};
+use super::names::remaining;
 use super::tree::about;
 use super::{Job, Server, Steps};
 use crate::errno::Errno;
@@ -26,7 +26,7 @@ impl<S: Steps> Server<S> {
         if let Some(staged) = log.staged()?
             && lives == self.options.lives.saturating_add(1)
         {
-            self.what_happened(job, &staged)
+            self.what_happened(job, log, &staged)
         } else {
             Err(Errno::CANCELED.into())
         }
@@ -35,53 +35,50 @@ impl<S: Steps> Server<S> {
     /// Removes what is left of a request that was given up, and answered.
     pub(super) fn clear_away(&self, job: &Job<'_>) {
         if self.is_set_aside(job) == Ok(false) {
-            self.tree.discard(&job.unique_name());
+            // Mostly there is nothing.
+            let _ = self.discard(&job.unique_name());
         }
     }
 
-    fn what_happened(&self, job: &Job<'_>, staged: &Staged) -> Result<Outcome, Stop> {
-        let unique = job.unique_name();
-        let evidence = Evidence::from_words(&staged.evidence);
+    fn what_happened(
+        &self,
+        job: &Job<'_>,
+        log: &Log<'_>,
+        staged: &[u32; 8],
+    ) -> Result<Outcome, Stop> {
+        let evidence = Evidence::from_words(staged);
+        let place = |span| -> Result<_, Stop> { Ok(self.tree.place(&job.path(span)?)) };
+        let first = job.request.path;
         let mut outcome = Outcome::default();
         let happened = match job.operation {
-            Operation::MakeDirectory => self.tree.staged(&unique)?.is_none(),
+            Operation::MakeDirectory => {
+                let found = place(first)?.and_then(|place| Ok(place.about()?));
+                found.is_ok_and(|(_, status)| status.is_directory())
+            }
             Operation::Open => {
-                let place = self.tree.place(&job.path(job.request.path)?)?;
-                let found = about(&place.parent, &place.name).ok();
+                let found = place(first)?.and_then(|place| Ok(place.about()?)).ok();
                 outcome.about = found.filter(|(found, _)| *found == evidence);
                 outcome.about.is_some()
             }
-            Operation::Unlink | Operation::RemoveDirectory => match self.tree.staged(&unique)? {
-                Some((evidence, status)) if !status.is_directory() => {
-                    self.mark_silly(job, evidence)?;
-                    true
-                }
-                // Somebody may have put something into it.
-                Some(_) => {
-                    let place = self.tree.place(&job.path(job.request.path)?)?;
-                    self.tree.put(&unique, &place)?;
-                    false
-                }
-                None => staged.step == TAKEN,
-            },
+            Operation::Unlink | Operation::RemoveDirectory => {
+                self.finish_aside(job, log)? || remaining(place(first)?, log)?.is_none()
+            }
             Operation::Rename => {
-                let place = self.tree.place(&job.path(job.request.path)?);
-                let found = place.and_then(|from| Ok(about(&from.parent, &from.name)?));
-                !found.is_ok_and(|(found, _)| found == evidence)
+                let (from, to) = (place(first)?, place(job.request.second_path)?);
+                let places = from.and_then(|from| Ok((from, to?)));
+                self.finish_aside(job, log)? || self.finish_rename(job, &places, evidence)?
             }
             Operation::Append => {
-                let [begin, begin_high, ..] = staged.evidence;
-                let size = about(&self.opened(job)?.file, c"")?.1.size;
-                let written = size.saturating_sub(whole(begin, begin_high));
-                outcome.value = written.min(job.request.buffer.len.into());
+                let file = &self.opened(job)?.file;
+                let [begin, begin_high, ..] = *staged;
+                let range = whole(begin, begin_high)..about(file, c"")?.1.size;
+                outcome.value = self.appended(job, file, range)?;
                 outcome.value > 0
             }
             _ => false,
         };
         if happened {
             Ok(outcome)
-        } else if staged.step == GIVEN_BACK {
-            Err(Errno::NOTEMPTY.into())
         } else {
             Err(Errno::CANCELED.into())
         }

@@ -15,13 +15,6 @@ pub(super) struct Outcome {
     pub(super) about: Option<(Evidence, Status)>,
 }
 
-/// What was recorded of an operation that was begun.
-#[derive(Clone, Copy)]
-pub(super) struct Staged {
-    pub(super) step: u32,
-    pub(super) evidence: [u32; 8],
-}
-
 /// The record of one operation.
 pub(super) struct Log<'l> {
     region: Region<&'l LinuxWindow>,
@@ -38,6 +31,11 @@ impl<'l> Log<'l> {
             session: job.request.session,
             sequence: job.request.sequence,
         }
+    }
+
+    /// Whether the operation is done.
+    pub(super) fn is_done(&self) -> Result<bool, Stop> {
+        Ok(self.state()? == state::DONE)
     }
 
     /// Notes that this life of the server works on the operation; gives how many lives now have.
@@ -59,35 +57,18 @@ impl<'l> Log<'l> {
         self.set(slot::LIVES, &[lives.saturating_sub(1)])
     }
 
-    /// The errno, if the operation is done.
-    pub(super) fn done(&self) -> Result<Option<u32>, Stop> {
-        if self.state()? == state::DONE {
-            Ok(Some(self.region.word(self.at + slot::ERRNO)?))
-        } else {
-            Ok(None)
-        }
-    }
-
     /// What was recorded, if it was begun.
-    pub(super) fn staged(&self) -> Result<Option<Staged>, Stop> {
+    pub(super) fn staged(&self) -> Result<Option<[u32; 8]>, Stop> {
         if self.state()? != state::STAGED {
             return Ok(None);
         }
-        Ok(Some(Staged {
-            step: self.region.word(self.at + slot::STEP)?,
-            evidence: words(&self.region, self.at + slot::EVIDENCE)?,
-        }))
+        Ok(Some(words(&self.region, self.at + slot::EVIDENCE)?))
     }
 
-    /// Records the intent, with what a next life must know; step 1.
+    /// Records the intent, with what a next life must know.
     pub(super) fn stage(&self, evidence: &[u32]) -> Result<(), Stop> {
         self.set(slot::EVIDENCE, evidence)?;
-        self.set(slot::STEP, &[1])?;
         self.set(slot::STATE, &[state::STAGED])
-    }
-
-    pub(super) fn step(&self, step: u32) -> Result<(), Stop> {
-        self.set(slot::STEP, &[step])
     }
 
     pub(super) fn record(&self, outcome: &Result<Outcome, Errno>) -> Result<(), Stop> {

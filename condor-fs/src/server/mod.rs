@@ -39,8 +39,8 @@ use open_files::OpenFiles;
 use quota::Quota;
 use tree::Tree;
 
-/// How long a client may take to say where its table is.
-const ASK: Duration = Duration::from_millis(100);
+/// How long a server that has just served waits for the next request before it sleeps.
+const MORE: Duration = Duration::from_millis(100);
 /// How often a server that has nothing to do looks whether it is to stop.
 const LOOK: Duration = Duration::from_millis(250);
 
@@ -67,7 +67,8 @@ struct Job<'j> {
     slot: u32,
     request: Request,
     operation: Operation,
-    ask: &'j dyn Fn() -> Option<u32>,
+    /// Where the table of a session is, if that is known.
+    ask: &'j dyn Fn(u64) -> Option<u32>,
 }
 
 impl Server {
@@ -75,7 +76,8 @@ impl Server {
     ///
     /// # Errors
     /// [`ServerError::Served`] if a live server has this tree; [`ServerError::Journal`] if its disk is
-    /// full; [`ServerError::System`].
+    /// full; [`ServerError::FileMode`]; [`ServerError::System`], also for what cannot be counted for
+    /// the quota.
     pub fn new(root: impl AsRef<Path>, options: Options) -> Result<Self, ServerError> {
         Self::with_steps(root, options, ())
     }
@@ -93,13 +95,21 @@ impl<S: Steps> Server<S> {
     ) -> Result<Self, ServerError> {
         let root = root.as_ref();
         let tree = Tree::open(root)?;
+        let mode = options.file_mode;
+        tree.check_mode(mode)
+            .map_err(|source| ServerError::FileMode {
+                root: root.to_owned(),
+                mode,
+                source: source.into(),
+            })?;
+        let quota = Quota::of(&tree, options.quota_bytes).map_err(ServerError::at(root))?;
         let journal = Journal::open(&tree, root)?;
         Ok(Self {
             tree,
             options,
             journal,
             open: OpenFiles::default(),
-            quota: Quota::default(),
+            quota,
             steps,
         })
     }
@@ -127,7 +137,7 @@ impl<S: Steps> Server<S> {
             served = match served {
                 0 if sleeps => sleep(&mut mailbox)?,
                 // Requests often follow each other.
-                _ => mailbox.serve(ASK)?,
+                _ => mailbox.serve(MORE)?,
             };
         }
         Ok(())
@@ -160,7 +170,7 @@ impl<S: Steps> Server<S> {
             request.session == record.session && request.sequence == record.sequence
         });
         if wanted {
-            self.serve_slot(record.processor, data, record.slot, &|| Some(record.table));
+            self.serve_slot(record.processor, data, record.slot, &|_| Some(record.table));
         }
     }
 
@@ -175,7 +185,7 @@ impl<S: Steps> Server<S> {
         let Some(Windows { data, .. }) = windows.get(sender.index()) else {
             return refused(Errno::FAULT);
         };
-        let ask = || call.send_with_reply(sender, wire::OPEN_FILES, 0, ASK).ok();
+        let ask = |session| self.open.ask(call, session);
         self.serve_slot(sender, data, call.data(), &ask)
     }
 
@@ -184,7 +194,7 @@ impl<S: Steps> Server<S> {
         processor: Processor,
         window: &LinuxWindow,
         slot: u32,
-        ask: &dyn Fn() -> Option<u32>,
+        ask: &dyn Fn(u64) -> Option<u32>,
     ) -> u32 {
         if self.options.refused.contains(processor) {
             return refused(Errno::ACCES);
@@ -218,12 +228,8 @@ impl<S: Steps> Server<S> {
     /// Does a job whose result is not in its slot yet; fails only if the slot cannot have one.
     fn run(&self, job: &Job<'_>) -> Result<(), Stop> {
         let log = Log::of(job);
-        if let Some(errno) = log.done()? {
-            // Its former server may have died before this, or of it.
-            if !self.is_given_up(log.take()?) {
-                self.clean(job, errno != 0);
-            }
-            return Ok(());
+        if log.is_done()? {
+            return Ok(()); // Its former server died before it replied.
         }
         let lives = log.take()?;
         let attempt = if self.is_given_up(lives) {
@@ -246,11 +252,9 @@ impl<S: Steps> Server<S> {
         }
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
-        self.clean(job, outcome.is_err());
         if self.is_given_up(lives) {
             self.clear_away(job);
         }
-        self.reached(job, Step::Cleaned);
         self.journal.end();
         recorded
     }
@@ -269,10 +273,10 @@ fn sleep<D: Doorbell, X: Exclusion, const N: usize>(
     let doorbell = mailbox.doorbell();
     // What this service does not see, rings.
     let seen = doorbell.prepare();
-    let mut served = mailbox.service(ASK)?;
+    let mut served = mailbox.service(MORE)?;
     if served == 0 {
         doorbell.wait(seen, doorbell.now().after(LOOK));
-        served = mailbox.service(ASK)?;
+        served = mailbox.service(MORE)?;
     }
     mailbox.ring_always(false)?;
     Ok(served)

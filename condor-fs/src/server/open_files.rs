@@ -5,7 +5,7 @@ use std::ffi::CString;
 use std::os::fd::OwnedFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use condor_mbox::Processor;
+use condor_mbox::{Call, Message, Pending, Processor};
 use rustix::fs::{Mode, OFlags};
 
 use super::error::Stop;
@@ -30,6 +30,8 @@ struct Cache {
     files: HashMap<(Processor, u64, u64), Arc<Opened>>,
     /// Where the table of a session is.
     tables: HashMap<Processor, (u64, u32)>,
+    /// The question for it that a session has not answered yet.
+    asked: HashMap<Processor, (u64, Pending)>,
 }
 
 /// An open file.
@@ -90,6 +92,36 @@ impl OpenFiles {
         self.lock().files.remove(&key);
     }
 
+    /// Where the table of the sender's session is, if it has said so; else asks it, without waiting
+    /// for the answer: others are served meanwhile, and the sender tries again when it has answered.
+    pub(super) fn ask(&self, call: &Call<'_>, session: u64) -> Option<u32> {
+        let (sender, messenger) = (call.sender(), call.messenger());
+        let mut cache = self.lock();
+        if let Some((of, pending)) = cache.asked.remove(&sender) {
+            if of == session {
+                match messenger.look(&pending) {
+                    Ok(None) => {
+                        cache.asked.insert(sender, (of, pending));
+                        return None;
+                    }
+                    Ok(table) => return table,
+                    Err(_) => {} // It was asked in a former life.
+                }
+            }
+            messenger.abandon(&pending);
+        }
+        let question = Message {
+            to: sender,
+            vector: wire::OPEN_FILES,
+            data: 0,
+        };
+        // If it cannot be asked now, then when it tries again.
+        if let Ok(pending) = messenger.open(question) {
+            cache.asked.insert(sender, (session, pending));
+        }
+        None
+    }
+
     /// A new session of a processor begins.
     pub(super) fn forget_all(&self, processor: Processor) {
         let mut cache = self.lock();
@@ -107,7 +139,7 @@ impl<S: Steps> Server<S> {
         {
             return Ok(table);
         }
-        let table = (job.ask)().ok_or(Stop::Again)?;
+        let table = (job.ask)(job.request.session).ok_or(Stop::Again)?;
         let mut cache = self.open.lock();
         cache
             .tables
@@ -233,7 +265,8 @@ impl<S: Steps> Server<S> {
             .any(|other| other.at != block.at && other.silly == block.silly);
         if !others {
             let name = unique_name(job.processor, block.session, block.silly);
-            self.tree.discard(&name);
+            // It may have been closed before.
+            let _ = self.discard(&name);
         }
         Ok(())
     }
@@ -263,7 +296,7 @@ impl Blocks {
 
 impl Block {
     /// Whether the file has the path with which it was opened, and no silly name.
-    const fn has_path(&self) -> bool {
+    pub(super) const fn has_path(&self) -> bool {
         self.silly as u32 == 0
     }
 
@@ -307,11 +340,10 @@ pub(super) fn system_flags(flags: u32) -> OFlags {
         (false, true) => OFlags::WRONLY,
         _ => OFlags::RDONLY,
     };
-    if flags & flag::DIRECTORY == 0 {
-        access
-    } else {
-        access | OFlags::DIRECTORY
-    }
+    let mut system = access;
+    system.set(OFlags::APPEND, flags & flag::APPEND != 0);
+    system.set(OFlags::DIRECTORY, flags & flag::DIRECTORY != 0);
+    system
 }
 
 /// The name X of WIRE.md.

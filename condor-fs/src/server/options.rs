@@ -13,10 +13,12 @@ pub struct Options {
     pub refused: Processors,
     /// The most bytes that a file may be written or truncated to: `EFBIG` beyond.
     pub max_file_bytes: Option<u64>,
-    /// The most bytes that all files of the tree together may have, by their sizes: `EDQUOT` for what
-    /// would make a file longer beyond it. Files of the host's own programs count, too.
+    /// The most bytes that all files of the tree together may have, by their sizes, with 1024 for
+    /// each name of a file or directory: `EDQUOT` for what would add more. Files of the host's own
+    /// programs count, too.
     pub quota_bytes: Option<u64>,
-    /// Permissions of new files, of which the process's umask is taken away.
+    /// Permissions of new files, of which the process's umask is taken away. The server must be
+    /// able to open them again for reading and writing.
     pub file_mode: u32,
     /// Permissions of new directories, likewise.
     pub directory_mode: u32,

@@ -1,5 +1,6 @@
 //! File operations, kills of the server at every step, confinement, and hostile peers.
 
+mod appends;
 mod buffered;
 mod crash_points;
 mod deadly;
@@ -13,5 +14,9 @@ mod operations;
 mod peer;
 mod pointers;
 mod program;
+mod quota;
 mod settle;
+mod slow_clients;
 mod support;
+mod unix;
+mod unprivileged;

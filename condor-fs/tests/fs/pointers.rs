@@ -4,11 +4,14 @@
 
 use std::cell::Cell;
 use std::path::Path;
+use std::time::Duration;
 
 use crate::support::{Mail, Own, SERVER, TIMEOUT, disk, with_server};
 use condor_fs::wire::{self, Operation, Request, Span, block, slot, table};
 use condor_fs::{Errno, OpenOptions};
 use condor_mbox::{Instant, MemoryWindow, Message, Messenger};
+
+const PAUSE: Duration = Duration::from_millis(1);
 
 /// A slot of one's own, for requests that the client would never make, about a file that it opened.
 struct Raw<'r, 'v> {
@@ -84,15 +87,22 @@ impl Raw<'_, '_> {
             vector: wire::FILES,
             data,
         };
-        let reply = self
-            .mail
-            .send_with_reply_before(message, TIMEOUT, Instant::FOREVER)
-            .unwrap();
-        if reply == wire::DONE {
-            return Errno(self.own.word(self.at + slot::ERRNO).unwrap() as u16);
+        loop {
+            let reply = self
+                .mail
+                .send_with_reply_before(message, TIMEOUT, Instant::FOREVER)
+                .unwrap();
+            if reply == wire::DONE {
+                return Errno(self.own.word(self.at + slot::ERRNO).unwrap() as u16);
+            }
+            assert_ne!(reply & wire::REFUSED, 0);
+            let errno = Errno((reply & !wire::REFUSED) as u16);
+            if errno != Errno::AGAIN {
+                return errno;
+            }
+            // It asks where the table is.
+            self.mail.serve(PAUSE).unwrap();
         }
-        assert_ne!(reply & wire::REFUSED, 0);
-        Errno((reply & !wire::REFUSED) as u16)
     }
 
     /// The window, without the slot.
