@@ -72,7 +72,7 @@ fn both_append_as_fast_as_they_can_over_deaths_of_the_server() {
     let by_host = std::thread::scope(|threads| {
         let host = threads.spawn(|| {
             let mut lines = 0;
-            while !stop.load(Ordering::Relaxed) {
+            while lines < 50 * LINES && !stop.load(Ordering::Relaxed) {
                 // In one call.
                 host.write_all(format!("host {lines}\n").as_bytes())
                     .unwrap();

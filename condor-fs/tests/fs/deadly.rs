@@ -19,7 +19,7 @@ const WRITE: OpenOptions = OpenOptions::new().write();
 fn the_limit_of_the_process_is_an_error_of_the_request() {
     let root = disk();
     let system = system();
-    let supervisor = Supervisor::start(&system, root.path(), None, "file-limit");
+    let supervisor = Supervisor::start(&system, root.path(), None, "file-limit=1000");
     with_client(&system, CLIENT, |fs, _, _, _| {
         let large = |outcome: Result<usize, Error>| {
             assert_eq!(outcome, Err(Error::Errno(Errno::FBIG)));
@@ -122,14 +122,12 @@ fn no_request_is_worked_on_by_a_third_server() {
         (Operation::Rename, Step::Staged, false),
         (Operation::Rename, Step::Moved, true),
         (Operation::Unlink, Step::Staged, false),
-        (Operation::Unlink, Step::Moved, true),
         (Operation::Unlink, Step::Acted, true),
         (Operation::RemoveDirectory, Step::Staged, false),
-        (Operation::RemoveDirectory, Step::Moved, false),
         (Operation::RemoveDirectory, Step::Acted, true),
-        (Operation::MakeDirectory, Step::Made, false),
         (Operation::MakeDirectory, Step::Staged, false),
-        (Operation::MakeDirectory, Step::Moved, true),
+        (Operation::MakeDirectory, Step::Made, true),
+        (Operation::MakeDirectory, Step::Acted, true),
         (Operation::Open, Step::Staged, false),
         (Operation::Open, Step::Moved, true),
     ] {
@@ -165,7 +163,7 @@ fn no_request_is_worked_on_by_a_third_server() {
 fn an_open_file_outlives_an_unlink_that_was_given_up() {
     let root = disk();
     std::fs::write(root.path().join("f"), b"data").unwrap();
-    let read = given_up(root.path(), Operation::Unlink, Step::Moved, |fs| {
+    let read = given_up(root.path(), Operation::Unlink, Step::Aside, |fs| {
         let mut file = fs.open("f", OpenOptions::new().read())?;
         fs.unlink("f")?;
         let mut bytes = [0; 8];
@@ -174,9 +172,10 @@ fn an_open_file_outlives_an_unlink_that_was_given_up() {
     });
     assert_eq!(read, Ok(b"data".to_vec()));
     for (step, replaced) in [
-        (Step::Made, false),
-        (Step::Marked, false),
+        (Step::Staged, false),
         (Step::Moved, true),
+        (Step::Aside, true),
+        (Step::Marked, true),
     ] {
         std::fs::write(root.path().join("f"), b"data").unwrap();
         std::fs::write(root.path().join("g"), b"new").unwrap();
