@@ -23,7 +23,8 @@ Serves DIRECTORY to the processors of a system of 32, as condor_mbox::linux::Sys
   --max-file-bytes N    no file can be made longer
   --quota-bytes N       all files together cannot be made longer
 
-It serves with the rights of its own user, until it is killed.";
+It serves with the rights of its own user, until it is killed. --read-only-for and --refuse protect from
+programs that err, not from one that writes the memory of other processors.";
 
 struct Arguments {
     system: String,
