@@ -41,6 +41,9 @@ use place::Place;
 use requests::Promise;
 pub(crate) use signals::Signals;
 
+/// Requests that are carried out in a turn; others come in the next one.
+const REQUESTS: usize = 16;
+
 /// What a supervisor does beside what the description says.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
@@ -250,7 +253,11 @@ impl Supervisor<'_> {
         {
             self.go_down("the time is over");
         }
-        for (from, request) in self.server.serve() {
+        self.server.serve();
+        for _ in 0..REQUESTS {
+            let Some((from, request)) = self.server.next() else {
+                break;
+            };
             self.request(from, request);
         }
         let mut changed = false;
@@ -346,7 +353,12 @@ impl Supervisor<'_> {
         let end = end.filter(|_| self.down.is_none());
         let dues = self.members.iter().filter_map(|member| member.due(now));
         // Without anybody to look at, the own heart still beats.
-        let due = dues.chain(end).chain([now + member::LOOK]).min();
+        let most = if self.server.has_more() {
+            now
+        } else {
+            now + member::LOOK
+        };
+        let due = dues.chain(end).chain([most]).min();
         let span = due.map(|due| due.saturating_duration_since(now));
         let span = span.and_then(|span| Timespec::try_from(span).ok());
         let mut polled = vec![
