@@ -18,6 +18,7 @@ mod no_std;
 mod panics;
 mod qemu;
 mod riscv;
+mod suites;
 mod test;
 mod unsafe_code;
 
@@ -38,6 +39,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part { name: "docs",     about: "rustdoc without warnings",                        run: docs::run },
     Part { name: "unsafe",   about: "the READMEs' tables of unsafe code",              run: unsafe_code::run },
     Part { name: "test",     about: "the tests as README.md says to run them",         run: test::run },
+    Part { name: "suites",   about: "fsx and pjdfstest over condor-fs, while its server is killed", run: suites::run },
     Part { name: "mujoco",   about: "the hand's controllers around a plant in MuJoCo",  run: mujoco::run },
     Part { name: "no-std",   about: "the libraries, built for bare-metal targets",     run: no_std::run },
     Part { name: "qemu",     about: "the bare-metal firmwares, run in QEMU",           run: qemu::run },

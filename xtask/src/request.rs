@@ -35,6 +35,7 @@ pub(crate) fn from_args(args: impl Iterator<Item = String>) -> Result<Request> {
                 part: part(&args.next().unwrap_or_default())?,
                 passed: arg == "--passed",
             }),
+            "--whole" => context.whole = true,
             "--fuzz-seconds" => context.fuzz_seconds = args.next().unwrap_or_default().parse()?,
             name => parts.push(part(name)?),
         }
@@ -55,7 +56,8 @@ pub(crate) fn usage() -> String {
     All parts in this order, then all their summary lines and a count. A part named behind
     --passed or --failed was run by the caller: it is counted so and not run again.
 cargo xtask PART…
-    These parts only. --fuzz-seconds N: how long each fuzz target runs (20).
+    These parts only. --fuzz-seconds N: how long each fuzz target runs (20). --whole: `suites` runs
+    ten rounds instead of one, some ten minutes.
 
 parts:",
     );
