@@ -74,7 +74,9 @@ impl Mount {
                 uid: metadata.uid(),
                 gid: metadata.gid(),
             };
-            asked.into_iter().for_each(|job| job(&mut inner));
+            for job in asked {
+                job(&mut inner);
+            }
         });
         Ok(Self {
             jobs,
@@ -481,7 +483,7 @@ impl Filesystem for Mount {
     fn fsync(&self, _: &Request, _: INodeNo, handle: FileHandle, _: bool, reply: ReplyEmpty) {
         self.ask(move |inner| {
             let file = inner.client.file(handle.0);
-            end(reply, file.and_then(|file| file.sync()).map_err(errno));
+            end(reply, file.and_then(condor_fs::File::sync).map_err(errno));
         });
     }
 

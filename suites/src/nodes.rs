@@ -14,7 +14,7 @@ struct Node {
 
 /// The files that the kernel knows.
 pub(crate) struct Nodes {
-    nodes: HashMap<u64, Node>,
+    known: HashMap<u64, Node>,
     numbers: HashMap<Vec<u8>, u64>,
     last: u64,
 }
@@ -26,7 +26,7 @@ impl Nodes {
             lookups: 1,
         };
         Self {
-            nodes: HashMap::from([(ROOT, root)]),
+            known: HashMap::from([(ROOT, root)]),
             numbers: HashMap::from([(b".".to_vec(), ROOT)]),
             last: ROOT,
         }
@@ -34,7 +34,7 @@ impl Nodes {
 
     /// The path of a node, if it has one.
     pub(crate) fn path(&self, number: u64) -> Option<&[u8]> {
-        self.nodes.get(&number)?.path.as_deref()
+        self.known.get(&number)?.path.as_deref()
     }
 
     /// The path of an entry of a directory.
@@ -50,10 +50,10 @@ impl Nodes {
         let number = *self.numbers.entry(path).or_insert_with_key(|path| {
             self.last += 1;
             let path = Some(path.clone());
-            self.nodes.insert(self.last, Node { path, lookups: 0 });
+            self.known.insert(self.last, Node { path, lookups: 0 });
             self.last
         });
-        if let Some(node) = self.nodes.get_mut(&number) {
+        if let Some(node) = self.known.get_mut(&number) {
             node.lookups += 1;
         }
         number
@@ -61,10 +61,10 @@ impl Nodes {
 
     /// The kernel has forgotten a number so many times.
     pub(crate) fn forget(&mut self, number: u64, times: u64) {
-        if let Some(node) = self.nodes.get_mut(&number) {
+        if let Some(node) = self.known.get_mut(&number) {
             node.lookups = node.lookups.saturating_sub(times);
             if node.lookups == 0 && number != ROOT {
-                let path = self.nodes.remove(&number).and_then(|node| node.path);
+                let path = self.known.remove(&number).and_then(|node| node.path);
                 path.map(|path| self.numbers.remove(&path));
             }
         }
@@ -73,7 +73,7 @@ impl Nodes {
     /// Nothing has this path any more.
     pub(crate) fn remove(&mut self, path: &[u8]) {
         if let Some(number) = self.numbers.remove(path)
-            && let Some(node) = self.nodes.get_mut(&number)
+            && let Some(node) = self.known.get_mut(&number)
         {
             node.path = None;
         }
@@ -82,7 +82,7 @@ impl Nodes {
     /// What was at `from`, and all below it, is at `to`.
     pub(crate) fn rename(&mut self, from: &[u8], to: &[u8]) {
         self.remove(to);
-        for (number, node) in &mut self.nodes {
+        for (number, node) in &mut self.known {
             let Some(path) = &mut node.path else { continue };
             let Some(rest) = path.strip_prefix(from) else {
                 continue;
@@ -94,28 +94,5 @@ impl Nodes {
                 *path = moved;
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Nodes, ROOT};
-
-    #[test]
-    fn numbers_follow_renames_and_end_with_names() {
-        let mut nodes = Nodes::new();
-        let directory = nodes.look_up(nodes.child(ROOT, b"d").unwrap());
-        let file = nodes.look_up(nodes.child(directory, b"f").unwrap());
-        let other = nodes.look_up(b"df".to_vec());
-        assert_eq!(nodes.look_up(b"d/f".to_vec()), file);
-        nodes.rename(b"d", b"e");
-        assert_eq!(nodes.path(file), Some(&b"e/f"[..]));
-        assert_eq!(nodes.path(other), Some(&b"df"[..]));
-        nodes.rename(b"df", b"e/f");
-        assert_eq!(nodes.path(file), None);
-        assert_eq!(nodes.look_up(b"e/f".to_vec()), other);
-        nodes.forget(file, 1);
-        nodes.forget(other, 2);
-        assert_ne!(nodes.look_up(b"e/f".to_vec()), other);
     }
 }

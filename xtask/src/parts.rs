@@ -8,6 +8,7 @@ mod deny;
 mod docs;
 mod features;
 mod fmt;
+mod full_disk;
 mod fuzz;
 mod lint;
 mod loom;
@@ -40,6 +41,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part { name: "unsafe",   about: "the READMEs' tables of unsafe code",              run: unsafe_code::run },
     Part { name: "test",     about: "the tests as README.md says to run them",         run: test::run },
     Part { name: "suites",   about: "fsx and pjdfstest over condor-fs, while its server is killed", run: suites::run },
+    Part { name: "full-disk", about: "faults of fs, tty and mbox on a disk that fills up", run: full_disk::run },
     Part { name: "mujoco",   about: "the hand's controllers around a plant in MuJoCo",  run: mujoco::run },
     Part { name: "no-std",   about: "the libraries, built for bare-metal targets",     run: no_std::run },
     Part { name: "qemu",     about: "the bare-metal firmwares, run in QEMU",           run: qemu::run },

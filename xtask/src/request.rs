@@ -56,8 +56,8 @@ pub(crate) fn usage() -> String {
     All parts in this order, then all their summary lines and a count. A part named behind
     --passed or --failed was run by the caller: it is counted so and not run again.
 cargo xtask PART…
-    These parts only. --fuzz-seconds N: how long each fuzz target runs (20). --whole: `suites` runs
-    ten rounds instead of one, some ten minutes.
+    These parts only. --fuzz-seconds N: how long each fuzz target runs (20). --whole: `suites` and
+    `full-disk` take ten and twenty minutes, instead of a short run of each.
 
 parts:",
     );
