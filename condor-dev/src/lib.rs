@@ -22,6 +22,10 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
+// Linked, so that a program which asks it for critical sections has them.
+#[cfg(feature = "std")]
+use condor_platform as _;
+
 // Documents of their own.
 #[cfg(feature = "conformance")]
 pub mod conformance;

@@ -21,8 +21,8 @@ pub trait Exclusion {
 /// Sections of the [`critical-section`](critical_section) crate: the right choice wherever
 /// interrupts, signals or threads share a mailbox.
 ///
-/// The program chooses the implementation: its processor's own crate on bare metal; with
-/// feature `critical-section-std` a global lock, which suits threads.
+/// The program chooses the implementation: its processor's own crate on bare metal, and
+/// `condor-platform` with the feature `critical-section` in a hosted program.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CriticalSection;
 

@@ -1,6 +1,6 @@
-//! A short run of the example `faults`, which starts itself again as its own children.
+//! A short run of the example `terminal_faults`, which starts itself again as its own children.
 
-#[path = "../examples/faults/main.rs"]
+#[path = "../examples/terminal_faults/main.rs"]
 mod faults;
 
 fn main() -> std::process::ExitCode {

@@ -1,6 +1,9 @@
 //! See `condor_fuzz::fs_host`.
-#![no_main]
+#![cfg_attr(fuzzing, no_main)]
 
-use libfuzzer_sys::fuzz_target;
+#[cfg(fuzzing)]
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| condor_fuzz::fs_host(bytes));
 
-fuzz_target!(|bytes: &[u8]| condor_fuzz::fs_host(bytes));
+/// Without `cargo fuzz` there is nothing to run: `tests/replay.rs` has the seeds.
+#[cfg(not(fuzzing))]
+fn main() {}

@@ -1,6 +1,9 @@
 //! See `condor_fuzz::hand_config`.
-#![no_main]
+#![cfg_attr(fuzzing, no_main)]
 
-use libfuzzer_sys::fuzz_target;
+#[cfg(fuzzing)]
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| condor_fuzz::hand_config(bytes));
 
-fuzz_target!(|bytes: &[u8]| condor_fuzz::hand_config(bytes));
+/// Without `cargo fuzz` there is nothing to run: `tests/replay.rs` has the seeds.
+#[cfg(not(fuzzing))]
+fn main() {}

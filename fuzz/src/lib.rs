@@ -1,20 +1,20 @@
 //! What the fuzz targets share with the property tests of the crates: scenarios out of bytes.
 
-#[path = "../../condor-dev/tests/hostile/mod.rs"]
+#[path = "../../condor-dev/tests/dev/scenario/mod.rs"]
 mod devices;
-#[path = "../../condor-fs/tests/hostile/mod.rs"]
+#[path = "../../condor-fs/tests/fs/hostile/mod.rs"]
 mod files;
 #[path = "../../condor-hand/tests/hand/hostile/mod.rs"]
 mod hands;
 #[allow(dead_code)]
-#[path = "../../condor-fs/tests/peer/mod.rs"]
+#[path = "../../condor-fs/tests/fs/peer/mod.rs"]
 mod peer;
 mod progress;
-#[path = "../../condor-mbox/tests/hostile/mod.rs"]
+#[path = "../../condor-mbox/tests/mbox/scenario/mod.rs"]
 mod scenario;
-#[path = "../../condor-tty/tests/hostile/host.rs"]
+#[path = "../../condor-tty/tests/tty/terminals/host.rs"]
 mod terminal_host;
-#[path = "../../condor-tty/tests/hostile/mod.rs"]
+#[path = "../../condor-tty/tests/tty/terminals/mod.rs"]
 mod terminals;
 
 /// Two honest processors keep every promise while a third writes whatever it can.
@@ -91,4 +91,22 @@ pub fn fs_client(bytes: &[u8]) {
 /// If a call did not end, gave more than it was asked for, or wrote outside of its area.
 pub fn fs_host(bytes: &[u8]) {
     files::host::run(bytes);
+}
+
+/// No offset and length that pass the check reach outside of a window, and all others are refused.
+///
+/// # Panics
+/// If the check is wrong.
+pub fn window_bounds(bytes: &[u8]) {
+    let mut words = bytes.chunks(4).map(|chunk| {
+        let mut word = [0; 4];
+        word[..chunk.len()].copy_from_slice(chunk);
+        u32::from_le_bytes(word)
+    });
+    let mut word = || words.next().unwrap_or_default();
+    let (size, offset, len) = (word(), word(), u64::from(word()) | u64::from(word()) << 32);
+    let len = usize::try_from(len).unwrap_or(usize::MAX);
+    let end = u128::from(offset) + len as u128;
+    let inside = offset % 4 == 0 && end <= u128::from(size);
+    assert_eq!(condor_mbox::check_access(size, offset, len).is_ok(), inside);
 }

@@ -6,9 +6,28 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
+use std::time::Instant;
 
 use crate::Result;
 use crate::context::Context;
+
+/// The seconds of what was run since they were taken last, and what it was.
+static TIMES: Mutex<Vec<(f64, String)>> = Mutex::new(Vec::new());
+
+/// Gives the seconds of what was run since the last call, in the order in which it ended.
+pub(crate) fn take_times() -> Vec<(f64, String)> {
+    std::mem::take(&mut *TIMES.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Does `work`, and notes how long it took.
+pub(crate) fn timed<R>(what: &dyn std::fmt::Display, work: impl FnOnce() -> R) -> R {
+    let start = Instant::now();
+    let result = work();
+    let seconds = start.elapsed().as_secs_f64();
+    let mut times = TIMES.lock().unwrap_or_else(PoisonError::into_inner);
+    times.push((seconds, what.to_string()));
+    result
+}
 
 /// One command line, its extra environment and its directory.
 pub(crate) struct Line {
@@ -47,11 +66,8 @@ impl Line {
     /// The command could not be started or did not succeed.
     pub(crate) fn run(&self) -> Result<()> {
         self.show();
-        let status = self
-            .command()
-            .status()
-            .map_err(|error| self.not_started(&error))?;
-        self.judge(status)
+        let status = timed(self, || self.command().status());
+        self.judge(status.map_err(|error| self.not_started(&error))?)
     }
 
     /// Runs it and gives its standard output, which does not go to the log.
@@ -59,11 +75,8 @@ impl Line {
     /// # Errors
     /// As [`Line::run`].
     pub(crate) fn read(&self) -> Result<String> {
-        let output = self
-            .command()
-            .stderr(Stdio::inherit())
-            .output()
-            .map_err(|error| self.not_started(&error))?;
+        let output = timed(self, || self.command().stderr(Stdio::inherit()).output());
+        let output = output.map_err(|error| self.not_started(&error))?;
         self.judge(output.status)?;
         Ok(String::from_utf8(output.stdout)?)
     }
@@ -74,20 +87,21 @@ impl Line {
     /// As [`Line::run`].
     pub(crate) fn watch(&self, mut look: impl FnMut(&str)) -> Result<()> {
         self.show();
-        let mut child = self
-            .command()
-            .stdout(Stdio::piped())
-            .spawn()
-            .map_err(|error| self.not_started(&error))?;
-        if let Some(output) = child.stdout.take() {
-            for line in BufReader::new(output).split(b'\n') {
-                let line = line?;
-                let line = String::from_utf8_lossy(&line);
-                println!("{line}");
-                look(&line);
+        let status = timed(self, || -> Result<_> {
+            let mut command = self.command();
+            let child = command.stdout(Stdio::piped()).spawn();
+            let mut child = child.map_err(|error| self.not_started(&error))?;
+            if let Some(output) = child.stdout.take() {
+                for line in BufReader::new(output).split(b'\n') {
+                    let line = line?;
+                    let line = String::from_utf8_lossy(&line);
+                    println!("{line}");
+                    look(&line);
+                }
             }
-        }
-        self.judge(child.wait()?)
+            Ok(child.wait()?)
+        });
+        self.judge(status?)
     }
 
     /// Runs it; all that it printed goes to the log once it has ended, and its standard output is given.
@@ -95,10 +109,8 @@ impl Line {
     /// # Errors
     /// As [`Line::run`].
     pub(crate) fn collect(&self) -> Result<String> {
-        let output = self
-            .command()
-            .output()
-            .map_err(|error| self.not_started(&error))?;
+        let output = timed(self, || self.command().output());
+        let output = output.map_err(|error| self.not_started(&error))?;
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         let printed = text(&output.stdout);
         // In one piece, between those of other lines.

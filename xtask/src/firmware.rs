@@ -1,6 +1,7 @@
 //! What is built for targets of its own: the bare-metal examples, the images of harts beside a host, and
 //! the firmwares of the benchmarks.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use crate::Result;
@@ -132,58 +133,36 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
     },
 ];
 
-/// The firmwares in lanes, which can be built side by side: those of a lane have a target directory of
-/// their own.
-pub(crate) fn lanes() -> [Vec<&'static Firmware>; 2] {
-    let (riscv, arm) = FIRMWARES
-        .iter()
-        .partition(|firmware| lane(firmware.target) == "riscv");
-    [riscv, arm]
+/// What firmwares are built for, each once.
+pub(crate) fn targets() -> BTreeSet<&'static str> {
+    FIRMWARES.iter().map(|firmware| firmware.target).collect()
 }
 
-fn lane(target: &str) -> &'static str {
-    if target.starts_with("riscv") {
-        "riscv"
-    } else {
-        "arm"
-    }
-}
-
-impl Firmware {
-    /// Builds it for release, and says where the image is. What it needs must be there.
-    ///
-    /// # Errors
-    /// The firmware cannot be built.
-    pub(crate) fn build(&self, context: &Context, features: &str) -> Result<PathBuf> {
-        build(context, WORKSPACE, self.package, self.target, features)
-    }
-}
-
-/// Builds a package of a workspace for release, and says where the image is. The target must be there.
+/// Builds packages of a workspace in one call and one profile, and says in which directory the images
+/// are. The target must be there.
 ///
 /// # Errors
-/// The package cannot be built.
+/// One cannot be built.
 pub(crate) fn build(
     context: &Context,
     workspace: &str,
-    package: &str,
+    packages: &[&str],
     target: &str,
-    features: &str,
+    profile: &str,
+    features: &[String],
 ) -> Result<PathBuf> {
-    let directory = if workspace == WORKSPACE {
-        format!("target/{}", lane(target))
-    } else {
-        // Where the descriptions of systems look for images.
-        "target".into()
-    };
-    let mut line = format!("cargo build --release --locked -p {package} --target {target}");
+    let mut line = format!(
+        "cargo build --profile {profile} --locked -p {} --target {target}",
+        packages.join(" -p ")
+    );
     if !features.is_empty() {
-        line = format!("{line} --features {features}");
+        line = format!("{line} --features {}", features.join(","));
     }
+    // Where the descriptions of systems look for images.
     command(context, &line)
         .dir(workspace)
-        .env("CARGO_TARGET_DIR", directory.as_str())
-        .collect()?;
-    let image = format!("{workspace}/{directory}/{target}/release/{package}");
-    Ok(context.root.join(image))
+        .env("CARGO_TARGET_DIR", "target")
+        .run()?;
+    let images = format!("{workspace}/target/{target}/{profile}");
+    Ok(context.root.join(images))
 }

@@ -8,6 +8,7 @@ mod firmware;
 mod image;
 mod outcome;
 mod parts;
+mod programs;
 mod request;
 mod tests_run;
 mod tools;
@@ -28,7 +29,7 @@ fn main() -> ExitCode {
             println!("{}", request::usage());
             ExitCode::SUCCESS
         }
-        request::Request::Verify { counted, context } => outcome::verify(&context, &counted),
+        request::Request::Verify { rest, context } => outcome::verify(&context, rest),
         request::Request::Parts { parts, context } => outcome::each(&context, &parts),
     }
 }

@@ -13,12 +13,12 @@ mod fuzz;
 mod lint;
 mod loom;
 mod miri;
-mod msrv;
 mod mujoco;
 mod no_std;
 mod panics;
 mod qemu;
 mod riscv;
+mod seeds;
 mod suites;
 mod test;
 mod unsafe_code;
@@ -30,27 +30,44 @@ pub(crate) struct Part {
     pub name: &'static str,
     pub about: &'static str,
     pub run: fn(&Context) -> Result<Summary>,
+    /// Whether `verify` runs it, or a person alone.
+    pub in_verify: bool,
+}
+
+impl Part {
+    const fn new(
+        name: &'static str,
+        about: &'static str,
+        run: fn(&Context) -> Result<Summary>,
+    ) -> Self {
+        Self {
+            name,
+            about,
+            run,
+            in_verify: true,
+        }
+    }
 }
 
 /// All parts, in the order of `verify`: what answers quickly comes first.
 #[rustfmt::skip]
 pub(crate) const PARTS: &[Part] = &[
-    Part { name: "fmt",      about: "rustfmt, in every workspace",                     run: fmt::run },
-    Part { name: "lint",     about: "clippy over all targets, in every workspace",     run: lint::run },
-    Part { name: "docs",     about: "rustdoc without warnings",                        run: docs::run },
-    Part { name: "unsafe",   about: "the READMEs' tables of unsafe code",              run: unsafe_code::run },
-    Part { name: "test",     about: "the tests as README.md says to run them",         run: test::run },
-    Part { name: "suites",   about: "fsx and pjdfstest over condor-fs, while its server is killed", run: suites::run },
-    Part { name: "full-disk", about: "faults of fs, tty and mbox on a disk that fills up", run: full_disk::run },
-    Part { name: "mujoco",   about: "the hand's controllers around a plant in MuJoCo",  run: mujoco::run },
-    Part { name: "no-std",   about: "the libraries, built for bare-metal targets",     run: no_std::run },
-    Part { name: "qemu",     about: "the bare-metal firmwares, run in QEMU",           run: qemu::run },
-    Part { name: "riscv",    about: "the hand on bare-metal harts in QEMU, and drills", run: riscv::run },
-    Part { name: "panics",   about: "no path that panics in the linked firmwares",     run: panics::run },
-    Part { name: "features", about: "clippy with each two features, and each alone",      run: features::run },
-    Part { name: "deny",     about: "licences, duplicates, sources, advisories",       run: deny::run },
-    Part { name: "msrv",     about: "the oldest toolchain that the manifests promise", run: msrv::run },
-    Part { name: "loom",     about: "the concurrency models: tests named loom",        run: loom::run },
-    Part { name: "miri",     about: "unit tests without undefined behaviour",          run: miri::run },
-    Part { name: "fuzz",     about: "every fuzz target for a bounded time",            run: fuzz::run },
+    Part::new("test", "the tests as README.md says to run them", test::run),
+    Part::new("fmt", "rustfmt, in every workspace", fmt::run),
+    Part::new("unsafe", "the READMEs' tables of unsafe code", unsafe_code::run),
+    Part::new("docs", "rustdoc without warnings", docs::run),
+    Part::new("lint", "clippy over all targets, in every workspace", lint::run),
+    Part::new("features", "each feature, and each two, with the oldest toolchain", features::run),
+    Part::new("no-std", "the libraries, built for bare-metal targets", no_std::run),
+    Part::new("suites", "fsx and pjdfstest over condor-fs, while its server is killed", suites::run),
+    Part::new("full-disk", "faults of fs, mbox and tty on a disk that fills up", full_disk::run),
+    Part::new("mujoco", "the hand's controllers around a plant in MuJoCo", mujoco::run),
+    Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
+    Part::new("panics", "no path that panics in the linked firmwares", panics::run),
+    Part::new("riscv", "the hand on bare-metal harts in QEMU, and drills", riscv::run),
+    Part::new("deny", "licences, duplicates, sources, advisories", deny::run),
+    Part::new("loom", "the concurrency models: tests named loom", loom::run),
+    Part::new("miri", "unit tests without undefined behaviour", miri::run),
+    Part::new("seeds", "the seeds of the fuzz targets, replayed", seeds::run),
+    Part { in_verify: false, ..Part::new("fuzz", "every fuzz target with sanitizers, for a time", fuzz::run) },
 ];

@@ -4,14 +4,14 @@ use std::fmt::Write as _;
 
 use crate::Result;
 use crate::context::Context;
-use crate::outcome::Counted;
 use crate::parts::{PARTS, Part};
 
 /// What the person who called wants.
 pub(crate) enum Request {
     Help,
+    /// All parts, or those without a record of an earlier call.
     Verify {
-        counted: Vec<Counted>,
+        rest: bool,
         context: Context,
     },
     Parts {
@@ -24,45 +24,46 @@ pub(crate) enum Request {
 pub(crate) fn from_args(args: impl Iterator<Item = String>) -> Result<Request> {
     let mut args = args;
     let mut context = Context::new();
-    let mut counted = Vec::new();
     let mut parts = Vec::new();
-    let mut verify = false;
+    let (mut verify, mut rest) = (false, false);
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "help" | "-h" | "--help" => return Ok(Request::Help),
             "verify" => verify = true,
-            "--passed" | "--failed" => counted.push(Counted {
-                part: part(&args.next().unwrap_or_default())?,
-                passed: arg == "--passed",
-            }),
+            "--rest" => rest = true,
             "--whole" => context.whole = true,
             "--fuzz-seconds" => context.fuzz_seconds = args.next().unwrap_or_default().parse()?,
             name => parts.push(part(name)?),
         }
     }
     match (verify, parts.is_empty()) {
-        (true, true) => Ok(Request::Verify { counted, context }),
+        (true, true) => Ok(Request::Verify { rest, context }),
         (true, false) => Err("`verify` already makes every part".into()),
+        (false, _) if rest => Err("--rest belongs to `verify`".into()),
         (false, true) => Ok(Request::Help),
-        (false, false) if counted.is_empty() => Ok(Request::Parts { parts, context }),
-        (false, false) => Err("--passed and --failed belong to `verify`".into()),
+        (false, false) => Ok(Request::Parts { parts, context }),
     }
 }
 
 /// The help text.
 pub(crate) fn usage() -> String {
     let mut text = String::from(
-        "cargo xtask verify [--passed PART | --failed PART]…
-    All parts in this order, then all their summary lines and a count. A part named behind
-    --passed or --failed was run by the caller: it is counted so and not run again.
+        "cargo xtask verify [--rest]
+    All parts in this order, then a table of what took how long, and a count. With --rest, a part of
+    which target/checks has the record of an earlier call counts as that says.
 cargo xtask PART…
-    These parts only. --fuzz-seconds N: how long each fuzz target runs (20). --whole: `suites` and
+    These parts only. --fuzz-seconds N: how long each fuzz target runs (60). --whole: `suites` and
     `full-disk` take ten and twenty minutes, instead of a short run of each.
 
 parts:",
     );
     for part in PARTS {
-        let _ = write!(text, "\n    {:10}{}", part.name, part.about);
+        let alone = if part.in_verify {
+            ""
+        } else {
+            " (not in `verify`)"
+        };
+        let _ = write!(text, "\n    {:10}{}{alone}", part.name, part.about);
     }
     text
 }

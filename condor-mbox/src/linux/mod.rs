@@ -28,7 +28,7 @@
 //! # }
 //! ```
 //!
-//! The feature `critical-section-std` brings what [`CriticalSection`](crate::CriticalSection) needs;
+//! The feature `critical-section` of `condor-platform` brings what [`CriticalSection`](crate::CriticalSection) needs;
 //! a mailbox that one thread alone uses can have a [`SingleContext`](crate::SingleContext) instead.
 //!
 //! # Death

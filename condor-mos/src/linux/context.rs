@@ -1,7 +1,9 @@
 //! What a thread and its signal handlers know of each other.
 
 use core::cell::Cell;
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering, compiler_fence};
+use core::sync::atomic::{AtomicBool, Ordering, compiler_fence};
+
+use condor_platform::linux;
 
 /// What a signal calls, as long as the thread is connected.
 #[derive(Clone, Copy)]
@@ -14,13 +16,10 @@ pub(super) struct Service {
 /// The words of one thread. Its handlers are the only other contexts that see them, so all accesses
 /// are relaxed, kept in order by compiler fences.
 pub(super) struct Context {
-    /// The thread is in a critical section.
-    held: AtomicBool,
     /// The thread is in the scheduler: interrupts are closed, as in a handler of a processor.
     closed: AtomicBool,
-    /// A signal came while one of them was set.
+    /// A signal came meanwhile, or in a critical section.
     pending: AtomicBool,
-    number: AtomicU32,
     /// Changed only while no timer signals this thread.
     service: Cell<Option<Service>>,
 }
@@ -36,68 +35,22 @@ pub(super) fn with<R>(f: impl FnOnce(&Context) -> R) -> R {
     CONTEXT.with(f)
 }
 
-/// The kernel's number of the calling thread; a system call in the first use alone.
-#[inline]
-pub(super) fn thread_number() -> u32 {
-    with(|context| match context.number.load(Ordering::Relaxed) {
-        0 => context.ask_number(),
-        number => number,
-    })
+/// Does what a signal has asked for while the thread was in a critical section.
+fn after_section() {
+    with(|context| {
+        if !context.is_closed() {
+            context.do_pending();
+        }
+    });
 }
 
 impl Context {
     const fn new() -> Self {
         Self {
-            held: AtomicBool::new(false),
             closed: AtomicBool::new(false),
             pending: AtomicBool::new(false),
-            number: AtomicU32::new(0),
             service: Cell::new(None),
         }
-    }
-
-    #[cold]
-    fn ask_number(&self) -> u32 {
-        static WATCHED: AtomicBool = AtomicBool::new(false);
-        extern "C" fn forget_number() {
-            with(|context| context.number.store(0, Ordering::Relaxed));
-        }
-        if !WATCHED.swap(true, Ordering::Relaxed) {
-            // The thread that goes on in a forked process has another number there.
-            // SAFETY: the function only stores to a word of its own thread.
-            unsafe { libc::pthread_atfork(None, None, Some(forget_number)) };
-        }
-        let number = rustix::thread::gettid().as_raw_nonzero().get();
-        let number = number.cast_unsigned();
-        self.number.store(number, Ordering::Relaxed);
-        number
-    }
-
-    /// Enters a critical section; false if the thread is in one.
-    #[cfg(feature = "critical-section-linux")]
-    #[inline]
-    pub(super) fn hold(&self) -> bool {
-        if self.held.load(Ordering::Relaxed) {
-            return false;
-        }
-        self.held.store(true, Ordering::Relaxed);
-        compiler_fence(Ordering::SeqCst);
-        true
-    }
-
-    /// Leaves the outermost critical section, and does what a signal has asked for meanwhile.
-    #[cfg(feature = "critical-section-linux")]
-    #[inline]
-    pub(super) fn let_go(&self) {
-        compiler_fence(Ordering::SeqCst);
-        self.held.store(false, Ordering::Relaxed);
-        if !self.closed.load(Ordering::Relaxed) {
-            self.do_pending();
-        }
-    }
-
-    pub(super) fn is_held(&self) -> bool {
-        self.held.load(Ordering::Relaxed)
     }
 
     #[inline]
@@ -108,7 +61,7 @@ impl Context {
     /// What a signal does: serves, or leaves it to whom it has interrupted.
     #[inline]
     pub(super) fn on_signal(&self) {
-        if self.held.load(Ordering::Relaxed) || self.closed.load(Ordering::Relaxed) {
+        if linux::is_held() || self.closed.load(Ordering::Relaxed) {
             self.pending.store(true, Ordering::Relaxed);
         } else {
             self.serve();
@@ -169,6 +122,7 @@ impl Context {
     /// No timer signals the calling thread, and what the service is given is there until it is
     /// taken away.
     pub(super) unsafe fn set_service(&self, service: Option<Service>) {
+        linux::on_leaving(service.map(|_| after_section as fn()));
         self.service.set(service);
         self.pending.store(false, Ordering::Relaxed);
         compiler_fence(Ordering::SeqCst);

@@ -27,7 +27,7 @@ pub enum SignalError {
     /// Critical sections of this program do not keep signals out.
     #[error(
         "critical sections of this program do not keep signals out: \
-         enable `critical-section-linux` of condor-mos, and no other implementation"
+         enable `critical-section` of condor-platform, and no other implementation"
     )]
     OtherSection,
     /// The kernel refuses a timer or its signal.

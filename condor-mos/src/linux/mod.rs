@@ -31,18 +31,15 @@
 //!
 //! # Critical sections
 //!
-//! [`Signals`] need the feature `critical-section-linux`, and no other implementation of
-//! `critical-section` in the program: that of std would let a signal walk into the section that
+//! [`Signals`] need the feature `critical-section` of condor-platform, and no other implementation of
+//! critical sections in the program: that of std would let a signal walk into the section that
 //! it has interrupted. [`Signals::with_handler`] looks. [`Threads`] do not use critical sections.
 
 mod context;
 mod error;
-mod lock;
 mod pi_mutex;
 mod posix_timer;
 mod real_time;
-#[cfg(feature = "critical-section-linux")]
-mod section;
 mod signals;
 mod threaded;
 mod threads;

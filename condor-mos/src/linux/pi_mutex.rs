@@ -3,7 +3,8 @@
 use core::cell::UnsafeCell;
 use core::ops::{Deref, DerefMut};
 
-use super::lock::PiLock;
+use condor_platform::linux::PiLock;
+
 use super::threads::Threads;
 use crate::error::LockError;
 use crate::scheduler::LoopId;

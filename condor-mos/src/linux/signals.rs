@@ -2,6 +2,8 @@
 
 use core::ptr;
 
+use condor_platform::linux::{is_held, thread_number};
+
 use super::context::{self, Service};
 use super::error::SignalError;
 use super::posix_timer::{self, PosixTimer};
@@ -115,7 +117,7 @@ impl Signals {
     }
 
     fn is_mine(&self) -> bool {
-        self.with_port(|port| port.owner == context::thread_number())
+        self.with_port(|port| port.owner == thread_number())
     }
 
     /// After the fastest loop: what has become due during its run finds it unfinished.
@@ -191,7 +193,7 @@ impl Timer for Signals {
         self.with_port(|port| {
             // The instant 0 would disarm.
             port.wanted = at.max(1);
-            if !(closed && port.owner == context::thread_number()) {
+            if !(closed && port.owner == thread_number()) {
                 port.give_alone();
             }
         });
@@ -273,7 +275,7 @@ impl<'h, H: Fn() + Sync> Connected<'h, H> {
         if signal > libc::SIGRTMAX() {
             return Err(SignalError::NoSuchSignal { signal });
         }
-        if !section(|_| context::with(context::Context::is_held)) {
+        if !section(|_| is_held()) {
             return Err(SignalError::OtherSection);
         }
         if context::with(context::Context::has_service) || signals.with_port(|port| port.owner != 0)
@@ -298,7 +300,7 @@ impl<'h, H: Fn() + Sync> Connected<'h, H> {
         };
         signals.with_port(|port| {
             port.timers = Some(timers);
-            port.owner = context::thread_number();
+            port.owner = thread_number();
             // What was armed before anybody was connected.
             if port.wanted != NEVER {
                 port.give_alone();

@@ -10,7 +10,8 @@ use std::thread;
 use rustix::thread::futex;
 use rustix::time::{ClockId, clock_gettime};
 
-use super::context;
+use condor_platform::linux::thread_number;
+
 use super::error::ThreadError;
 use super::pi_mutex::{PiGuard, PiMutex};
 use super::real_time::{Privileges, RealTime, set_priority};
@@ -306,7 +307,7 @@ impl<const L: usize> Threads<L> {
         let slot = &self.loops[number];
         {
             let mut state = slot.state.lock();
-            state.thread = Some(context::thread_number());
+            state.thread = Some(thread_number());
             state.priority = self.wishes.priority_of(rank);
         }
         let _ = ready.send(());

@@ -1,25 +1,132 @@
+//! What is wrong between features is wrong between two of them, or with all, which `lint` looks at. The
+//! same builds show that the oldest toolchain suffices: the MSRV is written once, as `rust-version` of
+//! the root manifest.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde_json::Value;
+
 use crate::Result;
-use crate::command::command;
-use crate::context::Context;
+use crate::command::{Line, command};
+use crate::context::{Context, list, text};
 use crate::outcome::Summary;
-use crate::tools::{need_cargo_tool, need_component};
+use crate::tools::need_toolchain;
+
+/// Programs: `lint`, `no-std` and `riscv` build the sets in which they are used.
+const PROGRAMS: [&str; 3] = ["drills", "utah-mit-hand", "xtask"];
+
+/// The features of a package, each with all that it enables of its own package.
+type Features = BTreeMap<String, BTreeSet<String>>;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    need_cargo_tool(context, "cargo-hack")?;
-    need_component(context, None, "clippy")?;
-    // What is wrong between features is wrong between two of them, or with all, which `lint` looks at.
-    // `default` is empty in every crate and `std` comes with others: each combination would be checked
-    // twice. The sets of the examples are those that `lint`, `no-std` and `riscv` build.
-    let powerset = "cargo hack clippy --feature-powerset --depth 2 --skip default,std --workspace \
-                    --exclude xtask --exclude drills --exclude utah-mit-hand";
-    let combinations = command(context, &format!("{powerset} --print-command-list")).read()?;
-    let combinations = combinations
-        .lines()
-        .filter(|line| line.contains("clippy"))
-        .count();
-    if combinations == 0 {
-        return Err(format!("`{powerset}` has no combination to check").into());
+    let members = context.members()?;
+    let msrv = promised(&members)?;
+    let (toolchain, left_out) = match need_toolchain(context, &msrv) {
+        Ok(()) => (format!("+{msrv}"), None),
+        Err(problem) => (
+            String::new(),
+            Some(format!("{msrv}, not to be had: {problem}")),
+        ),
+    };
+    let check = |what: &str| -> Line {
+        command(context, &format!("cargo {toolchain} check {what}"))
+            .env("RUSTFLAGS", "-D warnings")
+            .env("CARGO_TARGET_DIR", "target/features")
+    };
+    // The dependencies of all, side by side.
+    check("--workspace --all-features").run()?;
+    let mut combinations = 0;
+    for package in &members {
+        let name = text(&package["name"]);
+        if PROGRAMS.contains(&name) {
+            continue;
+        }
+        for set in combined(&features(package)) {
+            let set: Vec<_> = set.into_iter().collect();
+            let set = set.join(",");
+            check(&format!("-p {name} --no-default-features --features={set}")).run()?;
+            combinations += 1;
+        }
     }
-    command(context, &format!("{powerset} -- -D warnings")).run()?;
-    Ok(Summary::of(format!("{combinations} combinations")))
+    if combinations == 0 {
+        return Err("no package has features".into());
+    }
+    let summary = Summary::of(format!("{combinations} combinations, Rust {msrv}"));
+    Ok(match left_out {
+        Some(what) => summary.leaving_out(what),
+        None => summary,
+    })
+}
+
+/// The one `rust-version` of all members.
+fn promised(members: &[Value]) -> Result<String> {
+    let versions: BTreeSet<&str> = members
+        .iter()
+        .map(|package| text(&package["rust_version"]))
+        .collect();
+    match versions.iter().collect::<Vec<_>>()[..] {
+        [one] if !one.is_empty() => Ok((*one).to_owned()),
+        _ => Err(format!("not one rust-version, but {versions:?}").into()),
+    }
+}
+
+fn features(package: &Value) -> Features {
+    let Value::Object(features) = &package["features"] else {
+        return Features::new();
+    };
+    let enabled = |first: &str| {
+        let (mut all, mut next) = (BTreeSet::new(), vec![first.to_owned()]);
+        while let Some(name) = next.pop() {
+            if let Some(enables) = features.get(&name)
+                && all.insert(name)
+            {
+                next.extend(list(enables).iter().map(|name| text(name).to_owned()));
+            }
+        }
+        all
+    };
+    let names = features.keys().filter(|name| *name != "default");
+    names.map(|name| (name.clone(), enabled(name))).collect()
+}
+
+/// No feature, each and each two, as what they come to: every set once.
+fn combined(features: &Features) -> BTreeSet<BTreeSet<String>> {
+    let mut sets = BTreeSet::from([BTreeSet::new()]);
+    for first in features.values() {
+        for second in features.values() {
+            sets.insert(first | second);
+        }
+    }
+    sets
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::{combined, features, promised};
+
+    #[test]
+    fn every_set_is_there_once() {
+        let package = json!({"features": {
+            "default": [], "a": [], "b": ["a", "dep:c"], "c": ["other/b"], "d": [],
+        }});
+        let sets = combined(&features(&package));
+        let sets: Vec<String> = sets
+            .into_iter()
+            .map(|set| set.into_iter().collect())
+            .collect();
+        assert_eq!(
+            sets,
+            ["", "a", "ab", "abc", "abd", "ac", "ad", "c", "cd", "d"]
+        );
+    }
+
+    #[test]
+    fn the_members_promise_one_version() {
+        let member = |version: &str| json!({"rust_version": version});
+        assert_eq!(promised(&[member("1.88"), member("1.88")]).unwrap(), "1.88");
+        assert!(promised(&[member("1.88"), member("1.89")]).is_err());
+        assert!(promised(&[json!({})]).is_err());
+    }
 }

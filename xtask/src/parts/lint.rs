@@ -1,12 +1,14 @@
+use std::fmt::Write as _;
+
 use crate::Result;
 use crate::command::command;
 use crate::context::Context;
 use crate::firmware::{self, FIRMWARES};
 use crate::outcome::Summary;
 use crate::parts::loom;
-use crate::tools::{need_component, need_debian, need_target};
+use crate::tools::{need_component, need_target};
 
-/// `features` makes every combination of the libraries; here the tests and examples are looked at.
+/// `features` compiles every combination of the libraries; here the tests and examples are looked at.
 /// No feature is on by default.
 const FEATURE_SETS: [&str; 2] = ["", "--all-features"];
 
@@ -16,16 +18,11 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         let line = format!("cargo clippy --workspace --all-targets {set} -- -D warnings");
         command(context, &line).run()?;
     }
-    let models = loom::models(context)?;
-    for model in &models {
-        let line = model.cargo("clippy", "-- -D warnings");
-        loom::under_loom(command(context, &line)).run()?;
-    }
+    let models = loom::packages(context)?;
+    let line = format!("cargo clippy {models} --lib --test loom -- -D warnings");
+    loom::under_loom(command(context, &line)).run()?;
     let others = context.other_workspaces();
     for dir in &others {
-        if *dir == "fuzz" {
-            need_debian(context, "g++", "c++", &[])?;
-        }
         command(
             context,
             "cargo clippy --workspace --all-targets -- -D warnings",
@@ -35,13 +32,18 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         .env("CARGO_TARGET_DIR", "../target")
         .run()?;
     }
-    for firmware in &FIRMWARES {
-        need_target(context, firmware.target)?;
-        let line = format!(
-            "cargo clippy -p checks -p {} -p {} --target {} --all-features -- -D warnings",
-            firmware.exercise, firmware.package, firmware.target
-        );
-        command(context, &line).dir(firmware::WORKSPACE).run()?;
+    let targets = firmware::targets();
+    for target in &targets {
+        need_target(context, target)?;
+        let mut line = String::from("cargo clippy -p checks");
+        for firmware in FIRMWARES.iter().filter(|it| it.target == *target) {
+            let _ = write!(line, " -p {} -p {}", firmware.exercise, firmware.package);
+        }
+        let _ = write!(line, " --target {target} --all-features -- -D warnings");
+        command(context, &line)
+            .dir(firmware::WORKSPACE)
+            .env("CARGO_TARGET_DIR", "../../target")
+            .run()?;
     }
     let alone = [
         (firmware::BENCH, firmware::BENCH_TARGET),
@@ -50,13 +52,15 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     for (workspace, target) in alone {
         need_target(context, target)?;
         let line = format!("cargo clippy --workspace --target {target} -- -D warnings");
-        command(context, &line).dir(workspace).run()?;
+        command(context, &line)
+            .dir(workspace)
+            .env("CARGO_TARGET_DIR", "../../target")
+            .run()?;
     }
     let mut checked = format!(
-        "{} feature sets, {} loom models, {} firmwares",
+        "{} feature sets, loom models, firmwares of {} targets",
         FEATURE_SETS.len(),
-        models.len(),
-        FIRMWARES.len() + alone.len()
+        targets.len() + alone.len()
     );
     for dir in others {
         checked += ", ";

@@ -1,33 +1,41 @@
 use crate::Result;
 use crate::command::{Line, command};
-use crate::context::{Context, IntegrationTest};
+use crate::context::Context;
 use crate::outcome::Summary;
-use crate::tests_run;
+use crate::programs;
+
+/// The packages that have models among their unit tests, and a part of the models' names.
+const UNIT_MODELS: [(&str, &str); 1] = [("condor-mbox", "loom_models")];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    let models = models(context)?;
-    if models.is_empty() {
-        return Err("no package has a test named loom, as in tests/spin_lock_loom.rs".into());
+    let build = |what: &str| {
+        let line = format!(
+            "cargo test --release {what} --no-run --message-format json-render-diagnostics"
+        );
+        programs::build(&under_loom(command(context, &line)))
+    };
+    let models = build(&format!("{} --test loom", packages(context)?))?;
+    let mut passed = programs::run(&models, &[])?;
+    for (package, name) in UNIT_MODELS {
+        let unit = programs::run(&build(&format!("-p {package} --lib"))?, &[name])?;
+        if unit == 0 {
+            return Err(format!("{package} has no unit test `{name}`").into());
+        }
+        passed += unit;
     }
-    for model in &models {
-        let line = model.cargo("test --release --no-run", "");
-        under_loom(command(context, &line)).run()?;
-    }
-    // Most files have one long model, which keeps one core busy.
-    let tests = models.iter().map(|model| {
-        let line = model.cargo("test --release", "");
-        under_loom(command(context, &line))
-    });
-    let passed = tests_run::count_together(&tests.collect::<Vec<_>>())?;
     Ok(Summary::of(format!(
-        "{passed} models in {} files",
+        "{passed} models in {} packages",
         models.len()
     )))
 }
 
-/// The integration tests that are empty unless loom's atomics are compiled in.
-pub(crate) fn models(context: &Context) -> Result<Vec<IntegrationTest>> {
-    context.integration_tests("loom")
+/// The packages that have a test named `loom`, as arguments of cargo.
+pub(crate) fn packages(context: &Context) -> Result<String> {
+    let packages = context.packages_with_test("loom")?;
+    if packages.is_empty() {
+        return Err("no package has a test named `loom`".into());
+    }
+    Ok(format!("-p {}", packages.join(" -p ")))
 }
 
 /// Swaps in loom's atomics; in a directory of its own, for the flags concern every crate.

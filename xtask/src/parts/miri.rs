@@ -5,12 +5,14 @@ use crate::outcome::Summary;
 use crate::tests_run;
 use crate::tools::need_component;
 
-/// What Miri runs of one package: its unit tests and the integration tests that are named.
+/// What Miri runs of one package: its unit tests, and the named modules of its test program.
 struct Suite {
     package: &'static str,
     features: &'static str,
+    /// The test program, without which there are no modules.
+    program: &'static str,
     /// Those that make no system call that Miri lacks and end within a minute in it.
-    integration_tests: &'static [&'static str],
+    modules: &'static [&'static str],
     /// Tests of many thousand cases, which only `test` makes, by a part of their names.
     skipped: &'static [&'static str],
 }
@@ -20,37 +22,43 @@ const SUITES: [Suite; 6] = [
     Suite {
         package: "condor-mos",
         features: "sim",
-        integration_tests: &["scope", "latest"],
+        program: "mos",
+        modules: &["scope::", "latest::"],
         skipped: &["injector", "a_million_instants", "the_largest_numbers_end"],
     },
     Suite {
         package: "condor-dev",
         features: "sim,conformance",
-        integration_tests: &["switch", "controllers_conform"],
+        program: "dev",
+        modules: &["switch::", "controllers_conform::"],
         skipped: &["drivers::interrupted_tests"],
     },
     Suite {
         package: "condor-hand",
         features: "sim",
-        integration_tests: &[],
+        program: "hand",
+        modules: &[],
         skipped: &["noise_is_centred", "states_never_become_denormal"],
     },
     Suite {
         package: "condor-mbox",
-        features: "sim,critical-section-std",
-        integration_tests: &["conformance"],
+        features: "sim",
+        program: "mbox",
+        modules: &["conformance::"],
         skipped: &[],
     },
     Suite {
         package: "condor-tty",
         features: "dev",
-        integration_tests: &["cooked", "dev"],
+        program: "tty",
+        modules: &["cooked::", "dev::"],
         skipped: &["lines_are_edited", "raw_mode_gives_every_character"],
     },
     Suite {
         package: "condor-fs",
         features: "dev",
-        integration_tests: &["buffered"],
+        program: "fs",
+        modules: &["buffered::"],
         skipped: &["every_byte_is_", "small_transfers_become_few"],
     },
 ];
@@ -65,21 +73,27 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_component(context, Some("nightly"), "miri")?;
     need_component(context, Some("nightly"), "rust-src")?;
     // Miri interprets on one core.
-    let suites = SUITES.each_ref().map(|suite| tests(context, suite));
-    let passed = tests_run::count_together(&suites)?;
+    let mut lines = Vec::new();
+    for suite in &SUITES {
+        lines.push(tests(context, suite, "--lib", &[]));
+        if !suite.modules.is_empty() {
+            let program = format!("--test {}", suite.program);
+            lines.push(tests(context, suite, &program, suite.modules));
+        }
+    }
+    let passed = tests_run::count_together(&lines)?;
     Ok(Summary::of(format!("{passed} tests")))
 }
 
-fn tests(context: &Context, suite: &Suite) -> Line {
+fn tests(context: &Context, suite: &Suite, what: &str, modules: &[&str]) -> Line {
     let mut line = format!(
-        "cargo +nightly miri test -p {} --features {} --lib",
+        "cargo +nightly miri test -p {} --features {} {what} --",
         suite.package, suite.features
     );
-    for test in suite.integration_tests {
-        line += " --test ";
-        line += test;
+    for module in modules {
+        line += " ";
+        line += module;
     }
-    line += " --";
     for test in suite.skipped {
         line += " --skip ";
         line += test;

@@ -6,9 +6,8 @@
 //! finds a panic is seen with a build that has one.
 
 use crate::Result;
-use crate::command::side_by_side;
 use crate::context::Context;
-use crate::firmware::{self, FIRMWARES, Firmware, HART_IMAGES};
+use crate::firmware::{self, FIRMWARES, HART_IMAGES};
 use crate::image::{Image, Origin};
 use crate::outcome::Summary;
 use crate::tools::need_target;
@@ -19,44 +18,48 @@ const PANICKED: &str = "condor_firmware_panicked";
 const ON_PURPOSE: &str = "may_panic";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    for firmware in &FIRMWARES {
-        need_target(context, firmware.target)?;
+    let (mut images, mut functions) = (0, 0);
+    let mut look = |workspace, packages: &[&str], target| -> Result<()> {
+        need_target(context, target)?;
+        functions += search(context, workspace, packages, target)?;
+        images += packages.len();
+        Ok(())
+    };
+    for target in firmware::targets() {
+        let firmwares = FIRMWARES.iter().filter(|it| it.target == target);
+        let packages: Vec<_> = firmwares.map(|firmware| firmware.package).collect();
+        look(firmware::WORKSPACE, &packages, target)?;
     }
-    need_target(context, firmware::HARTS_TARGET)?;
-    let images = HART_IMAGES.map(|package| (firmware::HARTS, package, firmware::HARTS_TARGET));
-    // The images take longest.
-    let mut lanes = vec![images.to_vec()];
-    lanes.extend(firmware::lanes().map(|lane| {
-        let built = |it: &Firmware| (firmware::WORKSPACE, it.package, it.target);
-        lane.into_iter().map(built).collect()
-    }));
-    let functions = side_by_side(&lanes, |lane| search(context, lane))?;
+    look(firmware::HARTS, &HART_IMAGES, firmware::HARTS_TARGET)?;
     Ok(Summary::of(format!(
-        "{} firmwares and {} images of harts, {} functions",
-        FIRMWARES.len(),
-        HART_IMAGES.len(),
-        functions.iter().sum::<usize>()
+        "{images} images, {functions} functions"
     )))
 }
 
-/// Searches packages, each with its workspace and its target, and gives the number of their functions.
-fn search(context: &Context, packages: &[(&str, &str, &str)]) -> Result<usize> {
+/// Searches packages, which are linked alike, and gives the number of their functions.
+fn search(context: &Context, workspace: &str, packages: &[&str], target: &str) -> Result<usize> {
+    let build = |packages: &[&str], features: &[String]| {
+        firmware::build(context, workspace, packages, target, "release", features)
+    };
+    // One control for all that a linker makes in one way.
+    let control = packages[0];
+    let panicking = build(&[control], &[format!("{control}/panicking")])?.join(control);
+    let found = Image::read(&panicking)?
+        .origins_of(PANICKED)?
+        .unwrap_or_default();
+    if !found.iter().any(|origin| origin.what.contains(ON_PURPOSE)) {
+        return Err(format!(
+            "{control} for {target}: the search does not find the panic in `{ON_PURPOSE}`, but {}",
+            list(&found)
+        )
+        .into());
+    }
     let mut functions = 0;
-    for &(workspace, package, target) in packages {
-        let build = |features| firmware::build(context, workspace, package, target, features);
-        let name = format!("{package} for {target}");
-        let control = Image::read(&build("panicking")?)?;
-        let found = control.origins_of(PANICKED)?.unwrap_or_default();
-        if !found.iter().any(|origin| origin.what.contains(ON_PURPOSE)) {
-            return Err(format!(
-                "{name}: the search does not find the panic in `{ON_PURPOSE}`, but {}",
-                list(&found)
-            )
-            .into());
-        }
-        let image = Image::read(&build("")?)?;
+    let images = build(packages, &[])?;
+    for package in packages {
+        let image = Image::read(&images.join(package))?;
         if let Some(origins) = image.origins_of(PANICKED)? {
-            return Err(format!("{name} can panic: {}", list(&origins)).into());
+            return Err(format!("{package} for {target} can panic: {}", list(&origins)).into());
         }
         functions += image.functions();
     }

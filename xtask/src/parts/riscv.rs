@@ -3,10 +3,12 @@
 use std::env;
 
 use crate::Result;
-use crate::command::{command, together};
+use crate::command::command;
 use crate::context::Context;
-use crate::firmware::{HARTS, HARTS_TARGET};
+use crate::firmware::{self, HART_IMAGES, HARTS, HARTS_TARGET};
 use crate::outcome::Summary;
+use crate::parts::test::{self, ALL};
+use crate::programs;
 use crate::tools::{need_debian, need_target};
 
 /// How long the hand runs, and the harts whose time counts instructions.
@@ -32,21 +34,13 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         if env::var_os("CI").is_some() {
             return Err(problem);
         }
-        return Ok(Summary::of("nothing").leaving_out(format!("ALL OF IT: {problem}")));
+        return Ok(Summary::skipped(problem.to_string()));
     }
-    // The former ends with a long link on one core.
-    together(&[
-        command(context, "cargo build --release --locked")
-            .dir(HARTS)
-            .env("CARGO_TARGET_DIR", "target"),
-        command(
-            context,
-            "cargo build --release --locked -p drills -p utah-mit-hand",
-        ),
-    ])?;
-    let hand = format!(
-        "target/release/utah-mit-hand up {HARTS}/hand.toml --headless --for {HAND_SECONDS}s"
-    );
+    // The images that `panics` searches, and the programs of `test`.
+    let images = firmware::build(context, HARTS, &HART_IMAGES, HARTS_TARGET, "release", &[])?;
+    command(context, &format!("cargo build {ALL} --bins")).run()?;
+    let hand =
+        format!("target/debug/utah-mit-hand up {HARTS}/hand.toml --headless --for {HAND_SECONDS}s");
     let (mut joints, mut has_motion) = (0, true);
     command(context, &hand).watch(|line| {
         joints += u32::from(is_tracking(line));
@@ -55,19 +49,17 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     if joints != JOINTS || !has_motion {
         return Err(format!("`{hand}` shows {joints} joints of {JOINTS}, or had no motion").into());
     }
-    let images = format!("{HARTS}/target/{HARTS_TARGET}/release");
+    let images = images.display();
     let exact =
-        format!("target/release/drills exact {images}/monitor {images}/drill {EXACT_SECONDS}");
+        format!("target/debug/drills exact {images}/monitor {images}/drill {EXACT_SECONDS}");
     command(context, &exact).run()?;
-    let stack = format!("target/release/drills stack {images}/monitor {images}/drill");
+    let stack = format!("target/debug/drills stack {images}/monitor {images}/drill");
     command(context, &stack).run()?;
-    // Both, as above: what is built once is used again.
-    let tests =
-        "cargo test --release --locked -p drills -p utah-mit-hand --test harts -- --ignored";
-    let mut passed = 0;
-    command(context, tests).watch(|line| passed += u32::from(line.ends_with("... ok")))?;
+    let mut tests = programs::build(&command(context, &test::build_line()))?;
+    tests.retain(|program| program.name == "harts");
+    let passed = programs::run(&tests, &["--ignored"])?;
     if passed == 0 {
-        return Err(format!("`{tests}` made no test").into());
+        return Err("no program has tests of harts".into());
     }
     Ok(Summary::of(format!(
         "the hand on harts for {HAND_SECONDS} s, {EXACT_SECONDS} s of exact stress, {passed} tests"

@@ -1,0 +1,223 @@
+//! `BufWriter` beside std's, with short writes and errors.
+
+use std::io::{self, Write as _};
+
+use crate::flaky::{Flaky, Script, script};
+use condor_dev::stdio::{BufWriter, Buffering, WriteError};
+use embedded_io::{Error as _, ErrorKind, Write as _};
+use proptest::prelude::*;
+
+const N: usize = 8;
+/// Miri is some hundred times slower than the machine.
+const MANY: usize = if cfg!(miri) { 8 } else { 40 };
+
+#[derive(Clone, Debug)]
+enum Step {
+    Write(Vec<u8>),
+    Put(u8),
+    Flush,
+    Set(Buffering),
+}
+
+fn text() -> impl Strategy<Value = Vec<u8>> {
+    let byte = prop_oneof![1 => Just(b'\n'), 5 => b'a'..=b'z'];
+    prop::collection::vec(byte, 0..20)
+}
+
+fn buffering() -> impl Strategy<Value = Buffering> {
+    prop_oneof![
+        Just(Buffering::None),
+        Just(Buffering::Line),
+        Just(Buffering::Block)
+    ]
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let step = prop_oneof![
+        4 => text().prop_map(Step::Write),
+        4 => prop_oneof![Just(b'\n'), b'a'..=b'z'].prop_map(Step::Put),
+        1 => Just(Step::Flush),
+        1 => buffering().prop_map(Step::Set),
+    ];
+    prop::collection::vec(step, 0..MANY)
+}
+
+/// What the writer has, and what is held.
+fn all<const N: usize>(writer: &BufWriter<Flaky, N>) -> Vec<u8> {
+    [&writer.writer().bytes, writer.held()].concat()
+}
+
+fn nothing_is_lost<const N: usize>(
+    script: Script,
+    steps: Vec<Step>,
+    first: Buffering,
+) -> Result<(), TestCaseError> {
+    let mut writer = BufWriter::<_, N>::new(Flaky::new(script, Vec::new()), first);
+    let mut buffering = first;
+    let mut accepted = Vec::new();
+    for step in steps {
+        let (result, bytes) = match step {
+            Step::Set(other) => {
+                writer.set_buffering(other);
+                buffering = other;
+                continue;
+            }
+            Step::Write(bytes) => (writer.write(&bytes), bytes),
+            Step::Put(byte) => (writer.put(byte).map(|()| 1), vec![byte]),
+            Step::Flush => (writer.flush().map(|()| 0), Vec::new()),
+        };
+        match result {
+            Ok(count) => {
+                prop_assert!(count <= bytes.len() && (count > 0 || bytes.is_empty()));
+                accepted.extend(&bytes[..count]);
+                if buffering == Buffering::None && count > 0 {
+                    prop_assert!(writer.held().is_empty());
+                }
+            }
+            Err(WriteError::Writer { error, held }) => {
+                prop_assert_eq!(error, ErrorKind::TimedOut);
+                prop_assert_eq!(held, writer.held().len());
+            }
+            Err(other) => prop_assert!(false, "{other:?}"),
+        }
+        prop_assert_eq!(&all(&writer), &accepted);
+    }
+    while writer.flush().is_err() {}
+    prop_assert_eq!(&writer.writer().bytes, &accepted);
+    prop_assert!(writer.held().is_empty());
+    Ok(())
+}
+
+/// Writes all of it, whatever fails on the way.
+fn insist(mut rest: &[u8], mut write: impl FnMut(&[u8]) -> Option<usize>) {
+    while !rest.is_empty() {
+        rest = &rest[write(rest).unwrap_or(0)..];
+    }
+}
+
+/// Writes whose calls all succeed, and all that is written.
+fn reliable() -> Script {
+    Script::new()
+}
+
+proptest! {
+    #[test]
+    fn nothing_is_lost_or_doubled(script in script(), steps in steps(), first in buffering()) {
+        nothing_is_lost::<N>(script.clone(), steps.clone(), first)?;
+        nothing_is_lost::<0>(script.clone(), steps.clone(), first)?;
+        nothing_is_lost::<1>(script, steps, first)?;
+    }
+
+    #[test]
+    fn the_same_arrives_as_with_std(
+        script in script(),
+        texts in prop::collection::vec(text(), 0..MANY / 2),
+    ) {
+        for buffering in [Buffering::Line, Buffering::Block] {
+            let flaky = || Flaky::new(script.clone(), Vec::new());
+            let mut ours = BufWriter::<_, N>::new(flaky(), buffering);
+            for text in &texts {
+                insist(text, |rest| ours.write(rest).ok());
+            }
+            while ours.flush().is_err() {}
+            let arrived = if buffering == Buffering::Line {
+                let mut stds = io::LineWriter::with_capacity(N, flaky());
+                for text in &texts {
+                    insist(text, |rest| stds.write(rest).ok());
+                }
+                while stds.flush().is_err() {}
+                stds.get_ref().bytes.clone()
+            } else {
+                let mut stds = io::BufWriter::with_capacity(N, flaky());
+                for text in &texts {
+                    insist(text, |rest| stds.write(rest).ok());
+                }
+                while stds.flush().is_err() {}
+                stds.get_ref().bytes.clone()
+            };
+            prop_assert_eq!(&ours.writer().bytes, &arrived);
+        }
+    }
+
+    #[test]
+    fn lines_arrive_no_later_than_with_std(texts in prop::collection::vec(text(), 0..MANY / 2)) {
+        let flaky = || Flaky::new(reliable(), Vec::new());
+        let mut ours = BufWriter::<_, N>::new(flaky(), Buffering::Line);
+        let mut stds = io::LineWriter::with_capacity(N, flaky());
+        for text in &texts {
+            insist(text, |rest| ours.write(rest).ok());
+            insist(text, |rest| stds.write(rest).ok());
+            let lines = |bytes: &[u8]| bytes.iter().rposition(|byte| *byte == b'\n');
+            prop_assert_eq!(lines(&ours.writer().bytes), lines(&stds.get_ref().bytes));
+            prop_assert!(!ours.held().contains(&b'\n'));
+        }
+    }
+
+    #[test]
+    fn a_line_that_is_owed_comes_before_anything_else(script in script(), steps in steps()) {
+        let mut writer = BufWriter::<_, N>::new(Flaky::new(script, Vec::new()), Buffering::Line);
+        for step in steps {
+            let owed = writer.held().contains(&b'\n');
+            let taken = match step {
+                Step::Write(bytes) => writer.write(&bytes),
+                Step::Put(byte) => writer.put(byte).map(|()| 1),
+                Step::Flush | Step::Set(_) => continue,
+            };
+            if let Ok(count @ 1..) = taken && owed {
+                // All that is still held was taken by this call.
+                prop_assert!(writer.held().len() <= count);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_buffer_is_written_at_once() {
+    let mut writer = BufWriter::<_, N>::new(Flaky::default(), Buffering::Block);
+    for byte in b"abcdefghijklmnopqr" {
+        writer.put(*byte).unwrap();
+    }
+    assert_eq!(writer.writer().asked, [8, 8]);
+    assert_eq!(writer.held(), b"qr");
+    writer.set_buffering(Buffering::Line);
+    writer.put(b'\n').unwrap();
+    assert_eq!(writer.writer().asked, [8, 8, 3]);
+}
+
+#[test]
+fn an_error_says_what_is_held() {
+    let script = [Some(2), None].into();
+    let mut writer = BufWriter::<_, N>::new(Flaky::new(script, Vec::new()), Buffering::Block);
+    writer.write_all(b"abcdef").unwrap();
+    let error = writer.flush().unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::TimedOut);
+    assert_eq!(error.to_string(), "TimedOut; 4 bytes are still held");
+    assert_eq!(writer.held(), b"cdef");
+}
+
+/// A writer that breaks the rules of `embedded-io`.
+struct Stubborn;
+
+impl embedded_io::ErrorType for Stubborn {
+    type Error = ErrorKind;
+}
+
+impl embedded_io::Write for Stubborn {
+    fn write(&mut self, _: &[u8]) -> Result<usize, ErrorKind> {
+        Ok(0)
+    }
+
+    fn flush(&mut self) -> Result<(), ErrorKind> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_writer_that_takes_nothing_is_an_error() {
+    let mut writer = BufWriter::<_, N>::new(Stubborn, Buffering::Block);
+    assert_eq!(writer.write(&[1; N]), Err(WriteError::Zero { held: 0 }));
+    writer.put(1).unwrap();
+    let error = writer.flush().unwrap_err();
+    assert_eq!(error, WriteError::Zero { held: 1 });
+    assert_eq!(error.kind(), ErrorKind::WriteZero);
+}

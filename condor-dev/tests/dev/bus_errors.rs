@@ -1,0 +1,145 @@
+//! Each access of each call of each driver fails in turn; afterwards the board is as usable as before.
+
+use std::num::NonZeroU16;
+
+use crate::boards::*;
+use condor_dev::drivers::{Adc16, Dac16, Encoder8, Format, Mpp, Trigger};
+use condor_dev::sim::LineFault;
+use condor_dev::{Fd, Mode};
+
+/// Calls of a device, whose results are not looked at.
+type Session = fn(&Machine, Fd);
+
+/// Opens the device, runs `session` in which one access fails, and closes it; then `check` must hold
+/// in a session of its own.
+fn fail_everywhere(name: &str, mode: Mode, session: Session, check: Session) {
+    for failing in 0.. {
+        let machine = Machine::started();
+        let before = machine.bus.accesses();
+        machine.bus.fail_after(failing);
+        if let Ok(fd) = machine.switch.open(name, 0, mode) {
+            session(&machine, fd);
+            // A descriptor is closed though its board may not be.
+            let _ = machine.switch.close(fd);
+        }
+        let reached = machine.bus.accesses() - before > failing;
+        if reached {
+            let fd = machine.open(name, mode);
+            check(&machine, fd);
+            assert_eq!(machine.switch.close(fd), Ok(()), "{name}, access {failing}");
+            assert!(!machine.controller.is_pending(), "{name}, access {failing}");
+        } else {
+            assert!(failing > 4, "a session of {name} makes accesses");
+            return;
+        }
+    }
+}
+
+#[test]
+fn parallel_ports_bear_it() {
+    let session: Session = |machine, fd| {
+        let mpp = machine.switch.device::<Mpp>(fd).unwrap();
+        let _ = mpp.reset();
+        for byte in 0..18 {
+            outside(&machine.mpp[0]).strobe_in(byte);
+        }
+        machine.interrupts();
+        let _ = machine.read(fd);
+        let _ = machine.switch.write(fd, &[1, 2, 3]);
+        let _ = machine.switch.is_flushed(fd);
+        let _ = mpp.poll();
+        let _ = mpp.config_16bit_raw();
+        let _ = machine.read(fd);
+        let _ = machine.switch.write(fd, &[1, 2, 3]);
+        let _ = mpp.read_16bits();
+    };
+    fail_everywhere("mpp", BOTH, session, |machine, fd| {
+        assert!(!outside(&machine.mpp[0]).is_raw());
+        outside(&machine.mpp[0]).strobe_in(42);
+        machine.interrupts();
+        assert_eq!(machine.read(fd), Ok(vec![42]));
+        assert_eq!(machine.switch.write(fd, &[43]), Ok(1));
+        assert_eq!(outside(&machine.mpp[0]).strobed, [43]);
+    });
+}
+
+#[test]
+fn serial_ports_bear_it() {
+    let session: Session = |machine, fd| {
+        let uart = machine.switch.device::<Serial>(fd).unwrap();
+        let _ = machine.switch.write(fd, &[1, 2, 3]);
+        outside(&machine.uart).receive(7, LineFault::None);
+        machine.interrupts();
+        let _ = machine.read(fd);
+        let _ = uart.configure(NonZeroU16::MIN, Format::EIGHT_BITS);
+        while outside(&machine.uart).transmit().is_some() {}
+        let _ = machine.switch.write(fd, &[4, 5]);
+        machine.interrupts();
+        let _ = uart.poll();
+        let _ = machine.switch.is_flushed(fd);
+    };
+    fail_everywhere("uart", BOTH, session, |machine, fd| {
+        // What was accepted is sent, also in a later life of the port.
+        for _ in 0..4 {
+            machine.interrupts();
+            while outside(&machine.uart).transmit().is_some() {}
+        }
+        assert_eq!(machine.switch.is_flushed(fd), Ok(true));
+        assert_eq!(machine.switch.write(fd, b"x"), Ok(1));
+        outside(&machine.uart).receive(42, LineFault::None);
+        machine.interrupts();
+        assert_eq!(outside(&machine.uart).transmit(), Some(b'x'));
+        assert_eq!(machine.read(fd), Ok(vec![42]));
+        machine.interrupts();
+    });
+}
+
+#[test]
+fn converters_bear_it() {
+    let session: Session = |machine, fd| {
+        let adc = machine.switch.device::<Adc16>(fd).unwrap();
+        let _ = adc.set_trigger(Trigger::Command);
+        let _ = adc.start();
+        outside(&machine.adc).complete();
+        let _ = adc.is_ready();
+        let _ = machine.read(fd);
+        let _ = adc.scan(&mut [0; 16]);
+    };
+    fail_everywhere("adc", Mode::READ, session, |machine, fd| {
+        outside(&machine.adc).channels = [-3; 16];
+        let adc = machine.switch.device::<Adc16>(fd).unwrap();
+        let mut channels = [0; 16];
+        assert_eq!(adc.scan(&mut channels), Ok(16));
+        assert_eq!(channels, [-3; 16]);
+    });
+    let session: Session = |machine, fd| {
+        let dac = machine.switch.device::<Dac16>(fd).unwrap();
+        let _ = dac.write_all(&[9; 16]);
+        let _ = machine.switch.write(fd, &[1; 32]);
+    };
+    fail_everywhere("dac", Mode::WRITE, session, |machine, fd| {
+        assert_eq!(outside(&machine.dac).outputs(), [0; 16]);
+        let dac = machine.switch.device::<Dac16>(fd).unwrap();
+        assert_eq!(dac.write_all(&[7; 16]), Ok(()));
+        assert_eq!(outside(&machine.dac).outputs(), [7; 16]);
+    });
+}
+
+#[test]
+fn encoders_bear_it() {
+    let session: Session = |machine, fd| {
+        let encoder = machine.switch.device::<Encoder8>(fd).unwrap();
+        let _ = encoder.zero_at_index(0xff);
+        let _ = machine.read(fd);
+        let _ = encoder.take_index();
+        let _ = encoder.zero(0xff);
+    };
+    fail_everywhere("encoder", Mode::READ, session, |machine, fd| {
+        let encoder = machine.switch.device::<Encoder8>(fd).unwrap();
+        assert_eq!(encoder.zero_at_index(0), Ok(()));
+        outside(&machine.encoder).turn(2, 5);
+        let mut counts = [0; 3];
+        assert_eq!(encoder.scan(&mut counts), Ok(3));
+        assert_eq!(counts, [0, 0, 5]);
+    });
+}

@@ -1,0 +1,24 @@
+//! The device switch, its buses, controllers, drivers and streams.
+#![cfg(not(condor_loom))]
+
+mod buffered_read;
+mod buffered_write;
+mod bus_errors;
+mod buses_conform;
+mod controllers_conform;
+mod descriptors;
+mod dispatch;
+mod drivers;
+mod flaky;
+mod hostile;
+mod linux_bus;
+mod linux_uio;
+mod output;
+mod plic;
+mod ring;
+mod scenario;
+mod standard;
+mod stream;
+mod switch;
+
+use scenario::boards;

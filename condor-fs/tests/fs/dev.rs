@@ -1,0 +1,275 @@
+//! Files by the names and descriptors of a device switch, and its stdio over them.
+#![cfg(all(feature = "dev", feature = "linux", target_os = "linux"))]
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::support::{CLIENT, FILES, Mail, N, Supervisor, disk};
+use condor_dev::drivers::Adc16;
+use condor_dev::sim::{AdcModel, Bus};
+use condor_dev::stdio::{self, BufReader, BufWriter, Buffering, Output, ReadLine};
+use condor_dev::{
+    BusError, BusErrorKind, Descriptors, Fd, FdError, IoError, Looks, Mode, NoInterrupts, Place,
+    Stream, StreamError, Switch, device_switch,
+};
+use condor_fs::dev::{FileSwitch, OpenError, TransferError};
+use condor_fs::{Errno, Error, OpenOptions};
+use condor_mbox::linux::{LinuxWindow, System};
+use embedded_io::{Read, SeekFrom, Write};
+
+device_switch! {
+    struct Boards {
+        adc: Adc16 = [Place::at(0x1000)],
+    }
+}
+
+const BOARD_FDS: usize = 2;
+
+type Devices = Switch<Bus, NoInterrupts, Boards, BOARD_FDS>;
+type Files<'d, 'm> =
+    FileSwitch<'d, 'm, Bus, NoInterrupts, Boards, Mail<'m>, LinuxWindow, BOARD_FDS, FILES>;
+
+fn devices() -> Devices {
+    let bus = Bus::new();
+    let mut adc = AdcModel::default();
+    adc.channels[0] = 0x1234;
+    bus.insert(0x1000, adc);
+    let devices = Devices::new(bus, NoInterrupts, Boards::new());
+    devices.start();
+    devices
+}
+
+fn with_switch(
+    system: &Arc<System<N>>,
+    root: &Path,
+    options: &'static str,
+    program: impl FnOnce(&Files<'_, '_>, &Supervisor),
+) {
+    let supervisor = Supervisor::start(system, root, None, options);
+    crate::support::with_own_client(system, CLIENT, |files, _, _, _| {
+        let devices = devices();
+        program(&FileSwitch::new(&devices, files), &supervisor);
+    });
+}
+
+fn file_error(
+    outcome: Result<usize, IoError<TransferError<<Bus as condor_dev::Bus>::Error>>>,
+) -> Errno {
+    match outcome {
+        Err(IoError::Bus(TransferError::File(Error::Errno(errno)))) => errno,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_name_leads_to_a_file_or_to_a_board() {
+    let disk = disk();
+    std::fs::write(disk.path().join("hand.txt"), b"four fingers\nfour joints\n").unwrap();
+    with_switch(
+        &crate::support::system(),
+        disk.path(),
+        "",
+        |switch, supervisor| {
+            let board = switch.open(":adc", 0, Mode::READ).unwrap();
+            let file = switch.open(":fs/hand.txt", 0, Mode::READ).unwrap();
+            assert_ne!(board.number(), file.number());
+            let mut bytes = [0; 12];
+            assert_eq!(switch.read(board, &mut bytes[..2]), Ok(2));
+            assert_eq!(bytes[..2], 0x1234_u16.to_ne_bytes());
+            assert_eq!(switch.read(file, &mut bytes), Ok(12));
+            assert_eq!(&bytes, b"four fingers");
+
+            // Over the death of a server, like every file.
+            supervisor.kill();
+            let at = switch.with_file(file, |file| file.seek(SeekFrom::Start(5)));
+            assert_eq!(at, Ok(5));
+            assert_eq!(switch.read(file, &mut bytes[..7]), Ok(7));
+            assert_eq!(&bytes[..7], b"fingers");
+            let size = switch.with_file(file, |file| Ok(file.status()?.size));
+            assert_eq!(size, Ok(25));
+
+            switch.close(board).unwrap();
+            switch.close(file).unwrap();
+        },
+    );
+}
+
+#[test]
+fn every_misuse_has_its_error() {
+    let disk = disk();
+    std::fs::write(disk.path().join("a"), b"a").unwrap();
+    with_switch(&crate::support::system(), disk.path(), "", |switch, _| {
+        for (name, board, mode, expected) in [
+            ("nothing", 0, Mode::READ, "there is no device nothing"),
+            (
+                ":fs/none",
+                0,
+                Mode::READ,
+                ":fs/none: No such file or directory (ENOENT)",
+            ),
+            (
+                "fs/../a",
+                0,
+                Mode::READ,
+                "fs/../a: Outside of the tree, or on another file system (EXDEV)",
+            ),
+            (
+                ":fs/a",
+                1,
+                Mode::READ,
+                "there is no :fs/a board 1: there may be 1",
+            ),
+        ] {
+            let error = switch.open(name, board, mode).unwrap_err();
+            assert_eq!(error.to_string(), expected);
+        }
+        for mode in [Mode::empty(), Mode::READ | Mode::EXCLUSIVE] {
+            let error = switch.open("fs/a", 0, mode).unwrap_err();
+            let name = "fs/a";
+            assert_eq!(
+                error,
+                OpenError::Device(condor_dev::OpenError::Direction { name, mode })
+            );
+        }
+
+        let fd = switch.open("fs/a", 0, Mode::READ).unwrap();
+        let (opened, wanted) = (Mode::READ, Mode::WRITE);
+        let direction = FdError::Direction { fd, wanted, opened };
+        assert_eq!(switch.write(fd, b"x"), Err(direction.into()));
+        let foreign = Fd::new((BOARD_FDS + FILES) as u16, 0);
+        let none = FdError::NoSuchFd {
+            fd: foreign,
+            count: BOARD_FDS + FILES,
+        };
+        assert_eq!(switch.close(foreign), Err(none.into()));
+        switch.close(fd).unwrap();
+        let mut byte = [0];
+        let closed = Err(FdError::Closed { fd }.into());
+        assert_eq!(switch.read(fd, &mut byte), closed);
+        let again = switch.open("fs/a", 0, Mode::READ).unwrap();
+        assert_eq!(again.number(), fd.number());
+        assert_eq!(switch.close(fd), Err(FdError::Stale { fd }.into()));
+        assert_eq!(switch.read(again, &mut byte), Ok(1));
+
+        let files: Vec<_> = (1..FILES)
+            .map(|_| switch.open("fs/a", 0, Mode::READ).unwrap())
+            .collect();
+        let many = switch.open("fs/a", 0, Mode::READ).unwrap_err();
+        let error = Error::Errno(Errno::MFILE);
+        assert_eq!(
+            many,
+            OpenError::File {
+                name: "fs/a",
+                error
+            }
+        );
+        for fd in files {
+            switch.close(fd).unwrap();
+        }
+        // In the middle of another use: what an interrupt of this context finds.
+        switch.with_system(|_| {
+            assert_eq!(switch.read(again, &mut byte), Err(IoError::WouldBlock));
+            assert_eq!(switch.read_ready(again), Ok(false));
+        });
+        assert_eq!(switch.read_ready(again), Ok(true));
+    });
+}
+
+#[test]
+fn errors_of_files_keep_their_numbers() {
+    let disk = disk();
+    with_switch(
+        &crate::support::system(),
+        disk.path(),
+        "max-file",
+        |switch, _| {
+            let fd = switch.open("fs/log", 0, Mode::WRITE).unwrap();
+            assert_eq!(switch.write(fd, &[b'x'; 1000]), Ok(1000));
+            let outcome = switch.write(fd, b"y");
+            let Err(IoError::Bus(error)) = outcome else {
+                panic!("{outcome:?}");
+            };
+            assert_eq!(error.kind(), BusErrorKind::OutOfRange);
+            assert_eq!(file_error(outcome), Errno::FBIG);
+            let mut stream = Stream::new(switch, fd, Looks(0));
+            let error = stream.write(b"y").unwrap_err();
+            assert_eq!(error, StreamError::Io(outcome.unwrap_err()));
+        },
+    );
+}
+
+#[test]
+fn stdio_works_over_files() {
+    let disk = disk();
+    let at = |name: &str| disk.path().join(name);
+    std::fs::write(at("hand.txt"), b"four fingers\n\nfour joints").unwrap();
+    with_switch(&crate::support::system(), disk.path(), "", |switch, _| {
+        let fd = switch.open("fs/hand.txt", 0, Mode::READ).unwrap();
+        let mut reader = BufReader::<_, 5>::new(Stream::new(switch, fd, Looks(0)));
+        let mut line = [0; 32];
+        for expected in ["four fingers\n", "\n", "four joints", ""] {
+            assert_eq!(reader.read_line(&mut line).unwrap(), expected);
+        }
+        assert_eq!(reader.read(&mut line), Ok(0));
+
+        std::fs::write(at("log"), b"old\n").unwrap();
+        let fd = switch.open("fs/log", 0, Mode::WRITE).unwrap();
+        let stream = Stream::new(switch, fd, Looks(0));
+        let mut writer = BufWriter::<_, 64>::new(stream, Buffering::Block);
+        for n in 0..3 {
+            writeln!(writer, "tendon {n}").unwrap();
+        }
+        assert_eq!(std::fs::read(at("log")).unwrap(), b"old\n");
+        writer.flush().unwrap();
+        switch.close(fd).unwrap();
+        assert_eq!(
+            std::fs::read(at("log")).unwrap(),
+            b"old\ntendon 0\ntendon 1\ntendon 2\n"
+        );
+        let options = OpenOptions::new().write().truncate();
+        let fd = switch.open_file("log", options).unwrap();
+        assert_eq!(switch.write(fd, b"new"), Ok(3));
+        assert_eq!(std::fs::read(at("log")).unwrap(), b"new");
+    });
+}
+
+static OUTPUT: Output<Stream<'static, Files<'static, 'static>, Looks>, 128> =
+    Output::new(Buffering::Line);
+
+/// What a program's start-up does, where all this is in `static`s.
+#[test]
+fn what_is_printed_is_a_file_of_the_host() {
+    let disk = disk();
+    let system = crate::support::system();
+    let _supervisor = Supervisor::start(&system, disk.path(), None, "");
+    let (windows, doorbell) = system.claim(CLIENT).unwrap().into_parts();
+    let own = condor_mbox::Region::users(windows[CLIENT.index()].data.clone()).unwrap();
+    let area = condor_fs::Area::<FILES>::new(&mut own.places(), 300, 4096).unwrap();
+    let handler = Box::leak(Box::new(area.handler()));
+    let exclusion = condor_mbox::CriticalSection;
+    let mut mail = Mail::new(CLIENT, windows, doorbell, exclusion).unwrap();
+    let vector = condor_fs::wire::OPEN_FILES;
+    mail.set_vector(vector, handler, "open files").unwrap();
+    mail.join().unwrap();
+    let mail: &'static Mail<'static> = Box::leak(Box::new(mail));
+    let timeout = Duration::from_secs(60);
+    let system =
+        condor_fs::FileSystem::connect(mail, crate::support::SERVER, own, area, timeout).unwrap();
+    let devices: &'static Devices = Box::leak(Box::new(devices()));
+    let switch: &'static Files<'_, '_> = Box::leak(Box::new(FileSwitch::new(devices, system)));
+
+    let fd = switch.open(":fs/run.log", 0, Mode::WRITE).unwrap();
+    OUTPUT.open(Stream::new(switch, fd, Looks(0))).ok().unwrap();
+    stdio::set_output(&OUTPUT).unwrap();
+    let log = || std::fs::read_to_string(disk.path().join("run.log")).unwrap();
+    condor_dev::println!("joint {} is at {:.3} rad", 3, 0.25);
+    assert_eq!(log(), "joint 3 is at 0.250 rad\n");
+    condor_dev::postln!("posted");
+    assert_eq!(log(), "joint 3 is at 0.250 rad\n");
+    // In the middle of another use: held, and written next time.
+    switch.with_system(|_| condor_dev::println!("interrupting"));
+    stdio::flush().unwrap();
+    assert_eq!(log(), "joint 3 is at 0.250 rad\nposted\ninterrupting\n");
+    assert_eq!(stdio::lost(), 0);
+}

@@ -1,0 +1,260 @@
+//! A system of three processors: a server in a process of its own, which is started again whenever
+//! it dies, and clients in this one.
+#![cfg(all(feature = "linux", target_os = "linux"))]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use condor_fs::server::{Options, Server, Step, Steps};
+use condor_fs::wire::{OPEN_FILES, Operation};
+use condor_fs::{Area, Error, FileSystem};
+use condor_mbox::linux::{LinuxWindow, Mailbox, System};
+use condor_mbox::{CriticalSection, Places, Processor, Region};
+
+/// The kind of file system that never uses an inode number again.
+const TMPFS: u64 = 0x0102_1994;
+
+pub(crate) const N: usize = 3;
+pub(crate) const FILES: usize = 8;
+pub(crate) const SERVER: Processor = Processor(0);
+pub(crate) const CLIENT: Processor = Processor(1);
+pub(crate) const OTHER: Processor = Processor(2);
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
+const BYTES: u32 = 128 * 1024;
+const PART: &str = "CONDOR_FS_TEST_SERVER";
+
+pub(crate) type Mail<'v> = Mailbox<'v, N>;
+pub(crate) type Fs<'m, 'v> = FileSystem<'m, Mail<'v>, LinuxWindow, FILES>;
+pub(crate) type AnyFs<'m, 'v, const N: usize, const FILES: usize> =
+    Result<FileSystem<'m, Mailbox<'v, N>, LinuxWindow, FILES>, Error>;
+pub(crate) type Own = Region<LinuxWindow>;
+
+/// Kills the own process where it is told to.
+struct KillAt {
+    operation: u32,
+    step: String,
+    left: AtomicU32,
+}
+
+impl Steps for KillAt {
+    fn reached(&self, operation: Operation, step: Step) {
+        if operation as u32 == self.operation
+            && format!("{step:?}") == self.step
+            && self.left.fetch_sub(1, Ordering::Relaxed) == 1
+        {
+            let own = rustix::process::getpid();
+            let _ = rustix::process::kill_process(own, rustix::process::Signal::KILL);
+        }
+    }
+}
+
+/// Where the n-th time kills the server, beginning with 1.
+pub(crate) type Kill = (Operation, Step, u32);
+
+/// Is the server, in a process that was started for it; nothing in the parent.
+#[test]
+fn server_process() {
+    let Ok(part) = std::env::var(PART) else {
+        return;
+    };
+    let words: Vec<&str> = part.split('|').collect();
+    let [root, operation, step, count, options] = words[..] else {
+        panic!("{part}");
+    };
+    let steps = KillAt {
+        operation: operation.parse().unwrap(),
+        step: step.into(),
+        left: AtomicU32::new(count.parse().unwrap()),
+    };
+    let options = Options {
+        read_only: options.contains("read-only"),
+        max_file_bytes: options.contains("max-file").then_some(1000),
+        quota_bytes: options.contains("quota").then_some(2000),
+        ..Options::default()
+    };
+    let server = Server::with_steps(root, options, steps).unwrap();
+    let claim = System::<N>::inherited().unwrap().claim(SERVER).unwrap();
+    server.serve(claim, &AtomicBool::new(false)).unwrap();
+}
+
+/// A directory on a disk, where inode numbers are used again, as they are not on tmpfs: in cargo's
+/// directory for tests, or in the one that `CONDOR_FS_TEST_DIR` names.
+pub(crate) fn disk() -> tempfile::TempDir {
+    let place = std::env::var("CONDOR_FS_TEST_DIR").map_or_else(
+        |_| PathBuf::from(env!("CARGO_TARGET_TMPDIR")),
+        PathBuf::from,
+    );
+    let directory = tempfile::tempdir_in(place).unwrap();
+    let kind = rustix::fs::statfs(directory.path()).unwrap().f_type;
+    assert_ne!(
+        kind.cast_unsigned(),
+        TMPFS,
+        "{directory:?} is on a tmpfs: set CONDOR_FS_TEST_DIR to a directory on a disk"
+    );
+    directory
+}
+
+/// Keeps a server running.
+pub(crate) struct Supervisor {
+    stop: Arc<AtomicBool>,
+    deaths: Arc<AtomicU32>,
+    child: Arc<AtomicU32>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Supervisor {
+    /// The first server dies as `kill` says.
+    pub(crate) fn start(
+        system: &Arc<System<N>>,
+        root: &Path,
+        kill: Option<Kill>,
+        options: &'static str,
+    ) -> Self {
+        let (stop, deaths, child) = (
+            Arc::new(AtomicBool::new(false)),
+            Arc::new(AtomicU32::new(0)),
+            Arc::new(AtomicU32::new(0)),
+        );
+        let mut supervisor = Self {
+            stop: stop.clone(),
+            deaths: deaths.clone(),
+            child: child.clone(),
+            thread: None,
+        };
+        let (system, root) = (system.clone(), root.to_owned());
+        let thread = std::thread::spawn(move || {
+            let mut kill = kill;
+            while !stop.load(Ordering::SeqCst) {
+                let how = kill
+                    .take()
+                    .map_or("0|-|0".into(), |(operation, step, count)| {
+                        format!("{}|{step:?}|{count}", operation as u32)
+                    });
+                let mut command = Command::new(std::env::current_exe().unwrap());
+                command
+                    .args(["support::server_process", "--exact", "--nocapture"])
+                    .env(PART, format!("{}|{how}|{options}", root.display()))
+                    .stdout(Stdio::null());
+                let mut process = system.pass_to(&mut command).spawn().unwrap();
+                child.store(process.id(), Ordering::SeqCst);
+                process.wait().unwrap();
+                child.store(0, Ordering::SeqCst);
+                deaths.fetch_add(1, Ordering::SeqCst);
+            }
+        });
+        supervisor.thread = Some(thread);
+        supervisor
+    }
+
+    /// How often the server has died.
+    pub(crate) fn deaths(&self) -> u32 {
+        self.deaths.load(Ordering::SeqCst)
+    }
+
+    /// Kills the server that runs now.
+    pub(crate) fn kill(&self) {
+        let number = self.child.load(Ordering::SeqCst);
+        if let Some(process) = rustix::process::Pid::from_raw(number.cast_signed())
+            && number != 0
+        {
+            let _ = rustix::process::kill_process(process, rustix::process::Signal::KILL);
+        }
+    }
+}
+
+impl Drop for Supervisor {
+    fn drop(&mut self) {
+        let thread = self.thread.take();
+        self.stop.store(true, Ordering::SeqCst);
+        while thread.as_ref().is_some_and(|thread| !thread.is_finished()) {
+            self.kill();
+            std::thread::yield_now();
+        }
+    }
+}
+
+pub(crate) fn system() -> Arc<System<N>> {
+    Arc::new(System::family(BYTES).unwrap())
+}
+
+/// Runs `program` on a processor with files.
+pub(crate) fn with_client<R>(
+    system: &System<N>,
+    number: Processor,
+    program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
+) -> R {
+    with_own_client(system, number, |files, own, places, mail| {
+        program(&files, own, places, mail)
+    })
+}
+
+/// The same, with the file system to keep.
+pub(crate) fn with_own_client<R>(
+    system: &System<N>,
+    number: Processor,
+    program: impl FnOnce(Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
+) -> R {
+    try_client(system, number, (300, 4096), |files, own, places, mail| {
+        program(files.unwrap(), own, places, mail)
+    })
+}
+
+/// The same in a system of any size, with what the server says; `room` is bytes of a path, and of a
+/// file's buffer.
+pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
+    system: &System<N>,
+    number: Processor,
+    room: (u32, u32),
+    program: impl FnOnce(AnyFs<'_, '_, N, FILES>, &Own, &mut Places, &Mailbox<'_, N>) -> R,
+) -> R {
+    let (windows, doorbell) = system.claim(number).unwrap().into_parts();
+    let own = Region::users(windows[number.index()].data.clone()).unwrap();
+    let mut places = own.places();
+    let area = Area::<FILES>::new(&mut places, room.0, room.1).unwrap();
+    let handler = area.handler();
+    let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
+    mailbox
+        .set_vector(OPEN_FILES, &handler, "open files")
+        .unwrap();
+    mailbox.join().unwrap();
+    let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT);
+    program(files, &own, &mut places, &mailbox)
+}
+
+/// With a server of `root` that never dies.
+pub(crate) fn with_server<R>(
+    root: &Path,
+    options: &'static str,
+    program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
+) -> R {
+    let system = system();
+    let _supervisor = Supervisor::start(&system, root, None, options);
+    with_client(&system, CLIENT, program)
+}
+
+/// All that is in a directory: paths and contents, in order.
+pub(crate) fn snapshot(root: &Path) -> Vec<(String, Option<Vec<u8>>)> {
+    let mut found = Vec::new();
+    let mut left = vec![root.to_owned()];
+    while let Some(directory) = left.pop() {
+        for entry in std::fs::read_dir(&directory).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.strip_prefix(root).unwrap().display().to_string();
+            if name == ".condor-fs/journal" || name == ".condor-fs/lock" {
+                continue;
+            }
+            if path.is_dir() {
+                found.push((name, None));
+                left.push(path);
+            } else {
+                found.push((name, Some(std::fs::read(&path).unwrap())));
+            }
+        }
+    }
+    found.sort();
+    found
+}

@@ -1,0 +1,4 @@
+//! Every interleaving, as far as each model says, of what threads share.
+#![cfg(condor_loom)]
+
+mod monitor;

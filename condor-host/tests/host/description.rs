@@ -1,0 +1,452 @@
+//! Every mistake of a description is told, with its place and with what would be right.
+#![cfg(feature = "program")]
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use condor_host::description::{Description, Kind, Loops, OnFailure, Program};
+
+use crate::elf;
+
+const OWN: [&str; 2] = ["servo", "table"];
+
+const RIGHT: &str = r#"
+name = "hand"
+window_bytes = 262144
+[files]
+root = "files"
+[[processors]]
+number = 4
+name = "plant"
+program = "self"
+arguments = ["servo", "a"]
+"#;
+
+fn place() -> (tempfile::TempDir, PathBuf) {
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("hand.toml");
+    (place, file)
+}
+
+/// What is said of a text, without the name of the file.
+fn told(text: &str, file: &Path) -> Vec<String> {
+    let Err(mistakes) = Description::from_toml(text, file, &OWN) else {
+        return Vec::new();
+    };
+    let name = format!("{}:", file.display());
+    let told = mistakes.0.iter().map(|mistake| {
+        let text = mistake.to_string();
+        let text = text.strip_prefix(&name).unwrap().to_owned();
+        text.lines().next().unwrap().to_owned()
+    });
+    told.collect()
+}
+
+fn one(text: &str) -> String {
+    let (_place, file) = place();
+    let told = told(text, &file);
+    assert_eq!(told.len(), 1, "{told:#?}");
+    told[0].clone()
+}
+
+#[test]
+fn what_is_left_out_has_a_default() {
+    let (place, file) = place();
+    let description = Description::from_toml(RIGHT, &file, &OWN).unwrap();
+    assert_eq!(description.files.unwrap().root, place.path().join("files"));
+    assert_eq!((description.hand, description.bus), (None, None));
+    assert_eq!(description.terminals.replay_bytes, 65536);
+    assert_eq!(description.terminals.log_bytes, 4 << 20);
+    let processor = &description.processors[0];
+    assert_eq!(processor.program, Program::Own);
+    assert_eq!(
+        (processor.kind, processor.loops),
+        (Kind::Process, Loops::Signals)
+    );
+    assert_eq!((processor.cpu, processor.priority), (None, None));
+    assert_eq!(
+        (processor.on_failure, processor.restarts),
+        (OnFailure::Restart, 10)
+    );
+    assert_eq!(processor.stall_seconds, 5);
+}
+
+#[test]
+fn all_mistakes_are_told_in_the_order_of_the_lines() {
+    let text = r#"
+nam = "hand"
+window_bytes = 1000
+[files]
+root = "files"
+raed_only = true
+[[processors]]
+number = 8
+name = "a b"
+program = "self"
+arguments = ["sevro"]
+on_failure = "rstart"
+[[processors]]
+name = 5
+program = "no-such-program"
+loops = "quickly"
+priority = 100
+"#;
+    let (place, file) = place();
+    assert_eq!(
+        told(text, &file),
+        [
+            "1:1: the key `name` is missing here; it is a name in quotes".to_owned(),
+            "2:1: there is no key `nam` here; did you mean `name`?".into(),
+            "3:16: 1000 is not a multiple of 4096 from 4096 to 1073741824".into(),
+            "6:1: there is no key `raed_only` here; did you mean `read_only`?".into(),
+            "8:10: 8 is not a whole number from 0 to 7".into(),
+            "9:8: \"a b\" cannot be a name: take 1 to 32 letters, digits, `-` and `_`".into(),
+            "11:13: this program has no program `sevro` of its own; did you mean `servo`?".into(),
+            "12:14: `rstart` is none of the choices here; did you mean `restart`?".into(),
+            "13:1: the key `number` is missing here; it is a whole number from 0 to 7".into(),
+            "14:8: the number 5 stands where a name in quotes should be".into(),
+            format!(
+                "15:11: there is no program `no-such-program`; looked for {}, {}, and in PATH",
+                place.path().join("no-such-program").display(),
+                std::env::current_exe()
+                    .unwrap()
+                    .with_file_name("no-such-program")
+                    .display(),
+            ),
+            "16:9: `quickly` is none of the choices here; it can be `signals`, `spin`".into(),
+            "17:12: 100 is not a whole number from 1 to 99".into(),
+        ]
+    );
+}
+
+#[test]
+fn names_and_numbers_are_there_once() {
+    let more = |number: u8, name: &str| {
+        format!(
+            "{RIGHT}[[processors]]\nnumber = {number}\nname = \"{name}\"\nprogram = \"self\"\narguments = [\"table\"]\n"
+        )
+    };
+    assert_eq!(
+        one(&more(4, "other")),
+        "12:10: the processor in line 7 has the number 4, too; free are 0, 1, 2, 3, 5, 6, 7"
+    );
+    assert_eq!(
+        one(&more(3, "plant")),
+        "13:8: the processor in line 8 is called `plant`, too; take another name"
+    );
+    assert_eq!(
+        one(&more(3, "files")),
+        "13:8: `files` is the name of a service; take another one"
+    );
+}
+
+#[test]
+fn what_is_no_toml_is_told_where_it_is() {
+    let told = one(&RIGHT.replace("262144", "= 262144"));
+    assert!(told.starts_with("3:16: "), "{told}");
+    let told = one("name = \"a\"\nname = \"b\"\nwindow_bytes = 4096\nprocessors = []\n");
+    assert!(told.starts_with("2:1: duplicate key"), "{told}");
+}
+
+#[test]
+fn sizes_are_whole_pages() {
+    let text = RIGHT.replace("[files]", "[bus]\nbytes = 100\n[files]");
+    assert_eq!(
+        one(&text),
+        "5:9: 100 is not a multiple of 4096 from 4096 to 1073741824"
+    );
+    let text = RIGHT.replace("[files]", "[bus]\nbytes = 4096.0\n[files]");
+    assert_eq!(
+        one(&text),
+        "5:9: the number 4096.0 stands where a multiple of 4096 from 4096 to 1073741824 should be"
+    );
+}
+
+#[test]
+fn a_log_has_room_for_what_is_shown_of_it() {
+    let terminals = |text: &str| RIGHT.replace("[files]", &format!("[terminals]\n{text}\n[files]"));
+    assert_eq!(
+        one(&terminals("log_bytes = 65535")),
+        "5:13: 65535 is not a whole number from 65536 to 1073741824"
+    );
+    assert_eq!(
+        one(&terminals("replay_bytes = 0\nlog_bytes = 4095")),
+        "6:13: 4095 is not a whole number from 4096 to 1073741824"
+    );
+    let (_place, file) = place();
+    let read = |text: &str| {
+        let description = Description::from_toml(&terminals(text), &file, &OWN);
+        description.unwrap().terminals.log_bytes
+    };
+    assert_eq!(read("replay_bytes = 100\nlog_bytes = 5000"), 5000);
+    assert_eq!(read("replay_bytes = 5000000"), 5_000_000);
+}
+
+#[test]
+fn a_program_is_looked_for_and_must_be_one() {
+    let (place, file) = place();
+    let path = place.path().join("program");
+    std::fs::write(&path, "").unwrap();
+    let text = RIGHT.replace("\"self\"", "\"program\"");
+    let expected = format!("9:11: {path:?} is no program: it is no file that may be executed");
+    assert_eq!(told(&text, &file), [expected]);
+    std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).unwrap();
+    let description = Description::from_toml(&text, &file, &OWN).unwrap();
+    assert_eq!(description.processors[0].program, Program::File(path));
+    let text = RIGHT.replace("\"self\"", "\"sh\"");
+    let description = Description::from_toml(&text, &file, &OWN).unwrap();
+    let Program::File(path) = &description.processors[0].program else {
+        panic!("it is in PATH");
+    };
+    assert!(path.is_absolute() && path.ends_with("sh"), "{path:?}");
+}
+
+#[test]
+fn an_own_program_must_be_named() {
+    let text = RIGHT.replace("arguments = [\"servo\", \"a\"]\n", "");
+    assert_eq!(
+        one(&text),
+        "9:11: `arguments` must begin with the name of one of this program's own; it can be `servo`, `table`"
+    );
+}
+
+#[test]
+fn what_is_served_is_a_directory() {
+    let (place, file) = place();
+    std::fs::write(place.path().join("files"), "").unwrap();
+    let path = place.path().join("files");
+    assert_eq!(
+        told(RIGHT, &file),
+        [format!(
+            "5:8: {path:?} is no directory; name one, or what is not there yet"
+        )]
+    );
+}
+
+#[test]
+fn the_hand_must_be_right_too() {
+    let (place, file) = place();
+    let text = RIGHT.replace("[files]", "hand = \"robot.toml\"\n[files]");
+    let path = place.path().join("robot.toml");
+    let told_ = told(&text, &file);
+    assert!(
+        told_[0].starts_with(&format!("4:8: cannot read {path:?}: ")),
+        "{told_:?}"
+    );
+    let hand = include_str!("../../../condor-hand/hands/utah-mit.toml");
+    std::fs::write(&path, hand).unwrap();
+    assert_eq!(told(&text, &file), [""; 0]);
+    std::fs::write(&path, hand.replace("servo_hz", "srvo_hz")).unwrap();
+    let mistakes = Description::from_toml(&text, &file, &OWN).unwrap_err();
+    let text_ = mistakes.to_string();
+    let expected = format!(
+        "the configuration of the hand is wrong:\n{}:",
+        path.display()
+    );
+    assert!(
+        text_.contains(&expected) && text_.contains("did you mean `servo_hz`?"),
+        "{text_}"
+    );
+    std::fs::write(&path, hand).unwrap();
+    let text = text.replace("[files]\nroot = \"files\"\n", "");
+    assert_eq!(
+        told(&text, &file),
+        ["4:8: the image of the hand is served to the programs; add `[files]` with a `root`"]
+    );
+}
+
+#[test]
+fn a_file_that_is_not_there_is_told() {
+    let (_place, file) = place();
+    let text = Description::read(&file, &OWN).unwrap_err().to_string();
+    assert!(
+        text.starts_with(&format!("{}:1:1: cannot read it: ", file.display())),
+        "{text}"
+    );
+}
+
+const HARTS: &str = r#"
+name = "hand"
+window_bytes = 262144
+[bus]
+bytes = 16384
+[machine]
+memory_bytes = 33554432
+monitor = "monitor.elf"
+qemu = "qemu"
+options = ["-icount", "shift=0"]
+[[processors]]
+number = 4
+name = "plant"
+program = "self"
+arguments = ["servo", "a"]
+[[processors]]
+number = 1
+name = "a"
+kind = "hart"
+hart = 1
+program = "servo.elf"
+arguments = ["a"]
+[[processors]]
+number = 0
+name = "b"
+kind = "hart"
+hart = 0
+program = "servo.elf"
+"#;
+
+/// A place with all files that `HARTS` names.
+fn place_of_harts() -> (tempfile::TempDir, PathBuf) {
+    let (place, file) = place();
+    let executable = std::fs::Permissions::from_mode(0o755);
+    for name in ["monitor.elf", "servo.elf", "qemu"] {
+        std::fs::write(place.path().join(name), elf::File::pie().build()).unwrap();
+    }
+    std::fs::set_permissions(place.path().join("qemu"), executable).unwrap();
+    (place, file)
+}
+
+#[test]
+fn a_machine_is_laid_out_by_its_harts() {
+    let (place, file) = place_of_harts();
+    let description = Description::from_toml(HARTS, &file, &OWN).unwrap();
+    let map = description.map().unwrap().unwrap();
+    assert_eq!(
+        map.numbers.as_slice(),
+        [0, 1],
+        "by the numbers of the harts"
+    );
+    assert_eq!((map.memory_bytes, map.bus_bytes), (32 << 20, 16384));
+    let machine = description.machine.unwrap();
+    assert_eq!(machine.monitor, place.path().join("monitor.elf"));
+    assert_eq!(machine.qemu, place.path().join("qemu"));
+    assert_eq!(machine.options, ["-icount", "shift=0"]);
+    assert_eq!(description.processors[1].kind, Kind::Hart(1));
+    let servo = Program::File(place.path().join("servo.elf"));
+    assert_eq!(description.processors[1].program, servo);
+    let (_place, file) = place_of_harts();
+    let without = Description::from_toml(RIGHT, &file, &OWN).unwrap();
+    assert_eq!(without.map(), None);
+}
+
+#[test]
+fn mistakes_with_machines_are_told() {
+    let cases = [
+        (
+            "hart = 0",
+            "hart = 1",
+            "27:8: the processor in line 20 is hart 1, too",
+            2,
+        ),
+        (
+            "hart = 0",
+            "hart = 2",
+            "27:8: this is hart 2, and no processor is hart 0; number them from 0 on without a gap",
+            1,
+        ),
+        (
+            "hart = 0",
+            "",
+            "23:1: the key `hart` is missing here; it is a whole number from 0 to 7",
+            2,
+        ),
+        (
+            "hart = 0",
+            "hart = 0\ncpu = 1",
+            "28:7: `cpu` is for processors of kind \"process\"",
+            1,
+        ),
+        (
+            "arguments = [\"servo\", \"a\"]",
+            "arguments = [\"servo\", \"a\"]\nhart = 3",
+            "16:8: `hart` is for processors of kind \"hart\"",
+            1,
+        ),
+        (
+            "\"servo.elf\"\narguments = [\"a\"]",
+            "\"self\"\narguments = [\"servo\"]",
+            "21:11: programs of this file are for this machine; a hart needs an ELF file for riscv64",
+            1,
+        ),
+        (
+            "qemu = \"qemu\"",
+            "qemu = \"qemu-system-none\"",
+            "9:8: there is no program `qemu-system-none`, which is to be the machine: install QEMU \
+             (package qemu-system-misc of Debian and Ubuntu), or say with `qemu` where it is",
+            1,
+        ),
+        (
+            "monitor.elf",
+            "no.elf",
+            "8:11: cannot read \"PLACE/no.elf\": No such file or directory (os error 2)",
+            1,
+        ),
+        (
+            "memory_bytes = 33554432",
+            "memory_bytes = 7340032",
+            "7:16: the memory has 0x700000 bytes, and the machine needs 0x",
+            1,
+        ),
+        (
+            "memory_bytes = 33554432",
+            "memory_bytes = 4096",
+            "7:16: 4096 is not a multiple of 1048576 from 1048576 to 1073741824",
+            1,
+        ),
+        (
+            "program = \"servo.elf\"\narguments",
+            "program = \"none.elf\"\narguments",
+            "21:11: cannot read \"PLACE/none.elf\": No such file or directory (os error 2)",
+            1,
+        ),
+        (
+            "program = \"servo.elf\"\narguments",
+            "program = \"hand.toml\"\narguments",
+            "21:11: \"PLACE/hand.toml\" is no program for hart 1: it is no ELF file",
+            1,
+        ),
+        (
+            "name = \"b\"",
+            "name = \"machine\"",
+            "25:8: `machine` is the name of a service",
+            1,
+        ),
+        ("\"-icount\", ", "", "", 0),
+    ];
+    for (part, instead, expected, count) in cases {
+        let (place, file) = place_of_harts();
+        let text = HARTS.replacen(part, instead, 1);
+        std::fs::write(&file, &text).unwrap();
+        let told = told(&text, &file);
+        let expected = expected.replace("PLACE", &place.path().display().to_string());
+        assert_eq!(told.len(), count, "{instead}: {told:#?}");
+        if count > 0 {
+            let found = told.iter().any(|one| one.starts_with(&expected));
+            assert!(found, "{told:#?}\nexpected {expected}");
+        }
+    }
+    let long = format!("arguments = [\"{}\"]", "a".repeat(512));
+    let (_place, file) = place_of_harts();
+    let told = told(&HARTS.replace("arguments = [\"a\"]", &long), &file);
+    let expected = "22:13: these have 513 bytes, each with a zero after it, and a hart takes 512";
+    assert_eq!(told, [expected]);
+}
+
+#[test]
+fn harts_and_machines_go_together() {
+    let (_place, file) = place_of_harts();
+    let (before, rest) = HARTS.split_once("[machine]").unwrap();
+    let (machine, processors) = rest.split_once("[[processors]]").unwrap();
+    let told_ = told(&format!("{before}[[processors]]{processors}"), &file);
+    assert_eq!(
+        told_,
+        ["15:8: a hart belongs to a machine; add `[machine]`, or make it a process"]
+    );
+    let text = format!("{RIGHT}\n[machine]{machine}");
+    let told = told(&text, &file);
+    let expected = "11:1: no processor is a hart of this machine";
+    assert!(
+        told.len() == 1 && told[0].contains(expected.split_once(' ').unwrap().1),
+        "{told:#?}"
+    );
+}

@@ -1,0 +1,314 @@
+//! Harts as processors of a supervisor, with a thread in place of each hart and a pair of sockets in
+//! place of the serial line.
+#![cfg(feature = "program")]
+
+use std::io::{Read, Write};
+use std::net::Shutdown;
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use condor_host::harts::{ARGUMENT_BYTES, Fault, MachineMemory, Map, RAM, State};
+use condor_host::linux::{Environment, Loops};
+use condor_host::numbers::{PROCESSORS, SUPERVISOR};
+use condor_host::services::machine::Bridge;
+use condor_host::supervisor::{Exit, Hart, Image, Launch, LaunchError, Power, RunState, Stop};
+use condor_mbox::linux::{Claim, LinuxDoorbell};
+use condor_mbox::{Clock, Doorbell, MemoryWindow, Processor};
+
+use crate::elf;
+
+const NUMBER: Processor = Processor(5);
+const HART: u32 = 1;
+const DEADLINE: Duration = Duration::from_secs(60);
+
+struct Rig {
+    directory: tempfile::TempDir,
+    memory: MachineMemory,
+    power: Power,
+    hart: Hart,
+    supervisor: Claim<PROCESSORS>,
+    bridge: Option<Bridge>,
+    /// The machine's end of the line.
+    line: UnixStream,
+    monitor: Option<JoinHandle<Vec<u8>>>,
+}
+
+impl Rig {
+    fn new() -> Self {
+        let directory = tempfile::tempdir().unwrap();
+        let map = Map::new(16 << 20, &[0, NUMBER.0], 4096, 4096).unwrap();
+        let memory = MachineMemory::create(directory.path().join("memory"), &map).unwrap();
+        let system = memory.system(&directory.path().join("mailbox")).unwrap();
+        let supervisor = system.claim(SUPERVISOR).unwrap();
+        let harts = [Processor(0), NUMBER].map(|number| {
+            let doorbell = system.claim(number).unwrap().doorbell().clone();
+            (number, doorbell)
+        });
+        let (ours, line) = UnixStream::pair().unwrap();
+        let bridge = Some(Bridge::start(ours, harts.to_vec()).unwrap());
+        let power = Power::new();
+        let doorbell = supervisor.doorbell().clone();
+        let hart = Hart::new(memory.clone(), HART, doorbell, power.clone()).unwrap();
+        Self {
+            directory,
+            memory,
+            power,
+            hart,
+            supervisor,
+            bridge,
+            line,
+            monitor: None,
+        }
+    }
+
+    fn switch_on(&mut self) {
+        self.power.switch(true);
+        let (memory, line) = (self.memory.clone(), self.line.try_clone().unwrap());
+        memory.control(HART).unwrap().wait().unwrap();
+        self.monitor = Some(std::thread::spawn(move || monitor(&memory, line)));
+    }
+
+    fn image(&self, arguments: &[&str]) -> Image {
+        let file = self.directory.path().join("program.elf");
+        std::fs::write(&file, elf::File::pie().build()).unwrap();
+        let environment = Environment {
+            system: PathBuf::new(),
+            window_bytes: 4096,
+            processor: NUMBER,
+            bus: None,
+            loops: Loops::Signals,
+            cpu: None,
+            priority: None,
+        };
+        let arguments = arguments.iter().map(|&one| one.into()).collect();
+        Image::new(file, arguments, environment)
+    }
+
+    fn run(&mut self, arguments: &[&str]) {
+        let image = self.image(arguments);
+        self.hart.load(&image).unwrap();
+        self.hart.start().unwrap();
+    }
+
+    fn exit(&mut self) -> Exit {
+        let begun = Instant::now();
+        loop {
+            assert!(begun.elapsed() < DEADLINE, "it does not end");
+            match self.hart.state() {
+                RunState::Ended(exit) => return exit,
+                RunState::Runs => std::thread::sleep(Duration::from_millis(1)),
+                RunState::Idle => panic!("nothing was started"),
+            }
+        }
+    }
+
+    fn until_it_runs(&self) {
+        let control = self.memory.control(HART).unwrap();
+        let begun = Instant::now();
+        while !matches!(control.state(), Ok(State::Runs { .. })) {
+            assert!(begun.elapsed() < DEADLINE, "it is not started");
+            std::thread::yield_now();
+        }
+    }
+
+    /// Ends the monitor; what the host has sent on the line.
+    fn end(mut self) -> Vec<u8> {
+        self.line.shutdown(Shutdown::Both).unwrap();
+        self.bridge.take();
+        self.monitor.take().unwrap().join().unwrap()
+    }
+}
+
+/// Does what the monitor of a hart and its program do, whenever the line rings the hart.
+fn monitor(memory: &MachineMemory, mut line: UnixStream) -> Vec<u8> {
+    let control = memory.control(HART).unwrap();
+    let (mut heard, mut byte, mut is_deaf) = (Vec::new(), [0], false);
+    while let Ok(1) = line.read(&mut byte) {
+        heard.push(byte[0]);
+        if byte[0] != NUMBER.0 || is_deaf {
+            continue;
+        }
+        if let Some((start, entry)) = control.wanted().unwrap() {
+            control.begin(start).unwrap();
+            let mut code = [0; 8];
+            memory.region().read(entry, &mut code).unwrap();
+            assert_eq!(u64::from_le_bytes(code), elf::CODE, "what is to run");
+            let mut arguments = [0; ARGUMENT_BYTES];
+            let len = control.arguments(&mut arguments).unwrap();
+            match &arguments[..len] {
+                b"end\x007\0" => control.end(7).unwrap(),
+                b"fault\0" => {
+                    let mut fault = Fault {
+                        cause: 5,
+                        pc: RAM + u64::from(entry) + 2,
+                        value: 0x1000_0000,
+                        ..Fault::default()
+                    };
+                    fault.registers[1] = 0x8100_0000;
+                    control.set_fault(&fault).unwrap();
+                    control.fail().unwrap();
+                }
+                b"deaf\0" => is_deaf = true,
+                _ => {}
+            }
+            // It rings the supervisor, and somebody who does not exist.
+            // The test may have seen enough, and have closed the line.
+            if line.write_all(&[200, SUPERVISOR.0]).is_err() {
+                break;
+            }
+        } else if matches!(control.state(), Ok(State::Runs { .. })) {
+            if control.is_abandoned().unwrap() {
+                control.leave().unwrap();
+            } else if control.is_asked_to_end().unwrap() {
+                control.end(0).unwrap();
+            }
+        }
+    }
+    heard
+}
+
+/// Waits until `doorbell` is rung after `seen`.
+fn rung(doorbell: &LinuxDoorbell<PROCESSORS>, seen: u32) {
+    let begun = Instant::now();
+    while doorbell.prepare() == seen {
+        assert!(begun.elapsed() < DEADLINE, "nobody rings");
+        doorbell.wait(seen, doorbell.now().after(Duration::from_secs(1)));
+    }
+}
+
+#[test]
+fn a_program_is_started_stopped_and_replaced() {
+    let mut rig = Rig::new();
+    let image = rig.image(&["wait"]);
+    assert!(matches!(rig.hart.start(), Err(LaunchError::NotLoaded)));
+    rig.hart.load(&image).unwrap();
+    assert!(!rig.hart.is_ready());
+    assert!(matches!(
+        rig.hart.start(),
+        Err(LaunchError::Off { hart: HART })
+    ));
+    rig.switch_on();
+    assert!(rig.hart.is_ready());
+    let supervisor = rig.supervisor.doorbell().clone();
+    let seen = supervisor.prepare();
+    rig.hart.start().unwrap();
+    rung(&supervisor, seen);
+    assert_eq!(rig.hart.state(), RunState::Runs);
+    assert!(matches!(rig.hart.load(&image), Err(LaunchError::Runs)));
+    assert!(matches!(rig.hart.start(), Err(LaunchError::Runs)));
+    rig.hart.stop(Stop::Ask).unwrap();
+    assert_eq!(rig.exit(), Exit::Status(0));
+
+    rig.run(&["end", "7"]);
+    assert_eq!(rig.exit(), Exit::Status(7));
+    rig.run(&["wait"]);
+    rig.until_it_runs();
+    rig.hart.stop(Stop::Force).unwrap();
+    assert_eq!(rig.exit(), Exit::Abandoned);
+    // As it was before: what it changed in its data is not there any more.
+    let data = rig.memory.map().programs.at(HART) + elf::OBJECT as u32;
+    rig.memory.region().write(data, &[9; 8]).unwrap();
+    rig.hart.start().unwrap();
+    rig.until_it_runs();
+    assert_eq!(rig.memory.region().word(data), Ok(0x1234));
+    assert_eq!(rig.hart.state(), RunState::Runs, "it was abandoned before");
+    let heard = rig.end();
+    assert!(
+        heard
+            .iter()
+            .all(|&number| number == NUMBER.0 || number == 0)
+    );
+}
+
+#[test]
+fn a_fault_is_told_with_its_place() {
+    let mut rig = Rig::new();
+    rig.switch_on();
+    rig.run(&["fault"]);
+    let exit = rig.exit();
+    let pc = RAM + u64::from(rig.memory.map().programs.at(HART)) + elf::ENTRY + 2;
+    let value = 0x1000_0000;
+    assert_eq!(
+        exit,
+        Exit::Fault {
+            cause: 5,
+            pc,
+            value
+        }
+    );
+    let expected = format!("load access fault at {pc:#x}, value 0x10000000");
+    assert_eq!(exit.to_string(), expected);
+    let mut lines = Vec::new();
+    rig.hart.output(&mut |line| lines.push(line.to_owned()));
+    let linked = format!("(cause 0x5) at {pc:#x} (0x10012 in program.elf), value");
+    assert!(lines.len() == 1 && lines[0].contains(&linked), "{lines:?}");
+    assert!(lines[0].contains("sp 0x81000000"), "{lines:?}");
+    rig.hart.output(&mut |line| panic!("again: {line}"));
+    rig.end();
+}
+
+#[test]
+fn a_hart_that_does_not_come_back_is_given_up() {
+    let mut rig = Rig::new();
+    rig.switch_on();
+    rig.run(&["deaf"]);
+    rig.until_it_runs();
+    rig.hart.stop(Stop::Ask).unwrap();
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!(rig.hart.state(), RunState::Runs);
+    rig.hart.stop(Stop::Force).unwrap();
+    assert_eq!(rig.exit(), Exit::Unreachable);
+    assert!(matches!(rig.hart.start(), Err(LaunchError::Runs)));
+    rig.end();
+}
+
+#[test]
+fn what_runs_ends_with_its_machine() {
+    let mut rig = Rig::new();
+    rig.switch_on();
+    rig.run(&["wait"]);
+    rig.until_it_runs();
+    rig.power.switch(false);
+    assert_eq!(rig.exit(), Exit::MachineEnded);
+    assert!(!rig.hart.is_ready());
+    rig.memory.reset().unwrap();
+    rig.power.switch(true);
+    assert!(!rig.hart.is_ready(), "it has not come up");
+    rig.memory.control(HART).unwrap().wait().unwrap();
+    assert!(rig.hart.is_ready());
+    rig.hart.start().unwrap();
+    rig.until_it_runs();
+    // Off and on between two looks.
+    rig.power.switch(true);
+    assert_eq!(rig.exit(), Exit::MachineEnded);
+    rig.end();
+}
+
+#[test]
+fn what_a_hart_cannot_run_is_refused() {
+    let mut rig = Rig::new();
+    let mut image = rig.image(&["wait"]);
+    image.arguments = vec!["a".repeat(ARGUMENT_BYTES)];
+    let error = rig.hart.load(&image).unwrap_err();
+    let found = ARGUMENT_BYTES + 1;
+    assert!(
+        matches!(error, LaunchError::Arguments { found: it } if it == found),
+        "{error}"
+    );
+    image.arguments = vec!["a".repeat(ARGUMENT_BYTES - 1)];
+    rig.hart.load(&image).unwrap();
+    std::fs::write(&image.file, "#!/bin/sh").unwrap();
+    let error = rig.hart.load(&image).unwrap_err().to_string();
+    assert!(
+        error.contains("program.elf\" is no program for hart 1: it is no ELF file"),
+        "{error}"
+    );
+    image.file = "/nowhere".into();
+    let error = rig.hart.load(&image).unwrap_err().to_string();
+    assert!(error.contains("cannot read \"/nowhere\""), "{error}");
+    let doorbell = rig.supervisor.doorbell().clone();
+    let error = Hart::new(rig.memory.clone(), 2, doorbell, Power::new()).unwrap_err();
+    assert_eq!(error.to_string(), "there is no hart 2: the machine has 2");
+}

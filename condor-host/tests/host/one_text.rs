@@ -1,0 +1,149 @@
+//! One program text in virtual time and as a process of Linux.
+#![cfg(feature = "sim")]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, ExitCode, Output, Stdio};
+use std::sync::Mutex;
+
+use crate::small::{SMALL, Seen, Small, VISITOR, watch};
+use condor_host::linux::{self, BusFile, Environment, Loops};
+use condor_host::{Machine as _, PROCESSORS, sim};
+use condor_mbox::linux::System;
+use condor_mbox::{CriticalSection, Mailbox};
+
+const WINDOW_BYTES: u32 = 8192;
+
+fn in_virtual_time() -> Seen {
+    let seen = Mutex::new(None);
+    let mut system = sim::System::new(WINDOW_BYTES).unwrap();
+    system.arguments(SMALL, ["2"]).unwrap();
+    system.spawn(SMALL, &Small).unwrap();
+    system
+        .host(VISITOR, |machine| {
+            let mut mailbox = Mailbox::new(
+                VISITOR,
+                machine.windows(),
+                machine.doorbell(),
+                machine.exclusion(),
+            )
+            .unwrap();
+            mailbox.set_waiting(machine.waiting());
+            *seen.lock().unwrap() = Some(watch(mailbox));
+            Ok::<_, String>(())
+        })
+        .unwrap();
+    system.run_until(1_000_000_000).unwrap();
+    seen.into_inner().unwrap().unwrap()
+}
+
+#[test]
+fn the_program_in_virtual_time() {
+    let seen = in_virtual_time();
+    assert_eq!((seen.reply, seen.name.as_str()), (42, "servo"));
+    assert_eq!((seen.counts.skipped, seen.counts.worst_lateness), (0, 0));
+    assert!((80..90).contains(&seen.counts.run), "{seen:?}");
+    assert_eq!(seen, in_virtual_time());
+}
+
+/// Not a test, but the process that the tests below start.
+#[test]
+fn small_process() {
+    if std::env::var_os("CONDOR_PROCESSOR").is_none() {
+        return;
+    }
+    // SAFETY: its loop adds and stores.
+    let code = unsafe { linux::run(&Small, ["2".to_owned()]) };
+    assert_eq!(format!("{code:?}"), format!("{:?}", ExitCode::SUCCESS));
+}
+
+fn environment(directory: &Path, loops: Loops) -> Environment {
+    Environment {
+        system: directory.join("mailbox"),
+        window_bytes: WINDOW_BYTES,
+        processor: SMALL,
+        bus: None,
+        loops,
+        cpu: None,
+        priority: None,
+    }
+}
+
+fn start(environment: &Environment, change: impl FnOnce(&mut Command)) -> Child {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["one_text::small_process", "--exact", "--nocapture"]);
+    environment.pass_to(&mut command);
+    change(&mut command);
+    command.stdout(Stdio::null()).stderr(Stdio::piped());
+    command.spawn().unwrap()
+}
+
+fn as_process(loops: Loops) {
+    let directory = tempfile::tempdir().unwrap();
+    let environment = environment(directory.path(), loops);
+    let system = System::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
+    let (windows, doorbell) = system.claim(VISITOR).unwrap().into_parts();
+    let child = start(&environment, |_| ());
+    let mailbox = Mailbox::new(VISITOR, windows, doorbell, CriticalSection).unwrap();
+    let seen = watch(mailbox);
+    assert_eq!((seen.reply, seen.name.as_str()), (42, "servo"));
+    // Skips are the host's affair, which may be busy; but none is forgotten.
+    let counts = seen.counts;
+    let accounted = counts.run + counts.skipped + counts.running + counts.pending;
+    assert_eq!(counts.released, accounted);
+    assert!(counts.run >= 80 && seen.ticks >= counts.run, "{seen:?}");
+    let kill = Command::new("kill").arg(child.id().to_string()).status();
+    assert!(kill.unwrap().success());
+    let Output { status, stderr, .. } = child.wait_with_output().unwrap();
+    assert!(status.success(), "{}", String::from_utf8_lossy(&stderr));
+}
+
+#[test]
+fn the_program_as_a_process_with_signals() {
+    as_process(Loops::Signals);
+}
+
+#[test]
+fn the_program_as_a_process_that_spins() {
+    as_process(Loops::Spin);
+}
+
+#[test]
+fn a_successor_waits_for_the_number_and_a_bus_must_be_there() {
+    let directory = tempfile::tempdir().unwrap();
+    let environment = environment(directory.path(), Loops::Signals);
+    let system = System::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
+    let held = system.claim(SMALL).unwrap();
+    let mut child = start(&environment, |_| ());
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    assert_eq!(child.try_wait().unwrap(), None);
+    drop(held);
+    let (windows, doorbell) = system.claim(VISITOR).unwrap().into_parts();
+    let mailbox = Mailbox::new(VISITOR, windows, doorbell, CriticalSection).unwrap();
+    assert_eq!(watch(mailbox).reply, 42);
+    child.kill().unwrap();
+    child.wait().unwrap();
+
+    let bus = directory.path().join("bus");
+    let environment = Environment {
+        bus: Some(BusFile::whole(bus.clone())),
+        ..environment
+    };
+    let says = |child: Child| {
+        let output = child.wait_with_output().unwrap();
+        assert!(!output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let text = says(start(&environment, |_| ()));
+    assert!(
+        text.contains(&format!("cannot open the bus {bus:?}")),
+        "{text}"
+    );
+    fs::write(&bus, []).unwrap();
+    let text = says(start(&environment, |_| ()));
+    assert!(text.contains("cannot map the bus"), "{text}");
+    let text = says(start(&environment, |command| {
+        command.env("CONDOR_PROCESSOR", "sixteen");
+    }));
+    assert!(text.contains("CONDOR_PROCESSOR is \"sixteen\""), "{text}");
+}

@@ -1,0 +1,344 @@
+//! Whole systems: brought up, killed in parts and as a whole, changed while they run, taken down.
+
+use std::io::{Read, Write};
+use std::os::unix::net::UnixStream;
+
+use crate::running::{self, DEADLINE, Up, kill, wait_for_end};
+use condor_host::control::{Request, State};
+use condor_host::services::terminals::type_in;
+
+/// Two processors, which write lines and echo what is typed.
+const TWO: &str = r#"
+    [[processors]]
+    number = 0
+    name = "a"
+    program = "THIS"
+    arguments = ["writer"]
+    [[processors]]
+    number = 5
+    name = "b"
+    program = "THIS"
+    arguments = ["writer"]
+"#;
+
+#[test]
+fn a_system_comes_up_and_goes_down() {
+    let up = Up::start(TWO, &[]);
+    let status = up.status();
+    assert_eq!(status.system, "tested");
+    let names = |members: &[condor_host::control::Member]| {
+        let members = members.iter();
+        let members = members.map(|member| (member.number, member.name.clone(), member.state));
+        members.collect::<Vec<_>>()
+    };
+    let running = |number, name: &str| (number, name.to_owned(), State::Running);
+    assert_eq!(
+        names(&status.services),
+        [running(8, "files"), running(9, "terminals")]
+    );
+    assert_eq!(
+        names(&status.processors),
+        [running(0, "a"), running(5, "b")]
+    );
+    let processes = up.processes();
+    let second = up.command(&["up", "--headless"]).output().unwrap();
+    let text = String::from_utf8_lossy(&second.stderr).into_owned();
+    let expected = format!(
+        "the system `tested` is running already, as process {}",
+        status.pid
+    );
+    assert!(
+        !second.status.success() && text.contains(&expected),
+        "{text}"
+    );
+    up.run(&["down"]);
+    let (code, summary) = up.end();
+    assert_eq!(code, Some(0), "{summary}");
+    assert!(
+        summary.contains("stopped") || summary.contains("running"),
+        "{summary}"
+    );
+    for process in processes {
+        wait_for_end(process);
+    }
+}
+
+#[test]
+fn a_killed_processor_is_started_again_and_the_others_go_on() {
+    let up = Up::start(TWO, &[]);
+    let before = up.status();
+    let events = up.events();
+    kill(before.processors[0].pid.unwrap());
+    running::wait(events, "a", State::Running);
+    let after = up.status();
+    assert_eq!(after.processors[0].restarts, 1);
+    assert_eq!(
+        after.processors[0].last_exit.as_deref(),
+        Some("killed by SIGKILL")
+    );
+    assert_ne!(after.processors[0].pid, before.processors[0].pid);
+    assert_eq!(after.processors[1], before.processors[1]);
+    assert_eq!(after.services, before.services);
+    up.interrupt();
+    assert_eq!(up.end().0, Some(0));
+}
+
+#[test]
+fn nothing_outlives_a_killed_supervisor_and_the_next_one_comes_up() {
+    let up = Up::start(TWO, &[]);
+    let processes = up.processes();
+    assert_eq!(processes.len(), 4);
+    kill(up.status().pid);
+    for process in processes {
+        wait_for_end(process);
+    }
+    let up = up.again();
+    assert_eq!(up.processes().len(), 4);
+    // And at once, while they are dying.
+    kill(up.status().pid);
+    let up = up.again();
+    up.run(&["down"]);
+    assert_eq!(up.end().0, Some(0));
+}
+
+#[test]
+fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
+    let up = Up::start(TWO, &[]);
+    let other = up.status().processors[1].clone();
+    up.run(&["stop", "a"]);
+    let stopped = up.status().processors[0].clone();
+    assert_eq!((stopped.state, stopped.pid), (State::Stopped, None));
+    assert_eq!(stopped.last_exit.as_deref(), Some("exit status 0"));
+    up.run(&["start", "0"]);
+    assert_eq!(up.status().processors[0].state, State::Running);
+    let this = running::this();
+    up.run(&["load", "a", this, "writer", "other"]);
+    let loaded = up.status().processors[0].clone();
+    assert_eq!((loaded.state, loaded.restarts), (State::Running, 0));
+    assert_eq!(loaded.arguments, ["writer", "other"]);
+    up.read_terminal("a", "writer other 0\r\n");
+    up.run(&["load", "a"]);
+    let again = up.status().processors[0].clone();
+    assert_eq!(again.arguments, loaded.arguments);
+    assert_ne!(again.pid, loaded.pid);
+    let loaded = again;
+    let error = up.refused(&Request::Load {
+        processor: "a".into(),
+        program: Some("no-such-program".into()),
+        arguments: Vec::new(),
+    });
+    assert!(
+        error.contains("there is no program `no-such-program`"),
+        "{error}"
+    );
+    let error = up.refused(&Request::Stop {
+        processor: "c".into(),
+    });
+    assert_eq!(
+        error,
+        "there is no processor `c`; there are files, terminals, a, b"
+    );
+    let error = up.refused(&Request::Start {
+        processor: "a".into(),
+    });
+    assert_eq!(error, "`a` is running");
+    assert_eq!(up.status().processors[0].pid, loaded.pid);
+    assert_eq!(up.status().processors[1], other);
+}
+
+#[test]
+fn a_program_that_fails_again_and_again_has_failed_for_good() {
+    let text = r#"
+        [[processors]]
+        number = 1
+        name = "a"
+        program = "THIS"
+        arguments = ["fails"]
+        restarts = 2
+        [[processors]]
+        number = 2
+        name = "b"
+        program = "THIS"
+        arguments = ["writer"]
+    "#;
+    let up = Up::start(text, &[]);
+    let failed = up.status().processors[0].clone();
+    assert_eq!((failed.state, failed.restarts), (State::Failed, 2));
+    assert_eq!(failed.last_exit.as_deref(), Some("exit status 3"));
+    assert_eq!(up.status().processors[1].state, State::Running);
+    let log = String::from_utf8(up.run(&["log"]).stdout).unwrap();
+    assert!(log.contains("a: this program fails"), "{log}");
+    up.run(&["down"]);
+    assert_eq!(up.end().0, Some(1));
+}
+
+#[test]
+fn a_program_that_must_not_fail_ends_the_system() {
+    let text = r#"
+        [[processors]]
+        number = 1
+        name = "a"
+        program = "THIS"
+        arguments = ["writer"]
+        on_failure = "stop"
+    "#;
+    let up = Up::start(text, &[]);
+    let process = up.status().processors[0].pid.unwrap();
+    kill(process);
+    assert_eq!(up.end().0, Some(1));
+}
+
+#[test]
+fn a_program_whose_heart_stands_still_is_started_again() {
+    let text = r#"
+        [[processors]]
+        number = 1
+        name = "a"
+        program = "THIS"
+        arguments = ["writer"]
+        stall_seconds = 3
+    "#;
+    let up = Up::start(text, &[]);
+    let events = up.events();
+    let mut terminal = up.terminal("a");
+    terminal.write_all(b"stall\r").unwrap();
+    let events = running::wait(events, "a", State::Stalled);
+    running::wait(events, "a", State::Running);
+    assert_eq!(up.status().processors[0].restarts, 1);
+}
+
+#[test]
+fn the_log_of_a_terminal_has_every_line_once_whatever_is_killed() {
+    let up = Up::start(TWO, &[]);
+    for _ in 0..10 {
+        let events = up.events();
+        kill(up.status().services[1].pid.unwrap());
+        running::wait(events, "terminals", State::Running);
+        // It goes on where the one before stopped, or this never comes.
+        let already = up.lines("a");
+        up.read_terminal("a", &format!("writer {}\r\n", already + 50));
+    }
+    let status = up.status();
+    assert_eq!(status.services[1].restarts, 10);
+    assert_eq!(status.processors[0].restarts, 0);
+    assert!(up.lines("a") >= 500);
+    up.run(&["stop", "a"]);
+    // `lines` has compared every line.
+    up.lines("a");
+}
+
+#[test]
+fn what_is_typed_on_a_socket_reaches_the_program() {
+    let up = Up::start(TWO, &[]);
+    let mut first = up.terminal("b");
+    first.write_all(b"hello\r").unwrap();
+    running::read_until(&mut first, "typed hello\r\n");
+    // Who comes later is shown what was before.
+    let mut second = up.terminal("b");
+    running::read_until(&mut second, "typed hello\r\n");
+}
+
+#[test]
+fn what_the_description_types_is_answered_in_the_summary() {
+    let arguments = r#"arguments = ["writer"]"#;
+    let typed = TWO.replacen(
+        arguments,
+        &format!("{arguments}\nheadless = [\"hello\"]"),
+        1,
+    );
+    let up = Up::start(&typed, &[]);
+    up.read_terminal("a", "typed hello\r\n");
+    up.interrupt();
+    let (code, summary) = up.end();
+    assert_eq!(code, Some(0));
+    let (_, answers) = summary.split_once("terminal of a:\n").unwrap();
+    assert!(answers.contains("typed hello\r\n"), "{summary}");
+    assert!(!summary.contains("terminal of b:"), "{summary}");
+}
+
+#[test]
+fn what_is_typed_reaches_the_program_once_whatever_is_killed() {
+    let up = Up::start(TWO, &[]);
+    let mut typed = 0;
+    let mut type_some = |count: usize| {
+        for _ in 0..count {
+            let line = format!("line {typed}\n");
+            type_in(&up.directory(), "a", line.as_bytes()).unwrap();
+            typed += 1;
+        }
+        typed
+    };
+    for _ in 0..10 {
+        let events = up.events();
+        type_some(20);
+        kill(up.status().services[1].pid.unwrap());
+        type_some(20);
+        running::wait(events, "terminals", State::Running);
+    }
+    let last = type_some(1);
+    up.read_terminal("a", &format!("typed line {}\r\n", last - 1));
+    let log = up.directory().terminals().join("a.log");
+    let text = std::fs::read_to_string(log).unwrap();
+    let lines: Vec<_> = text.lines().filter(|it| it.starts_with("typed")).collect();
+    let expected: Vec<_> = (0..last).map(|it| format!("typed line {it}")).collect();
+    assert_eq!(lines, expected);
+    assert_eq!(up.status().services[1].restarts, 10);
+}
+
+#[test]
+fn what_is_typed_on_a_pseudo_terminal_reaches_the_program() {
+    let up = Up::start(TWO, &[]);
+    let path = up.directory().terminals().join("b");
+    let mut pty = std::fs::File::options()
+        .read(true)
+        .write(true)
+        .open(path)
+        .unwrap();
+    pty.write_all(b"hello\r").unwrap();
+    running::read_until(&mut pty, "typed hello\r\n");
+}
+
+#[test]
+fn the_file_service_is_started_again() {
+    let up = Up::start(TWO, &[]);
+    let events = up.events();
+    kill(up.status().services[0].pid.unwrap());
+    running::wait(events, "files", State::Running);
+    let files = up.status().services[0].clone();
+    assert_eq!((files.restarts, files.state), (1, State::Running));
+}
+
+#[test]
+fn a_request_that_is_none_is_refused_and_the_next_one_answered() {
+    let up = Up::start(TWO, &[]);
+    let mut stream = UnixStream::connect(up.directory().control()).unwrap();
+    stream.set_read_timeout(Some(DEADLINE)).unwrap();
+    stream
+        .write_all(b"{\"do\":\"dance\"}\nnonsense\n{\"do\":\"status\"}\n")
+        .unwrap();
+    stream.shutdown(std::net::Shutdown::Write).unwrap();
+    let mut text = String::new();
+    stream.read_to_string(&mut text).unwrap();
+    let lines: Vec<_> = text.lines().collect();
+    assert_eq!(lines.len(), 3, "{text}");
+    assert!(
+        lines[0]
+            .starts_with("{\"ok\":false,\"error\":\"this is no request: unknown variant `dance`"),
+        "{text}"
+    );
+    assert!(lines[1].starts_with("{\"ok\":false"), "{text}");
+    assert!(
+        lines[2].starts_with("{\"ok\":true,\"system\":\"tested\""),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_time_ends_it_and_the_summary_is_json() {
+    let up = Up::start(TWO, &["--for", "2s", "--json"]);
+    let (code, summary) = up.end();
+    assert_eq!(code, Some(0));
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert_eq!(summary["processors"][1]["name"], "b");
+    assert_eq!(summary["processors"][1]["state"], "running");
+}

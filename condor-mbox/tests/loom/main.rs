@@ -1,0 +1,9 @@
+//! Every interleaving, as far as each model says, of what threads share.
+#![cfg(condor_loom)]
+
+mod listen;
+mod messages;
+mod model;
+mod published;
+mod rejoin;
+mod spin_lock;

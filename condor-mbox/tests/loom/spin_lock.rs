@@ -1,0 +1,185 @@
+//! Loom's proof that two processors with loads and stores alone are never both inside a bakery.
+//!
+//! Run with `RUSTFLAGS="--cfg condor_loom" cargo test --release --test spin_lock_loom`.
+
+use condor_mbox::{
+    Bakery, CompareExchange, Lives, LoadOrder, LockError, MemoryWindow, NativeSwap, Owner,
+    Processor, SingleContext, SpinLock, StoreOrder, TestAndSet, WindowError, WindowErrorKind,
+    check_access,
+};
+use loom::cell::UnsafeCell;
+use loom::sync::Arc;
+use loom::sync::atomic::{AtomicU32, Ordering};
+use loom::thread;
+
+const PROCESSORS: u8 = 2;
+const WORDS: usize = Bakery::bytes(PROCESSORS) / 4;
+
+/// The memory of a lock.
+struct Memory([AtomicU32; WORDS]);
+
+#[derive(Debug)]
+struct MemoryError(WindowErrorKind);
+
+impl WindowError for MemoryError {
+    fn kind(&self) -> WindowErrorKind {
+        self.0
+    }
+}
+
+impl Memory {
+    fn new() -> Self {
+        Self(std::array::from_fn(|_| AtomicU32::new(0)))
+    }
+}
+
+impl MemoryWindow for Memory {
+    type Error = MemoryError;
+
+    fn size(&self) -> u32 {
+        WORDS as u32 * 4
+    }
+
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, MemoryError> {
+        self.check(offset, 4)?;
+        Ok(self.0[offset as usize / 4].load(match order {
+            LoadOrder::Relaxed => Ordering::Relaxed,
+            LoadOrder::Acquire => Ordering::Acquire,
+        }))
+    }
+
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), MemoryError> {
+        self.check(offset, 4)?;
+        self.0[offset as usize / 4].store(
+            value,
+            match order {
+                StoreOrder::Relaxed => Ordering::Relaxed,
+                StoreOrder::Release => Ordering::Release,
+            },
+        );
+        Ok(())
+    }
+
+    fn check(&self, offset: u32, len: usize) -> Result<(), MemoryError> {
+        check_access(self.size(), offset, len).map_err(MemoryError)
+    }
+}
+
+impl CompareExchange for Memory {
+    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, MemoryError> {
+        self.check(offset, 4)?;
+        let (Ok(found) | Err(found)) = self.0[offset as usize / 4].compare_exchange(
+            current,
+            new,
+            Ordering::AcqRel,
+            Ordering::Acquire,
+        );
+        Ok(found)
+    }
+}
+
+/// Explores every execution with at most this many preemptions. All four models take 3 seconds;
+/// with six preemptions, or without a bound, the bakery's do not end in minutes.
+const PREEMPTIONS: usize = 4;
+
+fn check(model: impl Fn() + Send + Sync + 'static) {
+    let mut loom = loom::model::Builder::new();
+    loom.preemption_bound = Some(PREEMPTIONS);
+    loom.check(model);
+}
+
+/// Everybody lives, but for one.
+struct Except(Option<Owner>);
+
+impl Lives for Except {
+    fn is_current(&self, owner: Owner) -> bool {
+        self.0 != Some(owner)
+    }
+}
+
+fn owner(processor: u8) -> Owner {
+    Owner::new(Processor(processor), 1).unwrap()
+}
+
+/// Two processors each try `visits` times; loom reports an access to the cell that another one
+/// has not released.
+fn two_visitors<L: TestAndSet + 'static>(visits: [u32; 2], form: fn(Arc<Memory>) -> L) {
+    check(move || {
+        let memory = Arc::new(Memory::new());
+        let inside = Arc::new(UnsafeCell::new(0));
+        let visit = move |number: u8, memory: Arc<Memory>, inside: Arc<UnsafeCell<u32>>| {
+            let lock = SpinLock::new(form(memory));
+            let mut visited = 0;
+            for _ in 0..visits[usize::from(number)] {
+                if let Ok(_guard) = lock.try_lock(owner(number), &Except(None)) {
+                    // SAFETY: only the owner of the lock is here, which is what loom checks.
+                    inside.with_mut(|count| unsafe { *count += 1 });
+                    visited += 1;
+                }
+            }
+            visited
+        };
+        let other = {
+            let (memory, inside) = (memory.clone(), inside.clone());
+            thread::spawn(move || visit(1, memory, inside))
+        };
+        let mut visited = visit(0, memory.clone(), inside.clone());
+        visited += other.join().unwrap();
+        // SAFETY: the other thread has ended.
+        assert_eq!(inside.with(|count| unsafe { *count }), visited);
+        // Whatever happened, the lock is left free.
+        let lock = SpinLock::new(form(memory));
+        assert!(lock.try_lock(owner(0), &Except(None)).is_ok());
+    });
+}
+
+#[test]
+fn two_processors_are_never_both_inside_a_bakery() {
+    two_visitors([1, 2], |memory| {
+        Bakery::new(memory, 0, PROCESSORS, SingleContext::new()).unwrap()
+    });
+}
+
+#[test]
+fn two_processors_are_never_both_inside_a_swap() {
+    two_visitors([2, 2], |memory| NativeSwap::new(memory, 0).unwrap());
+}
+
+/// Both find the owner dead and recover: one of them gets the lock, and only one.
+fn two_recoverers<L: TestAndSet + 'static>(form: fn(Arc<Memory>) -> L) {
+    check(move || {
+        let memory = Arc::new(Memory::new());
+        let dead = Owner::new(Processor(0), 7).unwrap();
+        std::mem::forget(
+            SpinLock::new(form(memory.clone()))
+                .try_lock(dead, &Except(None))
+                .unwrap(),
+        );
+        let recover = move |number: u8, memory: Arc<Memory>| {
+            let lives = Except(Some(dead));
+            let lock = SpinLock::new(form(memory));
+            let Err(LockError::OwnerDead { owner: found }) = lock.try_lock(owner(number), &lives)
+            else {
+                return 0;
+            };
+            assert_eq!(found, dead);
+            u32::from(lock.recover(dead, owner(number), &lives).is_ok())
+        };
+        let other = {
+            let memory = memory.clone();
+            thread::spawn(move || recover(1, memory))
+        };
+        let recovered = recover(0, memory) + other.join().unwrap();
+        assert!(recovered <= 1);
+    });
+}
+
+#[test]
+fn one_of_two_recovers_a_bakery() {
+    two_recoverers(|memory| Bakery::new(memory, 0, PROCESSORS, SingleContext::new()).unwrap());
+}
+
+#[test]
+fn one_of_two_recovers_a_swap() {
+    two_recoverers(|memory| NativeSwap::new(memory, 0).unwrap());
+}

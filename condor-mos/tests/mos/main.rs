@@ -1,0 +1,17 @@
+//! Schedules, loops, locks and cells, in virtual time and on Linux.
+#![cfg(not(condor_loom))]
+
+mod analysis;
+mod ceiling;
+mod drift;
+mod latest;
+mod linux_signals;
+mod linux_threads;
+mod overload;
+mod reference;
+mod scope;
+mod simple;
+mod simple_reference;
+mod start_at;
+mod tables;
+mod timers_conform;

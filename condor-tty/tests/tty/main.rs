@@ -1,0 +1,16 @@
+//! Terminals: line discipline, policies, both ends' hosts, and hostile peers.
+#![cfg(not(condor_loom))]
+
+mod cooked;
+mod dev;
+mod host;
+mod hostile;
+mod hostile_host;
+mod interrupted;
+mod model;
+mod pty;
+mod screen;
+mod servo;
+mod terminals;
+
+use terminals::support;
