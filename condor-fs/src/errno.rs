@@ -64,6 +64,7 @@ errnos! {
     OPNOTSUPP 95 "Neither a file nor a directory"
     STALE 116 "Not the file that was opened"
     DQUOT 122 "Quota exceeded"
+    CANCELED 125 "Given up: the server has died at it"
 }
 
 impl fmt::Display for Errno {
@@ -118,6 +119,7 @@ mod tests {
             (Errno::OPNOTSUPP, Linux::OPNOTSUPP),
             (Errno::STALE, Linux::STALE),
             (Errno::DQUOT, Linux::DQUOT),
+            (Errno::CANCELED, Linux::CANCELED),
             (Errno::EXIST, Linux::EXIST),
         ] {
             assert_eq!(i32::from(ours.0), linux.raw_os_error(), "{ours}");

@@ -28,35 +28,39 @@ pub mod slot {
     /// Bytes of a slot.
     pub const BYTES: u32 = 192;
     /// Words of the client's part.
-    pub const REQUEST_WORDS: usize = 16;
+    pub const REQUEST_WORDS: usize = 18;
+    /// Sequence of the request.
+    pub const SEQUENCE: u32 = 12;
     /// Words of the server's part.
-    pub const RESULT_WORDS: usize = 24;
+    pub const RESULT_WORDS: usize = 26;
     /// Where the server's part begins: its state.
-    pub const STATE: u32 = 64;
+    pub const STATE: u32 = 72;
     /// Session of the state.
-    pub const STATE_SESSION: u32 = 68;
+    pub const STATE_SESSION: u32 = 76;
     /// Sequence of the state.
-    pub const STATE_SEQUENCE: u32 = 76;
+    pub const STATE_SEQUENCE: u32 = 84;
+    /// How many lives of the server have taken it.
+    pub const LIVES: u32 = 92;
     /// Errno.
-    pub const ERRNO: u32 = 80;
+    pub const ERRNO: u32 = 96;
     /// Value.
-    pub const VALUE: u32 = 84;
-    /// Step.
-    pub const STEP: u32 = 92;
+    pub const VALUE: u32 = 100;
     /// Evidence.
-    pub const EVIDENCE: u32 = 96;
+    pub const EVIDENCE: u32 = 112;
     /// Status.
-    pub const STATUS: u32 = 128;
+    pub const STATUS: u32 = 144;
 }
 
 /// States of a slot.
 pub mod state {
-    /// Nothing was begun.
+    /// No server has taken it.
     pub const NONE: u32 = 0;
-    /// Something may have been done.
-    pub const STAGED: u32 = 1;
+    /// A server has taken it, and something may have been done.
+    pub const TAKEN: u32 = 1;
+    /// The same, and what the next server must know of it is recorded.
+    pub const STAGED: u32 = 2;
     /// All is done.
-    pub const DONE: u32 = 2;
+    pub const DONE: u32 = 3;
 }
 
 /// The table of open files, in bytes from its beginning.
@@ -72,21 +76,21 @@ pub mod block {
     /// "CFF1".
     pub const MAGIC: u32 = 0x3146_4643;
     /// Bytes of a block.
-    pub const BYTES: u32 = 64;
+    pub const BYTES: u32 = 72;
     /// Words of a block.
-    pub const WORDS: usize = 16;
+    pub const WORDS: usize = 18;
     /// Session.
     pub const SESSION: u32 = 4;
     /// Handle.
     pub const HANDLE: u32 = 12;
     /// Flags.
-    pub const FLAGS: u32 = 16;
+    pub const FLAGS: u32 = 20;
     /// Path: offset and length.
-    pub const PATH: u32 = 20;
-    /// The operation after which the file has a silly name.
-    pub const SILLY: u32 = 28;
+    pub const PATH: u32 = 24;
+    /// The sequence of the operation after which the file has a silly name.
+    pub const SILLY: u32 = 32;
     /// Evidence.
-    pub const EVIDENCE: u32 = 32;
+    pub const EVIDENCE: u32 = 40;
 }
 
 /// Flags of an open.
@@ -169,14 +173,14 @@ impl Operation {
 pub struct Request {
     /// The client's session.
     pub session: u64,
-    /// Which operation of the session.
-    pub sequence: u32,
+    /// Which operation of the session: see [`following`].
+    pub sequence: u64,
     /// An [`Operation`], as its number.
     pub operation: u32,
     /// Flags of the operation.
     pub flags: u32,
     /// The sequence of the open.
-    pub handle: u32,
+    pub handle: u64,
     /// Index of the file's block.
     pub file: u32,
     /// Offset and length of a path.
@@ -210,21 +214,36 @@ pub const fn whole(low: u32, high: u32) -> u64 {
     low as u64 | (high as u64) << 32
 }
 
+/// The sequence after this one. It never comes again: at a million operations a second, the numbers last
+/// for half a million years.
+///
+/// Its low word is never zero, so that this word alone tells whether there is a sequence at all: it is
+/// written last, and no half of a sequence is ever taken for another one.
+#[must_use]
+pub const fn following(sequence: u64) -> u64 {
+    let next = sequence.wrapping_add(1);
+    if next as u32 == 0 { next | 1 } else { next }
+}
+
 impl Request {
     /// As words, the magic first.
     #[must_use]
     pub fn to_words(&self) -> [u32; slot::REQUEST_WORDS] {
-        let ([session, session_high], [position, position_high]) =
-            (halves(self.session), halves(self.position));
+        let [session, session_high] = halves(self.session);
+        let [sequence, sequence_high] = halves(self.sequence);
+        let [handle, handle_high] = halves(self.handle);
+        let [position, position_high] = halves(self.position);
         [
             slot::MAGIC,
             session,
             session_high,
-            self.sequence,
+            sequence,
+            sequence_high,
             self.operation,
             self.flags,
-            self.handle,
             self.file,
+            handle,
+            handle_high,
             self.path.offset,
             self.path.len,
             self.second_path.offset,
@@ -244,10 +263,12 @@ impl Request {
             session,
             session_high,
             sequence,
+            sequence_high,
             operation,
             flags,
-            handle,
             file,
+            handle,
+            handle_high,
             path,
             path_len,
             second,
@@ -260,10 +281,10 @@ impl Request {
         let span = |offset, len| Span { offset, len };
         (magic == slot::MAGIC).then_some(Self {
             session: whole(session, session_high),
-            sequence,
+            sequence: whole(sequence, sequence_high),
             operation,
             flags,
-            handle,
+            handle: whole(handle, handle_high),
             file,
             path: span(path, path_len),
             second_path: span(second, second_len),
@@ -394,12 +415,14 @@ mod tests {
         let words = core::array::from_fn(|n| if n == 0 { slot::MAGIC } else { 7 * n as u32 });
         let request = Request::from_words(&words).expect("it has the magic");
         assert_eq!(request.to_words(), words);
-        assert_eq!(request.position, whole(7 * 12, 7 * 13));
+        assert_eq!(request.sequence, whole(7 * 3, 7 * 4));
+        assert_eq!(request.handle, whole(7 * 8, 7 * 9));
+        assert_eq!(request.position, whole(7 * 14, 7 * 15));
         assert_eq!(
             request.buffer,
             Span {
-                offset: 7 * 14,
-                len: 7 * 15
+                offset: 7 * 16,
+                len: 7 * 17
             }
         );
         let mut bad = words;
@@ -408,6 +431,18 @@ mod tests {
         let words = [1, 2, 3, 4, 5, 6, 7, 0];
         assert_eq!(Evidence::from_words(&words).to_words(), words);
         assert_eq!(Status::from_words(&words).to_words(), words);
+    }
+
+    #[test]
+    fn a_sequence_is_never_followed_by_one_of_before() {
+        assert_eq!(following(0), 1);
+        let last = u64::from(u32::MAX);
+        assert_eq!(following(last - 1), last);
+        assert_eq!(following(last), last + 2);
+        for sequence in [1, last, last + 2, whole(u32::MAX, 7), u64::MAX - 1] {
+            let next = following(sequence);
+            assert!(next > sequence && next as u32 != 0, "{next:#x}");
+        }
     }
 
     #[test]

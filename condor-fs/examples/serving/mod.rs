@@ -68,7 +68,12 @@ pub(crate) fn served() -> Result<bool, AnyError> {
     if parent != rustix::process::getppid() {
         return Err("the parent has ended".into());
     }
-    let server = Server::new(root, Options::default())?;
+    // It is killed so often that no request can be blamed for it.
+    let options = Options {
+        lives: u32::MAX,
+        ..Options::default()
+    };
+    let server = Server::new(root, options)?;
     let claim = System::<N>::inherited()?.claim(SERVER)?;
     server.serve(claim, &AtomicBool::new(false))?;
     Ok(true)

@@ -21,7 +21,8 @@ Serves DIRECTORY to the processors of a system of 32, as condor_mbox::linux::Sys
   --file-mode OCTAL     permissions of new files, less the umask (666)
   --directory-mode OCTAL  permissions of new directories, less the umask (777)
   --max-file-bytes N    no file can be made longer
-  --quota-bytes N       all files together cannot be made longer
+  --quota-bytes N       all files together cannot be made longer, with 1024 bytes
+                        for each name of a file or directory
 
 It serves with the rights of its own user, until it is killed.";
 

@@ -110,7 +110,7 @@ impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm,
     fn move_buffer(&self, operation: Operation, len: u32, asked: &mut Asked) -> Result<u32, Error> {
         *asked = Some(self.position()?);
         let buffer = self.buffer(len as usize);
-        let moved = self.transfer(operation, buffer)?;
+        let moved = self.transfer_ahead(operation, buffer)?;
         *asked = None;
         Ok(u32::try_from(moved).map_or(len, |moved| moved.min(len)))
     }

@@ -12,10 +12,19 @@ pub enum Error {
     /// for what the same error means on Unix.
     #[error("{0}")]
     Errno(Errno),
-    /// The server has not answered in time. The operation is in doubt: it stays in the slot, and
-    /// the next call, or [`settle`](super::FileSystem::settle), first waits for its end.
+    /// The server has not answered in time. The operation of this call is in doubt: it stays in the
+    /// slot, and the next call, or [`settle`](super::FileSystem::settle), first waits for its end.
     #[error("the file server, {server}, did not answer in time{}", Cause(.cause))]
     TimedOut {
+        /// Who was asked.
+        server: Processor,
+        /// What the mailbox said last.
+        cause: Option<condor_mbox::Error>,
+    },
+    /// The server has not answered in time what was asked before: an operation in doubt, or the
+    /// closing of a file that was dropped. The operation of this call was not begun, and will not be.
+    #[error("the file server, {server}, has not answered what was asked before in time{}", Cause(.cause))]
+    NotBegun {
         /// Who was asked.
         server: Processor,
         /// What the mailbox said last.
@@ -50,7 +59,7 @@ impl embedded_io::Error for Error {
     fn kind(&self) -> embedded_io::ErrorKind {
         match self {
             Self::Errno(errno) => embedded_io::Error::kind(errno),
-            Self::TimedOut { .. } => embedded_io::ErrorKind::TimedOut,
+            Self::TimedOut { .. } | Self::NotBegun { .. } => embedded_io::ErrorKind::TimedOut,
             Self::Mailbox(_) => embedded_io::ErrorKind::NotConnected,
             Self::Access(_) => embedded_io::ErrorKind::Other,
         }

@@ -118,11 +118,11 @@ impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S
         for (index, cell) in self.files.iter().enumerate() {
             let deadline = self.clear()?;
             if cell.get().state == State::Left {
-                let after = After::Closed { file: index };
+                let after = After::Dropped { file: index };
                 let request = self.about(Operation::Close, index)?;
                 match self.perform_next(&alone, &request, after, deadline) {
                     Ok(_) | Err(Error::Errno(_)) => {}
-                    Err(error) => return Err(error),
+                    Err(error) => return Err(self.not_begun(error)),
                 }
             }
         }
@@ -133,6 +133,7 @@ impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S
         let at = self.area.block(index);
         let [session, session_high] = halves(self.session.get());
         for (offset, word) in [
+            // Its low word: without that there is none.
             (block::HANDLE, 0),
             (0, block::MAGIC),
             (block::SESSION, session),
@@ -205,7 +206,9 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, F
     /// See [`Error`].
     pub fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
         let buffer = self.buffer(into.len());
-        let done = self.transfer(Operation::Read, buffer)?.min(into.len());
+        let after = After::Moved { file: self.index };
+        let done = self.transfer(Operation::Read, buffer, after)?;
+        let done = done.min(into.len());
         if let Some(into) = into.get_mut(..done) {
             self.system.own.read(buffer.offset, into)?;
         }
@@ -226,7 +229,8 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, F
             self.system.own.write(buffer.offset, from)?;
         }
         drop(alone);
-        self.transfer(self.writing()?, buffer)
+        let after = After::Moved { file: self.index };
+        self.transfer(self.writing()?, buffer, after)
     }
 
     /// Reads `len` bytes at most from the position on straight into `buffer`, and moves it.
@@ -256,7 +260,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, F
         let position = match to {
             SeekFrom::Start(position) => Some(position),
             SeekFrom::Current(step) => self.position()?.checked_add_signed(step),
-            SeekFrom::End(step) => self.status()?.size.checked_add_signed(step),
+            SeekFrom::End(step) => self.look(After::Looked)?.size.checked_add_signed(step),
         };
         match position {
             Some(position) if i64::try_from(position).is_ok() => {
@@ -281,8 +285,12 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, F
     /// # Errors
     /// See [`Error`].
     pub fn status(&self) -> Result<Status, Error> {
+        self.look(After::Nothing)
+    }
+
+    fn look(&self, after: After) -> Result<Status, Error> {
         let request = self.system.about(Operation::FileStatus, self.index)?;
-        Ok(self.system.perform(&request, After::Nothing)?.status)
+        Ok(self.system.perform(&request, after)?.status)
     }
 
     /// Makes the file `size` bytes long; what is added is zeros.
@@ -334,7 +342,16 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, F
         }
     }
 
-    pub(super) fn transfer(&self, operation: Operation, buffer: Span) -> Result<usize, Error> {
+    /// Moves data for a reader or writer.
+    pub(super) fn transfer_ahead(
+        &self,
+        operation: Operation,
+        buffer: Span,
+    ) -> Result<usize, Error> {
+        self.transfer(operation, buffer, After::Buffered { file: self.index })
+    }
+
+    fn transfer(&self, operation: Operation, buffer: Span, after: After) -> Result<usize, Error> {
         let system = self.system;
         let alone = system.enter()?;
         let deadline = system.clear()?;
@@ -344,7 +361,6 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, F
             buffer,
             ..system.about(operation, self.index)?
         };
-        let after = After::Moved { file: self.index };
         let done = system.perform_next(&alone, &request, after, deadline)?;
         // Whatever the server says, no more than it was asked for.
         Ok(done.value.min(buffer.len.into()) as usize)
@@ -359,7 +375,8 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, F
         } else {
             let offset = buffer.offset();
             let before = self.system.sequence.get();
-            match operation.and_then(|it| self.transfer(it, Span { offset, len })) {
+            let after = After::Moved { file: self.index };
+            match operation.and_then(|it| self.transfer(it, Span { offset, len }, after)) {
                 Ok(done) => Ok(done),
                 // In doubt, and about this buffer: not if a former operation is.
                 Err(error) if self.system.in_doubt() && self.system.sequence.get() != before => {

@@ -45,7 +45,7 @@ pub struct FileSystem<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize>
     area: Area<FILES>,
     timeout: Cell<Duration>,
     session: Cell<u64>,
-    sequence: Cell<u32>,
+    sequence: Cell<u64>,
     /// What is to follow the end of the operation in the slot, if that has not been seen.
     doubt: Cell<Option<After>>,
     /// The message about it, if its receiver has not died.
@@ -60,7 +60,7 @@ pub struct FileSystem<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize>
 #[derive(Clone, Copy, Default)]
 struct Open {
     state: State,
-    handle: u32,
+    handle: u64,
     flags: u32,
     position: u64,
     path_len: u32,
@@ -123,26 +123,33 @@ impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S
         self.timeout.set(timeout);
     }
 
-    /// Waits for the end of the operation that is in doubt, for at most `timeout`: `None` if there
-    /// is none, else its result, which is what it would have given, as a number.
+    /// Waits for the end of the operation that is in doubt, for at most `timeout`. Returns the result
+    /// of the last call that ended with [`Error::TimedOut`], as a number: what the call would have
+    /// returned, or bytes of entries for a directory.
     ///
-    /// Every other operation does so first, too, but does not tell that result.
+    /// Returns `None` if nothing is in doubt, and if the operation was none that a call was made for:
+    /// [`open`](Self::open) closes files that were dropped, [`File::seek`] from the end asks for the
+    /// size, and readers and writers fetch and flush, of which they keep account themselves. A call
+    /// that was in one of these can be made again.
+    ///
+    /// Every other operation waits first, too, but does not tell that result.
     ///
     /// # Errors
     /// As all operations; after [`Error::TimedOut`] the operation remains in doubt.
     pub fn settle(&self, timeout: Duration) -> Result<Option<Result<u64, Errno>>, Error> {
         let _alone = self.enter()?;
-        if !self.in_doubt() {
+        let Some(after) = self.doubt.get() else {
             return Ok(None);
-        }
-        match self.finish(self.station.now().after(timeout)) {
-            Ok(done) => Ok(Some(Ok(done.value))),
-            Err(Error::Errno(errno)) => Ok(Some(Err(errno))),
-            Err(error) => Err(error),
-        }
+        };
+        let result = match self.finish(self.station.now().after(timeout)) {
+            Ok(done) => Ok(done.value),
+            Err(Error::Errno(errno)) => Err(errno),
+            Err(error) => return Err(error),
+        };
+        Ok(after.is_asked_for().then_some(result))
     }
 
-    /// Whether the end of the last operation is not known.
+    /// Whether the end of the last operation, of a call or on the way to one, is not known.
     pub fn in_doubt(&self) -> bool {
         self.doubt.get().is_some()
     }

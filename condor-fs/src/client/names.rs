@@ -73,8 +73,8 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
             ..request(Operation::Rename)
         };
         let after = After::Renamed {
-            from: request.path.len,
-            to: request.second_path.len,
+            from: without_slashes(from),
+            to: without_slashes(to),
         };
         self.perform_next(&alone, &request, after, deadline)?;
         Ok(())
@@ -164,4 +164,10 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
         self.own.store(offset & !3, word, StoreOrder::Relaxed)?;
         Ok(())
     }
+}
+
+/// The length of a path without the slashes that it may end with.
+fn without_slashes(path: &[u8]) -> u32 {
+    let last = path.iter().rposition(|byte| *byte != b'/');
+    last.map_or(0, |last| last as u32).saturating_add(1)
 }

@@ -17,6 +17,8 @@ const PAUSE: Duration = Duration::from_millis(1);
 #[derive(Clone, Copy)]
 pub(super) enum After {
     Nothing,
+    /// The same, after what a call had to know first.
+    Looked,
     /// The block was for a file to be opened.
     Opened {
         file: usize,
@@ -24,8 +26,16 @@ pub(super) enum After {
     Closed {
         file: usize,
     },
+    /// The same of a file that was dropped before.
+    Dropped {
+        file: usize,
+    },
     /// Data were moved at the file's own position.
     Moved {
+        file: usize,
+    },
+    /// The same for a reader or writer, which keeps account by the position.
+    Buffered {
         file: usize,
     },
     /// The paths of open files begin with another name.
@@ -33,6 +43,16 @@ pub(super) enum After {
         from: u32,
         to: u32,
     },
+}
+
+impl After {
+    /// Whether the operation is one that a call was made for: only then is its result that of the call.
+    pub(super) const fn is_asked_for(self) -> bool {
+        !matches!(
+            self,
+            Self::Looked | Self::Dropped { .. } | Self::Buffered { .. }
+        )
+    }
 }
 
 /// A result.
@@ -75,10 +95,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
         after: After,
         deadline: Instant,
     ) -> Result<Done, Error> {
-        let sequence = match self.sequence.get().wrapping_add(1) {
-            0 => 1,
-            next => next,
-        };
+        let sequence = wire::following(self.sequence.get());
         let request = Request {
             session: self.session.get(),
             sequence,
@@ -96,10 +113,23 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
         if self.in_doubt() {
             match self.finish(deadline) {
                 Ok(_) | Err(Error::Errno(_)) => {}
-                Err(error) => return Err(error),
+                Err(error) => return Err(self.not_begun(error)),
             }
         }
         Ok(deadline)
+    }
+
+    /// The error of a call whose own operation was not reached.
+    pub(super) fn not_begun(&self, error: Error) -> Error {
+        let cause = match error {
+            Error::TimedOut { cause, .. } => cause,
+            Error::Mailbox(error) => Some(error),
+            other => return other,
+        };
+        Error::NotBegun {
+            server: self.server,
+            cause,
+        }
     }
 
     /// Puts a request into the slot. A message of a former time may be under way, so the server
@@ -107,7 +137,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
     fn write(&self, request: &Request) -> Result<(), Error> {
         let at = self.area.slot();
         self.own.set_word(at, 0)?;
-        self.own.set_word(at.wrapping_add(12), request.sequence)?;
+        self.set_sequence(at.wrapping_add(slot::SEQUENCE), request.sequence)?;
         self.own
             .set_word(at.wrapping_add(slot::STATE), state::NONE)?;
         // Pairs with the fence in the server's `read_request`: who finds a word of this request there
@@ -193,11 +223,11 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
         let at = |offset: u32| self.area.slot().wrapping_add(offset);
         // Acquire, as `set_word` of the server is Release: the rest was written before.
         let found = self.own.word(at(slot::STATE))?;
-        let words: [u32; 3] = self.words(at(slot::STATE_SESSION))?;
-        let [session, session_high, sequence] = words;
+        let words: [u32; 4] = self.words(at(slot::STATE_SESSION))?;
+        let [session, session_high, sequence, sequence_high] = words;
         if found != state::DONE
             || wire::whole(session, session_high) != self.session.get()
-            || sequence != self.sequence.get()
+            || wire::whole(sequence, sequence_high) != self.sequence.get()
         {
             return Ok(None);
         }
@@ -218,6 +248,14 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
         Ok(words.map(u32::from_le_bytes))
     }
 
+    /// The high word first: without the low one it is none.
+    fn set_sequence(&self, at: u32, sequence: u64) -> Result<(), Error> {
+        let [low, high] = wire::halves(sequence);
+        self.own.set_word(at.wrapping_add(4), high)?;
+        self.own.set_word(at, low)?;
+        Ok(())
+    }
+
     fn follow(&self, after: After, done: Option<&Done>) -> Result<(), Error> {
         match (after, done) {
             (After::Opened { file }, Some(done)) => {
@@ -229,7 +267,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
                 }
                 let handle = self.sequence.get();
                 self.own.set_word(at.wrapping_add(block::SILLY), 0)?;
-                self.own.set_word(at.wrapping_add(block::HANDLE), handle)?;
+                self.set_sequence(at.wrapping_add(block::HANDLE), handle)?;
                 // Whoever opens it and is told so in time, holds it.
                 self.change(file, |open| {
                     open.state = State::Left;
@@ -238,16 +276,25 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
             }
             (After::Opened { file }, None) => self.change(file, |open| open.state = State::Free),
             // A handle that the server does not know is closed all the same.
-            (After::Closed { file }, _) => {
+            (After::Closed { file } | After::Dropped { file }, _) => {
                 let at = self.area.block(file);
                 self.own.set_word(at.wrapping_add(block::HANDLE), 0)?;
                 self.change(file, |open| open.state = State::Free);
             }
-            (After::Moved { file }, Some(done)) => self.change(file, |open| {
-                open.position = open.position.saturating_add(done.value);
-            }),
+            (After::Moved { file } | After::Buffered { file }, Some(done)) => {
+                self.change(file, |open| {
+                    open.position = open.position.saturating_add(done.value);
+                });
+            }
             (After::Renamed { from, to }, Some(_)) => self.rewrite_paths(from, to)?,
-            (After::Nothing | After::Moved { .. } | After::Renamed { .. }, _) => {}
+            (
+                After::Nothing
+                | After::Looked
+                | After::Moved { .. }
+                | After::Buffered { .. }
+                | After::Renamed { .. },
+                _,
+            ) => {}
         }
         Ok(())
     }
@@ -267,4 +314,85 @@ fn passes(error: &MailError) -> bool {
             | MailError::NoHandler { .. }
             | MailError::HandlerFailed { .. }
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use condor_mbox::sim::{Mailbox, System};
+    use condor_mbox::{Call, Processor, Region};
+    use std::boxed::Box;
+    use std::sync::{Arc, Mutex};
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::{Area, OpenOptions};
+
+    const HOST: Processor = Processor(0);
+    const CLIENT: Processor = Processor(1);
+    const TIMEOUT: Duration = Duration::from_millis(10);
+
+    #[test]
+    fn sequences_and_handles_go_on_beyond_one_word() {
+        let system = System::<2>::in_virtual_time(2048);
+        let asked = Arc::new(Mutex::new(Vec::new()));
+        let [_, windows] = system.windows(HOST);
+        let (theirs, seen) = (Region::users(windows.data).unwrap(), asked.clone());
+        let mut host = system.mailbox(HOST).unwrap();
+        let answer = move |call: &Call<'_>| {
+            let word = |n: u32| theirs.word(call.data() + 4 * n).unwrap();
+            let request = Request::from_words(&core::array::from_fn(|n| word(n as u32)));
+            let request = request.unwrap();
+            seen.lock()
+                .unwrap()
+                .push((request.sequence, request.handle));
+            let [sequence, sequence_high] = wire::halves(request.sequence);
+            let [session, session_high] = wire::halves(request.session);
+            for (offset, word) in [
+                (slot::STATE_SESSION, session),
+                (slot::STATE_SESSION + 4, session_high),
+                (slot::STATE_SEQUENCE, sequence),
+                (slot::STATE_SEQUENCE + 4, sequence_high),
+                (slot::VALUE, 1),
+                (slot::STATE, state::DONE),
+            ] {
+                theirs.set_word(call.data() + offset, word).unwrap();
+            }
+            wire::DONE
+        };
+        let answer = Box::leak(Box::new(answer));
+        host.set_vector(wire::FILES, answer, "files").unwrap();
+        host.join().unwrap();
+        system.while_waiting(HOST, move || {
+            host.service(TIMEOUT).unwrap();
+        });
+
+        let [_, windows] = system.windows(CLIENT);
+        let own = Region::users(windows.data).unwrap();
+        let area = Area::<2>::new(&mut own.places(), 16, 16).unwrap();
+        let mut mailbox: Mailbox<'_, 2> = system.mailbox(CLIENT).unwrap();
+        mailbox.join().unwrap();
+        let files = FileSystem::connect(&mailbox, HOST, own.clone(), area, TIMEOUT).unwrap();
+        let last = u64::from(u32::MAX);
+        files.sequence.set(last - 1);
+        let read = OpenOptions::new().read();
+        let (first, second) = (
+            files.open("a", read).unwrap(),
+            files.open("b", read).unwrap(),
+        );
+        let _ = (first.status().unwrap(), second.status().unwrap());
+        let asked = asked.lock().unwrap();
+        assert_eq!(
+            asked[1..],
+            [
+                (last, 0),
+                (last + 2, 0),
+                (last + 3, last),
+                (last + 4, last + 2)
+            ],
+            "no low word is zero"
+        );
+        let handle = |file| files.words(area.block(file) + block::HANDLE).unwrap();
+        assert_eq!(handle(0), [u32::MAX, 0]);
+        assert_eq!(handle(1), [1, 1]);
+    }
 }

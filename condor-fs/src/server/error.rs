@@ -17,12 +17,30 @@ pub enum ServerError {
         /// The tree.
         root: PathBuf,
     },
+    /// The journal cannot be kept: a full disk has no room for it, or it cannot be read.
+    #[error("cannot keep the journal {path:?}: {source}")]
+    Journal {
+        /// The journal.
+        path: PathBuf,
+        /// The system's answer.
+        source: io::Error,
+    },
     /// The system refused something.
     #[error("cannot serve {root:?}: {source}")]
     System {
         /// The tree.
         root: PathBuf,
         /// The system's answer.
+        source: io::Error,
+    },
+    /// The server could not open again what it would make with these permissions.
+    #[error("cannot serve {root:?} with mode {mode:o} for new files: {source}")]
+    FileMode {
+        /// The tree.
+        root: PathBuf,
+        /// The permissions.
+        mode: u32,
+        /// Why such a file cannot be made, or not be opened again for reading and writing.
         source: io::Error,
     },
     /// The mailbox refused something.
@@ -45,19 +63,25 @@ impl ServerError {
 pub(super) enum Stop {
     /// Its result.
     Errno(Errno),
-    /// Nothing was done, for want of an answer of the client.
+    /// Nothing was done: the client has yet to say where its table is, or a program of the host to
+    /// give up its lease.
     Again,
 }
 
 impl From<Errno> for Stop {
     fn from(errno: Errno) -> Self {
-        Self::Errno(errno)
+        // Calls that never wait get this where others of Linux would wait.
+        if errno == Errno::AGAIN {
+            Self::Again
+        } else {
+            Self::Errno(errno)
+        }
     }
 }
 
 impl From<rustix::io::Errno> for Stop {
     fn from(errno: rustix::io::Errno) -> Self {
-        Self::Errno(errno.into())
+        Errno::from(errno).into()
     }
 }
 

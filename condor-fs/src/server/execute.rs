@@ -6,7 +6,6 @@ use rustix::rand::GetRandomFlags;
 use super::error::Stop;
 use super::journal::Record;
 use super::log::{Log, Outcome};
-use super::open_files::unique_name;
 use super::{Job, Server, Step, Steps};
 use crate::errno::Errno;
 use crate::wire::{self, Operation};
@@ -20,14 +19,16 @@ impl<S: Steps> Server<S> {
             Operation::Open => self.open(job, log),
             Operation::Close => self.close(job).map(nothing),
             Operation::Read => self.read(job).map(value),
-            Operation::Write | Operation::Append => self.write(job, log).map(value),
+            Operation::Write => self.write(job).map(value),
+            Operation::Append => self.append(job, log).map(value),
             Operation::Truncate => self.truncate(job).map(nothing),
             Operation::Sync => self.sync(job).map(nothing),
             Operation::FileStatus => self.file_status(job),
             Operation::PathStatus => self.path_status(job),
             Operation::ReadDirectory => self.read_directory(job).map(value),
             Operation::MakeDirectory => self.make_directory(job, log).map(nothing),
-            Operation::RemoveDirectory | Operation::Unlink => self.remove(job, log).map(nothing),
+            Operation::RemoveDirectory => self.remove_directory(job, log).map(nothing),
+            Operation::Unlink => self.unlink(job, log).map(nothing),
             Operation::Rename => self.rename(job, log).map(nothing),
         }
     }
@@ -39,13 +40,14 @@ impl<S: Steps> Server<S> {
             Operation::Open | Operation::MakeDirectory | Operation::RemoveDirectory => wire::NONE,
             _ => self.table(job)?,
         };
-        self.journal.begin(&Record {
+        let record = Record {
             processor: job.processor,
             session: job.request.session,
             sequence: job.request.sequence,
             slot: job.slot,
             table,
-        });
+        };
+        self.journal.begin(&self.tree, &record)?;
         self.reached(job, Step::Begun);
         Ok(())
     }
@@ -74,7 +76,7 @@ impl<S: Steps> Server<S> {
             }
         }
         for name in left {
-            self.tree.discard(&name);
+            self.discard(&name)?;
         }
         loop {
             let mut bytes = [0; 8];
@@ -83,20 +85,6 @@ impl<S: Steps> Server<S> {
             if session != wire::NO_SESSION {
                 return Ok(session);
             }
-        }
-    }
-
-    /// Removes what an operation whose result is recorded may have left.
-    pub(super) fn clean(&self, job: &Job<'_>, failed: bool) {
-        let makes = match job.operation {
-            Operation::Open => job.request.flags & wire::open::EXCLUSIVE != 0,
-            Operation::MakeDirectory => true,
-            _ => false,
-        };
-        if failed && makes {
-            let request = &job.request;
-            let unique = unique_name(job.processor, request.session, request.sequence);
-            self.tree.discard(&unique);
         }
     }
 }

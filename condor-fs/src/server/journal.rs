@@ -1,19 +1,34 @@
 //! [`Journal`]: which operation is in progress, for the next server.
 
+use std::ffi::OsStr;
 use std::io;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use condor_mbox::linux::{Access, LinuxWindow};
+use condor_mbox::linux::{Access, LinuxWindow, LinuxWindowError};
 use condor_mbox::{LoadOrder, MemoryWindow, Processor, StoreOrder};
-use rustix::fs::{Mode, OFlags};
+use rustix::fs::{FallocateFlags, Mode, OFlags};
+use rustix::io::Errno as Linux;
 
-use super::tree::Tree;
+use super::ServerError;
+use super::limit::check_file_limit;
+use super::tree::{OWN, Tree};
 use crate::wire::{halves, whole};
 
-const BYTES: u32 = 28;
+/// Bytes of the file.
+const BYTES: u32 = 32;
+const NAME: &str = "journal";
 
 /// A mapped file, which outlives the process that wrote it.
+///
+/// It has room on the disk before the first operation: a store to a hole of a full disk would go nowhere.
+/// Where a store fails all the same (the file was truncated, the disk copies what is written), the
+/// operation is not begun.
 pub(super) struct Journal {
-    window: LinuxWindow,
+    window: Mutex<LinuxWindow>,
+    /// For errors.
+    path: PathBuf,
 }
 
 /// An operation in progress.
@@ -21,56 +36,170 @@ pub(super) struct Journal {
 pub(super) struct Record {
     pub(super) processor: Processor,
     pub(super) session: u64,
-    pub(super) sequence: u32,
+    pub(super) sequence: u64,
     pub(super) slot: u32,
     pub(super) table: u32,
 }
 
 impl Journal {
-    pub(super) fn open(tree: &Tree) -> io::Result<Self> {
-        let flags = OFlags::RDWR | OFlags::CREATE | OFlags::CLOEXEC | OFlags::NOFOLLOW;
-        let mode = Mode::RUSR | Mode::WUSR;
-        let file = rustix::fs::openat(tree.stage(), "journal", flags, mode)?;
-        rustix::fs::ftruncate(&file, u64::from(BYTES))?;
-        let window =
-            LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).map_err(io::Error::other)?;
-        Ok(Self { window })
-    }
-
-    /// A journal that cannot be written, because its file was truncated, is missed by a next life
-    /// only.
-    pub(super) fn begin(&self, record: &Record) {
-        let ([session, session_high], number) =
-            (halves(record.session), u32::from(record.processor.0));
-        let words = [
-            number,
-            session,
-            session_high,
-            record.sequence,
-            record.slot,
-            record.table,
-        ];
-        for (word, at) in words.into_iter().zip((4..).step_by(4)) {
-            let _ = self.window.store(at, word, StoreOrder::Release);
+    /// That of the tree at `root`, with what was in progress when its last server ended.
+    pub(super) fn open(tree: &Tree, root: &Path) -> Result<Self, ServerError> {
+        let path = root.join(OsStr::from_bytes(OWN)).join(NAME);
+        match map(tree) {
+            Ok(window) => Ok(Self {
+                window: Mutex::new(window),
+                path,
+            }),
+            Err(source) => Err(ServerError::Journal { path, source }),
         }
-        let _ = self.window.store(0, 1, StoreOrder::Release);
     }
 
+    /// Records what is begun: a next life finishes it first.
+    ///
+    /// # Errors
+    /// Nothing is recorded, and nothing may be begun.
+    pub(super) fn begin(&self, tree: &Tree, record: &Record) -> io::Result<()> {
+        let mut window = self.lock();
+        if write(&window, record).is_ok() {
+            return Ok(());
+        }
+        // The mapping is lost; the file need not be.
+        *window = map(tree)?;
+        write(&window, record).map_err(io::Error::other)
+    }
+
+    /// What was begun has ended. A record that stays because this fails does no harm: the slot says that
+    /// the operation is done, or the client has gone on to another one.
     pub(super) fn end(&self) {
-        let _ = self.window.store(0, 0, StoreOrder::Release);
+        let _ = self.lock().store(0, 0, StoreOrder::Release);
     }
 
-    pub(super) fn read(&self) -> Option<Record> {
-        let word = |n: u32| self.window.load(4 * n, LoadOrder::Acquire).ok();
-        if word(0)? != 1 {
-            return None;
-        }
-        Some(Record {
-            processor: Processor(word(1)?.try_into().ok()?),
-            session: whole(word(2)?, word(3)?),
-            sequence: word(4)?,
-            slot: word(5)?,
-            table: word(6)?,
+    /// What is in progress.
+    ///
+    /// # Errors
+    /// [`ServerError::Journal`] if the disk does not say.
+    pub(super) fn read(&self) -> Result<Option<Record>, ServerError> {
+        read(&self.lock()).map_err(|error| ServerError::Journal {
+            path: self.path.clone(),
+            source: io::Error::other(error),
         })
+    }
+
+    /// A panic elsewhere does not make it wrong.
+    fn lock(&self) -> MutexGuard<'_, LinuxWindow> {
+        self.window.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The file, with room on the disk, and what was in it.
+fn map(tree: &Tree) -> io::Result<LinuxWindow> {
+    let flags = OFlags::RDWR | OFlags::CREATE | OFlags::CLOEXEC | OFlags::NOFOLLOW;
+    let file = rustix::fs::openat(tree.stage(), NAME, flags, Mode::RUSR | Mode::WUSR)?;
+    check_file_limit(BYTES.into())?;
+    match rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, BYTES.into()) {
+        Err(Linux::OPNOTSUPP) => {
+            // What is written and synchronised has its room, too.
+            let mut bytes = [0; BYTES as usize];
+            rustix::io::pread(&file, &mut bytes, 0)?;
+            rustix::io::pwrite(&file, &bytes, 0)?;
+            rustix::fs::fsync(&file)?;
+        }
+        outcome => outcome?,
+    }
+    LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).map_err(io::Error::other)
+}
+
+/// The first word is 0 while the others change: half a record is none.
+fn write(window: &LinuxWindow, record: &Record) -> Result<(), LinuxWindowError> {
+    let [session, session_high] = halves(record.session);
+    let [sequence, sequence_high] = halves(record.sequence);
+    let words = [
+        0,
+        u32::from(record.processor.0),
+        session,
+        session_high,
+        sequence,
+        sequence_high,
+        record.slot,
+        record.table,
+    ];
+    for (word, at) in words.into_iter().zip((0..).step_by(4)) {
+        window.store(at, word, StoreOrder::Release)?;
+    }
+    window.store(0, 1, StoreOrder::Release)
+}
+
+fn read(window: &LinuxWindow) -> Result<Option<Record>, LinuxWindowError> {
+    let mut words = [0; BYTES as usize / 4];
+    for (word, at) in words.iter_mut().zip((0..).step_by(4)) {
+        *word = window.load(at, LoadOrder::Acquire)?;
+    }
+    let [
+        begun,
+        processor,
+        session,
+        session_high,
+        sequence,
+        sequence_high,
+        slot,
+        table,
+    ] = words;
+    let (1, Ok(number)) = (begun, u8::try_from(processor)) else {
+        return Ok(None);
+    };
+    Ok(Some(Record {
+        processor: Processor(number),
+        session: whole(session, session_high),
+        sequence: whole(sequence, sequence_high),
+        slot,
+        table,
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RECORD: Record = Record {
+        processor: Processor(7),
+        session: u64::MAX - 1,
+        sequence: whole(3, 2),
+        slot: 64,
+        table: 256,
+    };
+
+    #[test]
+    fn what_was_begun_is_known_to_the_next_one() {
+        let root = tempfile::tempdir().unwrap();
+        let tree = Tree::open(root.path()).unwrap();
+        let journal = Journal::open(&tree, root.path()).unwrap();
+        assert_eq!(journal.read().unwrap(), None);
+        journal.begin(&tree, &RECORD).unwrap();
+        let next = Journal::open(&tree, root.path()).unwrap();
+        assert_eq!(next.read().unwrap(), Some(RECORD));
+        next.end();
+        assert_eq!(journal.read().unwrap(), None);
+    }
+
+    #[test]
+    fn a_store_that_fails_is_made_again_or_reported() {
+        let root = tempfile::tempdir().unwrap();
+        let tree = Tree::open(root.path()).unwrap();
+        let journal = Journal::open(&tree, root.path()).unwrap();
+        let path = root.path().join(".condor-fs/journal");
+        let file = std::fs::File::options().write(true).open(&path).unwrap();
+        file.set_len(0).unwrap();
+        journal.begin(&tree, &RECORD).unwrap();
+        let next = Journal::open(&tree, root.path()).unwrap();
+        assert_eq!(next.read().unwrap(), Some(RECORD));
+
+        file.set_len(0).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        assert!(journal.read().is_err(), "what is gone is not nothing");
+        let error = journal.begin(&tree, &RECORD).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::IsADirectory);
+        let error = Journal::open(&tree, root.path()).err().unwrap();
+        assert!(error.to_string().contains("journal"), "{error}");
     }
 }

@@ -15,19 +15,12 @@ pub(super) struct Outcome {
     pub(super) about: Option<(Evidence, Status)>,
 }
 
-/// What was recorded of an operation that was begun.
-#[derive(Clone, Copy)]
-pub(super) struct Staged {
-    pub(super) step: u32,
-    pub(super) evidence: [u32; 8],
-}
-
 /// The record of one operation.
 pub(super) struct Log<'l> {
     region: Region<&'l LinuxWindow>,
     at: u32,
     session: u64,
-    sequence: u32,
+    sequence: u64,
 }
 
 impl<'l> Log<'l> {
@@ -40,35 +33,42 @@ impl<'l> Log<'l> {
         }
     }
 
-    /// The errno, if the operation is done.
-    pub(super) fn done(&self) -> Result<Option<u32>, Stop> {
-        if self.state()? == state::DONE {
-            Ok(Some(self.region.word(self.at + slot::ERRNO)?))
-        } else {
-            Ok(None)
+    /// Whether the operation is done.
+    pub(super) fn is_done(&self) -> Result<bool, Stop> {
+        Ok(self.state()? == state::DONE)
+    }
+
+    /// Notes that this life of the server works on the operation; gives how many lives now have.
+    pub(super) fn take(&self) -> Result<u32, Stop> {
+        if self.state()? != state::NONE {
+            let lives = self.region.word(self.at + slot::LIVES)?.saturating_add(1);
+            self.set(slot::LIVES, &[lives])?;
+            return Ok(lives);
         }
+        self.set(slot::LIVES, &[1])?;
+        self.set(slot::STATE_SESSION, &wire::halves(self.session))?;
+        self.set(slot::STATE_SEQUENCE, &wire::halves(self.sequence))?;
+        self.set(slot::STATE, &[state::TAKEN])?;
+        Ok(1)
+    }
+
+    /// Takes back the last [`take`](Self::take): nothing was done.
+    pub(super) fn give_back(&self, lives: u32) -> Result<(), Stop> {
+        self.set(slot::LIVES, &[lives.saturating_sub(1)])
     }
 
     /// What was recorded, if it was begun.
-    pub(super) fn staged(&self) -> Result<Option<Staged>, Stop> {
+    pub(super) fn staged(&self) -> Result<Option<[u32; 8]>, Stop> {
         if self.state()? != state::STAGED {
             return Ok(None);
         }
-        Ok(Some(Staged {
-            step: self.region.word(self.at + slot::STEP)?,
-            evidence: words(&self.region, self.at + slot::EVIDENCE)?,
-        }))
+        Ok(Some(words(&self.region, self.at + slot::EVIDENCE)?))
     }
 
-    /// Records the intent, with what a next life must know; step 1.
-    pub(super) fn stage(&self, evidence: &[u32; 8]) -> Result<(), Stop> {
+    /// Records the intent, with what a next life must know.
+    pub(super) fn stage(&self, evidence: &[u32]) -> Result<(), Stop> {
         self.set(slot::EVIDENCE, evidence)?;
-        self.set(slot::STEP, &[1])?;
-        self.set_state(state::STAGED)
-    }
-
-    pub(super) fn step(&self, step: u32) -> Result<(), Stop> {
-        self.set(slot::STEP, &[step])
+        self.set(slot::STATE, &[state::STAGED])
     }
 
     pub(super) fn record(&self, outcome: &Result<Outcome, Errno>) -> Result<(), Stop> {
@@ -82,21 +82,17 @@ impl<'l> Log<'l> {
             self.set(slot::EVIDENCE, &evidence.to_words())?;
             self.set(slot::STATUS, &status.to_words())?;
         }
-        self.set_state(state::DONE)
+        self.set(slot::STATE, &[state::DONE])
     }
 
     /// The state, if it is that of this operation.
     fn state(&self) -> Result<u32, Stop> {
         let state = self.region.word(self.at + slot::STATE)?;
-        let [session, high, sequence] = words(&self.region, self.at + slot::STATE_SESSION)?;
-        let of_this = wire::whole(session, high) == self.session && sequence == self.sequence;
+        let [session, session_high, sequence, sequence_high] =
+            words(&self.region, self.at + slot::STATE_SESSION)?;
+        let of_this = wire::whole(session, session_high) == self.session
+            && wire::whole(sequence, sequence_high) == self.sequence;
         Ok(if of_this { state } else { state::NONE })
-    }
-
-    fn set_state(&self, state: u32) -> Result<(), Stop> {
-        self.set(slot::STATE_SESSION, &wire::halves(self.session))?;
-        self.set(slot::STATE_SEQUENCE, &[self.sequence])?;
-        self.set(slot::STATE, &[state])
     }
 
     /// In order: the next server sees no word without those before it.

@@ -4,7 +4,9 @@
 
 mod error;
 mod execute;
+mod give_up;
 mod journal;
+mod limit;
 mod log;
 mod names;
 mod open_files;
@@ -32,13 +34,13 @@ use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, slot};
 use error::Stop;
 use journal::{Journal, Record};
-use log::Log;
+use log::{Log, words};
 use open_files::OpenFiles;
 use quota::Quota;
 use tree::Tree;
 
-/// How long a client may take to say where its table is.
-const ASK: Duration = Duration::from_millis(100);
+/// How long a server that has just served waits for the next request before it sleeps.
+const MORE: Duration = Duration::from_millis(100);
 /// How often a server that has nothing to do looks whether it is to stop.
 const LOOK: Duration = Duration::from_millis(250);
 
@@ -65,14 +67,17 @@ struct Job<'j> {
     slot: u32,
     request: Request,
     operation: Operation,
-    ask: &'j dyn Fn() -> Option<u32>,
+    /// Where the table of a session is, if that is known.
+    ask: &'j dyn Fn(u64) -> Option<u32>,
 }
 
 impl Server {
     /// A server of the tree at `root`, a directory.
     ///
     /// # Errors
-    /// [`ServerError::Served`] if a live server has this tree; [`ServerError::System`].
+    /// [`ServerError::Served`] if a live server has this tree; [`ServerError::Journal`] if its disk is
+    /// full; [`ServerError::FileMode`]; [`ServerError::System`], also for what cannot be counted for
+    /// the quota.
     pub fn new(root: impl AsRef<Path>, options: Options) -> Result<Self, ServerError> {
         Self::with_steps(root, options, ())
     }
@@ -90,13 +95,21 @@ impl<S: Steps> Server<S> {
     ) -> Result<Self, ServerError> {
         let root = root.as_ref();
         let tree = Tree::open(root)?;
-        let journal = Journal::open(&tree).map_err(ServerError::at(root))?;
+        let mode = options.file_mode;
+        tree.check_mode(mode)
+            .map_err(|source| ServerError::FileMode {
+                root: root.to_owned(),
+                mode,
+                source: source.into(),
+            })?;
+        let quota = Quota::of(&tree, options.quota_bytes).map_err(ServerError::at(root))?;
+        let journal = Journal::open(&tree, root)?;
         Ok(Self {
             tree,
             options,
             journal,
             open: OpenFiles::default(),
-            quota: Quota::default(),
+            quota,
             steps,
         })
     }
@@ -104,7 +117,7 @@ impl<S: Steps> Server<S> {
     /// Recovers, joins with the number of `claim` and serves until `stop` is set.
     ///
     /// # Errors
-    /// [`ServerError::Mailbox`].
+    /// [`ServerError::Mailbox`]; [`ServerError::Journal`].
     pub fn serve<const N: usize>(
         &self,
         claim: Claim<N>,
@@ -112,7 +125,7 @@ impl<S: Steps> Server<S> {
     ) -> Result<(), ServerError> {
         let number = claim.number();
         let (windows, doorbell) = claim.into_parts();
-        self.recover(&windows);
+        self.recover(&windows)?;
         let handler = |call: &Call<'_>| self.answer(call, &windows);
         let mut mailbox = Mailbox::new(number, windows.clone(), doorbell, SingleContext::new())?;
         mailbox.set_waiting(self.options.waiting);
@@ -124,7 +137,7 @@ impl<S: Steps> Server<S> {
             served = match served {
                 0 if sleeps => sleep(&mut mailbox)?,
                 // Requests often follow each other.
-                _ => mailbox.serve(ASK)?,
+                _ => mailbox.serve(MORE)?,
             };
         }
         Ok(())
@@ -132,11 +145,18 @@ impl<S: Steps> Server<S> {
 
     /// Finishes what the former server of this tree was in the middle of, if its client still wants
     /// it. Call it before the mailbox joins; [`serve`](Self::serve) does.
-    pub fn recover<const N: usize>(&self, windows: &[Windows<LinuxWindow>; N]) {
-        if let Some(record) = self.journal.read() {
+    ///
+    /// # Errors
+    /// [`ServerError::Journal`] if it cannot be read.
+    pub fn recover<const N: usize>(
+        &self,
+        windows: &[Windows<LinuxWindow>; N],
+    ) -> Result<(), ServerError> {
+        if let Some(record) = self.journal.read()? {
             self.finish(&record, windows);
             self.journal.end();
         }
+        Ok(())
     }
 
     fn finish(&self, record: &Record, windows: &[Windows<LinuxWindow>]) {
@@ -150,7 +170,7 @@ impl<S: Steps> Server<S> {
             request.session == record.session && request.sequence == record.sequence
         });
         if wanted {
-            self.serve_slot(record.processor, data, record.slot, &|| Some(record.table));
+            self.serve_slot(record.processor, data, record.slot, &|_| Some(record.table));
         }
     }
 
@@ -165,7 +185,7 @@ impl<S: Steps> Server<S> {
         let Some(Windows { data, .. }) = windows.get(sender.index()) else {
             return refused(Errno::FAULT);
         };
-        let ask = || call.send_with_reply(sender, wire::OPEN_FILES, 0, ASK).ok();
+        let ask = |session| self.open.ask(call, session);
         self.serve_slot(sender, data, call.data(), &ask)
     }
 
@@ -174,7 +194,7 @@ impl<S: Steps> Server<S> {
         processor: Processor,
         window: &LinuxWindow,
         slot: u32,
-        ask: &dyn Fn() -> Option<u32>,
+        ask: &dyn Fn(u64) -> Option<u32>,
     ) -> u32 {
         if self.options.refused.contains(processor) {
             return refused(Errno::ACCES);
@@ -208,25 +228,33 @@ impl<S: Steps> Server<S> {
     /// Does a job whose result is not in its slot yet; fails only if the slot cannot have one.
     fn run(&self, job: &Job<'_>) -> Result<(), Stop> {
         let log = Log::of(job);
-        if let Some(errno) = log.done()? {
-            // Its former server may have died before this.
-            self.clean(job, errno != 0);
-            return Ok(());
+        if log.is_done()? {
+            return Ok(()); // Its former server died before it replied.
         }
-        self.reached(job, Step::Taken);
-        let outcome = match self.execute(job, &log) {
+        let lives = log.take()?;
+        let attempt = if self.is_given_up(lives) {
+            self.give_up(job, &log, lives)
+        } else {
+            self.reached(job, Step::Taken);
+            self.execute(job, &log)
+        };
+        let outcome = match attempt {
             Err(Stop::Again) => {
                 self.journal.end();
+                log.give_back(lives)?;
                 return Err(Stop::Again);
             }
             Ok(outcome) => Ok(outcome),
             Err(Stop::Errno(errno)) => Err(errno),
         };
-        self.reached(job, Step::Acted);
+        if !self.is_given_up(lives) {
+            self.reached(job, Step::Acted);
+        }
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
-        self.clean(job, outcome.is_err());
-        self.reached(job, Step::Cleaned);
+        if self.is_given_up(lives) {
+            self.clear_away(job);
+        }
         self.journal.end();
         recorded
     }
@@ -245,10 +273,10 @@ fn sleep<D: Doorbell, X: Exclusion, const N: usize>(
     let doorbell = mailbox.doorbell();
     // What this service does not see, rings.
     let seen = doorbell.prepare();
-    let mut served = mailbox.service(ASK)?;
+    let mut served = mailbox.service(MORE)?;
     if served == 0 {
         doorbell.wait(seen, doorbell.now().after(LOOK));
-        served = mailbox.service(ASK)?;
+        served = mailbox.service(MORE)?;
     }
     mailbox.ring_always(false)?;
     Ok(served)
@@ -267,17 +295,15 @@ fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno
     if region.word(at).map_err(fault)? != slot::MAGIC {
         return Err(Errno::FAULT);
     }
-    let mut words = [[0; 4]; slot::REQUEST_WORDS];
-    region.read(at, words.as_flattened_mut()).map_err(fault)?;
+    let mut bytes = [[0; 4]; slot::REQUEST_WORDS];
+    region.read(at, bytes.as_flattened_mut()).map_err(fault)?;
     // Pairs with the fence in the client's `write`: what is read below is no older than these words.
     fence(Ordering::Acquire);
-    let request = Request::from_words(&words.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
+    let request = Request::from_words(&bytes.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
     // A client that changed it meanwhile first took away the magic, then changed the sequence.
-    let (magic, sequence) = (
-        region.word(at).map_err(fault)?,
-        region.word(at + 12).map_err(fault)?,
-    );
-    if magic != slot::MAGIC || sequence != request.sequence {
+    let magic = region.word(at).map_err(fault)?;
+    let sequence: [u32; 2] = words(region, at + slot::SEQUENCE)?;
+    if magic != slot::MAGIC || sequence != wire::halves(request.sequence) {
         return Err(Errno::AGAIN);
     }
     Ok(request)

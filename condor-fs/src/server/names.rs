@@ -1,9 +1,10 @@
 //! Operations on names, each done once: see "How the server does each thing once" in WIRE.md.
 
-use std::ffi::{CStr, CString};
+use std::ffi::CString;
+use std::os::fd::OwnedFd;
 
 use condor_mbox::MemoryWindow;
-use rustix::fs::{AtFlags, Dir, Mode, OFlags, RenameFlags};
+use rustix::fs::{AtFlags, Mode, OFlags, RenameFlags};
 use rustix::io::Errno as Linux;
 
 use super::error::Stop;
@@ -12,11 +13,7 @@ use super::open_files::{Opened, system_flags, unique_name};
 use super::tree::{OWN, Place, about};
 use super::{Job, Server, Step, Steps};
 use crate::errno::Errno;
-use crate::wire::{Evidence, MAX_PATH, Operation, Span, Status, open as flag, rename};
-
-/// The steps of a removal.
-const TAKEN: u32 = 2;
-const GIVEN_BACK: u32 = 3;
+use crate::wire::{Evidence, MAX_PATH, Span, Status, open as flag, rename};
 
 impl<S: Steps> Server<S> {
     pub(super) fn open(&self, job: &Job<'_>, log: &Log<'_>) -> Result<Outcome, Stop> {
@@ -38,21 +35,21 @@ impl<S: Steps> Server<S> {
         if has(flag::CREATE | flag::TRUNCATE) {
             self.begin(job)?;
         }
-        let mut system = system_flags(flags);
-        if has(flag::EXCLUSIVE) {
-            self.make_at_once(job, log, &path)?;
-        } else if has(flag::CREATE) {
-            system |= OFlags::CREATE;
-        }
+        let file = if has(flag::EXCLUSIVE) {
+            self.make_file(job, log, &path)?
+        } else {
+            let mut system = system_flags(flags);
+            if has(flag::CREATE) {
+                self.admit_new(&path)?;
+                system |= OFlags::CREATE;
+            }
+            self.tree.open_path(&path, system, self.options.file_mode)?
+        };
+        let mut found = about(&file, c"")?;
         if has(flag::TRUNCATE) {
-            system |= OFlags::TRUNC;
-        }
-        let file = self.tree.open_path(&path, system, self.options.file_mode)?;
-        let found = about(&file, c"")?;
-        if let Some(staged) = log.staged()?
-            && Evidence::from_words(&staged.evidence) != found.0
-        {
-            return Err(Errno::STALE.into());
+            rustix::fs::ftruncate(&file, 0)?;
+            self.quota.release(found.1.size);
+            found = about(&file, c"")?;
         }
         self.open
             .keep(job, request.sequence, Opened { file, flags });
@@ -62,18 +59,42 @@ impl<S: Steps> Server<S> {
         })
     }
 
+    /// Makes a file without a name, then gives it its path: it is seen with all that it is, and
+    /// one that did not get so far leaves nothing.
+    fn make_file(&self, job: &Job<'_>, log: &Log<'_>, path: &[u8]) -> Result<OwnedFd, Stop> {
+        let place = self.tree.place(path)?.named(Errno::EXIST, Errno::EXIST)?;
+        if place.directory {
+            return Err(Errno::ISDIR.into());
+        }
+        let flags = system_flags(job.request.flags);
+        match (place.about(), log.staged()?) {
+            (Err(Linux::NOENT), _) => {}
+            (Err(errno), _) => return Err(errno.into()),
+            // By a former life.
+            (Ok((found, _)), Some(staged)) if Evidence::from_words(&staged) == found => {
+                return Ok(self.tree.open_path(path, flags, 0)?);
+            }
+            (Ok(_), _) => return Err(Errno::EXIST.into()),
+        }
+        self.admit_name()?;
+        let file = self
+            .tree
+            .make_unnamed(&place, flags, self.options.file_mode)?;
+        self.reached(job, Step::Made);
+        log.stage(&about(&file, c"")?.0.to_words())?;
+        self.reached(job, Step::Staged);
+        self.tree.give_name(&file, &place)?;
+        self.reached(job, Step::Moved);
+        Ok(file)
+    }
+
     pub(super) fn path_status(&self, job: &Job<'_>) -> Result<Outcome, Stop> {
         let path = job.path(job.request.path)?;
-        let found = match self.tree.place(&path) {
-            Ok(place) => look(&place)?,
-            // It ends with "." or "..".
-            Err(Errno::BUSY) => {
-                let file = self
-                    .tree
-                    .open_path(&path, OFlags::PATH | OFlags::DIRECTORY, 0)?;
-                about(&file, c"")?
-            }
-            Err(errno) => return Err(errno.into()),
+        let place = self.tree.place(&path)?;
+        let found = if place.is_directory() {
+            about(self.tree.open_directory(&path, OFlags::PATH)?, c"")?
+        } else {
+            place.about()?
         };
         Ok(Outcome {
             value: 0,
@@ -81,133 +102,81 @@ impl<S: Steps> Server<S> {
         })
     }
 
+    /// Makes a directory at once in its place: what the one above it passes on, and permissions
+    /// that keep the server itself out, forbid to make it elsewhere and to move it.
     pub(super) fn make_directory(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
         let path = job.path(job.request.path)?;
         self.check_writable(job)?;
         self.begin(job)?;
-        self.make_at_once(job, log, &path)
-    }
-
-    /// Makes a file or directory under its unique name, then gives it its path.
-    fn make_at_once(&self, job: &Job<'_>, log: &Log<'_>, path: &[u8]) -> Result<(), Stop> {
-        let unique = job.unique_name();
-        let place;
-        if log.staged()?.is_some() {
-            if self.tree.staged(&unique)?.is_none() {
-                return Ok(());
-            }
-            place = self.tree.place(path)?;
-        } else {
-            place = match self.tree.place(path) {
-                Err(Errno::BUSY) => return Err(Errno::EXIST.into()),
-                place => place?,
-            };
-            if place.directory && job.operation == Operation::Open {
-                return Err(Errno::ISDIR.into());
-            }
-            match about(&place.parent, &place.name) {
-                Err(Linux::NOENT) => {}
-                Ok(_) => return Err(Errno::EXIST.into()),
-                Err(errno) => return Err(errno.into()),
-            }
-            match self.make(job, &unique) {
-                // By a former life.
-                Ok(()) | Err(Linux::EXIST) => {}
-                Err(errno) => return Err(errno.into()),
-            }
-            self.reached(job, Step::Made);
-            let (evidence, _) = about(self.tree.stage(), &unique)?;
-            log.stage(&evidence.to_words())?;
+        let place = self.tree.place(&path)?.named(Errno::EXIST, Errno::EXIST)?;
+        let staged = log.staged()?.is_some();
+        match place.about() {
+            Err(Linux::NOENT) => {}
+            Err(errno) => return Err(errno.into()),
+            // By a former life: there was nothing before it.
+            Ok((_, status)) if staged && status.is_directory() => return Ok(()),
+            Ok(_) => return Err(Errno::EXIST.into()),
+        }
+        if !staged {
+            self.admit_name()?;
+            log.stage(&[0; 8])?;
             self.reached(job, Step::Staged);
         }
-        self.tree.put(&unique, &place)?;
-        self.reached(job, Step::Moved);
+        let mode = Mode::from_raw_mode(self.options.directory_mode);
+        rustix::fs::mkdirat(&place.parent, &*place.name, mode)?;
+        self.reached(job, Step::Made);
         Ok(())
     }
 
-    fn make(&self, job: &Job<'_>, unique: &CStr) -> Result<(), Linux> {
-        let stage = self.tree.stage();
-        if job.operation == Operation::MakeDirectory {
-            let mode = Mode::from_raw_mode(self.options.directory_mode);
-            return rustix::fs::mkdirat(stage, unique, mode);
-        }
-        let mode = Mode::from_raw_mode(self.options.file_mode);
-        let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::CLOEXEC;
-        rustix::fs::openat(stage, unique, flags, mode).map(drop)
-    }
-
-    /// Unlink and remove directory.
-    pub(super) fn remove(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
+    pub(super) fn remove_directory(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
         let path = job.path(job.request.path)?;
         self.check_writable(job)?;
-        if job.operation == Operation::Unlink {
-            self.table(job)?; // Before anything is begun: the client may have to be asked.
-        }
         self.begin(job)?;
-        let unique = job.unique_name();
-        let staged = log.staged()?;
-        if staged.is_none() {
-            let place = self.tree.place(&path)?;
-            let (evidence, status) = look(&place)?;
-            match (job.operation == Operation::Unlink, status.is_directory()) {
-                (true, true) => return Err(Errno::ISDIR.into()),
-                (false, false) => return Err(Errno::NOTDIR.into()),
-                (false, true) => check_empty(&place)?,
-                (true, false) => {}
-            }
-            if job.operation == Operation::Unlink {
-                self.open_blocks(job)?; // A table that is none is found before anything is touched.
-            }
-            log.stage(&evidence.to_words())?;
-            self.reached(job, Step::Staged);
-        }
-        let step = staged.map_or(1, |staged| staged.step);
-        if step < TAKEN {
-            // A former life may have moved it, and died before it said so.
-            if self.tree.staged(&unique)?.is_none() {
-                self.tree.take(&self.tree.place(&path)?, &unique)?;
-                self.reached(job, Step::Moved);
-            }
-            log.step(TAKEN)?;
-            self.reached(job, Step::Marked);
-        }
-        let Some((evidence, status)) = self.tree.staged(&unique)? else {
-            return if step == GIVEN_BACK {
-                Err(Errno::NOTEMPTY.into())
-            } else {
-                Ok(())
-            };
+        let place = self.tree.place(&path);
+        let place = place.and_then(|place| place.named(Errno::INVAL, Errno::NOTEMPTY));
+        let Some((place, evidence, status)) = remaining(place, log)? else {
+            return Ok(());
         };
-        if status.is_directory() {
-            return self.remove_taken(job, log, &unique, &path, step);
+        if !status.is_directory() {
+            return Err(Errno::NOTDIR.into());
         }
-        // A table that has become none by now has no files.
-        if !self.mark_silly(job, evidence).unwrap_or(false) {
-            rustix::fs::unlinkat(self.tree.stage(), &*unique, AtFlags::empty())?;
-        }
+        log.stage(&evidence.to_words())?;
+        self.reached(job, Step::Staged);
+        rustix::fs::unlinkat(&place.parent, &*place.name, AtFlags::REMOVEDIR)?;
+        self.quota.release_name(&status);
         Ok(())
     }
 
-    /// Removes a directory that was moved; if somebody has put something into it since it was
-    /// found empty, it goes back.
-    fn remove_taken(
-        &self,
-        job: &Job<'_>,
-        log: &Log<'_>,
-        unique: &CStr,
-        path: &[u8],
-        step: u32,
-    ) -> Result<(), Stop> {
-        if step != GIVEN_BACK {
-            match rustix::fs::unlinkat(self.tree.stage(), unique, AtFlags::REMOVEDIR) {
-                Ok(()) => return Ok(()),
-                Err(Linux::NOTEMPTY | Linux::EXIST) => log.step(GIVEN_BACK)?,
-                Err(errno) => return Err(errno.into()),
-            }
+    pub(super) fn unlink(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
+        let path = job.path(job.request.path)?;
+        self.check_writable(job)?;
+        self.table(job)?; // Before anything is begun: the client may have to be asked.
+        self.begin(job)?;
+        if self.finish_aside(job, log)? {
+            return Ok(());
         }
-        self.tree.put(unique, &self.tree.place(path)?)?;
-        self.reached(job, Step::Moved);
-        Err(Errno::NOTEMPTY.into())
+        let place = self.tree.place(&path);
+        let place = place.and_then(|place| place.named(Errno::ISDIR, Errno::ISDIR));
+        let Some((place, evidence, status)) = remaining(place, log)? else {
+            return Ok(());
+        };
+        if status.is_directory() {
+            return Err(Errno::ISDIR.into());
+        }
+        if place.directory {
+            return Err(Errno::NOTDIR.into());
+        }
+        // A table that is none is found before anything is touched.
+        let open = self.is_open(job, evidence)?;
+        log.stage(&evidence.to_words())?;
+        self.reached(job, Step::Staged);
+        if open {
+            self.set_aside(job, &place, evidence)
+        } else {
+            rustix::fs::unlinkat(&place.parent, &*place.name, AtFlags::empty())?;
+            self.quota.release_name(&status);
+            Ok(())
+        }
     }
 
     pub(super) fn rename(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
@@ -215,65 +184,131 @@ impl<S: Steps> Server<S> {
         if request.flags & !rename::NO_REPLACE != 0 {
             return Err(Errno::INVAL.into());
         }
+        let replaces = request.flags & rename::NO_REPLACE == 0;
         let (from, to) = (job.path(request.path)?, job.path(request.second_path)?);
         self.check_writable(job)?;
         self.table(job)?;
         self.begin(job)?;
-        let staged = log.staged()?;
-        let places = self
-            .tree
-            .place(&from)
-            .and_then(|from| Ok((from, self.tree.place(&to)?)));
-        let evidence = staged.map(|staged| Evidence::from_words(&staged.evidence));
-        let present = places
-            .as_ref()
-            .ok()
-            .and_then(|(from, _)| about(&from.parent, &from.name).ok());
-        if let Some(evidence) = evidence
-            && present.is_none_or(|(found, _)| found != evidence)
+        if self.finish_aside(job, log)? {
+            return Ok(());
+        }
+        let places = (self.tree.place(&from)).and_then(|from| Ok((from, self.tree.place(&to)?)));
+        if let Some(staged) = log.staged()?
+            && self.finish_rename(job, &places, Evidence::from_words(&staged))?
         {
-            return Ok(()); // It has gone to its new name.
+            return Ok(());
         }
         let (from, to) = places?;
-        let (evidence, status) = look(&from)?;
-        if to.directory && !status.is_directory() {
+        let from = from.named(Errno::BUSY, Errno::BUSY)?;
+        let busy = if replaces { Errno::BUSY } else { Errno::EXIST };
+        let to = to.named(busy, busy)?;
+        let (source, status) = from.about()?;
+        let target = match to.about() {
+            Ok(_) if !replaces => return Err(Errno::EXIST.into()),
+            Ok(target) => Some(target),
+            Err(Linux::NOENT) => None,
+            Err(errno) => return Err(errno.into()),
+        };
+        if (from.directory || to.directory) && !status.is_directory() {
             return Err(Errno::NOTDIR.into());
         }
-        if staged.is_none() {
-            log.stage(&evidence.to_words())?;
-            self.reached(job, Step::Staged);
-        }
-        let flags = if request.flags & rename::NO_REPLACE == 0 {
-            self.keep_open_target(job, &to, evidence)?;
-            RenameFlags::empty()
-        } else {
-            RenameFlags::NOREPLACE
+        let target = target.filter(|(target, _)| *target != source);
+        let open = match target {
+            Some((target, about)) if about.is_file() && !status.is_directory() => {
+                self.is_open(job, target)?
+            }
+            _ => false,
+        };
+        log.stage(&source.to_words())?;
+        self.reached(job, Step::Staged);
+        let flags = match (open, replaces) {
+            // What is open must not be without a name, nor its new name without a file.
+            (true, _) => RenameFlags::EXCHANGE,
+            (false, true) => RenameFlags::empty(),
+            (false, false) => RenameFlags::NOREPLACE,
         };
         rustix::fs::renameat_with(&from.parent, &*from.name, &to.parent, &*to.name, flags)?;
         self.reached(job, Step::Moved);
+        match target {
+            Some((target, _)) if open => self.set_exchanged_aside(job, &from, &to, target),
+            Some((_, status)) => {
+                self.quota.release_name(&status);
+                Ok(())
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Whether a former life has renamed what has the evidence `source`; then finishes that.
+    pub(super) fn finish_rename(
+        &self,
+        job: &Job<'_>,
+        places: &Result<(Place, Place), Errno>,
+        source: Evidence,
+    ) -> Result<bool, Stop> {
+        let found = match places {
+            Ok((from, to)) => from.about().map(|found| (from, to, found)),
+            Err(errno) => return gone(*errno),
+        };
+        match found {
+            Ok((_, _, (found, _))) if found == source => Ok(false),
+            Ok((from, to, (left, status))) => {
+                // What was open may have been left at the old name.
+                if status.is_file()
+                    && to.about().is_ok_and(|(found, _)| found == source)
+                    && self.is_open(job, left)?
+                {
+                    self.set_exchanged_aside(job, from, to, left)?;
+                }
+                Ok(true)
+            }
+            Err(errno) => gone(errno.into()),
+        }
+    }
+
+    /// Sets an open file aside that has changed its name with the one that replaces it.
+    fn set_exchanged_aside(
+        &self,
+        job: &Job<'_>,
+        from: &Place,
+        to: &Place,
+        target: Evidence,
+    ) -> Result<(), Stop> {
+        self.set_aside(job, from, target).inspect_err(|_| {
+            // A directory that lets only owners remove what is theirs. If it cannot be undone, both
+            // files are there.
+            let flags = RenameFlags::EXCHANGE;
+            let _ =
+                rustix::fs::renameat_with(&from.parent, &*from.name, &to.parent, &*to.name, flags);
+        })
+    }
+
+    /// Takes the name from a file that is open: it stays until it is closed.
+    fn set_aside(&self, job: &Job<'_>, place: &Place, evidence: Evidence) -> Result<(), Stop> {
+        self.tree.set_aside(place, &job.unique_name())?;
+        self.reached(job, Step::Aside);
+        self.mark_or_discard(job, evidence)?;
+        self.reached(job, Step::Marked);
         Ok(())
     }
 
-    /// Gives the file that is to be replaced a silly name, if it is open.
-    fn keep_open_target(&self, job: &Job<'_>, to: &Place, source: Evidence) -> Result<(), Stop> {
-        let Ok((target, status)) = about(&to.parent, &to.name) else {
-            return Ok(());
-        };
-        if target == source || !status.is_file() {
-            return Ok(());
+    fn mark_or_discard(&self, job: &Job<'_>, evidence: Evidence) -> Result<(), Stop> {
+        // A table that has become none by now has no files.
+        if !self.mark_silly(job, evidence).unwrap_or(false) {
+            self.discard(&job.unique_name())?;
         }
-        let unique = job.unique_name();
-        if self.tree.staged(&unique)?.is_none() {
-            if !self.is_open(job, target)? {
-                return Ok(());
-            }
-            let stage = self.tree.stage();
-            rustix::fs::linkat(&to.parent, &*to.name, stage, &*unique, AtFlags::empty())?;
-            self.reached(job, Step::Made);
-        }
-        self.mark_silly(job, target)?;
-        self.reached(job, Step::Marked);
         Ok(())
+    }
+
+    /// Finishes what a former life has set aside; whether it has.
+    pub(super) fn finish_aside(&self, job: &Job<'_>, log: &Log<'_>) -> Result<bool, Stop> {
+        if log.staged()?.is_some()
+            && let Some((evidence, _)) = self.tree.aside(&job.unique_name())?
+        {
+            self.mark_or_discard(job, evidence)?;
+            return Ok(true);
+        }
+        Ok(false)
     }
 }
 
@@ -290,13 +325,10 @@ impl Job<'_> {
         if path.contains(&0) {
             return Err(Errno::INVAL.into());
         }
-        for name in path.split(|byte| *byte == b'/') {
-            if name == OWN {
-                return Err(Errno::NOENT.into());
-            }
-            if name.len() > 255 {
-                return Err(Errno::NAMETOOLONG.into());
-            }
+        // Also when it only leads through.
+        let mut names = path.split(|byte| *byte == b'/');
+        if names.find(|name| !matches!(*name, b"" | b".")) == Some(OWN) {
+            return Err(Errno::NOENT.into());
         }
         Ok(path)
     }
@@ -306,22 +338,27 @@ impl Job<'_> {
     }
 }
 
-fn check_empty(place: &Place) -> Result<(), Stop> {
-    let flags = OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-    let directory = rustix::fs::openat(&place.parent, &*place.name, flags, Mode::empty())?;
-    for entry in Dir::read_from(&directory)? {
-        if !matches!(entry?.file_name().to_bytes(), b"." | b"..") {
-            return Err(Errno::NOTEMPTY.into());
-        }
+/// Whether what a former life has staged is not where it was.
+fn gone(errno: Errno) -> Result<bool, Stop> {
+    match errno {
+        Errno::NOENT | Errno::NOTDIR => Ok(true),
+        errno => Err(errno.into()),
     }
-    Ok(())
 }
 
-/// What a name stands for; a name with a slash behind it is a directory's.
-fn look(place: &Place) -> Result<(Evidence, Status), Stop> {
-    let found = about(&place.parent, &place.name)?;
-    if place.directory && !found.1.is_directory() {
-        return Err(Errno::NOTDIR.into());
+/// What is to be removed; nothing if a former life has removed it.
+pub(super) fn remaining(
+    place: Result<Place, Errno>,
+    log: &Log<'_>,
+) -> Result<Option<(Place, Evidence, Status)>, Stop> {
+    let staged = log.staged()?;
+    let found = place.and_then(|place| {
+        let (evidence, status) = place.about()?;
+        Ok((place, evidence, status))
+    });
+    match (found, staged) {
+        (Ok((_, found, _)), Some(staged)) if Evidence::from_words(&staged) != found => Ok(None),
+        (Err(errno), Some(_)) if gone(errno)? => Ok(None),
+        (found, _) => Ok(Some(found?)),
     }
-    Ok(found)
 }

@@ -5,7 +5,7 @@ use std::ffi::CString;
 use std::os::fd::OwnedFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use condor_mbox::Processor;
+use condor_mbox::{Call, Message, Pending, Processor};
 use rustix::fs::{Mode, OFlags};
 
 use super::error::Stop;
@@ -27,9 +27,11 @@ pub(super) struct OpenFiles {
 #[derive(Default)]
 struct Cache {
     /// By processor, session and handle.
-    files: HashMap<(Processor, u64, u32), Arc<Opened>>,
+    files: HashMap<(Processor, u64, u64), Arc<Opened>>,
     /// Where the table of a session is.
     tables: HashMap<Processor, (u64, u32)>,
+    /// The question for it that a session has not answered yet.
+    asked: HashMap<Processor, (u64, Pending)>,
 }
 
 /// An open file.
@@ -42,10 +44,11 @@ pub(super) struct Opened {
 pub(super) struct Block {
     at: u32,
     session: u64,
-    handle: u32,
+    handle: u64,
     flags: u32,
     path: Span,
-    silly: u32,
+    /// The operation after which the file has a silly name; its low word is 0 if there is none.
+    silly: u64,
     evidence: Evidence,
 }
 
@@ -73,7 +76,7 @@ impl OpenFiles {
         self.cache.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn keep(&self, job: &Job<'_>, handle: u32, opened: Opened) -> Arc<Opened> {
+    pub(super) fn keep(&self, job: &Job<'_>, handle: u64, opened: Opened) -> Arc<Opened> {
         let opened = Arc::new(opened);
         let mut cache = self.lock();
         if cache.files.len() >= MOST {
@@ -87,6 +90,36 @@ impl OpenFiles {
     pub(super) fn forget(&self, job: &Job<'_>) {
         let key = (job.processor, job.request.session, job.request.handle);
         self.lock().files.remove(&key);
+    }
+
+    /// Where the table of the sender's session is, if it has said so; else asks it, without waiting
+    /// for the answer: others are served meanwhile, and the sender tries again when it has answered.
+    pub(super) fn ask(&self, call: &Call<'_>, session: u64) -> Option<u32> {
+        let (sender, messenger) = (call.sender(), call.messenger());
+        let mut cache = self.lock();
+        if let Some((of, pending)) = cache.asked.remove(&sender) {
+            if of == session {
+                match messenger.look(&pending) {
+                    Ok(None) => {
+                        cache.asked.insert(sender, (of, pending));
+                        return None;
+                    }
+                    Ok(table) => return table,
+                    Err(_) => {} // It was asked in a former life.
+                }
+            }
+            messenger.abandon(&pending);
+        }
+        let question = Message {
+            to: sender,
+            vector: wire::OPEN_FILES,
+            data: 0,
+        };
+        // If it cannot be asked now, then when it tries again.
+        if let Ok(pending) = messenger.open(question) {
+            cache.asked.insert(sender, (session, pending));
+        }
+        None
     }
 
     /// A new session of a processor begins.
@@ -106,7 +139,7 @@ impl<S: Steps> Server<S> {
         {
             return Ok(table);
         }
-        let table = (job.ask)().ok_or(Stop::Again)?;
+        let table = (job.ask)(job.request.session).ok_or(Stop::Again)?;
         let mut cache = self.open.lock();
         cache
             .tables
@@ -122,7 +155,7 @@ impl<S: Steps> Server<S> {
             return Ok(Arc::clone(opened));
         }
         let block = self.block(job)?.ok_or(Errno::BADF)?;
-        let file = if block.silly == 0 {
+        let file = if block.has_path() {
             let path = job.path(block.path)?;
             self.tree
                 .open_path(&path, system_flags(block.flags), 0)
@@ -190,8 +223,11 @@ impl<S: Steps> Server<S> {
         let sequence = job.request.sequence;
         let mut any = false;
         for block in self.open_blocks(job)? {
-            if block.evidence == evidence && (block.silly == 0 || block.silly == sequence) {
-                job.region.set_word(block.at + block::SILLY, sequence)?;
+            if block.evidence == evidence && (block.has_path() || block.silly == sequence) {
+                let [low, high] = wire::halves(sequence);
+                // The low word last: a next life sees all of it, or none.
+                job.region.set_word(block.at + block::SILLY + 4, high)?;
+                job.region.set_word(block.at + block::SILLY, low)?;
                 any = true;
             }
         }
@@ -203,7 +239,15 @@ impl<S: Steps> Server<S> {
         let blocks = self.open_blocks(job)?;
         Ok(blocks
             .iter()
-            .any(|block| block.evidence == evidence && block.silly == 0))
+            .any(|block| block.evidence == evidence && block.has_path()))
+    }
+
+    /// Whether the client has a file open that has the unique name of this operation.
+    pub(super) fn is_set_aside(&self, job: &Job<'_>) -> Result<bool, Stop> {
+        let blocks = self.open_blocks(job)?;
+        Ok(blocks
+            .iter()
+            .any(|block| block.silly == job.request.sequence))
     }
 
     /// The last end of a file that has a silly name removes it.
@@ -212,7 +256,7 @@ impl<S: Steps> Server<S> {
         let Some(block) = self.block(job)? else {
             return Ok(()); // Closed already.
         };
-        if block.silly == 0 {
+        if block.has_path() {
             return Ok(());
         }
         let blocks = self.open_blocks(job)?;
@@ -221,7 +265,8 @@ impl<S: Steps> Server<S> {
             .any(|other| other.at != block.at && other.silly == block.silly);
         if !others {
             let name = unique_name(job.processor, block.session, block.silly);
-            self.tree.discard(&name);
+            // It may have been closed before.
+            let _ = self.discard(&name);
         }
         Ok(())
     }
@@ -250,32 +295,39 @@ impl Blocks {
 }
 
 impl Block {
+    /// Whether the file has the path with which it was opened, and no silly name.
+    pub(super) const fn has_path(&self) -> bool {
+        self.silly as u32 == 0
+    }
+
     /// The block at `at`, if something is open in it.
     fn read(job: &Job<'_>, at: u32) -> Result<Option<Self>, Errno> {
         let words: [u32; block::WORDS] = words(&job.region, at)?;
         let [
             magic,
             session,
-            high,
+            session_high,
             handle,
+            handle_high,
             flags,
             path,
             path_len,
             silly,
+            silly_high,
             evidence @ ..,
         ] = words;
-        let session = wire::whole(session, high);
+        let session = wire::whole(session, session_high);
         let open = magic == block::MAGIC && handle != 0 && session == job.request.session;
         Ok(open.then_some(Self {
             at,
             session,
-            handle,
+            handle: wire::whole(handle, handle_high),
             flags,
             path: Span {
                 offset: path,
                 len: path_len,
             },
-            silly,
+            silly: wire::whole(silly, silly_high),
             evidence: Evidence::from_words(&evidence),
         }))
     }
@@ -288,15 +340,14 @@ pub(super) fn system_flags(flags: u32) -> OFlags {
         (false, true) => OFlags::WRONLY,
         _ => OFlags::RDONLY,
     };
-    if flags & flag::DIRECTORY == 0 {
-        access
-    } else {
-        access | OFlags::DIRECTORY
-    }
+    let mut system = access;
+    system.set(OFlags::APPEND, flags & flag::APPEND != 0);
+    system.set(OFlags::DIRECTORY, flags & flag::DIRECTORY != 0);
+    system
 }
 
 /// The name X of WIRE.md.
-pub(super) fn unique_name(processor: Processor, session: u64, sequence: u32) -> CString {
-    let name = format!("{:02x}-{session:016x}-{sequence:08x}", processor.0);
+pub(super) fn unique_name(processor: Processor, session: u64, sequence: u64) -> CString {
+    let name = format!("{:02x}-{session:016x}-{sequence:016x}", processor.0);
     CString::new(name).unwrap_or_default() // It has no zero.
 }

@@ -13,19 +13,26 @@ pub struct Options {
     pub refused: Processors,
     /// The most bytes that a file may be written or truncated to: `EFBIG` beyond.
     pub max_file_bytes: Option<u64>,
-    /// The most bytes that all files of the tree together may have, by their sizes: `EDQUOT` for what
-    /// would make a file longer beyond it. Files of the host's own programs count, too.
+    /// The most bytes that all files of the tree together may have, by their sizes, with 1024 for
+    /// each name of a file or directory: `EDQUOT` for what would add more. Files of the host's own
+    /// programs count, too.
     pub quota_bytes: Option<u64>,
-    /// Permissions of new files, of which the process's umask is taken away.
+    /// Permissions of new files, of which the process's umask is taken away. The server must be
+    /// able to open them again for reading and writing.
     pub file_mode: u32,
     /// Permissions of new directories, likewise.
     pub directory_mode: u32,
+    /// How many lives of the server work on one request. When so many have died of it in a row,
+    /// or at it, the next one gives it up: `ECANCELED`, or success if it had happened all the same. Where
+    /// servers are killed every few milliseconds, as in tests, more of them are needed.
+    pub lives: u32,
     /// How the server waits for requests.
     pub waiting: Waiting,
 }
 
 impl Default for Options {
-    /// Everything is allowed; files have mode 0666 and directories 0777, less the umask.
+    /// Everything is allowed; files have mode 0666 and directories 0777, less the umask; a request is worked
+    /// on by two lives, the one that takes it and the next.
     fn default() -> Self {
         Self {
             read_only: false,
@@ -35,6 +42,7 @@ impl Default for Options {
             quota_bytes: None,
             file_mode: 0o666,
             directory_mode: 0o777,
+            lives: 2,
             waiting: Waiting::default(),
         }
     }

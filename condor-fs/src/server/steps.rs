@@ -11,13 +11,15 @@ pub enum Step {
     Taken,
     /// The journal says that it is in progress.
     Begun,
-    /// The unique name was made.
+    /// A directory was made, or a file without a name.
     Made,
     /// The intent is recorded.
     Staged,
-    /// Something was moved from or to the unique name, or a rename was done.
+    /// A file was given its name, or a rename was done.
     Moved,
-    /// That the target was moved is recorded.
+    /// An open file was moved to the unique name.
+    Aside,
+    /// That it was is recorded.
     Marked,
     /// Part of the data was moved.
     Part,
@@ -25,8 +27,6 @@ pub enum Step {
     Acted,
     /// The result is in the slot.
     Recorded,
-    /// What was left over is removed.
-    Cleaned,
 }
 
 impl Step {
@@ -37,11 +37,11 @@ impl Step {
         Self::Made,
         Self::Staged,
         Self::Moved,
+        Self::Aside,
         Self::Marked,
         Self::Part,
         Self::Acted,
         Self::Recorded,
-        Self::Cleaned,
     ];
 }
 

@@ -1,18 +1,27 @@
 //! Operations on what a file holds.
 
+use std::fs::File;
+use std::io::{self, ErrorKind};
 use std::mem::MaybeUninit;
+use std::ops::Range;
 use std::os::fd::OwnedFd;
+use std::os::unix::fs::FileExt;
 
 use condor_mbox::MemoryWindow;
 use condor_mbox::layout::BELL_BYTES;
-use rustix::fs::{RawDir, SeekFrom};
+use memchr::memmem::Finder;
+use rustix::fs::{Mode, OFlags, RawDir, SeekFrom};
 
 use super::error::Stop;
+use super::limit::check_file_limit;
 use super::log::{Log, Outcome};
-use super::tree::{OWN, about};
+use super::tree::{OWN, about, path_of};
 use super::{Job, Server, Step, Steps};
 use crate::errno::Errno;
-use crate::wire::{Operation, halves, whole};
+use crate::wire::{halves, open as flag, whole};
+
+/// How many bytes are searched at once.
+const PIECE: u64 = 64 * 1024;
 
 impl<S: Steps> Server<S> {
     pub(super) fn read(&self, job: &Job<'_>) -> Result<u64, Stop> {
@@ -24,20 +33,19 @@ impl<S: Steps> Server<S> {
         })
     }
 
-    /// Writes at the position, or at the end that was recorded.
-    pub(super) fn write(&self, job: &Job<'_>, log: &Log<'_>) -> Result<u64, Stop> {
+    pub(super) fn write(&self, job: &Job<'_>) -> Result<u64, Stop> {
         let opened = self.opened(job)?;
         let file = opened.for_writing()?;
         job.check_buffer()?;
-        let position = if job.operation == Operation::Append {
-            self.end_of_file(job, log, file)?
-        } else {
-            self.begin(job)?;
-            job.request.position
-        };
+        if opened.flags & flag::APPEND != 0 {
+            return Err(Errno::INVAL.into()); // Linux would write at the end.
+        }
+        self.begin(job)?;
+        let position = job.request.position;
         let len = u64::from(job.request.buffer.len);
         if len > 0 {
             let end = position.checked_add(len).ok_or(Errno::FBIG)?;
+            check_file_limit(end)?;
             self.admit(file, end)?;
         }
         self.transfer(job, position, |position, offset, len| {
@@ -45,18 +53,85 @@ impl<S: Steps> Server<S> {
         })
     }
 
-    /// Where an append begins, in this life of the server and in the next ones.
-    fn end_of_file(&self, job: &Job<'_>, log: &Log<'_>, file: &OwnedFd) -> Result<u64, Stop> {
-        self.begin(job)?;
-        if let Some(staged) = log.staged()? {
-            let [low, high, ..] = staged.evidence;
-            return Ok(whole(low, high));
+    /// Writes at the end, wherever that is: the kernel finds it and writes there in one step, so that
+    /// nothing is overwritten that a program of the host appends at the same time.
+    pub(super) fn append(&self, job: &Job<'_>, log: &Log<'_>) -> Result<u64, Stop> {
+        let opened = self.opened(job)?;
+        let file = opened.for_writing()?;
+        job.check_buffer()?;
+        if opened.flags & flag::APPEND == 0 {
+            return Err(Errno::INVAL.into()); // Linux would write at the position.
         }
-        let size = about(file, c"")?.1.size;
-        let [low, high] = halves(size);
-        log.stage(&[low, high, 0, 0, 0, 0, 0, 0])?;
-        self.reached(job, Step::Staged);
-        Ok(size)
+        self.begin(job)?;
+        let buffer = job.request.buffer;
+        if buffer.len == 0 {
+            return Ok(0);
+        }
+        let end = about(file, c"")?.1.size;
+        if let Some([low, high, ..]) = log.staged()? {
+            let appended = self.appended(job, file, whole(low, high)..end)?;
+            if appended > 0 {
+                return Ok(appended);
+            }
+        }
+        let new_end = end.checked_add(u64::from(buffer.len)).ok_or(Errno::FBIG)?;
+        check_file_limit(new_end)?;
+        self.admit(file, new_end)?;
+        if log.staged()?.is_none() {
+            log.stage(&halves(end))?;
+            self.reached(job, Step::Staged);
+        }
+        let (offset, len) = (BELL_BYTES + buffer.offset, buffer.len as usize);
+        loop {
+            match job.window.write_file(file, end, offset, len) {
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                // What there was room for is a result; more of it would not be next to it.
+                outcome => {
+                    let written = outcome?;
+                    self.reached(job, Step::Part);
+                    return Ok(written as u64);
+                }
+            }
+        }
+    }
+
+    /// How many bytes of an append a former life has written to the range behind the end that it
+    /// recorded, where programs of the host may have appended, too.
+    pub(super) fn appended(
+        &self,
+        job: &Job<'_>,
+        file: &OwnedFd,
+        range: Range<u64>,
+    ) -> Result<u64, Stop> {
+        let buffer = job.request.buffer;
+        let (start, len) = (range.start, range.end.saturating_sub(range.start));
+        let mut ours = vec![0; buffer.len as usize];
+        job.region.read(buffer.offset, &mut ours)?;
+        // It may be open for writing alone.
+        let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
+        let Ok(file) = rustix::fs::open(path_of(file), flags, Mode::empty()).map(File::from) else {
+            return Ok(len.min(ours.len() as u64)); // There is nothing to go by but its length.
+        };
+        let read = |position: u64, len: u64| -> io::Result<Vec<u8>> {
+            let mut bytes = vec![0; len as usize];
+            file.read_exact_at(&mut bytes, position)?;
+            Ok(bytes)
+        };
+        if len <= ours.len() as u64 && ours.starts_with(&read(start, len)?) {
+            return Ok(len);
+        }
+        // Programs of the host have appended, too, and ours may be anywhere among it.
+        let ours = Finder::new(&ours);
+        let whole = ours.needle().len() as u64;
+        let mut at = 0;
+        while at + whole <= len {
+            let piece = (whole + PIECE).min(len - at);
+            if ours.find(&read(start + at, piece)?).is_some() {
+                return Ok(whole);
+            }
+            at += PIECE + 1;
+        }
+        Ok(0)
     }
 
     /// Moves data until all is moved, or no more can be; what was moved before an error is a result.
@@ -100,8 +175,13 @@ impl<S: Steps> Server<S> {
             return Err(Errno::INVAL.into());
         }
         self.begin(job)?;
+        let before = about(file, c"")?.1.size;
+        if size > before {
+            check_file_limit(size)?;
+        }
         self.admit(file, size)?;
         rustix::fs::ftruncate(file, size)?;
+        self.quota.release(before.saturating_sub(size));
         Ok(())
     }
 
@@ -110,9 +190,14 @@ impl<S: Steps> Server<S> {
     }
 
     pub(super) fn file_status(&self, job: &Job<'_>) -> Result<Outcome, Stop> {
+        let (evidence, mut status) = about(&self.opened(job)?.file, c"")?;
+        if self.block(job)?.is_some_and(|block| !block.has_path()) {
+            // The name by which the server keeps it is none.
+            status.links = status.links.saturating_sub(1);
+        }
         Ok(Outcome {
             value: 0,
-            about: Some(about(&self.opened(job)?.file, c"")?),
+            about: Some((evidence, status)),
         })
     }
 
@@ -121,6 +206,7 @@ impl<S: Steps> Server<S> {
         let file = opened.for_reading()?;
         job.check_buffer()?;
         let room = job.request.buffer.len as usize;
+        let root = self.tree.is_root(file)?;
         rustix::fs::seek(file, SeekFrom::Start(job.request.position))?;
         let mut memory = vec![MaybeUninit::uninit(); 32 * 1024];
         let mut directory = RawDir::new(file, &mut memory);
@@ -128,7 +214,7 @@ impl<S: Steps> Server<S> {
         while let Some(entry) = directory.next() {
             let entry = entry?;
             let name = entry.file_name().to_bytes();
-            if name == OWN {
+            if root && name == OWN {
                 continue;
             }
             let padded = name.len().next_multiple_of(4);

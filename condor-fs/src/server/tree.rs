@@ -1,11 +1,11 @@
 //! [`Tree`]: the directory tree, which no path leaves.
 
 use std::ffi::{CStr, CString};
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::Path;
 
 use rustix::fs::{
-    AtFlags, FileType, FlockOperation, Mode, OFlags, RenameFlags, ResolveFlags, StatxFlags,
+    AtFlags, CWD, FileType, FlockOperation, Mode, OFlags, RenameFlags, ResolveFlags, StatxFlags,
 };
 use rustix::io::Errno as Linux;
 
@@ -24,6 +24,7 @@ const CONFINED: ResolveFlags = ResolveFlags::BENEATH
 /// The tree, locked.
 pub(super) struct Tree {
     root: OwnedFd,
+    root_is: Evidence,
     stage: OwnedFd,
     stage_is: Evidence,
     _lock: OwnedFd,
@@ -35,6 +36,28 @@ pub(super) struct Place {
     pub(super) name: CString,
     /// The path ended with a slash.
     pub(super) directory: bool,
+}
+
+impl Place {
+    /// The same, if it is a name that can be made and removed; else what Linux answers to `.` and
+    /// to `..` in its place.
+    pub(super) fn named(self, dot: Errno, dots: Errno) -> Result<Self, Errno> {
+        match self.name.to_bytes() {
+            b"." => Err(dot),
+            b".." => Err(dots),
+            _ => Ok(self),
+        }
+    }
+
+    /// Whether it can be a directory alone, also one that a link leads to.
+    pub(super) fn is_directory(&self) -> bool {
+        self.directory || matches!(self.name.to_bytes(), b"." | b"..")
+    }
+
+    /// Evidence and status of the name.
+    pub(super) fn about(&self) -> Result<(Evidence, Status), Linux> {
+        about(&self.parent, &self.name)
+    }
 }
 
 impl Tree {
@@ -61,17 +84,31 @@ impl Tree {
             }
             Err(errno) => return Err(at(errno)),
         }
+        let (root_is, _) = about(&root, c"").map_err(at)?;
         let (stage_is, _) = about(&stage, c"").map_err(at)?;
         Ok(Self {
             root,
+            root_is,
             stage,
             stage_is,
             _lock: lock,
         })
     }
 
+    /// Finds out whether files that are made with these permissions could be opened again.
+    pub(super) fn check_mode(&self, mode: u32) -> Result<(), Linux> {
+        let flags = OFlags::RDWR | OFlags::CLOEXEC;
+        let made = unnamed(&self.stage, flags, mode)?;
+        rustix::fs::open(path_of(&made), flags, Mode::empty()).map(drop)
+    }
+
     pub(super) fn root(&self) -> BorrowedFd<'_> {
         self.root.as_fd()
+    }
+
+    /// Whether an open directory is the tree itself.
+    pub(super) fn is_root(&self, directory: impl AsFd) -> Result<bool, Linux> {
+        Ok(about(directory, c"")?.0 == self.root_is)
     }
 
     /// The server's own directory.
@@ -90,13 +127,11 @@ impl Tree {
             None if stripped.is_empty() => return Err(Errno::XDEV),
             None => (&b"."[..], stripped),
         };
-        if matches!(name, b"." | b"..") {
-            return Err(Errno::BUSY);
-        }
         let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::CLOEXEC;
         let parent = confined(&self.root, parent, flags, Mode::empty())?;
-        if about(&parent, c"")?.0 == self.stage_is {
-            return Err(Errno::NOENT); // By a link.
+        let (parent_is, _) = about(&parent, c"")?;
+        if parent_is == self.stage_is || (parent_is == self.root_is && name == OWN) {
+            return Err(Errno::NOENT);
         }
         let name = CString::new(name).map_err(|_| Errno::INVAL)?;
         Ok(Place {
@@ -113,29 +148,37 @@ impl Tree {
         flags: OFlags,
         mode: u32,
     ) -> Result<OwnedFd, Errno> {
+        let place = self.place(path)?;
         // Never waits for a FIFO that was put there after the look.
-        let flags = flags | OFlags::CLOEXEC | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY;
-        let mode = if flags.contains(OFlags::CREATE) {
-            Mode::from_raw_mode(mode)
+        let opening =
+            flags | OFlags::CLOEXEC | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY;
+        if !place.is_directory() {
+            let mode = if flags.contains(OFlags::CREATE) {
+                Mode::from_raw_mode(mode)
+            } else {
+                Mode::empty()
+            };
+            return self.open_at(&place.parent, &place.name, opening, mode);
+        }
+        if flags.contains(OFlags::CREATE) {
+            return Err(Errno::ISDIR);
+        }
+        let directory = self.open_directory(path, opening)?;
+        if flags.contains(OFlags::DIRECTORY) {
+            Ok(directory)
         } else {
-            Mode::empty()
-        };
-        let (at, name, flags) = match self.place(path) {
-            Ok(place) if place.directory => {
-                if flags.contains(OFlags::CREATE) {
-                    return Err(Errno::ISDIR);
-                }
-                (place.parent, place.name, flags | OFlags::DIRECTORY)
-            }
-            Ok(place) => (place.parent, place.name, flags),
-            Err(Errno::BUSY) => {
-                let name = CString::new(path).map_err(|_| Errno::INVAL)?;
-                let root = self.root.try_clone().map_err(|_| Errno::NFILE)?;
-                (root, name, flags)
-            }
-            Err(errno) => return Err(errno),
-        };
-        self.open_at(&at, &name, flags, mode)
+            Err(Errno::ISDIR)
+        }
+    }
+
+    /// Opens the directory that a whole path leads to, as one with a slash behind it does.
+    pub(super) fn open_directory(&self, path: &[u8], flags: OFlags) -> Result<OwnedFd, Errno> {
+        let flags = flags | OFlags::DIRECTORY | OFlags::CLOEXEC;
+        let directory = confined(&self.root, path, flags, Mode::empty())?;
+        if about(&directory, c"")?.0 == self.stage_is {
+            return Err(Errno::NOENT); // By a link.
+        }
+        Ok(directory)
     }
 
     pub(super) fn open_at(
@@ -146,17 +189,14 @@ impl Tree {
         mode: Mode,
     ) -> Result<OwnedFd, Errno> {
         // Opening a device can do something, and so it is not opened to see what it is.
-        // A path of several components, which `statat` would follow anywhere, ends with "." or "..".
-        if !name.to_bytes().contains(&b'/') {
-            match rustix::fs::statat(&at, name, AtFlags::SYMLINK_NOFOLLOW) {
-                Ok(stat) => check_kind(FileType::from_raw_mode(stat.st_mode))?,
-                Err(Linux::NOENT) if flags.contains(OFlags::CREATE) => {}
-                Err(errno) => return Err(errno.into()),
-            }
+        match rustix::fs::statat(&at, name, AtFlags::SYMLINK_NOFOLLOW) {
+            Ok(stat) => check_kind(FileType::from_raw_mode(stat.st_mode), flags)?,
+            Err(Linux::NOENT) if flags.contains(OFlags::CREATE) => {}
+            Err(errno) => return Err(errno.into()),
         }
         let file = confined(&at, name, flags, mode)?;
         let (evidence, status) = about(&file, c"")?;
-        check_kind(FileType::from_raw_mode(status.mode))?;
+        check_kind(FileType::from_raw_mode(status.mode), flags)?;
         if evidence == self.stage_is {
             return Err(Errno::NOENT);
         }
@@ -166,30 +206,31 @@ impl Tree {
         Ok(file)
     }
 
-    /// Moves what has a name to a name of its own in the server's directory.
-    pub(super) fn take(&self, place: &Place, unique: &CStr) -> Result<(), Linux> {
-        rustix::fs::renameat_with(
-            &place.parent,
-            &*place.name,
-            &self.stage,
-            unique,
-            RenameFlags::NOREPLACE,
-        )
+    /// Makes a file that has no name yet in the directory of a place, as one that is made there
+    /// with the name: its group, attributes and access list are those that the directory gives.
+    pub(super) fn make_unnamed(
+        &self,
+        place: &Place,
+        flags: OFlags,
+        mode: u32,
+    ) -> Result<OwnedFd, Linux> {
+        unnamed(&place.parent, flags | OFlags::CLOEXEC, mode)
     }
 
-    /// Moves it back, or to a path for the first time.
-    pub(super) fn put(&self, unique: &CStr, place: &Place) -> Result<(), Linux> {
-        rustix::fs::renameat_with(
-            &self.stage,
-            unique,
-            &place.parent,
-            &*place.name,
-            RenameFlags::NOREPLACE,
-        )
+    /// Gives it its name, unless that is taken.
+    pub(super) fn give_name(&self, file: &OwnedFd, place: &Place) -> Result<(), Linux> {
+        let flags = AtFlags::SYMLINK_FOLLOW;
+        rustix::fs::linkat(CWD, path_of(file), &place.parent, &*place.name, flags)
+    }
+
+    /// Moves what has a name to a name of its own in the server's directory.
+    pub(super) fn set_aside(&self, place: &Place, unique: &CStr) -> Result<(), Linux> {
+        let flags = RenameFlags::NOREPLACE;
+        rustix::fs::renameat_with(&place.parent, &*place.name, &self.stage, unique, flags)
     }
 
     /// What has a unique name, if it exists.
-    pub(super) fn staged(&self, unique: &CStr) -> Result<Option<(Evidence, Status)>, Linux> {
+    pub(super) fn aside(&self, unique: &CStr) -> Result<Option<(Evidence, Status)>, Linux> {
         match about(&self.stage, unique) {
             Ok(found) => Ok(Some(found)),
             Err(Linux::NOENT) => Ok(None),
@@ -197,13 +238,21 @@ impl Tree {
         }
     }
 
-    /// Removes what has a unique name, if it exists.
-    pub(super) fn discard(&self, unique: &CStr) {
-        if rustix::fs::unlinkat(&self.stage, unique, AtFlags::empty()) == Err(Linux::ISDIR) {
-            // What somebody put into it meanwhile is left to the next session's beginning.
-            let _ = rustix::fs::unlinkat(&self.stage, unique, AtFlags::REMOVEDIR);
-        }
+    /// Removes what has a unique name.
+    pub(super) fn discard(&self, unique: &CStr) -> Result<(), Linux> {
+        rustix::fs::unlinkat(&self.stage, unique, AtFlags::empty())
     }
+}
+
+/// A file that is gone when it is closed, unless it is given a name before.
+fn unnamed(directory: &OwnedFd, flags: OFlags, mode: u32) -> Result<OwnedFd, Linux> {
+    let mode = Mode::from_raw_mode(mode);
+    rustix::fs::openat(directory, c".", flags | OFlags::TMPFILE, mode)
+}
+
+/// The path by which the kernel finds an open file, whatever its name is.
+pub(super) fn path_of(file: &OwnedFd) -> String {
+    format!("/proc/self/fd/{}", file.as_raw_fd())
 }
 
 /// Opens what stays inside. Where `..` meets a rename elsewhere, the kernel cannot tell, and asks to
@@ -246,9 +295,10 @@ pub(super) fn about(at: impl AsFd, name: &CStr) -> Result<(Evidence, Status), Li
     ))
 }
 
-fn check_kind(kind: FileType) -> Result<(), Errno> {
+fn check_kind(kind: FileType, flags: OFlags) -> Result<(), Errno> {
     match kind {
         FileType::RegularFile | FileType::Directory => Ok(()),
+        _ if flags.contains(OFlags::DIRECTORY) => Err(Errno::NOTDIR),
         FileType::Symlink => Err(Errno::LOOP),
         _ => Err(Errno::OPNOTSUPP),
     }

@@ -182,7 +182,7 @@ fn errors_of_files_keep_their_numbers() {
     with_switch(
         &crate::support::system(),
         disk.path(),
-        "max-file",
+        "max-file=1000",
         |switch, _| {
             let fd = switch.open("fs/log", 0, Mode::WRITE).unwrap();
             assert_eq!(switch.write(fd, &[b'x'; 1000]), Ok(1000));

@@ -4,11 +4,14 @@
 
 use std::cell::Cell;
 use std::path::Path;
+use std::time::Duration;
 
 use crate::support::{Mail, Own, SERVER, TIMEOUT, disk, with_server};
 use condor_fs::wire::{self, Operation, Request, Span, block, slot, table};
 use condor_fs::{Errno, OpenOptions};
 use condor_mbox::{Instant, MemoryWindow, Message, Messenger};
+
+const PAUSE: Duration = Duration::from_millis(1);
 
 /// A slot of one's own, for requests that the client would never make, about a file that it opened.
 struct Raw<'r, 'v> {
@@ -21,8 +24,8 @@ struct Raw<'r, 'v> {
     /// The path of the file.
     path: Span,
     session: u64,
-    handle: u32,
-    sequence: Cell<u32>,
+    handle: u64,
+    sequence: Cell<u64>,
 }
 
 /// With a tree that holds one file, of 4096 sevens.
@@ -51,7 +54,7 @@ fn with_raw(program: impl FnOnce(&Raw<'_, '_>)) {
                 len: 4,
             },
             session: wire::whole(word(block::SESSION), word(block::SESSION + 4)),
-            handle: word(block::HANDLE),
+            handle: wire::whole(word(block::HANDLE), word(block::HANDLE + 4)),
             sequence: Cell::new(1 << 20),
         });
     });
@@ -84,15 +87,22 @@ impl Raw<'_, '_> {
             vector: wire::FILES,
             data,
         };
-        let reply = self
-            .mail
-            .send_with_reply_before(message, TIMEOUT, Instant::FOREVER)
-            .unwrap();
-        if reply == wire::DONE {
-            return Errno(self.own.word(self.at + slot::ERRNO).unwrap() as u16);
+        loop {
+            let reply = self
+                .mail
+                .send_with_reply_before(message, TIMEOUT, Instant::FOREVER)
+                .unwrap();
+            if reply == wire::DONE {
+                return Errno(self.own.word(self.at + slot::ERRNO).unwrap() as u16);
+            }
+            assert_ne!(reply & wire::REFUSED, 0);
+            let errno = Errno((reply & !wire::REFUSED) as u16);
+            if errno != Errno::AGAIN {
+                return errno;
+            }
+            // It asks where the table is.
+            self.mail.serve(PAUSE).unwrap();
         }
-        assert_ne!(reply & wire::REFUSED, 0);
-        Errno((reply & !wire::REFUSED) as u16)
     }
 
     /// The window, without the slot.
@@ -220,5 +230,76 @@ fn a_table_that_is_none_is_found_before_anything_is_touched() {
             raw.own.set_word(at, was).unwrap();
             raw.check_tree();
         }
+    });
+}
+
+/// As far apart as a sequence of 32 bits would go before it came again.
+const LAP: u64 = 1 << 32;
+
+#[test]
+fn a_handle_is_no_other_one_of_a_lap_later() {
+    with_raw(|raw| {
+        std::fs::write(raw.root.join("efil"), [9; 8]).unwrap();
+        let name = Span {
+            offset: raw.path.offset + 64,
+            len: 4,
+        };
+        raw.own.write(name.offset, b"efil").unwrap();
+        let open = |path: Span, sequence: u64| {
+            let errno = raw.ask(&Request {
+                sequence,
+                flags: wire::open::READ,
+                path,
+                ..raw.request(Operation::Open)
+            });
+            assert_eq!(errno, Errno(0));
+        };
+        let (first, second) = (LAP + 5, 2 * LAP + 5);
+        open(raw.path, first);
+        open(name, second);
+        for (handle, byte) in [(first, 7), (second, 9), (first, 7)] {
+            let errno = raw.ask(&Request {
+                handle,
+                buffer: name,
+                ..raw.request(Operation::Read)
+            });
+            assert_eq!(errno, Errno(0));
+            let mut read = [0; 4];
+            raw.own.read(name.offset, &mut read).unwrap();
+            assert_eq!(read, [byte; 4], "{handle:#x}");
+        }
+        // Nor is its block another one's.
+        let stranger = Request {
+            handle: raw.handle + LAP,
+            buffer: name,
+            ..raw.request(Operation::Read)
+        };
+        assert_eq!(raw.ask(&stranger), Errno::BADF);
+    });
+}
+
+#[test]
+fn a_file_that_was_set_aside_is_no_other_one_of_a_lap_later() {
+    with_raw(|raw| {
+        let unlink = |sequence: u64| {
+            raw.ask(&Request {
+                sequence,
+                path: raw.path,
+                ..raw.request(Operation::Unlink)
+            })
+        };
+        // It is open, and set aside.
+        assert_eq!(unlink(LAP + 5), Errno(0));
+        std::fs::write(raw.root.join("file"), b"new").unwrap();
+        assert_eq!(unlink(2 * LAP + 5), Errno(0));
+        assert!(!raw.root.join("file").exists());
+        let errno = raw.ask(&Request {
+            buffer: raw.path,
+            ..raw.request(Operation::Read)
+        });
+        assert_eq!(errno, Errno(0));
+        let mut read = [0; 4];
+        raw.own.read(raw.path.offset, &mut read).unwrap();
+        assert_eq!(read, [7; 4]);
     });
 }

@@ -64,7 +64,7 @@ fn its_options_are_those_of_the_library() {
         "--max-file-bytes",
         "1000",
         "--quota-bytes",
-        "1500",
+        "5101",
     ];
     let server = start(&name, disk.path(), &options);
     let write = OpenOptions::new().write().create();
@@ -73,11 +73,14 @@ fn its_options_are_those_of_the_library() {
         let mut file = files.open("file", write).unwrap();
         assert_eq!(file.write(&[1; 1000]), Ok(1000));
         fails(file.write(b"1"), Errno::FBIG);
-        // 28 bytes are the journal's, 5 the other file's.
-        let mut other = files.open("other", write.exclusive()).unwrap();
-        fails(other.write(&[1; 468]), Errno::DQUOT);
-        assert_eq!(other.write(&[1; 467]), Ok(467));
         files.make_directory("directory").unwrap();
+        // 5 bytes are the other file's, and 1024 count each of the four names.
+        files
+            .open("other", write.exclusive())
+            .unwrap()
+            .close()
+            .unwrap();
+        fails(files.make_directory("another"), Errno::DQUOT);
     });
     for (path, mode) in [("file", 0o600), ("other", 0o600), ("directory", 0o700)] {
         let found = std::fs::metadata(at(path)).unwrap().permissions().mode();

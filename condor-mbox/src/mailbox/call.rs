@@ -264,6 +264,13 @@ impl Call<'_> {
         self.data
     }
 
+    /// The mailbox that the message came to, for requests that outlast this call: what is begun here
+    /// by [`Messenger::open`] can be looked at in a later one.
+    #[must_use]
+    pub const fn messenger(&self) -> &dyn Messenger {
+        self.messenger
+    }
+
     /// When the wait that serves this message ends: no nested call waits longer.
     #[must_use]
     pub const fn deadline(&self) -> Instant {

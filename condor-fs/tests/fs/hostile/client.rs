@@ -156,10 +156,14 @@ impl World {
         renew(&self.tree());
         self.clear();
         let session = self.session();
-        let mut sequence = 1;
-        let mut last_open = 1;
-        while !source.is_empty() && sequence < 24 {
-            sequence += 1;
+        // The high words are like each other, or differ.
+        let mut sequence = u64::from(source.byte()) << 32 | 1;
+        let mut last_open = sequence;
+        for _ in 0..23 {
+            if source.is_empty() {
+                break;
+            }
+            sequence = wire::following(sequence);
             let request = self.request(source, session, sequence, last_open);
             self.put(&request);
             for _ in 0..source.byte() % 3 {
@@ -229,13 +233,15 @@ impl World {
     /// As a new server serves what its journal says: the same way that a message takes.
     fn serve(&self, request: &Request, slot_at: u32, table_at: u32) {
         let [session, session_high] = wire::halves(request.session);
-        let mut journal = [0; 28];
+        let [sequence, sequence_high] = wire::halves(request.sequence);
+        let mut journal = [0; 32];
         let words = [
             1,
             NUMBER,
             session,
             session_high,
-            request.sequence,
+            sequence,
+            sequence_high,
             slot_at,
             table_at,
         ];
@@ -243,7 +249,7 @@ impl World {
             bytes.copy_from_slice(&word.to_le_bytes());
         }
         self.journal.write_all_at(&journal, 0).unwrap();
-        self.server.recover(&self.windows);
+        self.server.recover(&self.windows).unwrap();
         self.journal.read_exact_at(&mut journal[..4], 0).unwrap();
         assert_eq!(journal[..4], [0; 4], "it has come to its end");
     }
@@ -252,8 +258,8 @@ impl World {
         &self,
         source: &mut Source<'_>,
         session: u64,
-        sequence: u32,
-        last_open: u32,
+        sequence: u64,
+        last_open: u64,
     ) -> Request {
         let mut path = |n: u32| {
             let name = source.one(&NAMES);
@@ -286,14 +292,14 @@ impl World {
             operation: 1 + source.below(u32::from(Operation::ALL.len() as u16) + 1),
             flags,
             handle: if source.byte() < 16 {
-                source.word()
+                source.word().into()
             } else {
                 last_open
             },
             file: if source.byte() < 16 {
                 source.word()
             } else {
-                sequence % COUNT
+                sequence as u32 % COUNT
             },
             path,
             second_path,
@@ -316,12 +322,14 @@ impl World {
     /// Does in the table what an honest client does after an open; whether it was one.
     fn opened(&self, request: &Request) -> bool {
         let done = self.word(SLOT + slot::STATE) == wire::state::DONE
-            && self.word(SLOT + slot::STATE_SEQUENCE) == request.sequence
+            && [0, 4].map(|at| self.word(SLOT + slot::STATE_SEQUENCE + at))
+                == wire::halves(request.sequence)
             && self.word(SLOT + slot::ERRNO) == 0;
         if !done {
             return false;
         }
         let [session, session_high] = wire::halves(request.session);
+        let [handle, handle_high] = wire::halves(request.sequence);
         for n in 0..COUNT {
             // In all blocks: whichever the next requests name.
             let at = BLOCKS + n * block::BYTES;
@@ -329,7 +337,8 @@ impl World {
                 (0, block::MAGIC),
                 (block::SESSION, session),
                 (block::SESSION + 4, session_high),
-                (block::HANDLE, request.sequence),
+                (block::HANDLE, handle),
+                (block::HANDLE + 4, handle_high),
                 (block::FLAGS, request.flags),
                 (block::PATH, request.path.offset),
                 (block::PATH + 4, request.path.len),

@@ -15,12 +15,12 @@ use embedded_io::{BufRead, Read, SeekFrom, Write};
 use super::Source;
 use crate::peer::{self, BUFFER, FILES, Fs, Own, PATH, Pair};
 
-/// Bytes of the client's window that are its area: all that a `Places` has given.
-const AREA: u32 = slot::BYTES
-    + wire::table::BYTES
-    + FILES as u32 * wire::block::BYTES
-    + (FILES as u32 + 2) * PATH
-    + FILES as u32 * BUFFER;
+/// Bytes of the client's window that are its area: all that a `Places` has given, in whole lines.
+const AREA: u32 = lines(slot::BYTES)
+    + lines(wire::table::BYTES)
+    + lines(FILES as u32 * wire::block::BYTES)
+    + lines((FILES as u32 + 2) * PATH)
+    + lines(FILES as u32 * BUFFER);
 /// A buffer to be lent, behind it.
 const LENT: u32 = 64;
 /// What nobody has a reason to write.
@@ -28,6 +28,10 @@ const GUARD: u32 = 0x5afe_c0de;
 /// More requests than any one call may make: all blocks closed and a whole buffer written by the
 /// byte, each request as often as its time allows.
 const MOST_REQUESTS: u32 = 1000;
+
+const fn lines(bytes: u32) -> u32 {
+    bytes.next_multiple_of(condor_mbox::layout::LINE)
+}
 
 type OpenFile<'f> = File<'f, 'static, Mailbox<'static, 2>, SimWindow, FILES>;
 

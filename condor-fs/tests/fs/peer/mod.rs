@@ -120,11 +120,13 @@ pub(crate) fn request(own: &Own, slot: u32) -> Option<wire::Request> {
 /// Writes the result of `request` to its slot.
 pub(crate) fn record(own: &Own, slot: u32, request: &wire::Request, outcome: Result<u64, u16>) {
     let [session, session_high] = wire::halves(request.session);
+    let [sequence, sequence_high] = wire::halves(request.sequence);
     let [value, value_high] = wire::halves(outcome.unwrap_or(0));
     for (offset, word) in [
         (wire::slot::STATE_SESSION, session),
         (wire::slot::STATE_SESSION + 4, session_high),
-        (wire::slot::STATE_SEQUENCE, request.sequence),
+        (wire::slot::STATE_SEQUENCE, sequence),
+        (wire::slot::STATE_SEQUENCE + 4, sequence_high),
         (wire::slot::ERRNO, outcome.err().unwrap_or(0).into()),
         (wire::slot::VALUE, value),
         (wire::slot::VALUE + 4, value_high),

@@ -2,6 +2,7 @@
 //! it dies, and clients in this one.
 #![cfg(all(feature = "linux", target_os = "linux"))]
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -14,6 +15,7 @@ use condor_fs::wire::{OPEN_FILES, Operation};
 use condor_fs::{Area, Error, FileSystem};
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
 use condor_mbox::{CriticalSection, Places, Processor, Region};
+use rustix::fs::{Gid, Uid};
 
 /// The kind of file system that never uses an inode number again.
 const TMPFS: u64 = 0x0102_1994;
@@ -33,11 +35,18 @@ pub(crate) type AnyFs<'m, 'v, const N: usize, const FILES: usize> =
     Result<FileSystem<'m, Mailbox<'v, N>, LinuxWindow, FILES>, Error>;
 pub(crate) type Own = Region<LinuxWindow>;
 
+/// What a program of the host appends to the file `log`, as the option `host-appends` has it.
+pub(crate) const BY_HOST: &[u8] = b"by the host ";
+
 /// Kills the own process where it is told to.
 struct KillAt {
     operation: u32,
     step: String,
     left: AtomicU32,
+    /// A program of the host appends to this then.
+    log: Option<PathBuf>,
+    /// It is not killed.
+    spare: bool,
 }
 
 impl Steps for KillAt {
@@ -46,8 +55,14 @@ impl Steps for KillAt {
             && format!("{step:?}") == self.step
             && self.left.fetch_sub(1, Ordering::Relaxed) == 1
         {
-            let own = rustix::process::getpid();
-            let _ = rustix::process::kill_process(own, rustix::process::Signal::KILL);
+            if let Some(log) = &self.log {
+                let mut log = std::fs::File::options().append(true).open(log).unwrap();
+                log.write_all(BY_HOST).unwrap();
+            }
+            if !self.spare {
+                let own = rustix::process::getpid();
+                let _ = rustix::process::kill_process(own, rustix::process::Signal::KILL);
+            }
         }
     }
 }
@@ -65,20 +80,76 @@ fn server_process() {
     let [root, operation, step, count, options] = words[..] else {
         panic!("{part}");
     };
+    let has = |option: &str| options.split(' ').any(|word| word == option);
+    let value = |option: &str| {
+        let mut words = options.split(' ');
+        words.find_map(|word| word.strip_prefix(option)?.strip_prefix('='))
+    };
     let steps = KillAt {
         operation: operation.parse().unwrap(),
         step: step.into(),
         left: AtomicU32::new(count.parse().unwrap()),
+        log: has("host-appends").then(|| Path::new(root).join("log")),
+        spare: has("spare"),
     };
+    let default = Options::default();
+    let mode = |option, default| {
+        value(option).map_or(default, |mode| u32::from_str_radix(mode, 8).unwrap())
+    };
+    if let Some(bytes) = value("file-limit") {
+        limit_files(bytes.parse().unwrap());
+    }
     let options = Options {
-        read_only: options.contains("read-only"),
-        max_file_bytes: options.contains("max-file").then_some(1000),
-        quota_bytes: options.contains("quota").then_some(2000),
-        ..Options::default()
+        read_only: has("read-only"),
+        max_file_bytes: value("max-file").map(|bytes| bytes.parse().unwrap()),
+        quota_bytes: value("quota").map(|bytes| bytes.parse().unwrap()),
+        file_mode: mode("file-mode", default.file_mode),
+        directory_mode: mode("directory-mode", default.directory_mode),
+        ..default
     };
-    let server = Server::with_steps(root, options, steps).unwrap();
+    if let Some(most) = value("descriptors") {
+        let most = most.parse().ok();
+        let limit = rustix::process::Rlimit {
+            current: most,
+            maximum: most,
+        };
+        rustix::process::setrlimit(rustix::process::Resource::Nofile, limit).unwrap();
+    }
     let claim = System::<N>::inherited().unwrap().claim(SERVER).unwrap();
+    if has("nobody") {
+        become_nobody();
+    }
+    // By a path that everybody can go.
+    std::env::set_current_dir(root).unwrap();
+    let server = Server::with_steps(".", options, steps).unwrap();
     server.serve(claim, &AtomicBool::new(false)).unwrap();
+}
+
+/// The user and the group `nobody`.
+pub(crate) const NOBODY: u32 = 65534;
+
+/// Gives up this thread's privileges, if it has any.
+pub(crate) fn become_nobody() {
+    if is_root() {
+        let (user, group) = (Uid::from_raw(NOBODY), Gid::from_raw(NOBODY));
+        rustix::thread::set_thread_groups(&[]).unwrap();
+        rustix::thread::set_thread_res_gid(group, group, group).unwrap();
+        rustix::thread::set_thread_res_uid(user, user, user).unwrap();
+    }
+}
+
+pub(crate) fn is_root() -> bool {
+    rustix::process::geteuid().is_root()
+}
+
+/// Lets the kernel end this process if it makes a file longer.
+fn limit_files(bytes: u64) {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let limit = Rlimit {
+        current: Some(bytes),
+        maximum: getrlimit(Resource::Fsize).maximum,
+    };
+    setrlimit(Resource::Fsize, limit).unwrap();
 }
 
 /// A directory on a disk, where inode numbers are used again, as they are not on tmpfs: in cargo's
@@ -107,7 +178,8 @@ pub(crate) struct Supervisor {
 }
 
 impl Supervisor {
-    /// The first server dies as `kill` says.
+    /// The first server dies as `kill` says; with `every-life` in `options`, all others as soon as they
+    /// take that operation.
     pub(crate) fn start(
         system: &Arc<System<N>>,
         root: &Path,
@@ -129,11 +201,12 @@ impl Supervisor {
         let thread = std::thread::spawn(move || {
             let mut kill = kill;
             while !stop.load(Ordering::SeqCst) {
-                let how = kill
-                    .take()
-                    .map_or("0|-|0".into(), |(operation, step, count)| {
-                        format!("{}|{step:?}|{count}", operation as u32)
-                    });
+                let how = kill.map_or("0|-|0".into(), |(operation, step, count)| {
+                    format!("{}|{step:?}|{count}", operation as u32)
+                });
+                kill = kill
+                    .filter(|_| options.contains("every-life"))
+                    .map(|(operation, _, _)| (operation, Step::Taken, 1));
                 let mut command = Command::new(std::env::current_exe().unwrap());
                 command
                     .args(["support::server_process", "--exact", "--nocapture"])
@@ -153,6 +226,15 @@ impl Supervisor {
     /// How often the server has died.
     pub(crate) fn deaths(&self) -> u32 {
         self.deaths.load(Ordering::SeqCst)
+    }
+
+    /// Kills the server that runs now, and waits until it is dead.
+    pub(crate) fn die(&self) {
+        let before = self.deaths();
+        self.kill();
+        while self.deaths() == before {
+            std::thread::yield_now();
+        }
     }
 
     /// Kills the server that runs now.
@@ -223,6 +305,20 @@ pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
     mailbox.join().unwrap();
     let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT);
     program(files, &own, &mut places, &mailbox)
+}
+
+/// Runs `program` on a processor that does not say where its table of open files is.
+pub(crate) fn with_silent_client<R>(
+    system: &System<N>,
+    number: Processor,
+    program: impl FnOnce(Fs<'_, '_>) -> R,
+) -> R {
+    let (windows, doorbell) = system.claim(number).unwrap().into_parts();
+    let own = Region::users(windows[number.index()].data.clone()).unwrap();
+    let area = Area::<FILES>::new(&mut own.places(), 300, 4096).unwrap();
+    let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
+    mailbox.join().unwrap();
+    program(FileSystem::connect(&mailbox, SERVER, own, area, TIMEOUT).unwrap())
 }
 
 /// With a server of `root` that never dies.

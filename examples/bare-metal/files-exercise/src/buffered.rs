@@ -95,7 +95,7 @@ fn late_write<'p>(
     let late = writer.write(b"!");
     checks.that(
         "nothing is taken",
-        matches!(late, Err(Error::TimedOut { .. })),
+        matches!(late, Err(Error::NotBegun { .. })),
     );
     checks.same("and nothing lost", writer.held(), 5);
     pair.attentive.set(true);

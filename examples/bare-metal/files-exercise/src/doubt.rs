@@ -69,7 +69,7 @@ pub(crate) fn doubt(
         "it remains so",
         matches!(settled, Err(Error::TimedOut { .. })),
     );
-    let waits = matches!(system.status("data"), Err(Error::TimedOut { .. }));
+    let waits = matches!(system.status("data"), Err(Error::NotBegun { .. }));
     checks.that("nothing else is done before", waits);
     pair.attentive.set(true);
     checks.same("it is settled", system.settle(PATIENCE), Ok(Some(Ok(4))));

@@ -50,7 +50,7 @@ struct Answer {
 /// The block of an open file.
 struct Block {
     at: u32,
-    handle: u32,
+    handle: u64,
     flags: u32,
     path: Span,
     silly: bool,
@@ -109,9 +109,10 @@ impl<'s> Server<'s> {
             return Ok(REFUSED | u32::from(Errno::FAULT.0));
         };
         let [session, session_high] = halves(request.session);
-        let of = [session, session_high, request.sequence];
+        let [sequence, sequence_high] = halves(request.sequence);
+        let of = [session, session_high, sequence, sequence_high];
         if self.theirs.word(at(slot::STATE))? == state::DONE
-            && self.words::<3>(at(slot::STATE_SESSION))? == of
+            && self.words::<4>(at(slot::STATE_SESSION))? == of
         {
             return Ok(DONE);
         }
@@ -355,7 +356,9 @@ impl<'s> Server<'s> {
             let block = self.block(table, file)?;
             if block.handle != 0 && block.evidence == evidence {
                 let at = block.at.wrapping_add(block::SILLY);
-                fault(self.theirs.set_word(at, request.sequence))?;
+                let [low, high] = halves(request.sequence);
+                fault(self.theirs.set_word(at.wrapping_add(4), high))?;
+                fault(self.theirs.set_word(at, low))?;
             }
         }
         disk.remove(index, kept)
@@ -414,10 +417,12 @@ impl<'s> Server<'s> {
             session,
             session_high,
             handle,
+            handle_high,
             flags,
             offset,
             len,
             silly,
+            _silly_high,
             evidence @ ..,
         ] = words;
         let free = magic == 0;
@@ -427,7 +432,11 @@ impl<'s> Server<'s> {
         let ours = whole(session, session_high) == u64::from(self.session.load(Relaxed));
         Ok(Block {
             at,
-            handle: if ours { handle } else { 0 },
+            handle: if ours && handle != 0 {
+                whole(handle, handle_high)
+            } else {
+                0
+            },
             flags,
             path: Span { offset, len },
             silly: silly != 0,

@@ -39,10 +39,10 @@ pub(crate) fn words(checks: &mut Checks<'_>) {
 fn of_files(checks: &mut Checks<'_>) {
     let request = Request {
         session: wire::whole(1, 2),
-        sequence: 3,
+        sequence: wire::whole(3, 12),
         operation: Operation::Rename as u32,
         flags: wire::rename::NO_REPLACE,
-        handle: 4,
+        handle: wire::whole(4, 13),
         file: 5,
         path: Span { offset: 6, len: 7 },
         second_path: Span { offset: 8, len: 9 },
@@ -157,6 +157,12 @@ fn errors_of_files(checks: &mut Checks<'_>) {
     reads(late(None), text, ErrorKind::TimedOut);
     let text = "the file server, processor 0, did not answer in time: processor 1 has no handler for vector 40";
     reads(late(Some(NOBODY)), text, ErrorKind::TimedOut);
+    let before = Error::NotBegun {
+        server: HOST,
+        cause: None,
+    };
+    let text = "the file server, processor 0, has not answered what was asked before in time";
+    reads(before, text, ErrorKind::TimedOut);
     reads(
         NOBODY.into(),
         "processor 1 has no handler for vector 40",
