@@ -47,7 +47,12 @@ pub(crate) fn served() -> Result<bool, AnyError> {
     let steps = KillAfter {
         steps: AtomicU64::new(steps.parse()?),
     };
-    let server = Server::with_steps(tree, Options::default(), steps)?;
+    let options = Options {
+        // No request is to blame for a kill.
+        lives: u32::MAX,
+        ..Options::default()
+    };
+    let server = Server::with_steps(tree, options, steps)?;
     let claim = System::<N>::inherited()?.claim(SERVER)?;
     server.serve(claim, &AtomicBool::new(false))?;
     Ok(true)
