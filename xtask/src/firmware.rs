@@ -1,7 +1,7 @@
 //! What is built for targets of its own: the bare-metal examples, the images of harts beside a host, and
 //! the firmwares of the benchmarks.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use crate::Result;
@@ -32,6 +32,9 @@ pub(crate) struct Firmware {
     /// The package of the checks that it makes.
     pub exercise: &'static str,
     pub target: &'static str,
+    /// Whether it has the vectors of a device's interrupts: a feature of cortex-m-rt, which it shares with
+    /// what is built in the same call.
+    pub device: bool,
     /// The program that runs it.
     pub qemu: &'static str,
     /// The Debian package of that program.
@@ -45,6 +48,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "riscv-virt",
         exercise: "exercise",
         target: "riscv64gc-unknown-none-elf",
+        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         machine: "-machine virt -smp 2 -bios none -nographic",
@@ -53,6 +57,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "cortex-m0",
         exercise: "exercise",
         target: "thumbv6m-none-eabi",
+        device: false,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         // The board has the chip with 16 KiB of RAM, the firmware wants the one with 32.
@@ -62,6 +67,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "dev-riscv",
         exercise: "dev-exercise",
         target: "riscv64gc-unknown-none-elf",
+        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         // What it receives are bytes of any value, none of which is a command to QEMU.
@@ -71,6 +77,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "dev-cortex-m",
         exercise: "dev-exercise",
         target: "thumbv6m-none-eabi",
+        device: false,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
@@ -79,6 +86,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "files-riscv",
         exercise: "files-exercise",
         target: "riscv64gc-unknown-none-elf",
+        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         machine: "-machine virt -bios none -nographic",
@@ -87,6 +95,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "files-cortex-m",
         exercise: "files-exercise",
         target: "thumbv6m-none-eabi",
+        device: false,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
@@ -95,6 +104,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "hand-riscv",
         exercise: "hand-exercise",
         target: "riscv64gc-unknown-none-elf",
+        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         machine: "-machine virt -bios none -nographic",
@@ -103,6 +113,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "hand-cortex-m",
         exercise: "hand-exercise",
         target: "thumbv7em-none-eabihf",
+        device: false,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine mps2-an386 -nographic -semihosting",
@@ -111,6 +122,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "mos-riscv",
         exercise: "mos-exercise",
         target: "riscv64gc-unknown-none-elf",
+        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         machine: "-machine virt -bios none -nographic",
@@ -119,6 +131,7 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "mos-cortex-m",
         exercise: "mos-exercise",
         target: "thumbv7m-none-eabi",
+        device: true,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine mps2-an385 -nographic -semihosting",
@@ -127,15 +140,21 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "mos-cortex-m",
         exercise: "mos-exercise",
         target: "thumbv6m-none-eabi",
+        device: true,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
     },
 ];
 
-/// What firmwares are built for, each once.
-pub(crate) fn targets() -> BTreeSet<&'static str> {
-    FIRMWARES.iter().map(|firmware| firmware.target).collect()
+/// The firmwares in groups, each of which is built in one call and linked in one way.
+pub(crate) fn groups() -> Vec<Vec<&'static Firmware>> {
+    let mut groups = BTreeMap::<_, Vec<_>>::new();
+    for firmware in &FIRMWARES {
+        let key = (firmware.target, firmware.device);
+        groups.entry(key).or_default().push(firmware);
+    }
+    groups.into_values().collect()
 }
 
 /// Builds packages of a workspace in one call and one profile, and says in which directory the images

@@ -55,7 +55,9 @@ pub(crate) fn need_cargo_tool(context: &Context, tool: &str) -> Result<()> {
     if on_path(tool).is_some() {
         return Ok(());
     }
-    install(&command(context, &format!("cargo install --locked {tool}")))?;
+    // Unoptimized: that saves minutes, and what a tool does takes seconds either way.
+    let line = format!("cargo install --locked --debug {tool}");
+    install(&command(context, &line).env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
     present(tool, tool)
 }
 

@@ -84,10 +84,12 @@ fn a_server_does_not_start_on_a_full_disk() {
         println!("SKIPPED: no file system may be mounted here");
         return;
     }
-    let output = unshare(&format!("{mount}; exec \"$0\" on_a_full_disk --exact"))
-        .arg(std::env::current_exe().unwrap())
-        .env(FULL, root.path())
-        .output()
-        .unwrap();
+    let output = unshare(&format!(
+        "{mount}; exec \"$0\" journal::on_a_full_disk --exact"
+    ))
+    .arg(std::env::current_exe().unwrap())
+    .env(FULL, root.path())
+    .output()
+    .unwrap();
     assert!(output.status.success(), "{output:?}");
 }

@@ -1,14 +1,11 @@
 //! What `settle` tells is the result of the call that was in doubt, and of no other.
 
-#[allow(dead_code)]
-mod peer;
-
 use std::sync::{Arc, Mutex};
 
+use crate::peer::{self, Own, Pair, TIMEOUT};
 use condor_fs::wire::{self, Operation};
 use condor_fs::{Error, OpenOptions};
 use embedded_io::{BufRead, Seek, SeekFrom, Write};
-use peer::{Own, Pair, TIMEOUT};
 
 /// What has been asked.
 type Asked = Arc<Mutex<Vec<Operation>>>;

@@ -3,7 +3,7 @@ use std::fmt::Write as _;
 use crate::Result;
 use crate::command::command;
 use crate::context::Context;
-use crate::firmware::{self, FIRMWARES};
+use crate::firmware;
 use crate::outcome::Summary;
 use crate::parts::loom;
 use crate::tools::{need_component, need_target};
@@ -32,11 +32,12 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         .env("CARGO_TARGET_DIR", "../target")
         .run()?;
     }
-    let targets = firmware::targets();
-    for target in &targets {
+    let groups = firmware::groups();
+    for group in &groups {
+        let target = group[0].target;
         need_target(context, target)?;
         let mut line = String::from("cargo clippy -p checks");
-        for firmware in FIRMWARES.iter().filter(|it| it.target == *target) {
+        for firmware in group {
             let _ = write!(line, " -p {} -p {}", firmware.exercise, firmware.package);
         }
         let _ = write!(line, " --target {target} --all-features -- -D warnings");
@@ -58,9 +59,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             .run()?;
     }
     let mut checked = format!(
-        "{} feature sets, loom models, firmwares of {} targets",
+        "{} feature sets, loom models, {} groups of firmwares",
         FEATURE_SETS.len(),
-        targets.len() + alone.len()
+        groups.len() + alone.len()
     );
     for dir in others {
         checked += ", ";

@@ -4,13 +4,14 @@ use crate::Result;
 use crate::command::command;
 use crate::context::Context;
 use crate::outcome::Summary;
-use crate::parts::test::ALL;
+use crate::parts::test;
+use crate::programs;
 use crate::tools::need_python;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let python = need_python(context, "target/mujoco", "mujoco numpy")?;
-    let build = format!("cargo build {ALL} --example closed_loop");
-    command(context, &build).run()?;
+    // Examples are built with the tests.
+    programs::build(&command(context, &test::build_line()))?;
     let line = format!(
         "target/debug/examples/closed_loop {python} condor-hand/examples/closed_loop/mujoco_hand.py"
     );

@@ -7,7 +7,7 @@
 
 use crate::Result;
 use crate::context::Context;
-use crate::firmware::{self, FIRMWARES, HART_IMAGES};
+use crate::firmware::{self, HART_IMAGES};
 use crate::image::{Image, Origin};
 use crate::outcome::Summary;
 use crate::tools::need_target;
@@ -25,10 +25,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         images += packages.len();
         Ok(())
     };
-    for target in firmware::targets() {
-        let firmwares = FIRMWARES.iter().filter(|it| it.target == target);
-        let packages: Vec<_> = firmwares.map(|firmware| firmware.package).collect();
-        look(firmware::WORKSPACE, &packages, target)?;
+    for group in firmware::groups() {
+        let packages: Vec<_> = group.iter().map(|firmware| firmware.package).collect();
+        look(firmware::WORKSPACE, &packages, group[0].target)?;
     }
     look(firmware::HARTS, &HART_IMAGES, firmware::HARTS_TARGET)?;
     Ok(Summary::of(format!(

@@ -28,8 +28,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         need_debian(context, firmware.debian, firmware.qemu, &["qemu-utils"])?;
         need_target(context, firmware.target)?;
     }
-    for target in firmware::targets() {
-        build(context, target)?;
+    for group in firmware::groups() {
+        build(context, &group)?;
     }
     let checked = side_by_side(&FIRMWARES, |firmware| {
         timed(&firmware.package, || check(context, firmware))
@@ -37,14 +37,14 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     Ok(Summary::of(checked.join(", ")))
 }
 
-/// Builds the firmwares of a target, with every check.
-fn build(context: &Context, target: &str) -> Result<PathBuf> {
-    let firmwares = FIRMWARES.iter().filter(|it| it.target == target);
-    let packages: Vec<_> = firmwares.map(|firmware| firmware.package).collect();
+/// Builds firmwares that are linked alike, with every check.
+fn build(context: &Context, group: &[&Firmware]) -> Result<PathBuf> {
+    let packages: Vec<_> = group.iter().map(|firmware| firmware.package).collect();
     let features = packages.iter().flat_map(|package| {
         ["conformance", "values"].map(|feature| format!("{package}/{feature}"))
     });
     let features: Vec<_> = features.collect();
+    let target = group[0].target;
     firmware::build(
         context,
         firmware::WORKSPACE,

@@ -7,7 +7,7 @@ use crate::command::command;
 use crate::context::Context;
 use crate::firmware::{self, HART_IMAGES, HARTS, HARTS_TARGET};
 use crate::outcome::Summary;
-use crate::parts::test::{self, ALL};
+use crate::parts::test;
 use crate::programs;
 use crate::tools::{need_debian, need_target};
 
@@ -38,7 +38,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     // The images that `panics` searches, and the programs of `test`.
     let images = firmware::build(context, HARTS, &HART_IMAGES, HARTS_TARGET, "release", &[])?;
-    command(context, &format!("cargo build {ALL} --bins")).run()?;
+    let mut tests = programs::build(&command(context, &test::build_line()))?;
     let hand =
         format!("target/debug/utah-mit-hand up {HARTS}/hand.toml --headless --for {HAND_SECONDS}s");
     let (mut joints, mut has_motion) = (0, true);
@@ -55,7 +55,6 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     command(context, &exact).run()?;
     let stack = format!("target/debug/drills stack {images}/monitor {images}/drill");
     command(context, &stack).run()?;
-    let mut tests = programs::build(&command(context, &test::build_line()))?;
     tests.retain(|program| program.name == "harts");
     let passed = programs::run(&tests, &["--ignored"])?;
     if passed == 0 {

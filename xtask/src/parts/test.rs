@@ -4,8 +4,8 @@ use crate::context::Context;
 use crate::outcome::Summary;
 use crate::{programs, tests_run};
 
-/// What all parts share that run what the tests are made of: it is compiled once.
-pub(crate) const ALL: &str = "--workspace --all-features";
+/// All packages with all features.
+const ALL: &str = "--workspace --all-features";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let programs = programs::build(&command(context, &build_line()))?;
@@ -17,7 +17,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     )))
 }
 
-/// Builds all tests.
+/// Builds all tests, examples and programs. Whoever runs one builds them all by this line: a part of them would
+/// be compiled with features of its own.
 pub(crate) fn build_line() -> String {
     format!("cargo test {ALL} --no-run --message-format json-render-diagnostics")
 }
