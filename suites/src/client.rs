@@ -13,8 +13,8 @@ use crate::server::SERVER;
 use crate::{AnyError, N};
 
 const CLIENT: Processor = Processor(1);
-/// How many files it can have open.
-const FILES: usize = 64;
+/// How many files it can have open. fsx leaves mapped what it has read so, and thereby open.
+const FILES: usize = 256;
 /// The longest path that the server takes, in bytes.
 const PATH: u32 = 4095;
 /// Bytes of a file's buffer: what one call moves. The kernel asks for more at once, so that the server

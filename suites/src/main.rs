@@ -27,7 +27,7 @@ type AnyError = Box<dyn Error + Send + Sync>;
 /// The server and the mounted processor.
 const N: usize = 2;
 /// Bytes of data of each processor.
-const BYTES: u32 = 4 * 1024 * 1024;
+const BYTES: u32 = 8 * 1024 * 1024;
 
 struct Arguments {
     seed: u64,

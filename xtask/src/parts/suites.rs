@@ -32,7 +32,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         .env("CARGO_PROFILE_DEV_DEBUG", "0")
         .run()?;
     let (seeds, operations) = if context.whole {
-        (10, 10_000)
+        (10, 5_000)
     } else {
         (1, 3_000)
     };
