@@ -7,7 +7,8 @@ use crate::Result;
 use crate::command::command;
 use crate::context::Context;
 use crate::outcome::Summary;
-use crate::parts::test::ALL;
+use crate::parts::test;
+use crate::programs;
 use crate::tools::{is_root, need_debian};
 
 /// Where a small disk is mounted.
@@ -34,11 +35,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             return Ok(Summary::of("nothing").leaving_out(format!("ALL, no disk: {problem}")));
         }
     }
-    let mut build = format!("cargo build {ALL}");
-    for (name, ..) in EXAMPLES {
-        build += &format!(" --example {name}");
-    }
-    command(context, &build).run()?;
+    // Examples are built with the tests.
+    programs::build(&command(context, &test::build_line()))?;
     // Twenty minutes together; else one run of each.
     let enough = Duration::from_secs(if context.whole { 400 } else { 0 });
     let mut runs = 0;
