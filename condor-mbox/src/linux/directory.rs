@@ -231,12 +231,17 @@ impl Directory {
         let mut locked = Vec::new();
         for (index, name) in mails.iter().enumerate() {
             let path = self.path_of(name);
-            // A number whose file is missing could be claimed from now on unless it is locked too.
-            match self.create(name, mail_bytes) {
-                Ok(()) | Err(Errno::EXIST) => {}
-                Err(errno) => return self.not_created(&path, errno),
+            let mut mail = self.open_file(name, Access::ReadWrite);
+            if let Err(Errno::NOENT) = mail {
+                // The number could be claimed from now on unless it is locked, too. Only then is a file
+                // made: a removal is also to free a disk that is full.
+                match self.create(name, mail_bytes) {
+                    Ok(()) | Err(Errno::EXIST) => {}
+                    Err(errno) => return self.not_created(&path, errno),
+                }
+                mail = self.open_file(name, Access::ReadWrite);
             }
-            let mail = match self.open_file(name, Access::ReadWrite) {
+            let mail = match mail {
                 Ok(mail) => mail,
                 Err(Errno::NOENT) => return Ok(None),
                 Err(errno) => return Err(self.not_opened(&path, name, FileKind::File, errno)),
