@@ -72,7 +72,7 @@ impl<S: Steps> Server<S> {
                 let file = &self.opened(job)?.file;
                 let [begin, begin_high, ..] = *staged;
                 let range = whole(begin, begin_high)..about(file, c"")?.1.size;
-                outcome.value = self.appended(job, file, range)?;
+                outcome.value = job.appended(file, range)?;
                 outcome.value > 0
             }
             _ => false,

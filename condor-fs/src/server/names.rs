@@ -76,13 +76,11 @@ impl<S: Steps> Server<S> {
             (Ok(_), _) => return Err(Errno::EXIST.into()),
         }
         self.admit_name()?;
-        let file = self
-            .tree
-            .make_unnamed(&place, flags, self.options.file_mode)?;
+        let file = place.make_unnamed(flags, self.options.file_mode)?;
         self.reached(job, Step::Made);
         log.stage(&about(&file, c"")?.0.to_words())?;
         self.reached(job, Step::Staged);
-        self.tree.give_name(&file, &place)?;
+        place.give_name(&file)?;
         self.reached(job, Step::Moved);
         Ok(file)
     }

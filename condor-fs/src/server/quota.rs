@@ -337,7 +337,7 @@ mod tests {
         assert_eq!(take(10, Ok(1000)), Ok(()));
         assert_eq!(counts.get(), 1);
         // What the host has removed is noticed later.
-        time.set(time.get() + SHARE * took - Duration::from_nanos(1));
+        time.set(time.get() + (SHARE * took).saturating_sub(Duration::from_nanos(1)));
         assert_eq!(take(1, Ok(0)), Err(Errno::DQUOT.into()));
         time.set(time.get() + Duration::from_nanos(1));
         assert_eq!(take(1, Err(Linux::MFILE)), Err(Errno::MFILE.into()));

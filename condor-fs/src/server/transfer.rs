@@ -69,7 +69,7 @@ impl<S: Steps> Server<S> {
         }
         let end = about(file, c"")?.1.size;
         if let Some([low, high, ..]) = log.staged()? {
-            let appended = self.appended(job, file, whole(low, high)..end)?;
+            let appended = job.appended(file, whole(low, high)..end)?;
             if appended > 0 {
                 return Ok(appended);
             }
@@ -93,45 +93,6 @@ impl<S: Steps> Server<S> {
                 }
             }
         }
-    }
-
-    /// How many bytes of an append a former life has written to the range behind the end that it
-    /// recorded, where programs of the host may have appended, too.
-    pub(super) fn appended(
-        &self,
-        job: &Job<'_>,
-        file: &OwnedFd,
-        range: Range<u64>,
-    ) -> Result<u64, Stop> {
-        let buffer = job.request.buffer;
-        let (start, len) = (range.start, range.end.saturating_sub(range.start));
-        let mut ours = vec![0; buffer.len as usize];
-        job.region.read(buffer.offset, &mut ours)?;
-        // It may be open for writing alone.
-        let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
-        let Ok(file) = rustix::fs::open(path_of(file), flags, Mode::empty()).map(File::from) else {
-            return Ok(len.min(ours.len() as u64)); // There is nothing to go by but its length.
-        };
-        let read = |position: u64, len: u64| -> io::Result<Vec<u8>> {
-            let mut bytes = vec![0; len as usize];
-            file.read_exact_at(&mut bytes, position)?;
-            Ok(bytes)
-        };
-        if len <= ours.len() as u64 && ours.starts_with(&read(start, len)?) {
-            return Ok(len);
-        }
-        // Programs of the host have appended, too, and ours may be anywhere among it.
-        let ours = Finder::new(&ours);
-        let whole = ours.needle().len() as u64;
-        let mut at = 0;
-        while at + whole <= len {
-            let piece = (whole + PIECE).min(len - at);
-            if ours.find(&read(start + at, piece)?).is_some() {
-                return Ok(whole);
-            }
-            at += PIECE + 1;
-        }
-        Ok(0)
     }
 
     /// Moves data until all is moved, or no more can be; what was moved before an error is a result.
@@ -206,7 +167,7 @@ impl<S: Steps> Server<S> {
         let file = opened.for_reading()?;
         job.check_buffer()?;
         let room = job.request.buffer.len as usize;
-        let root = self.tree.is_root(file)?;
+        let top = self.tree.is_root(file)?;
         rustix::fs::seek(file, SeekFrom::Start(job.request.position))?;
         let mut memory = vec![MaybeUninit::uninit(); 32 * 1024];
         let mut directory = RawDir::new(file, &mut memory);
@@ -214,7 +175,7 @@ impl<S: Steps> Server<S> {
         while let Some(entry) = directory.next() {
             let entry = entry?;
             let name = entry.file_name().to_bytes();
-            if root && name == OWN {
+            if top && name == OWN {
                 continue;
             }
             let padded = name.len().next_multiple_of(4);
@@ -239,6 +200,40 @@ impl<S: Steps> Server<S> {
 }
 
 impl Job<'_> {
+    /// How many bytes of an append a former life has written to the range behind the end that it
+    /// recorded, where programs of the host may have appended, too.
+    pub(super) fn appended(&self, file: &OwnedFd, range: Range<u64>) -> Result<u64, Stop> {
+        let buffer = self.request.buffer;
+        let (start, len) = (range.start, range.end.saturating_sub(range.start));
+        let mut ours = vec![0; buffer.len as usize];
+        self.region.read(buffer.offset, &mut ours)?;
+        // It may be open for writing alone.
+        let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
+        let Ok(file) = rustix::fs::open(path_of(file), flags, Mode::empty()).map(File::from) else {
+            return Ok(len.min(ours.len() as u64)); // There is nothing to go by but its length.
+        };
+        let read = |position: u64, len: u64| -> io::Result<Vec<u8>> {
+            let mut bytes = vec![0; len as usize];
+            file.read_exact_at(&mut bytes, position)?;
+            Ok(bytes)
+        };
+        if len <= ours.len() as u64 && ours.starts_with(&read(start, len)?) {
+            return Ok(len);
+        }
+        // Programs of the host have appended, too, and ours may be anywhere among it.
+        let ours = Finder::new(&ours);
+        let whole = ours.needle().len() as u64;
+        let mut at = 0;
+        while at + whole <= len {
+            let piece = (whole + PIECE).min(len - at);
+            if ours.find(&read(start + at, piece)?).is_some() {
+                return Ok(whole);
+            }
+            at += PIECE + 1;
+        }
+        Ok(0)
+    }
+
     /// Nothing is touched for the sake of a buffer that is not in the window.
     pub(super) fn check_buffer(&self) -> Result<(), Stop> {
         let buffer = self.request.buffer;

@@ -54,6 +54,18 @@ impl Place {
         self.directory || matches!(self.name.to_bytes(), b"." | b"..")
     }
 
+    /// Makes a file that has no name yet in the directory of the place, as one that is made there
+    /// with the name: its group, attributes and access list are those that the directory gives.
+    pub(super) fn make_unnamed(&self, flags: OFlags, mode: u32) -> Result<OwnedFd, Linux> {
+        unnamed(&self.parent, flags | OFlags::CLOEXEC, mode)
+    }
+
+    /// Gives it the name, unless that is taken.
+    pub(super) fn give_name(&self, file: &OwnedFd) -> Result<(), Linux> {
+        let flags = AtFlags::SYMLINK_FOLLOW;
+        rustix::fs::linkat(CWD, path_of(file), &self.parent, &*self.name, flags)
+    }
+
     /// Evidence and status of the name.
     pub(super) fn about(&self) -> Result<(Evidence, Status), Linux> {
         about(&self.parent, &self.name)
@@ -98,8 +110,8 @@ impl Tree {
     /// Finds out whether files that are made with these permissions could be opened again.
     pub(super) fn check_mode(&self, mode: u32) -> Result<(), Linux> {
         let flags = OFlags::RDWR | OFlags::CLOEXEC;
-        let made = unnamed(&self.stage, flags, mode)?;
-        rustix::fs::open(path_of(&made), flags, Mode::empty()).map(drop)
+        let file = unnamed(&self.stage, flags, mode)?;
+        rustix::fs::open(path_of(&file), flags, Mode::empty()).map(drop)
     }
 
     pub(super) fn root(&self) -> BorrowedFd<'_> {
@@ -204,23 +216,6 @@ impl Tree {
             return Err(Errno::ISDIR);
         }
         Ok(file)
-    }
-
-    /// Makes a file that has no name yet in the directory of a place, as one that is made there
-    /// with the name: its group, attributes and access list are those that the directory gives.
-    pub(super) fn make_unnamed(
-        &self,
-        place: &Place,
-        flags: OFlags,
-        mode: u32,
-    ) -> Result<OwnedFd, Linux> {
-        unnamed(&place.parent, flags | OFlags::CLOEXEC, mode)
-    }
-
-    /// Gives it its name, unless that is taken.
-    pub(super) fn give_name(&self, file: &OwnedFd, place: &Place) -> Result<(), Linux> {
-        let flags = AtFlags::SYMLINK_FOLLOW;
-        rustix::fs::linkat(CWD, path_of(file), &place.parent, &*place.name, flags)
     }
 
     /// Moves what has a name to a name of its own in the server's directory.
