@@ -4,9 +4,7 @@
 
 use std::time::Duration;
 
-use crate::support::{
-    CLIENT, Fs, N, OTHER, Supervisor, disk, system, with_client, with_silent_client,
-};
+use crate::support::{CLIENT, Fs, N, OTHER, Supervisor, disk, system, with_client};
 use condor_fs::server::Step;
 use condor_fs::wire::Operation;
 use condor_fs::{Errno, Error, OpenOptions};
@@ -19,7 +17,7 @@ const WRITE: OpenOptions = OpenOptions::new().write();
 fn the_limit_of_the_process_is_an_error_of_the_request() {
     let root = disk();
     let system = system();
-    let supervisor = Supervisor::start(&system, root.path(), None, "file-limit");
+    let supervisor = Supervisor::start(&system, root.path(), None, "file-limit=1000");
     with_client(&system, CLIENT, |fs, _, _, _| {
         let large = |outcome: Result<usize, Error>| {
             assert_eq!(outcome, Err(Error::Errno(Errno::FBIG)));
@@ -122,14 +120,12 @@ fn no_request_is_worked_on_by_a_third_server() {
         (Operation::Rename, Step::Staged, false),
         (Operation::Rename, Step::Moved, true),
         (Operation::Unlink, Step::Staged, false),
-        (Operation::Unlink, Step::Moved, true),
         (Operation::Unlink, Step::Acted, true),
         (Operation::RemoveDirectory, Step::Staged, false),
-        (Operation::RemoveDirectory, Step::Moved, false),
         (Operation::RemoveDirectory, Step::Acted, true),
-        (Operation::MakeDirectory, Step::Made, false),
         (Operation::MakeDirectory, Step::Staged, false),
-        (Operation::MakeDirectory, Step::Moved, true),
+        (Operation::MakeDirectory, Step::Made, true),
+        (Operation::MakeDirectory, Step::Acted, true),
         (Operation::Open, Step::Staged, false),
         (Operation::Open, Step::Moved, true),
     ] {
@@ -165,7 +161,7 @@ fn no_request_is_worked_on_by_a_third_server() {
 fn an_open_file_outlives_an_unlink_that_was_given_up() {
     let root = disk();
     std::fs::write(root.path().join("f"), b"data").unwrap();
-    let read = given_up(root.path(), Operation::Unlink, Step::Moved, |fs| {
+    let read = given_up(root.path(), Operation::Unlink, Step::Acted, |fs| {
         let mut file = fs.open("f", OpenOptions::new().read())?;
         fs.unlink("f")?;
         let mut bytes = [0; 8];
@@ -174,9 +170,11 @@ fn an_open_file_outlives_an_unlink_that_was_given_up() {
     });
     assert_eq!(read, Ok(b"data".to_vec()));
     for (step, replaced) in [
-        (Step::Made, false),
-        (Step::Marked, false),
+        (Step::Staged, false),
         (Step::Moved, true),
+        (Step::Aside, true),
+        (Step::Marked, true),
+        (Step::Acted, true),
     ] {
         std::fs::write(root.path().join("f"), b"data").unwrap();
         std::fs::write(root.path().join("g"), b"new").unwrap();
@@ -202,7 +200,7 @@ fn a_request_that_could_not_be_begun_is_not_given_up() {
     std::fs::write(root.path().join("f"), b"data").unwrap();
     let system: std::sync::Arc<System<N>> = system();
     let _supervisor = Supervisor::start(&system, root.path(), None, "");
-    with_silent_client(&system, CLIENT, |fs| {
+    crate::support::with_silent_client(&system, CLIENT, |fs| {
         fs.set_timeout(Duration::from_millis(50));
         let late = fs.unlink("f").unwrap_err();
         assert!(matches!(late, Error::TimedOut { .. }), "{late}");
