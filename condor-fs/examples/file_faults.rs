@@ -5,7 +5,8 @@
 //! [--directory DIRECTORY]`
 //!
 //! The directory, the temporary one if not given, must be on a disk: tmpfs never uses an inode number
-//! again. One wrong, lost or doubled effect, and the program fails.
+//! again. The disk may be full at times: what finds no space must have no effect. One wrong, lost or
+//! doubled effect, and the program fails.
 
 mod serving;
 
@@ -78,7 +79,7 @@ fn main() -> Result<(), AnyError> {
                         client.step()?;
                         done.fetch_add(1, Ordering::Relaxed);
                     }
-                    Ok((client.model, client.appended))
+                    Ok((client.model, client.appended, client.refused))
                 });
                 // Who found something wrong ends it for all.
                 stop.store(true, Ordering::Relaxed);
@@ -99,9 +100,10 @@ fn main() -> Result<(), AnyError> {
     })?;
     let wrong = judge(root.path(), &models)?;
     println!(
-        "{} operations in {:.1} s: {wrong} wrong, lost or doubled effects",
+        "{} operations in {:.1} s, {} without space: {wrong} wrong, lost or doubled effects",
         done.load(Ordering::Relaxed),
-        begun.elapsed().as_secs_f64()
+        begun.elapsed().as_secs_f64(),
+        models.iter().map(|(_, _, refused)| refused).sum::<u64>()
     );
     if wrong == 0 {
         Ok(())
@@ -140,18 +142,23 @@ struct Client<'c, 'm, 'v> {
     model: Model,
     /// Records in the log of both.
     appended: u64,
+    /// Operations that found no space.
+    refused: u64,
 }
 
 impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
     fn new(files: &'c Files<'m, 'v>, number: Processor, seed: u64) -> Result<Self, AnyError> {
-        files.make_directory(format!("{}", number.0))?;
-        Ok(Self {
+        let mut client = Self {
             files,
             number,
             random: Random(seed | 1),
             model: Model::new(),
             appended: 0,
-        })
+            refused: 0,
+        };
+        let directory = format!("{}", number.0);
+        while !client.expect(&directory, files.make_directory(&directory).err(), None)? {}
+        Ok(client)
     }
 
     fn path(&self, name: &str) -> String {
@@ -164,19 +171,16 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
         let path = self.path(&name);
         let write = OpenOptions::new().write();
         let found = self.model.get(&name).cloned();
-        let directory = found == Some(None);
         match kind {
             0 | 1 => {
                 let expected = found.is_some().then_some(Errno::EXIST);
                 let data = self.random.bytes(300);
-                match self.files.open(&path, write.exclusive()) {
-                    Ok(mut file) => {
-                        expect(&path, None, expected)?;
-                        let written = file.write(&data)?;
-                        file.close()?;
-                        self.model.insert(name, Some(data[..written].to_vec()));
-                    }
-                    Err(error) => expect(&path, Some(error), expected)?,
+                let opened = self.files.open(&path, write.exclusive());
+                self.expect(&path, opened.as_ref().err().copied(), expected)?;
+                if let Ok(mut file) = opened {
+                    let written = self.written(file.write(&data))?;
+                    file.close()?;
+                    self.model.insert(name, Some(data[..written].to_vec()));
                 }
             }
             2..=4 => {
@@ -184,42 +188,32 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                 if kind == 4 {
                     options = options.append();
                 }
-                match self.files.open(&path, options) {
-                    Ok(mut file) => {
-                        let Some(Some(mut model)) = found else {
-                            return Err(format!("{path} should not be a file").into());
-                        };
-                        let data = self.random.bytes(500);
-                        let mut at = usize::try_from(self.random.below(600))?;
-                        if kind == 4 {
-                            at = model.len();
-                        } else if kind == 3 {
-                            file.truncate(at as u64)?;
-                            model.resize(at, 0);
-                        }
-                        file.seek(SeekFrom::Start(at as u64))?;
-                        let written = file.write(&data)?;
-                        if written > 0 {
-                            model.resize(model.len().max(at + written), 0);
-                            model[at..at + written].copy_from_slice(&data);
-                        }
-                        check(&mut file, &path, &model)?;
-                        file.close()?;
-                        self.model.insert(name, Some(model));
+                let expected = match found {
+                    None => Some(Errno::NOENT),
+                    Some(None) => Some(Errno::ISDIR),
+                    Some(_) => None,
+                };
+                let opened = self.files.open(&path, options);
+                self.expect(&path, opened.as_ref().err().copied(), expected)?;
+                if let (Ok(mut file), Some(Some(mut model))) = (opened, found) {
+                    let data = self.random.bytes(500);
+                    let mut at = usize::try_from(self.random.below(600))?;
+                    if kind == 4 {
+                        at = model.len();
+                    } else if kind == 3
+                        && self.expect(&path, file.truncate(at as u64).err(), None)?
+                    {
+                        model.resize(at, 0);
                     }
-                    Err(error) => {
-                        let expected = if directory {
-                            Errno::ISDIR
-                        } else {
-                            Errno::NOENT
-                        };
-                        expect(
-                            &path,
-                            Some(error),
-                            (found != Some(None) && found.is_none() || directory)
-                                .then_some(expected),
-                        )?;
+                    file.seek(SeekFrom::Start(at as u64))?;
+                    let written = self.written(file.write(&data))?;
+                    if written > 0 {
+                        model.resize(model.len().max(at + written), 0);
+                        model[at..at + written].copy_from_slice(&data[..written]);
                     }
+                    check(&mut file, &path, &model)?;
+                    file.close()?;
+                    self.model.insert(name, Some(model));
                 }
             }
             5 | 6 => {
@@ -228,16 +222,16 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                     Some(None) => Some(Errno::ISDIR),
                     Some(_) => None,
                 };
-                expect(&path, self.files.unlink(&path).err(), expected)?;
-                if expected.is_none() {
+                if self.expect(&path, self.files.unlink(&path).err(), expected)? {
                     self.model.remove(&name);
                 }
             }
             7 | 8 => self.rename(&name)?,
             9 => {
                 let expected = found.is_some().then_some(Errno::EXIST);
-                expect(&path, self.files.make_directory(&path).err(), expected)?;
-                self.model.entry(name).or_insert(None);
+                if self.expect(&path, self.files.make_directory(&path).err(), expected)? {
+                    self.model.insert(name, None);
+                }
             }
             10 => {
                 let expected = match found {
@@ -245,8 +239,8 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                     Some(None) => None,
                     Some(_) => Some(Errno::NOTDIR),
                 };
-                expect(&path, self.files.remove_directory(&path).err(), expected)?;
-                if expected.is_none() {
+                let removed = self.files.remove_directory(&path);
+                if self.expect(&path, removed.err(), expected)? {
                     self.model.remove(&name);
                 }
             }
@@ -267,8 +261,9 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
             _ => None,
         };
         let outcome = self.files.rename(self.path(name), self.path(&to));
-        expect(name, outcome.err(), expected)?;
-        if let (None, Some(what)) = (expected, found) {
+        if self.expect(name, outcome.err(), expected)?
+            && let Some(what) = found
+        {
             self.model.remove(name);
             self.model.insert(to, what);
         }
@@ -278,14 +273,46 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
     /// A record of its own to the log of both.
     fn append(&mut self) -> Result<(), AnyError> {
         let options = OpenOptions::new().append().create();
-        let mut log = self.files.open("log", options)?;
+        let opened = self.files.open("log", options);
+        self.expect("log", opened.as_ref().err().copied(), None)?;
+        let Ok(mut log) = opened else { return Ok(()) };
         let record = format!("{:03} {:011}\n", self.number.0, self.appended);
-        if log.write(record.as_bytes())? != RECORD {
-            return Err("a record was cut".into());
+        match self.written(log.write(record.as_bytes()))? {
+            RECORD => self.appended += 1,
+            0 => {}
+            _ => return Err("a record was cut".into()),
         }
-        log.close()?;
-        self.appended += 1;
-        Ok(())
+        Ok(log.close()?)
+    }
+
+    /// How many bytes were written; none if there was no space.
+    fn written(&mut self, outcome: Result<usize, Error>) -> Result<usize, AnyError> {
+        match outcome {
+            Err(Error::Errno(Errno::NOSPC)) => {
+                self.refused += 1;
+                Ok(0)
+            }
+            outcome => Ok(outcome?),
+        }
+    }
+
+    /// Whether an operation took effect: it must end as expected, or have found no space.
+    fn expect(
+        &mut self,
+        what: &str,
+        found: Option<Error>,
+        expected: Option<Errno>,
+    ) -> Result<bool, AnyError> {
+        match (found, expected) {
+            (None, None) => Ok(true),
+            (Some(Error::Errno(Errno::NOSPC)), _) => {
+                self.refused += 1;
+                Ok(false)
+            }
+            (Some(Error::Errno(found)), Some(expected)) if found == expected => Ok(false),
+            (Some(found), _) => Err(format!("{what}: {found}, expected {expected:?}").into()),
+            (None, Some(expected)) => Err(format!("{what}: success, expected {expected}").into()),
+        }
     }
 }
 
@@ -320,19 +347,14 @@ fn check(
     Ok(())
 }
 
-fn expect(what: &str, found: Option<Error>, expected: Option<Errno>) -> Result<(), AnyError> {
-    match (found, expected) {
-        (None, None) => Ok(()),
-        (Some(Error::Errno(found)), Some(expected)) if found == expected => Ok(()),
-        (Some(found), _) => Err(format!("{what}: {found}, expected {expected:?}").into()),
-        (None, Some(expected)) => Err(format!("{what}: success, expected {expected}").into()),
-    }
-}
-
 /// Compares the tree with the models; gives how much differs.
-fn judge(root: &Path, models: &[(Model, u64)]) -> Result<u64, AnyError> {
+fn judge(root: &Path, models: &[(Model, u64, u64)]) -> Result<u64, AnyError> {
     let mut wrong = 0;
-    let log = std::fs::read_to_string(root.join("log"))?;
+    let log = match std::fs::read_to_string(root.join("log")) {
+        // There never was space for a record.
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+        log => log?,
+    };
     let mut next = vec![0_u64; models.len()];
     for record in log.lines() {
         let (number, count) = record.split_once(' ').ok_or("a record is broken")?;
@@ -341,7 +363,7 @@ fn judge(root: &Path, models: &[(Model, u64)]) -> Result<u64, AnyError> {
         wrong += u64::from(count.parse::<u64>()? != next[client]);
         next[client] += 1;
     }
-    for (number, ((model, appended), next)) in (1..).zip(models.iter().zip(&next)) {
+    for (number, ((model, appended, _), next)) in (1..).zip(models.iter().zip(&next)) {
         wrong += appended.abs_diff(*next);
         let mut found = Model::new();
         for entry in std::fs::read_dir(root.join(number.to_string()))? {

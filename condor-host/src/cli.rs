@@ -38,6 +38,7 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 
 use crate::commands;
 use crate::description::Description;
+use crate::plain::plain_lines;
 use crate::system::Directory;
 
 /// The programs that a binary has beside `condor`.
@@ -165,7 +166,8 @@ pub fn main(programs: &dyn Programs) -> ExitCode {
         // Whoever reads the output has seen enough of it.
         Err(error) if is_broken_pipe(&*error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("condor: {error}");
+            // Names that programs have chosen may be in it.
+            eprintln!("condor: {}", plain_lines(&error.to_string()));
             ExitCode::FAILURE
         }
     }

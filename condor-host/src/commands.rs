@@ -25,6 +25,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::cli::{AnyError, Which};
+use crate::plain::plain_json;
 
 /// What all commands are told.
 #[derive(Debug, Args)]
@@ -44,5 +45,5 @@ fn print(text: impl core::fmt::Display) -> Result<(), AnyError> {
 }
 
 fn print_json(value: &impl Serialize) -> Result<(), AnyError> {
-    print(format_args!("{}\n", serde_json::to_string(value)?))
+    print(format_args!("{}\n", plain_json(value)?))
 }

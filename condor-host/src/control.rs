@@ -2,7 +2,8 @@
 //!
 //! Requests and answers are JSON objects, one a line, over the Unix socket `control` in the
 //! directory of the [system](crate::system). A request is answered when what it asks for has been
-//! done: a `stop` when the program has ended, a `start` when it has joined.
+//! done: a `stop` when the program has ended, a `start` when it has joined. Several requests may be sent
+//! without waiting; they are carried out one after the other.
 //!
 //! ```text
 //! {"do":"stop","processor":"servo-a"}
@@ -11,7 +12,7 @@
 //! {"ok":false,"error":"there is no processor `servo-x`; there are master, servo-a"}
 //! ```
 
-mod client;
+pub(crate) mod client;
 pub(crate) mod server;
 
 pub use client::{Client, ClientError, Events};

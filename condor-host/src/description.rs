@@ -11,6 +11,7 @@
 //! | `[files]` `read_only`, `quota_bytes`, `max_file_bytes` | what the programs may do there | everything |
 //! | `[terminals]` `replay_bytes` | how much of a terminal's past who attaches is shown | 65536 |
 //! | `[terminals]` `log_bytes` | the size from which a terminal's log is kept as the old one, in the place of the old one of before, and a new one begins; not less than `replay_bytes` | 4194304 |
+//! | `[services]` `restarts` | restarts of a service in a minute, or in a row without that it joined, after which it has failed for good | 20 |
 //! | `[[processors]]` | the programs, in the order in which they are started | |
 //!
 //! | key of a processor | is | default |
@@ -26,7 +27,7 @@
 //! | `cpu` | the CPU that the process keeps to | any |
 //! | `priority` | of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
 //! | `on_failure` | `"restart"`, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
-//! | `restarts` | restarts in a minute after which it has failed for good | 10 |
+//! | `restarts` | restarts in a minute, or in a row without that it joined, after which it has failed for good | 10 |
 //! | `stall_seconds` | how long a heart may stand still before that is a failure; 0: for ever | 5 |
 //!
 //! `loops`, `cpu` and `priority` are for processes alone. The program of a hart is an ELF file, as
@@ -75,6 +76,8 @@ pub struct Description {
     pub files: Option<Files>,
     /// How terminals are shown.
     pub terminals: Terminals,
+    /// Restarts of a service in a minute after which it has failed for good.
+    pub service_restarts: u32,
     /// The processors, in the order in which they are started.
     pub processors: Vec<Processor>,
 }

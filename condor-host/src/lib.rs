@@ -49,6 +49,8 @@ pub mod control;
 #[cfg(feature = "program")]
 pub mod description;
 #[cfg(feature = "program")]
+mod plain;
+#[cfg(feature = "program")]
 pub mod services;
 #[cfg(feature = "program")]
 pub mod supervisor;

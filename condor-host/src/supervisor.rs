@@ -9,8 +9,10 @@
 
 mod eye;
 mod hart;
+mod hearing;
 pub mod image;
 mod journal;
+pub mod keeper;
 mod launch;
 mod member;
 mod place;
@@ -18,6 +20,7 @@ mod plan;
 mod process;
 mod requests;
 mod signals;
+pub(crate) mod stat;
 
 pub use hart::{Hart, Power};
 pub use launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
@@ -30,16 +33,20 @@ use condor_mbox::linux::SystemError;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
+use crate::control::Status;
 use crate::control::server::Server;
-use crate::control::{State, Status};
 use crate::description::{Description, OnFailure};
 use crate::system::{Directory, FindError};
 use eye::Eye;
+pub(crate) use journal::last as last_lines;
 use journal::{CONDOR, Journal};
 use member::{Member, Phase, Then};
 use place::Place;
 use requests::Promise;
 pub(crate) use signals::Signals;
+
+/// Requests that are carried out in a turn; others come in the next one.
+const REQUESTS: usize = 16;
 
 /// What a supervisor does beside what the description says.
 #[derive(Clone, Debug, Default)]
@@ -51,6 +58,9 @@ pub struct Options {
     pub echo: bool,
     /// The system is taken down after this time.
     pub duration: Option<Duration>,
+    /// Descendants of programs that lose their parents become children of this process, and all its children
+    /// are killed at the end: for a process that has no others, and whose first thread this is.
+    pub adopts: bool,
 }
 
 /// Why a system does not come up, or does not stay up.
@@ -117,16 +127,20 @@ pub enum UpError {
 pub struct Summary {
     /// How everything was just before.
     pub status: Status,
-    /// Whether a program had failed for good.
+    /// Whether something was wrong: the system had not come up, or a program had failed for good, or did
+    /// not run though nobody had stopped it.
     pub failed: bool,
 }
 
 /// Brings the system up, and keeps it until it is told to end: by a request, by SIGINT, SIGTERM or
-/// SIGHUP, or because the description says so. `started` is called when all programs have been
+/// SIGHUP, because the description says so, or because a service fails for good before the system is up.
+/// `started` is called when all programs have been
 /// given the chance to join, and gets the directory in which the system runs; `ending` before the
 /// programs are stopped, with how everything is; neither may ask the supervisor, which does nothing else meanwhile.
 ///
-/// The programs die with the thread that calls this.
+/// The programs die with the thread that calls this, and their process groups when they end in order.
+/// Descendants that have left these groups are killed at the end if [`Options::adopts`] is set, and by a
+/// [`keeper`].
 ///
 /// # Errors
 /// [`UpError`]; nothing runs any more then.
@@ -136,6 +150,9 @@ pub fn run(
     started: impl FnOnce(&Directory),
     ending: impl FnOnce(&Directory, &Status),
 ) -> Result<Summary, UpError> {
+    if options.adopts {
+        keeper::adopt().map_err(UpError::Events)?;
+    }
     let place = Place::take(&description.name)?;
     let log = place.directory.log();
     let journal = Journal::new(&log, options.echo).map_err(UpError::at("write", &log))?;
@@ -152,6 +169,8 @@ pub fn run(
         journal,
         promises: Vec::new(),
         since: Instant::now(),
+        is_up: false,
+        is_noted: true,
         down: None,
         place,
     };
@@ -159,6 +178,9 @@ pub fn run(
     if outcome.is_err() {
         // What still runs is killed as it is dropped.
         supervisor.members.clear();
+    }
+    if supervisor.options.adopts {
+        keeper::end_children().map_err(UpError::Events)?;
     }
     let cleared = supervisor.place.clear_but_logs();
     let summary = outcome?;
@@ -178,6 +200,10 @@ struct Supervisor<'d> {
     /// Requests that are answered when they have been carried out.
     promises: Vec<Promise>,
     since: Instant,
+    /// All programs have been given the chance to join.
+    is_up: bool,
+    /// Which processes there are stands in their file.
+    is_noted: bool,
     down: Option<Down>,
     place: Place,
 }
@@ -203,11 +229,12 @@ impl Supervisor<'_> {
         self.journal.tell(CONDOR, text, None);
         loop {
             self.turn()?;
-            if self.members.iter().all(Member::lets_pass)
+            if self.down.is_none()
+                && self.members.iter().all(Member::lets_pass)
                 && let Some(started) = started.take()
             {
-                self.journal
-                    .tell(CONDOR, "all programs have been started", None);
+                self.is_up = true;
+                self.tell_started();
                 started(&self.place.directory);
             }
             if self.down.is_some()
@@ -250,23 +277,34 @@ impl Supervisor<'_> {
         {
             self.go_down("the time is over");
         }
-        for (from, request) in self.server.serve() {
+        self.server.serve();
+        for _ in 0..REQUESTS {
+            let Some((from, request)) = self.server.next() else {
+                break;
+            };
             self.request(from, request);
+        }
+        if self.options.adopts {
+            let members = self.members.iter();
+            let own: Vec<_> = members.filter_map(|it| it.launch().process()).collect();
+            keeper::reap_adopted(|process| own.contains(&process));
         }
         let mut changed = false;
         for member in &mut self.members {
             changed |= member.look(&self.eye, &mut self.journal);
         }
         changed |= self.start_next();
-        if changed {
-            let processes = self
-                .members
-                .iter()
-                .filter_map(|member| member.launch().process());
-            self.place.note_processes(processes)?;
+        if changed || !self.is_noted {
+            self.note_processes();
         }
+        // Without its services a system does not come up; one that is up goes on without them.
         let stops = |member: &Member| {
-            member.plan.on_failure == OnFailure::Stop && member.phase == Phase::Failed
+            let matters = if member.plan.is_service() {
+                !self.is_up
+            } else {
+                member.plan.on_failure == OnFailure::Stop
+            };
+            matters && member.phase == Phase::Failed
         };
         if let Some(name) = self
             .members
@@ -278,6 +316,34 @@ impl Supervisor<'_> {
         }
         self.keep_promises();
         Ok(())
+    }
+
+    fn tell_started(&mut self) {
+        let members = self.members.iter();
+        let failed = members.filter(|member| member.phase == Phase::Failed);
+        let failed: Vec<_> = failed
+            .map(|member| format!("`{}`", member.plan.name))
+            .collect();
+        let text = if failed.is_empty() {
+            "all programs have been started".into()
+        } else {
+            format!("all programs but {} have been started", failed.join(", "))
+        };
+        self.journal.tell(CONDOR, text, None);
+    }
+
+    /// Notes which processes there are. Where that fails the robot goes on: the note is for the next
+    /// supervisor, should this one be killed.
+    fn note_processes(&mut self) {
+        let members = self.members.iter();
+        let processes = members.filter_map(|member| member.launch().process());
+        let outcome = self.place.note_processes(processes);
+        if let Err(error) = &outcome
+            && self.is_noted
+        {
+            self.journal.tell(CONDOR, error.to_string(), None);
+        }
+        self.is_noted = outcome.is_ok();
     }
 
     /// Starts who may be started now.
@@ -346,7 +412,12 @@ impl Supervisor<'_> {
         let end = end.filter(|_| self.down.is_none());
         let dues = self.members.iter().filter_map(|member| member.due(now));
         // Without anybody to look at, the own heart still beats.
-        let due = dues.chain(end).chain([now + member::LOOK]).min();
+        let most = if self.server.has_more() {
+            now
+        } else {
+            now + member::LOOK
+        };
+        let due = dues.chain(end).chain([most]).min();
         let span = due.map(|due| due.saturating_duration_since(now));
         let span = span.and_then(|span| Timespec::try_from(span).ok());
         let mut polled = vec![
@@ -357,8 +428,8 @@ impl Supervisor<'_> {
             polled.push(PollFd::from_borrowed_fd(descriptor, flags));
         }
         for member in &self.members {
-            let launch = member.launch();
-            for descriptor in launch.ended().into_iter().chain(launch.has_output()) {
+            let ended = member.launch().ended();
+            for descriptor in ended.into_iter().chain(member.has_output(now)) {
                 polled.push(PollFd::from_borrowed_fd(descriptor, PollFlags::IN));
             }
         }
@@ -369,10 +440,10 @@ impl Supervisor<'_> {
     }
 
     fn summary(&self) -> Summary {
-        let status = self.status();
-        let mut all = status.services.iter().chain(&status.processors);
-        let failed = all.any(|member| member.state == State::Failed);
-        Summary { status, failed }
+        Summary {
+            status: self.status(),
+            failed: !self.is_up || self.members.iter().any(Member::has_failed),
+        }
     }
 
     fn status(&self) -> Status {

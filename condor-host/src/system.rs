@@ -12,15 +12,15 @@
 //! | `control` | the socket of the [control protocol](crate::control) |
 //! | `lock` | locked (`flock`) by the supervisor as long as it lives |
 //! | `pids` | the supervisor's process, then those that it started |
-//! | `log` | what happened, with times; `log.old` is that of the run before |
+//! | `log` | what happened, with times; `log.old` is that of the run before, or what was in the log when it had 1 MiB |
 //! | `tty/` | the terminals, see [`services`](crate::services) |
 
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
-use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 
 use condor_mbox::linux::SystemError;
 
+use crate::control::client::connect;
 use crate::numbers::PROCESSORS;
 
 /// Why a system is not found.
@@ -172,7 +172,7 @@ impl Directory {
     /// Whether its supervisor takes connections.
     #[must_use]
     pub fn is_running(&self) -> bool {
-        UnixStream::connect(self.control()).is_ok()
+        connect(&self.control()).is_ok()
     }
 }
 

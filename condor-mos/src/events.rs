@@ -7,12 +7,16 @@ use crate::timer::{Armed, Timer};
 const MOST_EVENTS: u32 = 1024;
 
 /// Passes events, the first of which is due, and arms the timer for the first that is ahead.
-/// `pass_event` gives the instant of the one after.
+/// `pass_event` gives the instant of the one after. Returns an instant that is no earlier than any
+/// event that was passed: a reading from before would be.
 #[cold]
-pub(crate) fn catch_up<T: Timer>(timer: &T, mut pass_event: impl FnMut() -> T::Instant) {
+pub(crate) fn catch_up<T: Timer>(
+    timer: &T,
+    mut pass_event: impl FnMut() -> T::Instant,
+) -> T::Instant {
     for _ in 0..MOST_EVENTS {
         if timer.arm(pass_event()) == Armed::Ahead {
-            return;
+            return timer.now();
         }
     }
     // Events come faster than they can be counted: come back to them after a while.
@@ -21,4 +25,5 @@ pub(crate) fn catch_up<T: Timer>(timer: &T, mut pass_event: impl FnMut() -> T::I
     while timer.arm(timer.now().after(ticks)) == Armed::Past && ticks < longest {
         ticks <<= 1;
     }
+    timer.now()
 }

@@ -198,8 +198,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
             }
         } else {
             let begun = masked(&self.platform, |section| {
-                let now = self.platform.now();
-                self.release(section, now);
+                let now = self.release(section);
                 self.begin_fastest(section, now)
             });
             self.run_nested(begun);
@@ -224,7 +223,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     fn release_and_pend(&self, section: CriticalSection<'_>) -> Option<Running<P::Instant>> {
         let now = self.platform.now();
         if !self.state.with(section, |state| state.is_due(now)) {
-            self.rearm(section);
+            let now = self.rearm(section, now);
             return self.pend_and_begin(section, now);
         }
         let (released, due, next) = self.state.with(section, |state| {
@@ -234,7 +233,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         if self.platform.arm(next) == Armed::Past {
             self.state
                 .with(section, |state| state.make_runnable(released, due));
-            self.catch_up(section);
+            let now = self.catch_up(section);
             return self.pend_and_begin(section, now);
         }
         if released & !1 != 0 {
@@ -273,10 +272,10 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     fn run_in_vector(&self, rank: u32, running: Running<P::Instant>) {
         self.call(rank, running);
         let again = masked(&self.platform, |section| {
-            let now = self.platform.now();
+            let mut now = self.platform.now();
             if rank == 0 && self.state.with(section, |state| state.is_overdue(now)) {
                 // The timer could not interrupt: what was due meanwhile came before the end.
-                self.catch_up_and_pend(section);
+                now = self.catch_up_and_pend(section);
             }
             self.state
                 .with(section, |state| state.end(rank, running, now))
@@ -328,42 +327,49 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         core::mem::forget(end);
     }
 
-    /// Releases what is due by `now`, and arms the timer for what comes next.
+    /// Releases what is due, and arms the timer for what comes next. Returns an instant at which all
+    /// that was released was due: time passes here, too, and what has become due meanwhile is
+    /// released with the rest.
     #[inline(always)]
-    fn release(&self, section: CriticalSection<'_>, now: P::Instant) {
+    fn release(&self, section: CriticalSection<'_>) -> P::Instant {
+        let now = self.platform.now();
         if !self.state.with(section, |state| state.is_due(now)) {
-            return self.rearm(section);
+            return self.rearm(section, now);
         }
         let due = self.state.with(section, State::pass_event);
         if self.platform.arm(due) == Armed::Past {
-            self.catch_up(section);
+            return self.catch_up(section);
         }
+        now
     }
 
-    /// The interrupt came early, or without cause.
+    /// The interrupt came early, or without cause. Returns as [`release`](Self::release) does.
     #[cold]
-    fn rearm(&self, section: CriticalSection<'_>) {
+    fn rearm(&self, section: CriticalSection<'_>, now: P::Instant) -> P::Instant {
         let due = self.state.with(section, |state| state.started_due());
         if let Some(due) = due
             && self.platform.arm(due) == Armed::Past
         {
-            self.catch_up(section);
+            return self.catch_up(section);
         }
+        now
     }
 
     /// As [`catch_up`](Self::catch_up), in the vector of the fastest loop.
     #[cold]
-    fn catch_up_and_pend(&self, section: CriticalSection<'_>) {
-        self.catch_up(section);
+    fn catch_up_and_pend(&self, section: CriticalSection<'_>) -> P::Instant {
+        let now = self.catch_up(section);
         self.pend_others(section);
+        now
     }
 
-    /// Passes events that are due already, until one is ahead.
+    /// Passes events that are due already, until one is ahead. Returns when it has done so: the
+    /// last of them may have become due only meanwhile.
     #[cold]
-    fn catch_up(&self, section: CriticalSection<'_>) {
+    fn catch_up(&self, section: CriticalSection<'_>) -> P::Instant {
         catch_up(&self.platform, || {
             self.state.with(section, State::pass_event)
-        });
+        })
     }
 
     fn set_enabled(&self, id: LoopId, enabled: bool) -> Result<(), LoopError> {
@@ -468,8 +474,16 @@ struct End<'s, P: Platform, S: Schedule<L>, const L: usize> {
 
 impl<P: Platform, S: Schedule<L>, const L: usize> Drop for End<'_, P, S, L> {
     fn drop(&mut self) {
-        let now = self.scheduler.platform.now();
-        self.scheduler
-            .with_state(|state| state.end(self.rank, self.running, now));
+        let scheduler = self.scheduler;
+        section(|section| {
+            if P::VECTORS {
+                scheduler.settle(section);
+            }
+            // In the section: loops that interrupt before it are no part of this one's time.
+            let now = scheduler.platform.now();
+            scheduler.state.with(section, |state| {
+                state.end(self.rank, self.running, now);
+            });
+        });
     }
 }

@@ -232,7 +232,7 @@ impl<P: Platform> SimpleServo<P> {
     pub fn on_timer(&self) {
         let mut begun = masked(&self.platform, |section| {
             let now = self.platform.now();
-            self.release(section, now);
+            let now = self.release(section, now);
             self.begin(section, now)
         });
         while let Some(running) = begun {
@@ -240,21 +240,24 @@ impl<P: Platform> SimpleServo<P> {
         }
     }
 
-    /// Releases the loop if it is due, and arms the timer for what comes next.
+    /// Releases the loop if it is due, and arms the timer for what comes next. Returns `now`, or a
+    /// later instant if the loop became due after it.
     #[inline]
-    fn release(&self, section: CriticalSection<'_>, now: P::Instant) {
+    fn release(&self, section: CriticalSection<'_>, now: P::Instant) -> P::Instant {
         let Some(due) = self.state.with(section, |state| state.due()) else {
-            return;
+            return now;
         };
-        if !now.has_reached(due) && self.platform.arm(due) == Armed::Ahead {
-            return;
+        let early = !now.has_reached(due);
+        if early && self.platform.arm(due) == Armed::Ahead {
+            return now;
         }
         let next = self.state.with(section, State::pass_event);
         if self.platform.arm(next) == Armed::Past {
-            catch_up(&self.platform, || {
+            return catch_up(&self.platform, || {
                 self.state.with(section, State::pass_event)
             });
         }
+        if early { self.platform.now() } else { now }
     }
 
     #[inline]
@@ -281,10 +284,10 @@ impl<P: Platform> SimpleServo<P> {
             .interruptible(0, || unsafe { running.body.call() });
         core::mem::forget(unwound);
         masked(&self.platform, |section| {
-            let now = self.platform.now();
+            let mut now = self.platform.now();
             if P::VECTORS {
                 // The timer could not interrupt: what was due meanwhile came before the end.
-                self.release(section, now);
+                now = self.release(section, now);
             }
             self.state
                 .with(section, |state| state.end(running.since, now));

@@ -13,6 +13,8 @@ pub(crate) struct Context {
     pub root: PathBuf,
     /// How long each fuzz target runs, in seconds.
     pub fuzz_seconds: u32,
+    /// Whether the suites run for as long as it takes to trust them.
+    pub whole: bool,
 }
 
 impl Context {
@@ -21,12 +23,13 @@ impl Context {
         Self {
             root: xtask.parent().unwrap_or(xtask).to_owned(),
             fuzz_seconds: 60,
+            whole: false,
         }
     }
 
     /// The directories of the workspaces besides the root one that are here, relative to the root.
     pub(crate) fn other_workspaces(&self) -> Vec<&'static str> {
-        ["bench", "fuzz"]
+        ["bench", "fuzz", "suites"]
             .into_iter()
             .filter(|dir| self.root.join(dir).join("Cargo.toml").is_file())
             .collect()

@@ -8,6 +8,7 @@ mod deny;
 mod docs;
 mod features;
 mod fmt;
+mod full_disk;
 mod fuzz;
 mod lint;
 mod loom;
@@ -18,6 +19,7 @@ mod panics;
 mod qemu;
 mod riscv;
 mod seeds;
+mod suites;
 mod test;
 mod unsafe_code;
 
@@ -57,6 +59,8 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("lint", "clippy over all targets, in every workspace", lint::run),
     Part::new("features", "each feature, and each two, with the oldest toolchain", features::run),
     Part::new("no-std", "the libraries, built for bare-metal targets", no_std::run),
+    Part::new("suites", "fsx and pjdfstest over condor-fs, while its server is killed", suites::run),
+    Part::new("full-disk", "faults of fs, mbox and tty on a disk that fills up", full_disk::run),
     Part::new("mujoco", "the hand's controllers around a plant in MuJoCo", mujoco::run),
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),

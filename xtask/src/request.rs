@@ -31,6 +31,7 @@ pub(crate) fn from_args(args: impl Iterator<Item = String>) -> Result<Request> {
             "help" | "-h" | "--help" => return Ok(Request::Help),
             "verify" => verify = true,
             "--rest" => rest = true,
+            "--whole" => context.whole = true,
             "--fuzz-seconds" => context.fuzz_seconds = args.next().unwrap_or_default().parse()?,
             name => parts.push(part(name)?),
         }
@@ -51,7 +52,8 @@ pub(crate) fn usage() -> String {
     All parts in this order, then a table of what took how long, and a count. With --rest, a part of
     which target/checks has the record of an earlier call counts as that says.
 cargo xtask PART…
-    These parts only. --fuzz-seconds N: how long each fuzz target runs (60).
+    These parts only. --fuzz-seconds N: how long each fuzz target runs (60). --whole: `suites` and
+    `full-disk` take ten and twenty minutes, instead of a short run of each.
 
 parts:",
     );

@@ -24,7 +24,8 @@ Serves DIRECTORY to the processors of a system of 32, as condor_mbox::linux::Sys
   --quota-bytes N       all files together cannot be made longer, with 1024 bytes
                         for each name of a file or directory
 
-It serves with the rights of its own user, until it is killed.";
+It serves with the rights of its own user, until it is killed. --read-only-for and --refuse protect from
+programs that err, not from one that writes the memory of other processors.";
 
 struct Arguments {
     system: String,

@@ -11,6 +11,7 @@ mod log;
 mod names;
 mod open_files;
 mod options;
+mod paths;
 mod quota;
 mod steps;
 mod transfer;
@@ -36,6 +37,7 @@ use error::Stop;
 use journal::{Journal, Record};
 use log::{Log, words};
 use open_files::OpenFiles;
+use paths::Paths;
 use quota::Quota;
 use tree::Tree;
 
@@ -66,6 +68,7 @@ struct Job<'j> {
     region: Region<&'j LinuxWindow>,
     slot: u32,
     request: Request,
+    paths: Paths,
     operation: Operation,
     /// Where the table of a session is, if that is known.
     ask: &'j dyn Fn(u64) -> Option<u32>,
@@ -209,12 +212,18 @@ impl<S: Steps> Server<S> {
         let Some(operation) = Operation::from_word(request.operation) else {
             return refused(Errno::NOSYS);
         };
+        let paths = Paths::copy(&region, &request, operation);
+        // They are this request's if it is still there; from here on nobody can change either.
+        if !paths.is_empty() && read_request(&region, slot) != Ok(request) {
+            return refused(Errno::AGAIN);
+        }
         let job = Job {
             processor,
             window,
             region,
             slot,
             request,
+            paths,
             operation,
             ask,
         };

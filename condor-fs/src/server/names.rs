@@ -3,7 +3,6 @@
 use std::ffi::CString;
 use std::os::fd::OwnedFd;
 
-use condor_mbox::MemoryWindow;
 use rustix::fs::{AtFlags, Mode, OFlags, RenameFlags};
 use rustix::io::Errno as Linux;
 
@@ -311,15 +310,14 @@ impl<S: Steps> Server<S> {
 }
 
 impl Job<'_> {
-    /// Copies a path out of the window, once.
+    /// A path, checked.
     pub(super) fn path(&self, span: Span) -> Result<Vec<u8>, Stop> {
         match span.len {
             0 => return Err(Errno::NOENT.into()),
             1..=MAX_PATH => {}
             _ => return Err(Errno::NAMETOOLONG.into()),
         }
-        let mut path = vec![0; span.len as usize];
-        self.region.read(span.offset, &mut path)?;
+        let path = self.bytes_of(span)?;
         if path.contains(&0) {
             return Err(Errno::INVAL.into());
         }

@@ -7,9 +7,10 @@ use condor_mbox::{Processor, Waiting};
 pub struct Options {
     /// Nothing in the tree can be changed: `EROFS`.
     pub read_only: bool,
-    /// The same for some processors only.
+    /// The same for some processors only. This protects from programs that err. A hostile processor is
+    /// bound by it only if it cannot write the `data` of those that have more rights.
     pub read_only_for: Processors,
-    /// Processors that are not served at all: `EACCES`.
+    /// Processors that are not served at all: `EACCES`. The same holds for them.
     pub refused: Processors,
     /// The most bytes that a file may be written or truncated to: `EFBIG` beyond.
     pub max_file_bytes: Option<u64>,

@@ -4,9 +4,7 @@
 
 use std::time::Duration;
 
-use crate::support::{
-    CLIENT, Fs, N, OTHER, Supervisor, disk, system, with_client, with_silent_client,
-};
+use crate::support::{CLIENT, Fs, N, OTHER, Supervisor, disk, system, with_client};
 use condor_fs::server::Step;
 use condor_fs::wire::Operation;
 use condor_fs::{Errno, Error, OpenOptions};
@@ -163,7 +161,7 @@ fn no_request_is_worked_on_by_a_third_server() {
 fn an_open_file_outlives_an_unlink_that_was_given_up() {
     let root = disk();
     std::fs::write(root.path().join("f"), b"data").unwrap();
-    let read = given_up(root.path(), Operation::Unlink, Step::Aside, |fs| {
+    let read = given_up(root.path(), Operation::Unlink, Step::Acted, |fs| {
         let mut file = fs.open("f", OpenOptions::new().read())?;
         fs.unlink("f")?;
         let mut bytes = [0; 8];
@@ -176,6 +174,7 @@ fn an_open_file_outlives_an_unlink_that_was_given_up() {
         (Step::Moved, true),
         (Step::Aside, true),
         (Step::Marked, true),
+        (Step::Acted, true),
     ] {
         std::fs::write(root.path().join("f"), b"data").unwrap();
         std::fs::write(root.path().join("g"), b"new").unwrap();
@@ -201,7 +200,7 @@ fn a_request_that_could_not_be_begun_is_not_given_up() {
     std::fs::write(root.path().join("f"), b"data").unwrap();
     let system: std::sync::Arc<System<N>> = system();
     let _supervisor = Supervisor::start(&system, root.path(), None, "");
-    with_silent_client(&system, CLIENT, |fs| {
+    crate::support::with_silent_client(&system, CLIENT, |fs| {
         fs.set_timeout(Duration::from_millis(50));
         let late = fs.unlink("f").unwrap_err();
         assert!(matches!(late, Error::TimedOut { .. }), "{late}");

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use crate::support::{CLIENT, SERVER, Supervisor, TIMEOUT, disk, system, with_client};
+use crate::support::{CLIENT, Supervisor, TIMEOUT, disk, system, with_client};
 use condor_fs::{Buffer, Error, OpenOptions};
 use condor_mbox::MemoryWindow;
 
@@ -13,7 +13,7 @@ fn not_begun(error: Error) -> bool {
     matches!(
         error,
         Error::NotBegun {
-            server: SERVER,
+            server: crate::support::SERVER,
             cause: Some(_)
         }
     )
@@ -23,7 +23,7 @@ fn timed_out(error: Error) -> bool {
     matches!(
         error,
         Error::TimedOut {
-            server: SERVER,
+            server: crate::support::SERVER,
             cause: Some(_)
         }
     )

@@ -18,5 +18,6 @@ mod quota;
 mod settle;
 mod slow_clients;
 mod support;
+mod trust;
 mod unix;
 mod unprivileged;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use crate::peer::{self, Own, Pair, TIMEOUT};
+use crate::peer::{Own, Pair, TIMEOUT};
 use condor_fs::wire::{self, Operation};
 use condor_fs::{Error, OpenOptions};
 use embedded_io::{BufRead, Seek, SeekFrom, Write};
@@ -15,17 +15,17 @@ fn with_host(program: impl FnOnce(&Pair, &Asked)) {
     let asked = Asked::default();
     let seen = asked.clone();
     let answer = move |own: &Own, slot: u32| {
-        let request = peer::request(own, slot).unwrap();
+        let request = crate::peer::request(own, slot).unwrap();
         let operation = Operation::from_word(request.operation).unwrap();
         seen.lock().unwrap().push(operation);
         let value = match operation {
             Operation::Session => 1,
             _ => request.buffer.len.into(),
         };
-        peer::record(own, slot, &request, Ok(value));
+        crate::peer::record(own, slot, &request, Ok(value));
         wire::DONE
     };
-    peer::run(answer, |pair| program(pair, &asked));
+    crate::peer::run(answer, |pair| program(pair, &asked));
 }
 
 const READ: OpenOptions = OpenOptions::new().read();
@@ -97,7 +97,9 @@ fn what_a_call_asks_first_is_not_its_result() {
         late(reader.fill_buf().map(|bytes| bytes.len() as u64));
         assert_eq!(reader.stream_position(), Ok(0));
         let mut writer = reader.into_inner().unwrap().writer();
-        writer.write_all(&[1; peer::BUFFER as usize]).unwrap();
+        writer
+            .write_all(&[1; crate::peer::BUFFER as usize])
+            .unwrap();
         pair.stall(true);
         late(writer.write(b"more").map(|written| written as u64));
         assert_eq!(writer.write(b"more"), Ok(4), "it was not taken");

@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::{AnyError, Which};
 use crate::control::{Client, Request};
+use crate::plain::{plain, plain_json};
 use crate::system;
 
 #[derive(Debug, Args)]
@@ -81,9 +82,9 @@ pub(super) fn log(log: &Log) -> Result<(), AnyError> {
     let mut known = lines.unwrap_or_default();
     for line in &known {
         if log.json {
-            println!("{}", serde_json::json!({ "line": line }));
+            println!("{}", plain_json(&serde_json::json!({ "line": line }))?);
         } else {
-            println!("{line}");
+            println!("{}", plain(line));
         }
     }
     let Some(events) = events else {
@@ -96,9 +97,9 @@ pub(super) fn log(log: &Log) -> Result<(), AnyError> {
         }
         known.clear();
         if log.json {
-            println!("{}", serde_json::to_string(&event)?);
+            println!("{}", plain_json(&event)?);
         } else {
-            println!("{event}");
+            println!("{}", plain(&event.to_string()));
         }
     }
     Ok(())

@@ -6,6 +6,7 @@ use super::AnyError;
 use crate::commands::table::{Left, Right, Table, or_dash};
 use crate::commands::{running, top, vectors};
 use crate::control::Status;
+use crate::plain::plain_json;
 use crate::system::Directory;
 use crate::view::{LoopRates, VectorCounts, View};
 
@@ -63,7 +64,7 @@ impl Summary {
             vectors: vectors.collect(),
         };
         if json {
-            println!("{}", serde_json::to_string(&answer)?);
+            println!("{}", plain_json(&answer)?);
             return Ok(());
         }
         println!("\n{}", top::table(&answer.loops));

@@ -10,9 +10,13 @@ use clap::Args;
 
 use super::{AnyError, Which};
 use crate::control::Client;
+use crate::plain::plain_lines;
+use crate::supervisor::{self, stat};
 use crate::system::{self, Directory};
 use crate::ui::{self, Tool};
 
+/// Lines of the log that are shown if the system fails.
+const LAST: usize = 20;
 /// The time between two looks whether the supervisor is there.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -64,12 +68,21 @@ pub(super) fn up(
 ) -> Result<ExitCode, AnyError> {
     let directory = Directory::of(name)?;
     let output = directory.path().join("output");
+    let changed = || std::fs::metadata(directory.log()).and_then(|log| log.modified());
+    let before = changed().ok();
+    let told = || {
+        // A log that is as before is that of another supervisor.
+        let log = (changed().ok() != before).then(|| std::fs::read(directory.log()));
+        let log = log.and_then(Result::ok).unwrap_or_default();
+        let mut told = supervisor::last_lines(&log, LAST);
+        told.push(std::fs::read_to_string(&output).unwrap_or_default());
+        plain_lines(&told.join("\n"))
+    };
     let mut supervisor = spawn(file, limit, File::create(&output)?)?;
-    let told = || std::fs::read_to_string(&output).unwrap_or_default();
     let pid = supervisor.id();
     while !is_supervisor(&directory, pid) {
         if let Some(status) = supervisor.try_wait()? {
-            eprint!("{}", told());
+            eprintln!("{}", told());
             return Ok(code(status));
         }
         std::thread::sleep(LOOK);
@@ -83,7 +96,7 @@ pub(super) fn up(
     }
     let status = supervisor.wait()?;
     if !status.success() {
-        eprint!("{}", told());
+        eprintln!("{}", told());
     }
     Ok(code(status))
 }
@@ -104,11 +117,11 @@ fn spawn(file: &Path, limit: Option<Duration>, output: File) -> Result<Child, An
     spawned.map_err(|error| format!("cannot start the supervisor with setsid: {error}").into())
 }
 
-/// Whether that process is the supervisor of the running system.
-fn is_supervisor(directory: &Directory, pid: u32) -> bool {
+/// Whether that process keeps the supervisor of the running system.
+fn is_supervisor(directory: &Directory, keeper: u32) -> bool {
     let client = Client::connect(directory);
     let status = client.and_then(|mut client| client.status());
-    status.is_ok_and(|status| status.pid == pid)
+    status.is_ok_and(|status| stat::parent(status.pid) == Some(keeper))
 }
 
 fn code(status: ExitStatus) -> ExitCode {

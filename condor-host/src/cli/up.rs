@@ -1,8 +1,9 @@
 //! `condor up`.
 
 use std::cell::Cell;
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 use std::time::Duration;
 
 use clap::Args;
@@ -11,8 +12,9 @@ use jiff::SignedDuration;
 use super::summary::Summary;
 use super::{AnyError, Programs, description};
 use crate::description::{Description, Processor};
+use crate::plain::plain_lines;
 use crate::services::terminals;
-use crate::supervisor::{self, Options};
+use crate::supervisor::{self, Options, keeper};
 use crate::system::Directory;
 
 #[derive(Debug, Args)]
@@ -24,6 +26,10 @@ pub(super) struct Up {
 }
 
 #[derive(Debug, Args)]
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "each is a switch of the command line"
+)]
 pub(super) struct How {
     /// Without user interface, for scripts: prints a summary at the end
     #[arg(long)]
@@ -31,6 +37,9 @@ pub(super) struct How {
     /// Somebody is there to type all the same: at the user interface that started this supervisor
     #[arg(long, hide = true, requires = "headless")]
     attended: bool,
+    /// The parent of this process is its keeper
+    #[arg(long, hide = true)]
+    kept: bool,
     /// Takes the system down after this time, such as 10s or 2m
     #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     duration: Option<Duration>,
@@ -50,7 +59,29 @@ pub(crate) fn duration(text: &str) -> Result<Duration, String> {
         .map_err(|_| "a time before the beginning".into())
 }
 
-/// Fails if a program failed for good.
+/// Runs what this process was called with as the supervisor, which this one keeps.
+fn keep() -> Result<ExitCode, AnyError> {
+    let mut words = std::env::args_os();
+    let mut supervisor = Command::new(std::env::current_exe()?);
+    if let Some(name) = words.next() {
+        supervisor.arg0(name);
+    }
+    let mut words = words.peekable();
+    supervisor.args(words.next_if(|word| word == "up"));
+    supervisor.arg("--kept").args(words);
+    let status = keeper::keep(supervisor)?;
+    if status.code().is_none() {
+        eprintln!("condor: the supervisor was killed ({status}); nothing runs any more");
+    }
+    Ok(if status.success() {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+/// Fails if the system did not come up, or if a program failed for good or does not run at the end though
+/// nobody stopped it.
 pub(super) fn run(
     file: Option<PathBuf>,
     how: &How,
@@ -64,14 +95,19 @@ pub(super) fn run(
             return Ok(ExitCode::FAILURE);
         }
     };
-    if !how.headless && super::ui::is_possible() {
+    if !how.headless && !how.kept && super::ui::is_possible() {
         return super::ui::up(&file, &description.name, how.duration, &how.tools);
+    }
+    if !how.kept {
+        return keep();
     }
     programs.prepare(&description)?;
     let options = Options {
         own: programs.names().to_vec(),
-        echo: true,
+        // Nobody reads it at once, and the log has it.
+        echo: !how.attended,
         duration: how.duration,
+        adopts: true,
     };
     let seen = Cell::new(Summary::default());
     let ended = supervisor::run(
@@ -121,7 +157,10 @@ fn typed_at(description: &Description) -> impl Iterator<Item = &Processor> {
 fn print_answers(description: &Description, directory: &Directory) {
     for Processor { name, .. } in typed_at(description) {
         match std::fs::read(terminals::log(&directory.terminals(), name)) {
-            Ok(said) => println!("terminal of {name}:\n{}", String::from_utf8_lossy(&said)),
+            Ok(said) => {
+                let said = plain_lines(&String::from_utf8_lossy(&said));
+                println!("terminal of {name}:\n{said}\n");
+            }
             Err(error) => eprintln!("condor: no log of the terminal of {name}: {error}"),
         }
     }

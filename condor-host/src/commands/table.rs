@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::plain::plain;
+
 /// Where a column has its text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Side {
@@ -32,8 +34,9 @@ impl<const C: usize> Table<C> {
         Self { gap, ..self }
     }
 
+    /// Names in cells are those that programs have chosen.
     pub(crate) fn row(&mut self, cells: [String; C]) {
-        self.rows.push(cells);
+        self.rows.push(cells.map(|cell| plain(&cell).into_owned()));
     }
 }
 
@@ -79,6 +82,14 @@ mod tests {
         table.row(["é".into(), "1000".into()]);
         table.row(["finger".into(), "7".into()]);
         let text = "name       n\né       1000\nfinger     7\n";
+        assert_eq!(table.to_string(), text);
+    }
+
+    #[test]
+    fn names_do_not_command_the_terminal() {
+        let mut table = Table::new([("name", Left), ("n", Right)]);
+        table.row(["a\x1b]0;b\x07\nc".into(), "1".into()]);
+        let text = "name                 n\na\\u{1b}]0;b\\u{7}\\nc  1\n";
         assert_eq!(table.to_string(), text);
     }
 }

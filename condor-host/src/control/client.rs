@@ -1,12 +1,21 @@
 //! [`Client`]: asks a supervisor.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
+
+use rustix::net::sockopt::{Timeout, set_socket_timeout};
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 
 use super::{Answer, Event, Request, Status};
 use crate::system::Directory;
+
+/// How long a supervisor may take to answer what it answers at once.
+const ANSWER: Duration = Duration::from_secs(15);
+/// How long it may take to do something; programs may have to end, and others to join.
+const DONE: Duration = Duration::from_secs(120);
 
 /// Why there is no answer, or none that was wished for.
 #[derive(Debug, thiserror::Error)]
@@ -26,6 +35,15 @@ pub enum ClientError {
     /// The connection broke.
     #[error("the connection to the supervisor broke: {0}")]
     Broken(#[from] std::io::Error),
+    /// There was no answer in time; the connection is closed.
+    #[error(
+        "the supervisor has not answered for {} s; what it was asked it may still do",
+        after.as_secs_f64()
+    )]
+    TimedOut {
+        /// How long it was waited for.
+        after: Duration,
+    },
     /// The supervisor has ended.
     #[error("the supervisor ended before it answered")]
     Ended,
@@ -40,9 +58,14 @@ pub enum ClientError {
 }
 
 /// A connection to the supervisor of a running system.
+///
+/// It waits for an answer for 15 s, and for 120 s where that comes when something has been done, unless
+/// [`set_timeout`](Self::set_timeout) says otherwise.
 #[derive(Debug)]
 pub struct Client {
     stream: BufReader<UnixStream>,
+    /// Somebody has said how long to wait.
+    has_timeout: bool,
 }
 
 impl Client {
@@ -52,20 +75,23 @@ impl Client {
     /// [`ClientError::Connect`].
     pub fn connect(directory: &Directory) -> Result<Self, ClientError> {
         let path = directory.control();
-        match UnixStream::connect(&path) {
+        match connect(&path) {
             Ok(stream) => Ok(Self {
                 stream: BufReader::new(stream),
+                has_timeout: false,
             }),
             Err(source) => Err(ClientError::Connect { path, source }),
         }
     }
 
-    /// Waits for answers for at most `timeout`, or for ever.
+    /// Waits for all answers for at most `timeout`, or for ever.
     ///
     /// # Errors
-    /// The system's; it takes no zero.
-    pub fn set_timeout(&self, timeout: Option<Duration>) -> Result<(), ClientError> {
-        Ok(self.stream.get_ref().set_read_timeout(timeout)?)
+    /// [`ClientError::Broken`]: the system takes no zero.
+    pub fn set_timeout(&mut self, timeout: Option<Duration>) -> Result<(), ClientError> {
+        self.stream.get_ref().set_read_timeout(timeout)?;
+        self.has_timeout = true;
+        Ok(())
     }
 
     /// Asks, and waits for the answer.
@@ -75,6 +101,10 @@ impl Client {
     pub fn ask(&mut self, request: &Request) -> Result<Answer, ClientError> {
         let mut line = serde_json::to_string(request).map_err(std::io::Error::from)?;
         line.push('\n');
+        self.wait_for(match request {
+            Request::Stop { .. } | Request::Start { .. } | Request::Load { .. } => DONE,
+            _ => ANSWER,
+        })?;
         self.stream.get_mut().write_all(line.as_bytes())?;
         let answer: Answer = self.read()?.ok_or(ClientError::Ended)?;
         match answer.error {
@@ -99,6 +129,7 @@ impl Client {
     /// As [`ask`](Self::ask).
     pub fn down(mut self) -> Result<(), ClientError> {
         self.ask(&Request::Down {})?;
+        self.wait_for(DONE)?;
         while self.read::<serde_json::Value>()?.is_some() {}
         Ok(())
     }
@@ -109,19 +140,50 @@ impl Client {
     /// As [`ask`](Self::ask).
     pub fn events(mut self) -> Result<Events, ClientError> {
         self.ask(&Request::Events {})?;
+        // Nothing may happen for a long time.
+        if !self.has_timeout {
+            self.set_timeout(None)?;
+        }
         Ok(Events(self))
+    }
+
+    /// Waits so long for what comes next, unless somebody has said how long.
+    fn wait_for(&self, patience: Duration) -> Result<(), ClientError> {
+        if !self.has_timeout {
+            self.stream.get_ref().set_read_timeout(Some(patience))?;
+        }
+        Ok(())
     }
 
     fn read<T: serde::de::DeserializeOwned>(&mut self) -> Result<Option<T>, ClientError> {
         let mut line = String::new();
-        if self.stream.read_line(&mut line)? == 0 {
-            return Ok(None);
+        match self.stream.read_line(&mut line) {
+            Ok(0) => return Ok(None),
+            Ok(_) => {}
+            Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                let stream = self.stream.get_ref();
+                let after = stream.read_timeout()?.unwrap_or_default();
+                // An answer that comes now would be taken for that to the next request.
+                let _ = stream.shutdown(Shutdown::Both);
+                return Err(ClientError::TimedOut { after });
+            }
+            Err(error) => return Err(error.into()),
         }
         match serde_json::from_str(&line) {
             Ok(answer) => Ok(Some(answer)),
             Err(source) => Err(ClientError::NoAnswer { line, source }),
         }
     }
+}
+
+/// Connects to a socket whose owner may be stopped, and takes no connection.
+pub(crate) fn connect(path: &Path) -> std::io::Result<UnixStream> {
+    let flags = SocketFlags::CLOEXEC;
+    let socket = rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
+    // This one bounds the wait for room among those that are not taken yet, too.
+    set_socket_timeout(&socket, Timeout::Send, Some(ANSWER))?;
+    rustix::net::connect(&socket, &SocketAddrUnix::new(path)?)?;
+    Ok(socket.into())
 }
 
 /// What happens in a system, until it ends.
@@ -133,5 +195,67 @@ impl Iterator for Events {
 
     fn next(&mut self) -> Option<Self::Item> {
         self.0.read().transpose()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::net::UnixListener;
+
+    use super::*;
+
+    fn listener() -> (tempfile::TempDir, Directory, UnixListener) {
+        let place = tempfile::tempdir().expect("a directory");
+        let directory = Directory::at(place.path().into());
+        let listener = UnixListener::bind(directory.control()).expect("room");
+        (place, directory, listener)
+    }
+
+    #[test]
+    fn a_supervisor_that_says_nothing_is_not_waited_for() {
+        let (_place, directory, _listener) = listener();
+        // Nobody even takes the connection, as if the supervisor were stopped.
+        let mut client = Client::connect(&directory).expect("there is room");
+        let short = Duration::from_millis(1);
+        client.set_timeout(Some(short)).expect("it is not zero");
+        let error = client.status().expect_err("there is no answer");
+        assert!(
+            matches!(error, ClientError::TimedOut { .. }),
+            "{error:?}: {error}"
+        );
+        // An answer that comes late is that of no other request.
+        let error = client.status().expect_err("there is no answer");
+        assert!(!matches!(error, ClientError::TimedOut { .. }), "{error:?}");
+    }
+
+    #[test]
+    fn every_wait_has_an_end_that_nobody_has_to_set() {
+        let (_place, directory, listener) = listener();
+        let peer = std::thread::spawn(move || {
+            let (stream, _) = listener.accept().expect("a client");
+            let mut stream = BufReader::new(stream);
+            for _ in 0..3 {
+                stream.read_line(&mut String::new()).expect("a request");
+                stream
+                    .get_mut()
+                    .write_all(b"{\"ok\":true}\n")
+                    .expect("it reads");
+            }
+        });
+        let mut client = Client::connect(&directory).expect("there is room");
+        let stop = Request::Stop {
+            processor: "a".into(),
+        };
+        for (request, limit) in [(Request::Log { lines: 1 }, ANSWER), (stop, DONE)] {
+            client.ask(&request).expect("an answer");
+            let stream = client.stream.get_ref();
+            assert_eq!(stream.read_timeout().expect("a socket"), Some(limit));
+            assert_eq!(stream.write_timeout().expect("a socket"), Some(ANSWER));
+        }
+        // Events may be a long time coming.
+        let events = client.events().expect("an answer");
+        let stream = events.0.stream.get_ref();
+        assert_eq!(stream.read_timeout().expect("a socket"), None);
+        peer.join().expect("it ends");
     }
 }

@@ -1,4 +1,5 @@
-//! The supervisor's end of its control socket: never waits for a client.
+//! The supervisor's end of its control socket: never waits for a client, and keeps a bounded number of bytes
+//! for each of a bounded number of clients.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -9,16 +10,23 @@ use rustix::event::PollFlags;
 
 use super::{Answer, Event, Request};
 
-/// Bytes of a request.
+/// Bytes of a request, and of those that wait behind one that is being carried out.
 const LONGEST: usize = 64 * 1024;
-/// Bytes that wait for a client who does not read; then it is left.
+/// Bytes that wait for a client that does not read. Above [`LONGEST`] it is not served any more, and a
+/// follower of events that has so many is left.
 const WAITING: usize = 4 * 1024 * 1024;
+/// Clients. For one more, the one is left that came first of those that wait for nothing.
+const CLIENTS: usize = 64;
 
 /// All connections.
 pub(crate) struct Server {
     listener: UnixListener,
+    /// Nobody can be taken now: the process has no descriptors left.
+    is_deaf: bool,
     connections: Vec<Connection>,
     next: u64,
+    /// Whose turn it is.
+    turn: usize,
 }
 
 /// Which connection.
@@ -50,52 +58,89 @@ impl Server {
         listener.set_nonblocking(true)?;
         Ok(Self {
             listener,
+            is_deaf: false,
             connections: Vec::new(),
             next: 0,
+            turn: 0,
         })
     }
 
-    /// What is to be polled, and for what.
+    /// What is to be polled, and for what; nothing that could not be served then.
     pub(crate) fn descriptors(&self) -> impl Iterator<Item = (BorrowedFd<'_>, PollFlags)> {
-        // Who closed is looked at again when there is an answer, and then only for room.
-        let open =
-            |connection: &&Connection| connection.end == End::Open || !connection.output.is_empty();
-        let connections = self.connections.iter().filter(open).map(|connection| {
+        let connections = self.connections.iter().filter_map(|connection| {
             let mut flags = PollFlags::empty();
-            flags.set(PollFlags::IN, connection.end == End::Open);
+            flags.set(PollFlags::IN, connection.has_room());
             flags.set(PollFlags::OUT, !connection.output.is_empty());
-            (connection.stream.as_fd(), flags)
+            // Of one without flags the end would be told again and again.
+            (!flags.is_empty()).then_some((connection.stream.as_fd(), flags))
         });
-        core::iter::once((self.listener.as_fd(), PollFlags::IN)).chain(connections)
+        let listener = (!self.is_deaf).then_some((self.listener.as_fd(), PollFlags::IN));
+        listener.into_iter().chain(connections)
     }
 
-    /// Moves what there is, and gives the requests that came.
-    pub(crate) fn serve(&mut self) -> Vec<(From, Request)> {
-        while let Ok((stream, _)) = self.listener.accept() {
+    /// Moves what there is.
+    pub(crate) fn serve(&mut self) {
+        self.accept();
+        for connection in &mut self.connections {
+            connection.write();
+            connection.read();
+        }
+        self.connections.retain(|connection| match connection.end {
+            End::Open => true,
+            End::Closed => {
+                connection.busy || !connection.output.is_empty() || connection.has_request()
+            }
+            End::Gone => false,
+        });
+    }
+
+    fn accept(&mut self) {
+        self.is_deaf = false;
+        for _ in 0..CLIENTS {
+            let stream = match self.listener.accept() {
+                Ok((stream, _)) => stream,
+                Err(error) => {
+                    // What else there is, such as a lack of descriptors, would be told again and again.
+                    self.is_deaf = !matches!(
+                        error.kind(),
+                        ErrorKind::WouldBlock
+                            | ErrorKind::Interrupted
+                            | ErrorKind::ConnectionAborted
+                    );
+                    return;
+                }
+            };
+            if self.connections.len() >= CLIENTS {
+                let mut connections = self.connections.iter();
+                let Some(place) = connections.position(Connection::waits_for_nothing) else {
+                    continue;
+                };
+                self.connections.remove(place);
+            }
             if stream.set_nonblocking(true).is_ok() {
                 self.connections
                     .push(Connection::new(From(self.next), stream));
                 self.next += 1;
             }
         }
-        let mut requests = Vec::new();
-        for connection in &mut self.connections {
-            connection.write();
-            connection.read();
+    }
+
+    /// The next request, of each client in its turn. One that has been given must be answered.
+    pub(crate) fn next(&mut self) -> Option<(From, Request)> {
+        let count = self.connections.len();
+        for _ in 0..count {
+            self.turn = (self.turn + 1) % count;
+            let connection = self.connections.get_mut(self.turn)?;
             if let Some(request) = connection.next() {
-                requests.push((connection.from, request));
+                return Some((connection.from, request));
             }
-            connection.write();
         }
-        self.connections.retain(|connection| {
-            let waits = connection.busy || !connection.output.is_empty();
-            match connection.end {
-                End::Open => true,
-                End::Closed => waits,
-                End::Gone => false,
-            }
-        });
-        requests
+        None
+    }
+
+    /// Whether there is a next request, whatever may happen.
+    pub(crate) fn has_more(&self) -> bool {
+        self.connections.iter().any(Connection::has_request)
     }
 
     /// Answers a request; of somebody who is gone, nobody.
@@ -142,10 +187,10 @@ impl Connection {
             Err(_) => self.end = End::Gone,
         }
         self.output.push_back(b'\n');
+        self.write();
         if self.output.len() > WAITING {
             self.end = End::Gone;
         }
-        self.write();
     }
 
     fn write(&mut self) {
@@ -163,33 +208,46 @@ impl Connection {
         }
     }
 
+    /// Whether more is read of the client.
+    fn has_room(&self) -> bool {
+        self.end == End::Open && self.input.len() <= LONGEST
+    }
+
+    /// Whether it could make room for another client.
+    fn waits_for_nothing(&self) -> bool {
+        !self.busy && !self.follows && self.input.is_empty() && self.output.is_empty()
+    }
+
     fn read(&mut self) {
         let mut piece = [0; 4096];
-        while self.end == End::Open && self.input.len() <= LONGEST {
+        while self.has_room() {
             match self.stream.read(&mut piece) {
-                Ok(0) => {
-                    self.end = End::Closed;
-                    return;
-                }
+                Ok(0) => self.end = End::Closed,
                 Ok(count) => self
                     .input
                     .extend_from_slice(piece.get(..count).unwrap_or_default()),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
-                Err(_) => {
-                    self.end = End::Gone;
-                    return;
-                }
+                Err(_) => self.end = End::Gone,
             }
         }
-        if !self.input.contains(&b'\n') {
+        if self.end == End::Open && !self.input.contains(&b'\n') {
             self.end = End::Gone;
         }
     }
 
+    fn takes_request(&self) -> bool {
+        !self.busy && self.end != End::Gone && self.output.len() <= LONGEST
+    }
+
+    /// Whether a request can be carried out now.
+    fn has_request(&self) -> bool {
+        self.takes_request() && self.input.contains(&b'\n')
+    }
+
     /// The next request, if it can be understood; the others are answered here.
     fn next(&mut self) -> Option<Request> {
-        while !self.busy {
+        while self.takes_request() {
             let end = self.input.iter().position(|&byte| byte == b'\n')?;
             let line: Vec<u8> = self.input.drain(..=end).collect();
             match serde_json::from_slice(&line) {
@@ -206,3 +264,6 @@ impl Connection {
         None
     }
 }
+
+#[cfg(test)]
+mod tests;

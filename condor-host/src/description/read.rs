@@ -20,6 +20,7 @@ const MIB: i64 = 1 << 20;
 /// The numbers that a hart may have.
 pub(super) const HART_NUMBERS: RangeInclusive<i64> = 0..=HARTS as i64 - 1;
 const MOST_BYTES: i64 = 1 << 30;
+const RESTARTS: RangeInclusive<i64> = 0..=1_000_000;
 /// Names become those of files and of sockets, whose paths are short.
 const LONGEST: usize = 32;
 
@@ -69,6 +70,7 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
     let machine = top.table("machine").map(|table| machine(text, table, own));
     let files = top.table("files").map(|table| files(text, table, own));
     let terminals = top.table("terminals").map(terminals);
+    let services = top.table("services").and_then(services);
     let expected = "`[[processors]]`, a table for each processor";
     let processors: Vec<_> = top
         .tables("processors", expected)
@@ -100,6 +102,7 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
             None => None,
         },
         terminals: terminals.unwrap_or_default(),
+        service_restarts: services.unwrap_or(20),
         processors: processors
             .into_iter()
             .map(Found::whole)
@@ -180,6 +183,13 @@ fn files(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Option<Fil
         quota_bytes: quota_bytes.map(i64::unsigned_abs),
         max_file_bytes: max_file_bytes.map(i64::unsigned_abs),
     })
+}
+
+/// How often a service is started again.
+fn services(mut table: Table<'_, '_>) -> Option<u32> {
+    let restarts = table.optional_number("restarts", RESTARTS);
+    table.finish();
+    u32::try_from(restarts?).ok()
 }
 
 fn terminals(mut table: Table<'_, '_>) -> Terminals {
@@ -274,7 +284,7 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
             ("leave", OnFailure::Leave),
         ],
     );
-    let restarts = table.optional_number("restarts", 0..=1_000_000);
+    let restarts = table.optional_number("restarts", RESTARTS);
     let stall_seconds = table.optional_number("stall_seconds", 0..=86400);
     let small = |value: Option<i64>| value.and_then(|value| u32::try_from(value).ok());
     let at = |key| table.span_of(key).unwrap_or_else(|| table.span());

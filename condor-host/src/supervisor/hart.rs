@@ -267,10 +267,11 @@ impl Launch for Hart {
         self.ended.map_or(RunState::Idle, RunState::Ended)
     }
 
-    fn output(&mut self, line: &mut dyn FnMut(&str)) {
+    fn output(&mut self, line: &mut dyn FnMut(&str)) -> bool {
         if let Some(report) = self.report.take() {
             line(&report);
         }
+        false
     }
 }
 
@@ -320,8 +321,8 @@ impl Launch for Machine {
         self.process.ended()
     }
 
-    fn output(&mut self, line: &mut dyn FnMut(&str)) {
-        self.process.output(line);
+    fn output(&mut self, line: &mut dyn FnMut(&str)) -> bool {
+        self.process.output(line)
     }
 
     fn has_output(&self) -> Option<std::os::fd::BorrowedFd<'_>> {

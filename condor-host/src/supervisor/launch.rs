@@ -12,7 +12,8 @@ use crate::linux::Environment;
 ///
 /// # For implementers
 ///
-/// Nothing here waits: a supervisor looks after all processors in one thread. A program goes
+/// Nothing here waits, or takes longer the more a program does: a supervisor looks after all processors in
+/// one thread. A program goes
 /// through `load`, `start`, and `stop` or an end of its own; then it can be started again as it
 /// was, or another one be loaded. What was stopped says so by `state`.
 pub trait Launch {
@@ -50,9 +51,11 @@ pub trait Launch {
         None
     }
 
-    /// Lines that the program wrote for its supervisor; the terminal is not among them.
-    fn output(&mut self, line: &mut dyn FnMut(&str)) {
+    /// Lines that the program wrote for its supervisor; the terminal is not among them. Whoever writes
+    /// more than a turn has time for is heard again in the next one. True if there may be more now.
+    fn output(&mut self, line: &mut dyn FnMut(&str)) -> bool {
         let _ = line;
+        false
     }
 
     /// A descriptor that is readable when there is more such output.

@@ -1,11 +1,13 @@
 //! A processor or a service, from its start to its end and to the next start.
 
 use std::collections::VecDeque;
+use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
 
 use condor_mbox::Processor;
 
 use super::eye::Eye;
+use super::hearing::{Hearing, LINES};
 use super::journal::Journal;
 use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 use crate::control::{self, Kind, State};
@@ -31,8 +33,8 @@ pub(super) struct Plan {
     pub(super) program: String,
     pub(super) arguments: Vec<String>,
     pub(super) on_failure: OnFailure,
-    /// In a minute; `None` for any number.
-    pub(super) restarts: Option<u32>,
+    /// In a minute, or in a row without that the program joined; then it has failed for good.
+    pub(super) restarts: u32,
     pub(super) stall: Option<Duration>,
     pub(super) kind: Kind,
 }
@@ -46,9 +48,12 @@ impl Plan {
 pub(super) struct Member {
     pub(super) plan: Plan,
     launch: Box<dyn Launch>,
+    hearing: Hearing,
     pub(super) phase: Phase,
     /// Whether its program has joined since it was last wished for.
     pub(super) has_joined: bool,
+    /// Whether the present life has joined, or the last one had.
+    life_joined: bool,
     started: Option<Instant>,
     /// The life before that of the program that has been started.
     life_before: u32,
@@ -98,8 +103,10 @@ impl Member {
         Ok(Self {
             plan,
             launch,
+            hearing: Hearing::default(),
             phase: Phase::Waiting { in_turn: true },
             has_joined: false,
+            life_joined: false,
             started: None,
             life_before: 0,
             heart: None,
@@ -150,6 +157,28 @@ impl Member {
         )
     }
 
+    /// Where more of what the program says will come from, if it is to be heard now.
+    pub(super) fn has_output(&self, now: Instant) -> Option<BorrowedFd<'_>> {
+        self.launch
+            .has_output()
+            .filter(|_| self.hearing.is_open(now))
+    }
+
+    /// Whether its program does not run, though nobody has stopped it and it has not ended well. The program
+    /// of a processor that has just been started after several failures is in a loop of them.
+    pub(super) fn has_failed(&self) -> bool {
+        match self.phase {
+            Phase::Stopped => false,
+            Phase::Failed | Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => true,
+            Phase::Ending { then, .. } => then == Then::Fail,
+            Phase::Up { .. } => {
+                let lived = self.started.map(|started| started.elapsed());
+                let is_fresh = lived.is_some_and(|lived| lived < SHORT);
+                is_fresh && self.recent.len() > 1 && !self.plan.is_service()
+            }
+        }
+    }
+
     /// Whether those that come after it in the system may be started.
     pub(super) fn lets_pass(&self) -> bool {
         self.has_joined || matches!(self.phase, Phase::Stopped | Phase::Failed)
@@ -161,6 +190,13 @@ impl Member {
 
     /// When it must be looked at, if nothing happens before.
     pub(super) fn due(&self, now: Instant) -> Option<Instant> {
+        self.phase_due(now)
+            .into_iter()
+            .chain(self.hearing.due(now))
+            .min()
+    }
+
+    fn phase_due(&self, now: Instant) -> Option<Instant> {
         match self.phase {
             Phase::Stopped | Phase::Failed | Phase::Waiting { .. } => None,
             Phase::Starting | Phase::Up { .. } => Some(now + LOOK),
@@ -174,13 +210,20 @@ impl Member {
 
     /// Looks how the program is; true if something happened that may concern the others.
     pub(super) fn look(&mut self, eye: &Eye, journal: &mut Journal) -> bool {
-        self.relay(journal);
-        let before = self.phase;
         let now = Instant::now();
+        if let Some(count) = self.hearing.turn(now) {
+            let text =
+                format!("{count} lines are left out: it wrote more than {LINES} in a second");
+            self.tell(journal, text);
+        }
+        if self.hearing.is_open(now) {
+            self.relay(now, journal);
+        }
+        let before = self.phase;
         if self.is_alive()
             && let RunState::Ended(exit) = self.launch.state()
         {
-            self.relay(journal);
+            self.relay(now, journal);
             self.last_exit = Some(exit);
             self.ended(exit, journal);
         }
@@ -201,10 +244,16 @@ impl Member {
     }
 
     /// Tells what the program wrote for its supervisor.
-    fn relay(&mut self, journal: &mut Journal) {
-        let name = &self.plan.name;
-        self.launch
-            .output(&mut |line| journal.tell(name, line, None));
+    fn relay(&mut self, now: Instant, journal: &mut Journal) {
+        let (name, hearing) = (&self.plan.name, &mut self.hearing);
+        let has_more = self.launch.output(&mut |line| {
+            if hearing.takes_line(now) {
+                journal.tell(name, line, None);
+            }
+        });
+        if has_more {
+            self.hearing.rest(now);
+        }
     }
 
     /// Starts its program.
@@ -217,6 +266,7 @@ impl Member {
         }
         self.life_before = eye.life(self.plan.number);
         self.started = Some(Instant::now());
+        self.life_joined = false;
         self.heart = None;
         self.phase = Phase::Starting;
         match self.launch.start() {
@@ -234,7 +284,7 @@ impl Member {
         let started = self.started.unwrap_or(now);
         if eye.is_up_after(self.plan.number, self.life_before) {
             self.phase = Phase::Up { stalled: false };
-            self.has_joined = true;
+            (self.has_joined, self.life_joined) = (true, true);
             let took = now.duration_since(started).as_secs_f64();
             self.tell(journal, format!("joined after {took:.3} s"));
         } else if now >= started + JOIN && self.plan.stall.is_some() && !self.is_traced() {
@@ -390,10 +440,12 @@ impl Member {
 
     fn failed(&mut self, text: &str, journal: &mut Journal) {
         let now = Instant::now();
-        while self
-            .recent
-            .front()
-            .is_some_and(|then| now.duration_since(*then) > MINUTE)
+        // Those in a row that never join count however long they take.
+        while self.life_joined
+            && self
+                .recent
+                .front()
+                .is_some_and(|then| now.duration_since(*then) > MINUTE)
         {
             self.recent.pop_front();
         }
@@ -402,11 +454,14 @@ impl Member {
             self.phase = Phase::Failed;
             return self.tell(journal, text);
         }
-        if let Some(most) = self.plan.restarts
-            && count >= most as usize
-        {
+        if count >= self.plan.restarts as usize {
             self.phase = Phase::Failed;
-            let text = format!("{text}; for good, after {count} restarts in a minute");
+            let when = if self.life_joined {
+                "in a minute"
+            } else {
+                "without that it joined"
+            };
+            let text = format!("{text}; for good, after {count} restarts {when}");
             return self.tell(journal, text);
         }
         self.recent.push_back(now);
@@ -434,3 +489,6 @@ impl Member {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

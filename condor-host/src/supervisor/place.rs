@@ -11,6 +11,7 @@ use rustix::fs::FlockOperation;
 use rustix::process::{Pid, PidfdFlags, Signal};
 
 use super::UpError;
+use super::stat::started_at;
 use crate::description::Description;
 use crate::harts::MachineMemory;
 use crate::system::Directory;
@@ -62,12 +63,15 @@ impl Place {
                 continue;
             };
             let Ok(pidfd) = rustix::process::pidfd_open(process, PidfdFlags::empty()) else {
+                // A number is not given again as long as somebody is in the group of its process.
+                let _ = rustix::process::kill_process_group(process, Signal::KILL);
                 continue;
             };
             // The descriptor holds the process; the number may have gone to another one before.
             if started_at(pid) != Some(started) {
                 continue;
             }
+            let _ = rustix::process::kill_process_group(process, Signal::KILL);
             // It may have ended just now.
             let _ = rustix::process::pidfd_send_signal(&pidfd, Signal::KILL);
             let limit = Timespec {
@@ -193,15 +197,6 @@ fn processes(path: &Path) -> impl Iterator<Item = (u32, u64)> + use<> {
         })
         .collect();
     entries.into_iter()
-}
-
-/// When a process started, in ticks since the machine did: together with its number, that is one
-/// process for ever.
-fn started_at(pid: u32) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The second field is a name in parentheses, in which anything may be; the time is the 22nd.
-    let (_, rest) = status.rsplit_once(") ")?;
-    rest.split(' ').nth(19)?.parse().ok()
 }
 
 fn absent(result: std::io::Result<()>) -> std::io::Result<()> {

@@ -60,7 +60,7 @@ pub(super) fn members(
             },
             arguments: processor.arguments.clone(),
             on_failure: processor.on_failure,
-            restarts: Some(processor.restarts),
+            restarts: processor.restarts,
             stall: (processor.stall_seconds > 0)
                 .then(|| Duration::from_secs(processor.stall_seconds.into())),
             kind: match processor.kind {
@@ -104,7 +104,7 @@ fn service(
         program: "self".into(),
         arguments,
         on_failure: OnFailure::Restart,
-        restarts: None,
+        restarts: description.service_restarts,
         stall: Some(SERVICE_STALL),
         kind: control::Kind::Service,
     };

@@ -6,11 +6,15 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, Stdio};
 
 use rustix::fs::OFlags;
-use rustix::process::{Pid, PidfdFlags, Signal};
+use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions};
 
 use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 
 /// A process that dies with the thread that started it, and is asked to end by SIGTERM.
+///
+/// It has a process group of its own. Whoever is left in that when the process has ended is killed; a
+/// descendant that has made a group of its own is not found here (the program `condor` has a keeper for
+/// those).
 #[derive(Debug, Default)]
 pub struct Process {
     image: Option<Image>,
@@ -35,6 +39,10 @@ struct Output {
 
 /// Bytes after which a line is told though it has not ended.
 const LONGEST: usize = 4096;
+/// Bytes that are read in a turn while the process runs.
+const AT_ONCE: usize = 16 * 1024;
+/// Bytes of a pipe: what a process that has ended can have left.
+const PIPE: usize = 64 * 1024;
 
 impl Process {
     /// A processor without a program.
@@ -56,21 +64,9 @@ impl Process {
             .stderr(writer)
             // ^C is for the supervisor, which ends the others in order.
             .process_group(0);
-        let parent = rustix::process::getpid();
-        let die_with_parent = move || {
-            rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
-            // It may have died before this was arranged.
-            if rustix::process::getppid() != Some(parent) {
-                return Err(rustix::io::Errno::SRCH.into());
-            }
-            Ok(())
-        };
-        // SAFETY: between `fork` and `exec` the closure makes two system calls, and neither
-        // allocates nor takes a lock.
-        unsafe { command.pre_exec(die_with_parent) };
-        let child = command.spawn()?;
-        let pidfd = rustix::process::pidfd_open(Pid::from_child(&child), PidfdFlags::NONBLOCK)?;
-        self.running = Some(Running { child, pidfd });
+        die_with_parent(&mut command, Signal::KILL, false);
+        let open = |process| rustix::process::pidfd_open(process, PidfdFlags::NONBLOCK);
+        self.running = Some(Running::watch(command.spawn()?, open)?);
         self.output = Some(Output {
             pipe,
             begun: Vec::new(),
@@ -126,14 +122,8 @@ impl Launch for Process {
 
     fn state(&mut self) -> RunState {
         if let Some(running) = &mut self.running {
-            let exit = match running.child.try_wait() {
-                Ok(None) => return RunState::Runs,
-                Ok(Some(status)) => match (status.code(), status.signal()) {
-                    (Some(code), _) => Exit::Status(code),
-                    (None, Some(signal)) => Exit::Signal(signal),
-                    (None, None) => Exit::Unknown,
-                },
-                Err(_) => Exit::Unknown,
+            let Some(exit) = running.exit() else {
+                return RunState::Runs;
             };
             self.running = None;
             self.ended = Some(exit);
@@ -145,22 +135,35 @@ impl Launch for Process {
         self.running.as_ref().map(|running| running.pidfd.as_fd())
     }
 
-    fn output(&mut self, line: &mut dyn FnMut(&str)) {
+    fn output(&mut self, line: &mut dyn FnMut(&str)) -> bool {
         let Some(output) = &mut self.output else {
-            return;
+            return false;
+        };
+        // Who has ended writes no more.
+        let mut left = if self.running.is_some() {
+            AT_ONCE
+        } else {
+            PIPE
         };
         let mut piece = [0; 4096];
-        loop {
+        while left > 0 {
             match output.pipe.read(&mut piece) {
                 Ok(0) => break,
-                Ok(count) => output.tell(piece.get(..count).unwrap_or_default(), line),
+                Ok(count) => {
+                    output.tell(piece.get(..count).unwrap_or_default(), line);
+                    left = left.saturating_sub(count);
+                }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return false,
                 Err(_) => break,
             }
         }
+        if left == 0 && self.running.is_some() {
+            return true;
+        }
         output.tell(b"\n", line);
         self.output = None;
+        false
     }
 
     fn has_output(&self) -> Option<BorrowedFd<'_>> {
@@ -170,6 +173,76 @@ impl Launch for Process {
     fn process(&self) -> Option<u32> {
         self.running.as_ref().map(|running| running.child.id())
     }
+}
+
+impl Running {
+    /// Kills the child if it cannot be watched: nobody else would ever end it.
+    fn watch(
+        mut child: Child,
+        open: impl FnOnce(Pid) -> rustix::io::Result<OwnedFd>,
+    ) -> std::io::Result<Self> {
+        match open(Pid::from_child(&child)) {
+            Ok(pidfd) => Ok(Self { child, pidfd }),
+            Err(error) => {
+                end(&mut child);
+                Err(error.into())
+            }
+        }
+    }
+
+    /// How it ended, if it has; then its group has, too.
+    fn exit(&mut self) -> Option<Exit> {
+        let flags = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        let process = Pid::from_child(&self.child);
+        // As long as nobody has asked how it ended, its number is that of its group and of no other.
+        match rustix::process::waitid(WaitId::Pid(process), flags) {
+            Ok(None) => return None,
+            Ok(Some(_)) => end_group(process),
+            Err(_) => return Some(Exit::Unknown),
+        }
+        Some(match self.child.try_wait() {
+            Ok(Some(status)) => match (status.code(), status.signal()) {
+                (Some(code), _) => Exit::Status(code),
+                (None, Some(signal)) => Exit::Signal(signal),
+                (None, None) => Exit::Unknown,
+            },
+            _ => Exit::Unknown,
+        })
+    }
+}
+
+/// Has the process of a command get `signal` when the thread that starts it dies, and begin a session of its
+/// own if that is wished for.
+pub(super) fn die_with_parent(command: &mut Command, signal: Signal, session: bool) {
+    let parent = rustix::process::getpid();
+    let prepare = move || {
+        if session {
+            rustix::process::setsid()?;
+        }
+        rustix::process::set_parent_process_death_signal(Some(signal))?;
+        // It may have died before this was arranged.
+        if rustix::process::getppid() != Some(parent) {
+            return Err(rustix::io::Errno::SRCH.into());
+        }
+        Ok(())
+    };
+    // SAFETY: between `fork` and `exec` the closure makes three system calls, and neither
+    // allocates nor takes a lock.
+    unsafe { command.pre_exec(prepare) };
+}
+
+/// Kills a process and its group.
+fn end(child: &mut Child) {
+    end_group(Pid::from_child(child));
+    // It may have ended already.
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+/// Kills all processes of the group of a process whose number cannot have gone to another one.
+fn end_group(leader: Pid) {
+    // Nobody may be left in it.
+    let _ = rustix::process::kill_process_group(leader, Signal::KILL);
 }
 
 impl Output {
@@ -193,8 +266,29 @@ impl Drop for Process {
     fn drop(&mut self) {
         if let Some(running) = &mut self.running {
             // Who drops it without having stopped it has failed.
-            let _ = running.child.kill();
-            let _ = running.child.wait();
+            end(&mut running.child);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_child_that_cannot_be_watched_is_killed() {
+        let child = Command::new("sleep")
+            .arg("1000")
+            .process_group(0)
+            .spawn()
+            .expect("there is `sleep`");
+        let process = Pid::from_child(&child);
+        let refused = Running::watch(child, |_| Err(rustix::io::Errno::MFILE));
+        assert_eq!(
+            refused.expect_err("it is refused").kind(),
+            std::io::Error::from(rustix::io::Errno::MFILE).kind()
+        );
+        let there = rustix::process::test_kill_process(process);
+        assert_eq!(there, Err(rustix::io::Errno::SRCH), "it is leaked");
     }
 }

@@ -1,7 +1,7 @@
 //! What others ask of the supervisor.
 
 use super::member::{Member, Phase, Then};
-use super::{Supervisor, journal, plan};
+use super::{Supervisor, plan};
 use crate::control::server::From;
 use crate::control::{Answer, Request};
 
@@ -27,7 +27,7 @@ impl Supervisor<'_> {
                 ..done()
             })),
             Request::Log { lines } => {
-                let lines = journal::last_lines(&self.place.directory.log(), lines);
+                let lines = self.journal.last_lines(lines);
                 lines.map_err(|error| error.to_string()).map(|lines| {
                     Some(Answer {
                         lines: Some(lines),

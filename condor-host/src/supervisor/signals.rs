@@ -7,21 +7,27 @@ use std::os::unix::net::UnixStream;
 use signal_hook::SigId;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-/// The signals that tell a program to end, as long as this lives.
+/// Signals that are taken, as long as this lives.
 pub(crate) struct Signals {
     reader: UnixStream,
     registered: Vec<SigId>,
 }
 
 impl Signals {
+    /// Those that tell a program to end.
     pub(crate) fn new() -> std::io::Result<Self> {
+        Self::of(&[SIGHUP, SIGINT, SIGTERM])
+    }
+
+    /// These signals.
+    pub(super) fn of(signals: &[i32]) -> std::io::Result<Self> {
         let (reader, writer) = UnixStream::pair()?;
         reader.set_nonblocking(true)?;
         let mut this = Self {
             reader,
             registered: Vec::new(),
         };
-        for signal in [SIGHUP, SIGINT, SIGTERM] {
+        for &signal in signals {
             let id = signal_hook::low_level::pipe::register(signal, writer.try_clone()?)?;
             this.registered.push(id);
         }

@@ -10,6 +10,7 @@ use super::model::{Model, Served};
 use crate::cli::AnyError;
 use crate::control::Client;
 use crate::numbers::FILES;
+use crate::plain::plain;
 use crate::system::Directory;
 use crate::view::{LoopSample, View};
 
@@ -39,7 +40,7 @@ impl Look {
         }
         if let Err(error) = self.fetch(model) {
             self.view = None;
-            model.blind = Some(error.to_string());
+            model.blind = Some(plain(&error.to_string()).into_owned());
         } else {
             model.blind = None;
         }

@@ -12,6 +12,7 @@ use super::log;
 use super::window::{Window, WindowId};
 use crate::control::{Member, Status};
 use crate::numbers::FILES;
+use crate::plain::plain;
 use crate::view::{LoopRates, VectorCounts};
 
 /// Lines of the log that are kept.
@@ -150,13 +151,15 @@ impl Model {
     pub(super) fn hear(&mut self, news: News) {
         match news {
             News::Status(status) => self.take_status(&status),
-            News::Gone(why) => self.gone = Some(why),
-            News::LogBegins(lines) => self.log = lines.into(),
-            News::Log(line) => self.log.push_back(line),
+            News::Gone(why) => self.gone = Some(plain(&why).into_owned()),
+            News::LogBegins(lines) => {
+                self.log = lines.iter().map(|line| plain(line).into_owned()).collect();
+            }
+            News::Log(line) => self.log.push_back(plain(&line).into_owned()),
             News::Opened(id, input) => self.with(id, |window| window.open(input)),
             News::Output(id, bytes) => self.with(id, |window| window.write(&bytes)),
             News::Closed(id) => self.closed(id),
-            News::Notice(text) => self.notice = Some(text),
+            News::Notice(text) => self.notice = Some(plain(&text).into_owned()),
             News::Input(_) | News::NoInput(_) => {}
         }
         while self.log.len() > LOG_LINES {

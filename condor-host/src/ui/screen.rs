@@ -1,8 +1,12 @@
 //! Draws the screen of a terminal.
 
+use std::borrow::Cow;
+
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
+
+use crate::plain::plain;
 
 /// Draws what is on `screen` into `area`; without a cursor, which the caller places.
 pub(super) fn draw(screen: &vt100::Screen, area: Rect, buffer: &mut Buffer) {
@@ -17,7 +21,9 @@ pub(super) fn draw(screen: &vt100::Screen, area: Rect, buffer: &mut Buffer) {
             let place = (area.x + column, area.y + row);
             if let Some(to) = buffer.cell_mut(place) {
                 let text = cell.contents();
-                to.set_symbol(if text.is_empty() { " " } else { text });
+                // A screen keeps what it does not obey itself.
+                let is_shown = !text.is_empty() && matches!(plain(text), Cow::Borrowed(_));
+                to.set_symbol(if is_shown { text } else { " " });
                 to.set_style(style(cell));
             }
         }

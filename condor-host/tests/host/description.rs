@@ -57,6 +57,7 @@ fn what_is_left_out_has_a_default() {
     assert_eq!((description.hand, description.bus), (None, None));
     assert_eq!(description.terminals.replay_bytes, 65536);
     assert_eq!(description.terminals.log_bytes, 4 << 20);
+    assert_eq!(description.service_restarts, 20);
     let processor = &description.processors[0];
     assert_eq!(processor.program, Program::Own);
     assert_eq!(

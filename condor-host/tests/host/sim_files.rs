@@ -20,7 +20,7 @@ fn serve<M: Machine<Window = condor_mbox::linux::LinuxWindow>>(
 ) -> Result<(), AnyError> {
     let server = Server::new(root, Options::default())?;
     let windows = machine.windows();
-    server.recover(&windows);
+    server.recover(&windows).unwrap();
     let answer = |call: &Call<'_>| server.answer(call, &windows);
     let mut mailbox = Mailbox::new(
         machine.number(),

@@ -1,6 +1,8 @@
 //! Whole systems: brought up, asked, killed in parts and as a whole, taken down.
 
+mod bounds;
 mod commands;
+mod family;
 mod finger;
 mod programs;
 mod running;

@@ -1,6 +1,6 @@
 //! What the supervisor starts: this program again, told by its environment what to be.
 
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 
 use crate::finger::Finger;
 use crate::writer::Writer;
@@ -16,6 +16,25 @@ fn program() {
         Some("writer") => unsafe { condor_host::linux::run(&Writer, words) },
         // SAFETY: its loop computes and stores.
         Some("finger") => unsafe { condor_host::linux::run(&Finger, words) },
+        Some("printer") => {
+            std::thread::spawn(|| {
+                loop {
+                    println!("\x1b[2Jand on and on");
+                }
+            });
+            // SAFETY: the program has no loops.
+            unsafe { condor_host::linux::run(&Writer, words) }
+        }
+        Some("parent") => {
+            // One in the group of this program, and one that has detached itself.
+            for detach in ["", "setsid "] {
+                let command = format!("{detach}sleep 1000 & echo descendant $!");
+                let status = Command::new("sh").args(["-c", &command]).status();
+                assert!(status.is_ok_and(|status| status.success()));
+            }
+            // SAFETY: the program has no loops.
+            unsafe { condor_host::linux::run(&Writer, words) }
+        }
         _ => {
             eprintln!("this program fails");
             ExitCode::FAILURE

@@ -3,9 +3,11 @@
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
-use std::process::{Child, ChildStderr, Command, Output, Stdio};
-use std::time::Duration;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
 
 use condor_host::control::{Client, ClientError, Events, Request, State, Status};
 use condor_host::system::Directory;
@@ -16,18 +18,28 @@ use rustix::process::{Pid, PidfdFlags, Signal};
 pub(crate) const DEADLINE: Duration = Duration::from_secs(120);
 
 const CONDOR: &str = env!("CARGO_BIN_EXE_condor");
-const ALL_STARTED: &str = "all programs have been started";
+const STARTED: &str = " have been started";
 
-/// A running `condor up`, which is killed with its children when the test ends.
+/// A running `condor up`, which is killed with all its descendants when the test ends.
 pub(crate) struct Up {
     place: tempfile::TempDir,
+    /// The keeper of the supervisor.
     child: Child,
+    /// What it writes to standard error.
+    told: Mutex<Receiver<String>>,
     options: Vec<String>,
 }
 
 impl Up {
     /// Brings up a system with these processors, and waits until all have been started.
     pub(crate) fn start(processors: &str, options: &[&str]) -> Self {
+        let up = Self::launch(processors, options, |_| {});
+        up.wait_until_started();
+        up
+    }
+
+    /// Brings up a system with these processors, in a directory that is prepared before.
+    pub(crate) fn launch(processors: &str, options: &[&str], prepare: impl FnOnce(&Path)) -> Self {
         let place = tempfile::tempdir().unwrap();
         let script = format!(
             "#!/bin/sh\nCONDOR_TEST_PROGRAM=\"$*\" exec {this} --exact programs::program --ignored --nocapture >&2\n",
@@ -40,18 +52,40 @@ impl Up {
         let text = format!("{head}{}", processors.replace("THIS", this()));
         std::fs::write(place.path().join("tested.toml"), text).unwrap();
         let options: Vec<_> = options.iter().map(|&option| option.into()).collect();
-        let child = spawn(&place, &options);
+        prepare(place.path());
+        let (child, told) = spawn(&place, &options);
         Self {
             place,
             child,
+            told,
             options,
+        }
+    }
+
+    /// Waits until all programs have been started that can be.
+    pub(crate) fn wait_until_started(&self) {
+        self.wait_until_told(STARTED);
+    }
+
+    /// Waits until a line is told that has this text.
+    pub(crate) fn wait_until_told(&self, text: &str) -> String {
+        let end = Instant::now() + DEADLINE;
+        let (lines, mut told) = (self.told.lock().unwrap(), String::new());
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            match lines.recv_timeout(left) {
+                Ok(line) if line.contains(text) => return line,
+                Ok(line) => told += &line,
+                Err(error) => panic!("no {text:?}, {error}:\n{told}"),
+            }
         }
     }
 
     /// Brings the same system up again, after its supervisor was killed.
     pub(crate) fn again(mut self) -> Self {
         self.child.wait().unwrap();
-        self.child = spawn(&self.place, &self.options);
+        (self.child, self.told) = spawn(&self.place, &self.options);
+        self.wait_until_started();
         self
     }
 
@@ -60,7 +94,7 @@ impl Up {
     }
 
     pub(crate) fn client(&self) -> Client {
-        let client = Client::connect(&self.directory()).unwrap();
+        let mut client = Client::connect(&self.directory()).unwrap();
         client.set_timeout(Some(DEADLINE)).unwrap();
         client
     }
@@ -105,18 +139,29 @@ impl Up {
         output
     }
 
+    pub(crate) fn kill_keeper(&self) {
+        kill(self.child.id());
+    }
+
     /// As ^C does.
     pub(crate) fn interrupt(&self) {
         signal(self.child.id(), Signal::INT);
     }
 
     /// Waits for the end; the exit status, and what was written to standard output.
-    pub(crate) fn end(mut self) -> (Option<i32>, String) {
+    pub(crate) fn end(self) -> (Option<i32>, String) {
+        let (code, text, _) = self.end_telling();
+        (code, text)
+    }
+
+    /// The same, and what was written to standard error since it was last looked at.
+    pub(crate) fn end_telling(mut self) -> (Option<i32>, String, String) {
         wait_for_end(self.child.id());
         let mut text = String::new();
         let mut output = self.child.stdout.take().unwrap();
         output.read_to_string(&mut text).unwrap();
-        (self.child.wait().unwrap().code(), text)
+        let told = self.told.lock().unwrap().iter().collect();
+        (self.child.wait().unwrap().code(), text, told)
     }
 
     /// Attaches to a terminal.
@@ -148,7 +193,17 @@ impl Up {
 
 impl Drop for Up {
     fn drop(&mut self) {
-        let _ = self.child.kill();
+        // The keeper ends what is left.
+        let pids = std::fs::read_to_string(self.directory().pids()).unwrap_or_default();
+        let supervisor = pids.split_whitespace().next().map(str::parse::<i32>);
+        match supervisor.and_then(|it| Pid::from_raw(it.ok()?)) {
+            Some(supervisor) => {
+                let _ = rustix::process::kill_process(supervisor, Signal::KILL);
+            }
+            None => {
+                let _ = self.child.kill();
+            }
+        }
         let _ = self.child.wait();
     }
 }
@@ -164,7 +219,7 @@ fn command(place: &tempfile::TempDir) -> Command {
     command
 }
 
-fn spawn(place: &tempfile::TempDir, options: &[String]) -> Child {
+fn spawn(place: &tempfile::TempDir, options: &[String]) -> (Child, Mutex<Receiver<String>>) {
     let description: PathBuf = place.path().join("tested.toml");
     let mut child = command(place)
         .arg("up")
@@ -175,20 +230,15 @@ fn spawn(place: &tempfile::TempDir, options: &[String]) -> Child {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let mut lines = BufReader::new(child.stderr.take().unwrap());
-    let mut told = String::new();
-    while !told.contains(ALL_STARTED) {
-        let before = told.len();
-        lines.read_line(&mut told).unwrap();
-        assert!(told.len() > before, "it ended:\n{told}");
-    }
-    std::thread::spawn(move || drain(lines));
-    child
-}
-
-/// Lets it write on.
-fn drain(mut lines: BufReader<ChildStderr>) {
-    let _ = std::io::copy(&mut lines, &mut std::io::sink());
+    let lines = BufReader::new(child.stderr.take().unwrap());
+    let (teller, told) = channel();
+    std::thread::spawn(move || {
+        for line in lines.lines().map_while(Result::ok) {
+            // It writes on, whether anybody wants to know or not.
+            let _ = teller.send(line + "\n");
+        }
+    });
+    (child, Mutex::new(told))
 }
 
 /// Waits until a processor has come into a state.

@@ -8,7 +8,7 @@ use condor_host::control::{Request, State};
 use condor_host::services::terminals::type_in;
 
 /// Two processors, which write lines and echo what is typed.
-const TWO: &str = r#"
+pub(crate) const TWO: &str = r#"
     [[processors]]
     number = 0
     name = "a"
@@ -252,7 +252,7 @@ fn what_the_description_types_is_answered_in_the_summary() {
     let (code, summary) = up.end();
     assert_eq!(code, Some(0));
     let (_, answers) = summary.split_once("terminal of a:\n").unwrap();
-    assert!(answers.contains("typed hello\r\n"), "{summary}");
+    assert!(answers.contains("typed hello\n"), "{summary}");
     assert!(!summary.contains("terminal of b:"), "{summary}");
 }
 

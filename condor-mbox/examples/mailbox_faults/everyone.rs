@@ -1,9 +1,10 @@
 //! Kills every process of a named system, again and again, and cleans nothing up.
 
+use std::io::ErrorKind;
 use std::os::unix::process::ExitStatusExt;
 use std::time::{Duration, Instant};
 
-use condor_mbox::linux::{Claim, Mailbox, System};
+use condor_mbox::linux::{Claim, Mailbox, System, SystemError};
 use condor_mbox::{Call, CriticalSection, Error, Handler, Processor, Vector};
 use rustix::process::Signal;
 
@@ -69,8 +70,20 @@ pub(crate) fn kill_all(rounds: u32, seed: u64) -> Result<Everyone, AnyError> {
         }
     }
     everyone.rounds = 2 * rounds;
-    System::<N>::named(&name, BYTES)?.remove()?;
+    with_space(|| System::<N>::named(&name, BYTES))?.remove()?;
     Ok(everyone)
+}
+
+/// Does `what` once there is space for the files of a named system.
+pub(crate) fn with_space<T>(what: impl Fn() -> Result<T, SystemError>) -> Result<T, SystemError> {
+    loop {
+        match what() {
+            Err(SystemError::Os { source, .. }) if source.kind() == ErrorKind::StorageFull => {
+                pause(START);
+            }
+            outcome => return outcome,
+        }
+    }
 }
 
 impl Everyone {
@@ -87,7 +100,7 @@ pub(crate) const NAME: &str = "CONDOR_FAULTS_NAME";
 /// met all; ends well only if it has lost its own memory.
 pub(crate) fn play(number: u8) -> Result<(), AnyError> {
     let name = std::env::var(NAME)?;
-    let claim = System::<N>::named(&name, BYTES)?.claim(Processor(number))?;
+    let claim = with_space(|| System::<N>::named(&name, BYTES)?.claim(Processor(number)))?;
     let me = claim.number();
     let answers = |call: &Call<'_>| answer(call.data(), me);
     let mailbox = open(&claim, &answers)?;

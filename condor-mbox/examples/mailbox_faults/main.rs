@@ -5,7 +5,8 @@
 //! Two survivors call a victim, are called by it, send it messages without reply and poll tickets;
 //! every word is checked. The victim is killed with SIGKILL where it hurts, and starts again;
 //! it is stopped past every deadline, and goes on; then all processes of a system are killed and
-//! begin again, and at last the memory of one is truncated. Nothing is ever cleaned up by hand.
+//! begin again, and at last the memory of one is truncated. Nothing is ever cleaned up by hand. `--rounds`
+//! is how often all are killed; `/dev/shm`, where their files are, may be full at times.
 //! One wrong or lost reply, or one error that does not say what was the case, and the program fails.
 
 mod board;
@@ -69,6 +70,7 @@ fn play(part: &[String]) -> Result<(), AnyError> {
 struct Options {
     kills: u32,
     stops: u32,
+    rounds: u32,
     seed: u64,
 }
 
@@ -78,6 +80,7 @@ impl Options {
         let mut options = Self {
             kills: if FEW { 24 } else { 1000 },
             stops: if FEW { 6 } else { 24 },
+            rounds: if FEW { 3 } else { 20 },
             seed: u64::from(since.subsec_nanos()),
         };
         let mut arguments = std::env::args().skip(1);
@@ -87,8 +90,14 @@ impl Options {
             match argument.as_str() {
                 "--kills" => options.kills = value.parse()?,
                 "--stops" => options.stops = value.parse()?,
+                "--rounds" => options.rounds = value.parse()?,
                 "--seed" => options.seed = value.parse()?,
-                _ => return Err("usage: faults [--kills N] [--stops N] [--seed N]".into()),
+                _ => {
+                    return Err(
+                        "usage: mailbox_faults [--kills N] [--stops N] [--rounds N] [--seed N]"
+                            .into(),
+                    );
+                }
             }
         }
         Ok(options)
@@ -101,7 +110,7 @@ fn direct() -> Result<bool, AnyError> {
     println!("seed {} (repeat with --seed)", options.seed);
     let begun = Instant::now();
     let mut report = with_survivors(&options)?;
-    report.everyone = everyone::kill_all(if FEW { 3 } else { 20 }, options.seed)?;
+    report.everyone = everyone::kill_all(options.rounds, options.seed)?;
     report.truncation = truncation::truncate()?;
     report.print(begun.elapsed());
     Ok(report.faults() == 0)

@@ -7,7 +7,7 @@ use condor_mbox::linux::{Mailbox, System};
 use condor_mbox::{Call, Error, Object, Processor, WindowErrorKind};
 
 use super::AnyError;
-use super::everyone::{ANSWER, BYTES, MET, NAME, WAIT, open};
+use super::everyone::{ANSWER, BYTES, MET, NAME, WAIT, open, with_space};
 use super::process::Process;
 use super::talk::{LONG, N, answer};
 
@@ -29,8 +29,8 @@ pub(crate) struct Truncation {
 pub(crate) fn truncate() -> Result<Truncation, AnyError> {
     let mut seen = Truncation::default();
     let name = format!("faults-truncated-{}", std::process::id());
-    let system = System::<N>::named(&name, BYTES)?;
-    let claim = system.claim(ME)?;
+    let system = with_space(|| System::<N>::named(&name, BYTES))?;
+    let claim = with_space(|| system.claim(ME))?;
     let start = |number: Processor| {
         Process::start(&format!("member {}", number.0), |command| {
             command.env(NAME, &name);

@@ -7,15 +7,19 @@
 use std::ffi::OsStr;
 use std::io::Read as _;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 
-use rustix::fs::{AtFlags, CWD, FallocateFlags, FileType, Mode, OFlags, RawMode, Stat};
+use rustix::fs::{AtFlags, CWD, Dir, FallocateFlags, FileType, Mode, OFlags, RawMode, Stat};
 use rustix::io::Errno;
 use rustix::path::Arg;
 
 use super::error::{FileKind, SystemError};
 use super::lock;
 use super::window::Access;
+
+/// More than any text of a system has.
+const MOST_TEXT: u64 = 16 * 1024;
 
 /// An open directory of a system.
 #[derive(Debug)]
@@ -30,20 +34,20 @@ pub(super) struct Directory {
 
 impl Directory {
     /// Opens the directory at `path`, and creates it before if there is none; `None` if it was
-    /// removed in between.
+    /// removed in between. A link at `path` itself is not followed: where others may write, one of
+    /// them could have put it there.
     pub(super) fn open(path: &Path) -> Result<Option<Self>, SystemError> {
         match rustix::fs::mkdir(path, Mode::RWXU) {
             Ok(()) | Err(Errno::EXIST) => {}
             Err(errno) => return Err(SystemError::os("create", path)(errno)),
         }
-        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
-        let descriptor = match rustix::fs::open(path, flags, Mode::empty()) {
+        let descriptor = match open_directory(path) {
             Ok(descriptor) => descriptor,
             Err(Errno::NOENT) => return Ok(None),
-            Err(Errno::NOTDIR) => {
-                let stat = rustix::fs::stat(path).map_err(SystemError::os("examine", path))?;
+            Err(errno @ (Errno::NOTDIR | Errno::LOOP)) => {
+                let stat = rustix::fs::lstat(path).map_err(SystemError::os("examine", path))?;
                 expect_kind(path, &stat, FileKind::Directory)?;
-                return Err(SystemError::os("open", path)(Errno::NOTDIR));
+                return Err(SystemError::os("open", path)(errno));
             }
             Err(errno) => return Err(SystemError::os("open", path)(errno)),
         };
@@ -72,7 +76,7 @@ impl Directory {
 
     /// Whether the directory's path still leads to it.
     pub(super) fn is_current(&self) -> Result<bool, SystemError> {
-        match rustix::fs::stat(&self.path) {
+        match rustix::fs::lstat(&self.path) {
             Ok(stat) => Ok(identity(&stat) == self.device_and_inode),
             Err(Errno::NOENT) => Ok(false),
             Err(errno) => Err(SystemError::os("examine", &self.path)(errno)),
@@ -113,36 +117,68 @@ impl Directory {
 
     /// Opens the FIFO `name`, and creates it before if there is none; `None` as for `object`.
     pub(super) fn fifo(&self, name: &str) -> Result<Option<OwnedFd>, SystemError> {
+        let node = self.node_of_fifo(name)?;
+        node.map(|node| self.open_fifo(&node, name)).transpose()
+    }
+
+    /// The FIFO that `name` stands for now, neither open for reading nor for writing.
+    fn node_of_fifo(&self, name: &str) -> Result<Option<OwnedFd>, SystemError> {
         let path = self.path_of(name);
         match rustix::fs::mkfifoat(&self.descriptor, name, self.mode) {
             Ok(()) | Err(Errno::EXIST) => {}
             Err(errno) => return self.not_created(&path, errno),
         }
-        let found = rustix::fs::statat(&self.descriptor, name, AtFlags::SYMLINK_NOFOLLOW);
-        let stat = match found {
-            Ok(stat) => stat,
-            Err(Errno::NOENT) => return Ok(None),
-            Err(errno) => return Err(SystemError::os("examine", path)(errno)),
-        };
+        let flags = OFlags::PATH | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        match rustix::fs::openat(&self.descriptor, name, flags, Mode::empty()) {
+            Ok(node) => Ok(Some(node)),
+            Err(Errno::NOENT) => Ok(None),
+            Err(errno) => Err(SystemError::os("open", path)(errno)),
+        }
+    }
+
+    /// Opens the FIFO that `node` is. By now `name` may stand for something else: where others may
+    /// write, one of them could have put a link there. So all is done to the node.
+    fn open_fifo(&self, node: &OwnedFd, name: &str) -> Result<OwnedFd, SystemError> {
+        let path = self.path_of(name);
+        let stat = rustix::fs::fstat(node).map_err(SystemError::os("examine", &path))?;
         expect_kind(&path, &stat, FileKind::Fifo)?;
         let owned = stat.st_uid == rustix::process::geteuid().as_raw();
         if owned && Mode::from_raw_mode(stat.st_mode as RawMode) != self.mode {
             // The umask took permissions away, here or where the creator was killed.
-            rustix::fs::chmodat(&self.descriptor, name, self.mode, AtFlags::empty())
+            rustix::fs::chmod(nameless(node), self.mode)
                 .map_err(SystemError::os("set the permissions of", &path))?;
         }
-        let pipe = match self.open_file(name, Access::ReadWrite) {
-            Ok(pipe) => pipe,
-            Err(Errno::NOENT) => return Ok(None),
-            Err(errno) => return Err(self.not_opened(&path, name, FileKind::Fifo, errno)),
+        reopen(node.as_fd(), Access::ReadWrite).map_err(SystemError::os("open", path))
+    }
+
+    /// What the file `name` says, with the file's status; if there is none, it is created and says
+    /// `text`. `None` if the directory was removed meanwhile.
+    pub(super) fn text_or(
+        &self,
+        name: &str,
+        text: &[u8],
+    ) -> Result<Option<(Vec<u8>, Stat)>, SystemError> {
+        if let Some(found) = self.text(name)? {
+            return Ok(Some(found));
+        }
+        let written = |file: &OwnedFd| {
+            let mut rest = text;
+            while !rest.is_empty() {
+                let count = rustix::io::retry_on_intr(|| rustix::io::write(file, rest))?;
+                rest = rest.get(count..).unwrap_or_default();
+            }
+            Ok(())
         };
-        let stat = rustix::fs::fstat(&pipe).map_err(SystemError::os("examine", &path))?;
-        expect_kind(&path, &stat, FileKind::Fifo)?;
-        Ok(Some(pipe))
+        // It is never written again.
+        let mode = self.mode & Mode::from_raw_mode(0o444);
+        match self.create_with(name, mode, written) {
+            Ok(()) | Err(Errno::EXIST) => self.text(name),
+            Err(errno) => self.not_created(&self.path_of(name), errno),
+        }
     }
 
     /// What the file `name` says; `None` if there is none.
-    pub(super) fn text(&self, name: &str) -> Result<Option<Vec<u8>>, SystemError> {
+    fn text(&self, name: &str) -> Result<Option<(Vec<u8>, Stat)>, SystemError> {
         let path = self.path_of(name);
         let file = match self.open_file(name, Access::ReadOnly) {
             Ok(file) => file,
@@ -153,26 +189,32 @@ impl Directory {
         expect_kind(&path, &stat, FileKind::File)?;
         let mut text = Vec::new();
         std::fs::File::from(file)
+            .take(MOST_TEXT)
             .read_to_end(&mut text)
             .map_err(SystemError::os("read", &path))?;
-        Ok(Some(text))
+        Ok(Some((text, stat)))
     }
 
-    /// Creates the file `name` that says `text`, if there is none; `None` if the directory was
-    /// removed meanwhile.
-    pub(super) fn say(&self, name: &str, text: &[u8]) -> Result<Option<()>, SystemError> {
-        let written = |file: &OwnedFd| {
-            let mut rest = text;
-            while !rest.is_empty() {
-                let count = rustix::io::retry_on_intr(|| rustix::io::write(file, rest))?;
-                rest = rest.get(count..).unwrap_or_default();
-            }
-            Ok(())
-        };
-        match self.create_with(name, written) {
-            Ok(()) | Err(Errno::EXIST) => Ok(Some(())),
-            Err(errno) => self.not_created(&self.path_of(name), errno),
+    /// Refuses what a stranger wrote, or anybody but its owner may write: neither this user, nor
+    /// root, nor the owner of the directory.
+    pub(super) fn expect_trusted(&self, name: &str, stat: &Stat) -> Result<(), SystemError> {
+        let expected = rustix::process::geteuid().as_raw();
+        if ![expected, 0, self.owner].contains(&stat.st_uid) {
+            return Err(SystemError::WrongOwner {
+                path: self.path_of(name),
+                found: stat.st_uid,
+                expected,
+            });
         }
+        let mode = Mode::from_raw_mode(stat.st_mode as RawMode);
+        if mode.intersects(Mode::WGRP | Mode::WOTH) {
+            let mode = mode.as_raw_mode();
+            return Err(SystemError::OtherSystem {
+                path: self.path_of(name),
+                reason: format!("it names a memory, and others may write it by its mode {mode:o}"),
+            });
+        }
+        Ok(())
     }
 
     /// Removes the directory and the files `names`, of which those in `mails`, of `mail_bytes`
@@ -189,12 +231,17 @@ impl Directory {
         let mut locked = Vec::new();
         for (index, name) in mails.iter().enumerate() {
             let path = self.path_of(name);
-            // A number whose file is missing could be claimed from now on unless it is locked too.
-            match self.create(name, mail_bytes) {
-                Ok(()) | Err(Errno::EXIST) => {}
-                Err(errno) => return self.not_created(&path, errno),
+            let mut mail = self.open_file(name, Access::ReadWrite);
+            if let Err(Errno::NOENT) = mail {
+                // The number could be claimed from now on unless it is locked, too. Only then is a file
+                // made: a removal is also to free a disk that is full.
+                match self.create(name, mail_bytes) {
+                    Ok(()) | Err(Errno::EXIST) => {}
+                    Err(errno) => return self.not_created(&path, errno),
+                }
+                mail = self.open_file(name, Access::ReadWrite);
             }
-            let mail = match self.open_file(name, Access::ReadWrite) {
+            let mail = match mail {
                 Ok(mail) => mail,
                 Err(Errno::NOENT) => return Ok(None),
                 Err(errno) => return Err(self.not_opened(&path, name, FileKind::File, errno)),
@@ -209,20 +256,27 @@ impl Directory {
         if !self.is_current()? {
             return Ok(None);
         }
-        let entries = std::fs::read_dir(&self.path).map_err(SystemError::os("list", &self.path))?;
+        let entries =
+            Dir::read_from(&self.descriptor).map_err(SystemError::os("list", &self.path))?;
         for entry in entries {
             let entry = entry.map_err(SystemError::os("list", &self.path))?;
-            let found = entry.file_name();
-            if !names.iter().any(|name| OsStr::new(name) == found) {
-                return Err(SystemError::ForeignFile { path: entry.path() });
+            let found = entry.file_name().to_bytes();
+            if !matches!(found, b"." | b"..") && !names.iter().any(|name| name.as_bytes() == found)
+            {
+                let path = self.path.join(OsStr::from_bytes(found));
+                return Err(SystemError::ForeignFile { path });
             }
         }
         // The whole directory goes at once, while all numbers are held: a claim that opened it
         // before finds that its path leads elsewhere, and a later one makes a new directory. What
         // an earlier removal left behind when it was killed makes room first.
-        bury(&grave, names)?;
+        match open_directory(&grave) {
+            Ok(left) => bury(&left, &grave, names)?,
+            Err(Errno::NOENT) => {}
+            Err(errno) => return Err(SystemError::os("open", grave)(errno)),
+        }
         match rustix::fs::rename(&self.path, &grave) {
-            Ok(()) => bury(&grave, names).map(|()| None),
+            Ok(()) => bury(&self.descriptor, &grave, names).map(|()| None),
             Err(Errno::NOENT) => Ok(None),
             Err(errno) => Err(SystemError::os("rename", &self.path)(errno)),
         }
@@ -249,23 +303,23 @@ impl Directory {
 
     /// Creates a file of `size` bytes that has all its memory.
     fn create(&self, name: &str, size: u32) -> Result<(), Errno> {
-        self.create_with(name, |file| fill(file, size))
+        self.create_with(name, self.mode, |file| fill(file, size))
     }
 
     /// Creates a file that is as `make` leaves it from the moment that it appears.
     fn create_with(
         &self,
         name: &str,
+        mode: Mode,
         make: impl FnOnce(&OwnedFd) -> Result<(), Errno>,
     ) -> Result<(), Errno> {
         let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
-        let file = rustix::fs::openat(&self.descriptor, ".", flags, self.mode)?;
-        rustix::fs::fchmod(&file, self.mode)?;
+        let file = rustix::fs::openat(&self.descriptor, ".", flags, mode)?;
+        rustix::fs::fchmod(&file, mode)?;
         make(&file)?;
-        let nameless = format!("/proc/self/fd/{}", file.as_raw_fd());
         rustix::fs::linkat(
             CWD,
-            nameless,
+            nameless(&file),
             &self.descriptor,
             name,
             AtFlags::SYMLINK_FOLLOW,
@@ -291,6 +345,17 @@ pub(super) fn fill(file: impl AsFd, size: u32) -> Result<(), Errno> {
     }
 }
 
+/// Opens a directory, and not through a link.
+fn open_directory(path: &Path) -> Result<OwnedFd, Errno> {
+    let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+    rustix::fs::open(path, flags, Mode::empty())
+}
+
+/// A path to what is open, whatever its names are.
+fn nameless(descriptor: impl AsFd) -> String {
+    format!("/proc/self/fd/{}", descriptor.as_fd().as_raw_fd())
+}
+
 /// A new open file description of `path`.
 pub(super) fn open_again(
     directory: impl AsFd,
@@ -309,8 +374,7 @@ pub(super) fn open_again(
 
 /// A new open file description of what `descriptor` stands for.
 pub(super) fn reopen(descriptor: BorrowedFd<'_>, access: Access) -> Result<OwnedFd, Errno> {
-    let path = format!("/proc/self/fd/{}", descriptor.as_raw_fd());
-    open_again(CWD, &path, access, OFlags::empty())
+    open_again(CWD, nameless(descriptor), access, OFlags::empty())
 }
 
 pub(super) fn expect_kind(path: &Path, stat: &Stat, expected: FileKind) -> Result<(), SystemError> {
@@ -352,17 +416,54 @@ fn identity(stat: &Stat) -> (u64, u64) {
     (stat.st_dev as u64, stat.st_ino as u64)
 }
 
-/// Deletes a directory that no path of a system leads to.
-fn bury(grave: &Path, names: &[String]) -> Result<(), SystemError> {
+/// Deletes the directory at `grave`, which is open and to which no path of a system leads.
+fn bury(directory: impl AsFd, grave: &Path, names: &[String]) -> Result<(), SystemError> {
     for name in names {
-        let path = grave.join(name);
-        match rustix::fs::unlink(&path) {
+        match rustix::fs::unlinkat(&directory, name, AtFlags::empty()) {
             Ok(()) | Err(Errno::NOENT) => {}
-            Err(errno) => return Err(SystemError::os("delete", path)(errno)),
+            Err(errno) => return Err(SystemError::os("delete", grave.join(name))(errno)),
         }
     }
     match rustix::fs::rmdir(grave) {
         Ok(()) | Err(Errno::NOENT) => Ok(()),
         Err(errno) => Err(SystemError::os("delete", grave)(errno)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::{self, Permissions};
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+
+    use super::*;
+
+    /// A peer that may write the directory changes what a name stands for, in the middle.
+    #[test]
+    fn a_link_in_the_place_of_a_bell_changes_no_permissions() {
+        let kept = tempfile::tempdir().expect("a temporary directory");
+        let (path, victim) = (kept.path().join("system"), kept.path().join("victim"));
+        fs::write(&victim, "").expect("a file");
+        fs::set_permissions(&victim, Permissions::from_mode(0o600)).expect("it is ours");
+        fs::create_dir(&path).expect("a directory");
+        fs::set_permissions(&path, Permissions::from_mode(0o770)).expect("it is ours");
+        let mode = |path: &Path| {
+            let found = fs::metadata(path).expect("it is there");
+            found.permissions().mode() & 0o7777
+        };
+        let directory = Directory::open(&path).unwrap().expect("it is there");
+        let (bell, moved) = (path.join("0.bell"), path.join("moved"));
+        let node = directory.node_of_fifo("0.bell").unwrap();
+        let node = node.expect("it was made");
+        fs::set_permissions(&bell, Permissions::from_mode(0o600)).expect("it is ours");
+        fs::rename(&bell, &moved).expect("it is ours");
+        symlink(&victim, &bell).expect("a link");
+        directory.open_fifo(&node, "0.bell").expect("it is a FIFO");
+        assert_eq!((mode(&victim), mode(&moved)), (0o600, 0o660));
+        let error = directory.fifo("0.bell").expect_err("it is a link");
+        let found = FileKind::Symlink;
+        assert!(
+            matches!(error, SystemError::WrongKind { found: is, .. } if is == found),
+            "{error}"
+        );
     }
 }

@@ -17,7 +17,7 @@ pub enum FileKind {
     Fifo,
     /// A directory.
     Directory,
-    /// A symbolic link; none is followed.
+    /// A symbolic link; none is followed at the end of a path.
     Symlink,
     /// Anything else.
     Other,
@@ -71,10 +71,11 @@ pub enum SystemError {
         /// What it should stand for.
         expected: FileKind,
     },
-    /// The directory of a named system belongs to another user.
+    /// The directory of a named system belongs to another user, or the file `system` that names a
+    /// memory to one who is neither this user, nor root, nor the directory's owner.
     #[error("{path:?} belongs to user {found}, expected {expected}")]
     WrongOwner {
-        /// The directory.
+        /// The directory, or the file.
         path: PathBuf,
         /// The user id of its owner.
         found: u32,
@@ -111,10 +112,10 @@ pub enum SystemError {
         /// What is wrong with it.
         reason: &'static str,
     },
-    /// What the file `memory` of a system says is not to be had.
-    #[error("{path:?} says where the memory lies, and is refused: {reason}")]
-    BadMemory {
-        /// The file `memory`.
+    /// The file `system` of a directory describes another system than this one.
+    #[error("{path:?} describes another system: {reason}")]
+    OtherSystem {
+        /// The file `system`.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,

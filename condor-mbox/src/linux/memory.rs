@@ -1,9 +1,7 @@
 //! [`Memory`]: one file that has the memory of all processors.
 
-use std::ffi::OsString;
 use std::os::fd::OwnedFd;
-use std::os::unix::ffi::{OsStrExt, OsStringExt};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rustix::fs::{CWD, OFlags};
 use rustix::io::Errno;
@@ -12,12 +10,8 @@ use super::directory::{expect_kind, open_again};
 use super::error::{FileKind, SystemError};
 use super::window::Access;
 
-/// The file of a directory that says where the memory lies.
-pub(super) const NAME: &str = "memory";
 /// Bytes of a file that is there to be locked; a `mail` has more.
 pub(super) const LOCK_BYTES: u32 = 4;
-/// How that file begins.
-const HEAD: &str = "condor-mbox memory 1";
 
 /// Where objects of a kind lie in a file, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,71 +95,6 @@ impl Memory {
         Ok(())
     }
 
-    /// The text from which [`from_text`](Self::from_text) makes it again.
-    pub(super) fn to_text(&self, processors: usize, user_bytes: u32) -> Vec<u8> {
-        let (mail, data) = (self.mail, self.data);
-        let mut text = format!(
-            "{HEAD}\nprocessors {processors}\ndata-bytes {user_bytes}\nmail {} {}\ndata {} {}\nfile ",
-            mail.offset, mail.stride, data.offset, data.stride
-        )
-        .into_bytes();
-        text.extend(self.file.as_os_str().as_bytes());
-        // No path has one, but a path may have lines.
-        text.push(0);
-        text
-    }
-
-    /// What a file at `path` says to a system of so many processors and bytes.
-    pub(super) fn from_text(
-        text: &[u8],
-        path: &Path,
-        processors: usize,
-        user_bytes: u32,
-    ) -> Result<Self, SystemError> {
-        let refused = |reason: &str| SystemError::BadMemory {
-            path: path.into(),
-            reason: reason.into(),
-        };
-        let mut lines = text.splitn(6, |&byte| byte == b'\n');
-        let mut line = |key: &str| -> Result<Vec<u8>, SystemError> {
-            let line = lines.next().unwrap_or_default();
-            let rest = line.strip_prefix(key.as_bytes());
-            rest.map(<[u8]>::to_vec)
-                .ok_or_else(|| refused(&format!("no line begins with {key:?} where one should")))
-        };
-        let numbers = |key: &str, rest: Vec<u8>| -> Result<Vec<u64>, SystemError> {
-            let text = String::from_utf8_lossy(&rest).into_owned();
-            let numbers = text.split_ascii_whitespace().map(str::parse);
-            numbers
-                .collect::<Result<_, _>>()
-                .map_err(|_| refused(&format!("{text:?} after {key:?} is no number")))
-        };
-        line(HEAD)?;
-        for (key, expected) in [
-            ("processors", processors as u64),
-            ("data-bytes", user_bytes.into()),
-        ] {
-            let found = numbers(key, line(key)?)?;
-            if found != [expected] {
-                return Err(refused(&format!("{key} is {found:?}, expected {expected}")));
-            }
-        }
-        let mut run = |key| match numbers(key, line(key)?)?.as_slice() {
-            &[offset, stride] => Ok(Run { offset, stride }),
-            _ => Err(refused(&format!("{key} needs an offset and a stride"))),
-        };
-        let (mail, data) = (run("mail")?, run("data")?);
-        let mut file = line("file ")?;
-        if file.pop() != Some(0) {
-            return Err(refused("the path of the memory has no end"));
-        }
-        Ok(Self {
-            file: OsString::from_vec(file).into(),
-            mail,
-            data,
-        })
-    }
-
     /// Opens the file, and makes sure that all lies inside.
     pub(super) fn open(&self, needs: Needs) -> Result<OwnedFd, SystemError> {
         self.check(needs)?;
@@ -222,7 +151,7 @@ mod tests {
 
     fn memory() -> Memory {
         Memory {
-            file: OsString::from_vec(b"/dev/shm/a \n\xff".to_vec()).into(),
+            file: "/dev/shm/ram".into(),
             mail: Run {
                 offset: 4096,
                 stride: 8192,
@@ -231,22 +160,6 @@ mod tests {
                 offset: 1 << 40,
                 stride: 68,
             },
-        }
-    }
-
-    #[test]
-    fn what_is_written_is_read() {
-        let (memory, path) = (memory(), Path::new("/system/memory"));
-        let text = memory.to_text(3, 64);
-        assert_eq!(Memory::from_text(&text, path, 3, 64).unwrap(), memory);
-        for len in 0..text.len() {
-            let error = Memory::from_text(&text[..len], path, 3, 64).unwrap_err();
-            assert!(error.to_string().contains("/system/memory"), "{error}");
-        }
-        for (processors, bytes, expected) in [(2, 64, "processors is [3]"), (3, 60, "expected 60")]
-        {
-            let error = Memory::from_text(&text, path, processors, bytes).unwrap_err();
-            assert!(error.to_string().contains(expected), "{error}");
         }
     }
 

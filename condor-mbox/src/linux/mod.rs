@@ -55,13 +55,15 @@
 //! | who can take part | the processes that were given the descriptors | everyone whom the directory's permissions allow |
 //! | truncate the memory | nobody: it is sealed | everyone who takes part; all accesses then are `Lost` |
 //! | delete the files | there are none | everyone who takes part; who has them mapped goes on, later ones are alone |
+//! | make another process open or change a file elsewhere | nobody | nobody: no link is followed at the end of a path, and a memory is believed of this user, root and the directory's owner only |
 //! | write a peer's `mail` | everyone who takes part, by opening it anew: the kernel lets a mapping be read-only, not a participant | likewise |
 //! | hold a number without using it, ring for nothing | everyone who takes part | likewise |
 //!
 //! So participants can disturb each other's *work*, never a program's memory, and those who are
 //! to be kept out are kept out by permissions: a directory that [`System::named`] creates is its
 //! user's alone (mode 0700). For a group, create a directory with the group's permissions and use
-//! [`System::at`]: files get the read and write permissions that the directory has. A family
+//! [`System::at`]: files get the read and write permissions that the directory has. Whoever may write
+//! the directory *above* can put another one in its place. A family
 //! re-opens what it inherited through `/proc/self/fd`, so `/proc` must be mounted, and the program
 //! must keep its user id.
 //!
@@ -80,6 +82,7 @@
 
 mod claim;
 mod copy;
+mod description;
 mod directory;
 mod doorbell;
 mod error;

@@ -9,11 +9,12 @@ use std::process::Command;
 use std::sync::Arc;
 
 use super::claim::Claim;
+use super::description;
 use super::directory::Directory;
 use super::error::SystemError;
 use super::family::Family;
 use super::lock;
-use super::memory::{self, LOCK_BYTES, Memory, Needs};
+use super::memory::{LOCK_BYTES, Memory, Needs};
 use super::objects::{Objects, Opened, file_name};
 use super::window::Access;
 use crate::id::Processor;
@@ -53,8 +54,9 @@ impl<const N: usize> System<N> {
     /// of every processor's `data` has `user_bytes` bytes, and all programs must agree in it.
     ///
     /// # Errors
-    /// The name cannot be one, the size is not one of whole words, the directory cannot be created
-    /// or belongs to another user.
+    /// The name cannot be one, the size is not one of whole words, the directory cannot be created,
+    /// or it belongs to another user; [`SystemError::OtherSystem`] if it has another number of
+    /// processors or another size.
     pub fn named(name: &str, user_bytes: u32) -> Result<Self, SystemError> {
         // 255 bytes for the name of a directory, less what is put around it.
         if name.is_empty() || name.len() > 240 || name.contains(['/', '\0']) {
@@ -67,24 +69,30 @@ impl<const N: usize> System<N> {
     /// The system whose files are in the directory `path`, which is created if there is none. If it
     /// names a [memory](Self::in_memory), the windows are there.
     ///
+    /// A relative `path` is taken from the working directory of now, and stays there: a child to
+    /// which the system is [passed](Self::pass_to) may run in another one. What `path` ends with must
+    /// not be a symbolic link.
+    ///
     /// Files get the permissions of the directory, except execution. The file system must have
     /// locks, shared mappings and unnamed files (`O_TMPFILE`): tmpfs and the usual disk file
     /// systems do.
     ///
     /// # Errors
-    /// As for [`named`](Self::named).
+    /// As for [`named`](Self::named); [`SystemError::WrongKind`] for a link.
     pub fn at(path: impl AsRef<Path>, user_bytes: u32) -> Result<Self, SystemError> {
-        let path = path.as_ref().components().collect();
-        Self::in_directory(path, false, None, user_bytes)
+        Self::in_directory(absolute(path.as_ref())?, false, None, user_bytes)
     }
 
     /// The system whose windows lie in one file, in which there may be more: the memory of another
     /// machine, or a part of it.
     ///
     /// The directory `path`, created if there is none, has what processes need besides: what is
-    /// locked, the bells, and a file `memory` that says where the windows are. From then on
+    /// locked, the bells, and a file `system` that says where the windows are. From then on
     /// [`at`](Self::at) finds the system there, too, in this process and in any other. Call this
     /// before: a system that has begun with files of its own stays so.
+    ///
+    /// Where others may write the directory, a `system` file that names a memory is believed only if
+    /// this user, root or the owner of the directory wrote it: it tells this process which file to write.
     ///
     /// The memory is as its maker left it, zeros at first. [`remove`](Self::remove) leaves it alone.
     ///
@@ -96,7 +104,7 @@ impl<const N: usize> System<N> {
         user_bytes: u32,
         memory: &Memory,
     ) -> Result<Self, SystemError> {
-        let path = path.as_ref().components().collect();
+        let path = absolute(path.as_ref())?;
         Self::in_directory(path, false, Some(Box::new(memory.clone())), user_bytes)
     }
 
@@ -180,7 +188,13 @@ impl<const N: usize> System<N> {
         let user_bytes = parse(field()?).ok_or_else(|| refused("the data size is no number"))?;
         let data_bytes = data_bytes(user_bytes)?;
         match field()? {
-            b"at" => Self::at(OsString::from_vec(field()?.to_vec()), user_bytes),
+            b"at" => {
+                let path = PathBuf::from(OsString::from_vec(field()?.to_vec()));
+                if !path.is_absolute() {
+                    return Err(refused("the path is not absolute"));
+                }
+                Self::at(path, user_bytes)
+            }
             b"family" => {
                 let descriptors: Option<Vec<RawFd>> =
                     field()?.split(|&byte| byte == b' ').map(parse).collect();
@@ -252,7 +266,7 @@ impl<const N: usize> System<N> {
         let mut names = mails.clone();
         names.extend((0..N).map(|number| file_name(number, "data")));
         names.extend((0..N).map(|number| file_name(number, "bell")));
-        names.push(memory::NAME.into());
+        names.push(description::NAME.into());
         let lock_bytes = memory.as_ref().map_or(Self::MAIL_BYTES, |_| LOCK_BYTES);
         match place.remove(&names, &mails, lock_bytes)? {
             None => Ok(()),
@@ -297,14 +311,24 @@ impl<const N: usize> System<N> {
                     if *own {
                         place.expect_own()?;
                     }
-                    if let Some(wanted) = memory.as_deref() {
+                    let wanted = memory.as_deref();
+                    if let Some(wanted) = wanted {
                         wanted.check(self.needs()?)?;
-                        let text = wanted.to_text(N, self.user_bytes);
-                        if place.say(memory::NAME, &text)?.is_none() {
-                            continue;
-                        }
                     }
-                    let memory = self.memory(&place, memory.as_deref())?;
+                    let text = description::text_of(N, self.user_bytes, wanted);
+                    let Some((text, stat)) = place.text_or(description::NAME, &text)? else {
+                        continue;
+                    };
+                    let path = place.path_of(description::NAME);
+                    let found = description::memory_of(&text, &path, N, self.user_bytes)?;
+                    if wanted.is_some() && wanted != found.as_ref() {
+                        let reason = format!("its memory is {found:?}, expected {wanted:?}");
+                        return Err(SystemError::OtherSystem { path, reason });
+                    }
+                    if found.is_some() {
+                        place.expect_trusted(description::NAME, &stat)?;
+                    }
+                    let memory = found.map(|memory| self.opened(memory)).transpose()?;
                     return Ok(Objects::Directory { place, memory });
                 }
                 Err(self.unsteady())
@@ -312,30 +336,9 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// What the directory says of a memory, with the file opened.
-    fn memory(
-        &self,
-        place: &Directory,
-        wanted: Option<&Memory>,
-    ) -> Result<Option<Opened>, SystemError> {
-        let Some(text) = place.text(memory::NAME)? else {
-            return Ok(None);
-        };
-        let path = place.path_of(memory::NAME);
-        let found = Memory::from_text(&text, &path, N, self.user_bytes)?;
-        if let Some(wanted) = wanted
-            && *wanted != found
-        {
-            return Err(SystemError::BadMemory {
-                path,
-                reason: format!("it names {found:?}, expected {wanted:?}"),
-            });
-        }
-        let file = found.open(self.needs()?)?;
-        Ok(Some(Opened {
-            memory: found,
-            file,
-        }))
+    fn opened(&self, memory: Memory) -> Result<Opened, SystemError> {
+        let file = memory.open(self.needs()?)?;
+        Ok(Opened { memory, file })
     }
 
     fn needs(&self) -> Result<Needs, SystemError> {
@@ -356,6 +359,12 @@ impl<const N: usize> System<N> {
             times: ATTEMPTS,
         }
     }
+}
+
+/// The path from the root, wherever the working directory is later.
+fn absolute(path: &Path) -> Result<PathBuf, SystemError> {
+    let absolute = std::path::absolute(path).map_err(SystemError::os("find", path))?;
+    Ok(absolute.components().collect())
 }
 
 /// Size of `data` with the doorbell's line.

@@ -8,4 +8,5 @@ mod doorbell;
 mod fault;
 mod linux_child;
 mod other_end;
+mod place;
 mod system;

@@ -332,12 +332,18 @@ fn refusal<const N: usize>(system: &System<N>) -> SystemError {
 }
 
 #[test]
-fn a_file_of_another_system_is_refused() {
+fn a_file_of_another_size_is_refused() {
     let (kept, system) = directory();
     drop(system.claim(FIRST).expect("it is free"));
-    let path = kept.path().join("system");
-    let other = System::<2>::at(&path, USER_BYTES + 4).expect("the directory is there");
-    let error = refusal(&other);
+    let path = kept.path().join("system/0.data");
+    let resize = |bytes| {
+        let file = fs::File::options().write(true).open(&path);
+        file.and_then(|file| file.set_len(bytes))
+            .expect("it is ours");
+    };
+    let size = u64::from(BELL_BYTES + USER_BYTES);
+    resize(size - 4);
+    let error = refusal(&system);
     let SystemError::WrongSize {
         path: wrong,
         found,
@@ -346,12 +352,8 @@ fn a_file_of_another_system_is_refused() {
     else {
         panic!("{error}");
     };
-    assert_eq!(wrong, path.join("0.data"));
-    let size = u64::from(BELL_BYTES + USER_BYTES);
-    assert_eq!((found, expected), (size, size + 4));
-    let other = System::<3>::at(&path, USER_BYTES).expect("the directory is there");
-    let error = refusal(&other);
-    assert!(matches!(error, SystemError::WrongSize { .. }), "{error}");
+    assert_eq!((wrong, found, expected), (path.clone(), size - 4, size));
+    resize(size);
     until(|| system.claim(FIRST).is_ok());
 }
 
@@ -546,7 +548,7 @@ fn windows_lie_in_the_memory() {
             .map(|entry| entry.expect("it can be listed").file_name())
             .collect();
         files.sort();
-        assert_eq!(files, ["0.bell", "0.mail", "1.bell", "1.mail", "memory"]);
+        assert_eq!(files, ["0.bell", "0.mail", "1.bell", "1.mail", "system"]);
     }
 }
 
@@ -621,7 +623,7 @@ fn a_memory_that_is_wrong_is_refused() {
         ),
         (
             System::<2>::in_memory(&path, USER_BYTES, &memory_of(&kept, 0x4004)).err(),
-            "it names Memory",
+            "its memory is Some(Memory",
         ),
         (
             System::<2>::in_memory(kept.path().join("other"), USER_BYTES, &memory_of(&kept, 2))
@@ -642,9 +644,10 @@ fn a_memory_that_is_wrong_is_refused() {
     symlink("/dev/null", &ram).expect("a link");
     let error = system.claim(FIRST).expect_err("no link is followed");
     assert!(matches!(error, SystemError::WrongKind { .. }), "{error}");
-    fs::write(path.join("memory"), "something else").expect("it is ours");
+    fs::remove_file(path.join("system")).expect("it is ours");
+    fs::write(path.join("system"), "something else").expect("it is ours");
     let error = system.claim(FIRST).expect_err("it says nothing");
-    assert!(matches!(error, SystemError::BadMemory { .. }), "{error}");
+    assert!(matches!(error, SystemError::OtherSystem { .. }), "{error}");
 }
 
 #[test]
@@ -653,9 +656,9 @@ fn a_system_of_files_does_not_become_one_in_memory() {
     drop(system.claim(FIRST).expect("it is free"));
     let path = kept.path().join("system");
     let memory = memory(kept.path(), 0);
-    let other = System::<2>::in_memory(path, USER_BYTES, &memory).expect("the directory is there");
-    let error = refusal(&other);
-    assert!(matches!(error, SystemError::WrongSize { .. }), "{error}");
+    let error = System::<2>::in_memory(path, USER_BYTES, &memory).expect_err("it has begun");
+    let expected = "its memory is None, expected Some(Memory";
+    assert!(error.to_string().contains(expected), "{error}");
 }
 
 #[test]

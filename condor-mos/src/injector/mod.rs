@@ -19,4 +19,5 @@ mod latest;
 mod oracle;
 mod plan;
 mod programs;
+mod unwinding;
 mod world;

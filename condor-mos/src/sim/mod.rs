@@ -1,7 +1,9 @@
 //! A processor in virtual time, for tests on any machine with std.
 //!
-//! Time passes only where a program says so, so every run is the same to the last tick. Loops nest
-//! by a call on the interrupted stack, as on RISC-V, or by one vector for each rank, as on Cortex-M.
+//! Time passes only where a program says so, so every run is the same to the last tick: while it
+//! computes or waits, and at each access to the timer if [`Processor::set_access_time`] asked for
+//! that. Loops nest by a call on the interrupted stack, as on RISC-V, or by one vector for each rank,
+//! as on Cortex-M.
 
 mod drift;
 mod wrapping;
@@ -62,6 +64,8 @@ pub struct Processor {
 struct Machine {
     frequency: Rate,
     now: AtomicU64,
+    /// Ticks that each access to the timer takes.
+    access_time: AtomicU64,
     /// When the timer's interrupt is to come; [`NEVER`] if it is not armed.
     armed: AtomicU64,
     /// Until when interrupts are held back.
@@ -101,6 +105,7 @@ impl Processor {
         let machine = Machine {
             frequency,
             now: AtomicU64::new(0),
+            access_time: AtomicU64::new(0),
             armed: AtomicU64::new(NEVER),
             held_until: AtomicU64::new(0),
             enabled: AtomicBool::new(true),
@@ -174,6 +179,40 @@ impl Processor {
     pub fn hold_interrupts(&self, ticks: u64) {
         let until = self.now().saturating_add(ticks);
         self.machine.held_until.store(until, Relaxed);
+    }
+
+    /// Has each access to the timer take `ticks` from now on; at first it takes none.
+    ///
+    /// [`Timer::now`] and [`Timer::arm`] then see the time before they take theirs. Interrupts come
+    /// in [`work`](Self::work) and [`run_until`](Self::run_until) only, so this is time that passes
+    /// inside critical sections, as it does on hardware: what a section does between two accesses
+    /// shows at the second one, and nowhere else.
+    ///
+    /// ```
+    /// use condor_mos::sim::Processor;
+    /// use condor_mos::{Armed, Rate, Timer};
+    ///
+    /// let processor = Processor::new(Rate::hz(1_000_000));
+    /// processor.set_access_time(1);
+    /// assert_eq!(processor.now(), 0);
+    /// assert_eq!(processor.arm(1), Armed::Past);
+    /// assert_eq!(processor.now(), 2);
+    /// ```
+    pub fn set_access_time(&self, ticks: u32) {
+        self.machine.access_time.store(ticks.into(), Relaxed);
+    }
+
+    /// Has the timer's interrupt come at `at`, or soon if that has passed.
+    fn arm_for(&self, at: u64) {
+        self.machine.armed.store(at, Relaxed);
+    }
+
+    /// The time at an access to the timer, which takes its time after that.
+    fn access(&self) -> u64 {
+        let now = self.now();
+        let ticks = self.machine.access_time.load(Relaxed);
+        self.machine.now.store(now.saturating_add(ticks), Relaxed);
+        now
     }
 
     /// Calls the handler, as an interrupt without cause does; not while interrupts are disabled.
@@ -336,12 +375,12 @@ impl Timer for Processor {
     }
 
     fn now(&self) -> u64 {
-        self.now()
+        self.access()
     }
 
     fn arm(&self, at: u64) -> Armed {
-        self.machine.armed.store(at, Relaxed);
-        if at > self.now() {
+        self.arm_for(at);
+        if at > self.access() {
             Armed::Ahead
         } else {
             Armed::Past
@@ -389,7 +428,7 @@ impl Timer for Vectored {
     }
 
     fn now(&self) -> u64 {
-        self.0.now()
+        Timer::now(&self.0)
     }
 
     fn arm(&self, at: u64) -> Armed {

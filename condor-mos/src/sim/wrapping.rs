@@ -19,16 +19,18 @@ impl<const BITS: u32> Timer for WrappingProcessor<BITS> {
     }
 
     fn now(&self) -> Wrapping<BITS> {
-        Wrapping::new(self.0.now() as u32)
+        Wrapping::new(Timer::now(&self.0) as u32)
     }
 
     fn arm(&self, at: Wrapping<BITS>) -> Armed {
-        let (now, shown) = (self.0.now(), Timer::now(self));
+        let now = self.0.access();
+        let shown = Wrapping::<BITS>::new(now as u32);
         if shown.has_reached(at) {
             self.0.disarm();
             return Armed::Past;
         }
-        self.0.arm(now + u64::from(at.since(shown)))
+        self.0.arm_for(now + u64::from(at.since(shown)));
+        Armed::Ahead
     }
 
     fn disarm(&self) {

@@ -14,4 +14,5 @@ mod simple;
 mod simple_reference;
 mod start_at;
 mod tables;
+mod time_in_sections;
 mod timers_conform;

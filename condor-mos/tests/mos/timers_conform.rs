@@ -14,7 +14,7 @@ fn verdict<T: Timer>(processor: &Processor, timer: &T) -> Result<(), TimerFailur
         interrupts.fetch_add(1, Ordering::Relaxed);
     };
     processor.with_handler(count, || {
-        let step = || processor.run_until(Timer::now(processor) + 1);
+        let step = || processor.work(1);
         conformance::timer(timer, || interrupts.load(Ordering::Relaxed), step)
     })
 }
@@ -39,6 +39,17 @@ fn simulated_timers_that_begin_anew() {
     let timer = WrappingProcessor::<8>(processor.clone());
     assert_eq!(verdict(&processor, &timer), Ok(()));
     assert!(Timer::now(&processor) > 1 << 17, "16 bits began anew twice");
+}
+
+#[test]
+fn simulated_timers_whose_accesses_take_time() {
+    for ticks in [1, 2, 7] {
+        let processor = Processor::new(Rate::hz(1_000_000));
+        processor.set_access_time(ticks);
+        assert_eq!(verdict(&processor, &processor), Ok(()));
+        let timer = WrappingProcessor::<16>(processor.clone());
+        assert_eq!(verdict(&processor, &timer), Ok(()));
+    }
 }
 
 #[cfg(all(feature = "linux", target_os = "linux"))]

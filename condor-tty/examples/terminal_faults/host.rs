@@ -1,7 +1,7 @@
 //! The host: shows a terminal in a journal, until it is killed.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 use std::time::Duration;
 
@@ -31,8 +31,13 @@ impl Sink for Journal {
         self.record.extend(self.skipped.to_le_bytes());
         self.record.extend((bytes.len() as u32).to_le_bytes());
         self.record.extend(bytes);
+        let end = self.file.metadata()?.len();
+        if let Err(error) = self.file.write_all(&self.record) {
+            // What is not taken is offered again.
+            self.file.set_len(end)?;
+            return Err(error);
+        }
         self.skipped = 0;
-        self.file.write_all(&self.record)?;
         Ok(bytes.len())
     }
 
@@ -60,8 +65,13 @@ pub(crate) fn play(journal: &Path) -> Result<(), AnyError> {
         };
     };
     loop {
-        if !tty.serve(&mailbox)?.more {
-            mailbox.serve(LOOK)?;
+        match tty.serve(&mailbox) {
+            Ok(served) if served.more => {}
+            Err(HostError::Sink(error)) if error.kind() != ErrorKind::StorageFull => {
+                return Err(error.into());
+            }
+            Ok(_) | Err(HostError::Sink(_)) => drop(mailbox.serve(LOOK)?),
+            Err(error) => return Err(error.into()),
         }
     }
 }

@@ -1,12 +1,14 @@
 //! Kills hosts a thousand times under each policy, and accounts for every byte of a terminal.
 //!
-//! `cargo run --release -p condor-tty --features linux --example terminal_faults -- --kills 1000 [--seed N]`
+//! `cargo run --release -p condor-tty --features linux --example terminal_faults -- --kills 1000 [--seed N]
+//! [--directory DIRECTORY]`
 //!
 //! A processor, in a process of its own, writes known bytes. A host, in another one, shows them in a
 //! journal, is killed with SIGKILL at a random instant, and the next one follows. After each kill
 //! the journal and the words in shared memory say which bytes were shown, and which of them had
 //! been acknowledged. Acknowledged and counted bytes must be what was written, each one at its
-//! place; one that is not, and the program fails.
+//! place; one that is not, and the program fails. The journal is in the temporary directory if none is
+//! given. Its disk may be full at times: then the bytes wait in the ring.
 
 mod board;
 mod hand;
@@ -15,6 +17,7 @@ mod judge;
 mod scene;
 
 use std::env::VarError;
+use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::time::SystemTime;
 
@@ -98,6 +101,7 @@ fn play(part: &[String]) -> Result<(), AnyError> {
 struct Options {
     kills: u32,
     seed: u64,
+    directory: PathBuf,
 }
 
 impl Options {
@@ -106,6 +110,7 @@ impl Options {
         let mut options = Self {
             kills: if FEW { 20 } else { 1000 },
             seed: u64::from(since.subsec_nanos()),
+            directory: std::env::temp_dir(),
         };
         let mut arguments = std::env::args().skip(1);
         while let (false, Some(argument)) = (FEW, arguments.next()) {
@@ -113,7 +118,12 @@ impl Options {
             match argument.as_str() {
                 "--kills" => options.kills = value.parse()?,
                 "--seed" => options.seed = value.parse()?,
-                _ => return Err("usage: terminal_faults [--kills N] [--seed N]".into()),
+                "--directory" => options.directory = value.into(),
+                _ => {
+                    return Err(
+                        "usage: terminal_faults [--kills N] [--seed N] [--directory D]".into(),
+                    );
+                }
             }
         }
         Ok(options)
@@ -124,9 +134,12 @@ impl Options {
 fn direct() -> Result<bool, AnyError> {
     let options = Options::of_arguments()?;
     println!("seed {} (repeat with --seed)", options.seed);
+    let directory = tempfile::tempdir_in(&options.directory)?;
+    let journal = directory.path().join("journal");
     let mut discrepancies = 0;
     for (policy, name) in POLICIES {
-        let account = scene::play(policy, options.kills, Random(options.seed | 1))?;
+        let random = Random(options.seed | 1);
+        let account = scene::play(policy, options.kills, random, &journal)?;
         println!("{name:>8}: {account}");
         discrepancies += account.discrepancies();
     }

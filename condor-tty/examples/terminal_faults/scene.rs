@@ -23,29 +23,28 @@ pub(crate) fn play(
     policy: PolicyKind,
     kills: u32,
     mut random: Random,
+    journal: &Path,
 ) -> Result<Account, AnyError> {
     let begun = Instant::now();
     let system = System::<N>::family(USER_BYTES)?;
     let claim = system.claim(WATCHER)?;
     let data = claim.windows()[HAND.index()].data.clone();
     let board = Board(Region::users(data)?);
-    let directory = tempfile::tempdir()?;
-    let journal = directory.path().join("journal");
     let (word, seed) = (policy.word().to_string(), random.0.to_string());
     let mut hand = Process(child(&system, &["hand", &word, &seed])?.spawn()?);
     let mut account = Account::default();
     let mut before = Acknowledged::default();
     for _ in 0..kills {
-        let mut host = start(&system, &journal)?;
+        let mut host = start(&system, journal)?;
         std::thread::sleep(Duration::from_micros(random.below(LIFE)));
         host.kill()?;
         let after = board.acknowledged()?;
-        account.enter(&std::fs::read(&journal)?, before, after);
+        account.enter(&std::fs::read(journal)?, before, after);
         account.kills += 1;
         before = after;
     }
     // The last one shows what there is.
-    let mut host = start(&system, &journal)?;
+    let mut host = start(&system, journal)?;
     board.stop()?;
     let deadline = Instant::now() + PATIENCE;
     loop {
@@ -64,7 +63,7 @@ pub(crate) fn play(
         std::thread::sleep(Duration::from_millis(1));
     }
     host.kill()?;
-    account.enter(&std::fs::read(&journal)?, before, board.acknowledged()?);
+    account.enter(&std::fs::read(journal)?, before, board.acknowledged()?);
     account.lost = board.lost()?;
     account.ignored = board.ignored()?;
     account.took = begun.elapsed();

@@ -63,6 +63,7 @@ mod tracking;
 pub(crate) use control::{Control, Controllers, Given, Servos};
 use fingers::Fingers;
 use news::News;
+use tracking::Tracker;
 pub use tracking::Tracking;
 
 /// The name of the published [`Tracking`].
@@ -316,7 +317,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
             palm: &palm,
             accelerated: Heard::NOTHING,
             joints,
-            tracking: Tracking::default(),
+            tracker: Tracker::new(entries(hand, self.served)?),
             tracked,
             clock: &clock,
             last: None,

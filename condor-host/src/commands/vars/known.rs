@@ -5,6 +5,7 @@ use condor_hand::monitor::Variable;
 use crate::cli::AnyError;
 use crate::commands::running;
 use crate::control::Member;
+use crate::plain::plain;
 use crate::view::View;
 use crate::view::gains::Gain;
 
@@ -95,7 +96,7 @@ impl<'s> Known<'s> {
 
     pub(super) fn tell_troubles(&self) {
         for trouble in &self.troubles {
-            eprintln!("condor: {trouble}");
+            eprintln!("condor: {}", plain(trouble));
         }
     }
 

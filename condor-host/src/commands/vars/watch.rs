@@ -16,6 +16,7 @@ use crate::commands::table::or_dash;
 use crate::commands::top::interrupted;
 use crate::commands::{How, print};
 use crate::control::Member;
+use crate::plain::{plain, plain_json};
 use crate::view::View;
 use crate::view::variables::{self, Sample, Value};
 
@@ -118,7 +119,7 @@ impl Watch {
             while let Some(sample) = watch.sample()? {
                 rows += 1;
                 if self.how.json {
-                    text += &object(&sample, columns).to_string();
+                    text += &plain_json(&object(&sample, columns))?;
                     text.push('\n');
                 } else {
                     text += &line(&sample, columns);
@@ -147,7 +148,7 @@ fn titles(columns: &[(usize, &Variable)]) -> String {
             "" => variable.name.to_string(),
             unit => format!("{} [{unit}]", variable.name),
         };
-        format!("  {title:>0$}", width(variable))
+        format!("  {:>1$}", plain(&title), width(variable))
     });
     core::iter::once(format!("{:>10}", "tick"))
         .chain(cells)

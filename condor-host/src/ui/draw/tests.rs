@@ -227,6 +227,27 @@ fn what_is_wrong_is_said() {
 }
 
 #[test]
+fn nothing_that_a_program_chose_commands_the_terminal() {
+    let mut model = model();
+    let hostile = "\u{1b}[2J\u{9b}2J\u{202e}\u{7}";
+    model.vectors[0].1.name = hostile.into();
+    model.loops[0].1.name = hostile.into();
+    model.hear(News::Log(format!(
+        "2026-11-21T15:28:52.078621Z a: {hostile}"
+    )));
+    model.hear(News::Output(WindowId(1), hostile.as_bytes().to_vec()));
+    model.hear(News::Notice(hostile.into()));
+    for size in [SMALL, LARGE] {
+        for page in model.pages().collect::<Vec<_>>() {
+            model.focus = page;
+            let text = picture(&mut model, size).concat();
+            let plain = crate::plain::plain(&text);
+            assert!(matches!(plain, std::borrow::Cow::Borrowed(_)), "{plain}");
+        }
+    }
+}
+
+#[test]
 fn a_window_shows_what_it_has_shown_before() {
     let mut model = model();
     model.resize(SMALL.0, SMALL.1);

@@ -12,7 +12,7 @@ use condor_host::system::Directory;
 /// How long anything may take on a machine that has much else to do.
 const DEADLINE: Duration = Duration::from_secs(120);
 const DRILLS: &str = env!("CARGO_BIN_EXE_drills");
-const ALL_STARTED: &str = "all programs have been started";
+const ALL_STARTED: &str = " have been started";
 
 /// An image of the workspace of the harts.
 pub(crate) fn image(name: &str) -> String {
@@ -80,7 +80,7 @@ impl Up {
     }
 
     pub(crate) fn client(&self) -> Client {
-        let client = Client::connect(&self.directory()).unwrap();
+        let mut client = Client::connect(&self.directory()).unwrap();
         client.set_timeout(Some(DEADLINE)).unwrap();
         client
     }

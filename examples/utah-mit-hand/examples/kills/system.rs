@@ -241,6 +241,8 @@ fn describe(place: &Path) -> Outcome<PathBuf> {
             .replace("NAME", name)
             .replace("PARTNER", &partner.to_string());
     }
+    // However often they are killed, they are not given up.
+    text += "\n[services]\nrestarts = 1000000\n";
     let config = UtahMit::from_toml(&fs::read_to_string(&hand)?, &hand.to_string_lossy())?;
     let files = place.join("files");
     compile_motions(

@@ -19,9 +19,10 @@ use crate::{FINGERS, JOINTS, SERVED, UtahMit, objects};
 const ANSWER: Duration = Duration::from_millis(500);
 /// How long a finger may take to its rest.
 const REST: Duration = Duration::from_secs(3);
-/// How joints leave the zones of their stops: so far, rad, and within so long, s.
+/// How joints leave the zones of their stops: so far, rad, and at most at this part of their limits of
+/// velocity.
 const ROOM_RAD: f64 = 0.02;
-const LEAVE_S: f64 = 0.5;
+const LEAVE_SPEED: f64 = 0.02;
 const NAP: Duration = Duration::from_millis(20);
 
 type Client<'r, 'v, M> = ServoClient<'r, Post<'v, M>, <M as Machine>::Window, SERVED, JOINTS>;
@@ -372,7 +373,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         };
         let moved = with(self.shared, |drive| {
             let points = drive.generator.set_points();
-            let mut motion = Motion::new(Pace::Duration(LEAVE_S), Profile::MinimumJerk);
+            let mut motion = Motion::new(Pace::Speed(LEAVE_SPEED), Profile::MinimumJerk);
             for (joint, (entry, point)) in entry
                 .joints
                 .iter()

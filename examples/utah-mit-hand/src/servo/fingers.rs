@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 
 use super::control::{Control, Given, Servos};
 use super::news::News;
-use super::{Tracking, Variables};
+use super::{Tracker, Tracking, Variables};
 use crate::boards::Wires;
 use crate::grasp::{Felt, GraspEnd, Heard, Joints, Own, Partner};
 use crate::recording::Recorder;
@@ -36,7 +36,7 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) palm: &'r Partner<M::Window>,
     pub(super) accelerated: Heard<Palm>,
     pub(super) joints: Publisher<Joints, Region<M::Window>>,
-    pub(super) tracking: Tracking,
+    pub(super) tracker: Tracker,
     pub(super) tracked: Publisher<Tracking, Region<M::Window>>,
     pub(super) clock: &'r M::Doorbell,
     pub(super) last: Option<Instant>,
@@ -94,12 +94,12 @@ impl<M: Machine> Fingers<'_, M> {
 
     fn track(&mut self, sensed: &[Sensed<f64, JOINTS>; SERVED], ticks: &[Tick<JOINTS>; SERVED]) {
         for (place, (sensed, tick)) in sensed.iter().zip(ticks).enumerate() {
-            self.tracking
+            self.tracker
                 .add(place, &tick.target, sensed.position.iter());
         }
         if self.ticks.is_multiple_of(TRACKING_TICKS) {
             // Whoever reads finds the former one.
-            let _ = self.tracked.publish(&self.tracking);
+            let _ = self.tracked.publish(&self.tracker.tracking);
         }
     }
 

@@ -1,12 +1,15 @@
 //! [`Tracking`]: how well joints follow.
 
+use condor_hand::config::Finger;
 use condor_hand::math::{abs, max, sqrt};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{JOINTS, SERVED};
 
 /// How far the joints of a processor were from where they were to be, since its loop began: a
-/// published value. Only ticks in which a joint's position was controlled count.
+/// published value. Only ticks count in which a joint followed: its position was controlled, and since that
+/// began all such joints of its finger have been out of their stops at once, and were to be. A joint that comes
+/// out of a stop is pushed, and pushes its neighbours; neither follows anything.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Tracking {
@@ -18,9 +21,60 @@ pub struct Tracking {
     ticks: [[u64; JOINTS]; SERVED],
 }
 
-impl Tracking {
+/// What a tick adds to [`Tracking`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tracker {
+    pub(super) tracking: Tracking,
+    /// Between its stops, rad.
+    free: [[(f64, f64); JOINTS]; SERVED],
+    follows: [[bool; JOINTS]; SERVED],
+}
+
+impl Tracker {
+    /// Before the first tick of these fingers.
+    pub(super) fn new(fingers: [&Finger<JOINTS>; SERVED]) -> Self {
+        let mut free = [[(0.0, 0.0); JOINTS]; SERVED];
+        for (finger, free) in fingers.iter().zip(&mut free) {
+            for (joint, free) in finger.joints.iter().zip(free) {
+                let (limits, zone) = (&joint.limits, joint.stop.zone);
+                *free = (limits.low + zone, limits.high - zone);
+            }
+        }
+        Self {
+            tracking: Tracking::default(),
+            free,
+            follows: [[false; JOINTS]; SERVED],
+        }
+    }
+
     /// One more tick of a finger: where each joint was to be, if anywhere, and where it is, rad.
     pub(super) fn add<'p>(
+        &mut self,
+        finger: usize,
+        target: &[Option<f64>; JOINTS],
+        position: impl Iterator<Item = &'p f64> + Clone,
+    ) {
+        let (Some(free), Some(follows)) = (self.free.get(finger), self.follows.get_mut(finger))
+        else {
+            return;
+        };
+        let mut joints = target.iter().zip(position.clone()).zip(free);
+        let are_free = joints.all(|((target, position), &(low, high))| {
+            let is_free = |place: f64| low <= place && place <= high;
+            target.is_none_or(|to| is_free(to) && is_free(*position))
+        });
+        let mut followed = [None; JOINTS];
+        for ((target, follows), followed) in target.iter().zip(follows).zip(&mut followed) {
+            *follows = target.is_some() && (*follows || are_free);
+            *followed = target.filter(|_| *follows);
+        }
+        self.tracking.add(finger, &followed, position);
+    }
+}
+
+impl Tracking {
+    /// One more tick of a finger: where each joint was to be, if it followed, and where it is, rad.
+    fn add<'p>(
         &mut self,
         finger: usize,
         target: &[Option<f64>; JOINTS],
@@ -48,8 +102,7 @@ impl Tracking {
         }
     }
 
-    /// The root of the mean square distance of a joint, rad; `None` if its position was never
-    /// controlled.
+    /// The root of the mean square distance of a joint, rad; `None` if it never followed.
     #[must_use]
     pub fn rms_rad(&self, finger: usize, joint: usize) -> Option<f64> {
         let ticks = *self.ticks.get(finger)?.get(joint)?;
@@ -83,5 +136,35 @@ mod tests {
         assert_eq!(tracking.rms_rad(1, 2), Some(0.0));
         assert_eq!(tracking.rms_rad(0, 0), None);
         assert_eq!(tracking.rms_rad(2, 0), None);
+    }
+
+    #[test]
+    fn a_joint_that_comes_out_of_a_stop_does_not_follow_yet() {
+        let mut tracker = Tracker {
+            tracking: Tracking::default(),
+            free: [[(0.1, 0.9); JOINTS]; SERVED],
+            follows: [[false; JOINTS]; SERVED],
+        };
+        // The third joint moves, beside one that follows nothing and one that is pushed aside meanwhile.
+        let mut tick = |target: Option<f64>, position: f64| {
+            let aside = if target == Some(0.0) { 0.9 } else { 0.5 };
+            let targets = [Some(0.5), None, target, target];
+            tracker.add(0, &targets, [aside, 0.0, position, position].iter());
+            let beside = tracker.tracking.peak_rad(0, 0).unwrap();
+            assert!(beside < 1e-12, "{beside}");
+            tracker.tracking.peak_rad(0, 2).unwrap()
+        };
+        // At the stop, then thrown out of it, while it is to be there.
+        assert_eq!(tick(Some(0.0), 0.0), 0.0);
+        assert_eq!(tick(Some(0.05), 0.7), 0.0);
+        // To be out of it, and thrown back.
+        assert_eq!(tick(Some(0.2), 0.05), 0.0);
+        assert_eq!(tick(Some(0.25), 0.25), 0.0);
+        // From here on it follows: to a stop, too, and into it.
+        assert!((tick(Some(0.05), 0.1) - 0.05).abs() < 1e-12);
+        assert!((tick(Some(0.3), 0.1) - 0.2).abs() < 1e-12);
+        // Until it is off.
+        tick(None, 0.0);
+        assert!((tick(Some(0.5), 0.0) - 0.2).abs() < 1e-12);
     }
 }

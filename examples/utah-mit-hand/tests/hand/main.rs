@@ -14,4 +14,6 @@ mod motions;
 #[cfg(feature = "sim")]
 mod replay;
 #[cfg(feature = "sim")]
+mod stops;
+#[cfg(feature = "sim")]
 mod virtual_time;

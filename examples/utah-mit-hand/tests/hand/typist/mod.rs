@@ -65,15 +65,22 @@ pub(crate) struct Typist<'m> {
 
 /// Runs the system, with a script for who types; the system ends when the script does.
 pub(crate) fn run<R: Send>(script: impl FnOnce(&mut Typist<'_>) -> R + Send) -> R {
+    run_with(&hand(), script)
+}
+
+/// The same with another hand.
+pub(crate) fn run_with<R: Send>(
+    hand: &UtahMit,
+    script: impl FnOnce(&mut Typist<'_>) -> R + Send,
+) -> R {
     let files = tempfile::tempdir().unwrap();
-    let hand = hand();
     let mut image = vec![0; 16384];
     let len = hand.to_image(&mut image).unwrap();
     std::fs::write(files.path().join(IMAGE), &image[..len]).unwrap();
     compile_motions(
         &motions(),
         &files.path().join("motions"),
-        &joint_names(&hand),
+        &joint_names(hand),
     )
     .unwrap();
     let memory = tempfile::tempfile().unwrap();
@@ -182,7 +189,7 @@ fn serve_files_once(
     end: &AtomicU64,
 ) -> Result<(), condor_mbox::Error> {
     let windows = machine.windows();
-    server.recover(&windows);
+    server.recover(&windows).expect("its journal can be written");
     let handler = |call: &Call<'_>| server.answer(call, &windows);
     let mut mailbox = Mailbox::new(
         numbers::FILES,

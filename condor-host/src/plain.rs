@@ -1,0 +1,89 @@
+//! Text from programs and shared memory, made safe for a terminal.
+
+use std::borrow::Cow;
+use std::fmt::Write as _;
+
+/// Returns `text` with everything spelled out that a terminal would obey instead of showing it: control
+/// characters, line ends among them, and characters that turn the direction of text or have no width.
+///
+/// Whatever a program may have chosen goes through here on its way to a person: names in windows, lines of
+/// the log, errors. Not the bytes of a terminal that somebody has asked to be connected to (`condor tty`).
+pub(crate) fn plain(text: &str) -> Cow<'_, str> {
+    if !text.chars().any(is_obeyed) {
+        return Cow::Borrowed(text);
+    }
+    let mut plain = String::with_capacity(text.len() + 16);
+    for character in text.chars() {
+        match character {
+            '\t' => plain.push(' '),
+            _ if is_obeyed(character) => {
+                // A string takes everything.
+                let _ = write!(plain, "{}", character.escape_default());
+            }
+            _ => plain.push(character),
+        }
+    }
+    Cow::Owned(plain)
+}
+
+/// The same of a text that may have several lines; their ends stay.
+pub(crate) fn plain_lines(text: &str) -> String {
+    let lines: Vec<_> = text.lines().map(plain).collect();
+    lines.join("\n")
+}
+
+/// The same of JSON, whose strings keep what they say.
+pub(crate) fn plain_json(value: &impl serde::Serialize) -> serde_json::Result<String> {
+    let json = serde_json::to_string(value)?;
+    let mut plain = String::with_capacity(json.len());
+    for character in json.chars() {
+        if is_obeyed(character) {
+            for unit in character.encode_utf16(&mut [0; 2]) {
+                // A string takes everything.
+                let _ = write!(plain, "\\u{unit:04x}");
+            }
+        } else {
+            plain.push(character);
+        }
+    }
+    Ok(plain)
+}
+
+const fn is_obeyed(character: char) -> bool {
+    matches!(
+        character,
+        '\0'..='\x1f'
+            | '\x7f'..='\u{9f}'
+            | '\u{ad}'
+            | '\u{61c}'
+            | '\u{200b}'..='\u{200f}'
+            | '\u{2028}'..='\u{202e}'
+            | '\u{2060}'..='\u{206f}'
+            | '\u{feff}'
+            | '\u{fff9}'..='\u{fffb}'
+            | '\u{e0000}'..='\u{e007f}'
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_terminal_obeys_is_spelled_out() {
+        assert!(matches!(plain("a joint of 3°"), Cow::Borrowed(_)));
+        let escapes = plain("\x1b[2J\x07a\tb\r\n\u{9b}c");
+        assert_eq!(escapes, "\\u{1b}[2J\\u{7}a b\\r\\n\\u{9b}c");
+        assert_eq!(plain("\u{202e}txt\u{200b}"), "\\u{202e}txt\\u{200b}");
+        assert_eq!(plain(&escapes), escapes, "twice is once");
+        assert_eq!(plain_lines("a\r\nb\x1b\n"), "a\nb\\u{1b}");
+    }
+
+    #[test]
+    fn json_says_the_same_without_it() {
+        let text = "\x1b\u{9b}\u{e0001}\u{202e}ä";
+        let json = plain_json(&text).expect("a string");
+        assert!(!json.chars().any(is_obeyed), "{json:?}");
+        assert_eq!(serde_json::from_str::<String>(&json).expect("JSON"), text);
+    }
+}

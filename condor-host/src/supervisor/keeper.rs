@@ -1,0 +1,102 @@
+//! [`keep`]: runs a supervisor, and ends whatever would outlive it.
+//!
+//! Programs die with their supervisor, but their descendants do not: nobody tells those. The kernel makes the
+//! supervisor the parent of every descendant that loses its own, however that has detached itself, and it
+//! kills them when it ends. The keeper is the supervisor's parent: it inherits them, and kills them, if the
+//! supervisor is killed. If the keeper is killed, the supervisor takes the system down.
+//!
+//! No control groups are needed for this, which a user often must not make. If keeper and supervisor are
+//! killed at the same moment, descendants are left that have made process groups of their own; the groups
+//! of programs are ended by the next supervisor.
+
+use std::io::Error;
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Command, ExitStatus};
+
+use rustix::event::{PollFd, PollFlags};
+use rustix::io::Errno;
+use rustix::process::{Pid, Signal, WaitOptions, WaitStatus};
+use signal_hook::consts::SIGCHLD;
+
+use super::signals::Signals;
+use super::{process, stat};
+
+/// Runs the command of a supervisor until it ends, and then kills all descendants of this process. Signals
+/// that tell this process to end are passed on to the supervisor. Returns how that ended.
+///
+/// For a process that does nothing else, and has one thread: all its children are waited for.
+///
+/// # Errors
+/// The supervisor cannot be started, or not be waited for.
+pub fn keep(mut supervisor: Command) -> Result<ExitStatus, Error> {
+    adopt()?;
+    let mut told = Signals::new()?;
+    let mut children = Signals::of(&[SIGCHLD])?;
+    // ^C is passed on, once; and a session has no terminal that could stop it when it writes there.
+    process::die_with_parent(&mut supervisor, Signal::TERM, true);
+    // Nobody but this thread waits for it, so that its number stays its own until then.
+    let supervisor = Pid::from_child(&supervisor.spawn()?);
+    let status = loop {
+        if let Some(status) = reap(supervisor)? {
+            break status;
+        }
+        for _ in 0..told.taken() {
+            rustix::process::kill_process(supervisor, Signal::TERM)?;
+        }
+        let mut polled = [
+            PollFd::from_borrowed_fd(told.descriptor(), PollFlags::IN),
+            PollFd::from_borrowed_fd(children.descriptor(), PollFlags::IN),
+        ];
+        match rustix::event::poll(&mut polled, None) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+        children.taken();
+    };
+    end_children()?;
+    Ok(ExitStatus::from_raw(status.as_raw()))
+}
+
+/// Takes all children that have ended; how the supervisor did, if it is among them.
+fn reap(supervisor: Pid) -> Result<Option<WaitStatus>, Errno> {
+    loop {
+        match rustix::process::wait(WaitOptions::NOHANG) {
+            Ok(Some((process, status))) if process == supervisor => return Ok(Some(status)),
+            Ok(Some(_)) | Err(Errno::INTR) => {}
+            Ok(None) => return Ok(None),
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// Makes this process the parent of all descendants that lose theirs.
+pub(super) fn adopt() -> Result<(), Error> {
+    Ok(rustix::process::set_child_subreaper(Some(
+        rustix::process::getpid(),
+    ))?)
+}
+
+/// Takes adopted children that have ended, so that nothing is left of them.
+pub(super) fn reap_adopted(is_own: impl Fn(u32) -> bool) {
+    for child in stat::children_of_this_thread() {
+        if !is_own(child.as_raw_pid().cast_unsigned()) {
+            // It runs on, or it is gone now.
+            let _ = rustix::process::waitpid(Some(child), WaitOptions::NOHANG);
+        }
+    }
+}
+
+/// Kills all children, and those that become children thereby.
+pub(super) fn end_children() -> Result<(), Error> {
+    loop {
+        for child in stat::children(std::process::id())? {
+            // It may have ended.
+            let _ = rustix::process::kill_process(child, Signal::KILL);
+        }
+        match rustix::process::wait(WaitOptions::empty()) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(Errno::CHILD) => return Ok(()),
+            Err(error) => return Err(error.into()),
+        }
+    }
+}

@@ -1,0 +1,99 @@
+use super::*;
+
+/// A program that does nothing by itself.
+struct Nothing;
+
+impl Launch for Nothing {
+    fn load(&mut self, _: &Image) -> Result<(), LaunchError> {
+        Ok(())
+    }
+
+    fn start(&mut self) -> Result<(), LaunchError> {
+        Ok(())
+    }
+
+    fn stop(&mut self, _: Stop) -> Result<(), LaunchError> {
+        Ok(())
+    }
+
+    fn state(&mut self) -> RunState {
+        RunState::Runs
+    }
+}
+
+fn member(place: &std::path::Path, kind: Kind) -> (Member, Journal) {
+    let plan = Plan {
+        number: Processor(1),
+        name: "a".into(),
+        program: "self".into(),
+        arguments: Vec::new(),
+        on_failure: OnFailure::Restart,
+        restarts: 3,
+        stall: None,
+        kind,
+    };
+    let environment = crate::linux::Environment {
+        system: place.into(),
+        window_bytes: 4096,
+        processor: Processor(1),
+        bus: None,
+        loops: crate::linux::Loops::Spin,
+        cpu: None,
+        priority: None,
+    };
+    let image = Image::new("a".into(), Vec::new(), environment);
+    let member = Member::new(plan, &image, Box::new(Nothing)).expect("it is loaded");
+    (
+        member,
+        Journal::new(&place.join("log"), false).expect("room"),
+    )
+}
+
+#[test]
+fn what_does_not_run_though_nobody_stopped_it_has_failed() {
+    let place = tempfile::tempdir().expect("a directory");
+    let (mut member, mut journal) = member(place.path(), Kind::Process);
+    assert!(member.has_failed(), "it waits for its turn");
+    member.started = Some(Instant::now());
+    for phase in [Phase::Starting, Phase::Failed] {
+        member.phase = phase;
+        assert!(member.has_failed(), "{phase:?}");
+    }
+    member.phase = Phase::Up { stalled: false };
+    assert!(!member.has_failed());
+    member.ended(Exit::Status(3), &mut journal);
+    assert!(member.has_failed(), "it is about to be started again");
+    member.phase = Phase::Up { stalled: false };
+    assert!(!member.has_failed(), "once may happen");
+    member.ended(Exit::Status(3), &mut journal);
+    member.phase = Phase::Up { stalled: false };
+    assert!(member.has_failed(), "it is in a loop of failures");
+    member.started = Instant::now().checked_sub(2 * SHORT);
+    assert!(!member.has_failed());
+    member.phase = Phase::Stopped;
+    assert!(!member.has_failed());
+}
+
+#[test]
+fn lives_that_never_join_count_however_long_they_take() {
+    let place = tempfile::tempdir().expect("a directory");
+    let (mut member, mut journal) = member(place.path(), Kind::Service);
+    for restart in 1..=3 {
+        member.phase = Phase::Starting;
+        member.started = Some(Instant::now());
+        member.ended(Exit::Unknown, &mut journal);
+        assert!(matches!(member.phase, Phase::Pausing { .. }), "{restart}");
+        // As if each had taken more than a minute.
+        for then in &mut member.recent {
+            *then = then.checked_sub(2 * MINUTE).expect("an instant");
+        }
+    }
+    member.phase = Phase::Starting;
+    member.ended(Exit::Unknown, &mut journal);
+    assert_eq!(member.phase, Phase::Failed);
+    // One that had joined for long begins anew.
+    member.life_joined = true;
+    member.phase = Phase::Up { stalled: false };
+    member.ended(Exit::Unknown, &mut journal);
+    assert!(matches!(member.phase, Phase::Pausing { .. }));
+}

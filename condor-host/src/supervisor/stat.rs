@@ -1,0 +1,43 @@
+//! What the kernel says of processes in `/proc`.
+
+use rustix::process::Pid;
+
+/// When a process started, in ticks since the machine did: together with its number, that is one
+/// process for ever.
+pub(crate) fn started_at(process: u32) -> Option<u64> {
+    field(process, 22)?.parse().ok()
+}
+
+/// The process that started it, or has it instead of that.
+pub(crate) fn parent(process: u32) -> Option<u32> {
+    field(process, 4)?.parse().ok()
+}
+
+/// The children of a process.
+pub(super) fn children(of: u32) -> std::io::Result<Vec<Pid>> {
+    let mut children = Vec::new();
+    for entry in std::fs::read_dir("/proc")? {
+        let name = entry?.file_name();
+        let number = name.to_str().and_then(|name| name.parse::<u32>().ok());
+        if let Some(number) = number.filter(|&number| parent(number) == Some(of)) {
+            children.extend(Pid::from_raw(number.cast_signed()));
+        }
+    }
+    Ok(children)
+}
+
+/// The children of this thread, with those that this process has adopted if it is the first one; none where the
+/// kernel does not list them.
+pub(super) fn children_of_this_thread() -> Vec<Pid> {
+    let children = std::fs::read_to_string("/proc/thread-self/children").unwrap_or_default();
+    let numbers = children.split_whitespace().map(str::parse::<i32>);
+    numbers.filter_map(|it| Pid::from_raw(it.ok()?)).collect()
+}
+
+/// A field of `/proc/PID/stat`, counted from 1 as its manual does; not one of the first two.
+fn field(process: u32, number: usize) -> Option<String> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    // The second field is a name in parentheses, in which anything may be.
+    let (_, rest) = status.rsplit_once(") ")?;
+    rest.split(' ').nth(number.checked_sub(3)?).map(Into::into)
+}

@@ -1,0 +1,78 @@
+//! How joints leave their stops, at which most of them lie when nobody holds them.
+
+use utah_mit_hand::{JOINTS, UtahMit, objects};
+
+use crate::typist::{Typist, hand, run, run_with};
+
+/// Whether all joints are out of the zones of their stops.
+fn are_free(typist: &Typist<'_>, hand: &UtahMit) -> bool {
+    let truth = typist.truth();
+    hand.fingers.iter().zip(&truth.position).all(|(entry, is)| {
+        let mut joints = entry.joints.iter().zip(is);
+        joints.all(|(joint, is)| {
+            let (limits, zone) = (&joint.limits, joint.stop.zone);
+            limits.low + zone <= *is && *is <= limits.high - zone
+        })
+    })
+}
+
+/// The largest error of tracking of any joint, as the summary has it, degrees.
+fn largest_error(typist: &Typist<'_>, hand: &UtahMit) -> f64 {
+    let mut largest = 0.0_f64;
+    for (number, finger) in hand.fingers.iter().enumerate() {
+        let processor = finger.processor().unwrap();
+        let place = hand.fingers_on(processor).position(|it| it.0 == number);
+        let region = typist.region(condor_mbox::Processor(processor));
+        let cell = objects::tracking(&region).unwrap().unwrap();
+        let tracking = cell.subscriber(&region).unwrap().read().unwrap().value;
+        for joint in 0..JOINTS {
+            assert!(tracking.rms_rad(place.unwrap(), joint).is_some());
+            let peak = tracking.peak_rad(place.unwrap(), joint).unwrap();
+            largest = largest.max(peak.to_degrees());
+        }
+    }
+    largest
+}
+
+#[test]
+fn what_comes_out_of_its_stops_is_no_error_of_tracking() {
+    let hand = hand();
+    run(|typist| {
+        typist.begin();
+        assert!(!are_free(typist, &hand));
+        assert_eq!(typist.says("enable"), "");
+        typist.wait(1.0);
+        assert!(are_free(typist, &hand));
+        let moved = typist.runs("open");
+        let summary = largest_error(typist, &hand);
+        println!("{moved} deg in the motion, {summary} deg in the summary");
+        // What the boards round is in the one and not in the other.
+        assert!(summary < 2.5, "{summary} deg");
+    });
+}
+
+#[test]
+fn slow_joints_come_out_of_their_stops_within_their_limits() {
+    let mut hand = hand();
+    for finger in &mut hand.fingers {
+        for joint in &mut finger.joints {
+            joint.limits.velocity = 1.0;
+            joint.limits.acceleration = 1.0;
+        }
+    }
+    let slow = hand.clone();
+    run_with(&hand, |typist| {
+        typist.begin();
+        assert_eq!(typist.says("enable"), "");
+        let before = typist.wanted.len();
+        typist.wait(8.0);
+        assert!(are_free(typist, &slow));
+        let fastest = typist.wanted[before..].windows(2).map(|pair| {
+            let joints = pair[0].as_flattened().iter().zip(pair[1].as_flattened());
+            let steps = joints.map(|(from, to)| (to - from).abs() * 50.0);
+            steps.fold(0.0, f64::max)
+        });
+        let fastest = fastest.fold(0.0, f64::max);
+        assert!(fastest > 0.0 && fastest <= 1.0, "{fastest} rad/s");
+    });
+}

@@ -1,0 +1,146 @@
+//! [`Client`]: the processor whose files are mounted.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use condor_fs::wire::{OPEN_FILES, Status};
+use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions};
+use condor_mbox::linux::{LinuxWindow, Mailbox, System};
+use condor_mbox::{CriticalSection, Processor, Region};
+use embedded_io::SeekFrom;
+
+use crate::server::SERVER;
+use crate::{AnyError, N};
+
+const CLIENT: Processor = Processor(1);
+/// How many files it can have open. fsx leaves mapped what it has read so, and thereby open.
+const FILES: usize = 256;
+/// The longest path that the server takes, in bytes.
+const PATH: u32 = 4095;
+/// Bytes of a file's buffer: what one call moves. The kernel asks for more at once, so that the server
+/// also dies between the parts of a write.
+const BUFFER: u32 = 16 * 1024;
+/// How long an operation may take over all deaths of the server.
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+type Mail = Mailbox<'static, N>;
+type File = condor_fs::File<'static, 'static, Mail, LinuxWindow, FILES>;
+
+/// The client, and its open files by the numbers that the kernel has for them.
+pub(crate) struct Client {
+    pub(crate) files: &'static FileSystem<'static, Mail, LinuxWindow, FILES>,
+    open: HashMap<u64, Open>,
+    last: u64,
+}
+
+struct Open {
+    node: u64,
+    file: File,
+}
+
+/// A name in a directory, and the type bits of its `st_mode`, shifted right by 12.
+pub(crate) type Entry = (Vec<u8>, u32);
+
+impl Client {
+    pub(crate) fn connect(system: &'static System<N>) -> Result<Self, AnyError> {
+        let (windows, doorbell) = system.claim(CLIENT)?.into_parts();
+        let own = Region::users(windows[CLIENT.index()].data.clone())?;
+        let area = Area::<FILES>::new(&mut own.places(), PATH, BUFFER)?;
+        // It is mounted as long as this process lives.
+        let handler = Box::leak(Box::new(area.handler()));
+        let mailbox = Box::leak(Box::new(Mailbox::new(
+            CLIENT,
+            windows,
+            doorbell,
+            CriticalSection,
+        )?));
+        mailbox.set_vector(OPEN_FILES, handler, "open files")?;
+        mailbox.join()?;
+        let files = FileSystem::connect(mailbox, SERVER, own, area, TIMEOUT)?;
+        Ok(Self {
+            files: Box::leak(Box::new(files)),
+            open: HashMap::new(),
+            last: 0,
+        })
+    }
+
+    /// Opens `path`, which is that of `node`.
+    pub(crate) fn open(
+        &mut self,
+        node: u64,
+        path: &[u8],
+        options: OpenOptions,
+    ) -> Result<u64, Error> {
+        let file = self.files.open(path, options)?;
+        self.last += 1;
+        self.open.insert(self.last, Open { node, file });
+        Ok(self.last)
+    }
+
+    /// Says of which node a file is that was opened before it had one.
+    pub(crate) fn opened(&mut self, handle: u64, node: u64) {
+        if let Some(open) = self.open.get_mut(&handle) {
+            open.node = node;
+        }
+    }
+
+    pub(crate) fn file(&mut self, handle: u64) -> Result<&mut File, Error> {
+        let open = self.open.get_mut(&handle).ok_or(Errno::BADF)?;
+        Ok(&mut open.file)
+    }
+
+    pub(crate) fn close(&mut self, handle: u64) -> Result<(), Error> {
+        self.open.remove(&handle).ok_or(Errno::BADF)?.file.close()
+    }
+
+    /// What is known of a node: by its path, or by a file that is open if it has none.
+    pub(crate) fn status(&self, node: u64, path: Option<&[u8]>) -> Result<Status, Error> {
+        if let Some(path) = path {
+            return self.files.status(path);
+        }
+        let open = self.open.values().find(|open| open.node == node);
+        open.ok_or(Errno::STALE)?.file.status()
+    }
+
+    pub(crate) fn read(&mut self, handle: u64, at: u64, len: u32) -> Result<Vec<u8>, Error> {
+        let file = self.file(handle)?;
+        let mut data = vec![0; len as usize];
+        let mut read = 0;
+        file.seek(SeekFrom::Start(at))?;
+        while read < data.len() {
+            match file.read(&mut data[read..])? {
+                0 => break,
+                more => read += more,
+            }
+        }
+        data.truncate(read);
+        Ok(data)
+    }
+
+    pub(crate) fn write(&mut self, handle: u64, at: u64, data: &[u8]) -> Result<u32, Error> {
+        let file = self.file(handle)?;
+        let mut written = 0;
+        file.seek(SeekFrom::Start(at))?;
+        while written < data.len() {
+            match file.write(&data[written..]) {
+                Ok(0) => break,
+                Ok(more) => written += more,
+                // What was written before is not to be lost sight of.
+                Err(Error::Errno(_)) if written > 0 => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(written as u32)
+    }
+
+    /// All entries of a directory.
+    pub(crate) fn entries(&self, path: &[u8]) -> Result<Vec<Entry>, Error> {
+        let mut directory = self.files.open_directory(path)?;
+        let (mut entries, mut name) = (Vec::new(), [0; 255]);
+        while let Some(entry) = directory.next(&mut name)? {
+            entries.push((entry.name.to_vec(), entry.kind));
+        }
+        directory.close()?;
+        Ok(entries)
+    }
+}

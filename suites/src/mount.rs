@@ -1,0 +1,563 @@
+//! [`Mount`]: what the kernel asks of a file system, as calls of a [`Client`].
+//!
+//! Nothing is cached: names and attributes are forgotten at once, and reads and writes are passed on as
+//! they are, where the kernel can map the pages of such files. What condor-fs does not have is
+//! `EOPNOTSUPP`.
+
+use std::collections::HashMap;
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt as _;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
+use std::sync::mpsc::{Sender, channel};
+use std::time::{Duration, SystemTime};
+
+use condor_fs::wire::Status;
+use condor_fs::{Error, OpenOptions};
+use condor_mbox::linux::System;
+use fuser::{
+    BsdFileFlags, Errno, FileAttr, FileHandle, FileType, Filesystem, FopenFlags, Generation,
+    INodeNo, InitFlags, KernelConfig, LockOwner, OpenFlags, RenameFlags, ReplyAttr, ReplyCreate,
+    ReplyData, ReplyDirectory, ReplyEmpty, ReplyEntry, ReplyOpen, ReplyWrite, Request, TimeOrNow,
+    WriteFlags,
+};
+
+use crate::N;
+use crate::client::{Client, Entry};
+use crate::nodes::Nodes;
+
+/// How long the kernel may believe what it was told.
+const TTL: Duration = Duration::ZERO;
+/// No number of a node is used twice.
+const GENERATION: Generation = Generation(0);
+
+const UNSUPPORTED: Errno = Errno::EOPNOTSUPP;
+
+/// The mounted file system. One thread is the processor; it does what the kernel asks in turn.
+pub(crate) struct Mount {
+    jobs: Sender<Job>,
+    /// How files are opened: past the cache of the kernel, if it can map such files.
+    direct: FopenFlags,
+}
+
+type Job = Box<dyn FnOnce(&mut Inner) + Send>;
+
+struct Inner {
+    client: Client,
+    nodes: Nodes,
+    /// What each open directory has, as read at its beginning.
+    directories: HashMap<u64, Vec<Entry>>,
+    last_directory: u64,
+    /// Whose the server's files are.
+    uid: u32,
+    gid: u32,
+}
+
+/// What the kernel is told of a node, or why nothing.
+type Found = Result<FileAttr, Errno>;
+
+impl Mount {
+    /// Connects with the server of `tree`.
+    pub(crate) fn new(system: &'static System<N>, tree: &Path) -> std::io::Result<Self> {
+        let metadata = std::fs::metadata(tree)?;
+        let (jobs, asked) = channel::<Job>();
+        std::thread::spawn(move || {
+            let mut inner = Inner {
+                client: match Client::connect(system) {
+                    Ok(client) => client,
+                    // All that is asked then is an error.
+                    Err(error) => return eprintln!("condor-suites: {error}"),
+                },
+                nodes: Nodes::new(),
+                directories: HashMap::new(),
+                last_directory: 0,
+                uid: metadata.uid(),
+                gid: metadata.gid(),
+            };
+            for job in asked {
+                job(&mut inner);
+            }
+        });
+        Ok(Self {
+            jobs,
+            direct: FopenFlags::FOPEN_DIRECT_IO,
+        })
+    }
+
+    fn ask(&self, job: impl FnOnce(&mut Inner) + Send + 'static) {
+        // A reply that is dropped is an error.
+        let _ = self.jobs.send(Box::new(job));
+    }
+}
+
+impl Inner {
+    fn path(&self, node: INodeNo) -> Result<Vec<u8>, Errno> {
+        self.nodes
+            .path(node.0)
+            .map(<[u8]>::to_vec)
+            .ok_or(Errno::ESTALE)
+    }
+
+    fn child(&self, parent: INodeNo, name: &OsStr) -> Result<Vec<u8>, Errno> {
+        let path = self.nodes.child(parent.0, name.as_bytes());
+        path.ok_or(Errno::ENOENT)
+    }
+
+    /// What is at `path`, which the kernel now knows.
+    fn entry(&mut self, path: Vec<u8>) -> Found {
+        let status = self.client.files.status(&path).map_err(errno)?;
+        let node = self.nodes.look_up(path);
+        Ok(self.attributes(node, &status))
+    }
+
+    fn attributes_of(&self, node: INodeNo) -> Found {
+        let status = self.client.status(node.0, self.nodes.path(node.0));
+        Ok(self.attributes(node.0, &status.map_err(errno)?))
+    }
+
+    fn attributes(&self, node: u64, status: &Status) -> FileAttr {
+        let since = Duration::new(status.modified_s, status.modified_ns);
+        let modified = SystemTime::UNIX_EPOCH + since;
+        FileAttr {
+            ino: INodeNo(node),
+            size: status.size,
+            blocks: status.size.div_ceil(512),
+            atime: modified,
+            mtime: modified,
+            ctime: modified,
+            crtime: modified,
+            kind: kind(status.mode >> 12),
+            perm: (status.mode & 0o7777) as u16,
+            nlink: status.links,
+            uid: self.uid,
+            gid: self.gid,
+            rdev: 0,
+            blksize: 4096,
+            flags: 0,
+        }
+    }
+
+    fn truncate(
+        &mut self,
+        node: INodeNo,
+        handle: Option<FileHandle>,
+        size: u64,
+    ) -> Result<(), Errno> {
+        if let Some(FileHandle(handle)) = handle {
+            return self
+                .client
+                .file(handle)
+                .and_then(|file| file.truncate(size))
+                .map_err(errno);
+        }
+        let path = self.path(node)?;
+        let write = OpenOptions::new().write();
+        let mut file = self.client.files.open(path, write).map_err(errno)?;
+        file.truncate(size)
+            .and_then(|()| file.close())
+            .map_err(errno)
+    }
+
+    fn open(&mut self, node: u64, path: &[u8], flags: i32) -> Result<FileHandle, Errno> {
+        let handle = self.client.open(node, path, options(flags));
+        handle.map(FileHandle).map_err(errno)
+    }
+}
+
+fn errno(error: Error) -> Errno {
+    if error.errno().is_none() {
+        eprintln!("condor-suites: {error}");
+    }
+    error
+        .errno()
+        .map_or(Errno::EIO, |errno| Errno::from_i32(errno.0.into()))
+}
+
+/// From the flags of `open(2)`.
+fn options(flags: i32) -> OpenOptions {
+    let mut options = OpenOptions::new();
+    let access = flags & libc::O_ACCMODE;
+    if access != libc::O_WRONLY {
+        options = options.read();
+    }
+    if access != libc::O_RDONLY {
+        options = options.write();
+        if flags & libc::O_APPEND != 0 {
+            options = options.append();
+        }
+        if flags & libc::O_TRUNC != 0 {
+            options = options.truncate();
+        }
+    }
+    if flags & libc::O_CREAT != 0 {
+        // Only who writes may create; the kernel keeps to what was asked for.
+        options = options.write().create();
+        if flags & libc::O_EXCL != 0 {
+            options = options.exclusive();
+        }
+    }
+    options
+}
+
+/// From the type bits of `st_mode`, shifted right by 12.
+fn kind(bits: u32) -> FileType {
+    match bits {
+        1 => FileType::NamedPipe,
+        2 => FileType::CharDevice,
+        4 => FileType::Directory,
+        6 => FileType::BlockDevice,
+        10 => FileType::Symlink,
+        12 => FileType::Socket,
+        _ => FileType::RegularFile,
+    }
+}
+
+/// Answers with an entry or attributes.
+macro_rules! tell {
+    ($reply:expr, $answer:ident, $found:expr $(, $more:expr)*) => {
+        match $found {
+            Ok(attributes) => $reply.$answer(&TTL, &attributes $(, $more)*),
+            Err(errno) => $reply.error(errno),
+        }
+    };
+}
+
+fn end(reply: ReplyEmpty, outcome: Result<(), Errno>) {
+    match outcome {
+        Ok(()) => reply.ok(),
+        Err(errno) => reply.error(errno),
+    }
+}
+
+impl Filesystem for Mount {
+    fn init(&mut self, _: &Request, config: &mut KernelConfig) -> std::io::Result<()> {
+        let mapped = InitFlags::FUSE_DIRECT_IO_ALLOW_MMAP;
+        if config.add_capabilities(mapped).is_err() {
+            self.direct = FopenFlags::empty();
+        }
+        Ok(())
+    }
+
+    fn lookup(&self, _: &Request, parent: INodeNo, name: &OsStr, reply: ReplyEntry) {
+        let name = name.to_owned();
+        self.ask(move |inner| {
+            let found = inner
+                .child(parent, &name)
+                .and_then(|path| inner.entry(path));
+            tell!(reply, entry, found, GENERATION);
+        });
+    }
+
+    fn forget(&self, _: &Request, node: INodeNo, times: u64) {
+        self.ask(move |inner| {
+            inner.nodes.forget(node.0, times);
+        });
+    }
+
+    fn getattr(&self, _: &Request, node: INodeNo, _: Option<FileHandle>, reply: ReplyAttr) {
+        self.ask(move |inner| {
+            tell!(reply, attr, inner.attributes_of(node));
+        });
+    }
+
+    fn setattr(
+        &self,
+        _: &Request,
+        node: INodeNo,
+        mode: Option<u32>,
+        uid: Option<u32>,
+        gid: Option<u32>,
+        size: Option<u64>,
+        accessed: Option<TimeOrNow>,
+        modified: Option<TimeOrNow>,
+        _: Option<SystemTime>,
+        handle: Option<FileHandle>,
+        _: Option<SystemTime>,
+        _: Option<SystemTime>,
+        _: Option<SystemTime>,
+        _: Option<BsdFileFlags>,
+        reply: ReplyAttr,
+    ) {
+        self.ask(move |inner| {
+            let found = inner.attributes_of(node).and_then(|now| {
+                // What it has already, it can be given.
+                if mode.is_some_and(|mode| mode & 0o7777 != now.perm.into())
+                    || uid.is_some_and(|uid| uid != now.uid)
+                    || gid.is_some_and(|gid| gid != now.gid)
+                    || accessed.is_some()
+                    || modified.is_some()
+                {
+                    return Err(UNSUPPORTED);
+                }
+                if let Some(size) = size {
+                    inner.truncate(node, handle, size)?;
+                }
+                inner.attributes_of(node)
+            });
+            tell!(reply, attr, found);
+        });
+    }
+
+    fn mknod(
+        &self,
+        _: &Request,
+        parent: INodeNo,
+        name: &OsStr,
+        mode: u32,
+        _: u32,
+        _: u32,
+        reply: ReplyEntry,
+    ) {
+        let name = name.to_owned();
+        self.ask(move |inner| {
+            if kind(mode >> 12) != FileType::RegularFile {
+                return reply.error(UNSUPPORTED);
+            }
+            let found = inner.child(parent, &name).and_then(|path| {
+                let new = OpenOptions::new().write().exclusive();
+                let file = inner.client.files.open(&path, new);
+                file.and_then(condor_fs::File::close).map_err(errno)?;
+                inner.entry(path)
+            });
+            tell!(reply, entry, found, GENERATION);
+        });
+    }
+
+    fn mkdir(&self, _: &Request, parent: INodeNo, name: &OsStr, _: u32, _: u32, reply: ReplyEntry) {
+        let name = name.to_owned();
+        self.ask(move |inner| {
+            let found = inner.child(parent, &name).and_then(|path| {
+                inner.client.files.make_directory(&path).map_err(errno)?;
+                inner.entry(path)
+            });
+            tell!(reply, entry, found, GENERATION);
+        });
+    }
+
+    fn unlink(&self, _: &Request, parent: INodeNo, name: &OsStr, reply: ReplyEmpty) {
+        let name = name.to_owned();
+        self.ask(move |inner| {
+            let outcome = inner.child(parent, &name).and_then(|path| {
+                inner.client.files.unlink(&path).map_err(errno)?;
+                inner.nodes.remove(&path);
+                Ok(())
+            });
+            end(reply, outcome);
+        });
+    }
+
+    fn rmdir(&self, _: &Request, parent: INodeNo, name: &OsStr, reply: ReplyEmpty) {
+        let name = name.to_owned();
+        self.ask(move |inner| {
+            let outcome = inner.child(parent, &name).and_then(|path| {
+                inner.client.files.remove_directory(&path).map_err(errno)?;
+                inner.nodes.remove(&path);
+                Ok(())
+            });
+            end(reply, outcome);
+        });
+    }
+
+    fn symlink(&self, _: &Request, _: INodeNo, _: &OsStr, _: &Path, reply: ReplyEntry) {
+        reply.error(UNSUPPORTED);
+    }
+
+    fn link(&self, _: &Request, _: INodeNo, _: INodeNo, _: &OsStr, reply: ReplyEntry) {
+        reply.error(UNSUPPORTED);
+    }
+
+    fn rename(
+        &self,
+        _: &Request,
+        parent: INodeNo,
+        name: &OsStr,
+        new_parent: INodeNo,
+        new_name: &OsStr,
+        flags: RenameFlags,
+        reply: ReplyEmpty,
+    ) {
+        let name = name.to_owned();
+        let new_name = new_name.to_owned();
+        self.ask(move |inner| {
+            let outcome = inner.child(parent, &name).and_then(|from| {
+                let to = inner.child(new_parent, &new_name)?;
+                let files = inner.client.files;
+                let renamed = if flags.is_empty() {
+                    files.rename(&from, &to)
+                } else if flags == RenameFlags::RENAME_NOREPLACE {
+                    files.rename_new(&from, &to)
+                } else {
+                    return Err(Errno::EINVAL);
+                };
+                renamed.map_err(errno)?;
+                inner.nodes.rename(&from, &to);
+                Ok(())
+            });
+            end(reply, outcome);
+        });
+    }
+
+    fn create(
+        &self,
+        _: &Request,
+        parent: INodeNo,
+        name: &OsStr,
+        _: u32,
+        _: u32,
+        flags: i32,
+        reply: ReplyCreate,
+    ) {
+        let name = name.to_owned();
+        let direct = self.direct;
+        self.ask(move |inner| {
+            let made = inner.child(parent, &name).and_then(|path| {
+                // Its node has no number yet.
+                let handle = inner.client.open(0, &path, options(flags | libc::O_CREAT));
+                let handle = handle.map_err(errno)?;
+                let attributes = inner.entry(path)?;
+                inner.client.opened(handle, attributes.ino.0);
+                Ok((attributes, FileHandle(handle)))
+            });
+            match made {
+                Ok((attributes, handle)) => {
+                    reply.created(&TTL, &attributes, GENERATION, handle, direct);
+                }
+                Err(errno) => reply.error(errno),
+            }
+        });
+    }
+
+    fn open(&self, _: &Request, node: INodeNo, flags: OpenFlags, reply: ReplyOpen) {
+        let direct = self.direct;
+        self.ask(move |inner| {
+            let opened = inner
+                .path(node)
+                .and_then(|path| inner.open(node.0, &path, flags.0));
+            match opened {
+                Ok(handle) => reply.opened(handle, direct),
+                Err(errno) => reply.error(errno),
+            }
+        });
+    }
+
+    fn read(
+        &self,
+        _: &Request,
+        _: INodeNo,
+        handle: FileHandle,
+        at: u64,
+        len: u32,
+        _: OpenFlags,
+        _: Option<LockOwner>,
+        reply: ReplyData,
+    ) {
+        self.ask(move |inner| match inner.client.read(handle.0, at, len) {
+            Ok(data) => reply.data(&data),
+            Err(error) => reply.error(errno(error)),
+        });
+    }
+
+    fn write(
+        &self,
+        _: &Request,
+        _: INodeNo,
+        handle: FileHandle,
+        at: u64,
+        data: &[u8],
+        _: WriteFlags,
+        _: OpenFlags,
+        _: Option<LockOwner>,
+        reply: ReplyWrite,
+    ) {
+        let data = data.to_vec();
+        self.ask(move |inner| match inner.client.write(handle.0, at, &data) {
+            Ok(len) => reply.written(len),
+            Err(error) => reply.error(errno(error)),
+        });
+    }
+
+    fn flush(&self, _: &Request, _: INodeNo, _: FileHandle, _: LockOwner, reply: ReplyEmpty) {
+        reply.ok();
+    }
+
+    fn fsync(&self, _: &Request, _: INodeNo, handle: FileHandle, _: bool, reply: ReplyEmpty) {
+        self.ask(move |inner| {
+            let file = inner.client.file(handle.0);
+            end(reply, file.and_then(condor_fs::File::sync).map_err(errno));
+        });
+    }
+
+    fn release(
+        &self,
+        _: &Request,
+        _: INodeNo,
+        handle: FileHandle,
+        _: OpenFlags,
+        _: Option<LockOwner>,
+        _: bool,
+        reply: ReplyEmpty,
+    ) {
+        self.ask(move |inner| {
+            end(reply, inner.client.close(handle.0).map_err(errno));
+        });
+    }
+
+    fn opendir(&self, _: &Request, _: INodeNo, _: OpenFlags, reply: ReplyOpen) {
+        self.ask(move |inner| {
+            inner.last_directory += 1;
+            reply.opened(FileHandle(inner.last_directory), FopenFlags::empty());
+        });
+    }
+
+    fn readdir(
+        &self,
+        _: &Request,
+        node: INodeNo,
+        handle: FileHandle,
+        from: u64,
+        mut reply: ReplyDirectory,
+    ) {
+        self.ask(move |inner| {
+            if from == 0 {
+                let read = inner.path(node).and_then(|path| {
+                    let own = [b".", &b".."[..]].map(|name| (name.to_vec(), 4));
+                    let read = inner.client.entries(&path).map_err(errno)?;
+                    Ok(own.into_iter().chain(read).collect())
+                });
+                match read {
+                    Ok(entries) => inner.directories.insert(handle.0, entries),
+                    Err(errno) => return reply.error(errno),
+                };
+            }
+            let entries = inner.directories.get(&handle.0);
+            let entries = (1..).zip(entries.into_iter().flatten());
+            for (next, (name, bits)) in entries.skip(from as usize) {
+                // The number is looked up with the attributes.
+                let full = reply.add(
+                    INodeNo(u64::MAX),
+                    next,
+                    kind(*bits),
+                    OsStr::from_bytes(name),
+                );
+                if full {
+                    break;
+                }
+            }
+            reply.ok();
+        });
+    }
+
+    fn releasedir(
+        &self,
+        _: &Request,
+        _: INodeNo,
+        handle: FileHandle,
+        _: OpenFlags,
+        reply: ReplyEmpty,
+    ) {
+        self.ask(move |inner| {
+            inner.directories.remove(&handle.0);
+            reply.ok();
+        });
+    }
+}
