@@ -189,7 +189,9 @@ fn serve_files_once(
     end: &AtomicU64,
 ) -> Result<(), condor_mbox::Error> {
     let windows = machine.windows();
-    server.recover(&windows).expect("its journal can be written");
+    server
+        .recover(&windows)
+        .expect("its journal can be written");
     let handler = |call: &Call<'_>| server.answer(call, &windows);
     let mut mailbox = Mailbox::new(
         numbers::FILES,
