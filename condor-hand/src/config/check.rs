@@ -4,6 +4,7 @@ mod finger;
 mod finite;
 mod machine;
 mod place;
+mod stop;
 
 pub(in crate::config) use place::Path;
 use place::{Examiner, Root};

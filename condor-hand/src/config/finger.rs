@@ -63,7 +63,7 @@ pub struct Joint<const JOINTS: usize> {
     pub limits: Limits,
     /// What holds it to its set-point.
     pub servo: JointServo,
-    /// The virtual springs before its limits.
+    /// What keeps it from its limits.
     #[serde(default)]
     pub stop: SoftStop,
     /// What else resists its motion.
@@ -180,16 +180,20 @@ pub enum ServoLaw {
     Decoupled,
 }
 
-/// Virtual springs before the limits of a joint.
+/// Virtual springs and dampers before the limits of a joint, for whatever inertia it has there.
+///
+/// In the zones the servo pushes the joint inwards as a spring would with which it swung by itself with
+/// this bandwidth. Joints rest between the zones: [`Joint::rest_range`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SoftStop {
-    /// How far before a limit they begin, rad.
+    /// How far before a limit a zone begins, rad.
     pub zone: f64,
-    /// N m/rad.
-    pub stiffness: f64,
-    /// N m s/rad.
-    pub damping: f64,
+    /// The natural frequency of the joint on the spring, Hz: as much as the rate of the servo, its filters
+    /// and its actuators can hold still.
+    pub bandwidth_hz: f64,
+    /// The damping ratio; 1 does not overshoot.
+    pub damping_ratio: f64,
 }
 
 /// What resists the motion of a joint beside its links.

@@ -183,14 +183,20 @@ pub struct FaultPolicy {
     pub stale_s: f64,
     /// How many samples in a row make a tendon slack or broken.
     pub tension_samples: u16,
-    /// After how many equal samples, or samples out of range, a sensor is stuck.
+    /// How many samples in a row make a tension's sensor stuck, any sensor out of its range, and a joint
+    /// past its limit.
     pub sensor_samples: u16,
+    /// After how many samples in a row that say nothing, or what cannot be, a sensor is lost. Until then
+    /// a joint goes on as it went.
+    pub lost_samples: u16,
+    /// How far the set-point of a joint may go while its sensor shows no motion at all, rad.
+    pub frozen_rad: f64,
     /// The position error that is a fault, rad.
     pub tracking_rad: f64,
     /// For how many samples in a row.
     pub tracking_samples: u16,
     /// How far past a limit a joint may be, rad.
     pub overtravel_rad: f64,
-    /// How many deadlines in a row may be missed.
+    /// The deadlines in a row that must not be missed; a long time without any tick misses several.
     pub missed_deadlines: u16,
 }

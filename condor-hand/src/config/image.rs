@@ -9,7 +9,7 @@ use super::{Hand, Mistake, PROCESSORS};
 const MAGIC: [u8; 4] = *b"CNDH";
 
 /// The version of the format; another order of fields is another version.
-const VERSION: u16 = 1;
+const VERSION: u16 = 2;
 
 /// Magic, version, the least capacities, the length of what follows, and the checksum of all but
 /// itself.

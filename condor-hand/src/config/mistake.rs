@@ -107,6 +107,21 @@ pub enum Mistake {
         /// The largest value.
         most: f64,
     },
+    /// A soft stop in which a joint would swing.
+    #[error(
+        "{place} is {bandwidth_hz}; with its servo and its actuators the joint comes to rest there only \
+         up to {most}",
+        bandwidth_hz = Decimal(*.bandwidth_hz),
+        most = Decimal(*.most),
+    )]
+    Restless {
+        /// The bandwidth.
+        place: Place,
+        /// What it is, Hz.
+        bandwidth_hz: f64,
+        /// The largest that the joint bears, Hz.
+        most: f64,
+    },
     /// Two limits in the wrong order.
     #[error(
         "{place} is {value}; it must be below `{upper}`, which is {limit}",

@@ -289,6 +289,13 @@ impl<const JOINTS: usize> Joint<JOINTS> {
         )
     }
 
+    /// Where the joint can rest: between the zones of its stops, rad.
+    #[must_use]
+    pub fn rest_range(&self) -> (f64, f64) {
+        let zone = self.stop.zone;
+        (self.limits.low + zone, self.limits.high - zone)
+    }
+
     /// The body of the link, of no mass where there is none.
     fn rigid_body(&self) -> kinematics::Body {
         self.body

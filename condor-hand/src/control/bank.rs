@@ -7,6 +7,38 @@ use super::filter::flush;
 use super::{Derivative, OnePole};
 use crate::math::{Real, is_finite};
 
+/// The time since the last samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Elapsed<T> {
+    pub(crate) seconds: T,
+    /// One over it.
+    pub(crate) hz: T,
+    /// In nominal periods.
+    pub(crate) periods: T,
+}
+
+impl<T: Real> Elapsed<T> {
+    /// So many seconds; what is not finite or not above zero counts as a nominal period.
+    #[inline(always)]
+    pub(crate) fn new(seconds: T, sample_hz: T) -> Self {
+        let periods = seconds * sample_hz;
+        let hz = sample_hz / periods;
+        if seconds > T::zero() && is_finite(periods) && is_finite(hz) && hz > T::zero() {
+            Self {
+                seconds,
+                hz,
+                periods,
+            }
+        } else {
+            Self {
+                seconds: T::one() / sample_hz,
+                hz: sample_hz,
+                periods: T::one(),
+            }
+        }
+    }
+}
+
 /// Whether all are finite; false also where their sum overflows.
 #[inline(always)]
 pub(crate) fn sum_is_finite<T: Real, const L: usize>(values: &[T; L]) -> bool {
@@ -81,6 +113,12 @@ impl<T: Real, const L: usize> Poles<T, L> {
         self.running = self.count == L && self.primed.iter().all(|&primed| primed);
         outputs
     }
+
+    /// Begins anew with the next samples.
+    pub(crate) fn forget(&mut self) {
+        self.primed = [false; L];
+        self.running = false;
+    }
 }
 
 /// The rates of L signals.
@@ -89,7 +127,6 @@ pub(crate) struct Rates<T: Real, const L: usize> {
     alpha: [T; L],
     last: [T; L],
     rate: [T; L],
-    sample_hz: T,
     /// What each is by itself, while not all of them run: [`Self::running`].
     each: [Derivative<T>; L],
     /// All have a rate for one period.
@@ -97,24 +134,35 @@ pub(crate) struct Rates<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> Rates<T, L> {
-    pub(crate) fn new(each: [Derivative<T>; L], sample_hz: T) -> Self {
+    pub(crate) fn new(each: [Derivative<T>; L]) -> Self {
         Self {
             alpha: each.map(|each| each.alpha()),
             last: [T::zero(); L],
             rate: [T::zero(); L],
-            sample_hz,
             each,
             running: false,
         }
     }
 
+    /// The last rates.
+    #[inline(always)]
+    pub(crate) fn rates(&self) -> &[T; L] {
+        &self.rate
+    }
+
+    /// Lets one go on from here at this rate, whatever its samples were.
+    pub(crate) fn go_on_from(&mut self, lane: usize, last: T, rate: T) {
+        self.each[lane].go_on_from(last, rate);
+        (self.last[lane], self.rate[lane]) = (last, rate);
+    }
+
     /// The rates at the next samples.
     #[inline(always)]
-    pub(crate) fn update(&mut self, samples: &[T; L]) -> [T; L] {
+    pub(crate) fn update(&mut self, samples: &[T; L], elapsed: Elapsed<T>) -> [T; L] {
         if self.running {
             let mut rates = self.rate;
             for lane in 0..L {
-                let slope = (samples[lane] - self.last[lane]) * self.sample_hz;
+                let slope = (samples[lane] - self.last[lane]) * elapsed.hz;
                 rates[lane] += self.alpha[lane] * (slope - rates[lane]);
             }
             if sum_is_finite(&rates) {
@@ -123,13 +171,19 @@ impl<T: Real, const L: usize> Rates<T, L> {
                 return self.rate;
             }
         }
-        self.update_each(samples, &[true; L])
+        self.update_each(samples, &[true; L], elapsed)
     }
 
-    /// The same for those that have a sample; the others have no rate.
+    /// The same for those that have a sample; the others have no rate. One that is not finite leaves
+    /// the rate as it is.
     #[cold]
     #[inline(never)]
-    pub(crate) fn update_each(&mut self, samples: &[T; L], sampled: &[bool; L]) -> [T; L] {
+    pub(crate) fn update_each(
+        &mut self,
+        samples: &[T; L],
+        sampled: &[bool; L],
+        elapsed: Elapsed<T>,
+    ) -> [T; L] {
         let mut rates = [T::zero(); L];
         for lane in 0..L {
             let each = &mut self.each[lane];
@@ -137,7 +191,7 @@ impl<T: Real, const L: usize> Rates<T, L> {
                 each.go_on_from(self.last[lane], self.rate[lane]);
             }
             if sampled[lane] {
-                rates[lane] = each.update(samples[lane]);
+                rates[lane] = each.update_after(samples[lane], elapsed.periods);
             }
         }
         let states = self.each.map(|each| each.state());
@@ -145,6 +199,13 @@ impl<T: Real, const L: usize> Rates<T, L> {
         self.rate = states.map(|(_, rate)| rate);
         self.running = states.iter().all(|(last, _)| last.is_some());
         rates
+    }
+
+    /// Begins anew with the next samples.
+    pub(crate) fn forget(&mut self) {
+        self.rate = [T::zero(); L];
+        self.each.iter_mut().for_each(Derivative::forget);
+        self.running = false;
     }
 }
 
@@ -188,16 +249,15 @@ mod tests {
     #[test]
     fn rates_side_by_side_answer_as_each_by_itself() {
         let mut alone = [20.0, 30.0, 40.0].map(|hz| Derivative::new(hz, HZ).unwrap());
-        let mut bank = Rates::new(alone, HZ);
+        let mut bank = Rates::new(alone);
         for tick in 0..200 {
             let samples = [0, 1, 2].map(|lane| sample(tick, lane));
-            let rates = bank.update(&samples);
+            // Late now and then, and early.
+            let elapsed = Elapsed::new([1.0, 1.0, 0.9, 1.3, 7.0][tick % 5] / HZ, HZ);
+            let rates = bank.update(&samples, elapsed);
             for ((alone, &sample), rate) in alone.iter_mut().zip(&samples).zip(rates) {
-                assert_eq!(
-                    rate.to_bits(),
-                    alone.update(sample).to_bits(),
-                    "tick {tick}"
-                );
+                let expected = alone.update_after(sample, elapsed.periods);
+                assert_eq!(rate.to_bits(), expected.to_bits(), "tick {tick}");
             }
         }
         assert!(bank.running);
@@ -211,10 +271,34 @@ mod tests {
         // The second has its first sample now, and begins with it.
         assert_eq!(bank.update(&[1.0, 5.0]), [1.0, 5.0]);
         let rate = Derivative::new(20.0, HZ).unwrap();
-        let mut bank = Rates::new([rate; 2], HZ);
-        assert_eq!(bank.update_each(&[1.0, 2.0], &[true, false]), [0.0; 2]);
-        let rates = bank.update(&[2.0, 5.0]);
+        let mut bank = Rates::new([rate; 2]);
+        let period = Elapsed::new(1.0 / HZ, HZ);
+        let first = bank.update_each(&[1.0, 2.0], &[true, false], period);
+        assert_eq!(first, [0.0; 2]);
+        let rates = bank.update(&[2.0, 5.0], period);
         assert!(rates[0] > 0.0);
         assert_eq!(rates[1], 0.0);
+    }
+
+    #[test]
+    fn the_rate_of_a_ramp_is_that_of_the_ramp_however_late_its_samples_come() {
+        let mut bank = Rates::new([Derivative::new(20.0, HZ).unwrap(); 1]);
+        let mut time = 0.0;
+        bank.update(&[0.0], Elapsed::new(1.0 / HZ, HZ));
+        for tick in 0..200 {
+            let period = [1.0, 0.7, 1.2, 80.0][tick % 4] / HZ;
+            time += period;
+            let [rate] = bank.update(&[3.0 * time], Elapsed::new(period, HZ));
+            assert!(rate <= 3.0 + 1e-9, "tick {tick}: {rate}");
+            assert!(tick < 100 || rate > 3.0 - 1e-9, "tick {tick}: {rate}");
+        }
+    }
+
+    #[test]
+    fn a_time_that_cannot_be_is_a_period() {
+        for seconds in [0.0, -1.0, f64::NAN, f64::INFINITY, f64::MAX, 1e-320] {
+            assert_eq!(Elapsed::new(seconds, HZ).periods, 1.0, "{seconds}");
+        }
+        assert_eq!(Elapsed::new(0.5, HZ).periods, 200.0);
     }
 }

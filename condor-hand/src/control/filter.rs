@@ -273,12 +273,19 @@ impl<T: Real> Derivative<T> {
     /// The rate at the next sample, in units of `x` per second.
     #[inline]
     pub fn update(&mut self, x: T) -> T {
+        self.update_after(x, T::one())
+    }
+
+    /// The same for a sample so many periods after the last one: late, if it is more than one.
+    #[inline]
+    pub fn update_after(&mut self, x: T, periods: T) -> T {
         if !self.primed {
             self.rejected = self.rejected.saturating_add(u32::from(!is_finite(x)));
             self.reset_to(x);
             return self.rate;
         }
-        let slope = (x - self.last) * self.sample_hz / self.intervals;
+        self.intervals += periods - T::one();
+        let slope = (x - self.last) * (self.sample_hz / self.intervals);
         let rate = self.rate + self.alpha * (slope - self.rate);
         if is_finite(rate) {
             self.rate = flush(rate);
@@ -289,6 +296,12 @@ impl<T: Real> Derivative<T> {
             self.rejected = self.rejected.saturating_add(1);
         }
         self.rate
+    }
+
+    /// Begins anew with the next sample.
+    pub(super) fn forget(&mut self) {
+        self.primed = false;
+        self.rate = T::zero();
     }
 
     /// Makes the rate zero at `x`, as if the input had always been that; ignored if it is not

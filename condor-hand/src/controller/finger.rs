@@ -1,13 +1,17 @@
-use nalgebra::Vector3;
+use nalgebra::{SVector, Vector3};
 use thiserror::Error;
 
 use crate::config::{Finger, Hand};
+use crate::control::bank::Elapsed;
 use crate::dynamics::Dynamics;
-use crate::math::clamp;
+use crate::math::{clamp, max, round};
 use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
 use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, RampError, SafeRamp};
-use crate::tendon::{ArmError, Pairs};
+use crate::tendon::{ArmError, Pair, Pairs};
 use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
+
+/// Within so many ticks after a fault joints have the tensions with which they stand still.
+const SETTLING_TICKS: u32 = 4;
 
 /// One finger of a configuration: servos, the set-points of its master, and its faults.
 ///
@@ -21,10 +25,15 @@ pub struct FingerController<M, const N: usize> {
     joints: usize,
     /// Joints that follow the master's set-points, a bit each.
     following: u32,
-    /// Ticks since the last of them came.
-    age: u32,
+    /// The time since the last of them came, s.
+    age_s: f64,
+    /// What of a period is over since the set-points were moved on.
+    over: f64,
     monitor: FingerMonitor<f64, N>,
     ramp: Option<SafeRamp<f64, N>>,
+    /// What the tensions had at the fault beside those at which the ramp begins, and in how many ticks
+    /// it is over.
+    beside: (Pairs<f64, N>, u32),
     least: Pairs<f64, N>,
     low: [f64; N],
     high: [f64; N],
@@ -118,9 +127,11 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
             interpolator,
             joints: finger.joints.len(),
             following: 0,
-            age: 0,
+            age_s: 0.0,
+            over: 0.0,
             monitor: FingerMonitor::new(finger.fault_limits(&hand.faults, sample_hz))?,
             ramp: None,
+            beside: ([Pair::both(0.0); N], 0),
             least,
             low: Finger::array(&limits.low),
             high: Finger::array(&limits.high),
@@ -173,7 +184,8 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     }
 
     /// Gives a joint a target that stays, and the mode of that target. The rate and acceleration of
-    /// a position are fed forward for as long as it stays, so a position to hold has none.
+    /// a position are fed forward for as long as it stays, so a position to hold has none. Of a position in
+    /// the zone of a stop, where no joint rests, the joint takes the end of the zone.
     ///
     /// # Errors
     ///
@@ -223,7 +235,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         } else {
             self.interpolator.tick(points)?;
         }
-        self.age = 0;
+        self.age_s = 0.0;
         Ok(())
     }
 
@@ -253,38 +265,48 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// be given another mode.
     pub fn clear(&mut self) {
         self.monitor.clear();
+        self.servo.forget_positions();
     }
 
     /// One tick of the servo loop, in a gravity in the axes of the palm, m/s², less the acceleration of
     /// the palm.
     ///
     /// `period_s` is the time since the last tick as a clock measured it, s; for the first tick, one
-    /// period. The laws count on [`Hand::servo_rate_hz`] whatever it says: it only shows deadlines that
-    /// were missed.
+    /// period. Rates, ages and set-points go by it. What is not finite or not above zero is a fault
+    /// once it lasts, and the laws count on [`Hand::servo_rate_hz`] then.
     pub fn tick(
         &mut self,
         sensed: &Sensed<f64, N>,
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Tick<N> {
-        let target = self.aim();
-        self.age = self.age.saturating_add(1);
-        let age = if self.following == 0 { 0 } else { self.age };
+        let elapsed = Elapsed::new(period_s, self.sample_hz);
+        let target = self.aim(elapsed.periods);
+        self.age_s += elapsed.seconds;
+        let age_s = if self.following == 0 { 0.0 } else { self.age_s };
+        let mut output = self.servo.tick(sensed, gravity, elapsed.seconds);
         let fault = self.monitor.judge(
             (&self.desired, &sensed.tension),
             (&target, &sensed.position),
+            output.lost,
             period_s,
-            f64::from(age) / self.sample_hz,
+            age_s,
         );
         if fault.is_some() && self.ramp.is_none() {
-            self.give_up();
+            self.give_up(&output.position, gravity);
         }
-        let mut output = self.servo.tick(sensed, gravity);
         if fault.is_none() && self.ramp.is_some_and(|ramp| ramp.is_done()) {
             self.ramp = None;
         }
         if let Some(ramp) = &mut self.ramp {
-            let tensions = ramp.update();
+            let mut tensions = ramp.update();
+            let (beside, left) = &mut self.beside;
+            *left = left.saturating_sub(1);
+            let part = f64::from(*left) / f64::from(SETTLING_TICKS);
+            for (tension, beside) in tensions.iter_mut().zip(beside) {
+                tension.flexor = max(tension.flexor + part * beside.flexor, 0.0);
+                tension.extensor = max(tension.extensor + part * beside.extensor, 0.0);
+            }
             output.command = tensions;
             output.tension = tensions;
             output.torque = self.servo.arms().torque(&tensions);
@@ -301,9 +323,25 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         }
     }
 
+    /// Where the joints are, rad, for other laws: what the sensors will say to the next tick, so many
+    /// seconds after the last one, and where that cannot be, where the joints would be by then.
+    #[must_use]
+    pub fn plausible(&self, position: &SVector<f64, N>, period_s: f64) -> SVector<f64, N> {
+        self.servo.plausible(position, period_s)
+    }
+
     /// The set-points of this tick, given to the joints that follow.
-    fn aim(&mut self) -> [Option<f64>; N] {
-        self.interpolator.advance();
+    fn aim(&mut self, periods: f64) -> [Option<f64>; N] {
+        // Whole periods, and what they leave is for the next tick.
+        self.over += periods;
+        let whole = round(self.over);
+        self.over -= whole;
+        #[allow(
+            clippy::cast_sign_loss,
+            clippy::cast_possible_truncation,
+            reason = "not below 0, and what is too large is the most"
+        )]
+        self.interpolator.advance(whole as u32);
         if self.following != 0 {
             self.lead();
         }
@@ -332,12 +370,31 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     }
 
     /// On a fault: all joints off, and all tensions on their way to the least.
+    ///
+    /// What a position servo wanted at last may be wrong, and would move the joint all the way down: such a
+    /// joint begins with the tensions that hold it still. All others begin with what they had.
     #[cold]
-    fn give_up(&mut self) {
+    fn give_up(&mut self, position: &SVector<f64, N>, gravity: &Vector3<f64>) {
+        let weight = self.servo.mechanism().gravity_torque(position, gravity);
+        let still = self.servo.still(&self.command, &weight);
         self.servo.rest();
         self.following = 0;
         // The last commands are finite: those of the first tick are the least.
-        self.ramp = SafeRamp::new(self.command, self.least, self.safe_s, self.sample_hz).ok();
+        let ramp = |from| SafeRamp::new(from, self.least, self.safe_s, self.sample_hz);
+        let (begin, ramp) = match ramp(still) {
+            Ok(ramp) => (still, Some(ramp)),
+            Err(_) => (self.command, ramp(self.command).ok()),
+        };
+        let beside = core::array::from_fn(|joint| {
+            let of = |pairs: &Pairs<f64, N>| pairs.get(joint).copied().unwrap_or(Pair::both(0.0));
+            let (had, begin) = (of(&self.command), of(&begin));
+            Pair {
+                flexor: had.flexor - begin.flexor,
+                extensor: had.extensor - begin.extensor,
+            }
+        });
+        self.beside = (beside, SETTLING_TICKS);
+        self.ramp = ramp;
     }
 
     fn refuse_after_fault(&self) -> Result<(), SettingError> {

@@ -18,6 +18,9 @@ const NEVER: Threshold<f64> = Threshold {
 /// A sensor of this many counts moves by noise.
 const NOISE_COUNTS: f64 = 1.5;
 
+/// From one reading to the next the rate of a joint changes by at most this many times its limit.
+const PLAUSIBLE_RATE: f64 = 2.0;
+
 impl<const N: usize> Finger<N> {
     /// The settings of the finger's servos for so many ticks in a second.
     ///
@@ -28,7 +31,7 @@ impl<const N: usize> Finger<N> {
             joints: core::array::from_fn(|joint| {
                 self.joints
                     .get(joint)
-                    .map_or(absent(sample_hz), JointSettings::from)
+                    .map_or(absent(sample_hz), |joint| joint.settings(sample_hz))
             }),
             drive: Drive {
                 armature: self.each(|joint| joint.friction.armature),
@@ -64,7 +67,12 @@ impl<const N: usize> Finger<N> {
     #[must_use]
     pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FaultLimits<f64, N> {
         let tendon = |tendon: &Tendon| TendonFaultLimits {
-            sensor: sensor(&tendon.adc, policy, tendon.max_n / 4.0, NEVER),
+            sensor: sensor(
+                &tendon.adc,
+                policy,
+                (tendon.max_n / 4.0, policy.sensor_samples),
+                NEVER,
+            ),
             slack: Threshold {
                 value: tendon.slack_n,
                 samples: policy.tension_samples,
@@ -75,7 +83,7 @@ impl<const N: usize> Finger<N> {
             },
         };
         let nothing = SensorFaultLimits {
-            not_finite_samples: 0,
+            lost_samples: 0,
             range: Range {
                 low: 0.0,
                 high: 0.0,
@@ -112,7 +120,7 @@ impl<const N: usize> Finger<N> {
                         sensor: sensor(
                             &joint.adc,
                             policy,
-                            policy.tracking_rad,
+                            (policy.frozen_rad, policy.lost_samples),
                             Threshold {
                                 value: policy.tracking_rad,
                                 samples: policy.tracking_samples,
@@ -155,16 +163,17 @@ impl<const N: usize> Finger<N> {
     }
 }
 
-/// What is asked of the sensor behind a converter.
+/// What is asked of the sensor behind a converter, which is stuck while its set-point goes so far for
+/// so many samples.
 fn sensor(
     input: &Input,
     policy: &FaultPolicy,
-    travel: f64,
+    (travel, stuck_samples): (f64, u16),
     tracking: Threshold<f64>,
 ) -> SensorFaultLimits<f64> {
     let ends = [input.value(0), input.value(input.full_scale())];
     SensorFaultLimits {
-        not_finite_samples: policy.sensor_samples,
+        lost_samples: policy.lost_samples,
         range: Range {
             low: crate::math::min(ends[0], ends[1]),
             high: crate::math::max(ends[0], ends[1]),
@@ -173,17 +182,20 @@ fn sensor(
         stuck: Stuck {
             band: NOISE_COUNTS * crate::math::abs(input.gain),
             travel,
-            samples: policy.sensor_samples,
+            samples: stuck_samples,
         },
         tracking,
     }
 }
 
-impl<const N: usize> From<&Joint<N>> for JointSettings<f64> {
-    fn from(joint: &Joint<N>) -> Self {
+impl<const N: usize> Joint<N> {
+    /// The settings of the joint's servo for so many ticks in a second.
+    fn settings(&self, sample_hz: f64) -> JointSettings<f64> {
+        let joint = self;
         let (min_n, max_n) = joint.tension_range();
         let servo = &joint.servo;
-        Self {
+        let noise_rad = NOISE_COUNTS * crate::math::abs(joint.adc.gain);
+        JointSettings {
             gains: JointGains {
                 law: match servo.law {
                     ServoLaw::Pd => PositionLaw::Pd {
@@ -207,14 +219,16 @@ impl<const N: usize> From<&Joint<N>> for JointSettings<f64> {
                 low: joint.limits.low,
                 high: joint.limits.high,
                 zone: joint.stop.zone,
-                stiffness: joint.stop.stiffness,
-                damping: joint.stop.damping,
+                bandwidth_hz: joint.stop.bandwidth_hz,
+                damping_ratio: joint.stop.damping_ratio,
             },
             allocation: Allocation {
                 rectification: joint.rectification,
                 min_n,
                 max_n,
             },
+            reach_rad: PLAUSIBLE_RATE * joint.limits.velocity / sample_hz + 2.0 * noise_rad,
+            resolution_rad: crate::math::abs(joint.adc.gain),
             position_cutoff_hz: servo.position_cutoff_hz,
             velocity_cutoff_hz: servo.velocity_cutoff_hz,
             tension_cutoff_hz: Pair {
@@ -240,8 +254,8 @@ fn absent(sample_hz: f64) -> JointSettings<f64> {
             low: 0.0,
             high: 0.0,
             zone: 0.0,
-            stiffness: 0.0,
-            damping: 0.0,
+            bandwidth_hz: 0.0,
+            damping_ratio: 0.0,
         },
         allocation: Allocation {
             rectification: Rectification::Hard,
@@ -249,6 +263,8 @@ fn absent(sample_hz: f64) -> JointSettings<f64> {
             // No torque asks for it, but a servo has some range.
             max_n: 1.0,
         },
+        reach_rad: f64::MAX,
+        resolution_rad: 0.0,
         position_cutoff_hz: None,
         velocity_cutoff_hz: sample_hz / 4.0,
         tension_cutoff_hz: Pair::both(None),

@@ -3,11 +3,15 @@ use nalgebra::{SVector, Vector3};
 use super::joint::{Felt, JointServo, low_pass};
 use super::{FingerSettings, JointGains, JointTarget, Mode, PositionLaw, SettingError};
 use crate::control::Derivative;
-use crate::control::bank::{Poles, Rates, sum_is_finite};
+use crate::control::bank::{Elapsed, Poles, Rates};
 use crate::dynamics::{Drive, Dynamics};
-use crate::math::{Real, clamp, is_finite, max};
+use crate::math::{Real, abs, clamp, is_finite, max, real};
 use crate::tendon::{Allocation, MomentArms, Pair, Pairs};
 use crate::trajectory::SetPoint;
+
+/// A position that has not changed while the joint went, and was to go, by so many times what the sensor
+/// tells apart is no reading.
+const FROZEN: f64 = 3.5;
 
 /// What the sensors of a finger say.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,14 +37,18 @@ pub struct ServoOutput<T: Real, const N: usize> {
     pub velocity: SVector<T, N>,
     /// A bit for each joint whose tendons cannot give the torque that it needs.
     pub saturated: u32,
+    /// A bit for each joint whose sensor said nothing, or what cannot be: the laws took it to be where
+    /// its last rate has led it.
+    pub lost: u32,
 }
 
 /// The servos of one finger: its joints and their tendons.
 ///
 /// It is called once in every tick, with what its sensors say, and gives what its actuators get. A
-/// value of a sensor that is not finite counts as the last one that was. Before there was one, a
-/// tension counts as the least; a joint whose position was never seen does not hold or follow
-/// positions.
+/// tension that is not finite counts as the last one that was, and as the least before there was one.
+/// A joint whose position is not finite, or farther from where its rate leads than it can be, goes on
+/// with that rate: that is good for some ticks, after which whoever calls must give up. One whose
+/// position was never seen does not hold or follow positions.
 #[derive(Clone, Debug)]
 pub struct FingerServo<M, T: Real, const N: usize> {
     mechanism: M,
@@ -50,6 +58,16 @@ pub struct FingerServo<M, T: Real, const N: usize> {
     joints: [JointServo<T>; N],
     position_filters: Poles<T, N>,
     velocities: Rates<T, N>,
+    sample_hz: T,
+    reach: [T; N],
+    resolution: [T; N],
+    /// Since the last reading of each position, s.
+    away: [T; N],
+    /// Since a reading of each last changed, s, and at which rate it did, rad/s.
+    still: [T; N],
+    going: [T; N],
+    /// A bit for each joint that has none in this tick.
+    lost: u32,
     /// All positions have been numbers once.
     all_seen: bool,
     /// A change of modes or gains that the next tick smooths.
@@ -118,7 +136,14 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             allocation,
             joints,
             position_filters: Poles::new(position_filters),
-            velocities: Rates::new(velocities, settings.sample_hz),
+            velocities: Rates::new(velocities),
+            sample_hz: settings.sample_hz,
+            reach: settings.joints.map(|joint| joint.reach_rad),
+            resolution: settings.joints.map(|joint| joint.resolution_rad),
+            away: [T::zero(); N],
+            still: [T::zero(); N],
+            going: [T::zero(); N],
+            lost: 0,
             all_seen: false,
             changed: false,
             holds: [None; N],
@@ -158,7 +183,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         held.or_else(|| Some(self.joints.get(joint)?.target.mode()))
     }
 
-    /// Gives a joint a target, from the next tick on, and the mode of that target.
+    /// Gives a joint a target, from the next tick on, and the mode of that target. Of a position in the
+    /// zone of a stop, where no joint rests, it takes the end of the zone.
     ///
     /// # Errors
     ///
@@ -170,7 +196,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .ok_or(SettingError::NoJoint { joint, joints: N })?;
         servo.check(joint, &target)?;
         self.changed |= target.mode() != servo.target.mode();
-        servo.take(target);
+        servo.take(servo.between_stops(target));
         if let Some(hold) = self.holds.get_mut(joint) {
             *hold = None;
         }
@@ -218,6 +244,43 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         self.desired = self.allocation.map(|joint| Pair::both(joint.min_n));
     }
 
+    /// The tensions with which joints that follow positions get these torques (N m), and all others what
+    /// they have.
+    pub(crate) fn still(&self, has: &Pairs<T, N>, torque: &SVector<T, N>) -> Pairs<T, N> {
+        let given = core::array::from_fn(|joint| match self.target(joint)? {
+            JointTarget::Position(_) => None,
+            _ => has.get(joint).copied(),
+        });
+        self.arms
+            .allocate_around(torque, &self.allocation, &given)
+            .tensions
+    }
+
+    /// The positions, rad, that the next tick would go by, so many seconds after the last one.
+    pub(crate) fn plausible(&self, sensed: &SVector<T, N>, period_s: T) -> SVector<T, N> {
+        let elapsed = Elapsed::new(period_s, self.sample_hz);
+        let rates = self.velocities.rates();
+        SVector::from_fn(|lane, _| {
+            let (position, last) = (sensed[lane], self.last.position[lane]);
+            let way = rates[lane] * (self.away[lane] + elapsed.seconds);
+            let is_near = abs(position - last - way) <= self.reach[lane];
+            let is_lost = self.joints[lane].seen && !is_near;
+            if is_lost { last + way } else { position }
+        })
+    }
+
+    /// Takes the next positions as they are, as a finger that is new does.
+    pub fn forget_positions(&mut self) {
+        for servo in &mut self.joints {
+            servo.seen = false;
+        }
+        self.all_seen = false;
+        self.away = [T::zero(); N];
+        self.going = [T::zero(); N];
+        self.position_filters.forget();
+        self.velocities.forget();
+    }
+
     /// The gains of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn gains(&self, joint: usize) -> Option<&JointGains<T>> {
@@ -241,17 +304,26 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// One tick: from sensors to commands, in a gravity in the axes of the palm, m/s²; for a palm
     /// that is accelerated, less its acceleration.
+    ///
+    /// `period_s` is the time since the last tick, s; what is not finite or not above zero counts as a
+    /// period.
     #[inline]
-    pub fn tick(&mut self, sensed: &Sensed<T, N>, gravity: &Vector3<T>) -> ServoOutput<T, N> {
-        let (position, velocity) = self.sense_positions(&sensed.position);
+    pub fn tick(
+        &mut self,
+        sensed: &Sensed<T, N>,
+        gravity: &Vector3<T>,
+        period_s: T,
+    ) -> ServoOutput<T, N> {
+        let elapsed = Elapsed::new(period_s, self.sample_hz);
+        let (position, velocity) = self.sense_positions(&sensed.position, elapsed);
         let tension = self.sense_tensions(&sensed.tension);
         self.take_holds(&position);
 
-        let torque = self.torques(&position, &velocity, &tension, gravity);
+        let torque = self.torques(&position, &velocity, &tension, gravity, elapsed.seconds);
         let given = core::array::from_fn(|joint| self.joints.get(joint)?.given_tensions());
         let allocated = self.arms.allocate_around(&torque, &self.allocation, &given);
         let before = core::mem::replace(&mut self.desired, allocated.tensions);
-        self.smooth(&before);
+        self.smooth(&before, elapsed.periods);
 
         let rates = self.arms.length_rates(&velocity);
         let mut command = self.desired;
@@ -261,7 +333,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .zip(&tension)
             .zip(&rates)
         {
-            *command = servo.tendons.update(command, measured, rate);
+            *command = servo.tendons.update(command, measured, rate, elapsed);
         }
         ServoOutput {
             command,
@@ -270,43 +342,104 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             position,
             velocity,
             saturated: allocated.saturated,
+            lost: self.lost,
         }
     }
 
     /// The positions that the sensors say, filtered, and their rates.
     #[inline(always)]
-    fn sense_positions(&mut self, sensed: &SVector<T, N>) -> (SVector<T, N>, SVector<T, N>) {
-        let [positions] = sensed.data.0;
-        if !(self.all_seen && sum_is_finite(&positions)) {
-            return self.sense_each(positions);
+    #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
+    fn sense_positions(
+        &mut self,
+        sensed: &SVector<T, N>,
+        elapsed: Elapsed<T>,
+    ) -> (SVector<T, N>, SVector<T, N>) {
+        let ([positions], [last]) = (sensed.data.0, self.last.position.data.0);
+        let rates = self.velocities.rates();
+        let (mut still, mut going) = (self.still, self.going);
+        let mut plausible = self.all_seen & (self.lost == 0);
+        for lane in 0..N {
+            let (moved, way) = (positions[lane] - last[lane], rates[lane] * elapsed.seconds);
+            // What is not finite is near nothing.
+            plausible &= abs(moved - way) <= self.reach[lane];
+            let (resolution, since) = (self.resolution[lane], still[lane] + elapsed.seconds);
+            let stands = abs(moved) < real::<T>(0.5) * resolution;
+            still[lane] = if stands { since } else { T::zero() };
+            going[lane] = if stands { going[lane] } else { moved / since };
+            plausible &= abs(going[lane]) * still[lane] <= real::<T>(FROZEN) * resolution;
+        }
+        if !plausible {
+            return self.sense_each(positions, elapsed);
         }
         self.last.position = *sensed;
+        (self.still, self.going) = (still, going);
         let positions = self.position_filters.update(&positions);
-        let velocities = self.velocities.update(&positions);
+        let velocities = self.velocities.update(&positions, elapsed);
         (positions.into(), velocities.into())
     }
 
-    /// The same where a position is not finite, or was never seen.
+    /// The same where a position is no reading, or was none in the last tick.
     #[cold]
     #[inline(never)]
-    fn sense_each(&mut self, mut positions: [T; N]) -> (SVector<T, N>, SVector<T, N>) {
+    fn sense_each(
+        &mut self,
+        mut positions: [T; N],
+        elapsed: Elapsed<T>,
+    ) -> (SVector<T, N>, SVector<T, N>) {
+        let nothing = T::zero() / T::zero();
+        let rates = *self.velocities.rates();
         let mut seen = [false; N];
-        for (((servo, position), last), seen) in self
-            .joints
-            .iter_mut()
-            .zip(&mut positions)
-            .zip(self.last.position.iter_mut())
-            .zip(&mut seen)
-        {
+        self.lost = 0;
+        for lane in 0..N {
+            let (servo, last) = (&mut self.joints[lane], &mut self.last.position[lane]);
+            let (position, away) = (&mut positions[lane], &mut self.away[lane]);
+            let (still, going) = (&mut self.still[lane], &mut self.going[lane]);
+            *away += elapsed.seconds;
+            *still += elapsed.seconds;
+            let (moved, resolution) = (*position - *last, self.resolution[lane]);
+            let stands = abs(moved) < real::<T>(0.5) * resolution;
+            let far = real::<T>(FROZEN) * resolution;
+            let has_gone = abs(*going) * *still > far;
+            let goes_on = servo.goes_on(*going, far / *still);
+            let is_near = abs(moved - rates[lane] * *away) <= self.reach[lane];
             // A filter that began with a position that never was would show a rate.
-            *seen = servo.seen || is_finite(*position);
-            keep(position, last);
-            self.changed |= *seen != servo.seen;
-            servo.seen = *seen;
+            let begins = !servo.seen && is_finite(*position);
+            if begins || servo.seen && is_near && !(stands && has_gone && goes_on) {
+                if begins {
+                    (*still, *going) = (T::zero(), T::zero());
+                } else if !stands {
+                    (*still, *going) = (T::zero(), moved / *still);
+                } else if has_gone && !servo.goes_on(*going, resolution / *still) {
+                    // It was to stop, and has.
+                    *going = T::zero();
+                }
+                (*last, *away) = (*position, T::zero());
+                servo.seen = true;
+                self.changed |= begins;
+            } else if servo.seen {
+                self.lost |= 1 << lane;
+                *position = nothing;
+                if stands && *away < *still {
+                    // It has said nothing for longer than it seemed.
+                    *away = *still;
+                    self.velocities.go_on_from(lane, *last, *going);
+                }
+            } else {
+                *position = *last;
+            }
+            seen[lane] = servo.seen;
         }
         self.all_seen = seen.iter().all(|&seen| seen);
-        let positions = self.position_filters.update_each(&positions, &seen);
-        let velocities = self.velocities.update_each(&positions, &seen);
+        let mut positions = self.position_filters.update_each(&positions, &seen);
+        let lost = self.lost;
+        let is_lost = |lane: &usize| lost & 1 << lane != 0;
+        for lane in (0..N).filter(is_lost) {
+            positions[lane] = nothing;
+        }
+        let velocities = self.velocities.update_each(&positions, &seen, elapsed);
+        for lane in (0..N).filter(is_lost) {
+            positions[lane] = self.last.position[lane] + velocities[lane] * self.away[lane];
+        }
         (positions.into(), velocities.into())
     }
 
@@ -366,6 +499,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         velocity: &SVector<T, N>,
         tension: &Pairs<T, N>,
         gravity: &Vector3<T>,
+        period: T,
     ) -> SVector<T, N> {
         // What no law asks for is not computed.
         let (mut computed, mut falls, mut moves, mut turns) = (false, false, false, false);
@@ -414,12 +548,14 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             zero
         };
 
+        let stop = self.stops(position, velocity);
+
         let mut torque = zero;
         let felt = position.iter().zip(velocity).zip(&measured);
-        let fed = inverse.iter().zip(&weight).zip(&friction);
+        let fed = inverse.iter().zip(&weight).zip(&friction).zip(&stop);
         for (
             ((torque, servo), ((&position, &rate), &measured)),
-            ((&inverse, &gravity), &friction),
+            (((&inverse, &gravity), &friction), &stop),
         ) in torque.iter_mut().zip(&mut self.joints).zip(felt).zip(fed)
         {
             *torque = servo.torque(&Felt {
@@ -429,14 +565,36 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
                 inverse,
                 gravity,
                 friction,
+                stop,
+                period,
             });
         }
         torque
     }
 
+    /// The torques that keep joints from their limits and accelerate no others, N m.
+    #[inline(always)]
+    fn stops(&self, position: &SVector<T, N>, velocity: &SVector<T, N>) -> SVector<T, N> {
+        let mut inwards = SVector::<T, N>::zeros();
+        let motion = position.iter().zip(velocity);
+        for ((servo, (&position, &velocity)), inwards) in
+            self.joints.iter().zip(motion).zip(inwards.iter_mut())
+        {
+            *inwards = servo.stop(position, velocity);
+        }
+        let zero = SVector::zeros();
+        if inwards == zero {
+            return zero;
+        }
+        let weightless = Vector3::zeros();
+        self.mechanism
+            .inverse_dynamics(position, &zero, &inwards, &weightless)
+            + self.drive.armature.component_mul(&inwards)
+    }
+
     /// Takes from the desired tensions the step that a change would make at once.
     #[inline(always)]
-    fn smooth(&mut self, before: &Pairs<T, N>) {
+    fn smooth(&mut self, before: &Pairs<T, N>, periods: T) {
         if self.changed {
             self.changed = false;
             self.left = T::one();
@@ -456,7 +614,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
                 tension.flexor = within(tension.flexor + self.left * step.flexor);
                 tension.extensor = within(tension.extensor + self.left * step.extensor);
             }
-            self.left = max(self.left - self.work_off, T::zero());
+            self.left = max(self.left - self.work_off * periods, T::zero());
         }
     }
 }

@@ -19,7 +19,6 @@ pub(super) struct JointServo<T: Real> {
     torque: (T, T),
     tension: (T, T),
     integrator: Integrator<T>,
-    period: T,
 }
 
 /// What of the finger a joint's law uses.
@@ -35,6 +34,10 @@ pub(super) struct Felt<T> {
     pub(super) gravity: T,
     /// The friction of the drive at the asked-for rate, N m.
     pub(super) friction: T,
+    /// What keeps joints from their limits, N m.
+    pub(super) stop: T,
+    /// Since the last tick, s.
+    pub(super) period: T,
 }
 
 /// The filter of a cutoff (Hz), where there is one.
@@ -84,7 +87,6 @@ impl<T: Real> JointServo<T> {
             torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
             tension: (min_n, max_n),
             integrator: settings.gains.integrator(joint)?,
-            period: T::one() / sample_hz,
         })
     }
 
@@ -138,6 +140,15 @@ impl<T: Real> JointServo<T> {
         Ok(())
     }
 
+    /// Whether it is to go on in the direction in which it went, at this rate at least, rad/s.
+    pub(super) fn goes_on(&self, rate: T, least: T) -> bool {
+        match self.target {
+            JointTarget::Position(point) if rate > T::zero() => point.velocity > least,
+            JointTarget::Position(point) => point.velocity < -least,
+            _ => false,
+        }
+    }
+
     /// Whether nothing but the set-point changes, and that to one which the joint can have.
     #[inline(always)]
     pub(super) fn may_go_on(&self, point: &SetPoint<T>) -> bool {
@@ -171,6 +182,20 @@ impl<T: Real> JointServo<T> {
         }
     }
 
+    /// A target that was checked, out of the zones of the stops.
+    pub(super) fn between_stops(&self, target: JointTarget<T>) -> JointTarget<T> {
+        let (low, high) = self.stop.between();
+        match target {
+            JointTarget::Position(point) if point.position < low => {
+                JointTarget::Position(SetPoint::rest(low))
+            }
+            JointTarget::Position(point) if point.position > high => {
+                JointTarget::Position(SetPoint::rest(high))
+            }
+            target => target,
+        }
+    }
+
     /// Takes a target that was checked.
     pub(super) fn take(&mut self, target: JointTarget<T>) {
         if target.mode() != self.target.mode() {
@@ -201,6 +226,19 @@ impl<T: Real> JointServo<T> {
         }
     }
 
+    /// The acceleration that keeps it from its limits, rad/s²; zero where its tensions are given.
+    #[inline(always)]
+    pub(super) fn stop(&self, position: T, rate: T) -> T {
+        match self.target {
+            JointTarget::Torque(_) | JointTarget::Position(_) | JointTarget::Grasp(_)
+                if self.seen =>
+            {
+                self.stop.acceleration(position, rate)
+            }
+            _ => T::zero(),
+        }
+    }
+
     /// The torque of its law, N m; zero where its tensions are given.
     #[inline(always)]
     pub(super) fn torque(&mut self, felt: &Felt<T>) -> T {
@@ -219,19 +257,14 @@ impl<T: Real> JointServo<T> {
                         + felt.gravity
                         + felt.friction;
                     let (low, high) = self.torque;
-                    let increment = ki * error * self.period;
+                    let increment = ki * error * felt.period;
                     self.integrator
                         .update(rest, increment, low, high)
                         .unwrap_or(rest)
                 }
             },
         };
-        let stop = if self.seen {
-            self.stop.torque(felt.position, felt.rate)
-        } else {
-            T::zero()
-        };
-        let torque = law + stop;
+        let torque = law + felt.stop;
         if is_finite(torque) {
             clamp(torque, self.torque.0, self.torque.1)
         } else {

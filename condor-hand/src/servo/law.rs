@@ -1,4 +1,4 @@
-use crate::math::{Real, max, min};
+use crate::math::{Real, max, min, real};
 
 /// How a joint follows positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +26,12 @@ pub enum PositionLaw<T: Real = f64> {
     },
 }
 
-/// A spring and a damper before each limit of a joint; they push inwards only.
+/// A spring and a damper before each limit of a joint, for whatever inertia it has; they push inwards
+/// only.
+///
+/// The servo makes of the acceleration the torques with which only this joint is accelerated, as
+/// [`PositionLaw::ComputedTorque`] does. A spring of a given stiffness would make light joints swing faster
+/// than the servo can hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoftStop<T: Real = f64> {
     /// The lower limit of the joint, rad.
@@ -35,28 +40,31 @@ pub struct SoftStop<T: Real = f64> {
     pub high: T,
     /// How far before a limit the spring begins, rad.
     pub zone: T,
-    /// N m/rad
-    pub stiffness: T,
-    /// N m s/rad
-    pub damping: T,
+    /// The natural frequency of the joint on the spring, Hz.
+    pub bandwidth_hz: T,
+    /// 1 does not overshoot.
+    pub damping_ratio: T,
 }
 
 impl<T: Real> SoftStop<T> {
-    /// The torque at a position (rad) and a rate (rad/s), N m; zero outside both zones.
+    /// Where a joint can rest: from the end of one zone to that of the other, rad.
+    #[must_use]
+    pub fn between(&self) -> (T, T) {
+        (self.low + self.zone, self.high - self.zone)
+    }
+
+    /// The acceleration that it adds at a position (rad) and a rate (rad/s), rad/s²; zero outside both
+    /// zones.
     #[inline]
     #[must_use]
-    pub fn torque(&self, position: T, rate: T) -> T {
-        let (low, high) = (self.low + self.zone, self.high - self.zone);
+    pub fn acceleration(&self, position: T, rate: T) -> T {
+        let w = T::two_pi() * self.bandwidth_hz;
+        let damping = real::<T>(2.0) * self.damping_ratio * w;
+        let (low, high) = self.between();
         if position < low {
-            max(
-                self.stiffness * (low - position) - self.damping * rate,
-                T::zero(),
-            )
+            max(w * w * (low - position) - damping * rate, T::zero())
         } else if position > high {
-            min(
-                self.stiffness * (high - position) - self.damping * rate,
-                T::zero(),
-            )
+            min(w * w * (high - position) - damping * rate, T::zero())
         } else {
             T::zero()
         }
@@ -71,16 +79,18 @@ mod tests {
         low: 0.0,
         high: 1.0,
         zone: 0.1,
-        stiffness: 2.0,
-        damping: 0.1,
+        bandwidth_hz: 0.5 / core::f64::consts::PI,
+        damping_ratio: 0.5,
     };
 
     #[test]
     fn a_stop_pushes_inwards_and_never_pulls() {
-        assert_eq!(STOP.torque(0.5, 9.0), 0.0);
-        assert!((STOP.torque(0.05, 0.0) - 0.1).abs() < 1e-15);
-        assert!((STOP.torque(0.95, 0.0) + 0.1).abs() < 1e-15);
-        assert_eq!(STOP.torque(0.05, 9.0), 0.0);
-        assert_eq!(STOP.torque(0.95, -9.0), 0.0);
+        // With w = 1 and 2 zeta w = 1.
+        assert_eq!(STOP.acceleration(0.5, 9.0), 0.0);
+        assert!((STOP.acceleration(0.05, 0.0) - 0.05).abs() < 1e-15);
+        assert!((STOP.acceleration(0.95, 0.0) + 0.05).abs() < 1e-15);
+        assert!((STOP.acceleration(0.05, -1.0) - 1.05).abs() < 1e-15);
+        assert_eq!(STOP.acceleration(0.05, 9.0), 0.0);
+        assert_eq!(STOP.acceleration(0.95, -9.0), 0.0);
     }
 }

@@ -27,6 +27,12 @@ pub struct JointSettings<T: Real = f64> {
     pub stop: SoftStop<T>,
     /// How a torque becomes two tensions.
     pub allocation: Allocation<T>,
+    /// How far from where its rate leads a joint can be after one period, rad: a reading that is farther
+    /// is none.
+    pub reach_rad: T,
+    /// What its sensor tells apart, rad: one that shows no change while its joint must have gone by more
+    /// than twice as much shows nothing at all.
+    pub resolution_rad: T,
     /// A low-pass filter before everything else, Hz.
     pub position_cutoff_hz: Option<T>,
     /// The cutoff of the differentiation of its position, Hz.
@@ -208,11 +214,15 @@ impl<T: Real> SoftStop<T> {
             ("upper limit, rad", self.high, true),
             ("zone of a stop, rad", self.zone, self.zone >= T::zero()),
             (
-                "stiffness of a stop",
-                self.stiffness,
-                self.stiffness >= T::zero(),
+                "bandwidth of a stop, Hz",
+                self.bandwidth_hz,
+                self.bandwidth_hz >= T::zero(),
             ),
-            ("damping of a stop", self.damping, self.damping >= T::zero()),
+            (
+                "damping ratio of a stop",
+                self.damping_ratio,
+                self.damping_ratio >= T::zero(),
+            ),
         ];
         for (what, value, sensible) in named {
             if !is_finite(value) || !sensible {

@@ -1,4 +1,5 @@
 use super::{Pair, TensionGains, TensionServo, TensionServoError};
+use crate::control::bank::Elapsed;
 use crate::math::{Real, clamp, is_finite};
 
 /// The tension servos of both tendons of a joint, which answer as two [`TensionServo`]s would.
@@ -75,13 +76,12 @@ impl<T: Real> Antagonists<T> {
         desired: &Pair<T>,
         measured: &Pair<T>,
         length_rate: &Pair<T>,
+        elapsed: Elapsed<T>,
     ) -> Pair<T> {
         let asked = [desired.flexor, desired.extensor];
         let measured = [measured.flexor, measured.extensor];
         let length_rate = [length_rate.flexor, length_rate.extensor];
         let zero = T::zero();
-        let [servo, _] = &self.each;
-        let (period, sample_hz) = (servo.period, servo.sample_hz);
         let mut next = *self;
         let mut command = [zero; 2];
         let mut test = [zero; 2];
@@ -89,10 +89,10 @@ impl<T: Real> Antagonists<T> {
             let (max_n, term) = (self.max_n[i], self.term[i]);
             let desired = clamp(asked[i], zero, max_n);
             let error = desired - measured[i];
-            let rate = (error - self.last_error[i]) * sample_hz;
+            let rate = (error - self.last_error[i]) * elapsed.hz;
             let damping = self.kv[i] * length_rate[i];
             let rest = desired + self.kt[i] * error + self.kd[i] * rate - damping;
-            let increment = self.ki[i] * error * period;
+            let increment = self.ki[i] * error * elapsed.seconds;
             let moved = clamp(term + increment, -max_n, max_n);
             let output = rest + moved;
             let winds_up = ((output > max_n) & (moved > term)) | ((output < zero) & (moved < term));
@@ -106,7 +106,7 @@ impl<T: Real> Antagonists<T> {
         let [a, b] = test;
         let [first, second] = self.has_last;
         if !(first && second && is_finite(a + b)) {
-            return self.update_each(&asked, &measured, &length_rate);
+            return self.update_each(&asked, &measured, &length_rate, elapsed);
         }
         self.term = next.term;
         self.desired = next.desired;
@@ -117,12 +117,18 @@ impl<T: Real> Antagonists<T> {
 
     #[cold]
     #[inline(never)]
-    fn update_each(&mut self, desired: &[T; 2], measured: &[T; 2], rate: &[T; 2]) -> Pair<T> {
+    fn update_each(
+        &mut self,
+        desired: &[T; 2],
+        measured: &[T; 2],
+        rate: &[T; 2],
+        elapsed: Elapsed<T>,
+    ) -> Pair<T> {
         self.give_back();
         let [flexor, extensor] = &mut self.each;
         let command = Pair {
-            flexor: flexor.update(desired[0], measured[0], rate[0]),
-            extensor: extensor.update(desired[1], measured[1], rate[1]),
+            flexor: flexor.update_after(desired[0], measured[0], rate[0], elapsed),
+            extensor: extensor.update_after(desired[1], measured[1], rate[1], elapsed),
         };
         self.take_over();
         command
@@ -198,10 +204,18 @@ mod tests {
                 extensor: value(tick, salt + 1),
             };
             let (desired, measured, rate) = (pair(0), pair(2), pair(4));
-            let together = both.update(&desired, &measured, &rate);
-            let flexor = (alone.flexor).update(desired.flexor, measured.flexor, rate.flexor);
-            let extensor =
-                (alone.extensor).update(desired.extensor, measured.extensor, rate.extensor);
+            let elapsed = Elapsed::new([1.0, 0.9, 3.0][tick % 3] / 400.0, 400.0);
+            let together = both.update(&desired, &measured, &rate, elapsed);
+            let flexor =
+                alone
+                    .flexor
+                    .update_after(desired.flexor, measured.flexor, rate.flexor, elapsed);
+            let extensor = alone.extensor.update_after(
+                desired.extensor,
+                measured.extensor,
+                rate.extensor,
+                elapsed,
+            );
             assert_eq!(together.flexor.to_bits(), flexor.to_bits(), "tick {tick}");
             assert_eq!(
                 together.extensor.to_bits(),

@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use crate::control::bank::Elapsed;
 use crate::control::{Integrator, PidError};
 use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite};
@@ -57,8 +58,8 @@ pub struct TensionServo<T: Real = f64> {
     pub(super) gains: TensionGains<T>,
     pub(super) integrator: Integrator<T>,
     pub(super) max_n: T,
-    pub(super) period: T,
-    pub(super) sample_hz: T,
+    period: T,
+    sample_hz: T,
     pub(super) desired: T,
     pub(super) last_error: Option<T>,
     rejected: u32,
@@ -103,6 +104,19 @@ impl<T: Real> TensionServo<T> {
     /// the rate of the tendon's length in m/s.
     #[inline]
     pub fn update(&mut self, desired: T, measured: T, length_rate: T) -> T {
+        let elapsed = Elapsed::new(self.period, self.sample_hz);
+        self.update_after(desired, measured, length_rate, elapsed)
+    }
+
+    /// The same for samples so long after the last ones.
+    #[inline]
+    pub(super) fn update_after(
+        &mut self,
+        desired: T,
+        measured: T,
+        length_rate: T,
+        elapsed: Elapsed<T>,
+    ) -> T {
         let zero = T::zero();
         let good = is_finite(desired) && is_finite(measured) && is_finite(length_rate);
         if !good {
@@ -121,7 +135,7 @@ impl<T: Real> TensionServo<T> {
             let error = self.desired - measured;
             let rate = self
                 .last_error
-                .map_or(zero, |last| (error - last) * self.sample_hz);
+                .map_or(zero, |last| (error - last) * elapsed.hz);
             self.last_error = Some(error);
             (error, rate)
         } else {
@@ -129,7 +143,7 @@ impl<T: Real> TensionServo<T> {
             (zero, zero)
         };
         let rest = self.desired + kt * error + kd * rate - damping;
-        let increment = ki * error * self.period;
+        let increment = ki * error * elapsed.seconds;
         // Products of huge numbers can still overflow; then the actuator gets the open loop.
         self.integrator
             .update(rest, increment, zero, self.max_n)

@@ -218,28 +218,26 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// The set-points one servo period later.
     #[inline]
     pub fn step(&mut self) -> [SetPoint<T>; J] {
-        self.advance();
+        self.advance(1);
         self.set_points()
     }
 
-    /// Goes on by one servo period.
+    /// Goes on by so many servo periods.
     #[inline]
-    pub(crate) fn advance(&mut self) {
-        if self.step < self.length {
-            self.step += 1;
-        } else {
-            self.late = self.late.saturating_add(1);
-        }
+    pub(crate) fn advance(&mut self, periods: u32) {
+        let left = self.length - self.step;
+        self.step += periods.min(left);
+        self.late = self.late.saturating_add(periods.saturating_sub(left));
         if self.rejoining {
-            self.go_on_in_gaps();
+            self.go_on_in_gaps(self.seconds(periods));
         }
     }
 
     #[cold]
-    fn go_on_in_gaps(&mut self) {
+    fn go_on_in_gaps(&mut self, seconds: T) {
         for gap in &mut self.gaps {
             if let Some(Gap { way, at }) = gap {
-                *at += self.period;
+                *at += seconds;
                 if !(*at < way.duration()) {
                     *gap = None;
                 }

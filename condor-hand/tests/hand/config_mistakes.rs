@@ -36,6 +36,9 @@ macro_rules! cases {
 }
 
 cases! {
+    a_stop_in_which_the_joint_would_swing: UTAH,
+        "bandwidth_hz = 8.0" => "bandwidth_hz = 80.0",
+        "hand.toml:117:16: `stop.bandwidth_hz` of joint `abduction` of finger `index` is 80; with its servo and its actuators the joint comes to rest there only up to 13.5545349121\n    80.0";
     no_toml: UTAH,
         "servo_hz = 400 " => "servo_hz = = 400 ",
         "hand.toml:10:12: extra `=`, expected nothing\n    =";
@@ -44,43 +47,43 @@ cases! {
         "hand.toml:11:1: duplicate key\n    servo_hz";
     unknown_key: UTAH,
         "max_n = 200.0" => "max_m = 200.0",
-        "hand.toml:67:1: there is no key `max_m` here; did you mean `max_n`?\n    max_m";
+        "hand.toml:69:1: there is no key `max_m` here; did you mean `max_n`?\n    max_m";
     unknown_key_in_defaults: UTAH,
         "zeta = 1.0" => "zetta = 1.0",
-        "hand.toml:110:1: there is no key `zetta` here; did you mean `zeta`?\n    zetta";
+        "hand.toml:112:1: there is no key `zetta` here; did you mean `zeta`?\n    zetta";
     unknown_key_like_no_other: UTAH,
         "torsion_m = 0.002" => "colour = 3",
-        "hand.toml:26:1: there is no key `colour` here; it can be `friction`, `torsion_m`, `safety`\n    colour";
+        "hand.toml:28:1: there is no key `colour` here; it can be `friction`, `torsion_m`, `safety`\n    colour";
     unknown_word: UTAH,
         "kind = \"table\"" => "kind = \"tabel\"",
-        "hand.toml:52:8: `tabel` is none of the choices here; did you mean `table`?\n    \"tabel\"";
+        "hand.toml:54:8: `tabel` is none of the choices here; did you mean `table`?\n    \"tabel\"";
     unknown_choice: UTAH,
         "smooth = { softness_n = 3.0 }" => "smoothly = { softness_n = 3.0 }",
-        "hand.toml:96:19: `smoothly` is none of the choices here; did you mean `smooth`?\n    smoothly";
+        "hand.toml:98:19: `smoothly` is none of the choices here; did you mean `smooth`?\n    smoothly";
     two_choices: UTAH,
         "smooth = { softness_n = 3.0 }" => "smooth = { softness_n = 3.0 }, hard = {}",
-        "hand.toml:96:17: the length 2 is not that of a table with the one key that chooses\n    { smooth = { softness_n = 3.0 }, hard = {} }";
+        "hand.toml:98:17: the length 2 is not that of a table with the one key that chooses\n    { smooth = { softness_n = 3.0 }, hard = {} }";
     no_choice: UTAH,
         "rectification = { smooth = { softness_n = 3.0 } }" => "rectification = 3",
-        "hand.toml:96:17: a value stands where a word, or a table with the one key that chooses should be\n    3";
+        "hand.toml:98:17: a value stands where a word, or a table with the one key that chooses should be\n    3";
     missing_key: UTAH,
         "trajectory_hz = 50 " => "#",
         "hand.toml:1:1: the key `trajectory_hz` is missing here";
     missing_tendon: TRIPOD,
         "extensor = { arm_m = -0.007, adc = { board = 0, channel = 2 }, dac = { board = 5, channel = 1 } }" => "#",
-        "hand.toml:49:1: the key `extensor.adc.board` is missing here\n    [[fingers.joints]]";
+        "hand.toml:51:1: the key `extensor.adc.board` is missing here\n    [[fingers.joints]]";
     missing_position: UTAH,
         "adc = { board = 0, channel = 5 }" => "#",
-        "hand.toml:200:1: the key `adc.channel` is missing here\n    [[fingers.joints]]";
+        "hand.toml:202:1: the key `adc.channel` is missing here\n    [[fingers.joints]]";
     missing_tension_sensor: TRIPOD,
         "flexor = { arm_m = 0.006, adc = { board = 0, channel = 4 }" => "flexor = { arm_m = 0.006",
-        "hand.toml:64:10: the key `adc.board` is missing here\n    { arm_m = 0.006, dac = { board = 5, channel = 2 } }";
+        "hand.toml:66:10: the key `adc.board` is missing here\n    { arm_m = 0.006, dac = { board = 5, channel = 2 } }";
     missing_drive: UTAH,
         ", dac = { board = 0, channel = 30 }" => "",
-        "hand.toml:265:10: the key `dac.channel` is missing here\n    { adc = { board = 1, channel = 30 } }";
+        "hand.toml:267:10: the key `dac.channel` is missing here\n    { adc = { board = 1, channel = 30 } }";
     text_for_a_number: UTAH,
         "kp = 1.0" => "kp = \"1.0\"",
-        "hand.toml:106:6: string \"1.0\" stands where a number should be\n    \"1.0\"";
+        "hand.toml:108:6: string \"1.0\" stands where a number should be\n    \"1.0\"";
     fraction_for_a_count: UTAH,
         "tension_samples = 20" => "tension_samples = 20.5",
         "hand.toml:17:19: floating point `20.5` stands where a whole number from 0 to 65535 should be\n    20.5";
@@ -92,7 +95,7 @@ cases! {
         "hand.toml:10:12: 99999999999999999999 stands where a number of 64 bits should be\n    99999999999999999999";
     channel_beyond_a_byte: UTAH,
         "channel = 15 }\n" => "channel = 300 }\n",
-        "hand.toml:264:30: integer `300` stands where a whole number from 0 to 255 should be\n    300";
+        "hand.toml:266:30: integer `300` stands where a whole number from 0 to 255 should be\n    300";
     vector_too_short: UTAH,
         "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, -9.81]",
         "hand.toml:12:11: the length 2 is not that of an array of length 3\n    [0.0, -9.81]";
@@ -101,193 +104,193 @@ cases! {
         "hand.toml:12:11: the length 4 is not that of 3 elements in sequence\n    [0.0, 0.0, 0.0, -9.81]";
     name_too_long: UTAH,
         "name = \"thumb\"" => "name = \"opposed-thumb-of-four-joints\"",
-        "hand.toml:243:8: the length 28 is not that of a string no more than 15 bytes long\n    \"opposed-thumb-of-four-joints\"";
+        "hand.toml:245:8: the length 28 is not that of a string no more than 15 bytes long\n    \"opposed-thumb-of-four-joints\"";
     too_many_joints: TRIPOD,
         "[[fingers]]\nname = \"b\"" => "[[fingers.joints]]\nname = \"fourth\"\n\n[[fingers.joints]]\nname = \"fifth\"\n\n[[fingers]]\nname = \"b\"",
-        "hand.toml:81:1: there are 5 joints in a finger; this program has room for 4\n    [[fingers.joints]]";
+        "hand.toml:83:1: there are 5 joints in a finger; this program has room for 4\n    [[fingers.joints]]";
     too_many_fingers: TRIPOD,
         "[[fingers]]\nname = \"b\"" => "[[fingers]]\nname = \"d\"\n\n[[fingers]]\nname = \"e\"\n\n[[fingers]]\nname = \"b\"",
-        "hand.toml:104:1: there are 5 fingers; this program has room for 4\n    [[fingers]]";
+        "hand.toml:106:1: there are 5 fingers; this program has room for 4\n    [[fingers]]";
     missing_name: UTAH,
         "name = \"thumb\"" => "#",
-        "hand.toml:242:1: the key `name` is missing here\n    [[fingers]]";
+        "hand.toml:244:1: the key `name` is missing here\n    [[fingers]]";
     like_nobody: UTAH,
         "name = \"thumb\"\nlike = \"index\"" => "name = \"thumb\"\nlike = \"pinky\"",
-        "hand.toml:244:8: no finger `pinky` stands above this one\n    \"pinky\"";
+        "hand.toml:246:8: no finger `pinky` stands above this one\n    \"pinky\"";
     defaults_no_table: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = 2",
-        "hand.toml:219:18: a value stands where a table of defaults should be\n    2";
+        "hand.toml:221:18: a value stands where a table of defaults should be\n    2";
     not_finite: UTAH,
         "kv = 0.03" => "kv = nan",
-        "hand.toml:107:6: `servo.kv` of joint `abduction` of finger `index` is NaN, which is no finite number\n    nan";
+        "hand.toml:109:6: `servo.kv` of joint `abduction` of finger `index` is NaN, which is no finite number\n    nan";
     law_without_its_gain: UTAH,
         "bandwidth_hz = 10.0" => "bandwidth_hz = 0.0",
-        "hand.toml:109:16: `servo.bandwidth_hz` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:111:16: `servo.bandwidth_hz` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
     not_finite_in_a_list: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, inf, 0.0]",
-        "hand.toml:163:44: `body.center[1]` of joint `proximal` of finger `index` is inf, which is no finite number\n    inf";
+        "hand.toml:165:44: `body.center[1]` of joint `proximal` of finger `index` is inf, which is no finite number\n    inf";
     not_positive: UTAH,
         "mass_kg = 0.06" => "mass_kg = 0.0",
-        "hand.toml:163:20: `body.mass_kg` of joint `proximal` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:165:20: `body.mass_kg` of joint `proximal` of finger `index` is 0; it must be above 0\n    0.0";
     too_small: UTAH,
         "safety = 1.2" => "safety = 0.9",
-        "hand.toml:27:10: `contact.safety` of the hand is 0.9; it must be at least 1\n    0.9";
+        "hand.toml:29:10: `contact.safety` of the hand is 0.9; it must be at least 1\n    0.9";
     budget_above_one: UTAH,
         "loop_us = 4000.0\nbudget = 0.8" => "loop_us = 4000.0\nbudget = 1.8",
-        "hand.toml:34:10: `budget` of processor 0 is 1.8; it must be at most 1\n    1.8";
+        "hand.toml:36:10: `budget` of processor 0 is 1.8; it must be at most 1\n    1.8";
     limits_order: UTAH,
         "low = 0.08726646259971647, high = 1.6580627893946132" => "low = 1.7, high = 1.6580627893946132",
-        "hand.toml:170:18: `limits.low` of joint `middle` of finger `index` is 1.7; it must be below `high`, which is 1.65806278939\n    1.7";
+        "hand.toml:172:18: `limits.low` of joint `middle` of finger `index` is 1.7; it must be below `high`, which is 1.65806278939\n    1.7";
     tensions_order: UTAH,
         "min_n = 4.0" => "min_n = 140.0",
-        "hand.toml:124:9: `flexor.min_n` of joint `abduction` of finger `index` is 140; it must be below `max_n`, which is 130\n    140.0";
+        "hand.toml:126:9: `flexor.min_n` of joint `abduction` of finger `index` is 140; it must be below `max_n`, which is 130\n    140.0";
     slack_order: UTAH,
         "slack_n = 1.0" => "slack_n = 4.0",
-        "hand.toml:126:11: `flexor.slack_n` of joint `abduction` of finger `index` is 4; it must be below `min_n`, which is 4\n    4.0";
+        "hand.toml:128:11: `flexor.slack_n` of joint `abduction` of finger `index` is 4; it must be below `min_n`, which is 4\n    4.0";
     break_order: UTAH,
         "break_n = 180.0" => "break_n = 120.0",
-        "hand.toml:125:9: `flexor.max_n` of joint `abduction` of finger `index` is 130; it must be below `break_n`, which is 120\n    130.0";
+        "hand.toml:127:9: `flexor.max_n` of joint `abduction` of finger `index` is 130; it must be below `break_n`, which is 120\n    130.0";
     zero_gain: UTAH,
         "gain = 31.5 }   " => "gain = 0.0 }   ",
-        "hand.toml:130:27: `flexor.dac.gain` of joint `abduction` of finger `index` is 0: all counts would mean the same\n    0.0";
+        "hand.toml:132:27: `flexor.dac.gain` of joint `abduction` of finger `index` is 0: all counts would mean the same\n    0.0";
     beyond_adc: UTAH,
         "offset = -1.0471975511965976" => "offset = 0.0",
-        "hand.toml:156:7: `adc` of joint `abduction` of finger `index` has -568.888888889 counts for -0.436332312999; its converter ends at 4095\n    { board = 0, channel = 0 }";
+        "hand.toml:158:7: `adc` of joint `abduction` of finger `index` has -568.888888889 counts for -0.436332312999; its converter ends at 4095\n    { board = 0, channel = 0 }";
     beyond_dac: UTAH,
         "gain = 31.5 }   " => "gain = 32.5 }   ",
-        "hand.toml:157:52: `flexor.dac` of joint `abduction` of finger `index` has 4225 counts for 130; its converter ends at 4095\n    { board = 0, channel = 0 }";
+        "hand.toml:159:52: `flexor.dac` of joint `abduction` of finger `index` has 4225 counts for 130; its converter ends at 4095\n    { board = 0, channel = 0 }";
     no_bits: UTAH,
         "adc = { bits = 12, gain = 7" => "adc = { bits = 0, gain = 7",
-        "hand.toml:98:16: `adc.bits` of joint `abduction` of finger `index` is 0; it must be at least 1\n    0";
+        "hand.toml:100:16: `adc.bits` of joint `abduction` of finger `index` is 0; it must be at least 1\n    0";
     too_many_bits: UTAH,
         "adc = { bits = 12, gain = 7" => "adc = { bits = 33, gain = 7",
-        "hand.toml:98:16: `adc.bits` of joint `abduction` of finger `index` is 33; it must be at most 32\n    33";
+        "hand.toml:100:16: `adc.bits` of joint `abduction` of finger `index` is 33; it must be at most 32\n    33";
     cutoff: UTAH,
         "zeta = 1.0\nvelocity_cutoff_hz = 100.0" => "zeta = 1.0\nvelocity_cutoff_hz = 200.0",
-        "hand.toml:111:22: `servo.velocity_cutoff_hz` of joint `abduction` of finger `index` is 200; a loop of 400 Hz filters below half of that\n    200.0";
+        "hand.toml:113:22: `servo.velocity_cutoff_hz` of joint `abduction` of finger `index` is 200; a loop of 400 Hz filters below half of that\n    200.0";
     tendon_cutoff: TRIPOD,
         "cutoff_hz = 200.0" => "cutoff_hz = 1000.0",
-        "hand.toml:40:102: `flexor.cutoff_hz` of joint `roll` of finger `a` is 1000; a loop of 2000 Hz filters below half of that\n    1000.0";
+        "hand.toml:42:102: `flexor.cutoff_hz` of joint `roll` of finger `a` is 1000; a loop of 2000 Hz filters below half of that\n    1000.0";
     not_rotation: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, -1.0, 0.1], [0.0, 0.0, -1.0]",
-        "hand.toml:245:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0.1, and its determinant is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
+        "hand.toml:247:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0.1, and its determinant is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
     reflection: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, 1.0, 0.0], [0.0, 0.0, -1.0]",
-        "hand.toml:245:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0, and its determinant is -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
+        "hand.toml:247:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0, and its determinant is -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
     not_unit: TRIPOD,
         "motion = { revolute = [0.0, 1.0, 0.0] }" => "motion = { revolute = [0.0, 2.0, 0.0] }",
-        "hand.toml:61:100: `mount.motion.revolute` of joint `bend` of finger `a` has the length 2; an axis has the length 1\n    [0.0, 2.0, 0.0]";
+        "hand.toml:63:100: `mount.motion.revolute` of joint `bend` of finger `a` has the length 2; an axis has the length 1\n    [0.0, 2.0, 0.0]";
     direction: UTAH,
         "direction = [0.0, 1.0, 0.0]" => "direction = [0.0, 1.0, 1.0]",
-        "hand.toml:72:13: `direction` of axis `y` has the length 1.41421356237; an axis has the length 1\n    [0.0, 1.0, 1.0]";
+        "hand.toml:74:13: `direction` of axis `y` has the length 1.41421356237; an axis has the length 1\n    [0.0, 1.0, 1.0]";
     rotation_axis: TRIPOD,
         "axis = { axis = [0.0, 0.0, 1.0], angle = 2" => "axis = { axis = [0.0, 0.0, 0.0], angle = 2",
-        "hand.toml:81:85: `base.rotation.axis.axis` of finger `b` has the length 0; an axis has the length 1\n    [0.0, 0.0, 0.0]";
+        "hand.toml:83:85: `base.rotation.axis.axis` of finger `b` has the length 0; an axis has the length 1\n    [0.0, 0.0, 0.0]";
     not_inertia: TRIPOD,
         "moments = [2e-6, 3e-6, 4e-6]" => "moments = [1e-6, 1e-6, 4e-6]",
-        "hand.toml:53:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body\n    [1e-6, 1e-6, 4e-6]";
+        "hand.toml:55:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body\n    [1e-6, 1e-6, 4e-6]";
     products_too_large: TRIPOD,
         "products = [1e-7, 0.0, -1e-7]" => "products = [1e-5, 0.0, -1e-7]",
-        "hand.toml:53:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body\n    [2e-6, 3e-6, 4e-6]";
+        "hand.toml:55:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body\n    [2e-6, 3e-6, 4e-6]";
     flat_cuboid: UTAH,
         "cuboid = [0.033, 0.018, 0.02]" => "cuboid = [0.033, 0.018, 0.0]",
-        "hand.toml:171:89: `body.shape.cuboid[2]` of joint `middle` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:173:89: `body.shape.cuboid[2]` of joint `middle` of finger `index` is 0; it must be above 0\n    0.0";
     no_name: UTAH,
         "name = \"thumb\"" => "name = \" \"",
-        "hand.toml:243:8: `name` of finger ` ` is empty\n    \" \"";
+        "hand.toml:245:8: `name` of finger ` ` is empty\n    \" \"";
     finger_twice: UTAH,
         "name = \"thumb\"" => "name = \"ring\"",
-        "hand.toml:243:8: the name of finger `ring` is taken already\n    \"ring\"";
+        "hand.toml:245:8: the name of finger `ring` is taken already\n    \"ring\"";
     joint_twice: TRIPOD,
         "name = \"bend\"" => "name = \"roll\"",
-        "hand.toml:59:8: the name of joint `roll` of finger `a` is taken already\n    \"roll\"";
+        "hand.toml:61:8: the name of joint `roll` of finger `a` is taken already\n    \"roll\"";
     axis_twice: UTAH,
         "name = \"z\"" => "name = \"y\"",
-        "hand.toml:83:8: the name of axis `y` is taken already\n    \"y\"";
+        "hand.toml:85:8: the name of axis `y` is taken already\n    \"y\"";
     no_joints: TRIPOD,
         "[[fingers]]\nname = \"b\"" => "[[fingers]]\nname = \"d\"\nbase = {}\nform = { chain = { tip = [0, 0, 0] } }\njoints = []\n\n[[fingers]]\nname = \"b\"",
-        "hand.toml:82:10: `joints` of finger `d` is empty\n    []";
+        "hand.toml:84:10: `joints` of finger `d` is empty\n    []";
     processor_twice: UTAH,
         "number = 3" => "number = 2",
-        "hand.toml:51:10: there are two processors of number 2\n    2";
+        "hand.toml:53:10: there are two processors of number 2\n    2";
     no_processor: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 9 }",
-        "hand.toml:219:32: joint `abduction` of finger `ring` is on processor 9, which the hand does not have\n    9";
+        "hand.toml:221:32: joint `abduction` of finger `ring` is on processor 9, which the hand does not have\n    9";
     wrong_kind: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 3 }",
-        "hand.toml:219:32: joint `abduction` of finger `ring` is on processor 3, which is a table; it needs a servo\n    3";
+        "hand.toml:221:32: joint `abduction` of finger `ring` is on processor 3, which is a table; it needs a servo\n    3";
     axis_on_a_servo: UTAH,
         "direction = [0.0, 1.0, 0.0]\nprocessor = 3" => "direction = [0.0, 1.0, 0.0]\nprocessor = 1",
-        "hand.toml:73:13: axis `y` is on processor 1, which is a servo; it needs a table\n    1";
+        "hand.toml:75:13: axis `y` is on processor 1, which is a servo; it needs a table\n    1";
     split_finger: UTAH,
         "adc = { board = 0, channel = 6 }" => "processor = 2\nadc = { board = 0, channel = 6 }",
-        "hand.toml:206:13: joint `middle` of finger `middle` is on processor 2 and the finger's first joint on 1; tendons couple the joints of a finger, so one processor serves them all\n    2";
+        "hand.toml:208:13: joint `middle` of finger `middle` is on processor 2 and the finger's first joint on 1; tendons couple the joints of a finger, so one processor serves them all\n    2";
     rate: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 60 ",
         "hand.toml:10:12: `servo_hz` of the hand is 400, which is no multiple of 60, the trajectories' rate\n    400";
     rate_of_a_processor: TRIPOD,
         "rate_hz = 2000" => "rate_hz = 1950",
-        "hand.toml:22:11: `rate_hz` of processor 7 is 1950, which is no multiple of 100, the trajectories' rate\n    1950";
+        "hand.toml:24:11: `rate_hz` of processor 7 is 1950, which is no multiple of 100, the trajectories' rate\n    1950";
     rate_zero: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 0 ",
         "hand.toml:11:17: `trajectory_hz` of the hand is 0; it must be above 0\n    0";
     load: UTAH,
         "joint_us = 200.0" => "joint_us = 240.0",
-        "hand.toml:41:10: processor 1 would be busy for 0.828 of its time; its budget is 0.8\n    0.8";
+        "hand.toml:43:10: processor 1 would be busy for 0.828 of its time; its budget is 0.8\n    0.8";
     same_adc_channel: UTAH,
         "adc = { board = 0, channel = 13 }" => "adc = { board = 0, channel = 2 }",
-        "hand.toml:254:30: A/D channel 2 of board 0 is for the position of joint `middle` of finger `index` and for the position of joint `proximal` of finger `thumb`\n    2";
+        "hand.toml:256:30: A/D channel 2 of board 0 is for the position of joint `middle` of finger `index` and for the position of joint `proximal` of finger `thumb`\n    2";
     same_dac_channel: UTAH,
         "dac = { board = 0, channel = 31 }" => "dac = { board = 1, channel = 2 }",
-        "hand.toml:87:30: D/A channel 2 of board 1 is for the extensor of joint `distal` of finger `thumb` and for the drive of axis `z`\n    2";
+        "hand.toml:89:30: D/A channel 2 of board 1 is for the extensor of joint `distal` of finger `thumb` and for the drive of axis `z`\n    2";
     own_flexor_arm: TRIPOD,
         "arm_m = 0.006, adc = { board = 0, channel = 4 }" => "arm_m = -0.006, adc = { board = 0, channel = 4 }",
-        "hand.toml:64:20: `flexor.arm_m` of joint `bend` of finger `a` is -0.006 m; a flexor's is above 0, an extensor's below\n    -0.006";
+        "hand.toml:66:20: `flexor.arm_m` of joint `bend` of finger `a` is -0.006 m; a flexor's is above 0, an extensor's below\n    -0.006";
     own_extensor_arm: UTAH,
         "arm_m = -0.0095" => "arm_m = 0.0",
-        "hand.toml:174:90: `extensor.arm_m` of joint `middle` of finger `index` is 0 m; a flexor's is above 0, an extensor's below\n    0.0";
+        "hand.toml:176:90: `extensor.arm_m` of joint `middle` of finger `index` is 0 m; a flexor's is above 0, an extensor's below\n    0.0";
     crosses_nothing: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"midle\", flexor_m",
-        "hand.toml:184:11: the tendons of joint `distal` of finger `index` cross joint `midle`, which the finger does not have\n    [";
+        "hand.toml:186:11: the tendons of joint `distal` of finger `index` cross joint `midle`, which the finger does not have\n    [";
     crosses_distal: UTAH,
         "joint = \"proximal\", flexor_m = 0.0095" => "joint = \"distal\", flexor_m = 0.0095",
-        "hand.toml:175:11: the tendons of joint `middle` of finger `index` cross joint `distal`, which is not proximal to it\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
+        "hand.toml:177:11: the tendons of joint `middle` of finger `index` cross joint `distal`, which is not proximal to it\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
     crosses_itself: TRIPOD,
         "joint = \"roll\", flexor_m" => "joint = \"bend\", flexor_m",
-        "hand.toml:66:11: the tendons of joint `bend` of finger `a` cross joint `bend`, which is not proximal to it\n    [{ joint = \"bend\", flexor_m = 0.001, extensor_m = 0.001 }]";
+        "hand.toml:68:11: the tendons of joint `bend` of finger `a` cross joint `bend`, which is not proximal to it\n    [{ joint = \"bend\", flexor_m = 0.001, extensor_m = 0.001 }]";
     crosses_twice: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"proximal\", flexor_m",
-        "hand.toml:184:11: the tendons of joint `distal` of finger `index` cross joint `proximal` twice\n    [";
+        "hand.toml:186:11: the tendons of joint `distal` of finger `index` cross joint `proximal` twice\n    [";
     planar_joints: TRIPOD,
         "form = { chain = { tip = [0.02, 0.0, 0.0] } }" => "form = { planar = { lengths = [0.0, 0.03, 0.03, 0.02] } }",
-        "hand.toml:44:1: finger `a` is planar and has 3 joints; the closed form is of 4\n    [[fingers]]";
+        "hand.toml:46:1: finger `a` is planar and has 3 joints; the closed form is of 4\n    [[fingers]]";
     off_axis: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, 0.001, 0.0]",
-        "hand.toml:163:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [0.0216, 0.001, 0.0]";
+        "hand.toml:165:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [0.0216, 0.001, 0.0]";
     off_axis_inertia: UTAH,
         "shape = { cuboid = [0.0432, 0.018, 0.02] }" => "shape = { inertia = { moments = [4e-6, 1e-5, 1e-5], products = [1e-7, 0.0, 0.0] } }",
-        "hand.toml:163:118: `body.shape.inertia.products` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [1e-7, 0.0, 0.0]";
+        "hand.toml:165:118: `body.shape.inertia.products` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [1e-7, 0.0, 0.0]";
     no_mount: TRIPOD,
         "mount = { motion = { revolute = [1.0, 0.0, 0.0] } }" => "#",
-        "hand.toml:49:1: joint `roll` of finger `a` has no `mount`, which a joint of a chain needs\n    [[fingers.joints]]";
+        "hand.toml:51:1: joint `roll` of finger `a` has no `mount`, which a joint of a chain needs\n    [[fingers.joints]]";
     needless_mount: UTAH,
         "adc = { board = 0, channel = 1 }" => "mount = { motion = { revolute = [0.0, 1.0, 0.0] } }\nadc = { board = 0, channel = 1 }",
-        "hand.toml:164:9: joint `proximal` of finger `index` has a `mount`; in a planar finger the lengths say where joints are\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
+        "hand.toml:166:9: joint `proximal` of finger `index` has a `mount`; in a planar finger the lengths say where joints are\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
     stop_zone: UTAH,
         "zone = 0.05235987755982988" => "zone = 0.5",
-        "hand.toml:114:8: `stop.zone` of joint `abduction` of finger `index` is 0.5; it must be at most 0.436332312999\n    0.5";
+        "hand.toml:116:8: `stop.zone` of joint `abduction` of finger `index` is 0.5; it must be at most 0.436332312999\n    0.5";
     mean_below_least: TRIPOD,
         "co_contraction_n = 5.0" => "co_contraction_n = 0.5",
-        "hand.toml:73:47: `rectification.mean.co_contraction_n` of joint `nail` of finger `a` is 0.5; it must be at least 1\n    0.5";
+        "hand.toml:75:47: `rectification.mean.co_contraction_n` of joint `nail` of finger `a` is 0.5; it must be at least 1\n    0.5";
     softness: UTAH,
         "softness_n = 3.0" => "softness_n = 0.0",
-        "hand.toml:96:43: `rectification.smooth.softness_n` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:98:43: `rectification.smooth.softness_n` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
     coulomb_without_rate: TRIPOD,
         "coulomb_rate = 0.1" => "coulomb_rate = 0.0",
-        "hand.toml:39:46: `friction.coulomb_rate` of joint `roll` of finger `a` is 0; it must be above 0\n    0.0";
+        "hand.toml:41:46: `friction.coulomb_rate` of joint `roll` of finger `a` is 0; it must be above 0\n    0.0";
     antagonists_apart: TRIPOD,
         "flexor = { min_n = 1.0" => "flexor = { min_n = 35.0",
-        "hand.toml:40:20: `flexor.min_n` of joint `roll` of finger `a` is 35; it must be below `extensor.max_n`, which is 30\n    35.0";
+        "hand.toml:42:20: `flexor.min_n` of joint `roll` of finger `a` is 35; it must be below `extensor.max_n`, which is 30\n    35.0";
     rest_too_soon: UTAH,
         "safe_s = 0.5" => "safe_s = 0.004",
         "hand.toml:15:10: `faults.safe_s` of the hand is 0.004; it must be at least 0.005\n    0.004";
@@ -299,5 +302,5 @@ cases! {
         "hand.toml:16:11: `faults.stale_s` of the hand is 10000000000000000; it must be at most 1000000000000000\n    1e16";
     home: UTAH,
         "direction = [0.0, 1.0, 0.0]" => "home = 0.3\ndirection = [0.0, 1.0, 0.0]",
-        "hand.toml:72:8: `home` of axis `y` is 0.3; it must be at most 0.2\n    0.3";
+        "hand.toml:74:8: `home` of axis `y` is 0.3; it must be at most 0.2\n    0.3";
 }

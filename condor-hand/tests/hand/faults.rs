@@ -16,7 +16,7 @@ use proptest::prelude::*;
 fn limits() -> FaultLimits<f64, 2> {
     let tendon = TendonFaultLimits {
         sensor: SensorFaultLimits {
-            not_finite_samples: 2,
+            lost_samples: 2,
             range: Range {
                 low: -5.0,
                 high: 200.0,
@@ -43,7 +43,7 @@ fn limits() -> FaultLimits<f64, 2> {
     };
     let joint = JointFaultLimits {
         sensor: SensorFaultLimits {
-            not_finite_samples: 2,
+            lost_samples: 2,
             range: Range {
                 low: -3.0,
                 high: 3.0,
@@ -85,6 +85,7 @@ fn good() -> Observation<f64, 2> {
         tensions: [Pair::both(10.0); 2],
         desired_positions: [Some(0.2); 2],
         positions: Vector2::repeat(0.2),
+        lost: 0,
         period_s: 0.0025,
         set_point_age_s: 0.02,
     }
@@ -154,6 +155,38 @@ fn each_fault_is_found_where_and_when_its_limit_says() {
     check(&late, FaultCode::StaleSetPoint, FaultSite::Finger, 1);
 
     assert_eq!(first_fault(&good()), None);
+}
+
+#[test]
+fn a_gap_of_many_periods_is_as_many_missed_deadlines() {
+    let mut limits = limits();
+    limits.period_s.samples = 5;
+    for (gap_s, is_fault) in [(0.004, false), (0.014, false), (0.016, true), (0.5, true)] {
+        let mut monitor = FingerMonitor::new(limits).unwrap();
+        assert_eq!(monitor.update(&good()), None);
+        let mut late = good();
+        late.period_s = gap_s;
+        let fault = monitor.update(&late);
+        assert_eq!(
+            fault.map(|fault| fault.code),
+            is_fault.then_some(FaultCode::MissedDeadline)
+        );
+        // One that is in time ends the row.
+        assert_eq!(monitor.update(&good()), fault);
+        late.period_s = 0.014;
+        assert_eq!(monitor.update(&late), fault, "after {gap_s} s");
+    }
+}
+
+#[test]
+fn a_position_that_cannot_be_is_a_fault_of_its_own() {
+    let mut lost = good();
+    lost.lost = 0b10;
+    lost.positions[1] = 0.7;
+    check(&lost, FaultCode::Jump, FaultSite::Joint(1), 2);
+    // Where it was all the time.
+    lost.positions[1] = 0.2;
+    check(&lost, FaultCode::Stuck, FaultSite::Joint(1), 2);
 }
 
 #[test]

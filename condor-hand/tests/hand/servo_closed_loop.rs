@@ -166,3 +166,103 @@ fn a_joint_in_motion_changes_its_mode_without_a_step_and_comes_back() {
     let error = rig.state[finger].position[joint] - to;
     assert!(error.abs() < 0.05_f64.to_radians(), "{error} rad");
 }
+
+/// Ticks until a joint is at rest, and those in which it is watched.
+const REST_TICKS: u32 = 800;
+const WATCHED_TICKS: u32 = 200;
+
+/// Where the joints of a finger are at rest, and how far they still move, rad.
+fn at_rest(rig: &mut Rig<Simulated>, finger: usize) -> [(f64, f64); JOINTS] {
+    for _ in 0..REST_TICKS {
+        rig.tick().unwrap();
+    }
+    let mut seen = [(f64::MAX, f64::MIN); JOINTS];
+    for _ in 0..WATCHED_TICKS {
+        rig.tick().unwrap();
+        for ((low, high), &is) in seen.iter_mut().zip(&rig.state[finger].position) {
+            (*low, *high) = (min(*low, is), max(*high, is));
+        }
+    }
+    seen.map(|(low, high)| (f64::midpoint(low, high), high - low))
+}
+
+#[test]
+fn a_joint_that_is_sent_to_its_limit_rests_where_its_stop_begins() {
+    let hand = shipped().unwrap();
+    for joint in 0..JOINTS {
+        let entry = &hand.fingers[0].joints[joint];
+        let (low, high) = entry.rest_range();
+        for (limit, rests) in [(entry.limits.low, low), (entry.limits.high, high)] {
+            let mut rig = rig();
+            run(&mut rig, 0.2);
+            give(
+                &mut rig,
+                0,
+                joint,
+                JointTarget::Position(SetPoint::rest(limit)),
+            );
+            let (is, moves) = at_rest(&mut rig, 0)[joint];
+            let (off, moves) = ((is - rests).to_degrees().abs(), moves.to_degrees());
+            assert!(
+                off < 0.05 && moves < 0.01,
+                "joint {joint}: {off} and {moves} degrees"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_a_motion_leads_into_its_stop_stands_still_there() {
+    let hand = shipped().unwrap();
+    for (number, upwards) in [(0, false), (1, true), (2, false), (3, true)] {
+        let mut rig = rig();
+        run(&mut rig, 0.2);
+        let mut points = [posture().map(SetPoint::rest); FINGERS];
+        let ends: [f64; JOINTS] = std::array::from_fn(|joint| {
+            let limits = &hand.fingers[number].joints[joint].limits;
+            if upwards { limits.high } else { limits.low }
+        });
+        points[number] = ends.map(SetPoint::rest);
+        for _ in 0..125 {
+            rig.follow(&points).unwrap();
+            run(&mut rig, 0.02);
+        }
+        let mut seen = [(f64::MAX, f64::MIN); JOINTS];
+        for _ in 0..25 {
+            rig.follow(&points).unwrap();
+            for _ in 0..8 {
+                rig.tick().unwrap();
+                for ((low, high), &is) in seen.iter_mut().zip(&rig.state[number].position) {
+                    (*low, *high) = (min(*low, is), max(*high, is));
+                }
+            }
+        }
+        for (joint, ((low, high), end)) in seen.into_iter().zip(ends).enumerate() {
+            let moves = (high - low).to_degrees();
+            let depth = (high - end).to_degrees().abs();
+            assert!(
+                moves < 0.01,
+                "joint {joint} of finger {number}: {moves} degrees"
+            );
+            assert!(
+                depth < 3.0,
+                "joint {joint} of finger {number}: {depth} degrees short"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_a_torque_pushes_into_its_stop_does_not_swing() {
+    let mut rig = rig();
+    run(&mut rig, 0.2);
+    let joint = 3;
+    give(&mut rig, 0, joint, JointTarget::Torque(0.006));
+    let (is, moves) = at_rest(&mut rig, 0)[joint];
+    let limits = &shipped().unwrap().fingers[0].joints[joint].limits;
+    assert!(
+        is > limits.high - 0.06 && is < limits.high + 0.05,
+        "{is} rad"
+    );
+    assert!(moves.to_degrees() < 0.05, "{} degrees", moves.to_degrees());
+}

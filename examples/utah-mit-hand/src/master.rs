@@ -139,8 +139,9 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         let rate_hz = hand.trajectory_hz;
         let limits = limits(hand);
         let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
-        let generator = Generator::new(limits, middles, 1.0 / f64::from(rate_hz))?;
-        let drive = Drive::new(generator, seats, &partners, publisher);
+        let period_s = 1.0 / f64::from(rate_hz);
+        let generator = Generator::new(limits, middles, period_s)?;
+        let drive = Drive::new(generator, seats, &partners, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
         let servos = Servos::new(machine, hand, mailbox, &shared, numbers, seats)?;
         let mut commands = Commands {

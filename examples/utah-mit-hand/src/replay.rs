@@ -195,8 +195,9 @@ struct Repeated {
 
 impl Repeated {
     fn step(&mut self, control: &mut Control<'_>, row: Row) -> Output {
-        let measured = control.measure(|number, _| row.inputs.get(number));
+        let mut measured = control.measure(|number, _| row.inputs.get(number));
         let given = row.given.clone();
+        measured.felt.believe(given.period_s, self);
         self.row = Some(row);
         let ticks = control.step(&measured, &given, self);
         control.output(&ticks, |_, _| {})

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::machine::processor;
 use super::place::{Bound, Examiner, Root, join, owner};
+use super::stop;
 use crate::config::{
     Body, Finger, Form, Input, Joint, Limits, Mistake, Motion, Output, ProcessorKind, Rotation,
     ServoLaw, Shape, Tendon,
@@ -49,6 +50,7 @@ pub(super) fn examine<const F: usize, const J: usize>(
             });
         }
         self::joint(examiner, root, joint, rate_hz)?;
+        stop::examine(examiner, root, joint, rate_hz)?;
         crossings(examiner, root, finger, number)?;
     }
     arms(examiner, index, finger)
@@ -196,8 +198,12 @@ fn joint<const F: usize, const J: usize>(
         ("servo.k_tau", servo.k_tau, Bound::AtLeast(0.0)),
         ("stop.zone", stop.zone, Bound::AtLeast(0.0)),
         ("stop.zone", stop.zone, Bound::AtMost(0.5 * range)),
-        ("stop.stiffness", stop.stiffness, Bound::AtLeast(0.0)),
-        ("stop.damping", stop.damping, Bound::AtLeast(0.0)),
+        ("stop.bandwidth_hz", stop.bandwidth_hz, Bound::AtLeast(0.0)),
+        (
+            "stop.damping_ratio",
+            stop.damping_ratio,
+            Bound::AtLeast(0.0),
+        ),
         ("friction.armature", friction.armature, Bound::AtLeast(0.0)),
         ("friction.viscous", friction.viscous, Bound::AtLeast(0.0)),
         ("friction.coulomb", friction.coulomb, Bound::AtLeast(0.0)),

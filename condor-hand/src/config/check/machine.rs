@@ -72,6 +72,8 @@ pub(super) fn constants<const F: usize, const J: usize>(
             faults.sensor_samples.into(),
             Bound::Above0,
         ),
+        ("lost_samples", faults.lost_samples.into(), Bound::Above0),
+        ("frozen_rad", faults.frozen_rad, Bound::Above0),
         ("tracking_rad", faults.tracking_rad, Bound::Above0),
         (
             "tracking_samples",

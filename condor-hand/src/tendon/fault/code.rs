@@ -15,7 +15,7 @@ pub enum FaultCode {
     NotFinite = 0,
     /// A sensor gives what it cannot measure.
     OutOfRange = 1,
-    /// A sensor stays where it is while its set-point goes away.
+    /// A sensor stays where it is while its set-point goes away, or while what it measures cannot stay.
     Stuck = 2,
     /// What is measured is too far from what is desired.
     Tracking = 3,
@@ -29,11 +29,13 @@ pub enum FaultCode {
     MissedDeadline = 7,
     /// The level above has sent no set-point for too long.
     StaleSetPoint = 8,
+    /// A sensor says what cannot be so soon after what it said before.
+    Jump = 9,
 }
 
 impl FaultCode {
     /// All of them, by number.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::NotFinite,
         Self::OutOfRange,
         Self::Stuck,
@@ -43,6 +45,7 @@ impl FaultCode {
         Self::JointLimit,
         Self::MissedDeadline,
         Self::StaleSetPoint,
+        Self::Jump,
     ];
 
     const fn bit(self) -> u16 {
@@ -62,6 +65,7 @@ impl fmt::Display for FaultCode {
             Self::JointLimit => "past its limit",
             Self::MissedDeadline => "missed deadline",
             Self::StaleSetPoint => "stale set-point",
+            Self::Jump => "jumped",
         })
     }
 }

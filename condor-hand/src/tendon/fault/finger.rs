@@ -17,6 +17,9 @@ pub struct Observation<T: Real, const N: usize> {
     pub desired_positions: [Option<T>; N],
     /// The positions of the sensors, rad.
     pub positions: SVector<T, N>,
+    /// A bit for each joint whose position cannot be what the sensor says:
+    /// [`ServoOutput::lost`](crate::servo::ServoOutput::lost).
+    pub lost: u32,
     /// The time since the last tick, s.
     pub period_s: T,
     /// The time since the last set-point came, s.
@@ -92,6 +95,16 @@ impl<T: Real, const N: usize> State<T, N> {
     }
 }
 
+/// So many whole times, at least one.
+#[allow(
+    clippy::cast_sign_loss,
+    clippy::cast_possible_truncation,
+    reason = "what is too large is the most, and what is no number none"
+)]
+fn times<T: Real>(ratio: T) -> u16 {
+    (ratio.to_f64() as u16).max(1)
+}
+
 impl<T: Real, const N: usize> FingerMonitor<T, N> {
     /// A monitor without faults.
     ///
@@ -116,23 +129,26 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         self.judge(
             (&observation.desired_tensions, &observation.tensions),
             (&observation.desired_positions, &observation.positions),
+            observation.lost,
             observation.period_s,
             observation.set_point_age_s,
         )
     }
 
     /// The same of an observation in its parts: desired and measured tensions, desired and measured
-    /// positions, the time since the last tick and the age of the set-points.
+    /// positions and which of these cannot be, the time since the last tick and the age of the
+    /// set-points.
     #[inline(always)]
     pub(crate) fn judge(
         &mut self,
         tensions: (&Pairs<T, N>, &Pairs<T, N>),
         positions: (&[Option<T>; N], &SVector<T, N>),
+        lost: u32,
         period_s: T,
         age_s: T,
     ) -> Option<Fault> {
-        if !self.passes(tensions, positions, period_s, age_s) {
-            self.examine(tensions, positions, period_s, age_s);
+        if lost != 0 || !self.passes(tensions, positions, period_s, age_s) {
+            self.examine(tensions, positions, lost, period_s, age_s);
         }
         self.state.first
     }
@@ -187,6 +203,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         &mut self,
         (desired_tensions, tensions): (&Pairs<T, N>, &Pairs<T, N>),
         (desired_positions, positions): (&[Option<T>; N], &SVector<T, N>),
+        lost: u32,
         period_s: T,
         age_s: T,
     ) {
@@ -230,7 +247,8 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         {
             let mut moved = joint_places.of(joint);
             State::<T, N>::judge(first, FaultSite::Joint(joint), latched, |latch| {
-                state.update(limits, &mut moved, desired, measured, latch);
+                let sample = (measured, lost & 1 << joint == 0);
+                state.update(limits, &mut moved, desired, sample, latch);
             });
             joint_places.set(joint, moved);
         }
@@ -250,7 +268,13 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
                 ),
             ] {
                 let late = !is_finite(seconds) || limit.is_below(seconds);
-                latch.report(code, run.reaches(limit.samples, late), seconds);
+                let times = if code == FaultCode::MissedDeadline {
+                    times(seconds / limit.value)
+                } else {
+                    1
+                };
+                let late = if late { times } else { 0 };
+                latch.report(code, run.adds(limit.samples, late), seconds);
             }
         });
         *quiet = period.is_over()

@@ -42,8 +42,8 @@ pub struct Stuck<T> {
 /// What is asked of any sensor.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SensorFaultLimits<T> {
-    /// After how many samples in a row that are not finite; none switch the check off.
-    pub not_finite_samples: u16,
+    /// After how many samples in a row that are not finite, or cannot be; none switch the check off.
+    pub lost_samples: u16,
     /// What the sensor can measure.
     pub range: Range<T>,
     /// When it is stuck.
@@ -79,7 +79,8 @@ pub struct FaultLimits<T, const N: usize> {
     pub tendons: [Pair<TendonFaultLimits<T>>; N],
     /// Of each joint.
     pub joints: [JointFaultLimits<T>; N],
-    /// The longest time between two ticks, s.
+    /// The longest time between two ticks, s; one that is several times as long counts as so many
+    /// samples.
     pub period_s: Threshold<T>,
     /// The greatest age of a set-point, s.
     pub set_point_age_s: Threshold<T>,

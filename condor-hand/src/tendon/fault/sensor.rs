@@ -12,8 +12,14 @@ impl Run {
     /// Whether `bad` has been true for so many samples in a row; never for none.
     #[inline(always)]
     pub(super) fn reaches(&mut self, samples: u16, bad: bool) -> bool {
-        self.0 = if bad && samples > 0 {
-            self.0.saturating_add(1)
+        self.adds(samples, u16::from(bad))
+    }
+
+    /// The same where one sample counts as several bad ones, or as a good one.
+    #[inline(always)]
+    pub(super) fn adds(&mut self, samples: u16, bad: u16) -> bool {
+        self.0 = if bad > 0 && samples > 0 {
+            self.0.saturating_add(bad)
         } else {
             0
         };
@@ -62,20 +68,20 @@ impl Latch<'_> {
 /// The state of the checks of one sensor.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sensor {
-    not_finite: Run,
+    lost: Run,
     range: Run,
     stuck: Run,
     tracking: Run,
 }
 
 impl Sensor {
-    /// Judges a sample; false if it is not finite, and tells nothing else.
+    /// Judges a sample, which may be known not to be possible; false if it tells nothing else.
     fn update<T: Real>(
         &mut self,
         limits: &SensorFaultLimits<T>,
         moved: &mut Moved<T>,
         desired: Option<T>,
-        measured: T,
+        (measured, is_possible): (T, bool),
         latch: &mut Latch<'_>,
     ) -> bool {
         let broken = if is_finite(measured) {
@@ -83,11 +89,15 @@ impl Sensor {
         } else {
             Some(measured)
         };
-        let fault = self
-            .not_finite
-            .reaches(limits.not_finite_samples, broken.is_some());
-        latch.report(FaultCode::NotFinite, fault, broken.unwrap_or(measured));
-        if broken.is_some() {
+        let is_lost = broken.is_some() || !is_possible;
+        let fault = self.lost.reaches(limits.lost_samples, is_lost);
+        if is_lost {
+            let code = match broken {
+                Some(_) => FaultCode::NotFinite,
+                None if abs(measured - moved.there) <= limits.stuck.band => FaultCode::Stuck,
+                None => FaultCode::Jump,
+            };
+            latch.report(code, fault, broken.unwrap_or(measured));
             return false;
         }
         let outside = limits.range.excludes(measured);
@@ -106,7 +116,7 @@ impl Sensor {
     }
 
     fn is_quiet(self) -> bool {
-        let runs = [self.not_finite, self.range, self.stuck, self.tracking];
+        let runs = [self.lost, self.range, self.stuck, self.tracking];
         runs.into_iter().all(Run::is_over)
     }
 }
@@ -161,10 +171,13 @@ impl Tendon {
         measured: T,
         latch: &mut Latch<'_>,
     ) {
-        if !self
-            .sensor
-            .update(&limits.sensor, moved, Some(desired), measured, latch)
-        {
+        if !self.sensor.update(
+            &limits.sensor,
+            moved,
+            Some(desired),
+            (measured, true),
+            latch,
+        ) {
             return;
         }
         let slack = measured < limits.slack.value;
@@ -194,11 +207,11 @@ impl Joint {
         limits: &JointFaultLimits<T>,
         moved: &mut Moved<T>,
         desired: Option<T>,
-        measured: T,
+        (measured, is_possible): (T, bool),
         latch: &mut Latch<'_>,
     ) {
-        let sensor = &mut self.sensor;
-        if sensor.update(&limits.sensor, moved, desired, measured, latch) {
+        let (sensor, sample) = (&mut self.sensor, (measured, is_possible));
+        if sensor.update(&limits.sensor, moved, desired, sample, latch) {
             let past = limits.limit.excludes(measured);
             let fault = self.limit.reaches(limits.limit.samples, past);
             latch.report(FaultCode::JointLimit, fault, measured);

@@ -58,6 +58,7 @@ fn vary(hand: &mut Shipped, finger: usize, source: &mut Source<'_>) {
             let samples = u16::from_le_bytes([source.byte(), source.byte()]);
             hand.faults.tension_samples = samples;
             hand.faults.sensor_samples = samples;
+            hand.faults.lost_samples = samples;
             hand.faults.tracking_samples = samples;
             hand.faults.missed_deadlines = samples;
             return;
@@ -87,8 +88,8 @@ fn vary_joint(joint: &mut Joint<4>, kind: usize, source: &mut Source<'_>) {
         19 => &mut joint.servo.velocity_cutoff_hz,
         20 => joint.servo.position_cutoff_hz.insert(50.0),
         21 => &mut joint.stop.zone,
-        22 => &mut joint.stop.stiffness,
-        23 => &mut joint.stop.damping,
+        22 => &mut joint.stop.bandwidth_hz,
+        23 => &mut joint.stop.damping_ratio,
         24 => &mut joint.friction.coulomb,
         25 => &mut joint.friction.coulomb_rate,
         26 => &mut joint.friction.armature,

@@ -332,8 +332,8 @@ fn simulated_finger(
         rest: 0.0,
         range: (joint.limits.low, joint.limits.high),
         stop: Stop {
-            stiffness: joint.stop.stiffness,
-            damping: joint.stop.damping,
+            stiffness: 5.0,
+            damping: 0.05,
         },
     };
     let [first, second, third, fourth] = finger.joints.as_slice() else {

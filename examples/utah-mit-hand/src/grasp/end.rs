@@ -5,8 +5,8 @@ use condor_mbox::{AccessError, MemoryWindow, Publisher, Region, Subscriber};
 use super::partner::{Heard, Partner};
 use super::{GraspPlaces, Joints, Order, Report};
 
-/// Ticks without a publication after which a partner is silent.
-const SILENT_TICKS: u32 = 8;
+/// The time without a publication after which a partner is silent, s.
+const SILENT_S: f64 = 0.021;
 /// Every which tick a report is published, if it says nothing new.
 const REPORT_TICKS: u32 = 16;
 
@@ -53,10 +53,10 @@ impl<'p, W: MemoryWindow + Clone> GraspEnd<'p, W> {
         })
     }
 
-    /// What there is to tell the law in this tick.
-    pub(crate) fn hear(&mut self) -> Told {
-        self.partner.read(&mut self.heard);
-        let is_fresh = self.heard.age <= SILENT_TICKS;
+    /// What there is to tell the law in this tick, so long after the last one.
+    pub(crate) fn hear(&mut self, elapsed_s: f64) -> Told {
+        self.partner.read(&mut self.heard, elapsed_s);
+        let is_fresh = self.heard.age_s <= SILENT_S;
         Told {
             order: self.look(),
             partner: self.heard.value.filter(|_| is_fresh),

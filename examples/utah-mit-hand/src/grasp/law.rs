@@ -10,12 +10,12 @@ use condor_hand::servo::{JointTarget, Mode};
 use condor_mbox::MemoryWindow;
 use nalgebra::{Vector3, Vector4};
 
-use super::end::Told;
 use super::{Joints, LEAST_FINGERS, Order, Reason, Report, State};
+use crate::servo::Given;
 use crate::{FINGERS, Failure, JOINTS, SERVED, UtahMit};
 
-/// Ticks within which the partner is to have the order, too: 0.25 s at 400 Hz.
-const PATIENCE_TICKS: u32 = 100;
+/// The time within which the partner is to have the order, too, s.
+const PATIENCE_S: f64 = 0.25;
 
 /// The controllers of the fingers that this processor serves.
 pub(crate) trait Own {
@@ -35,6 +35,18 @@ pub(crate) struct Felt {
     pub(crate) velocity: [Vector4<f64>; SERVED],
 }
 
+impl Felt {
+    /// Puts in the place of a position that cannot be, the one that the servos will go on from: a law
+    /// of the whole hand outlives a lost reading.
+    pub(crate) fn believe(&mut self, period_s: f64, own: &mut impl Own) {
+        for (place, position) in self.position.iter_mut().enumerate() {
+            if let Some(finger) = own.finger(place) {
+                *position = finger.plausible(position, period_s);
+            }
+        }
+    }
+}
+
 /// A finger of the hand, and where it is measured.
 #[derive(Clone, Copy, Debug)]
 struct Member {
@@ -49,7 +61,6 @@ struct Member {
 /// The grasp of one servo processor.
 pub(crate) struct GraspLaw {
     members: [Member; FINGERS],
-    period_s: f64,
     /// The order in force, and what was in force when it came.
     order: Order,
     from: Order,
@@ -57,7 +68,7 @@ pub(crate) struct GraspLaw {
     /// 0 without one.
     number: u64,
     law: Option<Law>,
-    waited: u32,
+    waited_s: f64,
     has_joined: bool,
     report: Report,
 }
@@ -108,18 +119,14 @@ impl GraspLaw {
         let members = members
             .into_array()
             .map_err(|_| Failure::Hand { fingers, simulated })?;
-        let rate = hand
-            .processor(own)
-            .map_or(hand.servo_hz, |it| hand.rate_hz(it));
         Ok(Self {
             members,
-            period_s: 1.0 / f64::from(rate),
             order: Order::RELEASE,
             from: Order::RELEASE,
             since_s: 0.0,
             number: 0,
             law: None,
-            waited: 0,
+            waited_s: 0.0,
             has_joined: false,
             report: Report::NOTHING,
         })
@@ -141,19 +148,20 @@ impl GraspLaw {
         &mut self,
         felt: &Felt,
         gravity: &Vector3<f64>,
-        told: &Told,
+        given: &Given,
         own: &mut impl Own,
     ) {
-        self.report = self.advance(felt, gravity, told, own);
+        self.report = self.advance(felt, gravity, given, own);
     }
 
     fn advance(
         &mut self,
         felt: &Felt,
         gravity: &Vector3<f64>,
-        told: &Told,
+        given: &Given,
         own: &mut impl Own,
     ) -> Report {
+        let told = &given.told;
         if let Some((number, order)) = told.order {
             if order.fingers == 0 {
                 self.let_go(own);
@@ -166,7 +174,7 @@ impl GraspLaw {
         if self.number == 0 {
             return self.report;
         }
-        match self.hold(felt, gravity, told.partner, own) {
+        match self.hold(felt, gravity, given, own) {
             Ok(report) => report,
             Err(reason) => {
                 let number = self.number;
@@ -194,7 +202,7 @@ impl GraspLaw {
             if self.law.is_some() {
                 self.let_go(own);
             }
-            self.waited = 0;
+            self.waited_s = 0.0;
             self.has_joined = false;
             self.from = Order {
                 tips: order.tips,
@@ -221,10 +229,10 @@ impl GraspLaw {
         &mut self,
         felt: &Felt,
         gravity: &Vector3<f64>,
-        partner: Option<Joints>,
+        given: &Given,
         own: &mut impl Own,
     ) -> Result<Report, Reason> {
-        let partner = self.hear(partner)?;
+        let partner = self.hear(given)?;
         let Some(partner) = partner else {
             return Ok(Report::new(self.number, State::Waiting, Reason::None));
         };
@@ -238,7 +246,7 @@ impl GraspLaw {
             });
         }
         let now = self.now();
-        self.since_s += self.period_s;
+        self.since_s += given.period_s;
         let Some(mut law) = self.law else {
             return Err(Reason::Law);
         };
@@ -269,10 +277,10 @@ impl GraspLaw {
     }
 
     /// The joints of the partner, once there are some.
-    fn hear(&mut self, fresh: Option<Joints>) -> Result<Option<Joints>, Reason> {
-        let is_patient = self.waited < PATIENCE_TICKS;
-        self.waited = self.waited.saturating_add(1);
-        match fresh {
+    fn hear(&mut self, given: &Given) -> Result<Option<Joints>, Reason> {
+        let is_patient = self.waited_s < PATIENCE_S;
+        self.waited_s += given.period_s;
+        match given.told.partner {
             Some(joints) if joints.order != 0 => {
                 self.has_joined = true;
                 Ok(Some(joints))
@@ -458,5 +466,102 @@ impl Step {
             }
         }
         step
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use condor_hand::servo::Sensed;
+    use condor_hand::tendon::Pair;
+
+    use super::super::tips;
+    use super::*;
+    use crate::grasp::Told;
+
+    const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+    const PERIOD_S: f64 = 1.0 / 400.0;
+    const POSTURE: [[f64; JOINTS]; FINGERS] = [[0.0, 0.9, 0.8, 0.7]; FINGERS];
+
+    struct Fingers(Vec<FingerController<PlanarFinger, JOINTS>>);
+
+    impl Own for Fingers {
+        fn finger(&mut self, place: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+            self.0.get_mut(place)
+        }
+    }
+
+    /// A tick of a processor whose sensors say the posture, but for one of a joint.
+    fn tick(
+        law: &mut GraspLaw,
+        fingers: &mut Fingers,
+        gravity: &Vector3<f64>,
+        told: Told,
+        said: f64,
+    ) -> State {
+        let [first, second] = [0, 1].map(|_| Vector4::from(POSTURE[0]));
+        let mut felt = Felt {
+            position: [first, second],
+            velocity: [Vector4::zeros(); SERVED],
+        };
+        felt.position[1][2] = said;
+        let sensed = felt.position.map(|position| Sensed {
+            position,
+            tension: [Pair::both(20.0); JOINTS],
+        });
+        felt.believe(PERIOD_S, fingers);
+        let given = Given {
+            period_s: PERIOD_S,
+            acceleration: [0.0; 3],
+            told,
+        };
+        law.step(&felt, gravity, &given, fingers);
+        for (finger, sensed) in fingers.0.iter_mut().zip(&sensed) {
+            assert_eq!(finger.tick(sensed, gravity, PERIOD_S).fault, None);
+        }
+        law.report().state()
+    }
+
+    #[test]
+    fn a_reading_that_is_none_does_not_end_a_grasp() {
+        let hand = UtahMit::from_toml(HAND, "utah-mit.toml").unwrap();
+        let gravity = Vector3::from(hand.gravity);
+        let own = hand.fingers[0].processor().unwrap();
+        let served = hand.fingers_on(own).map(|(_, finger)| {
+            FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap()
+        });
+        let mut fingers = Fingers(served.collect());
+        let mut law = GraspLaw::new(&hand, own).unwrap();
+        let [stiffness, damping] = [150.0, 1.0].map(|n| [n, n, n, n * 1e-3, n * 1e-3, n * 1e-3]);
+        let mut order = Order::hold(0b1111, tips(&hand, &POSTURE).unwrap(), stiffness, damping);
+        order.squeeze_n = 1.0;
+        let partner = Joints {
+            position: [POSTURE[2], POSTURE[3]],
+            velocity: [[0.0; JOINTS]; SERVED],
+            order: 1,
+            ticks: 0,
+        };
+        let mut told = Told {
+            order: None,
+            partner: Some(partner),
+        };
+        let good = POSTURE[1][2];
+        for _ in 0..5 {
+            assert_eq!(
+                tick(&mut law, &mut fingers, &gravity, told, good),
+                State::Idle
+            );
+        }
+        told.order = Some((1, order));
+        assert_eq!(
+            tick(&mut law, &mut fingers, &gravity, told, good),
+            State::Holding
+        );
+        told.order = None;
+        for said in [f64::NAN, f64::INFINITY, good + 0.3] {
+            for said in [said, good, good] {
+                let state = tick(&mut law, &mut fingers, &gravity, told, said);
+                assert_eq!(state, State::Holding, "{said}");
+            }
+        }
     }
 }

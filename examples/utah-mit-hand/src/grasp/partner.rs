@@ -26,8 +26,8 @@ pub(crate) struct Heard<T> {
     /// The last value; none before the first.
     pub(crate) value: Option<T>,
     sequence: u32,
-    /// Ticks since it was published, as far as this loop could see.
-    pub(crate) age: u32,
+    /// The time since it was published, as far as this loop could see, s.
+    pub(crate) age_s: f64,
 }
 
 impl<W: MemoryWindow + Clone> Partner<W> {
@@ -51,9 +51,13 @@ impl<W: MemoryWindow + Clone> Partner<W> {
         Ok(())
     }
 
-    /// The latest value, for the loop that calls this in every tick.
-    pub(crate) fn read<T: FromBytes + IntoBytes + Copy>(&self, heard: &mut Heard<T>) {
-        heard.age = heard.age.saturating_add(1);
+    /// The latest value, for the loop that calls this in every tick, so long after the last one.
+    pub(crate) fn read<T: FromBytes + IntoBytes + Copy>(
+        &self,
+        heard: &mut Heard<T>,
+        elapsed_s: f64,
+    ) {
+        heard.age_s += elapsed_s;
         // Relaxed: pairs with the store of `look`.
         let offset = self.offset.load(Ordering::Relaxed);
         if offset == NOWHERE {
@@ -68,7 +72,7 @@ impl<W: MemoryWindow + Clone> Partner<W> {
             *heard = Heard {
                 value: Some(latest.value),
                 sequence: latest.sequence,
-                age: 0,
+                age_s: 0.0,
             };
         }
     }
@@ -78,6 +82,6 @@ impl<T> Heard<T> {
     pub(crate) const NOTHING: Self = Self {
         value: None,
         sequence: 0,
-        age: u32::MAX,
+        age_s: f64::INFINITY,
     };
 }

@@ -10,7 +10,7 @@ use condor_host::Machine;
 use super::drive::{Motion, Shared, with};
 use super::others::{Ball, Others};
 use super::play::Player;
-use super::sequence::Store;
+use super::sequence::{Store, rest_between_stops};
 use super::servos::Servos;
 use super::words::{Problem, Words};
 use crate::failure::Failure;
@@ -94,8 +94,9 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
     /// Goes on with the motion that runs.
     pub(super) fn play(&mut self) {
         let (terminal, mailbox) = (self.terminal, self.mailbox);
-        self.player
-            .play(self.shared, |line| say::<M>(terminal, mailbox, line));
+        self.player.play(self.hand, self.shared, |line| {
+            say::<M>(terminal, mailbox, line)
+        });
     }
 
     fn execute<'l>(&mut self, verb: &'l str, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -332,6 +333,7 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
         let pace = seconds.map_or(Pace::Speed(0.1), Pace::Duration);
         let mut motion = Motion::new(pace, Profile::MinimumJerk)
             .with(finger * JOINTS + joint, Target::Absolute(position))?;
+        rest_between_stops(self.hand, &mut motion);
         motion.begin = Begin::Beside;
         let taken = with(self.shared, |drive| drive.generator.enqueue(motion.clone()));
         taken.ok_or(Problem::Running)??;

@@ -19,8 +19,8 @@ pub(super) const ALL: usize = FINGERS * JOINTS;
 pub(super) const SERVOS: usize = FINGERS / SERVED;
 /// Primitives that wait in the generator; others wait in the sequence.
 const QUEUE: usize = 16;
-/// After so many ticks without a new one a measurement is none.
-const SILENT_TICKS: u32 = 3;
+/// After such a time without a new one, s, a measurement is none.
+const SILENT_S: f64 = 0.065;
 
 /// A motion of the hand.
 pub(super) type Motion = Primitive<ALL>;
@@ -105,6 +105,7 @@ pub(super) struct Drive<'p, W> {
     partners: &'p [Partner<W>; SERVOS],
     heard: [Heard<Joints>; SERVOS],
     publisher: Publisher<Wanted, Region<W>>,
+    period_s: f64,
     ticks: u64,
 }
 
@@ -118,6 +119,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         seats: [Seat; FINGERS],
         partners: &'p [Partner<W>; SERVOS],
         publisher: Publisher<Wanted, Region<W>>,
+        period_s: f64,
     ) -> Self {
         Self {
             generator,
@@ -128,6 +130,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             partners,
             heard: [Heard::NOTHING; SERVOS],
             publisher,
+            period_s,
             ticks: 0,
         }
     }
@@ -165,11 +168,11 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
 
     fn measure(&mut self) {
         for (partner, heard) in self.partners.iter().zip(&mut self.heard) {
-            partner.read(heard);
+            partner.read(heard, self.period_s);
         }
         for (seat, measured) in self.seats.iter().zip(&mut self.measured) {
             let heard = self.heard.get(seat.servo);
-            let joints = heard.filter(|heard| heard.age <= SILENT_TICKS);
+            let joints = heard.filter(|heard| heard.age_s <= SILENT_S);
             let position = joints
                 .and_then(|heard| heard.value)
                 .and_then(|joints| joints.position.get(seat.place).copied());

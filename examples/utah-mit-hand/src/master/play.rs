@@ -8,7 +8,7 @@ use condor_hand::trajectory::{Happening, Limits, Target};
 use super::drive::{ALL, Motion, Shared, with};
 use super::sequence::Sequence;
 use super::words::{NAME_BYTES, Problem};
-use crate::{FINGERS, JOINTS};
+use crate::{FINGERS, JOINTS, UtahMit};
 
 pub(super) type Title = heapless::String<NAME_BYTES>;
 
@@ -144,10 +144,15 @@ impl Player {
     }
 
     /// Gives the generator what it has room for, and says what has happened.
-    pub(super) fn play<W>(&mut self, shared: &Shared<'_, W>, mut say: impl FnMut(Arguments<'_>)) {
+    pub(super) fn play<W>(
+        &mut self,
+        hand: &UtahMit,
+        shared: &Shared<'_, W>,
+        mut say: impl FnMut(Arguments<'_>),
+    ) {
         if self.title.is_some() && self.next < self.count {
             let fed = with(shared, |drive| {
-                self.running.feed(self.next, &mut drive.generator)
+                self.running.feed(self.next, hand, &mut drive.generator)
             });
             match fed {
                 None => {}

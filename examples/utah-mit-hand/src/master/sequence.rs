@@ -1,12 +1,14 @@
 //! [`Sequence`]: a sequence of motions in memory, and [`Store`]: in files.
 
 use condor_fs::{Errno, Error as FileError, FileSystem, OpenOptions};
+use condor_hand::math::clamp;
 use condor_hand::trajectory::image::{ImageError, Motions, append};
-use condor_hand::trajectory::{Generator, PrimitiveError};
+use condor_hand::trajectory::{Generator, PrimitiveError, Target};
 use condor_host::Machine;
 
 use super::drive::{ALL, Motion};
 use super::words::{Path, Problem};
+use crate::UtahMit;
 use crate::start::Post;
 
 /// Bytes of a sequence of motions, at most.
@@ -64,13 +66,15 @@ impl Sequence {
     pub(super) fn feed<const Q: usize>(
         &self,
         next: u32,
+        hand: &UtahMit,
         generator: &mut Generator<ALL, Q>,
     ) -> Result<u32, PrimitiveError> {
         let Ok(motions) = self.motions() else {
             return Ok(next);
         };
         let mut fed = next;
-        for motion in motions.iter().skip(next as usize) {
+        for mut motion in motions.iter().skip(next as usize) {
+            rest_between_stops(hand, &mut motion);
             match generator.enqueue(motion) {
                 Ok(_) => fed += 1,
                 Err(PrimitiveError::Full { .. }) => break,
@@ -78,6 +82,20 @@ impl Sequence {
             }
         }
         Ok(fed)
+    }
+}
+
+/// Sends joints that are to go into the zone of a stop, where none can rest, to its end.
+pub(super) fn rest_between_stops(hand: &UtahMit, motion: &mut Motion) {
+    let joints = hand.fingers.iter().flat_map(|finger| &finger.joints);
+    for (joint, target) in joints.zip(&mut motion.targets) {
+        let limits = joint.limits.low..=joint.limits.high;
+        if let Target::Absolute(position) = target
+            && limits.contains(position)
+        {
+            let (low, high) = joint.rest_range();
+            *position = clamp(*position, low, high);
+        }
     }
 }
 

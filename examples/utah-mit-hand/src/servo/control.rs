@@ -108,8 +108,7 @@ impl<'r> Control<'r> {
         servos: &mut impl Servos,
     ) -> [Tick<JOINTS>; SERVED] {
         let gravity = self.gravity(given.acceleration);
-        self.grasp
-            .step(&measured.felt, &gravity, &given.told, servos);
+        self.grasp.step(&measured.felt, &gravity, given, servos);
         let mut place = 0;
         let ticks = measured.sensed.map(|sensed| {
             let tick = servos.tick(place, &sensed, &gravity, given.period_s);
@@ -178,6 +177,7 @@ fn nothing() -> Tick<JOINTS> {
             position: Vector4::zeros(),
             velocity: Vector4::zeros(),
             saturated: 0,
+            lost: 0,
         },
         target: [None; JOINTS],
         fault: None,

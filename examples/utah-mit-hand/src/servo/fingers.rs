@@ -19,8 +19,8 @@ use crate::recording::Recorder;
 use crate::table::Palm;
 use crate::{JOINTS, SERVED, UtahMit};
 
-/// After so many ticks without one, an acceleration of the table counts as over.
-const SILENT_TICKS: u32 = 40;
+/// After such a time without one, s, an acceleration of the table counts as over.
+const SILENT_S: f64 = 0.1;
 
 /// Every which tick it is published how well the joints follow.
 const TRACKING_TICKS: u64 = 16;
@@ -52,13 +52,14 @@ impl<M: Machine> Fingers<'_, M> {
         let period_s = self.elapsed_s();
         self.wires.scan();
         let (wires, hand) = (&self.wires, self.hand);
-        let measured = (self.control).measure(|_, channel| wires.read(hand, channel));
-        let acceleration = self.acceleration();
+        let mut measured = (self.control).measure(|_, channel| wires.read(hand, channel));
+        measured.felt.believe(period_s, &mut self.servos);
+        let acceleration = self.acceleration(period_s);
         self.publish(&measured.felt);
         let given = Given {
             period_s,
             acceleration,
-            told: self.grasp.hear(),
+            told: self.grasp.hear(period_s),
         };
         if let Some(recorder) = &mut self.recorder {
             let needs_partner = self.control.grasp().number() != 0;
@@ -114,10 +115,10 @@ impl<M: Machine> Fingers<'_, M> {
     }
 
     /// That of the palm, in its own axes, m/s²; none while the table is silent.
-    fn acceleration(&mut self) -> [f64; 3] {
-        self.palm.read(&mut self.accelerated);
+    fn acceleration(&mut self, elapsed_s: f64) -> [f64; 3] {
+        self.palm.read(&mut self.accelerated, elapsed_s);
         let palm = self.accelerated.value;
-        let palm = palm.filter(|_| self.accelerated.age <= SILENT_TICKS);
+        let palm = palm.filter(|_| self.accelerated.age_s <= SILENT_S);
         palm.map_or([0.0; 3], |palm| palm.acceleration)
     }
 

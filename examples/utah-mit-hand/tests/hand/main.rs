@@ -9,6 +9,8 @@ mod typist;
 
 #[cfg(feature = "std")]
 mod compile;
+#[cfg(feature = "std")]
+mod lost_readings;
 #[cfg(feature = "sim")]
 mod motions;
 #[cfg(feature = "sim")]

@@ -226,10 +226,12 @@ fn a_ball_is_held_with_the_stiffness_that_was_typed() {
             typist.says("push 0 0 0");
             typist.wait(4.0);
         }
-        typist.says("ball none");
         assert_eq!(typist.says("release"), "");
         typist.wait(0.5);
-        assert!(typist.says("status").contains("index  follows"));
+        typist.says("ball none");
+        typist.wait(0.5);
+        let status = typist.says("status");
+        assert!(status.contains("index  follows"), "{status}");
         for (number, _, skips) in typist.counts() {
             assert_eq!(skips, 0, "{number}");
         }

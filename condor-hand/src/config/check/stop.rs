@@ -1,0 +1,142 @@
+//! Whether joints come to rest at their soft stops.
+
+use nalgebra::SMatrix;
+
+use super::place::{Examiner, Root};
+use crate::config::{Joint, Mistake, ServoLaw, Tendon};
+use crate::math::exp;
+
+/// In this time, s, hardly anything may be left of a motion: this part of it.
+const REST_S: f64 = 4.0;
+const LEFT: f64 = 0.01;
+
+/// Refuses a stop in which the joint would swing for ever, or for too long.
+pub(super) fn examine<const F: usize, const J: usize>(
+    examiner: &mut Examiner<'_, F, J>,
+    root: Root,
+    joint: &Joint<J>,
+    rate_hz: u32,
+) -> Result<(), Mistake> {
+    let bandwidth_hz = joint.stop.bandwidth_hz;
+    // A law that swings by itself does so everywhere, and is judged by whoever tunes it.
+    let law_hz = match joint.servo.law {
+        ServoLaw::Decoupled if rests(joint, joint.servo.bandwidth_hz, 0.0, rate_hz) => {
+            joint.servo.bandwidth_hz
+        }
+        // Its gains are for some inertia, which is another in every posture.
+        ServoLaw::Pd | ServoLaw::Decoupled => 0.0,
+    };
+    let rests = |stop_hz| rests(joint, law_hz, stop_hz, rate_hz);
+    if joint.stop.zone == 0.0 || bandwidth_hz == 0.0 || rests(bandwidth_hz) {
+        return Ok(());
+    }
+    let (mut most, mut beyond) = (0.0, bandwidth_hz);
+    for _ in 0..20 {
+        let middle = f64::midpoint(most, beyond);
+        if rests(middle) {
+            most = middle;
+        } else {
+            beyond = middle;
+        }
+    }
+    let place = examiner.wrong(root, "stop.bandwidth_hz");
+    Err(Mistake::Restless {
+        place,
+        bandwidth_hz,
+        most,
+    })
+}
+
+/// Whether the joint comes to rest with a law and a stop of these bandwidths, with either tendon.
+fn rests<const J: usize>(joint: &Joint<J>, law_hz: f64, stop_hz: f64, rate_hz: u32) -> bool {
+    let rate_hz = f64::from(rate_hz);
+    [&joint.flexor, &joint.extensor].into_iter().all(|tendon| {
+        let mut powers = tick(joint, (law_hz, stop_hz), tendon, rate_hz);
+        let mut ticks = 1.0;
+        while ticks < REST_S * rate_hz {
+            powers *= powers;
+            ticks *= 2.0;
+        }
+        // What is no number is no rest.
+        powers.iter().all(|entry| (-LEFT..=LEFT).contains(entry))
+    })
+}
+
+/// What one tick makes of a joint of one unit of inertia in the zone of a stop.
+///
+/// The state is its position and rate, the torque of its actuator, and the last position and rate as the
+/// servo's filters have them. The actuator is a lag of first order that holds its command for a tick.
+fn tick<const J: usize>(
+    joint: &Joint<J>,
+    (law_hz, stop_hz): (f64, f64),
+    tendon: &Tendon,
+    rate_hz: f64,
+) -> SMatrix<f64, 5, 5> {
+    let tau = core::f64::consts::TAU;
+    let lag = |cutoff_hz: f64| 1.0 - exp(-tau * cutoff_hz / rate_hz);
+    let (servo, stop) = (&joint.servo, &joint.stop);
+    let (law, spring) = (tau * law_hz, tau * stop_hz);
+    let stiffness = law * law + spring * spring;
+    let damping = 2.0 * (servo.zeta * law + stop.damping_ratio * spring);
+
+    // What the servo makes of the state before the tick.
+    let pass = servo.position_cutoff_hz.map_or(1.0, lag);
+    let smooth = lag(servo.velocity_cutoff_hz);
+    let position = [pass, 0.0, 0.0, 1.0 - pass, 0.0];
+    let rate = [
+        smooth * rate_hz * pass,
+        0.0,
+        0.0,
+        -smooth * rate_hz * pass,
+        1.0 - smooth,
+    ];
+    let kt = tendon.gains.kt;
+    let command: [f64; 5] = core::array::from_fn(|n| {
+        let asked = -stiffness * position[n] - damping * rate[n];
+        (1.0 + kt) * asked - if n == 2 { kt } else { 0.0 }
+    });
+
+    // What the tick makes of the state and of that command.
+    let period = 1.0 / rate_hz;
+    let pole = tau * tendon.actuator_hz;
+    let decay = exp(-pole * period);
+    let once = (1.0 - decay) / pole;
+    let twice = (period - once) / pole;
+    let moves = [
+        ([1.0, period, twice], 0.5 * period * period - twice),
+        ([0.0, 1.0, once], period - once),
+        ([0.0, 0.0, decay], 1.0 - decay),
+    ];
+    let mut after = SMatrix::zeros();
+    for (n, (own, by_command)) in moves.into_iter().enumerate() {
+        for (m, command) in command.into_iter().enumerate() {
+            after[(n, m)] = own.get(m).copied().unwrap_or(0.0) + by_command * command;
+        }
+    }
+    for m in 0..5 {
+        after[(3, m)] = position[m];
+        after[(4, m)] = rate[m];
+    }
+    after
+}
+
+#[cfg(test)]
+mod tests {
+    /// The bounds that were found around the simulated plant, whose friction adds a little.
+    #[test]
+    fn the_law_alone_is_stable_where_it_was_seen_to_be() {
+        let text = include_str!("../../../hands/utah-mit.toml");
+        let hand = crate::config::Hand::<4, 4>::from_toml(text, "utah-mit.toml").unwrap();
+        let rests = |bandwidth_hz, velocity_cutoff_hz, kt| {
+            let mut joint = hand.fingers[0].joints[1].clone();
+            joint.servo.velocity_cutoff_hz = velocity_cutoff_hz;
+            joint.flexor.gains.kt = kt;
+            joint.extensor.gains.kt = kt;
+            super::rests(&joint, bandwidth_hz, 0.0, 400)
+        };
+        assert!(rests(19.0, 100.0, 1.0) && !rests(21.0, 100.0, 1.0));
+        assert!(rests(16.0, 60.0, 1.0) && !rests(20.0, 60.0, 1.0));
+        assert!(rests(11.5, 60.0, 0.0) && !rests(16.0, 60.0, 0.0));
+        assert!(rests(24.0, 100.0, 3.0));
+    }
+}
