@@ -1,4 +1,5 @@
 use crate::config;
+use crate::control::bank::Elapsed;
 use crate::control::{Derivative, FilterError, Integrator, PidError};
 use crate::math::{clamp, is_finite};
 use crate::trajectory::SetPoint;
@@ -18,7 +19,7 @@ pub struct AxisServo {
     max_n: f64,
     low: f64,
     high: f64,
-    period_s: f64,
+    sample_hz: f64,
     velocity: Derivative,
     integrator: Integrator,
     last: (f64, SetPoint<f64>),
@@ -42,7 +43,7 @@ impl AxisServo {
             max_n: axis.max_n,
             low: axis.limits.low,
             high: axis.limits.high,
-            period_s: PidError::check_period(sample_hz)?,
+            sample_hz: PidError::check_period(sample_hz).map(|_| sample_hz)?,
             velocity: Derivative::new(servo.velocity_cutoff_hz, sample_hz)?,
             integrator: Integrator::new(servo.integral_max)?,
             last: (axis.home, SetPoint::rest(axis.home)),
@@ -54,8 +55,10 @@ impl AxisServo {
         self.integrator.set(0.0);
     }
 
-    /// The force (N) for the present set-point and the measured position, m; once a tick.
-    pub fn update(&mut self, point: &SetPoint<f64>, position: f64) -> f64 {
+    /// The force (N) for the present set-point and the measured position, m; once a tick, so many
+    /// seconds after the last one.
+    pub fn update(&mut self, point: &SetPoint<f64>, position: f64, period_s: f64) -> f64 {
+        let elapsed = Elapsed::new(period_s, self.sample_hz);
         let finite = [point.position, point.velocity, point.acceleration];
         if finite.into_iter().all(is_finite) {
             self.last.1 = *point;
@@ -64,7 +67,7 @@ impl AxisServo {
             self.last.0 = position;
         }
         let (position, point) = self.last;
-        let velocity = self.velocity.update(position);
+        let velocity = self.velocity.update_after(position, elapsed.periods);
         let error = point.position - position;
         let rest = self.kp * error
             + self.kv * (point.velocity - velocity)
@@ -80,18 +83,19 @@ impl AxisServo {
         } else {
             self.max_n
         };
-        let increment = self.ki * error * self.period_s;
+        let increment = self.ki * error * elapsed.seconds;
         let force = self.integrator.update(rest, increment, low, high);
         // What has overflowed pulls with all there is, to the side of its error.
         force.unwrap_or_else(|| clamp(error * self.max_n, low, high))
     }
 
     /// Keeps up with an axis that it does not drive.
-    pub(super) fn watch(&mut self, position: f64) {
+    pub(super) fn watch(&mut self, position: f64, period_s: f64) {
         if is_finite(position) {
             self.last = (position, SetPoint::rest(position));
         }
-        self.velocity.update(self.last.0);
+        let elapsed = Elapsed::new(period_s, self.sample_hz);
+        self.velocity.update_after(self.last.0, elapsed.periods);
     }
 
     /// The last position that was finite, m.

@@ -8,6 +8,7 @@ use super::axis::{AxisError, AxisServo};
 use crate::config::{Axis, Hand};
 use crate::decimal::Decimal;
 use crate::math::{is_finite, max, min};
+use crate::tendon::fault::sensor::{Run, times};
 use crate::trajectory::{
     Event, Generator, Limits, Observations, Pace, Primitive, PrimitiveError, Profile, SetPoint,
     Target, Ticket, TrajectoryError,
@@ -32,6 +33,11 @@ pub struct TableController {
     state: TableState,
     homing: Option<Ticket>,
     sensor_samples: u16,
+    /// The longest time between two ticks that is in time, s; how many deadlines in a row are too
+    /// many, and how many were missed.
+    longest_s: f64,
+    deadlines: u16,
+    missed: Run,
     force: [f64; AXES],
 }
 
@@ -64,11 +70,20 @@ pub enum TableState {
     Stopped,
     /// It has been home, and takes motions.
     Ready,
+    /// Its ticks were late for too long; nothing drives it until [`TableController::clear`].
+    Late,
     /// A sensor has failed; nothing drives it until [`TableController::clear`].
     Failed {
         /// The axis, from 0.
         axis: usize,
     },
+}
+
+impl TableState {
+    /// Whether nothing drives it until [`TableController::clear`].
+    const fn is_failure(self) -> bool {
+        matches!(self, Self::Failed { .. } | Self::Late)
+    }
 }
 
 impl fmt::Display for TableState {
@@ -82,6 +97,7 @@ impl fmt::Display for TableState {
             Self::Stopped => f.write_str("stopped on its way home"),
             Self::Ready => f.write_str("ready"),
             Self::Failed { axis } => write!(f, "failed: axis {axis}"),
+            Self::Late => f.write_str("stopped: its ticks were late"),
         }
     }
 }
@@ -209,6 +225,9 @@ impl TableController {
             state: TableState::Off,
             homing: None,
             sensor_samples: hand.faults.sensor_samples,
+            longest_s: 1.5 / sample_hz,
+            deadlines: hand.faults.missed_deadlines,
+            missed: Run::default(),
             force: [0.0; AXES],
         })
     }
@@ -230,7 +249,9 @@ impl TableController {
             return Err(TableError::Speed { speed });
         }
         match self.state {
-            TableState::Failed { .. } => Err(TableError::NotReady { state: self.state }),
+            TableState::Failed { .. } | TableState::Late => {
+                Err(TableError::NotReady { state: self.state })
+            }
             TableState::Stopped | TableState::Ready | TableState::Homing => {
                 self.generator.abort();
                 self.go_home(speed);
@@ -281,14 +302,14 @@ impl TableController {
 
     /// Drives no axis from the next tick on.
     pub fn disable(&mut self) {
-        if !matches!(self.state, TableState::Failed { .. }) {
+        if !self.state.is_failure() {
             self.state = TableState::Off;
         }
     }
 
     /// Forgets a failure; the table is off.
     pub fn clear(&mut self) {
-        if matches!(self.state, TableState::Failed { .. }) {
+        if self.state.is_failure() {
             self.state = TableState::Off;
         }
     }
@@ -304,11 +325,21 @@ impl TableController {
         self.generator.take_event()
     }
 
-    /// One tick, with the measured positions of the axes, m.
-    pub fn tick(&mut self, positions: &[f64; AXES]) -> TableTick {
+    /// One tick, with the measured positions of the axes, m, so many seconds after the last one; for
+    /// the first tick, a period.
+    pub fn tick(&mut self, positions: &[f64; AXES], period_s: f64) -> TableTick {
+        let late = !is_finite(period_s) || period_s > self.longest_s;
+        let late = if late {
+            times(period_s / self.longest_s)
+        } else {
+            0
+        };
+        if self.missed.adds(self.deadlines, late) {
+            self.state = TableState::Late;
+        }
         self.sense(positions);
         if let TableState::Starting { speed } = self.state {
-            self.take_over(speed, positions);
+            self.take_over(speed, positions, period_s);
         }
         let driven = matches!(
             self.state,
@@ -330,14 +361,14 @@ impl TableController {
                 .zip(positions)
                 .zip(&mut force)
             {
-                *force = axis.servo.update(point, position);
+                *force = axis.servo.update(point, position, period_s);
                 acceleration += axis.direction * point.acceleration;
             }
             target
         } else {
             let mut target = [SetPoint::default(); AXES];
             for ((axis, &position), point) in self.axes.iter_mut().zip(positions).zip(&mut target) {
-                axis.servo.watch(position);
+                axis.servo.watch(position, period_s);
                 *point = SetPoint::rest(axis.servo.position());
             }
             target
@@ -364,10 +395,10 @@ impl TableController {
     }
 
     /// Rests where the axes are, and goes home from there.
-    fn take_over(&mut self, speed: f64, positions: &[f64; AXES]) {
+    fn take_over(&mut self, speed: f64, positions: &[f64; AXES], period_s: f64) {
         let mut start = [0.0; AXES];
         for ((axis, &position), start) in self.axes.iter_mut().zip(positions).zip(&mut start) {
-            axis.servo.watch(position);
+            axis.servo.watch(position, period_s);
             axis.servo.reset();
             *start = axis.servo.position();
         }

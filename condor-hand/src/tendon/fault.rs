@@ -8,7 +8,7 @@ mod code;
 mod finger;
 mod limits;
 mod ramp;
-mod sensor;
+pub(crate) mod sensor;
 mod usual;
 
 pub use code::{Fault, FaultCode, FaultSet, FaultSite};

@@ -72,7 +72,9 @@ impl Rig {
 
     /// One tick with exact sensors.
     fn tick(&mut self) -> condor_hand::controller::TableTick {
-        let tick = self.controller.tick(&(*self.plant.position()).into());
+        let tick = self
+            .controller
+            .tick(&(*self.plant.position()).into(), PERIOD_S);
         self.push(tick.force);
         tick
     }
@@ -141,7 +143,7 @@ fn counts_of_the_converters_are_enough() {
             Some(axis.adc.counts(position))
         });
         assert!((Vector3::from(read) - position).amax() <= 0.5001e-4);
-        let tick = rig.controller.tick(&read);
+        let tick = rig.controller.tick(&read, PERIOD_S);
         let mut force = [0.0; AXES];
         write_table(table, &tick.force, |channel, counts| {
             let axis = table
@@ -206,7 +208,8 @@ fn it_comes_home_from_beyond_a_limit_and_is_never_driven_further_out() {
     for _ in 0..800 {
         rig.push([MOST_N, 0.0, 0.0]);
         // As long as it is off, it watches.
-        rig.controller.tick(&(*rig.plant.position()).into());
+        rig.controller
+            .tick(&(*rig.plant.position()).into(), PERIOD_S);
     }
     assert!(rig.plant.position().x > HIGH + 0.0015);
     rig.controller.start(0.3).unwrap();
@@ -234,7 +237,9 @@ fn the_integral_takes_away_a_steady_load_and_stays_within_its_limit() {
         let mut rig = Rig::of(&hand);
         rig.until_ready();
         for _ in 0..1600 {
-            let tick = rig.controller.tick(&(*rig.plant.position()).into());
+            let tick = rig
+                .controller
+                .tick(&(*rig.plant.position()).into(), PERIOD_S);
             rig.push([tick.force[0] - load, tick.force[1], tick.force[2]]);
         }
         let error = rig.plant.position().x.abs();
@@ -278,7 +283,7 @@ fn a_lost_reading_is_bridged_and_a_lost_sensor_ends_all_force() {
         if tick % 20 == 10 {
             seen[0] = f64::NAN;
         }
-        let tick = rig.controller.tick(&seen);
+        let tick = rig.controller.tick(&seen, PERIOD_S);
         assert_eq!(tick.state, TableState::Ready);
         rig.push(tick.force);
     }
@@ -288,7 +293,7 @@ fn a_lost_reading_is_bridged_and_a_lost_sensor_ends_all_force() {
     ));
     let samples = hand().faults.sensor_samples;
     for sample in 1..=samples {
-        let tick = rig.controller.tick(&[0.05, f64::INFINITY, 0.0]);
+        let tick = rig.controller.tick(&[0.05, f64::INFINITY, 0.0], PERIOD_S);
         let failed = TableState::Failed { axis: 1 };
         assert_eq!(tick.state == failed, sample == samples, "{sample}");
         assert_eq!(tick.force == [0.0; AXES], sample == samples);
@@ -299,6 +304,23 @@ fn a_lost_reading_is_bridged_and_a_lost_sensor_ends_all_force() {
     for _ in 0..400 {
         rig.tick();
     }
+    rig.until_ready();
+}
+
+#[test]
+fn a_table_whose_loop_stood_still_is_driven_no_further() {
+    let mut rig = Rig::of(&hand());
+    rig.until_ready();
+    let motion = stroke(Profile::MinimumJerk, Pace::Duration(0.8), [0.1, 0.0, 0.0]);
+    rig.controller.enqueue(motion).unwrap();
+    for _ in 0..100 {
+        assert_eq!(rig.tick().state, TableState::Ready);
+    }
+    let positions = (*rig.plant.position()).into();
+    let tick = rig.controller.tick(&positions, 0.5);
+    assert_eq!((tick.state, tick.force), (TableState::Late, [0.0; AXES]));
+    assert!(rig.controller.start(0.5).is_err());
+    rig.controller.clear();
     rig.until_ready();
 }
 
@@ -332,7 +354,7 @@ fn shaken(feed_forward: bool) -> f64 {
             );
             table.enqueue(motion).unwrap();
         }
-        let moved = table.tick(&(*plant.table().unwrap().position()).into());
+        let moved = table.tick(&(*plant.table().unwrap().position()).into(), PERIOD_S);
         plant.drive_table(moved.force.into()).unwrap();
         let gravity = Vector3::from(hand.gravity)
             - if feed_forward {
@@ -367,11 +389,11 @@ fn a_servo_of_an_axis_needs_no_table() {
     let hand = hand();
     let axis = &hand.table.as_ref().unwrap().axes[0];
     let mut servo = AxisServo::new(axis, 400.0).unwrap();
-    let at_rest = servo.update(&SetPoint::rest(0.01), 0.0);
+    let at_rest = servo.update(&SetPoint::rest(0.01), 0.0, PERIOD_S);
     assert!((at_rest - axis.servo.kp * 0.01).abs() < 1e-9);
     // Beyond the limit nothing leads further out.
     let outwards = SetPoint::rest(0.3);
-    let forces = [(); 400].map(|()| servo.update(&outwards, HIGH + 0.001));
+    let forces = [(); 400].map(|()| servo.update(&outwards, HIGH + 0.001, PERIOD_S));
     assert!(forces.iter().all(|&force| force <= 0.0));
     assert_eq!(forces.last(), Some(&0.0));
     let mut wrong = axis.clone();
@@ -404,7 +426,7 @@ proptest! {
                 }
             }
             for positions in [near, reading] {
-                let tick = table.tick(positions);
+                let tick = table.tick(positions, PERIOD_S);
                 for force in tick.force {
                     prop_assert!(force.abs() <= MOST_N, "{force}");
                 }

@@ -234,6 +234,7 @@ fn names(hand: &UtahMit, served: [usize; SERVED]) -> [&str; SERVED] {
     served.map(|finger| hand.fingers.get(finger).map_or("", |finger| &finger.name))
 }
 
+#[allow(clippy::large_stack_arrays, reason = "nothing is allocated")]
 pub(crate) fn controllers(hand: &UtahMit, served: [usize; SERVED]) -> Result<Controllers, Failure> {
     let controller = |finger: usize, entry: &Finger<JOINTS>| {
         let mechanism = entry.planar().ok_or(Failure::Form { finger })?;

@@ -21,7 +21,7 @@ use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, Program};
-use condor_mbox::{Call, Published, Publisher, Region, Vector};
+use condor_mbox::{Call, Clock, Instant, Published, Publisher, Region, Vector};
 use condor_mos::{LoopId, Overrun, Rate};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -76,7 +76,7 @@ impl State {
             TableState::Starting { .. } | TableState::Homing => Self::Homing,
             TableState::Stopped => Self::Stopped,
             TableState::Ready => Self::Ready,
-            TableState::Failed { .. } => Self::Failed,
+            TableState::Failed { .. } | TableState::Late => Self::Failed,
             _ => Self::Off,
         }
     }
@@ -264,11 +264,15 @@ impl<M: Machine> Running<'_, '_, M> {
         let wires = start::wires(machine, self.mailbox, &panel, hand, number)?;
         let rate_hz = hand.rate_hz(processor);
         let scheduler = start::scheduler(machine, Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1)))?;
+        let clock = machine.doorbell();
         let mut axes = Axes::<M> {
             hand,
             shared: self.shared,
             wires,
             publisher,
+            clock: &clock,
+            last: None,
+            period_s: 1.0 / f64::from(rate_hz),
         };
         let mut body = || axes.tick();
         let mut before = State::Off;
@@ -307,6 +311,9 @@ struct Axes<'r, M: Machine> {
     shared: &'r Shared,
     wires: Wires<'r, M::Bus>,
     publisher: Publisher<Palm, Region<M::Window>>,
+    clock: &'r M::Doorbell,
+    last: Option<Instant>,
+    period_s: f64,
 }
 
 impl<M: Machine> Axes<'_, M> {
@@ -314,10 +321,16 @@ impl<M: Machine> Axes<'_, M> {
         let Some(table) = &self.hand.table else {
             return;
         };
+        let now = self.clock.now();
+        #[allow(clippy::cast_precision_loss, reason = "2^53 ns are a hundred days")]
+        let since = (self.last.replace(now)).map(|last| now.ns_since(last) as f64 * 1e-9);
+        let period_s = since.unwrap_or(self.period_s);
         self.wires.scan();
         let position = read_table(table, |channel| self.wires.read(self.hand, channel));
         // Nobody else has it: handlers are interrupted outside of their sections only.
-        let Some(tick) = with(self.shared, |table| table.controller.tick(&position)) else {
+        let Some(tick) = with(self.shared, |table| {
+            table.controller.tick(&position, period_s)
+        }) else {
             return;
         };
         let wires = &mut self.wires;

@@ -1,6 +1,6 @@
 use nalgebra::SVector;
 
-use super::sensor::{Joint, Latch, Run, Tendon};
+use super::sensor::{Joint, Latch, Run, Tendon, times};
 use super::usual::{Places, Usual, threshold};
 use super::{Fault, FaultCode, FaultLimits, FaultLimitsError, FaultSet, FaultSite};
 use crate::math::{Real, is_finite};
@@ -93,16 +93,6 @@ impl<T: Real, const N: usize> State<T, N> {
             *first = Some(Fault { code, site, value });
         }
     }
-}
-
-/// So many whole times, at least one.
-#[allow(
-    clippy::cast_sign_loss,
-    clippy::cast_possible_truncation,
-    reason = "what is too large is the most, and what is no number none"
-)]
-fn times<T: Real>(ratio: T) -> u16 {
-    (ratio.to_f64() as u16).max(1)
 }
 
 impl<T: Real, const N: usize> FingerMonitor<T, N> {

@@ -4,9 +4,19 @@ use super::{
 };
 use crate::math::{Real, abs, is_finite};
 
+/// So many whole times, at least one.
+#[allow(
+    clippy::cast_sign_loss,
+    clippy::cast_possible_truncation,
+    reason = "what is too large is the most, and what is no number none"
+)]
+pub(crate) fn times<T: Real>(ratio: T) -> u16 {
+    (ratio.to_f64() as u16).max(1)
+}
+
 /// Samples in a row.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Run(u16);
+pub(crate) struct Run(u16);
 
 impl Run {
     /// Whether `bad` has been true for so many samples in a row; never for none.
@@ -17,7 +27,7 @@ impl Run {
 
     /// The same where one sample counts as several bad ones, or as a good one.
     #[inline(always)]
-    pub(super) fn adds(&mut self, samples: u16, bad: u16) -> bool {
+    pub(crate) fn adds(&mut self, samples: u16, bad: u16) -> bool {
         self.0 = if bad > 0 && samples > 0 {
             self.0.saturating_add(bad)
         } else {

@@ -495,7 +495,7 @@ mod tests {
         law: &mut GraspLaw,
         fingers: &mut Fingers,
         gravity: &Vector3<f64>,
-        told: Told,
+        told: &Told,
         said: f64,
     ) -> State {
         let [first, second] = [0, 1].map(|_| Vector4::from(POSTURE[0]));
@@ -512,7 +512,7 @@ mod tests {
         let given = Given {
             period_s: PERIOD_S,
             acceleration: [0.0; 3],
-            told,
+            told: *told,
         };
         law.step(&felt, gravity, &given, fingers);
         for (finger, sensed) in fingers.0.iter_mut().zip(&sensed) {
@@ -547,19 +547,19 @@ mod tests {
         let good = POSTURE[1][2];
         for _ in 0..5 {
             assert_eq!(
-                tick(&mut law, &mut fingers, &gravity, told, good),
+                tick(&mut law, &mut fingers, &gravity, &told, good),
                 State::Idle
             );
         }
         told.order = Some((1, order));
         assert_eq!(
-            tick(&mut law, &mut fingers, &gravity, told, good),
+            tick(&mut law, &mut fingers, &gravity, &told, good),
             State::Holding
         );
         told.order = None;
         for said in [f64::NAN, f64::INFINITY, good + 0.3] {
             for said in [said, good, good] {
-                let state = tick(&mut law, &mut fingers, &gravity, told, said);
+                let state = tick(&mut law, &mut fingers, &gravity, &told, said);
                 assert_eq!(state, State::Holding, "{said}");
             }
         }

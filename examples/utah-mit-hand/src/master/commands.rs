@@ -95,7 +95,7 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
     pub(super) fn play(&mut self) {
         let (terminal, mailbox) = (self.terminal, self.mailbox);
         self.player.play(self.hand, self.shared, |line| {
-            say::<M>(terminal, mailbox, line)
+            say::<M>(terminal, mailbox, line);
         });
     }
 
