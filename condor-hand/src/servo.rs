@@ -15,6 +15,7 @@ mod finger;
 mod joint;
 mod law;
 mod mode;
+mod readings;
 mod settings;
 
 pub use finger::{FingerServo, Sensed, ServoOutput};

@@ -189,7 +189,8 @@ pub struct FaultPolicy {
     /// After how many samples in a row that say nothing, or what cannot be, a sensor is lost. Until then
     /// a joint goes on as it went.
     pub lost_samples: u16,
-    /// How far the set-point of a joint may go while its sensor shows no motion at all, rad.
+    /// How far the set-point of a joint may go while its sensor shows no motion at all, rad. A joint that
+    /// something rigid holds fast looks the same: whoever presses on things does so with torques.
     pub frozen_rad: f64,
     /// The position error that is a fault, rad.
     pub tracking_rad: f64,

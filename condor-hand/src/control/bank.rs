@@ -5,7 +5,7 @@
 
 use super::filter::flush;
 use super::{Derivative, OnePole};
-use crate::math::{Real, is_finite};
+use crate::math::{Real, is_finite, min};
 
 /// The time since the last samples.
 #[derive(Clone, Copy, Debug)]
@@ -15,6 +15,8 @@ pub(crate) struct Elapsed<T> {
     pub(crate) hz: T,
     /// In nominal periods.
     pub(crate) periods: T,
+    /// The same, but one at most: what a sample that comes early counts for.
+    pub(crate) weight: T,
 }
 
 impl<T: Real> Elapsed<T> {
@@ -28,12 +30,14 @@ impl<T: Real> Elapsed<T> {
                 seconds,
                 hz,
                 periods,
+                weight: min(periods, T::one()),
             }
         } else {
             Self {
                 seconds: T::one() / sample_hz,
                 hz: sample_hz,
                 periods: T::one(),
+                weight: T::one(),
             }
         }
     }
@@ -127,6 +131,7 @@ pub(crate) struct Rates<T: Real, const L: usize> {
     alpha: [T; L],
     last: [T; L],
     rate: [T; L],
+    sample_hz: T,
     /// What each is by itself, while not all of them run: [`Self::running`].
     each: [Derivative<T>; L],
     /// All have a rate for one period.
@@ -134,11 +139,12 @@ pub(crate) struct Rates<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> Rates<T, L> {
-    pub(crate) fn new(each: [Derivative<T>; L]) -> Self {
+    pub(crate) fn new(each: [Derivative<T>; L], sample_hz: T) -> Self {
         Self {
             alpha: each.map(|each| each.alpha()),
             last: [T::zero(); L],
             rate: [T::zero(); L],
+            sample_hz,
             each,
             running: false,
         }
@@ -150,10 +156,29 @@ impl<T: Real, const L: usize> Rates<T, L> {
         &self.rate
     }
 
-    /// Lets one go on from here at this rate, whatever its samples were.
-    pub(crate) fn go_on_from(&mut self, lane: usize, last: T, rate: T) {
-        self.each[lane].go_on_from(last, rate);
-        (self.last[lane], self.rate[lane]) = (last, rate);
+    /// Lets those go on that went on unseen, at these rates and for so long, s, when the next samples
+    /// come, which `samples` stand for.
+    pub(crate) fn go_on_unseen(
+        &mut self,
+        unseen: &[Option<(T, T)>; L],
+        samples: &[T; L],
+        elapsed: Elapsed<T>,
+    ) {
+        if self.running && unseen.iter().any(Option::is_some) {
+            for lane in 0..L {
+                self.each[lane].go_on_from(self.last[lane], self.rate[lane], T::one());
+            }
+            self.running = false;
+        }
+        for lane in 0..L {
+            let Some((rate, seconds)) = unseen[lane] else {
+                continue;
+            };
+            let before = (seconds - elapsed.seconds) * self.sample_hz;
+            let last = samples[lane] - rate * seconds;
+            self.each[lane].go_on_from(last, rate, before + T::one());
+            (self.last[lane], self.rate[lane]) = (last, rate);
+        }
     }
 
     /// The rates at the next samples.
@@ -163,7 +188,7 @@ impl<T: Real, const L: usize> Rates<T, L> {
             let mut rates = self.rate;
             for lane in 0..L {
                 let slope = (samples[lane] - self.last[lane]) * elapsed.hz;
-                rates[lane] += self.alpha[lane] * (slope - rates[lane]);
+                rates[lane] += self.alpha[lane] * elapsed.weight * (slope - rates[lane]);
             }
             if sum_is_finite(&rates) {
                 self.rate = rates.map(flush);
@@ -188,7 +213,7 @@ impl<T: Real, const L: usize> Rates<T, L> {
         for lane in 0..L {
             let each = &mut self.each[lane];
             if self.running {
-                each.go_on_from(self.last[lane], self.rate[lane]);
+                each.go_on_from(self.last[lane], self.rate[lane], T::one());
             }
             if sampled[lane] {
                 rates[lane] = each.update_after(samples[lane], elapsed.periods);
@@ -249,7 +274,7 @@ mod tests {
     #[test]
     fn rates_side_by_side_answer_as_each_by_itself() {
         let mut alone = [20.0, 30.0, 40.0].map(|hz| Derivative::new(hz, HZ).unwrap());
-        let mut bank = Rates::new(alone);
+        let mut bank = Rates::new(alone, HZ);
         for tick in 0..200 {
             let samples = [0, 1, 2].map(|lane| sample(tick, lane));
             // Late now and then, and early.
@@ -271,7 +296,7 @@ mod tests {
         // The second has its first sample now, and begins with it.
         assert_eq!(bank.update(&[1.0, 5.0]), [1.0, 5.0]);
         let rate = Derivative::new(20.0, HZ).unwrap();
-        let mut bank = Rates::new([rate; 2]);
+        let mut bank = Rates::new([rate; 2], HZ);
         let period = Elapsed::new(1.0 / HZ, HZ);
         let first = bank.update_each(&[1.0, 2.0], &[true, false], period);
         assert_eq!(first, [0.0; 2]);
@@ -282,7 +307,7 @@ mod tests {
 
     #[test]
     fn the_rate_of_a_ramp_is_that_of_the_ramp_however_late_its_samples_come() {
-        let mut bank = Rates::new([Derivative::new(20.0, HZ).unwrap(); 1]);
+        let mut bank = Rates::new([Derivative::new(20.0, HZ).unwrap(); 1], HZ);
         let mut time = 0.0;
         bank.update(&[0.0], Elapsed::new(1.0 / HZ, HZ));
         for tick in 0..200 {

@@ -9,7 +9,7 @@
 use thiserror::Error;
 
 use crate::decimal::Decimal;
-use crate::math::{Real, abs, exp, is_finite, real, tan};
+use crate::math::{Real, abs, exp, is_finite, min, real, tan};
 
 /// A filter that cannot be.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -263,10 +263,10 @@ impl<T: Real> Derivative<T> {
         (next.then_some(self.last), self.rate)
     }
 
-    /// Makes this the state, with the next sample one period after it.
-    pub(super) fn go_on_from(&mut self, last: T, rate: T) {
+    /// Makes this the state, with the next sample, if it is in time, so many periods after it.
+    pub(super) fn go_on_from(&mut self, last: T, rate: T, intervals: T) {
         (self.last, self.rate) = (last, rate);
-        self.intervals = T::one();
+        self.intervals = intervals;
         self.primed = true;
     }
 
@@ -286,7 +286,9 @@ impl<T: Real> Derivative<T> {
         }
         self.intervals += periods - T::one();
         let slope = (x - self.last) * (self.sample_hz / self.intervals);
-        let rate = self.rate + self.alpha * (slope - self.rate);
+        // One that comes early says less.
+        let weight = min(self.intervals, T::one());
+        let rate = self.rate + self.alpha * weight * (slope - self.rate);
         if is_finite(rate) {
             self.rate = flush(rate);
             self.last = x;

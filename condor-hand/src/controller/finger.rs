@@ -265,7 +265,6 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// be given another mode.
     pub fn clear(&mut self) {
         self.monitor.clear();
-        self.servo.forget_positions();
     }
 
     /// One tick of the servo loop, in a gravity in the axes of the palm, m/s², less the acceleration of
@@ -313,6 +312,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
             output.saturated = 0;
             // Nothing of the way down is left in the servos when they command again.
             self.servo.rest();
+            self.servo.forget_positions();
         }
         self.desired = output.tension;
         self.command = output.command;
@@ -324,7 +324,8 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     }
 
     /// Where the joints are, rad, for other laws: what the sensors will say to the next tick, so many
-    /// seconds after the last one, and where that cannot be, where the joints would be by then.
+    /// seconds after the last one, and where that is not finite or jumps, where the joints would be by
+    /// then.
     #[must_use]
     pub fn plausible(&self, position: &SVector<f64, N>, period_s: f64) -> SVector<f64, N> {
         self.servo.plausible(position, period_s)
@@ -332,9 +333,13 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
 
     /// The set-points of this tick, given to the joints that follow.
     fn aim(&mut self, periods: f64) -> [Option<f64>; N] {
-        // Whole periods, and what they leave is for the next tick.
+        // A period for each tick, unless ticks and periods have come apart.
         self.over += periods;
-        let whole = round(self.over);
+        let whole = if self.over > 0.0 && self.over < 2.0 {
+            1.0
+        } else {
+            max(round(self.over), 0.0)
+        };
         self.over -= whole;
         #[allow(
             clippy::cast_sign_loss,

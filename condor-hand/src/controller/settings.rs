@@ -18,7 +18,10 @@ const NEVER: Threshold<f64> = Threshold {
 /// A sensor of this many counts moves by noise.
 const NOISE_COUNTS: f64 = 1.5;
 
-/// From one reading to the next the rate of a joint changes by at most this many times its limit.
+/// A sensor that shows no change while its joint goes by this many counts is frozen.
+const FROZEN_COUNTS: f64 = 3.5;
+
+/// From one tick to the next the rate of a joint changes by at most this many times its limit.
 const PLAUSIBLE_RATE: f64 = 2.0;
 
 impl<const N: usize> Finger<N> {
@@ -31,7 +34,7 @@ impl<const N: usize> Finger<N> {
             joints: core::array::from_fn(|joint| {
                 self.joints
                     .get(joint)
-                    .map_or(absent(sample_hz), |joint| joint.settings(sample_hz))
+                    .map_or(absent(sample_hz), Joint::settings)
             }),
             drive: Drive {
                 armature: self.each(|joint| joint.friction.armature),
@@ -189,12 +192,18 @@ fn sensor(
 }
 
 impl<const N: usize> Joint<N> {
-    /// The settings of the joint's servo for so many ticks in a second.
-    fn settings(&self, sample_hz: f64) -> JointSettings<f64> {
+    /// The settings of the joint's servo.
+    fn settings(&self) -> JointSettings<f64> {
         let joint = self;
         let (min_n, max_n) = joint.tension_range();
         let servo = &joint.servo;
-        let noise_rad = NOISE_COUNTS * crate::math::abs(joint.adc.gain);
+        // How far from its set-point friction can hold a joint that has nothing but its drive.
+        let w = core::f64::consts::TAU * servo.bandwidth_hz;
+        let held_rad = match (joint.friction.coulomb, servo.law) {
+            (0.0, _) => 0.0,
+            (coulomb, ServoLaw::Pd) => coulomb / servo.kp,
+            (coulomb, ServoLaw::Decoupled) => coulomb / (joint.friction.armature * w * w),
+        };
         JointSettings {
             gains: JointGains {
                 law: match servo.law {
@@ -227,8 +236,9 @@ impl<const N: usize> Joint<N> {
                 min_n,
                 max_n,
             },
-            reach_rad: PLAUSIBLE_RATE * joint.limits.velocity / sample_hz + 2.0 * noise_rad,
+            rate_change: PLAUSIBLE_RATE * joint.limits.velocity,
             resolution_rad: crate::math::abs(joint.adc.gain),
+            frozen_rad: FROZEN_COUNTS * crate::math::abs(joint.adc.gain) + 2.0 * held_rad,
             position_cutoff_hz: servo.position_cutoff_hz,
             velocity_cutoff_hz: servo.velocity_cutoff_hz,
             tension_cutoff_hz: Pair {
@@ -263,8 +273,9 @@ fn absent(sample_hz: f64) -> JointSettings<f64> {
             // No torque asks for it, but a servo has some range.
             max_n: 1.0,
         },
-        reach_rad: f64::MAX,
+        rate_change: f64::MAX,
         resolution_rad: 0.0,
+        frozen_rad: f64::MAX,
         position_cutoff_hz: None,
         velocity_cutoff_hz: sample_hz / 4.0,
         tension_cutoff_hz: Pair::both(None),

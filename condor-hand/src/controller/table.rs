@@ -328,23 +328,21 @@ impl TableController {
     /// One tick, with the measured positions of the axes, m, so many seconds after the last one; for
     /// the first tick, a period.
     pub fn tick(&mut self, positions: &[f64; AXES], period_s: f64) -> TableTick {
-        let late = !is_finite(period_s) || period_s > self.longest_s;
+        let late = !(period_s > 0.0 && period_s <= self.longest_s);
         let late = if late {
             times(period_s / self.longest_s)
         } else {
             0
         };
-        if self.missed.adds(self.deadlines, late) {
+        let is_late = self.missed.adds(self.deadlines, late);
+        if is_late && self.is_driven() {
             self.state = TableState::Late;
         }
         self.sense(positions);
         if let TableState::Starting { speed } = self.state {
             self.take_over(speed, positions, period_s);
         }
-        let driven = matches!(
-            self.state,
-            TableState::Homing | TableState::Stopped | TableState::Ready
-        );
+        let driven = self.is_driven();
         let mut force = [0.0; AXES];
         let mut acceleration = Vector3::zeros();
         let target = if driven {
@@ -380,6 +378,14 @@ impl TableController {
             acceleration,
             state: self.state,
         }
+    }
+
+    /// Whether its drives hold or move it.
+    fn is_driven(&self) -> bool {
+        matches!(
+            self.state,
+            TableState::Homing | TableState::Stopped | TableState::Ready
+        )
     }
 
     /// Counts what no sensor can say, and gives up after too much of it.

@@ -1,17 +1,14 @@
 use nalgebra::{SVector, Vector3};
 
 use super::joint::{Felt, JointServo, low_pass};
+use super::readings::Readings;
 use super::{FingerSettings, JointGains, JointTarget, Mode, PositionLaw, SettingError};
 use crate::control::Derivative;
 use crate::control::bank::{Elapsed, Poles, Rates};
 use crate::dynamics::{Drive, Dynamics};
-use crate::math::{Real, abs, clamp, is_finite, max, real};
+use crate::math::{Real, clamp, is_finite, max};
 use crate::tendon::{Allocation, MomentArms, Pair, Pairs};
 use crate::trajectory::SetPoint;
-
-/// A position that has not changed while the joint went, and was to go, by so many times what the sensor
-/// tells apart is no reading.
-const FROZEN: f64 = 3.5;
 
 /// What the sensors of a finger say.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,15 +56,7 @@ pub struct FingerServo<M, T: Real, const N: usize> {
     position_filters: Poles<T, N>,
     velocities: Rates<T, N>,
     sample_hz: T,
-    reach: [T; N],
-    resolution: [T; N],
-    /// Since the last reading of each position, s.
-    away: [T; N],
-    /// Since a reading of each last changed, s, and at which rate it did, rad/s.
-    still: [T; N],
-    going: [T; N],
-    /// A bit for each joint that has none in this tick.
-    lost: u32,
+    readings: Readings<T, N>,
     /// All positions have been numbers once.
     all_seen: bool,
     /// A change of modes or gains that the next tick smooths.
@@ -81,8 +70,8 @@ pub struct FingerServo<M, T: Real, const N: usize> {
     left: T,
     /// How much of a step a tick works off.
     work_off: T,
-    /// The last values of the sensors that were finite.
-    last: Sensed<T, N>,
+    /// The last tensions that were finite, N.
+    last: Pairs<T, N>,
 }
 
 impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
@@ -136,14 +125,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             allocation,
             joints,
             position_filters: Poles::new(position_filters),
-            velocities: Rates::new(velocities),
+            velocities: Rates::new(velocities, settings.sample_hz),
             sample_hz: settings.sample_hz,
-            reach: settings.joints.map(|joint| joint.reach_rad),
-            resolution: settings.joints.map(|joint| joint.resolution_rad),
-            away: [T::zero(); N],
-            still: [T::zero(); N],
-            going: [T::zero(); N],
-            lost: 0,
+            readings: Readings::new(&settings.joints),
             all_seen: false,
             changed: false,
             holds: [None; N],
@@ -151,10 +135,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             step: [Pair::both(T::zero()); N],
             left: T::zero(),
             work_off: T::one() / max(settings.transition_s * settings.sample_hz, T::one()),
-            last: Sensed {
-                position: SVector::zeros(),
-                tension: desired,
-            },
+            last: desired,
         })
     }
 
@@ -256,17 +237,23 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .tensions
     }
 
-    /// The positions, rad, that the next tick would go by, so many seconds after the last one.
+    /// The positions, rad, that the next tick would go by, so many seconds after the last one, if no sensor
+    /// stands and none is filtered.
     pub(crate) fn plausible(&self, sensed: &SVector<T, N>, period_s: T) -> SVector<T, N> {
         let elapsed = Elapsed::new(period_s, self.sample_hz);
-        let rates = self.velocities.rates();
-        SVector::from_fn(|lane, _| {
-            let (position, last) = (sensed[lane], self.last.position[lane]);
-            let way = rates[lane] * (self.away[lane] + elapsed.seconds);
-            let is_near = abs(position - last - way) <= self.reach[lane];
-            let is_lost = self.joints[lane].seen && !is_near;
-            if is_lost { last + way } else { position }
-        })
+        let mut positions = *sensed;
+        let lanes = positions
+            .iter_mut()
+            .zip(&self.joints)
+            .zip(self.velocities.rates());
+        for (lane, ((position, servo), &rate)) in lanes.enumerate() {
+            if servo.seen
+                && let Some(plausible) = self.readings.plausible(lane, *position, rate, elapsed)
+            {
+                *position = plausible;
+            }
+        }
+        positions
     }
 
     /// Takes the next positions as they are, as a finger that is new does.
@@ -275,8 +262,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             servo.seen = false;
         }
         self.all_seen = false;
-        self.away = [T::zero(); N];
-        self.going = [T::zero(); N];
+        self.readings.forget();
         self.position_filters.forget();
         self.velocities.forget();
     }
@@ -342,37 +328,26 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             position,
             velocity,
             saturated: allocated.saturated,
-            lost: self.lost,
+            lost: self.readings.lost,
         }
     }
 
     /// The positions that the sensors say, filtered, and their rates.
     #[inline(always)]
-    #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
     fn sense_positions(
         &mut self,
         sensed: &SVector<T, N>,
         elapsed: Elapsed<T>,
     ) -> (SVector<T, N>, SVector<T, N>) {
-        let ([positions], [last]) = (sensed.data.0, self.last.position.data.0);
+        let [positions] = sensed.data.0;
+        let mut targets = positions;
+        for (target, servo) in targets.iter_mut().zip(&self.joints) {
+            *target = servo.target_position();
+        }
         let rates = self.velocities.rates();
-        let (mut still, mut going) = (self.still, self.going);
-        let mut plausible = self.all_seen & (self.lost == 0);
-        for lane in 0..N {
-            let (moved, way) = (positions[lane] - last[lane], rates[lane] * elapsed.seconds);
-            // What is not finite is near nothing.
-            plausible &= abs(moved - way) <= self.reach[lane];
-            let (resolution, since) = (self.resolution[lane], still[lane] + elapsed.seconds);
-            let stands = abs(moved) < real::<T>(0.5) * resolution;
-            still[lane] = if stands { since } else { T::zero() };
-            going[lane] = if stands { going[lane] } else { moved / since };
-            plausible &= abs(going[lane]) * still[lane] <= real::<T>(FROZEN) * resolution;
+        if !(self.all_seen && self.readings.take(&positions, rates, &targets, elapsed)) {
+            return self.sense_each(positions, &targets, elapsed);
         }
-        if !plausible {
-            return self.sense_each(positions, elapsed);
-        }
-        self.last.position = *sensed;
-        (self.still, self.going) = (still, going);
         let positions = self.position_filters.update(&positions);
         let velocities = self.velocities.update(&positions, elapsed);
         (positions.into(), velocities.into())
@@ -384,62 +359,31 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     fn sense_each(
         &mut self,
         mut positions: [T; N],
+        targets: &[T; N],
         elapsed: Elapsed<T>,
     ) -> (SVector<T, N>, SVector<T, N>) {
-        let nothing = T::zero() / T::zero();
-        let rates = *self.velocities.rates();
         let mut seen = [false; N];
-        self.lost = 0;
-        for lane in 0..N {
-            let (servo, last) = (&mut self.joints[lane], &mut self.last.position[lane]);
-            let (position, away) = (&mut positions[lane], &mut self.away[lane]);
-            let (still, going) = (&mut self.still[lane], &mut self.going[lane]);
-            *away += elapsed.seconds;
-            *still += elapsed.seconds;
-            let (moved, resolution) = (*position - *last, self.resolution[lane]);
-            let stands = abs(moved) < real::<T>(0.5) * resolution;
-            let far = real::<T>(FROZEN) * resolution;
-            let has_gone = abs(*going) * *still > far;
-            let goes_on = servo.goes_on(*going, far / *still);
-            let is_near = abs(moved - rates[lane] * *away) <= self.reach[lane];
-            // A filter that began with a position that never was would show a rate.
-            let begins = !servo.seen && is_finite(*position);
-            if begins || servo.seen && is_near && !(stands && has_gone && goes_on) {
-                if begins {
-                    (*still, *going) = (T::zero(), T::zero());
-                } else if !stands {
-                    (*still, *going) = (T::zero(), moved / *still);
-                } else if has_gone && !servo.goes_on(*going, resolution / *still) {
-                    // It was to stop, and has.
-                    *going = T::zero();
-                }
-                (*last, *away) = (*position, T::zero());
-                servo.seen = true;
-                self.changed |= begins;
-            } else if servo.seen {
-                self.lost |= 1 << lane;
-                *position = nothing;
-                if stands && *away < *still {
-                    // It has said nothing for longer than it seemed.
-                    *away = *still;
-                    self.velocities.go_on_from(lane, *last, *going);
-                }
-            } else {
-                *position = *last;
-            }
-            seen[lane] = servo.seen;
+        for (seen, servo) in seen.iter_mut().zip(&self.joints) {
+            *seen = servo.seen;
+        }
+        let rates = *self.velocities.rates();
+        let readings = &mut self.readings;
+        let unseen = readings.take_each(&mut positions, &mut seen, &rates, targets, elapsed);
+        let lost = readings.lost;
+        for (servo, &seen) in self.joints.iter_mut().zip(&seen) {
+            self.changed |= seen != servo.seen;
+            servo.seen = seen;
         }
         self.all_seen = seen.iter().all(|&seen| seen);
-        let mut positions = self.position_filters.update_each(&positions, &seen);
-        let lost = self.lost;
-        let is_lost = |lane: &usize| lost & 1 << lane != 0;
-        for lane in (0..N).filter(is_lost) {
-            positions[lane] = nothing;
+        let positions = self.position_filters.update_each(&positions, &seen);
+        self.velocities.go_on_unseen(&unseen, &positions, elapsed);
+        let mut rated = positions;
+        for (lane, position) in rated.iter_mut().enumerate() {
+            if lost & 1 << lane != 0 {
+                *position = T::zero() / T::zero();
+            }
         }
-        let velocities = self.velocities.update_each(&positions, &seen, elapsed);
-        for lane in (0..N).filter(is_lost) {
-            positions[lane] = self.last.position[lane] + velocities[lane] * self.away[lane];
-        }
+        let velocities = self.velocities.update_each(&rated, &seen, elapsed);
         (positions.into(), velocities.into())
     }
 
@@ -451,7 +395,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .joints
             .iter_mut()
             .zip(&mut tensions)
-            .zip(&mut self.last.tension)
+            .zip(&mut self.last)
         {
             if is_finite(tension.flexor + tension.extensor) {
                 *last = *tension;

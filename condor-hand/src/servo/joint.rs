@@ -62,6 +62,19 @@ impl<T: Real> JointServo<T> {
         let low_pass = |cutoff| low_pass(joint, cutoff, sample_hz);
         settings.gains.check(joint)?;
         settings.stop.check(joint)?;
+        for (what, value) in [
+            ("largest change of a rate, rad/s", settings.rate_change),
+            ("resolution of a sensor, rad", settings.resolution_rad),
+            (
+                "way without a change of a reading, rad",
+                settings.frozen_rad,
+            ),
+        ] {
+            if !(value >= T::zero()) {
+                let value = value.to_f64();
+                return Err(SettingError::Value { joint, what, value });
+            }
+        }
         let Allocation { min_n, max_n, .. } = settings.allocation;
         settings
             .allocation
@@ -140,12 +153,12 @@ impl<T: Real> JointServo<T> {
         Ok(())
     }
 
-    /// Whether it is to go on in the direction in which it went, at this rate at least, rad/s.
-    pub(super) fn goes_on(&self, rate: T, least: T) -> bool {
+    /// Where it is to be, rad; NaN if it follows nothing.
+    #[inline(always)]
+    pub(super) fn target_position(&self) -> T {
         match self.target {
-            JointTarget::Position(point) if rate > T::zero() => point.velocity > least,
-            JointTarget::Position(point) => point.velocity < -least,
-            _ => false,
+            JointTarget::Position(point) => point.position,
+            _ => T::zero() / T::zero(),
         }
     }
 

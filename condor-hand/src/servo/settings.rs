@@ -27,12 +27,14 @@ pub struct JointSettings<T: Real = f64> {
     pub stop: SoftStop<T>,
     /// How a torque becomes two tensions.
     pub allocation: Allocation<T>,
-    /// How far from where its rate leads a joint can be after one period, rad: a reading that is farther
+    /// By how much its rate changes at most from one tick to the next, rad/s: a reading that is farther off
     /// is none.
-    pub reach_rad: T,
-    /// What its sensor tells apart, rad: one that shows no change while its joint must have gone by more
-    /// than twice as much shows nothing at all.
+    pub rate_change: T,
+    /// What its sensor tells apart, rad.
     pub resolution_rad: T,
+    /// A sensor that shows no change while its joint went, and was to go, farther than this, rad, shows
+    /// nothing at all: more than friction can hold back.
+    pub frozen_rad: T,
     /// A low-pass filter before everything else, Hz.
     pub position_cutoff_hz: Option<T>,
     /// The cutoff of the differentiation of its position, Hz.

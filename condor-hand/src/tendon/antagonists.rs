@@ -89,7 +89,7 @@ impl<T: Real> Antagonists<T> {
             let (max_n, term) = (self.max_n[i], self.term[i]);
             let desired = clamp(asked[i], zero, max_n);
             let error = desired - measured[i];
-            let rate = (error - self.last_error[i]) * elapsed.hz;
+            let rate = (error - self.last_error[i]) * elapsed.hz * elapsed.weight;
             let damping = self.kv[i] * length_rate[i];
             let rest = desired + self.kt[i] * error + self.kd[i] * rate - damping;
             let increment = self.ki[i] * error * elapsed.seconds;

@@ -135,7 +135,7 @@ impl<T: Real> TensionServo<T> {
             let error = self.desired - measured;
             let rate = self
                 .last_error
-                .map_or(zero, |last| (error - last) * elapsed.hz);
+                .map_or(zero, |last| (error - last) * elapsed.hz * elapsed.weight);
             self.last_error = Some(error);
             (error, rate)
         } else {

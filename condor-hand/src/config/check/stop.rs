@@ -1,6 +1,6 @@
 //! Whether joints come to rest at their soft stops.
 
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 
 use super::place::{Examiner, Root};
 use crate::config::{Joint, Mistake, ServoLaw, Tendon};
@@ -26,7 +26,9 @@ pub(super) fn examine<const F: usize, const J: usize>(
         // Its gains are for some inertia, which is another in every posture.
         ServoLaw::Pd | ServoLaw::Decoupled => 0.0,
     };
-    let rests = |stop_hz| rests(joint, law_hz, stop_hz, rate_hz);
+    // In other modes than that of positions the stop is alone.
+    let rests =
+        |stop_hz| rests(joint, law_hz, stop_hz, rate_hz) && rests(joint, 0.0, stop_hz, rate_hz);
     if joint.stop.zone == 0.0 || bandwidth_hz == 0.0 || rests(bandwidth_hz) {
         return Ok(());
     }
@@ -91,10 +93,10 @@ fn tick<const J: usize>(
         1.0 - smooth,
     ];
     let kt = tendon.gains.kt;
-    let command: [f64; 5] = core::array::from_fn(|n| {
-        let asked = -stiffness * position[n] - damping * rate[n];
-        (1.0 + kt) * asked - if n == 2 { kt } else { 0.0 }
-    });
+    let mut command = [0.0, 0.0, -kt, 0.0, 0.0];
+    for (command, (position, rate)) in command.iter_mut().zip(position.iter().zip(&rate)) {
+        *command -= (1.0 + kt) * (stiffness * position + damping * rate);
+    }
 
     // What the tick makes of the state and of that command.
     let period = 1.0 / rate_hz;
@@ -107,17 +109,17 @@ fn tick<const J: usize>(
         ([0.0, 1.0, once], period - once),
         ([0.0, 0.0, decay], 1.0 - decay),
     ];
-    let mut after = SMatrix::zeros();
-    for (n, (own, by_command)) in moves.into_iter().enumerate() {
-        for (m, command) in command.into_iter().enumerate() {
-            after[(n, m)] = own.get(m).copied().unwrap_or(0.0) + by_command * command;
-        }
-    }
-    for m in 0..5 {
-        after[(3, m)] = position[m];
-        after[(4, m)] = rate[m];
-    }
-    after
+    let rows = moves.map(|(own, by_command)| {
+        core::array::from_fn::<_, 5, _>(|m| {
+            let own = own.get(m).copied().unwrap_or(0.0);
+            let command = command.get(m).copied().unwrap_or(0.0);
+            own + by_command * command
+        })
+    });
+    let [first, second, third] = rows;
+    let [first, second, third, fourth, fifth] =
+        [first, second, third, position, rate].map(SVector::from);
+    SMatrix::<f64, 5, 5>::from_columns(&[first, second, third, fourth, fifth]).transpose()
 }
 
 #[cfg(test)]

@@ -155,6 +155,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         let Self { usual, state, .. } = self;
         let mut pass = state.quiet
             && is_finite(period_s)
+            && period_s > T::zero()
             && period_s <= usual.period_s
             && is_finite(age_s)
             && age_s <= usual.set_point_age_s;
@@ -257,7 +258,8 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
                     age_s,
                 ),
             ] {
-                let late = !is_finite(seconds) || limit.is_below(seconds);
+                let is_none = code == FaultCode::MissedDeadline && !(seconds > T::zero());
+                let late = !is_finite(seconds) || is_none || limit.is_below(seconds);
                 let times = if code == FaultCode::MissedDeadline {
                     times(seconds / limit.value)
                 } else {

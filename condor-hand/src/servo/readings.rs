@@ -1,0 +1,199 @@
+//! [`Readings`]: which readings of positions are believed, and what stands for the others.
+
+use super::JointSettings;
+use crate::control::bank::Elapsed;
+use crate::math::{Real, abs, clamp, is_finite, real};
+
+/// Readings differ from where a joint is by so many times what the sensor tells apart.
+const NOISE: f64 = 3.0;
+
+/// The readings of the positions of N joints.
+///
+/// One that is not finite, or too far from the last one and from where the rate leads, is lost. So is one that
+/// stands while the joint went, and its set-point went on. A joint goes on at its rate meanwhile.
+#[derive(Clone, Debug)]
+pub(super) struct Readings<T, const N: usize> {
+    /// By which a rate changes at most, rad/s.
+    change: [T; N],
+    resolution: [T; N],
+    frozen: [T; N],
+    /// The last that were believed, rad.
+    pub(super) last: [T; N],
+    /// The time since then, and since any number came, s; zero but for what is lost.
+    away: [T; N],
+    silent: [T; N],
+    /// The last that was another, rad, the time since then, s, at which rate it had changed, rad/s, and where
+    /// the joint was to be then, rad.
+    there: [T; N],
+    still: [T; N],
+    going: [T; N],
+    wanted: [T; N],
+    /// A bit for each that is lost.
+    pub(super) lost: u32,
+}
+
+/// A rate with which a joint went on unseen: rad/s, and for how long, s.
+pub(super) type Unseen<T> = Option<(T, T)>;
+
+impl<T: Real, const N: usize> Readings<T, N> {
+    pub(super) fn new(joints: &[JointSettings<T>; N]) -> Self {
+        let none = [T::zero(); N];
+        Self {
+            change: joints.map(|joint| joint.rate_change),
+            resolution: joints.map(|joint| joint.resolution_rad),
+            frozen: joints.map(|joint| joint.frozen_rad),
+            last: none,
+            away: none,
+            silent: none,
+            there: none,
+            still: none,
+            going: none,
+            wanted: none,
+            lost: 0,
+        }
+    }
+
+    /// Whether all are to be believed, after a tick in which all were; if so, they are taken. `targets`
+    /// are where the joints are to be, NaN for those that follow nothing.
+    #[inline(always)]
+    #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
+    pub(super) fn take(
+        &mut self,
+        positions: &[T; N],
+        rates: &[T; N],
+        targets: &[T; N],
+        elapsed: Elapsed<T>,
+    ) -> bool {
+        let (mut still, mut going) = (self.still, self.going);
+        let (mut there, mut wanted) = (self.there, self.wanted);
+        let mut believed = self.lost == 0;
+        for lane in 0..N {
+            let (moved, way) = (
+                positions[lane] - self.last[lane],
+                rates[lane] * elapsed.seconds,
+            );
+            believed &= self.is_near(lane, moved, way, elapsed.seconds);
+            let since = still[lane] + elapsed.seconds;
+            let gone = positions[lane] - there[lane];
+            let stands = self.stands(lane, gone);
+            still[lane] = if stands { since } else { T::zero() };
+            going[lane] = if stands { going[lane] } else { gone / since };
+            there[lane] = if stands { there[lane] } else { positions[lane] };
+            wanted[lane] = if stands { wanted[lane] } else { targets[lane] };
+            believed &= abs(going[lane]) * still[lane] <= self.frozen[lane];
+        }
+        if believed {
+            self.last = *positions;
+            (self.still, self.going) = (still, going);
+            (self.there, self.wanted) = (there, wanted);
+        }
+        believed
+    }
+
+    /// Takes what is believed, one by one, of joints that were `seen` once, and puts where the joint would
+    /// be in the place of what is not. Gives the rates of those whose sensors turn out to have stood.
+    pub(super) fn take_each(
+        &mut self,
+        positions: &mut [T; N],
+        seen: &mut [bool; N],
+        rates: &[T; N],
+        targets: &[T; N],
+        elapsed: Elapsed<T>,
+    ) -> [Unseen<T>; N] {
+        let zero = T::zero();
+        let mut unseen = [None; N];
+        self.lost = 0;
+        for lane in 0..N {
+            let position = positions[lane];
+            let is_number = is_finite(position);
+            self.away[lane] += elapsed.seconds;
+            self.silent[lane] += elapsed.seconds;
+            self.still[lane] += elapsed.seconds;
+            let (moved, still) = (position - self.last[lane], self.still[lane]);
+            let way = rates[lane] * self.away[lane];
+            let is_near = self.is_near(lane, moved, way, self.silent[lane]);
+            if is_number {
+                self.silent[lane] = zero;
+            }
+            let gone = position - self.there[lane];
+            let stands = self.stands(lane, gone);
+            let going = self.going[lane];
+            let has_gone = abs(going) * still > self.frozen[lane];
+            let led = targets[lane] - self.wanted[lane];
+            let led = if going > zero { led } else { -led };
+            // A reading that was off has not shown how fast the joint goes.
+            let as_led = abs(going) * still < real::<T>(4.0) * led;
+            let is_frozen = stands && has_gone && as_led && led > self.frozen[lane];
+            // A filter that began with a position that never was would show a rate.
+            let begins = is_number && !seen[lane];
+            if begins || seen[lane] && is_near && !is_frozen {
+                if begins || !stands {
+                    self.going[lane] = if begins { zero } else { gone / still };
+                    self.there[lane] = position;
+                    self.still[lane] = zero;
+                    self.wanted[lane] = targets[lane];
+                } else if has_gone && !(led > self.resolution[lane]) {
+                    // It was to stop, and has.
+                    self.going[lane] = zero;
+                }
+                self.last[lane] = position;
+                self.away[lane] = zero;
+                seen[lane] = true;
+                continue;
+            }
+            positions[lane] = self.last[lane];
+            if seen[lane] {
+                self.lost |= 1 << lane;
+                if is_frozen && self.away[lane] < still {
+                    // It has said nothing for longer than it seemed.
+                    self.away[lane] = still;
+                    // As fast as it went, but no faster than it was to go.
+                    let to_go = led / still;
+                    let rate = clamp(going, -to_go, to_go);
+                    unseen[lane] = Some((rate, still));
+                }
+                let rate = unseen[lane].map_or(rates[lane], |(rate, _)| rate);
+                positions[lane] += rate * self.away[lane];
+            }
+        }
+        unseen
+    }
+
+    /// What the next tick would go by, but for what stands: where joints would be in the place of what is
+    /// not believed.
+    pub(super) fn plausible(
+        &self,
+        lane: usize,
+        position: T,
+        rate: T,
+        elapsed: Elapsed<T>,
+    ) -> Option<T> {
+        let (last, away) = (*self.last.get(lane)?, *self.away.get(lane)?);
+        let silent = *self.silent.get(lane)? + elapsed.seconds;
+        let way = rate * (away + elapsed.seconds);
+        let is_near = lane < N && self.is_near(lane, position - last, way, silent);
+        Some(if is_near { position } else { last + way })
+    }
+
+    /// Begins anew with the next readings.
+    pub(super) fn forget(&mut self) {
+        let none = [T::zero(); N];
+        (self.away, self.silent, self.going) = (none, none, none);
+        self.lost = 0;
+    }
+
+    /// Whether a joint can have moved so far, or be so far from its way, in this time, s. What is not
+    /// finite is near nothing.
+    #[inline(always)]
+    #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
+    fn is_near(&self, lane: usize, moved: T, way: T, seconds: T) -> bool {
+        let reach = self.change[lane] * seconds + real::<T>(NOISE) * self.resolution[lane];
+        (abs(moved - way) <= reach) | (abs(moved) <= reach)
+    }
+
+    /// Whether the sensor shows the same as before.
+    #[inline(always)]
+    fn stands(&self, lane: usize, gone: T) -> bool {
+        abs(gone) < real::<T>(0.5) * self.resolution[lane]
+    }
+}
