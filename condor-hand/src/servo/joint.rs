@@ -70,7 +70,9 @@ impl<T: Real> JointServo<T> {
                 settings.frozen_rad,
             ),
         ] {
-            if !(value >= T::zero()) {
+            // What is no number is neither.
+            let is_sensible = value >= T::zero();
+            if !is_sensible {
                 let value = value.to_f64();
                 return Err(SettingError::Value { joint, what, value });
             }

@@ -132,9 +132,10 @@ impl<T: Real, const N: usize> Readings<T, N> {
                     self.there[lane] = position;
                     self.still[lane] = zero;
                     self.wanted[lane] = targets[lane];
-                } else if has_gone && !(led > self.resolution[lane]) {
-                    // It was to stop, and has.
-                    self.going[lane] = zero;
+                } else if has_gone {
+                    // Otherwise it was to stop, and has.
+                    let goes_on = led > self.resolution[lane];
+                    self.going[lane] = if goes_on { going } else { zero };
                 }
                 self.last[lane] = position;
                 self.away[lane] = zero;

@@ -258,8 +258,8 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
                     age_s,
                 ),
             ] {
-                let is_none = code == FaultCode::MissedDeadline && !(seconds > T::zero());
-                let late = !is_finite(seconds) || is_none || limit.is_below(seconds);
+                let has_passed = code != FaultCode::MissedDeadline || seconds > T::zero();
+                let late = !is_finite(seconds) || !has_passed || limit.is_below(seconds);
                 let times = if code == FaultCode::MissedDeadline {
                     times(seconds / limit.value)
                 } else {
