@@ -126,6 +126,7 @@ fn tick<const J: usize>(
 mod tests {
     /// The bounds that were found around the simulated plant, whose friction adds a little.
     #[test]
+    #[cfg_attr(miri, ignore = "square roots are inline assembly")]
     fn the_law_alone_is_stable_where_it_was_seen_to_be() {
         let text = include_str!("../../../hands/utah-mit.toml");
         let hand = crate::config::Hand::<4, 4>::from_toml(text, "utah-mit.toml").unwrap();
