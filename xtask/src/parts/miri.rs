@@ -9,6 +9,8 @@ use crate::tools::need_component;
 struct Suite {
     package: &'static str,
     features: &'static str,
+    /// Whether it has unit tests.
+    units: bool,
     /// The test program, without which there are no modules.
     program: &'static str,
     /// Those that make no system call that Miri lacks and end within a minute in it.
@@ -22,6 +24,7 @@ const SUITES: [Suite; 6] = [
     Suite {
         package: "condor-mos",
         features: "sim",
+        units: true,
         program: "mos",
         modules: &["scope::", "latest::"],
         skipped: &["injector", "a_million_instants", "the_largest_numbers_end"],
@@ -29,6 +32,7 @@ const SUITES: [Suite; 6] = [
     Suite {
         package: "condor-dev",
         features: "sim,conformance",
+        units: true,
         program: "dev",
         modules: &["switch::", "controllers_conform::"],
         skipped: &["drivers::interrupted_tests"],
@@ -36,6 +40,7 @@ const SUITES: [Suite; 6] = [
     Suite {
         package: "condor-hand",
         features: "sim",
+        units: true,
         program: "hand",
         modules: &[],
         skipped: &["noise_is_centred", "states_never_become_denormal"],
@@ -43,6 +48,7 @@ const SUITES: [Suite; 6] = [
     Suite {
         package: "condor-mbox",
         features: "sim",
+        units: true,
         program: "mbox",
         modules: &["conformance::"],
         skipped: &[],
@@ -50,6 +56,7 @@ const SUITES: [Suite; 6] = [
     Suite {
         package: "condor-tty",
         features: "dev",
+        units: false,
         program: "tty",
         modules: &["cooked::", "dev::"],
         skipped: &["lines_are_edited", "raw_mode_gives_every_character"],
@@ -57,6 +64,7 @@ const SUITES: [Suite; 6] = [
     Suite {
         package: "condor-fs",
         features: "dev",
+        units: true,
         program: "fs",
         modules: &["buffered::"],
         skipped: &["every_byte_is_", "small_transfers_become_few", "server::"],
@@ -75,7 +83,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     // Miri interprets on one core.
     let mut lines = Vec::new();
     for suite in &SUITES {
-        lines.push(tests(context, suite, "--lib", &[]));
+        if suite.units {
+            lines.push(tests(context, suite, "--lib", &[]));
+        }
         if !suite.modules.is_empty() {
             let program = format!("--test {}", suite.program);
             lines.push(tests(context, suite, &program, suite.modules));
