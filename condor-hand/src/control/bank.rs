@@ -156,8 +156,8 @@ impl<T: Real, const L: usize> Rates<T, L> {
         &self.rate
     }
 
-    /// Lets those go on that went on unseen, at these rates and for so long, s, when the next samples
-    /// come, which `samples` stand for.
+    /// Puts right the rates of signals whose last samples were none: each went on at a rate, for so many
+    /// seconds, and is where `samples` says.
     pub(crate) fn go_on_unseen(
         &mut self,
         unseen: &[Option<(T, T)>; L],

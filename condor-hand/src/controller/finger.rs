@@ -31,8 +31,8 @@ pub struct FingerController<M, const N: usize> {
     over: f64,
     monitor: FingerMonitor<f64, N>,
     ramp: Option<SafeRamp<f64, N>>,
-    /// What the tensions had at the fault beside those at which the ramp begins, and in how many ticks
-    /// it is over.
+    /// How far the tensions were, at the fault, from those with which the ramp begins, N; and after how
+    /// many more ticks nothing of that is left.
     beside: (Pairs<f64, N>, u32),
     least: Pairs<f64, N>,
     low: [f64; N],
@@ -283,7 +283,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         let target = self.aim(elapsed.periods);
         self.age_s += elapsed.seconds;
         let age_s = if self.following == 0 { 0.0 } else { self.age_s };
-        let mut output = self.servo.tick(sensed, gravity, elapsed.seconds);
+        let mut output = self.servo.tick_after(sensed, gravity, elapsed);
         let fault = self.monitor.judge(
             (&self.desired, &sensed.tension),
             (&target, &sensed.position),

@@ -8,7 +8,7 @@ use super::axis::{AxisError, AxisServo};
 use crate::config::{Axis, Hand};
 use crate::decimal::Decimal;
 use crate::math::{is_finite, max, min};
-use crate::tendon::fault::sensor::{Run, times};
+use crate::tendon::fault::sensor::Run;
 use crate::trajectory::{
     Event, Generator, Limits, Observations, Pace, Primitive, PrimitiveError, Profile, SetPoint,
     Target, Ticket, TrajectoryError,
@@ -328,13 +328,7 @@ impl TableController {
     /// One tick, with the measured positions of the axes, m, so many seconds after the last one; for
     /// the first tick, a period.
     pub fn tick(&mut self, positions: &[f64; AXES], period_s: f64) -> TableTick {
-        let late = !(period_s > 0.0 && period_s <= self.longest_s);
-        let late = if late {
-            times(period_s / self.longest_s)
-        } else {
-            0
-        };
-        let is_late = self.missed.adds(self.deadlines, late);
+        let is_late = (self.missed).misses(self.deadlines, period_s, self.longest_s);
         if is_late && self.is_driven() {
             self.state = TableState::Late;
         }

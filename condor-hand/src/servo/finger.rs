@@ -300,7 +300,17 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         gravity: &Vector3<T>,
         period_s: T,
     ) -> ServoOutput<T, N> {
-        let elapsed = Elapsed::new(period_s, self.sample_hz);
+        self.tick_after(sensed, gravity, Elapsed::new(period_s, self.sample_hz))
+    }
+
+    /// The same, so long after the last tick.
+    #[inline(always)]
+    pub(crate) fn tick_after(
+        &mut self,
+        sensed: &Sensed<T, N>,
+        gravity: &Vector3<T>,
+        elapsed: Elapsed<T>,
+    ) -> ServoOutput<T, N> {
         let (position, velocity) = self.sense_positions(&sensed.position, elapsed);
         let tension = self.sense_tensions(&sensed.tension);
         self.take_holds(&position);

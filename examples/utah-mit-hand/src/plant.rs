@@ -49,6 +49,7 @@ mod watchdog;
 use arguments::Arguments;
 use registers::Registers;
 pub use requests::{Refusal, Request, Response, Verb, Which};
+pub use robot::MACHINE;
 use robot::Robot;
 
 /// The vector of requests to the robot.

@@ -64,10 +64,11 @@ fn rests<const J: usize>(joint: &Joint<J>, law_hz: f64, stop_hz: f64, rate_hz: u
     })
 }
 
-/// What one tick makes of a joint of one unit of inertia in the zone of a stop.
+/// The matrix by which one tick multiplies the state of a joint in the zone of a stop. The joint's inertia
+/// is 1, since servo and stop ask for accelerations.
 ///
-/// The state is its position and rate, the torque of its actuator, and the last position and rate as the
-/// servo's filters have them. The actuator is a lag of first order that holds its command for a tick.
+/// The state is its position and rate, the torque of its actuator, and the last position and rate that the
+/// servo's filters gave. The actuator follows with a lag of first order; its command stays for a tick.
 fn tick<const J: usize>(
     joint: &Joint<J>,
     (law_hz, stop_hz): (f64, f64),

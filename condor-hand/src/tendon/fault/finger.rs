@@ -1,6 +1,6 @@
 use nalgebra::SVector;
 
-use super::sensor::{Joint, Latch, Run, Tendon, times};
+use super::sensor::{Joint, Latch, Run, Tendon};
 use super::usual::{Places, Usual, threshold};
 use super::{Fault, FaultCode, FaultLimits, FaultLimitsError, FaultSet, FaultSite};
 use crate::math::{Real, is_finite};
@@ -244,30 +244,12 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
             joint_places.set(joint, moved);
         }
         State::<T, N>::judge(first, FaultSite::Finger, finger, |latch| {
-            for (code, run, limit, seconds) in [
-                (
-                    FaultCode::MissedDeadline,
-                    &mut *period,
-                    &limits.period_s,
-                    period_s,
-                ),
-                (
-                    FaultCode::StaleSetPoint,
-                    &mut *set_point,
-                    &limits.set_point_age_s,
-                    age_s,
-                ),
-            ] {
-                let has_passed = code != FaultCode::MissedDeadline || seconds > T::zero();
-                let late = !is_finite(seconds) || !has_passed || limit.is_below(seconds);
-                let times = if code == FaultCode::MissedDeadline {
-                    times(seconds / limit.value)
-                } else {
-                    1
-                };
-                let late = if late { times } else { 0 };
-                latch.report(code, run.adds(limit.samples, late), seconds);
-            }
+            let (longest, oldest) = (&limits.period_s, &limits.set_point_age_s);
+            let is_late = period.misses(longest.samples, period_s, longest.value);
+            latch.report(FaultCode::MissedDeadline, is_late, period_s);
+            let is_old = !is_finite(age_s) || oldest.is_below(age_s);
+            let is_stale = set_point.reaches(oldest.samples, is_old);
+            latch.report(FaultCode::StaleSetPoint, is_stale, age_s);
         });
         *quiet = period.is_over()
             && set_point.is_over()

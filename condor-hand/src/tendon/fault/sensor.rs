@@ -4,16 +4,6 @@ use super::{
 };
 use crate::math::{Real, abs, is_finite};
 
-/// So many whole times, at least one.
-#[allow(
-    clippy::cast_sign_loss,
-    clippy::cast_possible_truncation,
-    reason = "what is too large is the most, and what is no number none"
-)]
-pub(crate) fn times<T: Real>(ratio: T) -> u16 {
-    (ratio.to_f64() as u16).max(1)
-}
-
 /// Samples in a row.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Run(u16);
@@ -25,9 +15,23 @@ impl Run {
         self.adds(samples, u16::from(bad))
     }
 
-    /// The same where one sample counts as several bad ones, or as a good one.
+    /// Whether so many deadlines in a row were missed, with a time between two ticks, s, of which this is
+    /// the longest that is in time. A gap several times as long misses several deadlines.
+    pub(crate) fn misses<T: Real>(&mut self, deadlines: u16, seconds: T, longest: T) -> bool {
+        // What is no number is no time that has passed.
+        let in_time = seconds > T::zero() && seconds <= longest;
+        #[allow(
+            clippy::cast_sign_loss,
+            clippy::cast_possible_truncation,
+            reason = "what is too large is the most, and what is no number none"
+        )]
+        let times = (seconds / longest).to_f64() as u16;
+        self.adds(deadlines, if in_time { 0 } else { times.max(1) })
+    }
+
+    /// Counts this sample as so many bad ones in a row; none end the row. Whether `samples` are reached.
     #[inline(always)]
-    pub(crate) fn adds(&mut self, samples: u16, bad: u16) -> bool {
+    fn adds(&mut self, samples: u16, bad: u16) -> bool {
         self.0 = if bad > 0 && samples > 0 {
             self.0.saturating_add(bad)
         } else {

@@ -27,8 +27,8 @@ const BEGINS_AT: f64 = 0.4;
 const INPUTS: usize = 3 * FINGERS * JOINTS + AXES;
 const AXES: usize = 3;
 
-/// What the configuration does not say of the robot.
-const MACHINE: Machine = Machine {
+/// What the configuration does not say of the robot, with one update for each tick.
+pub const MACHINE: Machine = Machine {
     actuator: DriveKind::exact,
     joint_stop: Stop {
         stiffness: 50.0,

@@ -36,8 +36,7 @@ impl Tracker {
         let mut free = [[(0.0, 0.0); JOINTS]; SERVED];
         for (finger, free) in fingers.iter().zip(&mut free) {
             for (joint, free) in finger.joints.iter().zip(free) {
-                let (limits, zone) = (&joint.limits, joint.stop.zone);
-                *free = (limits.low + zone, limits.high - zone);
+                *free = joint.rest_range();
             }
         }
         Self {

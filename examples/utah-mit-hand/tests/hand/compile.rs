@@ -41,8 +41,7 @@ fn motions_that_ship_stay_out_of_the_stops_and_fingertips_meet() {
             for number in (0..ALL).filter(|number| motion.mask >> number & 1 == 1) {
                 let (finger, joint) = (number / JOINTS, number % JOINTS);
                 let entry = hand.joint(finger, joint).unwrap();
-                let low = entry.limits.low + entry.stop.zone;
-                let high = entry.limits.high - entry.stop.zone;
+                let (low, high) = entry.rest_range();
                 let at = &mut last[finger][joint];
                 match motion.targets[number] {
                     Target::Absolute(to) => *at = to,

@@ -4,13 +4,14 @@
 use condor_hand::controller::FingerController;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{max, min};
-use condor_hand::plant::{self, DriveKind, Machine, Stop, Surface};
+use condor_hand::plant::{self, Machine};
 use condor_hand::servo::{Mode, Sensed};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{Fault, FaultCode, FaultSite};
 use condor_hand::trajectory::{Generator, Observations, SetPoint, motion};
 use nalgebra::{SVector, Vector3};
 use utah_mit_hand::compile::joint_names;
+use utah_mit_hand::plant as plant_of_the_hand;
 use utah_mit_hand::{FINGERS, JOINTS, UtahMit};
 
 const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
@@ -28,25 +29,10 @@ const MOTIONS: [(&str, &str); 7] = [
     ("grasp", include_str!("../../motions/grasp.toml")),
 ];
 
+/// The robot of the hand system, updated at 10 kHz.
 const MACHINE: Machine = Machine {
-    actuator: DriveKind::exact,
-    joint_stop: Stop {
-        stiffness: 50.0,
-        damping: 0.1,
-    },
-    axis_stop: Stop {
-        stiffness: 1e5,
-        damping: 1e3,
-    },
     updates: 25,
-    tip_radius: 0.0,
-    surface: Surface {
-        stiffness: 1e3,
-        damping: 1.0,
-        shear_stiffness: 1e3,
-        shear_damping: 1.0,
-        friction: 0.5,
-    },
+    ..plant_of_the_hand::MACHINE
 };
 
 fn hand() -> UtahMit {

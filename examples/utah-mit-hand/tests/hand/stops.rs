@@ -10,8 +10,8 @@ fn are_free(typist: &Typist<'_>, hand: &UtahMit) -> bool {
     hand.fingers.iter().zip(&truth.position).all(|(entry, is)| {
         let mut joints = entry.joints.iter().zip(is);
         joints.all(|(joint, is)| {
-            let (limits, zone) = (&joint.limits, joint.stop.zone);
-            limits.low + zone <= *is && *is <= limits.high - zone
+            let (low, high) = joint.rest_range();
+            low <= *is && *is <= high
         })
     })
 }
