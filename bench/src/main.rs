@@ -3,6 +3,7 @@
 //! `cargo run --release --manifest-path bench/Cargo.toml -- COMMAND [--json] [--rounds N] [--quick]`
 
 mod allocations;
+mod callgrind;
 mod clock;
 mod dev;
 mod firmware;
@@ -97,14 +98,14 @@ fn print_usage() {
     }
 }
 
-/// What the program does when `dev` runs it under callgrind.
+/// Calls one path many times. A command starts the program again under callgrind to do this.
 fn go_down_one_path(mut arguments: impl Iterator<Item = String>) -> ExitCode {
     let name = arguments.next();
     let calls = arguments.next().and_then(|text| text.parse().ok());
     let (Some(name), Some(calls)) = (name, calls) else {
         return ExitCode::from(2);
     };
-    match dev::go(&name, calls) {
+    match mbox::go(&name, calls).unwrap_or_else(|| dev::go(&name, calls)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{error}");
@@ -115,7 +116,7 @@ fn go_down_one_path(mut arguments: impl Iterator<Item = String>) -> ExitCode {
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1).peekable();
-    if arguments.next_if(|name| name == dev::PATH).is_some() {
+    if arguments.next_if(|name| name == callgrind::PATH).is_some() {
         return go_down_one_path(arguments);
     }
     let command = arguments

@@ -6,7 +6,8 @@
 //! (bit 0 enabled, bit 1 faulted), then the counts in the order of [`Statistics`], of which the last
 //! takes two words, low one first, and zeros.
 
-use condor_mbox::{AccessError, MemoryWindow, Places, Published, Publisher, ReadError, Region};
+use condor_mbox::published::{Publisher, ReadError};
+use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use condor_mos::{Rate, Statistics};
 
 use crate::directory::{Directory, DirectoryError, Entry, Kind, Name};

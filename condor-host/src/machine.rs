@@ -61,8 +61,8 @@ pub trait Machine: Sync {
     fn is_stopping(&self) -> bool;
 
     /// Runs `background`, while the mailbox interrupt, if there is [one](Self::MAIL_INTERRUPTS), calls
-    /// `serve`: [`Mailbox::service`](condor_mbox::Mailbox::service) of a mailbox that wants
-    /// [all rings](condor_mbox::Mailbox::ring_always). Servo loops interrupt it.
+    /// `serve`: [`Messenger::serve`](condor_mbox::Messenger::serve) with a time-out of zero, of a
+    /// mailbox that wants [all rings](condor_mbox::Mailbox::ring_always). Servo loops interrupt it.
     ///
     /// Without it messages are served where the background waits. With it, messages of one sender stay
     /// in order only if the background does not serve, too: it polls instead of waiting.

@@ -17,9 +17,9 @@ pub use loops::{LoopRates, LoopSample};
 pub use terminals::TerminalCounts;
 pub use vectors::VectorCounts;
 
-use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, SystemError};
+use condor_mbox::linux::{Claim, LinuxWindow, Mailbox, SystemError};
 use condor_mbox::{
-    AccessError, Error, LoadOrder, Mailbox, MemoryWindow, PeerState, Processor, Region,
+    AccessError, Error, LoadOrder, MemoryWindow, Messenger, PeerState, Processor, Region,
     SingleContext, layout,
 };
 use serde::Serialize;
@@ -30,7 +30,7 @@ use crate::system::Windows;
 use wishes::Wishes;
 
 /// The mailbox of a visitor.
-pub type Post = Mailbox<'static, LinuxWindow, LinuxDoorbell<PROCESSORS>, SingleContext, PROCESSORS>;
+pub type Post = Mailbox<'static, PROCESSORS, SingleContext>;
 
 /// Why the memory of a system says nothing.
 #[derive(Debug, thiserror::Error)]
@@ -133,18 +133,17 @@ impl View {
     /// # Errors
     /// [`ViewError::Full`]; the windows'.
     pub fn open(windows: &Windows) -> Result<Self, ViewError> {
-        let claim = claim(windows)?;
-        let number = claim.number();
-        let (windows, doorbell) = claim.into_parts();
-        let post = Mailbox::new(number, windows, doorbell, SingleContext::new())?;
-        let wishes = Wishes::new(&post)?;
+        let mut claim = claim(windows)?;
+        let mut places = claim.places()?;
+        let post = claim.mailbox_with(SingleContext::new())?;
+        let wishes = Wishes::new(&post, &mut places)?;
         Ok(Self { post, wishes })
     }
 
     /// Becomes a processor to the others, so that messages can be sent.
     ///
     /// # Errors
-    /// As [`Mailbox::join`].
+    /// As [`Mailbox::join`](condor_mbox::Mailbox::join).
     pub fn join(&mut self) -> Result<&Post, ViewError> {
         self.post.join()?;
         Ok(&self.post)
@@ -171,7 +170,7 @@ impl View {
         };
         Ok(Heart {
             presence,
-            life: word(layout::header::LAST_LIFE),
+            life: word(layout::header::LAST_INCARNATION),
             beats: word(layout::header::HEARTBEAT),
         })
     }

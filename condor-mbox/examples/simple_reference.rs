@@ -8,10 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use condor_mbox::linux::{Claim, Mailbox, System};
-use condor_mbox::{
-    Call, CriticalSection, Error, LoadOrder, MemoryWindow, Processor, StoreOrder, Vector, Waiting,
-    layout::BELL_BYTES,
-};
+use condor_mbox::{Call, Error, Messenger, Processor, Vector, Waiting};
 
 type AnyError = Box<dyn std::error::Error>;
 
@@ -29,25 +26,25 @@ const ROUND_TRIPS: usize = 20_000;
 
 fn main() -> Result<(), AnyError> {
     if std::env::args().nth(1).as_deref() == Some("server") {
-        return serve(&System::<2>::inherited()?.claim(SERVER)?);
+        return serve(System::<2>::inherited()?.claim(SERVER)?);
     }
     let system = System::<2>::family(4096)?;
     let mut command = Command::new(std::env::current_exe()?);
     let mut server = Server(system.pass_to(command.arg("server")).spawn()?);
-    ask(&system.claim(CLIENT)?)?;
+    ask(system.claim(CLIENT)?)?;
     Ok(server.0.wait().map(drop)?)
 }
 
 /// Processor 0: answers for its own memory until it is told to stop.
-fn serve(claim: &Claim<2>) -> Result<(), AnyError> {
-    let memory = &claim.windows()[SERVER.index()].data;
-    memory.store(BELL_BYTES + 100, 1988, StoreOrder::Relaxed)?;
+fn serve(claim: Claim<2>) -> Result<(), AnyError> {
+    let memory = claim.region(SERVER)?;
+    memory.set_word(100, 1988)?;
     let noted = AtomicU32::new(0);
     let stop = AtomicU32::new(0);
 
     // The memo's handler: the value of the location whose address is the message.
     let simple_reference =
-        |call: &Call<'_>| memory.load(call.data(), LoadOrder::Relaxed).unwrap_or(0);
+        |call: &Call<'_>| memory.word(call.data()).unwrap_or_else(|_| call.refuse(1));
     let note = |call: &Call<'_>| {
         noted.store(call.data(), Ordering::Relaxed);
         0
@@ -75,21 +72,20 @@ fn serve(claim: &Claim<2>) -> Result<(), AnyError> {
 }
 
 /// Processor 1: asks.
-fn ask(claim: &Claim<2>) -> Result<(), AnyError> {
-    let memory = &claim.windows()[CLIENT.index()].data;
-    memory.store(BELL_BYTES + 200, 900, StoreOrder::Relaxed)?;
-    let simple_reference =
-        |call: &Call<'_>| memory.load(call.data(), LoadOrder::Relaxed).unwrap_or(0);
+fn ask(claim: Claim<2>) -> Result<(), AnyError> {
+    let memory = claim.region(CLIENT)?;
+    memory.set_word(200, 900)?;
+    let simple_reference = |call: &Call<'_>| memory.word(call.data()).unwrap_or(0);
 
     let mut mailbox = open(claim)?;
     mailbox.set_vector(SIMPLE_REFERENCE, &simple_reference, "simple reference")?;
     mailbox.join()?;
 
-    let value = mailbox.send_with_reply(SERVER, SIMPLE_REFERENCE, BELL_BYTES + 100, SECOND)?;
+    let value = mailbox.send_with_reply(SERVER, SIMPLE_REFERENCE, 100, SECOND)?;
     println!("with reply:    location 100 of processor 0 holds {value}");
     mailbox.send(SERVER, NOTE, 77, SECOND)?;
     println!("without reply: 77 was sent, to be noted");
-    let value = mailbox.send_with_reply(SERVER, ASK_BACK, BELL_BYTES + 200, SECOND)?;
+    let value = mailbox.send_with_reply(SERVER, ASK_BACK, 200, SECOND)?;
     println!("nested:        our location 200, read by processor 0, plus the note is {value}");
 
     println!("median round trip: {:?}", median_round_trip(&mailbox)?);
@@ -104,9 +100,8 @@ fn ask(claim: &Claim<2>) -> Result<(), AnyError> {
     Ok(())
 }
 
-fn open<'v>(claim: &Claim<2>) -> Result<Mailbox<'v, 2>, Error> {
-    let (windows, doorbell) = claim.clone().into_parts();
-    let mut mailbox = Mailbox::new(claim.number(), windows, doorbell, CriticalSection)?;
+fn open<'v>(claim: Claim<2>) -> Result<Mailbox<'v, 2>, Error> {
+    let mut mailbox = claim.mailbox()?;
     mailbox.set_waiting(Waiting::SpinThenSleep {
         spin: Duration::from_millis(1),
     });
@@ -117,7 +112,7 @@ fn median_round_trip(mailbox: &Mailbox<'_, 2>) -> Result<Duration, Error> {
     let mut taken = Vec::with_capacity(ROUND_TRIPS);
     for _ in 0..ROUND_TRIPS {
         let begun = Instant::now();
-        mailbox.send_with_reply(SERVER, SIMPLE_REFERENCE, BELL_BYTES + 100, SECOND)?;
+        mailbox.send_with_reply(SERVER, SIMPLE_REFERENCE, 100, SECOND)?;
         taken.push(begun.elapsed());
     }
     taken.sort_unstable();

@@ -44,7 +44,10 @@ pub trait Doorbell: Clock {
     fn prepare(&self) -> Self::Seen;
 
     /// Sleeps until a ring since `seen` was taken, or until `until`.
-    fn wait(&self, seen: Self::Seen, until: Instant);
+    ///
+    /// `whom` is the processor whose answer is waited for, if it is one; who only waits for time to
+    /// pass, or for anybody, names none.
+    fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>);
 
     /// What the platform knows of the program that holds `processor`.
     ///
@@ -66,8 +69,8 @@ impl<T: Deref<Target: Doorbell>> Doorbell for T {
         (**self).prepare()
     }
 
-    fn wait(&self, seen: Self::Seen, until: Instant) {
-        (**self).wait(seen, until);
+    fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>) {
+        (**self).wait(seen, until, whom);
     }
 
     fn evidence(&self, processor: Processor) -> Evidence {

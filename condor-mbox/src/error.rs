@@ -44,13 +44,14 @@ pub enum ProtocolWord {
     ReplyStatus,
 }
 
-/// Whether a request had been taken by the receiver when its sender gave up.
+/// What has become of a request when its sender gives up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// It never entered the ring: it will not run.
-    NotSent,
-    /// It is in the ring, not taken: it may still run later, at most once.
-    Waiting,
+    /// It did not run and never will: it was not sent, or its receiver ended before it took it.
+    Never,
+    /// The receiver has not been seen to take it. It may have run, or may still run later; at most once
+    /// in all.
+    MayRun,
     /// It was taken: its handler has been started, or is about to be.
     Taken,
 }
@@ -103,6 +104,16 @@ pub enum Error {
         /// The vector it was asked for.
         vector: Vector,
     },
+    /// The receiver's handler refused the request.
+    #[error("the handler of {to} for {vector} refused: error code {code}")]
+    Refused {
+        /// The receiver.
+        to: Processor,
+        /// The vector it was asked for.
+        vector: Vector,
+        /// The handler's error code.
+        code: u32,
+    },
     /// The mailbox has not joined the system.
     #[error("{number} has not joined")]
     NotJoined {
@@ -121,7 +132,7 @@ pub enum Error {
         /// The receiver.
         to: Processor,
     },
-    /// The receiver, or a former life of the sender, was built for another system.
+    /// The receiver, or a former incarnation of the sender, was built for another system.
     #[error(
         "{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}"
     )]
@@ -181,7 +192,7 @@ pub enum Error {
         /// How far the request had come.
         progress: Progress,
     },
-    /// The receiver began a new life since the request was sent; the request is gone.
+    /// The receiver began a new incarnation since the request was sent; the request is gone.
     #[error("{to} restarted ({progress:?})")]
     PeerRestarted {
         /// The receiver.

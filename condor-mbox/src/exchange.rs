@@ -8,9 +8,8 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 use crate::error::Error;
 use crate::id::{Processor, Vector};
 use crate::layout::LINE;
-use crate::mailbox::{Call, Message, Messenger, Ticket};
+use crate::mailbox::{Call, Messenger, Ticket};
 use crate::region::{AccessError, Place, Places, Region};
-use crate::time::Instant;
 use crate::window::MemoryWindow;
 
 /// The reply of a handler that answered, and of one that could not reach the block.
@@ -27,7 +26,10 @@ const REFUSED: u32 = 0;
 /// ```
 /// use std::time::Duration;
 /// use condor_mbox::sim::System;
-/// use condor_mbox::{Call, Exchange, Processor, Region, Vector, answer};
+/// use condor_mbox::exchange::answer;
+/// use condor_mbox::{
+///     Call, Exchange, MemoryWindow, Messenger, Places, Processor, Region, Vector,
+/// };
 ///
 /// const CONTROLLER: Processor = Processor(0);
 /// const HOST: Processor = Processor(1);
@@ -57,11 +59,9 @@ const REFUSED: u32 = 0;
 /// let host = &host;
 /// std::thread::scope(|threads| {
 ///     threads.spawn(move || controller.serve(Duration::from_secs(10)));
-///     let mut exchange = Exchange::<_, _, Gains, f32>::new(
-///         host,
-///         host.region(HOST)?,
-///         &mut host.region(HOST)?.places(),
-///     )?;
+///     let own = host.region(HOST)?;
+///     let mut places = Places::new(own.size());
+///     let mut exchange = Exchange::<_, _, Gains, f32>::new(host, own, &mut places)?;
 ///     let gains = Gains { joint: 3, proportional: 1.5, derivative: 0.1 };
 ///     let doubled = exchange.call(CONTROLLER, SET_GAINS, &gains, Duration::from_secs(10))?;
 ///     assert_eq!(doubled.to_bits(), 3.0_f32.to_bits());
@@ -75,7 +75,7 @@ pub struct Exchange<'m, M: Messenger + ?Sized, W, Q, R> {
     own: Region<W>,
     offset: u32,
     /// The request that was given up while its reply was still to come.
-    late: Option<Ticket<'m, M>>,
+    late: Option<Ticket<'m>>,
     of: PhantomData<fn(Q) -> R>,
 }
 
@@ -131,7 +131,7 @@ where
     ///
     /// # Errors
     /// [`ExchangeError::Mailbox`] with the errors of
-    /// [`Mailbox::send_with_reply`](crate::Mailbox::send_with_reply);
+    /// [`Messenger::send_with_reply`];
     /// [`ExchangeError::InDoubt`] if a former request timed out and its reply has still not come;
     /// [`ExchangeError::Refused`], [`ExchangeError::Access`].
     pub fn call(
@@ -148,16 +148,10 @@ where
         }
         self.late = None;
         self.own.set(Place::at(self.offset), request)?;
-        let message = Message {
-            to,
-            vector,
-            data: self.offset,
-        };
-        let (pending, deadline) = self
-            .messenger
-            .open_before(message, timeout, Instant::FOREVER)?;
-        let mut ticket = Ticket::of(self.messenger, pending);
-        match ticket.wait_before(timeout, deadline) {
+        let deadline = self.messenger.now().after(timeout);
+        let mut ticket = self.messenger.begin(to, vector, self.offset, timeout)?;
+        let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
+        match ticket.wait(left) {
             Ok(Some(ANSWERED)) => Ok(self.own.get(Place::at(response_at::<Q>(self.offset)))?),
             Ok(_) => Err(ExchangeError::Refused {
                 to,

@@ -5,7 +5,7 @@ use static_assertions::const_assert;
 /// "CNDR" in little-endian order.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"CNDR");
 /// The version of this layout.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Bytes of a cache line, as the layout assumes it.
 pub const LINE: u32 = 64;
 /// Slots of a ring, and reply cells of a pair; a power of two.
@@ -14,7 +14,7 @@ pub const SLOTS: u32 = if cfg!(condor_loom) { 2 } else { 8 };
 pub const VECTORS: usize = if cfg!(condor_loom) { 2 } else { 64 };
 /// Bytes that the name of a vector may have.
 pub const NAME_BYTES: usize = 32;
-/// The life of a processor whose rings are being cleared.
+/// The incarnation of a processor whose rings are being cleared.
 pub const JOINING: u32 = u32::MAX;
 /// Bytes at the beginning of `data` that belong to the doorbell.
 pub const BELL_BYTES: u32 = LINE;
@@ -37,23 +37,23 @@ pub mod header {
     pub const VECTORS: u32 = 20;
     /// Size of `data` in bytes.
     pub const DATA_SIZE: u32 = 24;
-    /// The present life, 0 or [`JOINING`](super::JOINING).
-    pub const LIFE: u32 = 28;
-    /// The latest life there was, kept when the processor leaves.
-    pub const LAST_LIFE: u32 = 32;
+    /// The present incarnation, 0 or [`JOINING`](super::JOINING).
+    pub const INCARNATION: u32 = 28;
+    /// The latest incarnation there was, kept when the processor leaves.
+    pub const LAST_INCARNATION: u32 = 32;
     /// A bit for every processor that listens to this number.
     pub const LISTENERS: u32 = 36;
     /// Process id of the holder, for people; nothing depends on it.
     pub const PROCESS_ID: u32 = 40;
     /// Heartbeat, in a line of its own.
     pub const HEARTBEAT: u32 = super::LINE;
-    /// Attention, in a line of its own.
-    pub const ATTENTION: u32 = 2 * super::LINE;
+    /// The notify flag, in a line of its own.
+    pub const NOTIFY: u32 = 2 * super::LINE;
 }
 
 const LISTEN: u32 = 3 * LINE;
 const VECTOR_BYTES: u32 = NAME_BYTES as u32 + 16;
-const SLOT_BYTES: u32 = 16;
+const SLOT_BYTES: u32 = entry::BYTES;
 const RING_BYTES: u32 = SLOTS * SLOT_BYTES;
 const PAIR_BYTES: u32 = LINE + 2 * RING_BYTES;
 
@@ -101,7 +101,7 @@ pub const fn vector_entry(processors: u32, vector: u32) -> u32 {
     vectors(processors) + vector * VECTOR_BYTES
 }
 
-/// Offset of the pair that a `mail` keeps for `peer`: the life of the peer it acknowledges.
+/// Offset of the pair that a `mail` keeps for `peer`: the incarnation of the peer it acknowledges.
 #[must_use]
 pub const fn acknowledged(processors: u32, peer: u32) -> u32 {
     pairs(processors) + peer * PAIR_BYTES
@@ -110,19 +110,62 @@ pub const fn acknowledged(processors: u32, peer: u32) -> u32 {
 /// Offset of the count of requests of `peer` that have been taken.
 #[must_use]
 pub const fn taken(processors: u32, peer: u32) -> u32 {
-    acknowledged(processors, peer) + 4
+    taken_in(acknowledged(processors, peer))
+}
+
+#[inline(always)]
+pub(crate) const fn taken_in(pair: u32) -> u32 {
+    pair + 4
+}
+
+/// What a request asks for, in its kind word; the low byte is the vector, the third the reply cell.
+pub mod kind {
+    /// Run the handler.
+    pub const SEND: u32 = 1 << 8;
+    /// Run the handler and reply.
+    pub const CALL: u32 = 2 << 8;
+    /// Let the sender listen to our vectors.
+    pub const LISTEN: u32 = 3 << 8;
+    /// No longer let it.
+    pub const IGNORE: u32 = 4 << 8;
+    /// Where the number of the reply cell stands.
+    pub const CELL_SHIFT: u32 = 16;
+}
+
+/// How a request ended, in the kind word of its reply cell.
+pub mod status {
+    /// The handler's result is the value.
+    pub const DONE: u32 = 1;
+    /// There is no handler for the vector.
+    pub const NO_HANDLER: u32 = 2;
+    /// The handler did not return.
+    pub const HANDLER_FAILED: u32 = 3;
+    /// The handler refused; its error code is the value.
+    pub const REFUSED: u32 = 4;
 }
 
 /// Offset of the slot for request `sequence` to `peer`.
 #[must_use]
 pub const fn slot(processors: u32, peer: u32, sequence: u32) -> u32 {
-    acknowledged(processors, peer) + LINE + (sequence % SLOTS) * SLOT_BYTES
+    slot_in(acknowledged(processors, peer), sequence)
+}
+
+/// The same in the pair at `pair`.
+#[inline(always)]
+pub(crate) const fn slot_in(pair: u32, sequence: u32) -> u32 {
+    pair + LINE + (sequence % SLOTS) * SLOT_BYTES
+}
+
+/// The reply cell in the pair at `pair`.
+#[inline(always)]
+pub(crate) const fn cell_in(pair: u32, cell: u32) -> u32 {
+    pair + LINE + RING_BYTES + (cell % SLOTS) * SLOT_BYTES
 }
 
 /// Offset of reply cell `cell` for requests of `peer`.
 #[must_use]
 pub const fn cell(processors: u32, peer: u32, cell: u32) -> u32 {
-    acknowledged(processors, peer) + LINE + RING_BYTES + (cell % SLOTS) * SLOT_BYTES
+    cell_in(acknowledged(processors, peer), cell)
 }
 
 /// Byte offsets in a slot and in a cell.
@@ -133,15 +176,17 @@ pub mod entry {
     pub const EPOCH: u32 = 4;
     /// Kind, vector and cell of a request; status of a reply.
     pub const KIND: u32 = 8;
-    /// The sequence, stored last.
+    /// The sequence number, stored last.
     pub const SEQUENCE: u32 = 12;
+    /// All of it.
+    pub const BYTES: u32 = 16;
 }
 
-/// The epoch of requests from a sender to a receiver in their present lives; never 0.
+/// The epoch of requests from a sender to a receiver in their present incarnations; never 0.
 #[must_use]
-pub const fn epoch(sender_life: u32, receiver_life: u32) -> u32 {
-    let mixed = sender_life
+pub const fn epoch(sender: u32, receiver: u32) -> u32 {
+    let mixed = sender
         .wrapping_mul(0x9E37_79B1)
-        .wrapping_add(receiver_life.wrapping_mul(0x85EB_CA77));
+        .wrapping_add(receiver.wrapping_mul(0x85EB_CA77));
     if mixed == 0 { 1 } else { mixed }
 }

@@ -2,24 +2,26 @@
 #![cfg_attr(feature = "linux", doc = "[linux]: mod@linux")]
 //! [layout]: mod@layout
 //! [region]: Region
-//! [exchange]: Exchange
-//! [published]: Published
-//! [spin_lock]: SpinLock
+//! [exchange]: mod@exchange
+//! [published]: mod@published
+//! [spin_lock]: mod@spin_lock
 //! [window]: MemoryWindow
 //! [time]: Clock
 //! [doorbell]: Doorbell
 //! [exclusion]: Exclusion
+//! [backend]: Backend
 //! [error]: enum@Error
 #![cfg_attr(not(condor_loom), doc = "[static_memory]: StaticMemory")]
 //!
-#![doc = include_str!("../README.md")]
+// Its first examples want the feature.
+#![cfg_attr(any(feature = "linux", not(doctest)), doc = include_str!("../README.md"))]
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 
 // Linked, so that a program which asks it for critical sections has them.
 #[cfg(feature = "std")]
 use condor_platform as _;
 
-// Documents of their own.
+// Machines, and documents of their own.
 #[cfg(feature = "conformance")]
 pub mod conformance;
 pub mod layout;
@@ -34,48 +36,42 @@ pub mod riscv;
 #[cfg(feature = "sim")]
 pub mod sim;
 
+// What is longer than a word; each has types of its own beside the one below.
+pub mod exchange;
+pub mod published;
+pub mod spin_lock;
+
+mod backend;
 mod doorbell;
-mod error;
-mod exchange;
+pub mod error;
 mod exclusion;
 mod id;
 mod mail;
 mod mailbox;
-mod published;
 mod region;
-mod spin_lock;
 #[cfg(not(condor_loom))]
 mod static_memory;
 mod sync;
 mod time;
-mod window;
+pub mod window;
 mod windows;
 
-// Messages.
-pub use error::{Error, LayoutField, Object, Progress, ProtocolWord};
+pub use error::{Error, Progress};
 pub use id::{Processor, Vector};
 pub use mailbox::{
-    Call, Handler, Link, MAX_DEPTH, Mailbox, Message, Messenger, PeerState, Pending, Ticket,
-    VectorStatistics, Waiting,
+    Call, Handler, Mailbox, Messenger, PeerState, Pending, Ticket, VectorStatistics, Waiting,
 };
 
-// What is longer than a word.
-pub use exchange::{Exchange, ExchangeError, answer};
-pub use published::{Latest, Published, Publisher, ReadError, Subscriber};
+pub use exchange::Exchange;
+pub use published::Published;
 pub use region::{AccessError, Place, Places, Region};
-pub use spin_lock::{
-    Attempt, Bakery, Guard, HardwareSemaphore, Lives, LockError, NativeSwap, Owner, SemaphoreSwap,
-    SpinLock, TestAndSet,
-};
+pub use spin_lock::SpinLock;
 
-// The machine.
+pub use backend::Backend;
 pub use doorbell::{Doorbell, Evidence};
 pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 #[cfg(not(condor_loom))]
 pub use static_memory::{StaticMemory, StaticWindow};
 pub use time::{Clock, Instant};
-pub use window::{
-    CompareExchange, LoadOrder, LoadStep, MemoryWindow, StoreOrder, StoreStep, WindowError,
-    WindowErrorKind, check_access, check_words,
-};
+pub use window::{LoadOrder, MemoryWindow, StoreOrder};
 pub use windows::Windows;

@@ -1,16 +1,23 @@
 //! Access to one `mail` object by the words of the [layout](crate::layout).
 
+use core::sync::atomic::{AtomicU32, Ordering};
+
 use crate::error::{Error, LayoutField, Object};
 use crate::id::Processor;
 use crate::layout::{self, entry, header};
-use crate::window::{LoadOrder, LoadStep, MemoryWindow, StoreOrder, StoreStep, WindowError};
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
 
 /// The `mail` of `owner` in a system of `N` processors.
 ///
-/// The accesses are inlined: offsets are constants but for the peer's number, and a message is
-/// some thirty of them.
+/// There are two kinds of access. [`load`](Self::load) and [`store`](Self::store) say what is wrong.
+/// [`look`](Self::look), [`set`](Self::set), [`get`](Self::get) and [`put`](Self::put) are for the
+/// rings, and report no error. Memory that is gone reads as 0. That is never a valid incarnation, epoch or
+/// sequence number, so nothing is taken from it.
 pub(crate) struct Mail<'w, W, const N: usize> {
     window: &'w W,
+    /// The same memory, if it can be reached without a call for each word. A copy, so that it need
+    /// not be loaded again for each of them.
+    words: Option<&'w [AtomicU32]>,
     owner: Processor,
 }
 
@@ -34,8 +41,12 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     const PROCESSORS: u32 = N as u32;
 
     #[inline(always)]
-    pub(crate) const fn new(window: &'w W, owner: Processor) -> Self {
-        Self { window, owner }
+    pub(crate) fn new(window: &'w W, owner: Processor) -> Self {
+        Self {
+            window,
+            words: window.words(),
+            owner,
+        }
     }
 
     #[inline(always)]
@@ -52,13 +63,6 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
             .map_err(|error| self.refused(&error))
     }
 
-    /// Adds `step` to a statistics word; the owner is its only writer.
-    #[inline(always)]
-    pub(crate) fn add(&self, offset: u32, step: u32) -> Result<(), Error> {
-        let old = self.load(offset, LoadOrder::Relaxed)?;
-        self.store(offset, old.wrapping_add(step), StoreOrder::Relaxed)
-    }
-
     #[cold]
     fn refused(&self, error: &W::Error) -> Error {
         Error::Window {
@@ -68,24 +72,49 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         }
     }
 
+    /// The word at `offset`; 0 if it is not there.
     #[inline(always)]
-    pub(crate) fn slot(peer: Processor, sequence: u32) -> u32 {
-        layout::slot(Self::PROCESSORS, u32::from(peer.0), sequence)
+    pub(crate) fn look(&self, offset: u32, order: LoadOrder) -> u32 {
+        match self.words {
+            Some(words) => words
+                .get((offset / 4) as usize)
+                .map_or(0, |word| word.load(order.into())),
+            None => self.window.load(offset, order).unwrap_or(0),
+        }
     }
 
+    /// Writes a word of the own `mail`, after all that was written before.
     #[inline(always)]
-    pub(crate) fn cell(peer: Processor, cell: u32) -> u32 {
-        layout::cell(Self::PROCESSORS, u32::from(peer.0), cell)
+    pub(crate) fn set(&self, offset: u32, value: u32) {
+        match self.words {
+            Some(words) => {
+                if let Some(word) = words.get((offset / 4) as usize) {
+                    word.store(value, Ordering::Release);
+                }
+            }
+            None => drop(self.window.store(offset, value, StoreOrder::Release)),
+        }
     }
 
+    /// Adds one to a statistics word of the own `mail`.
     #[inline(always)]
-    pub(crate) fn acknowledged(peer: Processor) -> u32 {
-        layout::acknowledged(Self::PROCESSORS, u32::from(peer.0))
+    pub(crate) fn count(&self, offset: u32) {
+        self.set(
+            offset,
+            self.look(offset, LoadOrder::Relaxed).wrapping_add(1),
+        );
     }
 
+    /// The words of the entry at `at`, a multiple of its size.
     #[inline(always)]
-    pub(crate) fn taken(peer: Processor) -> u32 {
-        layout::taken(Self::PROCESSORS, u32::from(peer.0))
+    fn entry(&self, at: u32) -> Option<&'w [AtomicU32; 4]> {
+        let entries = self.words?.as_chunks().0;
+        entries.get((at / entry::BYTES) as usize)
+    }
+
+    /// Where the pair with `peer` begins: the incarnation of `peer` that the owner acknowledges.
+    pub(crate) const fn pair(peer: Processor) -> u32 {
+        layout::acknowledged(Self::PROCESSORS, peer.0 as u32)
     }
 
     #[inline(always)]
@@ -95,69 +124,66 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
 
     /// Whether the entry at `at` carries `sequence`: one load, for waiting.
     #[inline(always)]
-    pub(crate) fn carries(&self, at: u32, sequence: u32) -> Result<bool, Error> {
-        // Acquire: pairs with the Release store of the sequence in `put`.
-        Ok(self.load(at + entry::SEQUENCE, LoadOrder::Acquire)? == sequence)
+    pub(crate) fn carries(&self, at: u32, sequence: u32) -> bool {
+        // Acquire: pairs with the Release store of the sequence number in `put`.
+        self.look(at + entry::SEQUENCE, LoadOrder::Acquire) == sequence
     }
 
     /// Reads the entry at `at` if it carries `sequence`, and the same epoch, before and after.
     ///
-    /// The sequence alone does not tell one entry from another: in the next epoch it comes again.
+    /// The sequence number alone does not tell one entry from another: in the next epoch it comes
+    /// again.
     #[inline(always)]
-    pub(crate) fn get(&self, at: u32, sequence: u32) -> Result<Option<Entry>, Error> {
-        let step = |at: u32, order| LoadStep {
-            word: at / 4,
-            order,
-            value: 0,
+    pub(crate) fn get(&self, at: u32, sequence: u32) -> Option<Entry> {
+        let entry = self.entry(at);
+        // Memory that calls say is gone may be there again for the next word: no 0 may stand for it.
+        let load = |word: u32, order: LoadOrder| match entry {
+            Some(entry) => Some(entry[(word / 4 % 4) as usize].load(order.into())),
+            None => self.window.load(at + word, order).ok(),
         };
-        let mut steps = [
-            // Acquire: pairs with the Release store of the epoch in `put`, so that the sequence below
-            // is not that of an entry of a former epoch.
-            step(entry::EPOCH, LoadOrder::Acquire),
-            // Acquire: pairs with the Release store of the sequence in `put`.
-            step(entry::SEQUENCE, LoadOrder::Acquire),
-            // Acquire: pairs with the Release stores of these words in `put`: if a word of a later
-            // entry is read here, the loads below find the epoch and the sequence that `put` had
-            // stored before it. If it is the same sequence of a still later epoch, its Acquire load
-            // lets that epoch be seen.
-            step(entry::VALUE, LoadOrder::Acquire),
-            step(entry::KIND, LoadOrder::Acquire),
-            step(entry::SEQUENCE, LoadOrder::Acquire),
-            step(entry::EPOCH, LoadOrder::Relaxed),
-        ];
-        self.window
-            .load_steps(at, &mut steps)
-            .map_err(|error| self.refused(&error))?;
-        let [epoch, found, value, kind, found_again, epoch_again] = steps.map(|step| step.value);
-        let same = found == sequence && found_again == sequence && epoch_again == epoch;
-        Ok(same.then_some(Entry { value, epoch, kind }))
+        let word = |word| load(word, LoadOrder::Acquire);
+        // Most looks end here.
+        if word(entry::SEQUENCE)? != sequence {
+            return None;
+        }
+        // Pairs with the store of the epoch in `put`, so that the sequence number below is not that
+        // of an entry of a former epoch.
+        let epoch = word(entry::EPOCH)?;
+        // Pairs with the store of the sequence number in `put`.
+        if word(entry::SEQUENCE)? != sequence {
+            return None;
+        }
+        // Pair with the stores of these words in `put`: if a word of a later entry is read here, the
+        // loads below find the epoch and the sequence number that `put` had stored before it. If it
+        // is the same number of a still later epoch, its load lets that epoch be seen.
+        let (value, kind) = (word(entry::VALUE)?, word(entry::KIND)?);
+        let same =
+            word(entry::SEQUENCE)? == sequence && load(entry::EPOCH, LoadOrder::Relaxed)? == epoch;
+        same.then_some(Entry { value, epoch, kind })
     }
 
-    /// Writes the entry at `at`; whoever finds `sequence` there finds the whole entry.
+    /// Writes the entry at `at` of the own `mail`; whoever finds `sequence` there finds the whole
+    /// entry.
     #[inline(always)]
-    pub(crate) fn put(&self, at: u32, sequence: u32, new: Entry) -> Result<(), Error> {
-        let step = |at: u32, value, order| StoreStep {
-            word: at / 4,
-            order,
-            value,
+    pub(crate) fn put(&self, at: u32, sequence: u32, new: Entry) {
+        let entry = self.entry(at);
+        let store = |word: u32, value, order: StoreOrder| match entry {
+            Some(entry) => entry[(word / 4 % 4) as usize].store(value, order.into()),
+            None => drop(self.window.store(at + word, value, order)),
         };
-        let steps = [
-            // The number before `sequence` belongs to another slot, so nobody looks for it here.
-            step(
-                entry::SEQUENCE,
-                sequence.wrapping_sub(1),
-                StoreOrder::Relaxed,
-            ),
-            // Release, here and below: pairs with the Acquire load of the same word in `get`.
-            step(entry::EPOCH, new.epoch, StoreOrder::Release),
-            step(entry::VALUE, new.value, StoreOrder::Release),
-            step(entry::KIND, new.kind, StoreOrder::Release),
-            // This one also with that in `carries`.
-            step(entry::SEQUENCE, sequence, StoreOrder::Release),
-        ];
-        self.window
-            .store_steps(at, &steps)
-            .map_err(|error| self.refused(&error))
+        let set = |word, value| store(word, value, StoreOrder::Release);
+        // The number before `sequence` belongs to another slot, so nobody looks for it here.
+        store(
+            entry::SEQUENCE,
+            sequence.wrapping_sub(1),
+            StoreOrder::Relaxed,
+        );
+        // Each pairs with the load of the same word in `get`.
+        set(entry::EPOCH, new.epoch);
+        set(entry::VALUE, new.value);
+        set(entry::KIND, new.kind);
+        // This one also with that in `carries`.
+        set(entry::SEQUENCE, sequence);
     }
 
     /// Whether this `mail` is laid out as this build expects.
@@ -318,11 +344,11 @@ mod tests {
         for schedule in schedules(6, 5) {
             let window = Raced::default();
             let mail = Mail::<_, 2>::new(&window, Processor(0));
-            mail.put(0, 1, entry_of(1)).unwrap();
+            mail.put(0, 1, entry_of(1));
             window.records.set(true);
-            mail.put(0, 1, entry_of(2)).unwrap();
+            mail.put(0, 1, entry_of(2));
             *window.schedule.borrow_mut() = schedule.clone().into();
-            if let Some(found) = mail.get(0, 1).unwrap() {
+            if let Some(found) = mail.get(0, 1) {
                 assert_eq!(found, entry_of(found.epoch), "{schedule:?}");
             }
         }

@@ -26,11 +26,12 @@ use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
 /// contents give wrong values or errors, and are repaired by the next publications.
 ///
 /// ```
-/// # use condor_mbox::{Published, ReadError, Region, StaticMemory};
+/// # use condor_mbox::published::ReadError;
+/// # use condor_mbox::{MemoryWindow, Places, Published, Region, StaticMemory};
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// static MEMORY: StaticMemory<256> = StaticMemory::new();
 /// let ram = Region::users(MEMORY.window())?;
-/// let angles: Published<[f32; 4]> = ram.places().published()?;
+/// let angles: Published<[f32; 4]> = Places::new(ram.size()).published()?;
 ///
 /// let subscriber = angles.subscriber(&ram)?;
 /// assert_eq!(subscriber.read(), Err(ReadError::Unpublished));

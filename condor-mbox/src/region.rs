@@ -27,7 +27,7 @@ use crate::window::{
 /// `processor3_ram.set_word(4 * 100, value)?` here, where every offset is in bytes.
 ///
 /// ```
-/// # use condor_mbox::{AccessError, MemoryWindow, Place, Region, StaticMemory};
+/// # use condor_mbox::{AccessError, MemoryWindow, Place, Places, Region, StaticMemory};
 /// use zerocopy::{FromBytes, Immutable, IntoBytes};
 ///
 /// #[derive(FromBytes, IntoBytes, Immutable)]
@@ -43,7 +43,7 @@ use crate::window::{
 /// let processor3_ram = Region::users(MEMORY.window())?;
 /// processor3_ram.set_word(4 * 100, 977)?;
 ///
-/// let mut places = processor3_ram.places();
+/// let mut places = Places::new(processor3_ram.size());
 /// places.bytes(4 * 101)?;
 /// let gains: Place<Gains> = places.place()?;
 /// processor3_ram.set(gains, &Gains { stiffness: [1.0; 3], damping: 0.5 })?;
@@ -155,11 +155,6 @@ impl<W: MemoryWindow> Region<W> {
         self.write(place.offset, value.as_bytes())
     }
 
-    /// Begins to lay out places in this region, from its beginning on.
-    pub fn places(&self) -> Places {
-        Places::new(self.size)
-    }
-
     fn inside(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         check_access(self.size, offset, len).map_err(|kind| self.error(offset, len, kind))
     }
@@ -198,6 +193,22 @@ impl<W: MemoryWindow> MemoryWindow for Region<W> {
         self.window
             .store(self.at(offset), value, order)
             .map_err(|error| self.error(offset, 4, error.kind()))
+    }
+
+    fn is_coherent(&self) -> bool {
+        self.window.is_coherent()
+    }
+
+    fn clean(&self, offset: u32, len: u32) {
+        if self.inside(offset, len as usize).is_ok() {
+            self.window.clean(self.at(offset), len);
+        }
+    }
+
+    fn invalidate(&self, offset: u32, len: u32) {
+        if self.inside(offset, len as usize).is_ok() {
+            self.window.invalidate(self.at(offset), len);
+        }
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
@@ -280,10 +291,12 @@ impl<T> fmt::Debug for Place<T> {
     }
 }
 
-/// Lays out places one after another, each on a cache line of its own.
+/// Hands out a region's memory, one place after another, each on a cache line of its own.
 ///
-/// Two programs that ask for the same places in the same order get the same offsets; it can be
-/// done at compile time.
+/// A program has one for its own memory, and lends it to all that want some: then no two of them
+/// overlap. On Linux the claim has it ([`Claim::places`](crate::linux::Claim::places)); on bare metal
+/// the board does. Two programs that ask for the same places in the same order get the same offsets;
+/// it can be done at compile time.
 #[derive(Clone, Debug)]
 pub struct Places {
     next: u32,

@@ -18,7 +18,7 @@ const NS_PER_S: u64 = 1_000_000_000;
 ///
 /// Each hart has one of its own, and runs in machine mode. Waiting needs no interrupt handler:
 /// `wfi` wakes up for interrupts that are masked. A hart that enables the machine software
-/// interrupt, to [serve](crate::Mailbox::service) from it, calls
+/// interrupt, to [serve](crate::Messenger::serve) from it, calls
 /// [`acknowledge`](Self::acknowledge) first in its handler.
 ///
 /// While it waits it uses the timer compare of its hart, and gives it back as it was; a timer
@@ -67,7 +67,7 @@ impl<const N: usize> MsipDoorbell<N> {
     }
 
     /// Takes the ring that raised this hart's software interrupt: first thing in its handler,
-    /// before [`service`](crate::Mailbox::service).
+    /// before [`serve`](crate::Messenger::serve).
     pub fn acknowledge(&self) {
         masked(|_| self.take_ring());
     }
@@ -177,7 +177,7 @@ impl<const N: usize> Doorbell for MsipDoorbell<N> {
         self.rings.load(Ordering::Relaxed)
     }
 
-    fn wait(&self, seen: u32, until: Instant) {
+    fn wait(&self, seen: u32, until: Instant, _: Option<Processor>) {
         masked(|interruptible| {
             // A ring from here on is pending, and `wfi` does not sleep.
             if self.rings.load(Ordering::Relaxed) == seen {

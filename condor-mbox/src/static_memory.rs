@@ -38,7 +38,7 @@ impl<const WORDS: usize> Default for StaticMemory<WORDS> {
 
 /// A window onto words that stay where they are for `'a`.
 ///
-/// It has [`CompareExchange`](crate::CompareExchange) if the target has it; whether that is
+/// It has [`CompareExchange`](crate::window::CompareExchange) if the target has it; whether that is
 /// indivisible for *all* processors that share the memory is for the user to know.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticWindow<'a> {
@@ -69,11 +69,22 @@ impl StaticWindow<'_> {
         Self { words }
     }
 
+    #[inline(always)]
     fn word(&self, offset: u32) -> Result<&AtomicU32, AccessError> {
-        self.check(offset, 4)?;
-        self.words
-            .get((offset / 4) as usize)
-            .ok_or_else(|| self.error(offset, 4, WindowErrorKind::OutOfBounds))
+        match self.words.get((offset / 4) as usize) {
+            Some(word) if offset.is_multiple_of(4) => Ok(word),
+            _ => Err(self.refused(offset)),
+        }
+    }
+
+    #[cold]
+    fn refused(&self, offset: u32) -> AccessError {
+        let kind = if offset.is_multiple_of(4) {
+            WindowErrorKind::OutOfBounds
+        } else {
+            WindowErrorKind::Misaligned
+        };
+        self.error(offset, 4, kind)
     }
 
     fn error(&self, offset: u32, len: usize, kind: WindowErrorKind) -> AccessError {
@@ -95,17 +106,24 @@ impl MemoryWindow for StaticWindow<'_> {
         (self.words.len().min(MOST) as u32) * 4
     }
 
+    #[inline(always)]
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         let word = self.word(offset)?;
         // Pairs with whichever `store` the user of the window names.
         Ok(u32::from_le(word.load(order.into())))
     }
 
+    #[inline(always)]
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         let word = self.word(offset)?;
         // Pairs with whichever `load` the user of the window names.
         word.store(value.to_le(), order.into());
         Ok(())
+    }
+
+    #[inline(always)]
+    fn words(&self) -> Option<&[AtomicU32]> {
+        cfg!(target_endian = "little").then_some(self.words)
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {

@@ -2,7 +2,7 @@
 
 use core::fmt::Debug;
 use core::ops::Deref;
-use core::sync::atomic::Ordering;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 /// The order of a load relative to the accesses around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,28 +42,6 @@ impl From<StoreOrder> for Ordering {
     }
 }
 
-/// One load of [`MemoryWindow::load_steps`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LoadStep {
-    /// Which of the four words: 0 to 3, else modulo 4.
-    pub word: u32,
-    /// The order of the load.
-    pub order: LoadOrder,
-    /// What was found.
-    pub value: u32,
-}
-
-/// One store of [`MemoryWindow::store_steps`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StoreStep {
-    /// Which of the four words: 0 to 3, else modulo 4.
-    pub word: u32,
-    /// The order of the store.
-    pub order: StoreOrder,
-    /// What is stored.
-    pub value: u32,
-}
-
 /// What is wrong with an access, for code that is generic over windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -76,6 +54,8 @@ pub enum WindowErrorKind {
     ReadOnly,
     /// The memory behind the window is gone: a truncated file, a vanished device.
     Lost,
+    /// The memory is not coherent: a compare-and-swap would reach the own cache alone.
+    NotCoherent,
 }
 
 /// An error of a window; every backend brings its own.
@@ -107,6 +87,14 @@ pub trait WindowError: Debug {
 /// behaviour. The provided `read` and `write` do so; override them only to be faster. An
 /// access to memory that has gone must return `Lost`, never a signal or a trap. `size` never
 /// changes. Call [`conformance::window`](conformance/fn.window.html) from one test.
+///
+/// Where the caches of the processors are not coherent, `is_coherent` is `false`, and every access
+/// looks after the cache: a load or read invalidates its lines first, a store or write invalidates
+/// them first and cleans them afterwards. `clean` and `invalidate` are for who reaches the memory in
+/// another way. The window begins with a line of the cache, of at most
+/// [`LINE`](crate::layout::LINE) bytes, and has whole lines, and nobody else's memory shares them. No
+/// line is written by two processors at a time; those that are written in turn hand them over by
+/// messages.
 pub trait MemoryWindow {
     /// The backend's error.
     type Error: WindowError;
@@ -126,35 +114,34 @@ pub trait MemoryWindow {
     /// See the table above.
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Self::Error>;
 
-    /// Reads words of the four at `offset`, one after the other, each as [`load`](Self::load)
-    /// would, and puts them into `steps`.
+    /// All of the memory as little-endian words, if plain loads and stores reach it and all
+    /// processors see the same: a mailbox then looks at its rings without a call for each word.
     ///
-    /// For implementers: override it, and [`store_steps`](Self::store_steps), where one look at
-    /// whether the memory is there will do for all of them. A message is a few of these.
-    ///
-    /// # Errors
-    /// As `load` of all four words; the values in `steps` are then nothing to go by.
+    /// What is not there any more reads as 0 for ever. Nobody stores to a window that is mapped
+    /// read-only.
     #[inline(always)]
-    fn load_steps(&self, offset: u32, steps: &mut [LoadStep]) -> Result<(), Self::Error> {
-        self.check(offset, 16)?;
-        for step in steps {
-            step.value = self.load(nth_word(offset, step.word), step.order)?;
-        }
-        Ok(())
+    fn words(&self) -> Option<&[AtomicU32]> {
+        None
     }
 
-    /// Writes words of the four at `offset`, one after the other, each as [`store`](Self::store)
-    /// would.
-    ///
-    /// # Errors
-    /// As `store` of all four words; after `Lost` some may have been written.
+    /// Whether all processors see the same memory without [`clean`](Self::clean) and
+    /// [`invalidate`](Self::invalidate); it never changes.
+    fn is_coherent(&self) -> bool {
+        true
+    }
+
+    /// Writes what this processor's cache has of `len` bytes at `offset` back to the memory, and
+    /// returns when it is there. A range outside of the window is none.
     #[inline(always)]
-    fn store_steps(&self, offset: u32, steps: &[StoreStep]) -> Result<(), Self::Error> {
-        self.check(offset, 16)?;
-        for step in steps {
-            self.store(nth_word(offset, step.word), step.value, step.order)?;
-        }
-        Ok(())
+    fn clean(&self, offset: u32, len: u32) {
+        let _ = (offset, len);
+    }
+
+    /// Forgets what this processor's cache has of `len` bytes at `offset`: what follows is read
+    /// from the memory. A range outside of the window is none.
+    #[inline(always)]
+    fn invalidate(&self, offset: u32, len: u32) {
+        let _ = (offset, len);
     }
 
     /// The error for an access of `len` bytes at `offset`, if it is misaligned or not inside.
@@ -239,12 +226,23 @@ impl<T: Deref<Target: MemoryWindow>> MemoryWindow for T {
         (**self).store(offset, value, order)
     }
 
-    fn load_steps(&self, offset: u32, steps: &mut [LoadStep]) -> Result<(), Self::Error> {
-        (**self).load_steps(offset, steps)
+    #[inline(always)]
+    fn words(&self) -> Option<&[AtomicU32]> {
+        (**self).words()
     }
 
-    fn store_steps(&self, offset: u32, steps: &[StoreStep]) -> Result<(), Self::Error> {
-        (**self).store_steps(offset, steps)
+    fn is_coherent(&self) -> bool {
+        (**self).is_coherent()
+    }
+
+    #[inline(always)]
+    fn clean(&self, offset: u32, len: u32) {
+        (**self).clean(offset, len);
+    }
+
+    #[inline(always)]
+    fn invalidate(&self, offset: u32, len: u32) {
+        (**self).invalidate(offset, len);
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), Self::Error> {
@@ -264,11 +262,6 @@ impl<T: Deref<Target: CompareExchange>> CompareExchange for T {
     fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, Self::Error> {
         (**self).compare_exchange(offset, current, new)
     }
-}
-
-/// The offset of the word of a step.
-const fn nth_word(offset: u32, word: u32) -> u32 {
-    offset.wrapping_add(4 * (word % 4))
 }
 
 /// The kind of error for an access of `len` bytes at `offset` of a window of `size` bytes.

@@ -7,8 +7,8 @@
 use std::process::{Child, Command};
 use std::time::{Duration, SystemTime};
 
-use condor_mbox::linux::{Claim, Mailbox, System};
-use condor_mbox::{Call, CriticalSection, Processor, Region};
+use condor_mbox::linux::{Claim, System};
+use condor_mbox::{Call, CriticalSection, Messenger, Processor, Region};
 use condor_tty::linux::{Host, Log, Pty, Tee, Unwatched};
 use condor_tty::{ConsoleError, Policy, Reader, ReaderError, Terminal, Vectors};
 use embedded_io::{Read, Write};
@@ -23,21 +23,22 @@ const LOOK: Duration = Duration::from_millis(10);
 
 fn main() -> Result<(), AnyError> {
     if std::env::args().nth(1).as_deref() == Some("hand") {
-        return hand(&System::<2>::inherited()?.claim(HAND)?);
+        return hand(System::<2>::inherited()?.claim(HAND)?);
     }
     let system = System::<2>::family(64 * 1024)?;
     let mut command = Command::new(std::env::current_exe()?);
     let hand = Hand(system.pass_to(command.arg("hand")).spawn()?);
-    host(&system.claim(HOST)?, hand)
+    host(system.claim(HOST)?, hand)
 }
 
 /// The processor: answers lines until one of them is `quit`.
-fn hand(claim: &Claim<2>) -> Result<(), AnyError> {
-    let ram = Region::users(&claim.windows()[HAND.index()].data)?;
-    let terminal = Terminal::<_, _, 256>::new(ram, &mut ram.places(), 4096, CriticalSection)?;
+fn hand(mut claim: Claim<2>) -> Result<(), AnyError> {
+    let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
+    let mut places = claim.places()?;
+    let terminal = Terminal::<_, _, 256>::new(ram, &mut places, 4096, CriticalSection)?;
     terminal.set_policy(Policy::Block { timeout: SECOND })?;
     let receive = |call: &Call<'_>| terminal.receive(call);
-    let mut mailbox = open(claim)?;
+    let mut mailbox = claim.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
     mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
     mailbox.join()?;
@@ -61,11 +62,11 @@ fn hand(claim: &Claim<2>) -> Result<(), AnyError> {
 }
 
 /// The host: the terminal on a pty, and with times on standard output, until the hand ends.
-fn host(claim: &Claim<2>, mut hand: Hand) -> Result<(), AnyError> {
-    let mut mailbox = open(claim)?;
+fn host(claim: Claim<2>, mut hand: Hand) -> Result<(), AnyError> {
+    let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
+    let mut mailbox = claim.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
-    let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
     let clock = || SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
     let pty = Pty::open(Unwatched::Discard)?;
     println!("the terminal is {}", pty.path().display());
@@ -84,11 +85,6 @@ fn host(claim: &Claim<2>, mut hand: Hand) -> Result<(), AnyError> {
     }
     tty.serve(&mailbox)?;
     Ok(())
-}
-
-fn open<'v>(claim: &Claim<2>) -> Result<Mailbox<'v, 2>, condor_mbox::Error> {
-    let (windows, doorbell) = claim.clone().into_parts();
-    Mailbox::new(claim.number(), windows, doorbell, CriticalSection)
 }
 
 /// The other process, which does not outlive this one's interest in it.

@@ -3,9 +3,7 @@
 use core::fmt;
 use core::time::Duration;
 
-use condor_mbox::{
-    AccessError, Exclusion, Instant, Link, MemoryWindow, Message, Messenger, Processor, Vector,
-};
+use condor_mbox::{AccessError, Exclusion, Instant, MemoryWindow, Messenger, Processor, Vector};
 use embedded_io::{BufRead, ErrorType, Read, ReadExactError, ReadReady, Write, WriteReady};
 
 use crate::error::ConsoleError;
@@ -27,9 +25,9 @@ const HELD: usize = 64;
 ///
 /// Characters that a console holds after [`BufRead::fill_buf`] go with it.
 #[derive(Debug)]
-pub struct Console<'t, W, X, L, const IN: usize> {
+pub struct Console<'t, W, X, M, const IN: usize> {
     terminal: &'t Terminal<W, X, IN>,
-    link: &'t L,
+    messenger: &'t M,
     read_timeout: Duration,
     held: [u8; HELD],
     /// Where in `held` there is something.
@@ -37,11 +35,11 @@ pub struct Console<'t, W, X, L, const IN: usize> {
     end: usize,
 }
 
-impl<'t, W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Console<'t, W, X, L, IN> {
-    pub(crate) const fn new(terminal: &'t Terminal<W, X, IN>, link: &'t L) -> Self {
+impl<'t, W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'t, W, X, M, IN> {
+    pub(crate) const fn new(terminal: &'t Terminal<W, X, IN>, messenger: &'t M) -> Self {
         Self {
             terminal,
-            link,
+            messenger,
             read_timeout: Duration::from_secs(1),
             held: [0; HELD],
             begin: 0,
@@ -59,7 +57,7 @@ impl<'t, W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Console<'t, W,
     }
 
     fn ring(&self) -> Result<(), AccessError> {
-        ring(self.terminal, self.link)
+        ring(self.terminal, self.messenger)
     }
 
     /// Writes at least one byte of `from`, which is not empty, or loses some where the policy says
@@ -76,7 +74,7 @@ impl<'t, W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Console<'t, W,
             self.terminal.output().count_lost(from.len())?;
             return Ok(from.len());
         };
-        let now = self.link.now();
+        let now = self.messenger.now();
         let deadline = begun.get_or_insert(now).after(timeout);
         // Looked at here, too: a host that comes and goes ends each wait at once.
         if now >= deadline {
@@ -107,11 +105,11 @@ impl<'t, W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Console<'t, W,
         done: impl Fn() -> Result<bool, AccessError>,
     ) -> Result<(), ConsoleError> {
         while !done()? {
-            let left = Duration::from_nanos(deadline.ns_since(self.link.now()));
+            let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
             if left.is_zero() {
                 return Err(ConsoleError::TimedOut { lost: 0 });
             }
-            self.link.pause(left.min(LONGEST_NAP))?;
+            self.messenger.serve(left.min(LONGEST_NAP))?;
         }
         Ok(())
     }
@@ -127,14 +125,14 @@ impl<'t, W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Console<'t, W,
     }
 
     fn read_into(&self, into: &mut [u8]) -> Result<usize, ConsoleError> {
-        let deadline = self.link.now().after(self.read_timeout);
+        let deadline = self.messenger.now().after(self.read_timeout);
         loop {
             if self.terminal.take_interrupt() {
                 return Err(ConsoleError::Interrupted);
             }
             let post = |to, vector, data| {
                 // If it cannot be sent, the host looks by itself a little later.
-                let _ = self.link.post(Message { to, vector, data });
+                let _ = self.messenger.send(to, vector, data, Duration::ZERO);
             };
             if let Some(count) = self.terminal.take(into, post)? {
                 return Ok(count);
@@ -144,11 +142,13 @@ impl<'t, W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Console<'t, W,
     }
 }
 
-impl<W, X, L, const IN: usize> ErrorType for Console<'_, W, X, L, IN> {
+impl<W, X, M, const IN: usize> ErrorType for Console<'_, W, X, M, IN> {
     type Error = ConsoleError;
 }
 
-impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Write for Console<'_, W, X, L, IN> {
+impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Write
+    for Console<'_, W, X, M, IN>
+{
     fn write(&mut self, from: &[u8]) -> Result<usize, ConsoleError> {
         if from.is_empty() {
             return Ok(0);
@@ -185,14 +185,14 @@ impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Write for Console<
         let Some(timeout) = self.terminal.waits()? else {
             return Ok(());
         };
-        self.wait(self.link.now().after(timeout), || {
+        self.wait(self.messenger.now().after(timeout), || {
             Ok(self.terminal.unread()? == 0 || self.terminal.waits()?.is_none())
         })
     }
 }
 
-impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> WriteReady
-    for Console<'_, W, X, L, IN>
+impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> WriteReady
+    for Console<'_, W, X, M, IN>
 {
     /// Whether a write of one byte would not wait.
     fn write_ready(&mut self) -> Result<bool, ConsoleError> {
@@ -201,7 +201,9 @@ impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> WriteReady
     }
 }
 
-impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Read for Console<'_, W, X, L, IN> {
+impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Read
+    for Console<'_, W, X, M, IN>
+{
     fn read(&mut self, into: &mut [u8]) -> Result<usize, ConsoleError> {
         if into.is_empty() {
             return Ok(0);
@@ -231,15 +233,17 @@ impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> Read for Console<'
     }
 }
 
-impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> ReadReady
-    for Console<'_, W, X, L, IN>
+impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> ReadReady
+    for Console<'_, W, X, M, IN>
 {
     fn read_ready(&mut self) -> Result<bool, ConsoleError> {
         Ok(self.begin < self.end || self.terminal.has_input())
     }
 }
 
-impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> BufRead for Console<'_, W, X, L, IN> {
+impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> BufRead
+    for Console<'_, W, X, M, IN>
+{
     fn fill_buf(&mut self) -> Result<&[u8], ConsoleError> {
         if self.begin >= self.end {
             self.fill()?;
@@ -252,8 +256,8 @@ impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> BufRead for Consol
     }
 }
 
-impl<W: MemoryWindow, X: Exclusion, L: Link, const IN: usize> fmt::Write
-    for Console<'_, W, X, L, IN>
+impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> fmt::Write
+    for Console<'_, W, X, M, IN>
 {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         match Write::write_all(self, text.as_bytes()) {
@@ -349,7 +353,7 @@ pub(crate) fn ring<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const I
 ) -> Result<(), AccessError> {
     terminal.ring(|to: Processor, vector: Vector, data: u32| {
         // What the message would say, the cursors say.
-        let _ = messenger.post(Message { to, vector, data });
+        let _ = messenger.send(to, vector, data, Duration::ZERO);
     })
 }
 

@@ -13,7 +13,7 @@
 //! use condor_dev::stdio::{self, Buffering, Output};
 //! use condor_dev::{Mode, NoInterrupts, Place, Stream, Switch, device_switch};
 //! use condor_mbox::sim::{Mailbox, SimWindow, System};
-//! use condor_mbox::{Call, CriticalSection, Processor, Region};
+//! use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
 //! use condor_tty::dev::{AnyTerminal, Terminals, TerminalBoard, Tty};
 //! use condor_tty::{Reader, Terminal, Vectors};
 //!
@@ -53,7 +53,8 @@
 //! # let [_, windows] = system.windows(HAND);
 //! # let bus = Bus::new();
 //! let ram = Region::users(windows.data)?;
-//! let terminal = Terminal::new(ram.clone(), &mut ram.places(), 1024, CriticalSection)?;
+//! let mut places = Places::new(ram.size());
+//! let terminal = Terminal::new(ram.clone(), &mut places, 1024, CriticalSection)?;
 //! let terminal = TERMINAL.get_or_init(|| terminal);
 //! let mut mailbox = system.mailbox(HAND)?;
 //! let receive: &(dyn Fn(&Call<'_>) -> u32 + Sync) =
@@ -93,9 +94,10 @@
 //! [`INTERRUPTED`], [`UNREACHABLE`].
 
 use core::marker::PhantomData;
+use core::time::Duration;
 
 use condor_dev::{Bus, DeviceError, Driver, Registers};
-use condor_mbox::{AccessError, Exclusion, MemoryWindow, Message, Messenger};
+use condor_mbox::{AccessError, Exclusion, MemoryWindow, Messenger};
 
 use crate::console::{ring, room_for};
 use crate::sync::Word;
@@ -215,7 +217,7 @@ where
         }
         let post = |to, vector, data| {
             // If it cannot be sent, the host looks by itself a little later.
-            let _ = self.messenger.post(Message { to, vector, data });
+            let _ = self.messenger.send(to, vector, data, Duration::ZERO);
         };
         match self.terminal.take(into, post)? {
             None => Err(DeviceError::WouldBlock),

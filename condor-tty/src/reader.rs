@@ -16,14 +16,15 @@ use crate::sync::{Ordering, fence};
 /// terminal; who attaches last displaces who was there before.
 ///
 /// ```
-/// use condor_mbox::{CriticalSection, Processor, Region, StaticMemory};
+/// use condor_mbox::{CriticalSection, MemoryWindow, Places, Processor, Region, StaticMemory};
 /// use condor_tty::{Reader, Terminal};
 ///
 /// static MEMORY: StaticMemory<512> = StaticMemory::new();
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let ram = Region::users(MEMORY.window())?;
-/// let terminal = Terminal::<_, _, 64>::new(ram, &mut ram.places(), 256, CriticalSection)?;
+/// let mut places = Places::new(ram.size());
+/// let terminal = Terminal::<_, _, 64>::new(ram, &mut places, 256, CriticalSection)?;
 /// terminal.accept(b'a')?; // which is echoed
 ///
 /// let mut reader = Reader::attach(ram, terminal.offset(), Processor(1))?;

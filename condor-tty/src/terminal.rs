@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use condor_mbox::{
-    AccessError, Call, Exclusion, Link, MemoryWindow, Messenger, Places, Processor, Region, Vector,
+    AccessError, Call, Exclusion, MemoryWindow, Messenger, Places, Processor, Region, Vector,
 };
 
 use crate::console::{Console, Poster};
@@ -31,7 +31,7 @@ use crate::settings::Settings;
 /// use std::time::Duration;
 ///
 /// use condor_mbox::sim::System;
-/// use condor_mbox::{Call, CriticalSection, Processor, Region};
+/// use condor_mbox::{Call, CriticalSection, MemoryWindow, Places, Processor, Region};
 /// use condor_tty::{Terminal, Vectors};
 /// use embedded_io::{Read, Write};
 ///
@@ -43,7 +43,8 @@ use crate::settings::Settings;
 /// // The terminal before the mailbox, whose handlers borrow it.
 /// let [_, windows] = system.windows(HAND);
 /// let ram = Region::users(windows.data)?;
-/// let terminal = Terminal::<_, _, 128>::new(ram.clone(), &mut ram.places(), 1024, CriticalSection)?;
+/// let mut places = Places::new(ram.size()); // one for all that the processor has there
+/// let terminal = Terminal::<_, _, 128>::new(ram.clone(), &mut places, 1024, CriticalSection)?;
 /// let receive = |call: &Call<'_>| terminal.receive(call);
 /// let mut hand = system.mailbox(HAND)?;
 /// hand.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
@@ -115,8 +116,8 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     }
 
     /// The terminal for the background: reads, and writes as the policy says.
-    pub const fn console<'t, L: Link>(&'t self, link: &'t L) -> Console<'t, W, X, L, IN> {
-        Console::new(self, link)
+    pub const fn console<'t, M: Messenger>(&'t self, messenger: &'t M) -> Console<'t, W, X, M, IN> {
+        Console::new(self, messenger)
     }
 
     /// The terminal for servo loops, handlers and interrupts: writes, and never waits.
@@ -146,7 +147,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         }
         let post = |to, vector, data| {
             // What a doorbell would say, the cursors say.
-            let _ = call.try_send(to, vector, data);
+            let _ = call.send(to, vector, data, Duration::ZERO);
         };
         // A terminal whose memory is gone has nothing to show, but still takes what is typed.
         let accepted = self.accept_and(character, post).unwrap_or(Accepted::Taken);

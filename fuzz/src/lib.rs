@@ -17,12 +17,14 @@ mod terminal_host;
 #[path = "../../condor-tty/tests/tty/terminals/mod.rs"]
 mod terminals;
 
-/// Two honest processors keep every promise while a third writes whatever it can.
+/// Two honest processors keep every promise while a third writes whatever it can, also behind caches
+/// that nothing keeps coherent.
 ///
 /// # Panics
 /// If a promise of the mailbox was broken.
 pub fn hostile_mailbox(bytes: &[u8]) {
     progress::report("hostile_mailbox", scenario::run(bytes));
+    scenario::run_behind_caches(bytes);
 }
 
 /// Regions, published values and locks bear any words in their memory.
@@ -108,5 +110,8 @@ pub fn window_bounds(bytes: &[u8]) {
     let len = usize::try_from(len).unwrap_or(usize::MAX);
     let end = u128::from(offset) + len as u128;
     let inside = offset % 4 == 0 && end <= u128::from(size);
-    assert_eq!(condor_mbox::check_access(size, offset, len).is_ok(), inside);
+    assert_eq!(
+        condor_mbox::window::check_access(size, offset, len).is_ok(),
+        inside
+    );
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use condor_fs::wire::{OPEN_FILES, Status};
 use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions};
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
-use condor_mbox::{CriticalSection, Processor, Region};
+use condor_mbox::{Processor, Region};
 use embedded_io::SeekFrom;
 
 use crate::server::SERVER;
@@ -43,17 +43,12 @@ pub(crate) type Entry = (Vec<u8>, u32);
 
 impl Client {
     pub(crate) fn connect(system: &'static System<N>) -> Result<Self, AnyError> {
-        let (windows, doorbell) = system.claim(CLIENT)?.into_parts();
-        let own = Region::users(windows[CLIENT.index()].data.clone())?;
-        let area = Area::<FILES>::new(&mut own.places(), PATH, BUFFER)?;
+        let mut claim = system.claim(CLIENT)?;
+        let own = Region::users(claim.windows()[CLIENT.index()].data.clone())?;
+        let area = Area::<FILES>::new(&mut claim.places()?, PATH, BUFFER)?;
         // It is mounted as long as this process lives.
         let handler = Box::leak(Box::new(area.handler()));
-        let mailbox = Box::leak(Box::new(Mailbox::new(
-            CLIENT,
-            windows,
-            doorbell,
-            CriticalSection,
-        )?));
+        let mailbox = Box::leak(Box::new(claim.mailbox()?));
         mailbox.set_vector(OPEN_FILES, handler, "open files")?;
         mailbox.join()?;
         let files = FileSystem::connect(mailbox, SERVER, own, area, TIMEOUT)?;

@@ -14,6 +14,7 @@ mod server;
 
 use std::error::Error;
 use std::io::ErrorKind;
+use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::time::{Instant, SystemTime};
@@ -43,9 +44,12 @@ fn main() -> Result<ExitCode, AnyError> {
     let arguments = parse(std::env::args().skip(1))?;
     println!("seed {} (repeat with --seed)", arguments.seed);
     let place = tempfile::tempdir_in(&arguments.directory)?;
-    let (tree, mounted) = (place.path().join("tree"), place.path().join("mounted"));
+    let tree = place.path().join("tree");
     std::fs::create_dir(&tree)?;
-    std::fs::create_dir(&mounted)?;
+    // Where every user of the suites can go, whoever may read the directory.
+    let open = std::fs::Permissions::from_mode(0o755);
+    let mount_point = tempfile::Builder::new().permissions(open).tempdir()?;
+    let mounted = mount_point.path();
 
     let begun = Instant::now();
     let system: &'static System<N> = Box::leak(Box::new(System::family(BYTES)?));
@@ -53,7 +57,7 @@ fn main() -> Result<ExitCode, AnyError> {
     let mut config = Config::default();
     // The suites have several users. What one may do is for the server to say.
     config.acl = SessionACL::All;
-    let session = fuser::spawn_mount(mount::Mount::new(system, &tree)?, &mounted, &config)?;
+    let session = fuser::spawn_mount(mount::Mount::new(system, &tree)?, mounted, &config)?;
     let words = arguments.command.iter();
     let mut words = words.map(|word| word.replace("{}", &mounted.to_string_lossy()));
     let program = words.next().unwrap_or_default();

@@ -8,7 +8,6 @@
 //! beside write(2) of the same two bytes to `/dev/null`.
 
 mod boards;
-mod callgrind;
 mod paths;
 mod peers;
 mod time;
@@ -16,13 +15,11 @@ mod time;
 use std::fmt::Write as _;
 
 use crate::Result;
+use crate::callgrind;
 use crate::measure::{Better, Estimate, Goal, Report};
 use crate::options::Options;
 
 pub(crate) use paths::go;
-
-/// The argument by which the program is asked to go down one path and nothing else.
-pub(crate) const PATH: &str = "dev-path";
 
 const PATHS: &[(&str, &str)] = &[
     ("direct", "driver, called directly"),

@@ -5,7 +5,7 @@
 
 use condor_mbox::layout::BELL_BYTES;
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Call, MemoryWindow, Region, Vector};
+use condor_mbox::{Call, MemoryWindow, Messenger, Region, Vector};
 use rustix::fd::OwnedFd;
 
 use super::serving::{Mail, SERVER, TIMEOUT};

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use condor_fs::{Area, Buffer, FileSystem, OpenOptions, wire};
 use condor_mbox::linux::{LinuxWindow, System};
-use condor_mbox::{Call, Link, Places, Processor, Region, SingleContext, Waiting};
+use condor_mbox::{Call, Messenger, Places, Processor, Region, SingleContext, Waiting};
 use embedded_io::SeekFrom;
 
 use super::chunks::CHUNK;
@@ -113,16 +113,16 @@ fn join<'v>(
     number: Processor,
     handler: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
 ) -> Result<(Mail<'v>, Region<LinuxWindow>)> {
-    let (windows, doorbell) = system.claim(number)?.into_parts();
-    let own = Region::users(windows[number.index()].data.clone())?;
-    let mut mailbox = Mail::new(number, windows, doorbell, SingleContext::new())?;
+    let claim = system.claim(number)?;
+    let own = Region::users(claim.windows()[number.index()].data.clone())?;
+    let mut mailbox = claim.mailbox_with(SingleContext::new())?;
     mailbox.set_waiting(Waiting::Spin);
     mailbox.set_vector(wire::OPEN_FILES, handler, "open files")?;
     mailbox.join()?;
     Ok((mailbox, own))
 }
 
-impl<S: Link> Lender for condor_fs::File<'_, '_, S, LinuxWindow, 1> {
+impl<S: Messenger> Lender for condor_fs::File<'_, '_, S, LinuxWindow, 1> {
     fn lend(
         &mut self,
         operation: Operation,

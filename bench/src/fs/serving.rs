@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use condor_fs::server::{Options, Server};
 use condor_fs::wire;
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
-use condor_mbox::{Call, Mailbox, Processor, SingleContext, Vector, Waiting, Windows};
+use condor_mbox::linux::{LinuxWindow, Mailbox, System};
+use condor_mbox::{Call, Messenger, Processor, SingleContext, Vector, Waiting, Windows};
 use rustix::fd::OwnedFd;
 
 use super::{chunks, socket};
@@ -37,7 +37,7 @@ pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
 pub(super) const NAME: &str = "file";
 
 /// A mailbox.
-pub(super) type Mail<'v> = Mailbox<'v, LinuxWindow, LinuxDoorbell<N>, SingleContext, N>;
+pub(super) type Mail<'v> = Mailbox<'v, N, SingleContext>;
 
 /// What both processes have from the beginning.
 pub(super) struct Shared {
@@ -99,8 +99,7 @@ pub(super) fn serve(
         let window = &windows[SPINNER.index()].data;
         chunks::answer(call, window, &file, shared.block)
     };
-    let (its_windows, doorbell) = claim.into_parts();
-    let mut spinning = Mail::new(SERVER, its_windows, doorbell, SingleContext::new())?;
+    let mut spinning = claim.mailbox_with(SingleContext::new())?;
     spinning.set_waiting(Waiting::Spin);
     spinning.set_vector(wire::FILES, &files, "files")?;
     spinning.set_vector(ECHO, &echo, "echo")?;
@@ -113,8 +112,7 @@ pub(super) fn serve(
     let claim = shared.sleeping.claim(SERVER)?;
     let slept: [Windows<LinuxWindow>; N] = claim.windows().clone();
     let files = |call: &Call<'_>| server.answer(call, &slept);
-    let (its_windows, doorbell) = claim.into_parts();
-    let mut sleeping = Mail::new(SERVER, its_windows, doorbell, SingleContext::new())?;
+    let mut sleeping = claim.mailbox_with(SingleContext::new())?;
     sleeping.set_waiting(Waiting::Sleep);
     sleeping.set_vector(wire::FILES, &files, "files")?;
     sleeping.set_vector(END, &end, "end")?;

@@ -8,7 +8,7 @@ use std::os::unix::net::UnixStream;
 
 use condor_fs::Buffer;
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{MemoryWindow, Region};
+use condor_mbox::{MemoryWindow, Messenger, Region};
 use embedded_io::{Read, Seek, SeekFrom, Write};
 
 use super::serving::{ECHO, Mail, SERVER, TIMEOUT};

@@ -9,6 +9,7 @@ pub(crate) mod arena;
 mod contestant;
 mod files;
 mod iceoryx;
+mod instructions;
 mod interruption;
 mod kernel;
 mod mapping;
@@ -21,17 +22,22 @@ mod samples;
 use std::fmt::Write;
 use std::io::IsTerminal;
 
+pub(crate) use instructions::go;
+
 use contestant::{Cores, Entry};
 use files::Files;
+use instructions::{MESSAGE_2, MESSAGE_16};
 use round::{Figures, Plan};
 
 use crate::Result;
+use crate::callgrind;
 use crate::measure::{Better, Estimate, Goal, Report};
 use crate::options::Options;
 use crate::process::CorePair;
 
 const RAW: &str = "raw ping-pong";
 const OURS_SPINNING: &str = "condor-mbox, spinning";
+const OURS_OF_16: &str = "condor-mbox, spinning, 16 processors";
 const OURS_BOUNDED: &str = "condor-mbox, bounded spin";
 const OURS_NESTED: [&str; 3] = [
     "condor-mbox, nested once",
@@ -57,6 +63,7 @@ fn entries() -> Vec<Entry> {
         two(RAW, raw::open_spinning),
         two("  the same once more (control)", raw::open_spinning),
         two(OURS_SPINNING, ours::open_spinning),
+        two(OURS_OF_16, ours::open_spinning_of_16),
         two(
             "condor-mbox, spinning, shared by threads",
             ours::open_shared,
@@ -116,12 +123,13 @@ fn targets() -> Vec<Target> {
     let nested = |index: usize| (OURS_NESTED[index], MEDIAN);
     vec![
         lower("spin_vs_raw", flat, raw, 1.15),
-        lower("spin_p99_vs_raw_p99", (OURS_SPINNING, P99), (RAW, P99), 1.5),
+        lower("spin16_vs_raw", (OURS_OF_16, MEDIAN), raw, 1.35),
+        lower("spin_p99_vs_raw_p99", (OURS_SPINNING, P99), (RAW, P99), 1.3),
         Target {
             name: "iceoryx2_reqresp_vs_spin",
             of: (ICEORYX_REQUEST, MEDIAN),
             to: flat,
-            limit: 4.0,
+            limit: 10.0,
             better: Better::Higher,
         },
         lower(
@@ -169,9 +177,29 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     if progress {
         eprint!("\r{:24}\r", "");
     }
+    let mut text = text(&entries, &plan, &played)?;
+    let mut goals = goals(&entries, &played);
+    writeln!(
+        text,
+        "\n{:42} {:>12}",
+        "a call with reply, both ends", "instructions"
+    )?;
+    for (name, path, about, limit) in [
+        ("instructions", MESSAGE_2, "2 processors", 480.0),
+        ("instructions_of_16", MESSAGE_16, "16 processors", 620.0),
+    ] {
+        let count = callgrind::instructions(path)?;
+        writeln!(text, "{about:42} {count:12.0}")?;
+        goals.push(Goal {
+            name,
+            estimate: Estimate::of([count]),
+            limit,
+            better: Better::Lower,
+        });
+    }
     Ok(Report {
-        text: text(&entries, &plan, &played)?,
-        goals: goals(&entries, &played),
+        text,
+        goals,
         ..Report::default()
     })
 }

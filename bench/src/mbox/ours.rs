@@ -6,9 +6,9 @@
 
 use std::time::Duration;
 
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
+use condor_mbox::linux::{Mailbox, System};
 use condor_mbox::{
-    Call, CriticalSection, Exclusion, Mailbox, Processor, SingleContext, Vector, Waiting,
+    Call, CriticalSection, Exclusion, Messenger, Processor, SingleContext, Vector, Waiting,
 };
 
 use super::contestant::{Client, Contestant, Server, Setup};
@@ -23,6 +23,11 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 /// Opens mailboxes that spin and belong to one thread each.
 pub(super) fn open_spinning<'m>(_: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
     open(Waiting::Spin, 0, SingleContext::new)
+}
+
+/// Opens mailboxes of a system of 16 that spin; the other 14 processors have not joined.
+pub(super) fn open_spinning_of_16<'m>(_: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
+    open_of::<_, 16>(Waiting::Spin, 0, SingleContext::new)
 }
 
 /// Opens mailboxes that spin and can be shared by threads.
@@ -50,27 +55,35 @@ fn open<'m, X: Exclusion + 'm>(
     depth: u8,
     exclusion: fn() -> X,
 ) -> Result<Box<dyn Contestant + 'm>> {
+    open_of::<X, 2>(waiting, depth, exclusion)
+}
+
+fn open_of<'m, X: Exclusion + 'm, const N: usize>(
+    waiting: Waiting,
+    depth: u8,
+    exclusion: fn() -> X,
+) -> Result<Box<dyn Contestant + 'm>> {
     Ok(Box::new(Ours {
-        system: System::family(0)?,
+        system: System::<N>::family(0)?,
         waiting,
         depth,
         exclusion,
     }))
 }
 
-struct Ours<X> {
-    system: System<2>,
+struct Ours<X, const N: usize> {
+    system: System<N>,
     waiting: Waiting,
     /// How often a handler calls back: the number of the vector that is called.
     depth: u8,
     exclusion: fn() -> X,
 }
 
-impl<X: Exclusion> Ours<X> {
+impl<X: Exclusion, const N: usize> Ours<X, N> {
     /// Joins as `number`, in the process that calls.
-    fn end(&self, number: Processor) -> Result<End<X>> {
-        let (windows, doorbell) = self.system.claim(number)?.into_parts();
-        let mut mailbox = Mailbox::new(number, windows, doorbell, (self.exclusion)())?;
+    fn end(&self, number: Processor) -> Result<End<X, N>> {
+        let claim = self.system.claim(number)?;
+        let mut mailbox = claim.mailbox_with((self.exclusion)())?;
         mailbox.set_waiting(self.waiting);
         for vector in 0..=self.depth {
             mailbox.set_vector(Vector(vector), &answer, "answer")?;
@@ -94,7 +107,7 @@ fn answer(call: &Call<'_>) -> u32 {
     }
 }
 
-impl<X: Exclusion> Contestant for Ours<X> {
+impl<X: Exclusion, const N: usize> Contestant for Ours<X, N> {
     fn client<'a>(self: Box<Self>) -> Result<Box<dyn Client + 'a>>
     where
         Self: 'a,
@@ -111,12 +124,12 @@ impl<X: Exclusion> Contestant for Ours<X> {
 }
 
 /// One processor's mailbox.
-struct End<X: Exclusion> {
-    mailbox: Mailbox<'static, LinuxWindow, LinuxDoorbell<2>, X, 2>,
+struct End<X: Exclusion, const N: usize> {
+    mailbox: Mailbox<'static, N, X>,
     depth: u8,
 }
 
-impl<X: Exclusion> Client for End<X> {
+impl<X: Exclusion, const N: usize> Client for End<X, N> {
     #[inline]
     fn call(&mut self, value: u32) -> Result<u32> {
         Ok(self
@@ -125,7 +138,7 @@ impl<X: Exclusion> Client for End<X> {
     }
 }
 
-impl<X: Exclusion> Server for End<X> {
+impl<X: Exclusion, const N: usize> Server for End<X, N> {
     fn serve(&mut self, count: u32) -> Result<()> {
         // Of the calls of one round trip, every other is to the server.
         let mut left = count as usize * usize::from(self.depth / 2 + 1);

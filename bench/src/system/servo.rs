@@ -11,7 +11,8 @@ use condor_hand::kinematics::PlanarFinger;
 use condor_hand::message::{Identity, ServoLoop, ServoObject, ServoPlaces, SetPoints};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::SetPoint;
-use condor_mbox::{Exclusion, MemoryWindow, Published, Publisher, Region};
+use condor_mbox::published::Publisher;
+use condor_mbox::{Exclusion, MemoryWindow, Published, Region};
 use nalgebra::Vector3;
 
 use crate::Result;

@@ -10,7 +10,9 @@ use condor_host::directory::Directory;
 use condor_host::linux::{Environment, Loops, Process};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, PROCESSORS};
-use condor_mbox::{Clock as _, Mailbox, MemoryWindow, Processor, Region, Windows};
+use condor_mbox::{
+    Clock as _, Mailbox, MemoryWindow, Messenger, Places, Processor, Region, Windows,
+};
 use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, Statistics, Timer as _};
 
 use super::servo::{Bench, Fingers};
@@ -154,14 +156,14 @@ impl Turn<'_> {
     fn run_on<M: Machine>(&self, machine: &M) -> Result<Counts> {
         let [_, Windows { data, .. }, ..] = machine.windows();
         let own = Region::users(data).map_err(display)?;
-        let mut places = own.places();
+        let mut places = Places::new(own.size());
         let mut directory = Directory::new(own.clone(), &mut places).map_err(display)?;
         let reports = LoopReports::new(&own, &mut places, &mut directory, ["servo"]);
         let reports = reports.map_err(display)?;
         let two = ServoPlaces::<2, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
         let four = ServoPlaces::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
         let joints = places.published().map_err(display)?;
-        let mut mailbox = Mailbox::new(
+        let mut mailbox = Post::<M>::new(
             machine.number(),
             machine.windows(),
             machine.doorbell(),
@@ -213,9 +215,11 @@ impl<W: Write> Desk for W {
 
 type Post<'v, M> = Mailbox<
     'v,
-    <M as Machine>::Window,
-    <M as Machine>::Doorbell,
-    <M as Machine>::Exclusion,
+    (
+        <M as Machine>::Window,
+        <M as Machine>::Doorbell,
+        <M as Machine>::Exclusion,
+    ),
     PROCESSORS,
 >;
 

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
-use condor_mbox::{Mailbox, Processor, Region, SingleContext};
+use condor_mbox::linux::{Claim, LinuxWindow, Mailbox, System};
+use condor_mbox::{Messenger, Processor, Region, SingleContext};
 use condor_tty::linux::{Host, Sink};
 use condor_tty::{Policy, Settings, Terminal, Vectors};
 
@@ -18,7 +18,7 @@ pub(super) const RING: u32 = 256 << 10;
 /// Whoever waits so long for the host has lost.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-type Mail = Mailbox<'static, LinuxWindow, LinuxDoorbell<2>, SingleContext, 2>;
+type Mail = Mailbox<'static, 2, SingleContext>;
 type Tty = Terminal<LinuxWindow, SingleContext, 64>;
 
 /// A processor with a terminal, and a host that has it.
@@ -33,19 +33,19 @@ impl<S: Sink> Station<S> {
     /// A terminal whose output, as it is, goes to `sink`.
     pub(super) fn new(sink: S) -> Result<Self> {
         let system = System::<2>::family(RING + 4096)?;
-        let join = |number: Processor| -> Result<(Mail, Region<LinuxWindow>)> {
-            let (windows, doorbell) = system.claim(number)?.into_parts();
-            let ram = Region::users(windows[HAND.index()].data.clone())?;
-            let mut mailbox = Mail::new(number, windows, doorbell, SingleContext::new())?;
-            if number == HOST {
+        let join = |claim: Claim<2>| -> Result<(Mail, Region<LinuxWindow>)> {
+            let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
+            let mut mailbox = claim.mailbox_with(SingleContext::new())?;
+            if mailbox.number() == HOST {
                 mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
             }
             mailbox.join()?;
             Ok((mailbox, ram))
         };
-        let (mailbox, seen) = join(HOST)?;
-        let (processor, ram) = join(HAND)?;
-        let mut places = ram.places();
+        let (mailbox, seen) = join(system.claim(HOST)?)?;
+        let mut claim = system.claim(HAND)?;
+        let mut places = claim.places()?;
+        let (processor, ram) = join(claim)?;
         let terminal = Tty::new(ram, &mut places, RING, SingleContext::new())?;
         terminal.configure(&Settings::RAW)?;
         terminal.set_policy(Policy::Block { timeout: PATIENCE })?;

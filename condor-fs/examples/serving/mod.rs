@@ -10,7 +10,7 @@ use condor_fs::server::{Options, Server};
 use condor_fs::wire::OPEN_FILES;
 use condor_fs::{Area, FileSystem};
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
-use condor_mbox::{CriticalSection, Places, Processor, Region};
+use condor_mbox::{Places, Processor, Region};
 
 pub(crate) type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -85,12 +85,12 @@ pub(crate) fn on_processor<R>(
     number: Processor,
     program: impl FnOnce(&Files<'_, '_>, &Region<LinuxWindow>, &mut Places) -> Result<R, AnyError>,
 ) -> Result<R, AnyError> {
-    let (windows, doorbell) = system.claim(number)?.into_parts();
-    let own = Region::users(windows[number.index()].data.clone())?;
-    let mut places = own.places();
+    let mut claim = system.claim(number)?;
+    let own = Region::users(claim.windows()[number.index()].data.clone())?;
+    let mut places = claim.places()?;
     let area = Area::<FILES>::new(&mut places, 256, 4096)?;
     let handler = area.handler();
-    let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection)?;
+    let mut mailbox = claim.mailbox()?;
     mailbox.set_vector(OPEN_FILES, &handler, "open files")?;
     mailbox.join()?;
     let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT)?;

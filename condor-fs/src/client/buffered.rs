@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use condor_mbox::{Link, MemoryWindow};
+use condor_mbox::{MemoryWindow, Messenger};
 use embedded_io::{BufRead, ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
 use super::{Error, File, whole};
@@ -17,8 +17,14 @@ use crate::wire::Operation;
 ///
 /// Nothing is lost or read twice by an error, nor by a time-out: what the operation turns out to
 /// have read is what comes next.
-pub struct FileReader<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
-{
+pub struct FileReader<
+    'f,
+    'm,
+    S: Messenger + ?Sized,
+    W: MemoryWindow,
+    const FILES: usize,
+    const N: usize,
+> {
     file: File<'f, 'm, S, W, FILES>,
     /// The part of the file's buffer that was not taken out of it.
     left: Part,
@@ -37,7 +43,7 @@ pub struct FileReader<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: us
 ///
 /// Dropping it drops what is held. [`close`](Self::close) and [`into_inner`](Self::into_inner) tell
 /// what could not be written, and give the writer back.
-pub struct FileWriter<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     file: File<'f, 'm, S, W, FILES>,
     /// How many bytes of the file's buffer are to be written.
     held: u32,
@@ -68,7 +74,7 @@ impl Part {
 /// The position at which an operation began whose end has not been seen.
 type Asked = Option<u64>;
 
-impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
+impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
     /// Reads with a buffer, from the position on; `N` bytes of it are in the reader itself.
     #[must_use]
     pub fn reader<const N: usize>(self) -> FileReader<'f, 'm, S, W, FILES, N> {
@@ -120,7 +126,7 @@ impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm,
     }
 }
 
-impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
+impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
     FileReader<'f, 'm, S, W, FILES, N>
 {
     /// Where the next read begins, in bytes from the beginning of the file.
@@ -186,13 +192,13 @@ impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usi
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> ErrorType
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> ErrorType
     for FileReader<'_, '_, S, W, FILES, N>
 {
     type Error = Error;
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> BufRead
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> BufRead
     for FileReader<'_, '_, S, W, FILES, N>
 {
     /// At least one byte, none at the end of the file; [`Errno::INVAL`] if the area has no buffers.
@@ -213,7 +219,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> BufR
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Read
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Read
     for FileReader<'_, '_, S, W, FILES, N>
 {
     fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
@@ -238,7 +244,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Read
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Seek
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Seek
     for FileReader<'_, '_, S, W, FILES, N>
 {
     /// What was read ahead is dropped.
@@ -263,7 +269,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Seek
     }
 }
 
-impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize>
+impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     FileWriter<'f, 'm, S, W, FILES>
 {
     /// How many bytes were taken and are not known to be written.
@@ -329,13 +335,13 @@ impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize>
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
     for FileWriter<'_, '_, S, W, FILES>
 {
     type Error = Error;
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Write
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Write
     for FileWriter<'_, '_, S, W, FILES>
 {
     /// Takes at least one byte; [`Errno::INVAL`] if the area has no buffers.
@@ -380,7 +386,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Write
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Seek
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Seek
     for FileWriter<'_, '_, S, W, FILES>
 {
     /// What is held is written before.

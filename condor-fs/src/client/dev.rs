@@ -13,7 +13,7 @@ use condor_dev::{
     Bus, BusError, BusErrorKind, Descriptors, DeviceSet, Fd, FdError, InterruptController, IoError,
     Mode, Switch,
 };
-use condor_mbox::{Link, MemoryWindow};
+use condor_mbox::{MemoryWindow, Messenger};
 
 use super::{Error, File, FileSystem, OpenOptions};
 use crate::errno::Errno;
@@ -37,7 +37,7 @@ pub struct FileSwitch<
     B,
     C,
     D,
-    S: Link + ?Sized,
+    S: Messenger + ?Sized,
     W: MemoryWindow,
     const F: usize,
     const FILES: usize,
@@ -46,7 +46,7 @@ pub struct FileSwitch<
     files: Claim<Files<'m, S, W, FILES>>,
 }
 
-struct Files<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> {
+struct Files<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     system: FileSystem<'m, S, W, FILES>,
     /// Of the blocks of the file system: block and descriptor have one index.
     places: [Place; FILES],
@@ -117,7 +117,7 @@ where
     B: Bus,
     C: InterruptController,
     D: DeviceSet,
-    S: Link + ?Sized,
+    S: Messenger + ?Sized,
     W: MemoryWindow,
 {
     /// The boards of `devices` and the files of `system`.
@@ -262,7 +262,7 @@ where
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Files<'_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Files<'_, S, W, FILES> {
     /// The index of an open descriptor; `first` is the number of the first one.
     fn index(&self, fd: Fd, first: usize, wanted: Mode) -> Result<usize, FdError> {
         let index = usize::from(fd.number()).wrapping_sub(first);
@@ -292,7 +292,7 @@ where
     B: Bus,
     C: InterruptController,
     D: DeviceSet,
-    S: Link + ?Sized,
+    S: Messenger + ?Sized,
     W: MemoryWindow,
 {
     type Error = TransferError<B::Error>;

@@ -1,6 +1,6 @@
 //! [`Directory`]: the entries of a directory, one after the other.
 
-use condor_mbox::{Link, MemoryWindow};
+use condor_mbox::{MemoryWindow, Messenger};
 
 use super::operation::After;
 use super::{Error, FileSystem};
@@ -13,7 +13,7 @@ const HEAD: u32 = 16;
 const LEFT_OUT: u32 = 2;
 
 /// An open directory.
-pub struct Directory<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub struct Directory<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     system: &'f FileSystem<'m, S, W, FILES>,
     index: usize,
     /// Where the server goes on.
@@ -48,7 +48,7 @@ impl Entry<'_> {
     }
 }
 
-impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
     /// Opens the directory at `path`; the tree itself is ".".
     ///
     /// # Errors
@@ -68,7 +68,7 @@ impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '_, S, W, FILES> {
     /// The next entry, with its name in `name`; `None` at the end. `.` and `..` are left out.
     ///
     /// Entries that come or go meanwhile may be seen or not; every other one is seen once.
@@ -130,7 +130,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '_, S,
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Drop
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Drop
     for Directory<'_, '_, S, W, FILES>
 {
     fn drop(&mut self) {

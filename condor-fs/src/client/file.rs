@@ -1,6 +1,6 @@
 //! [`File`]: an open file.
 
-use condor_mbox::{Link, MemoryWindow};
+use condor_mbox::{MemoryWindow, Messenger};
 use embedded_io::{ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
 use super::operation::After;
@@ -89,12 +89,12 @@ impl OpenOptions {
 ///
 /// After [`Error::TimedOut`] the position is moved by what turns out to have been done: see
 /// [`FileSystem::settle`].
-pub struct File<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub struct File<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     pub(super) system: &'f FileSystem<'m, S, W, FILES>,
     index: usize,
 }
 
-impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
     /// Opens the file at `path`.
     ///
     /// # Errors
@@ -191,14 +191,14 @@ impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S
 }
 
 #[cfg(feature = "dev")]
-impl<'f, 'm, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
+impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
     /// What is open in a block.
     pub(super) fn at(system: &'f FileSystem<'m, S, W, FILES>, index: usize) -> Self {
         Self { system, index }
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, FILES> {
     /// Reads into `into` from the position on, and moves it: at most as many bytes as the file's
     /// buffer holds. 0 at the end of the file.
     ///
@@ -402,19 +402,23 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, F
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Drop for File<'_, '_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Drop
+    for File<'_, '_, S, W, FILES>
+{
     fn drop(&mut self) {
         self.system.leave(self.index);
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
     for File<'_, '_, S, W, FILES>
 {
     type Error = Error;
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Read for File<'_, '_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Read
+    for File<'_, '_, S, W, FILES>
+{
     fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
         File::read(self, into)
     }
@@ -424,7 +428,9 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Read for File<'_, '_
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Write for File<'_, '_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Write
+    for File<'_, '_, S, W, FILES>
+{
     fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
         File::write(self, from)
     }
@@ -439,7 +445,9 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Write for File<'_, '
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Seek for File<'_, '_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Seek
+    for File<'_, '_, S, W, FILES>
+{
     fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
         File::seek(self, to)
     }

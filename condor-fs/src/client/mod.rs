@@ -22,7 +22,7 @@ pub use file::{File, OpenOptions};
 use core::cell::Cell;
 use core::time::Duration;
 
-use condor_mbox::{Link, MemoryWindow, Pending, Processor, Region};
+use condor_mbox::{MemoryWindow, Messenger, Pending, Processor, Region};
 
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, block, table};
@@ -38,7 +38,7 @@ use operation::After;
 /// is refused with [`Errno::BUSY`].
 ///
 /// A processor has one file system at a time: [`connect`](Self::connect) ends all former ones.
-pub struct FileSystem<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     station: &'m S,
     server: Processor,
     own: Region<W>,
@@ -76,7 +76,7 @@ enum State {
     Left,
 }
 
-impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
     /// Asks `server` for a session. `own` is the users' region of the processor's own `data`, in
     /// which `area` was laid out; the mailbox has joined, with the area's
     /// [handler](Area::handler) at [`OPEN_FILES`](wire::OPEN_FILES).
@@ -176,7 +176,9 @@ impl<'m, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> Drop for FileSystem<'_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Drop
+    for FileSystem<'_, S, W, FILES>
+{
     fn drop(&mut self) {
         if let Some(pending) = self.pending.take() {
             self.station.abandon(&pending);

@@ -1,13 +1,13 @@
 //! Operations on paths.
 
-use condor_mbox::{Link, LoadOrder, MemoryWindow, StoreOrder};
+use condor_mbox::{LoadOrder, MemoryWindow, Messenger, StoreOrder};
 
 use super::operation::After;
 use super::{Error, FileSystem, State, request};
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, Span, Status};
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
     /// What is known of the file or directory at `path`; of a symbolic link, not of what it names.
     ///
     /// # Errors

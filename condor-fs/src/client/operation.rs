@@ -4,7 +4,7 @@ use core::cell::Cell;
 use core::sync::atomic::{Ordering, fence};
 use core::time::Duration;
 
-use condor_mbox::{Error as MailError, Instant, Link, MemoryWindow, Message};
+use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger};
 
 use super::{Error, FileSystem, State};
 use crate::errno::Errno;
@@ -72,7 +72,7 @@ impl Drop for Alone<'_> {
     }
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
     pub(super) fn enter(&self) -> Result<Alone<'_>, Errno> {
         if self.busy.replace(true) {
             return Err(Errno::BUSY);
@@ -164,7 +164,7 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
     fn await_answer(&self, deadline: Instant) -> Result<Done, Error> {
         let mut cause = None;
         loop {
-            let left = Duration::from_nanos(deadline.ns_since(self.station.now()));
+            let left = self.left_until(deadline);
             if left.is_zero() {
                 return Err(Error::TimedOut {
                     server: self.server,
@@ -189,25 +189,24 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
                 Err(error) if passes(&error) => cause = Some(error),
                 Err(error) => return Err(error.into()),
             }
-            self.station.pause(PAUSE.min(left))?;
+            self.station.serve(PAUSE.min(left))?;
         }
     }
 
     /// Sends the slot, unless the server still has it, and waits for the reply.
     fn ask(&self, left: Duration, deadline: Instant) -> Result<u32, MailError> {
-        let pending = if let Some(pending) = self.pending.get() {
-            pending
+        let (pending, left) = if let Some(pending) = self.pending.get() {
+            (pending, left)
         } else {
-            let message = Message {
-                to: self.server,
-                vector: wire::FILES,
-                data: self.area.slot(),
-            };
-            let (pending, _) = self.station.open_before(message, left, deadline)?;
+            let slot = self.area.slot();
+            let ticket = self.station.begin(self.server, wire::FILES, slot, left)?;
+            // Apart from its messenger, so that a file system can go to another thread.
+            let no_reply = MailError::NotConnected { to: self.server };
+            let pending = ticket.detach().ok_or(no_reply)?;
             self.pending.set(Some(pending));
-            pending
+            (pending, self.left_until(deadline))
         };
-        let outcome = self.station.wait_before(&pending, left, deadline);
+        let outcome = self.station.wait_pending(&pending, left);
         if !matches!(
             outcome,
             Err(MailError::TimedOut { .. } | MailError::Stalled { .. })
@@ -216,6 +215,10 @@ impl<S: Link + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W,
             self.station.abandon(&pending);
         }
         outcome
+    }
+
+    fn left_until(&self, deadline: Instant) -> Duration {
+        Duration::from_nanos(deadline.ns_since(self.station.now()))
     }
 
     /// What the server wrote; `None` if it is not about this operation.
@@ -319,7 +322,7 @@ fn passes(error: &MailError) -> bool {
 #[cfg(test)]
 mod tests {
     use condor_mbox::sim::{Mailbox, System};
-    use condor_mbox::{Call, Processor, Region};
+    use condor_mbox::{Call, Places, Processor, Region};
     use std::boxed::Box;
     use std::sync::{Arc, Mutex};
     use std::vec::Vec;
@@ -367,12 +370,13 @@ mod tests {
         host.set_vector(wire::FILES, answer, "files").unwrap();
         host.join().unwrap();
         system.while_waiting(HOST, move || {
-            host.service(TIMEOUT).unwrap();
+            host.serve(Duration::ZERO).unwrap();
         });
 
         let [_, windows] = system.windows(CLIENT);
         let own = Region::users(windows.data).unwrap();
-        let area = Area::<2>::new(&mut own.places(), 16, 16).unwrap();
+        let mut places = Places::new(own.size());
+        let area = Area::<2>::new(&mut places, 16, 16).unwrap();
         let mut mailbox: Mailbox<'_, 2> = system.mailbox(CLIENT).unwrap();
         mailbox.join().unwrap();
         let files = FileSystem::connect(&mailbox, HOST, own.clone(), area, TIMEOUT).unwrap();

@@ -27,8 +27,8 @@ use std::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxWindow};
 use condor_mbox::{
-    Call, Doorbell, Exclusion, LoadOrder, Mailbox, MemoryWindow, Processor, Region, SingleContext,
-    Waiting, Windows,
+    Backend, Call, Clock, Doorbell, LoadOrder, Mailbox, MemoryWindow, Messenger, Processor, Region,
+    SingleContext, Waiting, Windows,
 };
 
 use crate::errno::Errno;
@@ -126,11 +126,10 @@ impl<S: Steps> Server<S> {
         claim: Claim<N>,
         stop: &AtomicBool,
     ) -> Result<(), ServerError> {
-        let number = claim.number();
-        let (windows, doorbell) = claim.into_parts();
+        let windows = claim.windows().clone();
         self.recover(&windows)?;
         let handler = |call: &Call<'_>| self.answer(call, &windows);
-        let mut mailbox = Mailbox::new(number, windows.clone(), doorbell, SingleContext::new())?;
+        let mut mailbox = claim.mailbox_with(SingleContext::new())?;
         mailbox.set_waiting(self.options.waiting);
         mailbox.set_vector(wire::FILES, &handler, "files")?;
         mailbox.join()?;
@@ -275,17 +274,17 @@ impl<S: Steps> Server<S> {
 
 /// Sleeps until somebody rings, for `LOOK` at most, and serves what there is then: a mailbox that
 /// waits also looks around now and then, a hundred times a second.
-fn sleep<D: Doorbell, X: Exclusion, const N: usize>(
-    mailbox: &mut Mailbox<'_, LinuxWindow, D, X, N>,
+fn sleep<B: Backend, const N: usize>(
+    mailbox: &mut Mailbox<'_, B, N>,
 ) -> Result<usize, condor_mbox::Error> {
     mailbox.ring_always(true)?;
     let doorbell = mailbox.doorbell();
     // What this service does not see, rings.
     let seen = doorbell.prepare();
-    let mut served = mailbox.service(MORE)?;
+    let mut served = mailbox.serve(Duration::ZERO)?;
     if served == 0 {
-        doorbell.wait(seen, doorbell.now().after(LOOK));
-        served = mailbox.service(MORE)?;
+        doorbell.wait(seen, doorbell.now().after(LOOK), None);
+        served = mailbox.serve(Duration::ZERO)?;
     }
     mailbox.ring_always(false)?;
     Ok(served)

@@ -4,8 +4,9 @@ use std::collections::HashMap;
 use std::ffi::CString;
 use std::os::fd::OwnedFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-use condor_mbox::{Call, Message, Pending, Processor};
+use condor_mbox::{Call, Messenger, Pending, Processor, Ticket};
 use rustix::fs::{Mode, OFlags};
 
 use super::error::Stop;
@@ -95,30 +96,26 @@ impl OpenFiles {
     /// Where the table of the sender's session is, if it has said so; else asks it, without waiting
     /// for the answer: others are served meanwhile, and the sender tries again when it has answered.
     pub(super) fn ask(&self, call: &Call<'_>, session: u64) -> Option<u32> {
-        let (sender, messenger) = (call.sender(), call.messenger());
+        let sender = call.sender();
         let mut cache = self.lock();
+        let mut asked = None;
         if let Some((of, pending)) = cache.asked.remove(&sender) {
+            // If another session was asked, or in a former life, it is given up with its ticket.
+            let mut ticket = Ticket::attach(call, pending);
             if of == session {
-                match messenger.look(&pending) {
-                    Ok(None) => {
-                        cache.asked.insert(sender, (of, pending));
-                        return None;
-                    }
+                match ticket.poll() {
+                    Ok(None) => asked = Some(ticket),
                     Ok(table) => return table,
-                    Err(_) => {} // It was asked in a former life.
+                    Err(_) => {}
                 }
             }
-            messenger.abandon(&pending);
         }
-        let question = Message {
-            to: sender,
-            vector: wire::OPEN_FILES,
-            data: 0,
-        };
         // If it cannot be asked now, then when it tries again.
-        if let Ok(pending) = messenger.open(question) {
-            cache.asked.insert(sender, (session, pending));
-        }
+        let asked = asked.or_else(|| call.begin(sender, wire::OPEN_FILES, 0, Duration::ZERO).ok());
+        let pending = asked.and_then(Ticket::detach);
+        cache
+            .asked
+            .extend(pending.map(|pending| (sender, (session, pending))));
         None
     }
 

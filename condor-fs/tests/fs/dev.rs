@@ -243,12 +243,12 @@ fn what_is_printed_is_a_file_of_the_host() {
     let disk = disk();
     let system = crate::support::system();
     let _supervisor = Supervisor::start(&system, disk.path(), None, "");
-    let (windows, doorbell) = system.claim(CLIENT).unwrap().into_parts();
-    let own = condor_mbox::Region::users(windows[CLIENT.index()].data.clone()).unwrap();
-    let area = condor_fs::Area::<FILES>::new(&mut own.places(), 300, 4096).unwrap();
+    let mut claim = system.claim(CLIENT).unwrap();
+    let own = condor_mbox::Region::users(claim.windows()[CLIENT.index()].data.clone()).unwrap();
+    let mut places = claim.places().unwrap();
+    let area = condor_fs::Area::<FILES>::new(&mut places, 300, 4096).unwrap();
     let handler = Box::leak(Box::new(area.handler()));
-    let exclusion = condor_mbox::CriticalSection;
-    let mut mail = Mail::new(CLIENT, windows, doorbell, exclusion).unwrap();
+    let mut mail = claim.mailbox().unwrap();
     let vector = condor_fs::wire::OPEN_FILES;
     mail.set_vector(vector, handler, "open files").unwrap();
     mail.join().unwrap();

@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::support::{Mail, Own, SERVER, TIMEOUT, disk, with_server};
 use condor_fs::wire::{self, Operation, Request, Span, block, slot, table};
 use condor_fs::{Errno, OpenOptions};
-use condor_mbox::{Instant, MemoryWindow, Message, Messenger};
+use condor_mbox::{MemoryWindow, Messenger, Places};
 
 const PAUSE: Duration = Duration::from_millis(1);
 
@@ -34,7 +34,7 @@ fn with_raw(program: impl FnOnce(&Raw<'_, '_>)) {
     std::fs::write(disk.path().join("file"), [7; 4096]).unwrap();
     with_server(disk.path(), "", |fs, own, places, mail| {
         // As `Area` lays it out: behind the slot.
-        let table = own.places().bytes(slot::BYTES as usize).unwrap() + slot::BYTES;
+        let table = Places::new(own.size()).bytes(slot::BYTES as usize).unwrap() + slot::BYTES;
         assert_eq!(own.word(table).unwrap(), table::MAGIC);
         let first = own.word(table + 8).unwrap();
         let at = places.bytes(slot::BYTES as usize).unwrap();
@@ -82,15 +82,10 @@ impl Raw<'_, '_> {
     }
 
     fn send(&self, data: u32) -> Errno {
-        let message = Message {
-            to: SERVER,
-            vector: wire::FILES,
-            data,
-        };
         loop {
             let reply = self
                 .mail
-                .send_with_reply_before(message, TIMEOUT, Instant::FOREVER)
+                .send_with_reply(SERVER, wire::FILES, data, TIMEOUT)
                 .unwrap();
             if reply == wire::DONE {
                 return Errno(self.own.word(self.at + slot::ERRNO).unwrap() as u16);

@@ -2,15 +2,16 @@
 #![cfg(all(feature = "linux", target_os = "linux"))]
 
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
-use crate::support::{CLIENT, N, OTHER, SERVER, TIMEOUT, disk, system};
+use crate::support::{CLIENT, N, OTHER, SERVER, disk, system};
 use condor_fs::Errno;
 use condor_fs::server::{Options, Server};
 use condor_fs::wire::{self, FILES, OPEN_FILES, Operation, Request, Span, slot, state, table};
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, Mailbox};
 use condor_mbox::{
-    Call, Clock, CriticalSection, Doorbell, Evidence, Instant, Mailbox as AnyMailbox, MemoryWindow,
-    Processor, Region, SingleContext, Waiting, Windows,
+    Call, Clock, Doorbell, Evidence, Instant, Mailbox as AnyMailbox, MemoryWindow, Messenger,
+    Places, Processor, Region, SingleContext, Waiting, Windows,
 };
 
 /// A doorbell that counts how often its mailbox waits.
@@ -36,9 +37,9 @@ impl Doorbell for Counting<'_> {
         self.bell.prepare()
     }
 
-    fn wait(&self, seen: Self::Seen, until: Instant) {
+    fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>) {
         self.waits.fetch_add(1, Ordering::Relaxed);
-        self.bell.wait(seen, until);
+        self.bell.wait(seen, until, whom);
     }
 
     fn evidence(&self, processor: Processor) -> Evidence {
@@ -47,9 +48,9 @@ impl Doorbell for Counting<'_> {
 }
 
 /// Writes a request to unlink what does not exist, which needs the table, and a table without files.
-fn ask_to_unlink(windows: &Windows<LinuxWindow>) -> Places {
+fn ask_to_unlink(windows: &Windows<LinuxWindow>) -> Asked {
     let own = Region::users(windows.data.clone()).unwrap();
-    let mut places = own.places();
+    let mut places = Places::new(own.size());
     let [slot, table, path] =
         [slot::BYTES, table::BYTES, 8].map(|it| places.bytes(it as usize).unwrap());
     own.write(path, b"none").unwrap();
@@ -71,10 +72,10 @@ fn ask_to_unlink(windows: &Windows<LinuxWindow>) -> Places {
     for (word, n) in request.to_words().into_iter().zip(0..) {
         own.set_word(slot + 4 * n, word).unwrap();
     }
-    Places { own, slot, table }
+    Asked { own, slot, table }
 }
 
-struct Places {
+struct Asked {
     own: Region<LinuxWindow>,
     slot: u32,
     table: u32,
@@ -87,22 +88,24 @@ fn nobody_waits_for_who_does_not_answer() {
     let waits = AtomicU32::new(0);
     let server = Server::new(disk.path(), Options::default()).unwrap();
     let (windows, bell) = system.claim(SERVER).unwrap().into_parts();
-    let places = [CLIENT, OTHER].map(|client| ask_to_unlink(&windows[client.index()]));
+    let requests = [CLIENT, OTHER].map(|client| ask_to_unlink(&windows[client.index()]));
     let handler = |call: &Call<'_>| server.answer(call, &windows);
     let bell = Counting {
         bell,
         waits: &waits,
     };
-    let mut host = AnyMailbox::new(SERVER, windows.clone(), bell, SingleContext::new()).unwrap();
+    let alone = SingleContext::new();
+    let mut host = AnyMailbox::<(_, _, _), N>::new(SERVER, windows.clone(), bell, alone).unwrap();
     // Whoever waits is counted at once.
     host.set_waiting(Waiting::Sleep);
     host.set_vector(FILES, &handler, "files").unwrap();
     host.join().unwrap();
 
-    let answers = places.each_ref().map(|places| |_: &Call<'_>| places.table);
+    let answers = requests
+        .each_ref()
+        .map(|request| |_: &Call<'_>| request.table);
     let [silent, quick] = [(CLIENT, 0), (OTHER, 1)].map(|(number, n)| {
-        let (windows, bell) = system.claim(number).unwrap().into_parts();
-        let mut client = Mailbox::new(number, windows, bell, CriticalSection).unwrap();
+        let mut client = system.claim(number).unwrap().mailbox().unwrap();
         client
             .set_vector(OPEN_FILES, &answers[n], "open files")
             .unwrap();
@@ -110,16 +113,16 @@ fn nobody_waits_for_who_does_not_answer() {
         client
     });
     // All of this is one thread: nobody can wait for anybody, and each serves when it is told to.
-    let serve = |mailbox: &Mailbox<'_, N>| mailbox.service(TIMEOUT).unwrap();
+    let serve = |mailbox: &Mailbox<'_, N>| mailbox.serve(Duration::ZERO).unwrap();
     let send = |client: &Mailbox<'_, N>, n: usize| loop {
-        match client.begin(SERVER, FILES, places[n].slot) {
+        match client.begin(SERVER, FILES, requests[n].slot, Duration::ZERO) {
             Ok(mut ticket) => {
-                host.service(TIMEOUT).unwrap();
+                host.serve(Duration::ZERO).unwrap();
                 break ticket.poll().unwrap();
             }
             // They have to notice each other first.
             Err(condor_mbox::Error::NotConnected { .. }) => {
-                host.service(TIMEOUT).unwrap();
+                host.serve(Duration::ZERO).unwrap();
             }
             Err(error) => panic!("{error}"),
         }
@@ -132,12 +135,15 @@ fn nobody_waits_for_who_does_not_answer() {
     for _ in 0..20 {
         assert_eq!(send(&silent, 0), again);
         // Its answer has come.
-        places[1]
+        requests[1]
             .own
-            .set_word(places[1].slot + slot::STATE, state::NONE)
+            .set_word(requests[1].slot + slot::STATE, state::NONE)
             .unwrap();
         assert_eq!(send(&quick, 1), Some(wire::DONE));
-        let errno = places[1].own.word(places[1].slot + slot::ERRNO).unwrap();
+        let errno = requests[1]
+            .own
+            .word(requests[1].slot + slot::ERRNO)
+            .unwrap();
         assert_eq!(errno, u32::from(Errno::NOENT.0));
     }
     assert_eq!(waits.load(Ordering::Relaxed), 0, "the server has waited");

@@ -9,7 +9,7 @@ use condor_fs::server::{Options, Processors, Server, Step, Steps};
 use condor_fs::wire::{self, Operation};
 use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions};
 use condor_mbox::linux::{Claim, LinuxWindow, Mailbox, System};
-use condor_mbox::{CriticalSection, MemoryWindow, Processor, Region};
+use condor_mbox::{MemoryWindow, Processor, Region};
 
 const SERVER: Processor = Processor(0);
 const CLIENT: Processor = Processor(1);
@@ -61,13 +61,12 @@ impl Drop for StopAtEnd<'_> {
 }
 
 /// Runs `program` with the file system of the processor whose number is claimed.
-fn connected(claim: Claim<3>, program: impl FnOnce(&Fs<'_, '_>, &Region<LinuxWindow>)) {
+fn connected(mut claim: Claim<3>, program: impl FnOnce(&Fs<'_, '_>, &Region<LinuxWindow>)) {
     let number = claim.number();
-    let (windows, doorbell) = claim.into_parts();
-    let own = Region::users(windows[number.index()].data.clone()).unwrap();
-    let area = Area::<4>::new(&mut own.places(), 64, 256).unwrap();
+    let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();
+    let area = Area::<4>::new(&mut claim.places().unwrap(), 64, 256).unwrap();
     let handler = area.handler();
-    let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
+    let mut mailbox = claim.mailbox().unwrap();
     mailbox
         .set_vector(wire::OPEN_FILES, &handler, "open files")
         .unwrap();

@@ -1,7 +1,8 @@
 use core::time::Duration;
 
+use condor_mbox::exchange::ExchangeError;
 use condor_mbox::{
-    AccessError, Error, Exchange, ExchangeError, Instant, Link, MemoryWindow, Processor, Region,
+    AccessError, Error, Exchange, Instant, MemoryWindow, Messenger, Places, Processor, Region,
 };
 
 use super::places::ServoPlaces;
@@ -23,9 +24,9 @@ const PAUSE: Duration = Duration::from_micros(200);
 /// Each call ends at its time-out. An order is done when its call returns without an error: the
 /// servo loop has come to it.
 #[derive(Debug)]
-pub struct ServoClient<'m, L: Link + ?Sized, W, const F: usize, const N: usize> {
-    exchange: Exchange<'m, L, Region<W>, Request, Response>,
-    link: &'m L,
+pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: usize> {
+    exchange: Exchange<'m, M, Region<W>, Request, Response>,
+    messenger: &'m M,
     to: Processor,
 }
 
@@ -99,9 +100,9 @@ pub enum ClientError {
     },
 }
 
-impl<'m, L, W, const F: usize, const N: usize> ServoClient<'m, L, W, F, N>
+impl<'m, M, W, const F: usize, const N: usize> ServoClient<'m, M, W, F, N>
 where
-    L: Link + ?Sized,
+    M: Messenger + ?Sized,
     W: MemoryWindow + Clone,
 {
     /// A client of the servos of `to`, in the users' region of whose `data` they have `places`.
@@ -111,17 +112,21 @@ where
     /// # Errors
     /// `OutOfBounds` if the sender has no block in the places, or there is no room.
     pub fn new(
-        link: &'m L,
+        messenger: &'m M,
         to: Processor,
         region: &Region<W>,
         places: ServoPlaces<F, N>,
     ) -> Result<Self, AccessError> {
-        let mut left = region.places();
-        let block = places.block(link.number());
+        let mut left = Places::new(region.size());
+        let block = places.block(messenger.number());
         left.bytes(block.unwrap_or(u32::MAX) as usize)?;
         let whole = Region::whole(region.clone());
-        let exchange = Exchange::new(link, whole, &mut left)?;
-        Ok(Self { exchange, link, to })
+        let exchange = Exchange::new(messenger, whole, &mut left)?;
+        Ok(Self {
+            exchange,
+            messenger,
+            to,
+        })
     }
 
     /// Which hand and finger it is.
@@ -254,7 +259,7 @@ where
         part: Part,
         timeout: Duration,
     ) -> Result<(), ClientError> {
-        let deadline = self.link.now().after(timeout);
+        let deadline = self.messenger.now().after(timeout);
         let response = self.ask(request, timeout)?;
         let number = self.check(&response)?.word();
         let [_, finger, joint, ..] = *request;
@@ -286,7 +291,7 @@ where
 
     /// One request, again while another one is being answered.
     fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, ClientError> {
-        let deadline = self.link.now().after(timeout);
+        let deadline = self.messenger.now().after(timeout);
         loop {
             let left = self.left(deadline);
             let response = self.exchange.call(self.to, SERVO, request, left)?;
@@ -304,13 +309,14 @@ where
     }
 
     fn left(&self, deadline: Instant) -> Duration {
-        Duration::from_nanos(deadline.ns_since(self.link.now()))
+        Duration::from_nanos(deadline.ns_since(self.messenger.now()))
     }
 
     /// Gives the servo processor time.
     fn pause(&self, deadline: Instant) -> Result<(), ClientError> {
         let pause = self.left(deadline).min(PAUSE);
-        Ok(self.link.pause(pause).map_err(ExchangeError::from)?)
+        self.messenger.serve(pause).map_err(ExchangeError::from)?;
+        Ok(())
     }
 
     /// What follows in a response if all is well.

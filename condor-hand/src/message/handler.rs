@@ -62,7 +62,7 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
         if self.places.block(call.sender()) != Some(call.data()) {
             return 0;
         }
-        condor_mbox::answer(call, &self.region, |request: Request| {
+        condor_mbox::exchange::answer(call, &self.region, |request: Request| {
             self.respond(&request)
         })
     }

@@ -19,7 +19,7 @@ use crate::dynamics::Dynamics;
 /// ```
 /// # use std::time::Duration;
 /// # use condor_mbox::sim::System;
-/// # use condor_mbox::{Call, CriticalSection, Processor, Region};
+/// # use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
 /// use condor_hand::config::Hand;
 /// use condor_hand::controller::FingerController;
 /// use condor_hand::message::{Identity, SERVO, ServoClient, ServoObject, ServoPlaces};
@@ -36,7 +36,7 @@ use crate::dynamics::Dynamics;
 ///
 /// // The processor of one finger.
 /// let ram = Region::users(windows.data)?;
-/// let places = ServoPlaces::<1, 4>::new(&mut ram.places(), 2)?;
+/// let places = ServoPlaces::<1, 4>::new(&mut Places::new(ram.size()), 2)?;
 /// let identity = Identity::new(&hand.name, [&finger.name], hand.servo_hz);
 /// let controller = FingerController::new(&hand, finger, finger.chain())?;
 /// let mut object = ServoObject::new();
@@ -247,7 +247,9 @@ impl JointMemory {
         let (cell, window) = self.order();
         match cell.subscriber(window).ok()?.read() {
             Ok(latest) => Some(latest.value),
-            Err(condor_mbox::ReadError::Unpublished) => Some([0; size_of::<Order>() / 4]),
+            Err(condor_mbox::published::ReadError::Unpublished) => {
+                Some([0; size_of::<Order>() / 4])
+            }
             Err(_) => None,
         }
     }

@@ -1,6 +1,5 @@
-use condor_mbox::{
-    AccessError, MemoryWindow, Places, Processor, Published, Publisher, Region, Subscriber,
-};
+use condor_mbox::published::{Publisher, Subscriber};
+use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Published, Region};
 
 use super::words::{Put, Taken};
 use super::{BLOCK_BYTES, REQUEST_WORDS};

@@ -1,4 +1,5 @@
-use condor_mbox::{AccessError, MemoryWindow, Publisher, Region, StaticWindow, Subscriber};
+use condor_mbox::published::{Publisher, Subscriber};
+use condor_mbox::{AccessError, MemoryWindow, Region, StaticWindow};
 use nalgebra::Vector3;
 
 use super::memory::{
@@ -69,7 +70,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: 
                     offset: 0,
                     len: F,
                     size: region.size(),
-                    kind: condor_mbox::WindowErrorKind::OutOfBounds,
+                    kind: condor_mbox::window::WindowErrorKind::OutOfBounds,
                 })
             }),
         }

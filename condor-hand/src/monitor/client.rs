@@ -1,6 +1,7 @@
 use core::time::Duration;
 
-use condor_mbox::{AccessError, Exchange, ExchangeError, Link, MemoryWindow, Processor, Region};
+use condor_mbox::exchange::ExchangeError;
+use condor_mbox::{AccessError, Exchange, MemoryWindow, Messenger, Places, Processor, Region};
 
 use super::handler::{BUSY, Block, DONE, MONITOR, MonitorPlaces, SELECT, take_error};
 use super::selection::{Selection, SelectionError};
@@ -11,9 +12,9 @@ const PAUSE: Duration = Duration::from_micros(200);
 
 /// Selects what the monitor of another processor samples, from the background of this one.
 #[derive(Debug)]
-pub struct MonitorClient<'m, L: Link + ?Sized, W> {
-    exchange: Exchange<'m, L, Region<W>, Block, Block>,
-    link: &'m L,
+pub struct MonitorClient<'m, M: Messenger + ?Sized, W> {
+    exchange: Exchange<'m, M, Region<W>, Block, Block>,
+    messenger: &'m M,
     to: Processor,
 }
 
@@ -45,7 +46,7 @@ pub enum MonitorClientError {
     },
 }
 
-impl<'m, L: Link + ?Sized, W: MemoryWindow + Clone> MonitorClient<'m, L, W> {
+impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MonitorClient<'m, M, W> {
     /// A client of the monitor of `to`, in the users' region of whose `data` it has `places`.
     ///
     /// There must be only one on this processor at a time.
@@ -53,16 +54,20 @@ impl<'m, L: Link + ?Sized, W: MemoryWindow + Clone> MonitorClient<'m, L, W> {
     /// # Errors
     /// `OutOfBounds` if the sender has no block in the places, or there is no room.
     pub fn new(
-        link: &'m L,
+        messenger: &'m M,
         to: Processor,
         region: &Region<W>,
         places: MonitorPlaces,
     ) -> Result<Self, AccessError> {
-        let mut left = region.places();
-        let block = places.block(link.number());
+        let mut left = Places::new(region.size());
+        let block = places.block(messenger.number());
         left.bytes(block.unwrap_or(u32::MAX) as usize)?;
-        let exchange = Exchange::new(link, Region::whole(region.clone()), &mut left)?;
-        Ok(Self { exchange, link, to })
+        let exchange = Exchange::new(messenger, Region::whole(region.clone()), &mut left)?;
+        Ok(Self {
+            exchange,
+            messenger,
+            to,
+        })
     }
 
     /// Selects what is sampled from the next tick on; gives the number of the selection, which
@@ -76,7 +81,7 @@ impl<'m, L: Link + ?Sized, W: MemoryWindow + Clone> MonitorClient<'m, L, W> {
         selection: &Selection,
         timeout: Duration,
     ) -> Result<u32, MonitorClientError> {
-        let deadline = self.link.now().after(timeout);
+        let deadline = self.messenger.now().after(timeout);
         let mut request = Block::default();
         let values = [SELECT, selection.every].into_iter().chain(selection.mask);
         for (word, value) in request.iter_mut().zip(values) {
@@ -84,15 +89,15 @@ impl<'m, L: Link + ?Sized, W: MemoryWindow + Clone> MonitorClient<'m, L, W> {
         }
         let to = self.to;
         loop {
-            let left = Duration::from_nanos(deadline.ns_since(self.link.now()));
+            let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
             let [state, a, b, ..] = self.exchange.call(to, MONITOR, &request, left)?;
             match state {
                 DONE => return Ok(a),
                 BUSY if left.is_zero() => return Err(MonitorClientError::Busy { to, timeout }),
-                BUSY => self
-                    .link
-                    .pause(left.min(PAUSE))
-                    .map_err(ExchangeError::from)?,
+                BUSY => {
+                    let served = self.messenger.serve(left.min(PAUSE));
+                    served.map_err(ExchangeError::from)?;
+                }
                 word => {
                     let error = take_error([state, a, b]);
                     return Err(error.map_or(

@@ -111,7 +111,7 @@ impl<'o, W: MemoryWindow, X: Exclusion> MonitorHandler<'o, W, X> {
         if self.places.block(call.sender()) != Some(call.data()) {
             return 0;
         }
-        condor_mbox::answer(call, &self.region, |request: Block| {
+        condor_mbox::exchange::answer(call, &self.region, |request: Block| {
             let mut response = Block::default();
             for (word, value) in response.iter_mut().zip(self.respond(&request)) {
                 *word = value;

@@ -15,9 +15,11 @@ use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::tendon::{Pair, TensionGains};
 use condor_hand::trajectory::SetPoint;
+use condor_mbox::exchange::ExchangeError;
 use condor_mbox::sim::{Mailbox, SimWindow, System};
 use condor_mbox::{
-    Call, CriticalSection, Error, ExchangeError, Processor, Region, SingleContext, Vector,
+    Call, CriticalSection, Error, MemoryWindow, Messenger, Places, Processor, Region,
+    SingleContext, Vector,
 };
 use nalgebra::{Vector3, Vector4};
 use proptest::prelude::*;
@@ -71,7 +73,7 @@ impl Rig {
         let hand = hand();
         let [_, windows] = system.windows(SLAVE);
         let ram = Region::users(windows.data).unwrap();
-        let places = ServoPlaces::new(&mut ram.places(), 2).unwrap();
+        let places = ServoPlaces::new(&mut Places::new(ram.size()), 2).unwrap();
         let names = [&hand.fingers[0].name, &hand.fingers[1].name];
         let identity = Identity::new(
             &hand.name,
@@ -105,7 +107,7 @@ impl Rig {
         let (mut rig, slave) = Self::parts(System::in_virtual_time(DATA_BYTES));
         let (fingers, ticking) = (Arc::clone(&rig.fingers), Arc::clone(&rig.ticking));
         rig.system.while_waiting(SLAVE, move || {
-            slave.service(SECOND).unwrap();
+            slave.serve(Duration::ZERO).unwrap();
             if ticking.load(Ordering::Relaxed) {
                 tick(&fingers);
             }
@@ -430,7 +432,7 @@ fn places_that_are_not_there_are_errors() {
     let rig = Rig::in_virtual_time();
     let small = Region::users(rig.system.windows(MASTER)[1].data.clone()).unwrap();
     let small = small.part(0, 576).unwrap();
-    assert!(ServoPlaces::<2, 4>::new(&mut small.places(), 2).is_err());
+    assert!(ServoPlaces::<2, 4>::new(&mut Places::new(small.size()), 2).is_err());
     assert!(ServoClient::new(&rig.master, SLAVE, &small, rig.places).is_err());
     let mut object = ServoObject::<2, 4>::new();
     let hand = hand();

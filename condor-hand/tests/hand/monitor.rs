@@ -17,8 +17,8 @@ use condor_hand::servo::{Mode, Sensed};
 use condor_hand::tendon::Pair;
 use condor_mbox::sim::{SimWindow, System};
 use condor_mbox::{
-    AccessError, Call, CriticalSection, LoadOrder, MemoryWindow, Processor, Region, StaticMemory,
-    StaticWindow, StoreOrder,
+    AccessError, Call, CriticalSection, LoadOrder, MemoryWindow, Messenger, Places, Processor,
+    Region, StaticMemory, StaticWindow, StoreOrder,
 };
 use nalgebra::{Vector3, Vector4};
 use proptest::prelude::*;
@@ -371,7 +371,7 @@ fn watched() -> Watched {
     let [_, windows] = system.windows(SLAVE);
     let ram = Region::users(windows.data).unwrap();
     let bytes = ring_bytes(Four::COUNT as u32, 6, 64);
-    let places = MonitorPlaces::new(&mut ram.places(), 2, bytes).unwrap();
+    let places = MonitorPlaces::new(&mut Places::new(ram.size()), 2, bytes).unwrap();
     let object = Box::leak(Box::new(MonitorObject::new()));
     let (handler, mut monitor): (_, Monitor<'static, SimWindow>) = object
         .split(&ram, places, CriticalSection, 400, variables.variables(), 6)
@@ -397,7 +397,7 @@ fn watched() -> Watched {
         of_loop.lock().unwrap().push(tick);
     });
     system.while_waiting(SLAVE, move || {
-        slave.service(SECOND).unwrap();
+        slave.serve(Duration::ZERO).unwrap();
         if runs.load(Ordering::Relaxed) {
             (servo.lock().unwrap())();
         }

@@ -3,9 +3,8 @@
 use std::sync::Arc;
 
 use condor_hand::monitor::{Kind, MonitorReader, Ring, Selection, Variable, ring_bytes};
-use condor_mbox::{
-    LoadOrder, MemoryWindow, Region, StoreOrder, WindowError, WindowErrorKind, check_access,
-};
+use condor_mbox::window::{WindowError, WindowErrorKind, check_access};
+use condor_mbox::{LoadOrder, MemoryWindow, Region, StoreOrder};
 use loom::sync::atomic::{AtomicU32, Ordering};
 
 /// Two rows of one value; what only the beginning writes is ordinary memory.

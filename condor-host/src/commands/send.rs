@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use condor_mbox::{LoadOrder, MemoryWindow, Processor, Vector, layout};
+use condor_mbox::{LoadOrder, MemoryWindow, Messenger, Processor, Vector, layout};
 use serde::Serialize;
 
 use super::number::word;

@@ -39,9 +39,9 @@ impl Doorbell for ProcessBell {
         self.doorbell.prepare()
     }
 
-    fn wait(&self, seen: u32, until: Instant) {
+    fn wait(&self, seen: u32, until: Instant, whom: Option<Processor>) {
         if self.spinner.is_none() {
-            return self.doorbell.wait(seen, until);
+            return self.doorbell.wait(seen, until, whom);
         }
         while self.doorbell.prepare() == seen && self.now() < until {
             hint::spin_loop();

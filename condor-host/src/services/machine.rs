@@ -16,8 +16,8 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, SystemError};
-use condor_mbox::{Mailbox, Processor, SingleContext};
+use condor_mbox::linux::{Claim, LinuxDoorbell, Mailbox, SystemError};
+use condor_mbox::{Messenger, Processor, SingleContext};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
@@ -50,8 +50,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError
     let environment = Environment::read()?;
     let memory = MachineMemory::open(memory)?;
     let system = Windows::at(&environment.system, environment.window_bytes)?;
-    let (windows, doorbell) = succeed(&system, MACHINE)?.into_parts();
-    let mut mailbox = Mailbox::new(MACHINE, windows, doorbell.clone(), SingleContext::new())?;
+    let mut mailbox = succeed(&system, MACHINE)?.mailbox_with(SingleContext::new())?;
     let doorbells = hold(&system, &memory)?;
     memory.reset()?;
 
@@ -72,7 +71,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError
     machine.start()?;
 
     let begun = Instant::now();
-    let bell = doorbell.pollable();
+    let bell = mailbox.doorbell().pollable();
     // It ends with the machine.
     let mut bridge = None;
     let (mut is_up, mut is_late) = (false, false);
@@ -93,7 +92,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError
         }
         bell.drain();
         if is_up {
-            mailbox.service(Duration::ZERO)?;
+            mailbox.serve(Duration::ZERO)?;
         } else {
             let missing = not_up(&memory)?;
             if missing.is_empty() {
@@ -133,7 +132,7 @@ fn wait(
     }
 }
 
-type Post = Mailbox<'static, LinuxWindow, LinuxDoorbell<PROCESSORS>, SingleContext, PROCESSORS>;
+type Post = Mailbox<'static, PROCESSORS, SingleContext>;
 
 /// Switches the machine off.
 fn end(machine: &mut Process, mut mailbox: Post) -> Result<(), ServiceError> {

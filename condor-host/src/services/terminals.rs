@@ -33,7 +33,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use condor_mbox::{Mailbox, Processor, Region, SingleContext};
+use condor_mbox::{Messenger, Processor, Region, SingleContext};
 use condor_tty::Vectors;
 use rustix::event::{PollFd, PollFlags, Timespec, epoll};
 use rustix::fs::inotify;
@@ -63,20 +63,20 @@ pub fn serve(
     sizes: Sizes,
 ) -> Result<(), ServiceError> {
     let mut signals = Signals::new().map_err(ServiceError::Events)?;
-    let (windows, doorbell) = claim(TERMINALS)?.into_parts();
+    let claim = claim(TERMINALS)?;
     // Pseudo-terminals that nobody has open would end every wait for their level.
     let ptys = epoll::create(epoll::CreateFlags::CLOEXEC)
         .map_err(|error| ServiceError::Events(error.into()))?;
     let typed = watch().map_err(ServiceError::Events)?;
     let mut stations = Vec::new();
     for (number, name) in processors {
-        let Some(window) = windows.get(number.index()) else {
+        let Some(window) = claim.windows().get(number.index()) else {
             continue;
         };
         let region =
             Region::users(window.data.clone()).map_err(|error| condor_mbox::Error::Window {
                 processor: *number,
-                object: condor_mbox::Object::Data,
+                object: condor_mbox::error::Object::Data,
                 kind: error.kind,
             })?;
         let station = Station::open(directory, name, *number, region, sizes)?;
@@ -89,14 +89,14 @@ pub fn serve(
             .map_err(|error| ServiceError::Events(error.into()))?;
         stations.push(station);
     }
-    let bell = doorbell.pollable();
-    let mut mailbox = Mailbox::new(TERMINALS, windows, doorbell, SingleContext::new())?;
+    let bell = claim.doorbell().pollable();
+    let mut mailbox = claim.mailbox_with(SingleContext::new())?;
     mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
     mailbox.ring_always(true)?;
     while signals.taken() == 0 {
         bell.drain();
-        mailbox.service(Duration::ZERO)?;
+        mailbox.serve(Duration::ZERO)?;
         let mut more = false;
         for station in &mut stations {
             more |= station.serve(&mailbox);

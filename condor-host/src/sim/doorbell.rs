@@ -28,7 +28,7 @@ impl Doorbell for Bell {
         self.0.baton.rings(self.0.number)
     }
 
-    fn wait(&self, seen: u64, until: Instant) {
+    fn wait(&self, seen: u64, until: Instant, _: Option<Processor>) {
         self.0.wait(seen, until.as_ns());
     }
 

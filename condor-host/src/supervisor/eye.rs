@@ -3,9 +3,9 @@
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, PollableBell};
+use condor_mbox::linux::{LinuxDoorbell, Mailbox, PollableBell};
 use condor_mbox::{
-    Error, LoadOrder, Mailbox, MemoryWindow, PeerState, Processor, SingleContext, layout,
+    Error, LoadOrder, MemoryWindow, Messenger, PeerState, Processor, SingleContext, layout,
 };
 
 use super::UpError;
@@ -14,20 +14,17 @@ use crate::system::Directory;
 
 /// The supervisor's mailbox, which looks at others and has nothing to say.
 pub(super) struct Eye {
-    mailbox: Mailbox<'static, LinuxWindow, LinuxDoorbell<PROCESSORS>, SingleContext, PROCESSORS>,
+    mailbox: Mailbox<'static, PROCESSORS, SingleContext>,
     bell: PollableBell,
     doorbell: LinuxDoorbell<PROCESSORS>,
 }
 
 impl Eye {
     pub(super) fn open(directory: &Directory, window_bytes: u32) -> Result<Self, UpError> {
-        let (windows, doorbell) = directory
-            .system(window_bytes)?
-            .claim(SUPERVISOR)?
-            .into_parts();
+        let claim = directory.system(window_bytes)?.claim(SUPERVISOR)?;
+        let doorbell = claim.doorbell().clone();
         let bell = doorbell.pollable();
-        let mut mailbox =
-            Mailbox::new(SUPERVISOR, windows, doorbell.clone(), SingleContext::new())?;
+        let mut mailbox = claim.mailbox_with(SingleContext::new())?;
         mailbox.join()?;
         mailbox.ring_always(true)?;
         Ok(Self {
@@ -50,20 +47,20 @@ impl Eye {
     /// Beats the own heart, and acknowledges who came.
     pub(super) fn serve(&self) -> Result<(), Error> {
         self.bell.drain();
-        self.mailbox.service(Duration::ZERO)?;
+        self.mailbox.serve(Duration::ZERO)?;
         Ok(())
     }
 
     /// The life that the number has, or had last.
     pub(super) fn life(&self, number: Processor) -> u32 {
-        self.word(number, layout::header::LAST_LIFE)
+        self.word(number, layout::header::LAST_INCARNATION)
     }
 
     /// Whether a program has joined whose life is not that one.
     pub(super) fn is_up_after(&self, number: Processor, life_before: u32) -> bool {
         matches!(
             self.mailbox.peer_state(number),
-            Ok(PeerState::Up { life, .. }) if life != life_before
+            Ok(PeerState::Up { incarnation, .. }) if incarnation != life_before
         )
     }
 

@@ -6,7 +6,7 @@ use condor_hand::message::{BLOCK_BYTES, ClientError, ServoClient, ServoPlaces};
 use condor_hand::servo::{JointGains, PositionLaw};
 use condor_hand::tendon::TensionGains;
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{AccessError, Processor, Region};
+use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Region};
 
 use super::variables::WatchError;
 use super::{Post, View, ViewError};
@@ -118,7 +118,7 @@ fn places(region: &Region<LinuxWindow>, entry: &Entry) -> Option<ServoPlaces<0, 
     let points = entry.len.checked_sub(PROCESSORS as u32 * BLOCK_BYTES)?;
     let blocks = entry.offset.checked_add(points)?;
     let laid_out = || -> Result<_, AccessError> {
-        let mut places = region.places();
+        let mut places = Places::new(region.size());
         places.bytes(blocks as usize)?;
         ServoPlaces::new(&mut places, PROCESSORS as u8)
     };

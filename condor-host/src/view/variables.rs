@@ -11,7 +11,7 @@ use condor_hand::monitor::{
     Selection, SelectionError, Variable,
 };
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{AccessError, Processor, Region};
+use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Region};
 use serde::Serialize;
 
 use super::wishes::{Wishes, life, together};
@@ -123,7 +123,7 @@ impl View {
 /// The places of a monitor whose blocks begin where its entry does, and whose ring has the rest.
 fn places(region: &Region<LinuxWindow>, entry: &Entry) -> Option<MonitorPlaces> {
     let laid_out = |ring_bytes| -> Result<MonitorPlaces, AccessError> {
-        let mut places = region.places();
+        let mut places = Places::new(region.size());
         places.bytes(entry.offset as usize)?;
         MonitorPlaces::new(&mut places, PROCESSORS as u8, ring_bytes)
     };

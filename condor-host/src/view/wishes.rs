@@ -12,7 +12,9 @@
 
 use condor_hand::monitor::{MonitorPlaces, Selection, VARIABLES};
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{AccessError, LoadOrder, MemoryWindow, PeerState, Processor, Region, layout};
+use condor_mbox::{
+    AccessError, LoadOrder, MemoryWindow, Messenger, PeerState, Places, Processor, Region, layout,
+};
 
 use super::{Post, ViewError};
 use crate::directory::{self, Directory, Kind};
@@ -34,16 +36,15 @@ pub(super) struct Wishes {
 }
 
 impl Wishes {
-    /// None, in the window of `post`, whose directory has nothing else.
-    pub(super) fn new(post: &Post) -> Result<Self, ViewError> {
+    /// None, in the window of `post`, whose directory is the first of `places` and has nothing else.
+    pub(super) fn new(post: &Post, places: &mut Places) -> Result<Self, ViewError> {
         let me = post.number();
         let at = |source| ViewError::Memory {
             processor: me,
             source,
         };
         let region = Region::users(post.windows(me)?.data.clone()).map_err(at)?;
-        let mut places = region.places();
-        let mut directory = Directory::new(region.clone(), &mut places)?;
+        let mut directory = Directory::new(region.clone(), places)?;
         let offset = places.bytes(BYTES as usize).map_err(at)?;
         let wishes = Self { me, region, offset };
         for number in 0..PROCESSORS as u8 {
@@ -101,12 +102,12 @@ impl Wishes {
             if number == self.me || number == of {
                 continue;
             }
-            let PeerState::Up { life, .. } = post.peer_state(number)? else {
+            let PeerState::Up { incarnation, .. } = post.peer_state(number)? else {
                 continue;
             };
             let wish = if VISITORS.contains(&number.0) {
                 let data = post.windows(number)?.data.clone();
-                visitors(&data, life, of)
+                visitors(&data, incarnation, of)
             } else {
                 programs(monitor, places, number)
             };
@@ -182,7 +183,7 @@ pub(super) fn life(post: &Post) -> Result<u32, condor_mbox::Error> {
     let mail = &post.windows(post.number())?.mail;
     // A visitor without memory of its own has no life.
     Ok(mail
-        .load(layout::header::LIFE, LoadOrder::Acquire)
+        .load(layout::header::INCARNATION, LoadOrder::Acquire)
         .unwrap_or(0))
 }
 

@@ -2,7 +2,7 @@
 
 use condor_host::directory::{self, Directory, DirectoryError, ENTRIES, Entry, Kind, Name};
 use condor_host::loops::{self, LoopReports};
-use condor_mbox::{Published, Region, StaticMemory};
+use condor_mbox::{MemoryWindow, Places, Published, Region, StaticMemory};
 use condor_mos::{Rate, Statistics};
 use proptest::prelude::*;
 
@@ -30,7 +30,7 @@ fn what_is_entered_is_found() {
     let memory = StaticMemory::<WORDS>::new();
     let own = Region::users(memory.window()).unwrap();
     assert_eq!(directory::entries(&own).unwrap().count(), 0);
-    let mut places = own.places();
+    let mut places = Places::new(own.size());
     let mut made = Directory::new(own, &mut places).unwrap();
     assert_eq!(directory::find(&own, "loops").unwrap(), None);
     let names = ["servo", "a name of sixteen and more"];
@@ -61,7 +61,7 @@ fn what_is_entered_is_found() {
     assert_eq!(full, Err(DirectoryError::Full));
     assert_eq!(directory::entries(&own).unwrap().count(), ENTRIES);
     // A new life of the program begins with an empty directory.
-    let mut places = own.places();
+    let mut places = Places::new(own.size());
     Directory::new(own, &mut places).unwrap();
     assert_eq!(directory::entries(&own).unwrap().count(), 0);
 }
@@ -70,13 +70,13 @@ fn what_is_entered_is_found() {
 fn a_directory_must_be_the_first_and_have_room() {
     let memory = StaticMemory::<WORDS>::new();
     let own = Region::users(memory.window()).unwrap();
-    let mut places = own.places();
+    let mut places = Places::new(own.size());
     places.bytes(64).unwrap();
     let error = Directory::new(own, &mut places).unwrap_err();
     assert_eq!(error, DirectoryError::NotFirst { offset: 64 });
     let small = StaticMemory::<64>::new();
     let own = Region::users(small.window()).unwrap();
-    let error = Directory::new(own, &mut own.places()).unwrap_err();
+    let error = Directory::new(own, &mut Places::new(own.size())).unwrap_err();
     assert!(matches!(error, DirectoryError::Access(_)), "{error}");
 }
 

@@ -79,7 +79,7 @@ fn a_wait_calls_the_handler_and_goes_on() {
         };
         let begun = timer.now();
         assert_eq!(timer.arm(begun), Armed::Past);
-        let background = || bell.wait(bell.prepare(), Instant::from_ns(begun + 50_000_000));
+        let background = || bell.wait(bell.prepare(), Instant::from_ns(begun + 50_000_000), None);
         machine.with_timer(&timer, handler, background).unwrap();
         assert_eq!(interrupts.load(Ordering::Relaxed), 5);
         assert!(timer.now() >= begun + 50_000_000);

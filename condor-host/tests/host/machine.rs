@@ -174,7 +174,7 @@ fn rung(doorbell: &LinuxDoorbell<PROCESSORS>, seen: u32) {
     let begun = Instant::now();
     while doorbell.prepare() == seen {
         assert!(begun.elapsed() < DEADLINE, "nobody rings");
-        doorbell.wait(seen, doorbell.now().after(Duration::from_secs(1)));
+        doorbell.wait(seen, doorbell.now().after(Duration::from_secs(1)), None);
     }
 }
 

@@ -9,8 +9,8 @@ use std::sync::Mutex;
 use crate::small::{SMALL, Seen, Small, VISITOR, watch};
 use condor_host::linux::{self, BusFile, Environment, Loops};
 use condor_host::{Machine as _, PROCESSORS, sim};
+use condor_mbox::Mailbox;
 use condor_mbox::linux::System;
-use condor_mbox::{CriticalSection, Mailbox};
 
 const WINDOW_BYTES: u32 = 8192;
 
@@ -21,7 +21,7 @@ fn in_virtual_time() -> Seen {
     system.spawn(SMALL, &Small).unwrap();
     system
         .host(VISITOR, |machine| {
-            let mut mailbox = Mailbox::new(
+            let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
                 VISITOR,
                 machine.windows(),
                 machine.doorbell(),
@@ -82,9 +82,9 @@ fn as_process(loops: Loops) {
     let directory = tempfile::tempdir().unwrap();
     let environment = environment(directory.path(), loops);
     let system = System::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
-    let (windows, doorbell) = system.claim(VISITOR).unwrap().into_parts();
+    let claim = system.claim(VISITOR).unwrap();
     let child = start(&environment, |_| ());
-    let mailbox = Mailbox::new(VISITOR, windows, doorbell, CriticalSection).unwrap();
+    let mailbox = claim.mailbox().unwrap();
     let seen = watch(mailbox);
     assert_eq!((seen.reply, seen.name.as_str()), (42, "servo"));
     // Skips are the host's affair, which may be busy; but none is forgotten.
@@ -118,8 +118,7 @@ fn a_successor_waits_for_the_number_and_a_bus_must_be_there() {
     std::thread::sleep(std::time::Duration::from_millis(300));
     assert_eq!(child.try_wait().unwrap(), None);
     drop(held);
-    let (windows, doorbell) = system.claim(VISITOR).unwrap().into_parts();
-    let mailbox = Mailbox::new(VISITOR, windows, doorbell, CriticalSection).unwrap();
+    let mailbox = system.claim(VISITOR).unwrap().mailbox().unwrap();
     assert_eq!(watch(mailbox).reply, 42);
     child.kill().unwrap();
     child.wait().unwrap();

@@ -7,8 +7,10 @@ use std::time::Duration;
 use condor_dev::Bus as _;
 use condor_dev::linux::{Access, LinuxBus};
 use condor_host::sim::{Cause, Failure, SimError, System};
-use condor_host::{Machine, Program};
-use condor_mbox::{Call, Clock as _, Doorbell as _, Evidence, Instant, Mailbox, Processor, Vector};
+use condor_host::{Machine, PROCESSORS, Program};
+use condor_mbox::{
+    Call, Clock as _, Doorbell as _, Evidence, Instant, Mailbox, Messenger, Processor, Vector,
+};
 use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _};
 
 const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
@@ -46,7 +48,7 @@ impl Program for Talker<'_> {
             call.send_with_reply(call.sender(), ADD, call.data() + 1, SECOND)
                 .unwrap_or(u32::MAX)
         };
-        let mut mailbox = Mailbox::new(
+        let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
             number,
             machine.windows(),
             machine.doorbell(),
@@ -169,7 +171,7 @@ fn failures_are_reported_with_their_processors() {
             machine.work(3000);
             // The other one fails meanwhile; this is told at once.
             let bell = machine.doorbell();
-            bell.wait(bell.prepare(), Instant::from_ns(1_000_000_000));
+            bell.wait(bell.prepare(), Instant::from_ns(1_000_000_000), None);
             assert_eq!(machine.now(), 5000);
             assert!(!machine.is_stopping(), "stopped");
             Ok::<_, String>(())
@@ -214,7 +216,7 @@ fn programs_that_do_not_end_are_ended() {
                 machine.doorbell().now();
             }
             let bell = machine.doorbell();
-            bell.wait(bell.prepare(), Instant::FOREVER);
+            bell.wait(bell.prepare(), Instant::FOREVER, None);
             Ok::<_, String>(())
         })
         .unwrap();
@@ -292,7 +294,7 @@ fn a_handler_that_polls_is_ended() {
             let handler = || while bell.now() < Instant::from_ns(2000) {};
             machine.with_timer(&timer, handler, || {
                 let _ = timer.arm(1000);
-                bell.wait(bell.prepare(), Instant::from_ns(5000));
+                bell.wait(bell.prepare(), Instant::from_ns(5000), None);
             })
         })
         .unwrap();

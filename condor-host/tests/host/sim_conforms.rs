@@ -47,7 +47,7 @@ fn the_timer() {
                     || interrupts.load(Ordering::Relaxed),
                     || {
                         let until = bell.now().after(Duration::from_micros(100));
-                        bell.wait(bell.prepare(), until);
+                        bell.wait(bell.prepare(), until, None);
                     },
                 )
             });

@@ -6,8 +6,8 @@ use std::time::Duration;
 use condor_fs::server::{Options, Server};
 use condor_fs::wire::{FILES, OPEN_FILES};
 use condor_fs::{Area, FileSystem, OpenOptions};
-use condor_host::{Machine, numbers, sim};
-use condor_mbox::{Call, Mailbox, Processor, Region};
+use condor_host::{Machine, PROCESSORS, numbers, sim};
+use condor_mbox::{Call, Mailbox, MemoryWindow, Messenger, Places, Processor, Region};
 
 const CLIENT: Processor = Processor(2);
 const SECOND: Duration = Duration::from_secs(1);
@@ -22,7 +22,7 @@ fn serve<M: Machine<Window = condor_mbox::linux::LinuxWindow>>(
     let windows = machine.windows();
     server.recover(&windows).unwrap();
     let answer = |call: &Call<'_>| server.answer(call, &windows);
-    let mut mailbox = Mailbox::new(
+    let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
         machine.number(),
         windows.clone(),
         machine.doorbell(),
@@ -41,9 +41,9 @@ fn serve<M: Machine<Window = condor_mbox::linux::LinuxWindow>>(
 fn write_and_read<M: Machine>(machine: &M) -> Result<Vec<u8>, AnyError> {
     let windows = machine.windows();
     let own = Region::users(windows[machine.number().index()].data.clone())?;
-    let area = Area::<4>::new(&mut own.places(), 100, 512)?;
+    let area = Area::<4>::new(&mut Places::new(own.size()), 100, 512)?;
     let open_files = |call: &Call<'_>| area.handler()(call);
-    let mut mailbox = Mailbox::new(
+    let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
         machine.number(),
         windows,
         machine.doorbell(),

@@ -7,7 +7,7 @@ use crate::running::{self, Up};
 use condor_hand::monitor::Selection;
 use condor_host::numbers::VISITORS;
 use condor_host::view::{View, ViewError};
-use condor_mbox::Processor;
+use condor_mbox::{Messenger, Processor};
 use serde_json::Value;
 
 const TWO: &str = r#"

@@ -11,7 +11,7 @@ use condor_hand::tendon::Pair;
 use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, PROCESSORS, Program};
-use condor_mbox::{Call, Mailbox, Processor, Region, Vector};
+use condor_mbox::{Call, Mailbox, MemoryWindow, Messenger, Places, Processor, Region, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler};
 use condor_tty::{Policy, Terminal, Vectors};
 use nalgebra::{Vector3, Vector4};
@@ -45,7 +45,7 @@ impl Finger {
         let hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml")?;
         let entry = &hand.fingers[usize::from(machine.number().0)];
         let own = Region::users(machine.windows()[machine.number().index()].data.clone())?;
-        let mut places = own.places();
+        let mut places = Places::new(own.size());
         let mut directory = Directory::new(own.clone(), &mut places)?;
         let terminal =
             Terminal::<_, _, 256>::new(own.clone(), &mut places, CAPACITY, machine.exclusion())?;
@@ -86,7 +86,7 @@ impl Finger {
         let receive = |call: &Call<'_>| terminal.receive(call);
         let asked = |call: &Call<'_>| asked.answer(call);
         let chosen = |call: &Call<'_>| chosen.answer(call);
-        let mut mailbox = Mailbox::new(
+        let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
             machine.number(),
             machine.windows(),
             machine.doorbell(),

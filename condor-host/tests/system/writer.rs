@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use condor_host::directory::{Directory, Kind};
-use condor_host::{Machine, Program};
-use condor_mbox::{Call, Mailbox, Region};
+use condor_host::{Machine, PROCESSORS, Program};
+use condor_mbox::{Call, Mailbox, MemoryWindow, Places, Region};
 use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
 use embedded_io::{Read, Write};
 
@@ -34,7 +34,7 @@ impl Writer {
         let number = machine.number();
         let windows = machine.windows();
         let own = Region::users(windows[number.index()].data.clone())?;
-        let mut places = own.places();
+        let mut places = Places::new(own.size());
         let mut directory = Directory::new(own.clone(), &mut places)?;
         let terminal = Terminal::<_, _, 256>::new(own, &mut places, CAPACITY, machine.exclusion())?;
         directory.enter("console", Kind::Terminal, terminal.offset(), CAPACITY)?;
@@ -45,7 +45,12 @@ impl Writer {
         })?;
         terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
         let receive = |call: &Call<'_>| terminal.receive(call);
-        let mut mailbox = Mailbox::new(number, windows, machine.doorbell(), machine.exclusion())?;
+        let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
+            number,
+            windows,
+            machine.doorbell(),
+            machine.exclusion(),
+        )?;
         mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
         mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
         mailbox.join()?;

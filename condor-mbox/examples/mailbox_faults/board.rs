@@ -213,7 +213,7 @@ impl Board {
     pub(crate) fn last_life(&self) -> u32 {
         self.windows[VICTIM.index()]
             .mail
-            .load(header::LAST_LIFE, LoadOrder::Acquire)
+            .load(header::LAST_INCARNATION, LoadOrder::Acquire)
             .expect("the memory is sealed")
     }
 }

@@ -5,7 +5,7 @@ use std::os::unix::process::ExitStatusExt;
 use std::time::{Duration, Instant};
 
 use condor_mbox::linux::{Claim, Mailbox, System, SystemError};
-use condor_mbox::{Call, CriticalSection, Error, Handler, Processor, Vector};
+use condor_mbox::{Call, CriticalSection, Error, Handler, Messenger, Processor, Vector};
 use rustix::process::Signal;
 
 use super::AnyError;
@@ -138,7 +138,7 @@ pub(crate) fn play(number: u8) -> Result<(), AnyError> {
 
 /// A mailbox of `claim` that has joined and answers.
 pub(crate) fn open<'v>(claim: &Claim<N>, answers: Handler<'v>) -> Result<Mailbox<'v, N>, Error> {
-    let (windows, doorbell) = claim.clone().into_parts();
+    let (windows, doorbell) = (claim.windows().clone(), claim.doorbell().clone());
     let mut mailbox = Mailbox::new(claim.number(), windows, doorbell, CriticalSection)?;
     mailbox.set_vector(ANSWER, answers, "answer")?;
     mailbox.set_vector(WAIT, &wait, "wait")?;

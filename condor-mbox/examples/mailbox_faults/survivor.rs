@@ -4,7 +4,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use condor_mbox::linux::{Claim, Mailbox};
-use condor_mbox::{Call, Clock, CriticalSection, Error, PeerState, Processor, Vector, Waiting};
+use condor_mbox::{
+    Call, Clock, CriticalSection, Error, Messenger, PeerState, Processor, Vector, Waiting,
+};
 
 use super::AnyError;
 use super::board::{Aim, Board, Director, Survivor, Victim};
@@ -51,7 +53,7 @@ pub(crate) fn play(claim: &Claim<N>, seed: u64) -> Result<(), AnyError> {
         }
         0
     };
-    let (windows, doorbell) = claim.clone().into_parts();
+    let (windows, doorbell) = (claim.windows().clone(), claim.doorbell().clone());
     let mut mailbox = Mailbox::new(me, windows, doorbell, CriticalSection)?;
     mailbox.set_waiting(Waiting::SpinThenSleep {
         spin: Duration::from_micros(20),
@@ -159,7 +161,7 @@ impl Player<'_, '_> {
                 if waits {
                     mailbox.send(VICTIM, COUNTED, number, patience)
                 } else {
-                    mailbox.try_send(VICTIM, COUNTED, number)
+                    mailbox.send(VICTIM, COUNTED, number, Duration::ZERO)
                 }
             });
             if self.accept(outcome, span).is_none() {
@@ -193,7 +195,9 @@ impl Player<'_, '_> {
         let mut tickets = Vec::new();
         for _ in 0..=self.random.below(4) {
             let number = self.next_number();
-            let (outcome, span) = self.watched(false, |_, _| mailbox.begin(VICTIM, ECHO, number));
+            let (outcome, span) = self.watched(false, |_, _| {
+                mailbox.begin(VICTIM, ECHO, number, Duration::ZERO)
+            });
             match self.accept(outcome, span) {
                 Some(ticket) => tickets.push((number, ticket)),
                 None => break,
@@ -202,7 +206,7 @@ impl Player<'_, '_> {
         let deadline = before.at.after(patience);
         let mut dead_until = None;
         while !tickets.is_empty() {
-            if let Err(error) = mailbox.service(patience) {
+            if let Err(error) = mailbox.serve(Duration::ZERO) {
                 self.record.fault(&format!("service: {error}"));
             }
             tickets.retain_mut(|(number, ticket)| {

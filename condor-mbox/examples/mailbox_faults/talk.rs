@@ -70,7 +70,7 @@ pub(crate) struct Numbered {
 impl Numbered {
     const BITS: u32 = 12;
     const MASK: u32 = (1 << Self::BITS) - 1;
-    /// Lives are told apart modulo this.
+    /// Incarnations are told apart modulo this.
     const LIVES: u32 = 1 << (u32::BITS - Self::BITS);
 
     pub(crate) fn new(life: u32, number: u32) -> Self {

@@ -3,8 +3,10 @@
 use std::fs::File;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use condor_mbox::error::Object;
 use condor_mbox::linux::{Mailbox, System};
-use condor_mbox::{Call, Error, Object, Processor, WindowErrorKind};
+use condor_mbox::window::WindowErrorKind;
+use condor_mbox::{Call, Error, Messenger, Processor};
 
 use super::AnyError;
 use super::everyone::{ANSWER, BYTES, MET, NAME, WAIT, open, with_space};

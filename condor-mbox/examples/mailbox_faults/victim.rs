@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use condor_mbox::linux::{Claim, Mailbox, System};
-use condor_mbox::{Call, CriticalSection, Error, PeerState, Processor, Vector};
+use condor_mbox::{Call, CriticalSection, Error, Messenger, PeerState, Processor, Vector};
 
 use super::AnyError;
 use super::board::{Aim, Board, Director, Victim};
@@ -55,7 +55,7 @@ impl State<'_> {
         let ask_back = |call: &Call<'_>| self.pass_on(call, call.sender());
         let ask_other = |call: &Call<'_>| self.pass_on(call, Processor(1 - call.sender().0));
         let hold = |call: &Call<'_>| self.hold(call);
-        let (windows, doorbell) = claim.clone().into_parts();
+        let (windows, doorbell) = (claim.windows().clone(), claim.doorbell().clone());
         let mut mailbox = Mailbox::new(VICTIM, windows, doorbell, CriticalSection)?;
         mailbox.set_vector(ECHO, &echo, "echo")?;
         mailbox.set_vector(COUNTED, &counted, "count")?;
@@ -64,22 +64,22 @@ impl State<'_> {
         mailbox.set_vector(HOLD, &hold, "hold the caller")?;
         mailbox.join()?;
 
-        let PeerState::Up { life, .. } = mailbox.peer_state(VICTIM)? else {
+        let PeerState::Up { incarnation, .. } = mailbox.peer_state(VICTIM)? else {
             return Err("a mailbox that has joined is up".into());
         };
-        self.life.store(life, Ordering::Relaxed);
+        self.life.store(incarnation, Ordering::Relaxed);
         for survivor in SURVIVORS {
             for index in 1..4 {
                 board.set_counted(survivor.index(), index, 0);
             }
-            board.set_counted(survivor.index(), 0, life);
+            board.set_counted(survivor.index(), 0, incarnation);
         }
-        board.set_victim(Victim::Life, life);
+        board.set_victim(Victim::Life, incarnation);
         board.set_victim(Victim::Left, board.victim(Victim::Leaving));
         board.set_victim(Victim::Done, begun);
         if board.aim() != Aim::Joining {
             board.set_victim(Victim::Ready, self.number);
-            self.work(&mailbox, life, random)?;
+            self.work(&mailbox, incarnation, random)?;
         }
         board.set_victim(Victim::Begun, begun + 1);
         board.set_victim(Victim::Leaving, board.victim(Victim::Leaving) + 1);

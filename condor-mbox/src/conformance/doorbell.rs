@@ -83,7 +83,7 @@ fn clock<D: Doorbell>(mine: &D) -> Result<(), DoorbellFailure> {
 fn undisturbed<D: Doorbell>(mine: &D) -> Result<(), DoorbellFailure> {
     let start = mine.now();
     for until in [Instant::from_ns(0), start, start.after(UNDISTURBED)] {
-        mine.wait(mine.prepare(), until);
+        mine.wait(mine.prepare(), until, None);
     }
     let now = mine.now();
     if now < start {
@@ -105,7 +105,7 @@ fn ended_by<D: Doorbell>(
     let seen = mine.prepare();
     ring();
     let until = mine.now().after(LOST);
-    mine.wait(seen, until);
+    mine.wait(seen, until, None);
     let now = mine.now();
     if now < until {
         Ok(())

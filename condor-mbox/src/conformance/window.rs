@@ -1,8 +1,6 @@
 //! The checks of [`MemoryWindow`] and [`CompareExchange`].
 
-use crate::window::{
-    CompareExchange, LoadOrder, LoadStep, MemoryWindow, StoreOrder, StoreStep, WindowError,
-};
+use crate::window::{CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError};
 
 use super::limits::{
     MISALIGNED, OUT_OF_BOUNDS, READ_ONLY, alignment, alignment_of_loads, bounds, bounds_of_loads,
@@ -29,7 +27,7 @@ pub fn window<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     empty(window)?;
     words(window)?;
     orders(window)?;
-    steps(window)?;
+    all_words(window)?;
     bytes(window)?;
     refused_copies(window)
 }
@@ -237,75 +235,52 @@ fn orders<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     Ok(())
 }
 
-fn steps<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
-    let store_at = |offset, steps: &[StoreStep]| {
-        let outcome = window.store_steps(offset, steps);
-        outcome.map(|()| 0).map_err(|error| error.kind())
-    };
-    let stores = [
-        (3, StoreOrder::Relaxed, 7),
-        (0, StoreOrder::Release, pattern(0)),
-        (3, StoreOrder::Release, pattern(3)),
-    ]
-    .map(|(word, order, value)| StoreStep { word, order, value });
-    let mut loads = [2, 3, 0].map(|word| LoadStep {
-        word,
-        order: LoadOrder::Acquire,
-        value: 0,
-    });
-    for offset in [0, window.size().wrapping_sub(16)] {
-        let at = |word: u32| offset.wrapping_add(4 * word);
-        for word in 0..4 {
-            done(
-                "a store is done",
-                at(word),
-                4,
-                store(window, at(word), word),
-            )?;
-        }
-        let outcome = store_at(offset, &stores);
-        expect("stores in steps are done", offset, 16, outcome, Ok(0))?;
-        for (word, value) in [(0, pattern(0)), (1, 1), (2, 2), (3, pattern(3))] {
-            let found = load(window, at(word));
-            expect("a step stores its own word", at(word), 4, found, Ok(value))?;
-        }
-        let loaded = window.load_steps(offset, &mut loads);
-        let loaded = loaded.map(|()| 0).map_err(|error| error.kind());
-        expect("loads in steps are done", offset, 16, loaded, Ok(0))?;
-        for (step, value) in loads.iter().zip([2, pattern(3), pattern(0)]) {
-            let found = Ok(step.value);
+fn all_words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
+    for offset in [0, window.size().wrapping_sub(4)] {
+        done(
+            "a store is done",
+            offset,
+            4,
+            store(window, offset, pattern(offset)),
+        )?;
+        window.clean(offset, 4);
+        window.invalidate(offset, 4);
+        let found = load(window, offset);
+        expect(
+            "a load finds what was cleaned",
+            offset,
+            4,
+            found,
+            Ok(pattern(offset)),
+        )?;
+        if let Some(words) = window.words() {
+            let coherent = Ok(u32::from(window.is_coherent()));
+            expect("words are of coherent memory", offset, 4, coherent, Ok(1))?;
+            let word = words.get((offset / 4) as usize);
+            let found = Ok(word.map_or(0, |word| word.load(LoadOrder::Acquire.into())));
             expect(
-                "a step loads its own word",
-                at(step.word),
+                "the words are those of loads",
+                offset,
                 4,
                 found,
-                Ok(value),
+                Ok(pattern(offset)),
             )?;
         }
     }
-    for (offset, refusal) in [
-        (window.size().wrapping_sub(12), OUT_OF_BOUNDS),
-        (window.size(), OUT_OF_BOUNDS),
-        (!3, OUT_OF_BOUNDS),
-        (2, MISALIGNED),
-    ] {
-        let outcome = store_at(offset, &stores[1..2]);
+    if let Some(words) = window.words() {
+        let bytes = Ok(u32::try_from(4 * words.len()).unwrap_or(u32::MAX));
         expect(
-            "steps outside or misaligned are refused",
-            offset,
-            16,
-            outcome,
-            refusal,
+            "there are as many words as the size says",
+            0,
+            0,
+            bytes,
+            Ok(window.size()),
         )?;
-        let loaded = window.load_steps(offset, &mut loads[2..]);
-        let loaded = loaded.map(|()| 0).map_err(|error| error.kind());
-        expect(
-            "steps outside or misaligned are refused",
-            offset,
-            16,
-            loaded,
-            refusal,
-        )?;
+    }
+    // Outside there is nothing to clean.
+    for offset in [window.size(), !3, 2, u32::MAX] {
+        window.clean(offset, 4);
+        window.invalidate(offset, 4);
     }
     Ok(())
 }

@@ -2,12 +2,16 @@
 
 use std::os::fd::OwnedFd;
 
+use super::Mailbox;
 use super::doorbell::LinuxDoorbell;
 use super::error::SystemError;
 use super::objects::Objects;
 use super::window::{Access, LinuxWindow};
+use crate::error::Error;
+use crate::exclusion::{CriticalSection, Exclusion};
 use crate::id::Processor;
-use crate::layout::header;
+use crate::layout::{BELL_BYTES, header};
+use crate::region::{Places, Region};
 use crate::window::{MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
@@ -15,9 +19,10 @@ use crate::windows::Windows;
 ///
 /// The number is free again when the claim, its doorbells and all clones of the own `mail` are
 /// dropped: whoever could still write the `mail` holds the number.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Claim<const N: usize> {
     number: Processor,
+    places: Option<Places>,
     windows: [Windows<LinuxWindow>; N],
     doorbell: LinuxDoorbell<N>,
 }
@@ -42,7 +47,52 @@ impl<const N: usize> Claim<N> {
         &self.doorbell
     }
 
-    /// The windows and the doorbell, which go on to hold the number.
+    /// Hands out the own memory: the users' part of one's own `data`.
+    ///
+    /// There is one of it for a claim, so that what two users of the memory get of it cannot overlap;
+    /// whoever else wants memory is lent it.
+    ///
+    /// # Errors
+    /// [`SystemError::PlacesTaken`] the second time.
+    pub fn places(&mut self) -> Result<Places, SystemError> {
+        let number = self.number;
+        self.places
+            .take()
+            .ok_or(SystemError::PlacesTaken { number })
+    }
+
+    /// The users' part of a processor's `data`, its own or a peer's.
+    ///
+    /// # Errors
+    /// [`SystemError::NoSuchProcessor`].
+    pub fn region(&self, processor: Processor) -> Result<Region<LinuxWindow>, SystemError> {
+        let windows = self.windows.get(processor.index());
+        windows
+            .and_then(|windows| Region::users(windows.data.clone()).ok())
+            .ok_or(SystemError::NoSuchProcessor {
+                number: processor,
+                processors: N,
+            })
+    }
+
+    /// The mailbox of this number, not joined yet, for all threads of the process.
+    ///
+    /// # Errors
+    /// Those of [`Mailbox::new`](crate::Mailbox::new).
+    pub fn mailbox<'v>(self) -> Result<Mailbox<'v, N>, Error> {
+        self.mailbox_with(CriticalSection)
+    }
+
+    /// The mailbox of this number with another [`Exclusion`].
+    ///
+    /// # Errors
+    /// Those of [`Mailbox::new`](crate::Mailbox::new).
+    pub fn mailbox_with<'v, X: Exclusion>(self, exclusion: X) -> Result<Mailbox<'v, N, X>, Error> {
+        Mailbox::new(self.number, self.windows, self.doorbell, exclusion)
+    }
+
+    /// The windows and the doorbell, which go on to hold the number, for a mailbox with another
+    /// doorbell.
     #[must_use]
     pub fn into_parts(self) -> ([Windows<LinuxWindow>; N], LinuxDoorbell<N>) {
         (self.windows, self.doorbell)
@@ -90,6 +140,7 @@ impl<const N: usize> Claim<N> {
         .map_err(SystemError::os("duplicate", objects.path(own, "bell")))?;
         Ok(Some(Self {
             number,
+            places: Some(Places::new(data_bytes.saturating_sub(BELL_BYTES))),
             windows: one_for_each(windows),
             doorbell,
         }))

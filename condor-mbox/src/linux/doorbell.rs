@@ -143,7 +143,7 @@ impl<const N: usize> Doorbell for LinuxDoorbell<N> {
         rings.map_or(0, |rings| rings.load(Ordering::Acquire))
     }
 
-    fn wait(&self, seen: u32, until: Instant) {
+    fn wait(&self, seen: u32, until: Instant, _: Option<Processor>) {
         let Ok(rings) = self.0.lines[self.0.number.index()].word(RINGS) else {
             return;
         };
@@ -179,7 +179,7 @@ impl<const N: usize> Doorbell for LinuxDoorbell<N> {
 /// descriptor, which stays open as long as one of them lives.
 ///
 /// It is the reading end of a pipe, so tokio's `pipe::Receiver` takes a duplicate of it; see the
-/// example `pollable`. Call [`Mailbox::ring_always`](crate::Mailbox::ring_always), so that peers
+/// example `await_tokio`. Call [`Mailbox::ring_always`](crate::Mailbox::ring_always), so that peers
 /// ring although nobody waits inside of the mailbox.
 #[derive(Clone, Debug)]
 pub struct PollableBell {

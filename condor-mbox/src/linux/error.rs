@@ -45,6 +45,12 @@ pub enum SystemError {
         /// The name that was given.
         name: String,
     },
+    /// The memory of a number is handed out once.
+    #[error("the places of {number} have been handed out: lend them to whoever else needs memory")]
+    PlacesTaken {
+        /// Whose memory it is.
+        number: Processor,
+    },
     /// The size of `data` must be a multiple of four and fit 32 bits together with its first line.
     #[error("data of {user_bytes} bytes do not consist of whole words, or are too large")]
     BadDataSize {

@@ -14,22 +14,20 @@
 //!
 //! ```
 //! # use condor_mbox::Processor;
-//! use condor_mbox::linux::{Mailbox, System};
-//! use condor_mbox::CriticalSection;
+//! use condor_mbox::linux::System;
 //!
 //! # const HOST: Processor = Processor(0);
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // For the processes that this one starts; `System::named("robot", 4096)` is for any others.
-//! let system = System::<2>::family(4096)?;
-//! let (windows, doorbell) = system.claim(HOST)?.into_parts();
-//! let mut host = Mailbox::new(HOST, windows, doorbell, CriticalSection)?;
+//! let mut host = System::<2>::family(4096)?.claim(HOST)?.mailbox()?;
 //! host.join()?;
 //! # Ok(())
 //! # }
 //! ```
 //!
 //! The feature `critical-section` of `condor-platform` brings what [`CriticalSection`](crate::CriticalSection) needs;
-//! a mailbox that one thread alone uses can have a [`SingleContext`](crate::SingleContext) instead.
+//! a mailbox that one thread alone uses can have a [`SingleContext`](crate::SingleContext) instead:
+//! [`Claim::mailbox_with`].
 //!
 //! # Death
 //!
@@ -103,5 +101,5 @@ pub use system::System;
 pub use window::{Access, LinuxWindow, LinuxWindowError, MapError};
 
 /// A mailbox of Linux, for a process whose threads may all use it.
-pub type Mailbox<'v, const N: usize> =
-    crate::Mailbox<'v, LinuxWindow, LinuxDoorbell<N>, crate::CriticalSection, N>;
+pub type Mailbox<'v, const N: usize, X = crate::CriticalSection> =
+    crate::Mailbox<'v, (LinuxWindow, LinuxDoorbell<N>, X), N>;

@@ -15,8 +15,8 @@ use rustix::mm::{MapFlags, ProtFlags};
 use super::copy;
 use super::fault::{self, GuardError, Guarded};
 use crate::window::{
-    CompareExchange, LoadOrder, LoadStep, MemoryWindow, StoreOrder, StoreStep, WindowError,
-    WindowErrorKind, check_access, check_words,
+    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    check_access, check_words,
 };
 
 /// What a mapping allows.
@@ -133,6 +133,8 @@ impl MapError {
 pub struct LinuxWindow {
     base: NonNull<u8>,
     size: u32,
+    /// How many words those are.
+    words: usize,
     access: Access,
     lost: &'static AtomicBool,
     /// Keeps `base` and `lost` valid.
@@ -279,6 +281,7 @@ impl LinuxWindow {
         Ok(Self {
             base,
             size,
+            words: (size / 4) as usize,
             access,
             lost,
             _mapping: Arc::new(mapping),
@@ -300,21 +303,15 @@ impl LinuxWindow {
     }
 
     /// The word at `offset`, for one access, or for the kernel's use of it as a futex.
-    #[inline(always)]
-    pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, LinuxWindowError> {
-        self.words::<1>(offset).map(|[word]| word)
-    }
-
-    /// The words from `offset` on.
     ///
     /// Words hold little-endian values. A window that is mapped read-only gives words that must
     /// not be stored to: the caller has asked `check_store`.
     #[inline(always)]
-    fn words<const K: usize>(&self, offset: u32) -> Result<&[AtomicU32; K], LinuxWindowError> {
-        if let Err(kind) = check_words(self.size, offset, K as u32) {
-            return Err(self.refused(kind, offset, 4 * K));
+    pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, LinuxWindowError> {
+        if let Err(kind) = check_words(self.size, offset, 1) {
+            return Err(self.refused(kind, offset, 4));
         }
-        // SAFETY: the words are inside the mapping and aligned, as `check_words` found and as pages
+        // SAFETY: the word is inside the mapping and aligned, as `check_words` found and as pages
         // are; `_mapping` keeps it mapped as long as `self`. All accesses of this process go through
         // such words; peers and the handler of `fault` may change them at any time, as atomics
         // may be changed. An atomic load with at most Acquire order of a word of four bytes is
@@ -322,15 +319,15 @@ impl LinuxWindow {
         Ok(unsafe {
             self.base
                 .byte_add(offset as usize)
-                .cast::<[AtomicU32; K]>()
+                .cast::<AtomicU32>()
                 .as_ref()
         })
     }
 
-    /// So many words from `offset` on; as [`words`](Self::words).
+    /// So many words from `offset` on; as [`word`](Self::word).
     fn run(&self, offset: u32, count: usize) -> Result<&[AtomicU32], LinuxWindowError> {
         self.check(offset, 4 * count)?;
-        // SAFETY: inside the mapping and aligned, as `check` found; else as in `words`.
+        // SAFETY: inside the mapping and aligned, as `check` found; else as in `word`.
         Ok(unsafe {
             let first = self.base.byte_add(offset as usize).cast::<AtomicU32>();
             core::slice::from_raw_parts(first.as_ptr(), count)
@@ -399,26 +396,13 @@ impl MemoryWindow for LinuxWindow {
         self.check_lost(offset, 4)
     }
 
+    /// Where memory has gone, zeros are mapped.
     #[inline(always)]
-    fn load_steps(&self, offset: u32, steps: &mut [LoadStep]) -> Result<(), LinuxWindowError> {
-        let words = self.words::<4>(offset)?;
-        for step in steps {
-            // As in `load`.
-            let value = words[(step.word % 4) as usize].load(Ordering::Acquire);
-            step.value = u32::from_le(value);
-        }
-        self.check_lost(offset, 16)
-    }
-
-    #[inline(always)]
-    fn store_steps(&self, offset: u32, steps: &[StoreStep]) -> Result<(), LinuxWindowError> {
-        let words = self.words::<4>(offset)?;
-        self.check_store(offset, 16)?;
-        for step in steps {
-            words[(step.word % 4) as usize].store(step.value.to_le(), step.order.into());
-        }
-        // As in `store`.
-        self.check_lost(offset, 16)
+    fn words(&self) -> Option<&[AtomicU32]> {
+        // SAFETY: the words are inside the mapping and aligned, as pages are; else as in `word`.
+        cfg!(target_endian = "little").then(|| unsafe {
+            core::slice::from_raw_parts(self.base.cast::<AtomicU32>().as_ptr(), self.words)
+        })
     }
 
     #[inline]

@@ -1,10 +1,10 @@
 //! Joining and leaving the system, and noticing that others did.
 
-use super::pair::{Pair, Word};
-use super::{Mailbox, Peer, Waiting, listen, vectors};
-use crate::doorbell::Doorbell;
+use super::peer::{Peer, Word};
+use super::{Mailbox, Waiting, listen, vectors};
+use crate::backend::Backend;
 use crate::error::Error;
-use crate::exclusion::Exclusion;
+use crate::exclusion::Exclusion as _;
 use crate::id::Processor;
 use crate::layout::{self, JOINING, SLOTS, entry, header};
 use crate::mail::Mail;
@@ -12,7 +12,7 @@ use crate::sync::{Ordering, fence};
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
-impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
+impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Takes over the windows of `number`, whose claim the caller holds, without joining yet.
     ///
     /// The memory must hold zeros, or what a former life of this number left behind. Set the
@@ -23,9 +23,9 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// was laid out by another version or for another system; [`Error::Window`].
     pub fn new(
         number: Processor,
-        windows: [Windows<W>; N],
-        doorbell: D,
-        exclusion: X,
+        windows: [Windows<B::Window>; N],
+        doorbell: B::Doorbell,
+        exclusion: B::Exclusion,
     ) -> Result<Self, Error> {
         const {
             assert!(
@@ -35,64 +35,62 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         };
         let this = Self {
             me: number,
-            windows,
             doorbell,
             exclusion,
             waiting: Waiting::default(),
             handlers: [None; layout::VECTORS],
-            pairs: core::array::from_fn(|_| Pair::new()),
-            life: Word::new(0),
+            peers: each(number, windows),
+            incarnation: Word::new(0),
             depth: Word::new(0),
             waiters: Word::new(0),
             turn: Word::new(0),
+            last: Word::new(0),
             beats: Word::new(0),
             served: Word::new(0),
             always: false,
             listening: listen::Listening::new(),
+            #[cfg(feature = "async")]
+            tasks: super::tasks::Tasks::new(),
         };
-        let own = this.peer(number)?;
-        let data_bytes = own.windows.data.size();
-        own.mail.check_sizes(data_bytes)?;
-        if own.mail.load(header::MAGIC, LoadOrder::Acquire)? == 0 {
-            own.mail.format(data_bytes)?;
+        let data_bytes = this.peer(number)?.windows.data.size();
+        let own = this.own()?;
+        own.check_sizes(data_bytes)?;
+        if own.load(header::MAGIC, LoadOrder::Acquire)? == 0 {
+            own.format(data_bytes)?;
         } else {
-            own.mail.check_layout(data_bytes)?;
+            own.check_layout(data_bytes)?;
         }
-        // From here on nobody believes the former life.
-        own.mail.store(header::LIFE, JOINING, StoreOrder::Release)?;
-        vectors::clear(&own.mail)?;
+        // From here on nobody believes the former incarnation.
+        own.store(header::INCARNATION, JOINING, StoreOrder::Release)?;
+        vectors::clear(&own)?;
         Ok(this)
     }
 
-    /// Begins a new life in the system: from now on messages arrive.
+    /// Begins a new incarnation in the system: from now on messages arrive.
     ///
     /// # Errors
     /// [`Error::Window`].
     pub fn join(&mut self) -> Result<(), Error> {
         let own = self.own()?;
-        own.store(header::LIFE, JOINING, StoreOrder::Release)?;
+        own.store(header::INCARNATION, JOINING, StoreOrder::Release)?;
         // Pairs with the Acquire load in `refresh_taken`: whoever sees a count that was reset
-        // below sees that the former life is over.
+        // below sees that the former incarnation is over.
         fence(Ordering::Release);
-        let life = self.unknown_life(own.load(header::LAST_LIFE, LoadOrder::Relaxed)?);
-        own.store(header::LAST_LIFE, life, StoreOrder::Relaxed)?;
+        let last = own.load(header::LAST_INCARNATION, LoadOrder::Relaxed)?;
+        let incarnation = self.unknown_incarnation(last);
+        own.store(header::LAST_INCARNATION, incarnation, StoreOrder::Relaxed)?;
         self.clear(&own)?;
-        for pair in &self.pairs {
-            pair.begin(0, 0, 0);
+        for peer in &self.peers {
+            peer.begin(0, 0, 0);
         }
-        let to_self = layout::epoch(life, life);
-        if let Some(pair) = self.pairs.get(self.me.index()) {
-            pair.begin(life, to_self, to_self);
-        }
-        own.store(
-            Mail::<W, N>::acknowledged(self.me),
-            life,
-            StoreOrder::Relaxed,
-        )?;
-        self.life.set(life);
-        // Release: whoever sees this life sees empty rings. Pairs with the Acquire load in `notice`.
-        own.store(header::LIFE, life, StoreOrder::Release)?;
-        self.ring_all();
+        let to_self = layout::epoch(incarnation, incarnation);
+        self.peer(self.me)?.begin(incarnation, to_self, to_self);
+        own.store(self.peer(self.me)?.ours, incarnation, StoreOrder::Relaxed)?;
+        self.incarnation.set(incarnation);
+        // Release: whoever sees this incarnation sees empty rings. Pairs with the Acquire load in
+        // `Peer::present`.
+        own.store(header::INCARNATION, incarnation, StoreOrder::Release)?;
+        self.notify_all();
         Ok(())
     }
 
@@ -104,10 +102,11 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// # Errors
     /// [`Error::Window`].
     pub fn leave(&mut self) -> Result<(), Error> {
-        self.life.set(0);
-        self.own()?.store(header::LIFE, 0, StoreOrder::Release)?;
+        self.incarnation.set(0);
+        let own = self.own()?;
+        own.store(header::INCARNATION, 0, StoreOrder::Release)?;
         self.stop_hearing()?;
-        self.ring_all();
+        self.notify_all();
         Ok(())
     }
 
@@ -118,160 +117,140 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     ///
     /// # Errors
     /// [`Error::Layout`] if nothing has ever joined there; [`Error::Window`].
-    pub fn declare_stopped(processor: Processor, windows: &Windows<W>) -> Result<(), Error> {
+    pub fn declare_stopped(
+        processor: Processor,
+        windows: &Windows<B::Window>,
+    ) -> Result<(), Error> {
         let mail = Mail::<_, N>::new(&windows.mail, processor);
         mail.check_sizes(windows.data.size())?;
         mail.check_layout(windows.data.size())?;
-        mail.store(header::LIFE, 0, StoreOrder::Release)
+        mail.store(header::INCARNATION, 0, StoreOrder::Release)
     }
 
-    /// A life after `last` in which no peer believes us to be.
+    /// An incarnation after `last` in which no peer believes us to be.
     ///
     /// `last` alone is not enough: a program that wrote anything into its `mail`, or memory that
     /// was cleared, may have left a former one there.
-    fn unknown_life(&self, last: u32) -> u32 {
-        // Read once: who writes arbitrary words here can only make us skip a life.
-        let known: [u32; N] = core::array::from_fn(|number| {
-            let peer = self.peer(Processor(number as u8)).ok();
-            let acknowledged = peer.and_then(|peer| {
-                let at = Mail::<W, N>::acknowledged(self.me);
-                peer.mail.load(at, LoadOrder::Relaxed).ok()
-            });
-            acknowledged.unwrap_or(0)
-        });
-        let mut life = next_life(last);
-        // Each of the known lives is met at most once.
+    fn unknown_incarnation(&self, last: u32) -> u32 {
+        // Read once: who writes arbitrary words here can only make us skip a number. Memory that
+        // is gone believes nothing.
+        let known = self
+            .peers
+            .each_ref()
+            .map(|peer| peer.mail().look(peer.theirs, LoadOrder::Relaxed));
+        let mut incarnation = next_incarnation(last);
+        // Each of the known ones is met at most once.
         for _ in 0..N {
-            if known.contains(&life) {
-                life = next_life(life);
+            if known.contains(&incarnation) {
+                incarnation = next_incarnation(incarnation);
             }
         }
-        life
+        incarnation
     }
 
     /// Empties every ring and cell of our own `mail`.
-    fn clear(&self, own: &Mail<'_, W, N>) -> Result<(), Error> {
-        for peer in self.peers() {
+    fn clear(&self, own: &Mail<'_, B::Window, N>) -> Result<(), Error> {
+        let clear = |at| own.store(at, 0, StoreOrder::Relaxed);
+        for peer in &self.peers {
             for index in 0..SLOTS {
                 for at in [
-                    Mail::<W, N>::slot(peer.number, index),
-                    Mail::<W, N>::cell(peer.number, index),
+                    layout::slot_in(peer.ours, index),
+                    layout::cell_in(peer.ours, index),
                 ] {
-                    own.store(at + entry::EPOCH, 0, StoreOrder::Relaxed)?;
-                    own.store(at + entry::SEQUENCE, 0, StoreOrder::Relaxed)?;
+                    clear(at + entry::EPOCH)?;
+                    clear(at + entry::SEQUENCE)?;
                 }
             }
-            own.store(
-                Mail::<W, N>::acknowledged(peer.number),
-                0,
-                StoreOrder::Relaxed,
-            )?;
-            own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Relaxed)?;
-            own.store(
-                layout::listen(u32::from(peer.number.0)),
-                0,
-                StoreOrder::Relaxed,
-            )?;
+            clear(peer.ours)?;
+            clear(layout::taken_in(peer.ours))?;
+            clear(layout::listen(u32::from(peer.number.0)))?;
         }
-        own.store(header::LISTENERS, 0, StoreOrder::Relaxed)?;
-        own.store(
-            header::ATTENTION,
-            u32::from(self.waiters.get() > 0),
-            StoreOrder::Relaxed,
-        )?;
-        // Pairs with the Acquire fence of `Mail::get`: whoever read a word of a later entry finds
-        // the sequence spoiled.
+        clear(header::LISTENERS)?;
+        let notify = u32::from(self.waiters.get() > 0);
+        own.store(header::NOTIFY, notify, StoreOrder::Relaxed)?;
+        // Pairs with the Acquire loads of `Mail::get`: whoever read a word of a later entry finds
+        // the sequence number spoiled.
         fence(Ordering::Release);
         Ok(())
     }
 
-    /// Looks whether `peer` began or ended a life, and acknowledges it.
-    #[inline(always)]
-    pub(super) fn notice(&self, peer: &Peer<'_, W, N>) -> Result<(), Error> {
-        // Acquire: pairs with the Release store of the life in `join`.
-        let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        if life == peer.pair.life.get() {
-            Ok(())
-        } else {
-            self.change_life(peer, life)
-        }
-    }
-
+    /// Notices that `peer` began or ended an incarnation, and acknowledges it.
     #[cold]
-    fn change_life(&self, peer: &Peer<'_, W, N>, life: u32) -> Result<(), Error> {
+    #[inline(never)]
+    pub(super) fn notice(&self, peer: &Peer<B::Window, N>) -> Result<(), Error> {
+        let present = peer.load_present()?;
         if peer.number == self.me
-            || self.life.get() == 0
-            || (matches!(life, 0 | JOINING) && peer.pair.life.get() == 0)
+            || self.incarnation.get() == 0
+            || (matches!(present, 0 | JOINING) && peer.incarnation.get() == 0)
         {
             return Ok(());
         }
         let own = self.own()?;
         self.exclusion.with(|| self.acknowledge(peer, &own))?;
-        self.wake(peer)
+        self.notify(peer);
+        Ok(())
     }
 
-    fn acknowledge(&self, peer: &Peer<'_, W, N>, own: &Mail<'_, W, N>) -> Result<(), Error> {
-        let life = peer.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        if life == peer.pair.life.get() {
+    fn acknowledge(
+        &self,
+        peer: &Peer<B::Window, N>,
+        own: &Mail<'_, B::Window, N>,
+    ) -> Result<(), Error> {
+        let present = peer.load_present()?;
+        if present == peer.incarnation.get() {
             return Ok(());
         }
         let others = own.load(header::LISTENERS, LoadOrder::Relaxed)? & !(1 << peer.number.0);
         own.store(header::LISTENERS, others, StoreOrder::Relaxed)?;
-        peer.pair.end();
-        if matches!(life, 0 | JOINING) {
+        peer.end();
+        if matches!(present, 0 | JOINING) {
             return Ok(());
         }
         peer.check_layout()?;
-        let ours = self.life.get();
-        peer.pair
-            .begin(life, layout::epoch(ours, life), layout::epoch(life, ours));
-        // A peer that comes back to the number of a former life must not find what was meant for
-        // that one; nobody is in epoch 0.
+        let ours = self.incarnation.get();
+        peer.begin(
+            present,
+            layout::epoch(ours, present),
+            layout::epoch(present, ours),
+        );
+        // A peer that comes back to the number of a former incarnation must not find what was meant
+        // for that one; nobody is in epoch 0.
         for index in 0..SLOTS {
             for at in [
-                Mail::<W, N>::slot(peer.number, index),
-                Mail::<W, N>::cell(peer.number, index),
+                layout::slot_in(peer.ours, index),
+                layout::cell_in(peer.ours, index),
             ] {
                 own.store(at + entry::EPOCH, 0, StoreOrder::Relaxed)?;
             }
         }
-        own.store(Mail::<W, N>::taken(peer.number), 0, StoreOrder::Relaxed)?;
+        own.store(layout::taken_in(peer.ours), 0, StoreOrder::Relaxed)?;
         // Release: whoever sees the acknowledgement sees the count reset. Pairs with the Acquire
         // load in `is_connected`.
-        own.store(
-            Mail::<W, N>::acknowledged(peer.number),
-            life,
-            StoreOrder::Release,
-        )
+        own.store(peer.ours, present, StoreOrder::Release)
     }
 
-    /// Whether both sides have acknowledged each other's present life.
-    #[inline(always)]
-    pub(super) fn is_connected(&self, peer: &Peer<'_, W, N>) -> Result<bool, Error> {
-        if peer.pair.connected.get() != 0 {
-            return Ok(true);
+    /// Whether both sides have acknowledged each other's present incarnation.
+    pub(super) fn is_connected(&self, peer: &Peer<B::Window, N>) -> bool {
+        if peer.connected.get() != 0 {
+            return true;
         }
-        if peer.pair.life.get() == 0 || self.life.get() == 0 {
-            return Ok(false);
+        if peer.incarnation.get() == 0 || self.incarnation.get() == 0 {
+            return false;
         }
         // Acquire: pairs with the Release store in `acknowledge`.
-        let acknowledged = peer
-            .mail
-            .load(Mail::<W, N>::acknowledged(self.me), LoadOrder::Acquire)?;
-        Ok(acknowledged == self.life.get())
+        peer.mail().look(peer.theirs, LoadOrder::Acquire) == self.incarnation.get()
     }
 
     /// Rings everybody who wants to hear of a beginning or an end.
-    fn ring_all(&self) {
-        for peer in self.peers().filter(|peer| peer.number != self.me) {
-            // A peer whose memory is gone cannot be waiting for us.
-            let _ = self.wake(&peer);
+    fn notify_all(&self) {
+        for peer in self.peers.iter().filter(|peer| peer.number != self.me) {
+            self.notify(peer);
         }
     }
 }
 
-/// The life after `last`; 0 and [`JOINING`] are no lives.
-const fn next_life(last: u32) -> u32 {
+/// The incarnation after `last`; 0 and [`JOINING`] are none.
+const fn next_incarnation(last: u32) -> u32 {
     let next = last.wrapping_add(1);
     if next == 0 || next == JOINING {
         1
@@ -280,7 +259,20 @@ const fn next_life(last: u32) -> u32 {
     }
 }
 
-impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop for Mailbox<'_, W, D, X, N> {
+/// A peer for the windows of each number.
+fn each<W: MemoryWindow, const N: usize>(
+    me: Processor,
+    windows: [Windows<W>; N],
+) -> [Peer<W, N>; N] {
+    let mut number = 0;
+    windows.map(|windows| {
+        let peer = Peer::new(me, Processor(number), windows);
+        number = number.wrapping_add(1);
+        peer
+    })
+}
+
+impl<B: Backend, const N: usize> Drop for Mailbox<'_, B, N> {
     fn drop(&mut self) {
         // There is nobody to tell that the memory is gone.
         let _ = self.leave();

@@ -4,28 +4,29 @@
 //! interrupt (section 3.4). Here its holder admits listeners by a bit in its header; senders do
 //! not overwrite a request that an admitted listener has not taken, as long as it keeps up.
 
+use core::cell::Cell;
 use core::time::Duration;
 
-use super::call::Call;
-use super::pair::Word;
-use super::send::kind;
-use super::wait::{End, Limit, Watch};
-use super::{MAX_DEPTH, Mailbox, Peer};
-use crate::doorbell::{Doorbell, Evidence};
-use crate::error::Error;
-use crate::exclusion::Exclusion;
+use super::Mailbox;
+use super::messenger::Call;
+use super::peer::{Peer, Word};
+use super::wait::{End, Watch};
+use crate::backend::Backend;
+use crate::doorbell::{Doorbell as _, Evidence};
+use crate::error::{Error, Progress};
+use crate::exclusion::Exclusion as _;
 use crate::id::{Processor, Vector};
-use crate::layout::{self, JOINING, SLOTS, entry, header};
+use crate::layout::{self, JOINING, SLOTS, entry, header, kind};
 use crate::mail::{Entry, Mail};
-use crate::time::Instant;
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
+use crate::time::{Clock as _, Instant};
+use crate::window::{LoadOrder, StoreOrder};
 
 /// What a mailbox remembers of the number it listens to.
 pub(super) struct Listening<const N: usize> {
     /// That number plus one; 0 while it listens to none.
     to: Word,
-    /// The life of its holder that was asked to admit us.
-    life: Word,
+    /// The incarnation of its holder that was asked to admit us.
+    incarnation: Word,
     senders: [Heard; N],
 }
 
@@ -54,26 +55,26 @@ impl<const N: usize> Listening<N> {
         };
         Self {
             to: Word::new(0),
-            life: Word::new(0),
+            incarnation: Word::new(0),
             senders: core::array::from_fn(heard),
         }
     }
 }
 
-impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
+impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Gets every message to `number`, beside its holder, from when this returns: our own handler
     /// for the vector runs, if there is one, and its result is dropped; the holder replies.
     ///
     /// Senders wait for a listener as they wait for the holder, within their deadline. One that
     /// does not keep up is left behind and told how much it [`missed`](Self::missed); servo loops
-    /// do not wait for listeners at all. When the holder begins a new life, listening goes on by
+    /// do not wait for listeners at all. When the holder begins a new incarnation, listening goes on by
     /// itself. A mailbox listens to one number at a time; `None` ends it.
     ///
     /// ```
     /// use std::sync::atomic::{AtomicU32, Ordering};
     /// # use std::time::Duration;
     /// # use condor_mbox::sim::System;
-    /// # use condor_mbox::{Processor, Vector};
+    /// # use condor_mbox::{Messenger, Processor, Vector};
     /// # const HOLDER: Processor = Processor(0);
     /// # const SENDER: Processor = Processor(1);
     /// # const LISTENER: Processor = Processor(2);
@@ -85,7 +86,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// # holder.set_vector(PLACE, &|_| 1, "place")?;
     /// # holder.join()?;
     /// # system.while_waiting(HOLDER, move || {
-    /// #     holder.service(SECOND).expect("its memory is there");
+    /// #     holder.serve(Duration::ZERO).expect("its memory is there");
     /// # });
     /// static HEARD: AtomicU32 = AtomicU32::new(0);
     ///
@@ -102,7 +103,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// # let mut sender = system.mailbox(SENDER)?;
     /// # sender.join()?;
     /// assert_eq!(sender.send_with_reply(HOLDER, PLACE, 77, SECOND)?, 1);
-    /// listener.service(SECOND)?;
+    /// listener.serve(Duration::ZERO)?;
     /// assert_eq!(HEARD.load(Ordering::Relaxed), 77);
     /// # Ok(())
     /// # }
@@ -116,23 +117,26 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         if number == Some(self.me) {
             return Err(Error::ListensToItself { number: self.me });
         }
-        let limit = Limit {
-            timeout,
-            enclosing: self.doorbell.now().after(timeout),
-        };
+        let begun = self.doorbell.now();
+        let deadline = begun.after(timeout);
+        let left = || Duration::from_nanos(deadline.ns_since(self.doorbell.now()));
         if let Some(former) = self.listens_to() {
             self.stop_hearing()?;
             // A former holder that takes no requests must not take all the time of the new one.
             let timeout = number.map_or(timeout, |_| timeout / 2);
             // A holder that is gone has forgotten us anyway.
-            let _ = self.request_without_reply(former, kind::IGNORE, Limit { timeout, ..limit });
+            let _ = self.request_without_reply(former, kind::IGNORE, timeout);
         }
         let Some(to) = number else { return Ok(()) };
         let peer = self.peer(to)?;
-        let life = self.request_without_reply(to, kind::LISTEN, limit)?;
-        let watch = Some(Watch { peer: to, life });
-        let end = self.wait(limit, watch, |_| Ok(self.is_admitted(&peer)?.then_some(())))?;
-        let (vector, progress) = (Vector(0), crate::error::Progress::Waiting);
+        let incarnation = self.request_without_reply(to, kind::LISTEN, left())?;
+        let watch = Some(Watch {
+            peer: to,
+            incarnation: Some(incarnation),
+        });
+        let admitted = |_| Ok(self.is_admitted(peer)?.then_some(()));
+        let end = self.wait(self.doorbell.now(), deadline, watch, admitted)?;
+        let (vector, progress) = (Vector(0), Progress::MayRun);
         match end {
             End::Came(()) => {}
             End::Expired { stalled: true } => {
@@ -153,34 +157,23 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             End::Left => return Err(Error::PeerLeft { to, progress }),
             End::Restarted => return Err(Error::PeerRestarted { to, progress }),
         }
-        for (sender, heard) in self.peers().zip(&self.listening.senders) {
+        for (sender, heard) in self.peers.iter().zip(&self.listening.senders) {
             heard.missed.set(0);
-            // A sender whose memory is gone sends nothing; it is heard from its next life on.
-            let life_of_sender = sender
-                .mail
-                .load(header::LIFE, LoadOrder::Acquire)
-                .unwrap_or(JOINING);
-            // What the holder has taken by now was sent before. Its count is of this life of the
-            // sender only once it has acknowledged that. Acquire: pairs with the Release store in
-            // `acknowledge`.
-            let acknowledged = peer.mail.load(
-                Mail::<W, N>::acknowledged(sender.number),
-                LoadOrder::Acquire,
-            )?;
-            let taken = if acknowledged == life_of_sender {
-                peer.mail
-                    .load(Mail::<W, N>::taken(sender.number), LoadOrder::Acquire)?
+            // A sender whose memory is gone sends nothing; it is heard from its next incarnation on.
+            let present = sender.load_present().unwrap_or(JOINING);
+            // What the holder has taken by now was sent before. Its count is of this incarnation of
+            // the sender only once it has acknowledged that. Acquire: pairs with the Release store
+            // in `acknowledge`.
+            let word = |offset| peer.mail().load(offset, LoadOrder::Acquire);
+            let taken = if word(sender.ours)? == present {
+                word(layout::taken_in(sender.ours))?
             } else {
                 0
             };
-            self.start_hearing(
-                sender.number,
-                heard,
-                layout::epoch(life_of_sender, life),
-                taken,
-            )?;
+            let epoch = layout::epoch(present, incarnation);
+            self.start_hearing(sender.number, heard, epoch, taken)?;
         }
-        self.listening.life.set(life);
+        self.listening.incarnation.set(incarnation);
         self.listening.to.set(u32::from(to.0) + 1);
         Ok(())
     }
@@ -188,7 +181,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// Forgets to whom this mailbox listens, so that no sender waits for it.
     pub(super) fn stop_hearing(&self) -> Result<(), Error> {
         self.listening.to.set(0);
-        self.listening.life.set(0);
+        self.listening.incarnation.set(0);
         let own = self.own()?;
         for sender in 0..N as u32 {
             // An epoch is never 0. Pairs with the Acquire load in `untaken_by`.
@@ -219,44 +212,43 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     /// Whether the holder of the number has set our bit.
-    fn is_admitted(&self, holder: &Peer<'_, W, N>) -> Result<bool, Error> {
+    fn is_admitted(&self, holder: &Peer<B::Window, N>) -> Result<bool, Error> {
         // Acquire: pairs with the Release store in `admit_listener`.
-        Ok(holder.mail.load(header::LISTENERS, LoadOrder::Acquire)? & 1 << self.me.0 != 0)
+        let bits = holder.mail().load(header::LISTENERS, LoadOrder::Acquire)?;
+        Ok(bits & 1 << self.me.0 != 0)
     }
 
     /// Sets or clears the bit of a listener in our header.
     #[cold]
-    pub(super) fn admit_listener(&self, listener: Processor, admit: bool) -> Result<(), Error> {
+    pub(super) fn admit_listener(
+        &self,
+        listener: &Peer<B::Window, N>,
+        admit: bool,
+    ) -> Result<(), Error> {
         let own = self.own()?;
         self.exclusion.with(|| {
-            let bit = 1 << listener.0;
+            let bit = 1 << listener.number.0;
             let others = own.load(header::LISTENERS, LoadOrder::Relaxed)? & !bit;
             let bits = if admit { others | bit } else { others };
             // Release: pairs with the Acquire load in `is_admitted`.
             own.store(header::LISTENERS, bits, StoreOrder::Release)
-        })?;
-        // A listener whose memory is gone cannot be waiting.
-        let _ = self.wake(&self.peer(listener)?);
-        Ok(())
+        })
     }
 
     /// Whether every listener in the set `listeners` has taken what request `sequence` overwrites.
     #[cold]
     pub(super) fn listeners_keep_up(
         &self,
-        peer: &Peer<'_, W, N>,
+        peer: &Peer<B::Window, N>,
         listeners: u32,
         sequence: u32,
         leave_behind: bool,
     ) -> bool {
-        let lagging = &peer.pair.lagging;
+        let lagging = &peer.lagging;
         let mut keep_up = true;
-        for listener in self
-            .peers()
-            .filter(|listener| listeners & 1 << listener.number.0 != 0)
-        {
+        for listener in self.of(listeners) {
             let bit = 1 << listener.number.0;
-            if self.untaken_by(&listener, peer.pair.epoch_out.get(), sequence) <= SLOTS {
+            if self.untaken_by(listener, peer.epoch_out.get(), sequence) <= SLOTS {
                 lagging.set(lagging.get() & !bit);
             } else if leave_behind {
                 lagging.set(lagging.get() | bit);
@@ -269,90 +261,84 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     /// How many requests in `epoch` up to `sequence` the listener has not taken; 0 if it has not
     /// begun to hear this epoch, or its memory is gone.
-    fn untaken_by(&self, listener: &Peer<'_, W, N>, epoch: u32, sequence: u32) -> u32 {
+    fn untaken_by(&self, listener: &Peer<B::Window, N>, epoch: u32, sequence: u32) -> u32 {
         let at = layout::listen(u32::from(self.me.0));
         // Acquire: pairs with the Release stores in `start_hearing` and `hear_alone`.
-        match listener.mail.load(at, LoadOrder::Acquire) {
+        let word = |offset| listener.mail().load(offset, LoadOrder::Acquire);
+        match word(at) {
             Ok(heard) if heard == epoch => {}
             _ => return 0,
         }
-        let count = listener.mail.load(at + 4, LoadOrder::Acquire);
-        count.map_or(0, |count| sequence.wrapping_sub(count))
+        word(at + 4).map_or(0, |count| sequence.wrapping_sub(count))
     }
 
     /// Leaves those listeners behind whose programs are known to have ended.
-    pub(super) fn leave_dead_behind(&self, peer: &Peer<'_, W, N>) -> Result<(), Error> {
-        let listeners = peer.mail.load(header::LISTENERS, LoadOrder::Relaxed)?;
-        for listener in self
-            .peers()
-            .filter(|listener| listeners & 1 << listener.number.0 != 0)
-        {
+    pub(super) fn leave_dead_behind(&self, peer: &Peer<B::Window, N>) {
+        for listener in self.of(peer.mail().look(header::LISTENERS, LoadOrder::Relaxed)) {
             if self.doorbell.evidence(listener.number) == Evidence::Dead {
-                let lagging = &peer.pair.lagging;
+                let lagging = &peer.lagging;
                 self.exclusion
                     .with(|| lagging.set(lagging.get() | 1 << listener.number.0));
             }
         }
-        Ok(())
     }
 
     #[cold]
-    pub(super) fn wake_listeners(&self, listeners: u32) {
-        for listener in self
-            .peers()
-            .filter(|listener| listeners & 1 << listener.number.0 != 0)
-        {
-            // A listener whose memory is gone cannot be waiting.
-            let _ = self.wake(&listener);
+    pub(super) fn notify_listeners(&self, listeners: u32) {
+        for listener in self.of(listeners) {
+            self.notify(listener);
         }
     }
 
-    /// Runs our handler for one message to the number listened to, if there is a new one.
-    // Few listen, and all serve: out of the frame of `serve_one`.
+    /// Those whose bit is set.
+    fn of(&self, bits: u32) -> impl Iterator<Item = &Peer<B::Window, N>> {
+        let has_bit = move |peer: &&Peer<_, N>| bits & 1 << peer.number.0 != 0;
+        self.peers.iter().filter(has_bit)
+    }
+
+    /// Runs our handler for one message to the number listened to, if there is a new one; returns
+    /// whether there was.
+    #[cold]
     #[inline(never)]
-    pub(super) fn hear(&self, deadline: Instant) -> Result<Option<Vector>, Error> {
+    pub(super) fn hear(&self, deadline: Instant) -> Result<bool, Error> {
         let Some(to) = self.listens_to() else {
-            return Ok(None);
+            return Ok(false);
         };
         let holder = self.peer(to)?;
-        for (sender, heard) in self.peers().zip(&self.listening.senders) {
-            match self.hear_from(&holder, &sender, heard) {
-                Ok(Some(entry)) => {
-                    // The sender may wait for us to take it. If its memory is gone, it does not.
-                    let _ = self.wake(&sender);
-                    return Ok(Some(self.run_heard(to, sender.number, entry, deadline)));
-                }
-                Ok(None) => {}
-                Err(error) => self.fatal(error)?,
+        for (sender, heard) in self.peers.iter().zip(&self.listening.senders) {
+            if let Some(entry) = self.hear_from(holder, sender, heard)? {
+                // The sender may wait for us to take it.
+                self.notify(sender);
+                self.run_heard(to, sender.number, entry, deadline);
+                return Ok(true);
             }
         }
-        Ok(None)
+        Ok(false)
     }
 
     // Off the stack when the handler runs.
     #[inline(never)]
     fn hear_from(
         &self,
-        holder: &Peer<'_, W, N>,
-        sender: &Peer<'_, W, N>,
+        holder: &Peer<B::Window, N>,
+        sender: &Peer<B::Window, N>,
         heard: &Heard,
     ) -> Result<Option<Entry>, Error> {
-        // Acquire, here and below: pairs with the Release store of the life in `join`.
-        let holder_life = holder.mail.load(header::LIFE, LoadOrder::Acquire)?;
-        if holder_life != self.listening.life.get() && !matches!(holder_life, 0 | JOINING) {
-            // The holder began a new life, which has not admitted us yet.
-            let asked = self.post_without_reply(holder, kind::LISTEN)?;
-            self.listening.life.set(if asked { holder_life } else { 0 });
+        let present = holder.present();
+        if present != self.listening.incarnation.get() && !matches!(present, 0 | JOINING) {
+            // The holder began a new incarnation, which has not admitted us yet.
+            let asked = self.request_without_reply(holder.number, kind::LISTEN, Duration::ZERO);
+            let known = if asked.is_ok() { present } else { 0 };
+            self.listening.incarnation.set(known);
         }
         self.exclusion.with(|| {
             // Loaded in the section: a context that was interrupted before must not go back to
             // the former epoch and hear the present one twice.
-            let holder_life = holder.mail.load(header::LIFE, LoadOrder::Acquire)?;
-            let sender_life = sender.mail.load(header::LIFE, LoadOrder::Acquire)?;
-            if matches!(holder_life, 0 | JOINING) || matches!(sender_life, 0 | JOINING) {
+            let (to, from) = (holder.present(), sender.present());
+            if matches!(to, 0 | JOINING) || matches!(from, 0 | JOINING) {
                 return Ok(None);
             }
-            let epoch = layout::epoch(sender_life, holder_life);
+            let epoch = layout::epoch(from, to);
             if epoch != heard.epoch.get() {
                 self.start_hearing(sender.number, heard, epoch, 0)?;
             }
@@ -387,21 +373,22 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     fn hear_alone(
         &self,
-        holder: &Peer<'_, W, N>,
-        sender: &Peer<'_, W, N>,
+        holder: &Peer<B::Window, N>,
+        sender: &Peer<B::Window, N>,
         heard: &Heard,
     ) -> Result<Look, Error> {
         let depth = self.depth.get();
-        if depth >= MAX_DEPTH {
+        if depth >= Call::MAX_DEPTH {
             return Ok(Look::Nothing);
         }
         let next = heard.tail.get().wrapping_add(1);
-        let slot = Mail::<W, N>::slot(holder.number, next);
+        // The pair of any processor with the holder is where ours is.
+        let slot = layout::slot_in(holder.ours, next);
         let found = sender
-            .mail
-            .load(slot + entry::SEQUENCE, LoadOrder::Acquire)?;
+            .mail()
+            .look(slot + entry::SEQUENCE, LoadOrder::Acquire);
         let ahead = found.wrapping_sub(next);
-        let Some(entry) = sender.mail.get(slot, found)? else {
+        let Some(entry) = sender.mail().get(slot, found) else {
             return Ok(Look::Nothing);
         };
         if entry.epoch == 0
@@ -438,13 +425,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         Ok(Look::Heard(entry))
     }
 
-    fn run_heard(
-        &self,
-        to: Processor,
-        sender: Processor,
-        entry: Entry,
-        deadline: Instant,
-    ) -> Vector {
+    fn run_heard(&self, to: Processor, sender: Processor, entry: Entry, deadline: Instant) {
         let vector = Vector(entry.kind.to_le_bytes()[0]);
         let handler = self.handlers.get(vector.index()).copied().flatten();
         let is_message = matches!(entry.kind & 0xff00, kind::SEND | kind::CALL);
@@ -462,34 +443,31 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
                 data: entry.value,
                 depth: self.depth.get(),
                 deadline,
+                refused: Cell::new(false),
             });
         }
         drop(finish);
-        vector
     }
 }
 
 /// Ends a heard message however its handler ends.
-struct FinishHeard<'f, 'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> {
-    mailbox: &'f Mailbox<'v, W, D, X, N>,
+struct FinishHeard<'f, 'v, B: Backend, const N: usize> {
+    mailbox: &'f Mailbox<'v, B, N>,
     handled: bool,
     vector: Vector,
 }
 
-impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
-    for FinishHeard<'_, '_, W, D, X, N>
-{
+impl<B: Backend, const N: usize> Drop for FinishHeard<'_, '_, B, N> {
     fn drop(&mut self) {
         let mailbox = self.mailbox;
-        let deepest = mailbox.depth.get() >= MAX_DEPTH;
+        let deepest = mailbox.depth.get() >= Call::MAX_DEPTH;
         mailbox.exclusion.with(|| {
             mailbox.depth.set(mailbox.depth.get().wrapping_sub(1));
             if self.handled {
                 mailbox.served.set(mailbox.served.get().wrapping_add(1));
                 if let Ok(own) = mailbox.own() {
-                    let at = Mail::<W, N>::vector(self.vector.index()) + layout::vector::HANDLED;
-                    // As above.
-                    let _ = own.add(at, 1);
+                    let vector = Mail::<B::Window, N>::vector(self.vector.index());
+                    own.count(vector + layout::vector::HANDLED);
                 }
             }
         });

@@ -1,45 +1,42 @@
 //! [`Mailbox`]: one processor's end of the message system.
 
-mod call;
 mod join;
-mod link;
 mod listen;
-mod pair;
-mod send;
+mod messenger;
+mod peer;
+mod request;
 mod serve;
+#[cfg(feature = "async")]
+mod tasks;
 mod vectors;
 mod wait;
 
-pub use call::{Call, Handler, Message, Messenger, Pending, Ticket};
-pub use link::Link;
+pub use messenger::{Call, Handler, Messenger, Pending, Ticket};
 pub use vectors::VectorStatistics;
 pub use wait::Waiting;
 
-use crate::doorbell::{Doorbell, Evidence};
+use crate::backend::Backend;
+use crate::doorbell::{Doorbell as _, Evidence};
 use crate::error::{Error, Object};
-use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
-use crate::layout::{JOINING, header};
+use crate::layout::JOINING;
 use crate::mail::Mail;
 use crate::region::Region;
-use crate::spin_lock::{Lives, Owner};
-use crate::window::{LoadOrder, MemoryWindow};
+use crate::spin_lock::{Incarnations, Owner};
 use crate::windows::Windows;
-use pair::{Pair, Word};
-
-/// How many handlers may be in progress on one processor, each interrupted by the next.
-pub const MAX_DEPTH: u32 = if cfg!(condor_loom) { 2 } else { 8 };
+use peer::{Peer, Word};
 
 /// One processor's mailbox in a system of `N`.
 ///
-/// `W` is the [`MemoryWindow`], `D` the [`Doorbell`], `X` the [`Exclusion`] between the contexts
-/// of this processor. All calls take `&self`: background, handlers and servo loops may each be in
-/// the middle of one. Dropping the mailbox leaves the system.
+/// `B` is the [`Backend`]: the machine. A mailbox is a [`Messenger`]; what else it does is to join,
+/// to have handlers, and to know its peers. All calls that take `&self` may be made by background,
+/// handlers and servo loops, each while others are in the middle of one. Dropping the mailbox leaves
+/// the system.
 ///
 /// ```
 /// use std::time::Duration;
 /// use condor_mbox::sim::System;
-/// use condor_mbox::{Processor, Vector};
+/// use condor_mbox::{Messenger, Processor, Vector};
 ///
 /// const HOST: Processor = Processor(0);
 /// const HAND: Processor = Processor(1);
@@ -52,7 +49,7 @@ pub const MAX_DEPTH: u32 = if cfg!(condor_loom) { 2 } else { 8 };
 /// hand.set_vector(INCREMENT, &|call| call.data() + 1, "increment")?;
 /// hand.join()?;
 /// system.while_waiting(HAND, move || {
-///     hand.service(SECOND).expect("its memory is there");
+///     hand.serve(Duration::ZERO).expect("its memory is there");
 /// });
 ///
 /// let mut host = system.mailbox(HOST)?;
@@ -71,31 +68,34 @@ pub const MAX_DEPTH: u32 = if cfg!(condor_loom) { 2 } else { 8 };
 /// | context | may call |
 /// |---|---|
 /// | background | everything |
-/// | handler | everything, through its [`Call`], which carries the deadline of whom it serves |
-/// | interrupt | [`service`](Self::service), [`try_send`](Self::try_send) |
-/// | servo loop | [`try_send`](Self::try_send), [`begin`](Self::begin) and [`Ticket::poll`], which neither wait nor serve |
-pub struct Mailbox<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> {
+/// | handler | everything, through its [`Call`], which ends with the wait that serves it |
+/// | interrupt | [`serve`](Messenger::serve), [`send`](Messenger::send) with a time-out of zero |
+/// | servo loop | [`send`](Messenger::send) and [`begin`](Messenger::begin) with a time-out of zero, and [`Ticket::poll`] |
+pub struct Mailbox<'v, B: Backend, const N: usize> {
     me: Processor,
-    windows: [Windows<W>; N],
-    doorbell: D,
-    exclusion: X,
+    doorbell: B::Doorbell,
+    exclusion: B::Exclusion,
     waiting: Waiting,
     handlers: [Option<Handler<'v>>; Vector::COUNT],
-    pairs: [Pair; N],
-    /// Our own life; 0 while we have not joined.
-    life: Word,
+    peers: [Peer<B::Window, N>; N],
+    /// Our own incarnation; 0 while we have not joined.
+    incarnation: Word,
     /// Handlers in progress.
     depth: Word,
     /// Contexts that want the doorbell.
     waiters: Word,
-    /// Whom the next look begins with.
+    /// The peer before the one that the next look begins with.
     turn: Word,
+    /// The peer that was served last.
+    last: Word,
     beats: Word,
     /// Requests that have been served.
     served: Word,
     /// Whether one of `waiters` is there for good.
     always: bool,
     listening: listen::Listening<N>,
+    #[cfg(feature = "async")]
+    tasks: tasks::Tasks,
 }
 
 /// What is known of another processor at this moment.
@@ -103,40 +103,26 @@ pub struct Mailbox<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usiz
 pub enum PeerState {
     /// It has never joined, or has left.
     Absent,
-    /// It is beginning a new life.
+    /// It is beginning a new incarnation.
     Joining,
     /// It has joined, and has not been seen to die.
     Up {
-        /// Its life, which differs from that of every former program on this number.
-        life: u32,
+        /// Differs from that of every former program on this number.
+        incarnation: u32,
         /// Both sides have acknowledged each other: messages pass.
         connected: bool,
     },
     /// It joined, and its program ended without leaving.
     Dead {
-        /// The life that ended.
-        life: u32,
+        /// The one that ended.
+        incarnation: u32,
     },
 }
 
-/// A peer whose number has been checked.
-struct Peer<'m, W, const N: usize> {
-    number: Processor,
-    mail: Mail<'m, W, N>,
-    windows: &'m Windows<W>,
-    pair: &'m Pair,
-}
-
-impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
-    /// The mailbox's own number.
-    #[must_use]
-    pub const fn number(&self) -> Processor {
-        self.me
-    }
-
+impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// The doorbell that was given at the beginning.
     #[must_use]
-    pub const fn doorbell(&self) -> &D {
+    pub const fn doorbell(&self) -> &B::Doorbell {
         &self.doorbell
     }
 
@@ -144,10 +130,8 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`].
-    pub fn windows(&self, processor: Processor) -> Result<&Windows<W>, Error> {
-        self.windows
-            .get(processor.index())
-            .ok_or_else(|| Self::no_such(processor))
+    pub fn windows(&self, processor: Processor) -> Result<&Windows<B::Window>, Error> {
+        Ok(&self.peer(processor)?.windows)
     }
 
     /// What is known of `processor`.
@@ -156,14 +140,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// [`Error::NoSuchProcessor`]; [`Error::Window`] if its memory is gone.
     pub fn peer_state(&self, processor: Processor) -> Result<PeerState, Error> {
         let peer = self.peer(processor)?;
-        // Acquire: pairs with the Release store of the life in `join`.
-        Ok(match peer.mail.load(header::LIFE, LoadOrder::Acquire)? {
+        Ok(match peer.load_present()? {
             0 => PeerState::Absent,
-            life if self.doorbell.evidence(processor) == Evidence::Dead => PeerState::Dead { life },
+            incarnation if self.doorbell.evidence(processor) == Evidence::Dead => {
+                PeerState::Dead { incarnation }
+            }
             JOINING => PeerState::Joining,
-            life => PeerState::Up {
-                life,
-                connected: self.is_connected(&peer)?,
+            incarnation => PeerState::Up {
+                incarnation,
+                connected: self.is_connected(peer),
             },
         })
     }
@@ -172,7 +157,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`]; [`Error::Window`] if the window is too small.
-    pub fn region(&self, processor: Processor) -> Result<Region<&W>, Error> {
+    pub fn region(&self, processor: Processor) -> Result<Region<&B::Window>, Error> {
         Region::users(&self.windows(processor)?.data).map_err(|error| Error::Window {
             processor,
             object: Object::Data,
@@ -180,15 +165,21 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         })
     }
 
-    /// This processor in its present life, as the owner of a [`SpinLock`](crate::SpinLock).
+    /// This processor in its present incarnation, as the owner of a [`SpinLock`](crate::SpinLock).
     ///
     /// # Errors
     /// [`Error::NotJoined`].
     pub fn owner(&self) -> Result<Owner, Error> {
-        match self.life.get() {
-            0 => Err(Error::NotJoined { number: self.me }),
-            life => Owner::new(self.me, life),
+        self.check_joined()?;
+        Owner::new(self.me, self.incarnation.get())
+    }
+
+    #[inline(always)]
+    fn check_joined(&self) -> Result<(), Error> {
+        if self.incarnation.get() == 0 {
+            return Err(Error::NotJoined { number: self.me });
         }
+        Ok(())
     }
 
     #[cold]
@@ -200,60 +191,28 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     }
 
     #[inline(always)]
-    fn peer(&self, number: Processor) -> Result<Peer<'_, W, N>, Error> {
-        match (
-            self.windows.get(number.index()),
-            self.pairs.get(number.index()),
-        ) {
-            (Some(windows), Some(pair)) => Ok(Peer {
-                number,
-                mail: Mail::new(&windows.mail, number),
-                windows,
-                pair,
-            }),
-            _ => Err(Self::no_such(number)),
-        }
+    fn peer(&self, number: Processor) -> Result<&Peer<B::Window, N>, Error> {
+        self.peers
+            .get(number.index())
+            .ok_or_else(|| Self::no_such(number))
     }
 
     #[inline(always)]
-    fn own(&self) -> Result<Mail<'_, W, N>, Error> {
-        self.peer(self.me).map(|peer| peer.mail)
-    }
-
-    #[inline(always)]
-    fn peers(&self) -> impl Iterator<Item = Peer<'_, W, N>> {
-        (0..N as u8).filter_map(|number| self.peer(Processor(number)).ok())
+    fn own(&self) -> Result<Mail<'_, B::Window, N>, Error> {
+        Ok(self.peer(self.me)?.mail())
     }
 }
 
-/// Knows from the peers' own words, and from the platform, whose life is over.
-impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Lives for Mailbox<'_, W, D, X, N> {
+/// Knows from the peers' own words, and from the platform, whose incarnation is over.
+impl<B: Backend, const N: usize> Incarnations for Mailbox<'_, B, N> {
     fn is_current(&self, owner: Owner) -> bool {
         let Some(Ok(peer)) = owner.processor().map(|number| self.peer(number)) else {
             return false;
         };
-        // Acquire: pairs with the Release store of the life in `join`. Memory that is gone is no
-        // evidence that the program is.
-        match peer.mail.load(header::LIFE, LoadOrder::Acquire) {
-            Ok(life) if !owner.is_life(life) => false,
+        // Memory that is gone is no evidence that the program is.
+        match peer.load_present() {
+            Ok(present) if !owner.is_incarnation(present) => false,
             _ => self.doorbell.evidence(peer.number) != Evidence::Dead,
         }
-    }
-}
-
-impl<W: MemoryWindow, const N: usize> Peer<'_, W, N> {
-    /// Checks that the peer was built for this system.
-    fn check_layout(&self) -> Result<(), Error> {
-        let data_bytes = self.windows.data.size();
-        self.mail.check_sizes(data_bytes)?;
-        self.mail.check_layout(data_bytes)
-    }
-
-    /// Whether the peer lives, as far as its own `mail` says.
-    fn has_joined(&self) -> Result<bool, Error> {
-        Ok(!matches!(
-            self.mail.load(header::LIFE, LoadOrder::Relaxed)?,
-            0 | JOINING
-        ))
     }
 }

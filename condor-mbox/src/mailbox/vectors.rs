@@ -1,9 +1,8 @@
 //! The vector table: handlers, their names, and what happened to them.
 
 use super::{Handler, Mailbox};
-use crate::doorbell::Doorbell;
+use crate::backend::Backend;
 use crate::error::Error;
-use crate::exclusion::Exclusion;
 use crate::id::{Processor, Vector};
 use crate::layout::{NAME_BYTES, vector};
 use crate::mail::Mail;
@@ -41,11 +40,11 @@ impl VectorStatistics {
     }
 }
 
-impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v, W, D, X, N> {
+impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
     /// Sets what runs when a message arrives for `vector` (the memo's `mbox_set_vector`).
     ///
-    /// `name` is for people: every processor can list the names and counts of every other. Set
-    /// the vectors before [`join`](Self::join), so that no message finds none.
+    /// `name` is for people: every processor can list the names and counts of every other. A vector
+    /// may be set at any time; a message that is served before finds none.
     ///
     /// # Errors
     /// [`Error::NoSuchVector`], [`Error::VectorTaken`], [`Error::NameTooLong`],
@@ -101,15 +100,15 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
             return Err(Error::NoSuchVector { vector });
         }
         peer.check_layout()?;
-        let entry = Mail::<W, N>::vector(vector.index());
+        let entry = Mail::<B::Window, N>::vector(vector.index());
         let mut name = [0; NAME_BYTES];
         for (word, at) in name
             .chunks_exact_mut(4)
             .zip((entry + vector::NAME..).step_by(4))
         {
-            word.copy_from_slice(&peer.mail.load(at, LoadOrder::Relaxed)?.to_le_bytes());
+            word.copy_from_slice(&peer.mail().load(at, LoadOrder::Relaxed)?.to_le_bytes());
         }
-        let count = |offset| peer.mail.load(entry + offset, LoadOrder::Relaxed);
+        let count = |offset| peer.mail().load(entry + offset, LoadOrder::Relaxed);
         Ok(VectorStatistics {
             name,
             sent: count(vector::SENT)?,
@@ -121,7 +120,7 @@ impl<'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'v,
 
     fn write_name(&self, vector: Vector, name: &str) -> Result<(), Error> {
         let own = self.own()?;
-        let entry = Mail::<W, N>::vector(vector.index()) + vector::NAME;
+        let entry = Mail::<B::Window, N>::vector(vector.index()) + vector::NAME;
         let mut bytes = name.bytes();
         for at in (entry..).step_by(4).take(NAME_BYTES / 4) {
             let word = core::array::from_fn(|_| bytes.next().unwrap_or(0));

@@ -3,14 +3,15 @@
 use core::time::Duration;
 
 use super::Mailbox;
-use crate::doorbell::{Doorbell, Evidence};
+use crate::backend::Backend;
+use crate::doorbell::{Doorbell as _, Evidence};
 use crate::error::Error;
-use crate::exclusion::Exclusion;
+use crate::exclusion::Exclusion as _;
 use crate::id::Processor;
 use crate::layout::{JOINING, header};
 use crate::sync::{Ordering, fence};
-use crate::time::Instant;
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
+use crate::time::{Clock as _, Instant};
+use crate::window::{LoadOrder, StoreOrder};
 
 /// How often a waiter asks the platform whether the peer it waits for is alive.
 const WATCH: Duration = Duration::from_micros(250);
@@ -22,7 +23,7 @@ const NAP: Duration = Duration::from_millis(10);
 
 /// How many rings are glanced at between two readings of the clock while spinning: a fraction of a
 /// microsecond.
-const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
+pub(super) const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
 
 /// How a mailbox waits.
 ///
@@ -59,28 +60,12 @@ impl Default for Waiting {
     }
 }
 
-/// How long a wait may last, and whether it serves.
-#[derive(Clone, Copy)]
-pub(super) struct Limit {
-    pub(super) timeout: Duration,
-    /// The end of the enclosing wait.
-    pub(super) enclosing: Instant,
-}
-
-/// Whom a wait depends on, and in which life; 0 for any.
+/// Whom a wait is for.
 #[derive(Clone, Copy)]
 pub(super) struct Watch {
     pub(super) peer: Processor,
-    pub(super) life: u32,
-}
-
-/// What a burst of glances found.
-enum Glimpse<T> {
-    /// What is waited for.
-    Found(T),
-    /// A request of this processor, it seems.
-    Request(Processor),
-    Nothing,
+    /// The wait ends with this incarnation, or with any if it is 0; `None` if no end ends it.
+    pub(super) incarnation: Option<u32>,
 }
 
 /// How a wait ended.
@@ -93,11 +78,11 @@ pub(super) enum End<T> {
     Died,
     /// The peer left the system.
     Left,
-    /// The peer is in another life.
+    /// The peer is in another incarnation.
     Restarted,
 }
 
-impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, D, X, N> {
+impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Chooses how this mailbox waits; see [`Waiting`].
     pub fn set_waiting(&mut self, waiting: Waiting) {
         self.waiting = waiting;
@@ -105,7 +90,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
 
     /// Asks senders to ring the doorbell for every message, also while nobody waits.
     ///
-    /// For a processor that [serves](Self::service) from its mailbox interrupt, and for one that
+    /// For a processor that [serves](super::Messenger::serve) from its mailbox interrupt, and for one that
     /// watches its doorbell's descriptor in an event loop. It is rung at once, for what was sent
     /// before. Undone by `false`.
     ///
@@ -119,10 +104,49 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         };
         self.always = always;
         self.want_rings(step)?;
-        // Pairs with the fence in `wake`: what was sent without a ring is seen by who answers this.
+        // Pairs with the fence in `notify`: what was sent without a ring is seen by who answers this.
         fence(Ordering::SeqCst);
         self.ring_again();
         Ok(())
+    }
+
+    /// Waits until `peer` has joined and messages pass both ways, serving meanwhile, for at most
+    /// `timeout`; returns its incarnation.
+    ///
+    /// With `former`, waits for another incarnation than that one: for a peer that is to restart.
+    ///
+    /// # Errors
+    /// [`Error::NotConnected`] after `timeout`; [`Error::NoSuchProcessor`], [`Error::NotJoined`],
+    /// [`Error::Layout`], [`Error::Window`].
+    pub fn wait_for_peer(
+        &self,
+        peer: Processor,
+        former: Option<u32>,
+        timeout: Duration,
+    ) -> Result<u32, Error> {
+        self.check_joined()?;
+        let known = self.peer(peer)?;
+        let begun = self.doorbell.now();
+        let mut refused = Ok(());
+        let look = |_| {
+            if known.present() != known.incarnation.get() {
+                refused = self.notice(known);
+            }
+            let incarnation = known.incarnation.get();
+            let there = incarnation != 0
+                && Some(incarnation) != former
+                && self.is_connected(known)
+                && self.doorbell.evidence(peer) != Evidence::Dead;
+            Ok(there.then_some(incarnation))
+        };
+        let watch = Some(Watch {
+            peer,
+            incarnation: None,
+        });
+        match self.wait(begun, begun.after(timeout), watch, look)? {
+            End::Came(incarnation) => Ok(incarnation),
+            _ => refused.and(Err(Error::NotConnected { to: peer })),
+        }
     }
 
     /// Waits until `look` finds something, serving one request per look meanwhile.
@@ -130,32 +154,41 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
     /// `look` is told whether all rings are empty, as far as was seen.
     pub(super) fn wait<T>(
         &self,
-        limit: Limit,
+        begun: Instant,
+        deadline: Instant,
         watch: Option<Watch>,
         mut look: impl FnMut(bool) -> Result<Option<T>, Error>,
     ) -> Result<End<T>, Error> {
-        // Before the first look: a handler's time begins here, and whoever has just sent a request
-        // has nothing to see yet.
-        let mut now = self.doorbell.now();
-        let deadline = now.after(limit.timeout).min(limit.enclosing);
+        let mut now = begun;
         let mut spin_until = self.spin_end(now);
         let mut ask_at = now.after(WATCH);
         let feel_at = now.after(PULSE);
         let mut first_beat = None;
         let mut rings = None;
         loop {
-            let served = match self.burst(now < spin_until, &mut look)? {
-                Glimpse::Found(found) => return Ok(End::Came(found)),
-                Glimpse::Request(sender) => self.serve_first(sender, deadline)?,
-                Glimpse::Nothing => self.serve_one(deadline)?,
-            };
-            let begun = core::mem::replace(&mut now, self.doorbell.now());
-            if let Some(vector) = served {
-                self.note_time(vector, now.ns_since(begun))?;
+            // Most of the time of a spin is spent here, so what comes is seen at once; the reading
+            // of the clock between two bursts gives way to the core's other threads.
+            let mut request = None;
+            for _ in 0..if now < spin_until { GLANCES } else { 1 } {
+                if let Some(found) = look(false)? {
+                    return Ok(End::Came(found));
+                }
+                request = self.glance();
+                if request.is_some() {
+                    break;
+                }
+                // Whoever looks all the time keeps taking the line from who is about to write it.
+                core::hint::spin_loop();
+            }
+            if request.is_some_and(|peer| self.serve_next(peer, deadline, &mut now))
+                || self.serve_one(deadline, &mut now)?
+            {
                 spin_until = self.spin_end(now);
                 if now < deadline && (watch.is_none() || now < ask_at) {
                     continue;
                 }
+            } else {
+                now = self.doorbell.now();
             }
             if let Some(found) = look(true)? {
                 return Ok(End::Came(found));
@@ -187,61 +220,29 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
             if rings.is_none() {
                 rings = Some(Rings::want(self)?);
             }
-            // Pairs with the fence in `wake`: either the sender sees that we want to be rung, or
+            // Pairs with the fence in `notify`: either the sender sees that we want to be rung, or
             // the looks that follow see what it sent.
             fence(Ordering::SeqCst);
             let seen = self.doorbell.prepare();
-            let served = self.serve_one(deadline)?;
-            if let Some(vector) = served {
-                let begun = core::mem::replace(&mut now, self.doorbell.now());
-                self.note_time(vector, now.ns_since(begun))?;
+            let served = self.serve_one(deadline, &mut now)?;
+            if served {
                 spin_until = self.spin_end(now);
             }
             if let Some(found) = look(true)? {
                 return Ok(End::Came(found));
             }
             // Behind what was served there may be more that rang before.
-            if served.is_none() {
-                let until = if watch.is_some() {
-                    ask_at
-                } else {
-                    now.after(NAP)
-                };
-                self.doorbell.wait(seen, until.min(deadline));
+            if !served {
+                let asks = watch.is_some_and(|watch| watch.incarnation.is_some());
+                let until = if asks { ask_at } else { now.after(NAP) };
+                // The sleep may last until the deadline.
+                if first_beat.is_none() {
+                    first_beat = watch.and_then(|watch| self.heartbeat(watch.peer));
+                }
+                let whom = watch.map(|watch| watch.peer);
+                self.doorbell.wait(seen, until.min(deadline), whom);
                 now = self.doorbell.now();
             }
-        }
-    }
-
-    /// Looks once and, while `spinning`, glances at the rings and looks again for a fraction of a
-    /// microsecond.
-    ///
-    /// Most of the time of a spin is spent here, so what comes is seen at once; the reading of
-    /// the clock between two bursts gives way to the core's other threads.
-    #[inline(always)]
-    fn burst<T>(
-        &self,
-        spinning: bool,
-        look: &mut impl FnMut(bool) -> Result<Option<T>, Error>,
-    ) -> Result<Glimpse<T>, Error> {
-        let mut left = if spinning {
-            const { GLANCES.div_ceil(N) }
-        } else {
-            0
-        };
-        loop {
-            if let Some(found) = look(false)? {
-                return Ok(Glimpse::Found(found));
-            }
-            if left == 0 {
-                return Ok(Glimpse::Nothing);
-            }
-            left -= 1;
-            if let Some(sender) = self.glance()? {
-                return Ok(Glimpse::Request(sender));
-            }
-            // Whoever looks all the time keeps taking the line from who is about to write it.
-            core::hint::spin_loop();
         }
     }
 
@@ -253,14 +254,15 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         }
     }
 
-    /// Whether the peer of `watch` ended or began a life; asks the platform too if `ask`.
+    /// Whether the peer of `watch` ended or began an incarnation; asks the platform too if `ask`.
     fn fate<T>(&self, watch: Watch, ask: bool) -> Result<Option<End<T>>, Error> {
-        let mail = self.peer(watch.peer)?.mail;
+        let Some(incarnation) = watch.incarnation else {
+            return Ok(None);
+        };
         let dead = ask && self.doorbell.evidence(watch.peer) == Evidence::Dead;
-        // Acquire: pairs with the Release store of the life in `join`. Loaded after the platform
-        // was asked: a program that died and was replaced is a restart.
-        let life = mail.load(header::LIFE, LoadOrder::Acquire)?;
-        Ok(match (watch.life, life) {
+        // Loaded after the platform was asked: a program that died and was replaced is a restart.
+        let present = self.peer(watch.peer)?.load_present()?;
+        Ok(match (incarnation, present) {
             (0, 0) => None,
             (was, is) if was == is => dead.then_some(End::Died),
             (0, _) => dead.then_some(End::Died),
@@ -274,7 +276,7 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         if peer == self.me {
             return None;
         }
-        let mail = self.peer(peer).ok()?.mail;
+        let mail = self.peer(peer).ok()?.mail();
         mail.load(header::HEARTBEAT, LoadOrder::Relaxed).ok()
     }
 
@@ -284,30 +286,24 @@ impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Mailbox<'_, W, 
         self.exclusion.with(|| {
             let waiters = self.waiters.get().wrapping_add(step);
             self.waiters.set(waiters);
-            own.store(
-                header::ATTENTION,
-                u32::from(waiters > 0),
-                StoreOrder::Relaxed,
-            )
+            own.store(header::NOTIFY, u32::from(waiters > 0), StoreOrder::Relaxed)
         })
     }
 }
 
 /// While it lives, senders ring this processor.
-struct Rings<'r, 'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> {
-    mailbox: &'r Mailbox<'v, W, D, X, N>,
+struct Rings<'r, 'v, B: Backend, const N: usize> {
+    mailbox: &'r Mailbox<'v, B, N>,
 }
 
-impl<'r, 'v, W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Rings<'r, 'v, W, D, X, N> {
-    fn want(mailbox: &'r Mailbox<'v, W, D, X, N>) -> Result<Self, Error> {
+impl<'r, 'v, B: Backend, const N: usize> Rings<'r, 'v, B, N> {
+    fn want(mailbox: &'r Mailbox<'v, B, N>) -> Result<Self, Error> {
         mailbox.want_rings(1)?;
         Ok(Self { mailbox })
     }
 }
 
-impl<W: MemoryWindow, D: Doorbell, X: Exclusion, const N: usize> Drop
-    for Rings<'_, '_, W, D, X, N>
-{
+impl<B: Backend, const N: usize> Drop for Rings<'_, '_, B, N> {
     fn drop(&mut self) {
         // If our own memory is gone, nobody can send to it.
         let _ = self.mailbox.want_rings(u32::MAX);

@@ -3,8 +3,9 @@
 //! [`System`] makes the windows and doorbells. In *virtual* time everything runs on one thread and
 //! is deterministic: while a processor waits, the others run as [`System::while_waiting`] says,
 //! and when nobody has anything to do, time jumps to the end of the wait. In *real* time each
-//! processor is a thread.
+//! processor is a thread. With [`System::with_caches`] the memory is not coherent.
 
+mod cache;
 mod system;
 mod window;
 
@@ -13,4 +14,4 @@ pub use window::{SimWindow, SimWindowError};
 
 /// A mailbox of a simulated system.
 pub type Mailbox<'v, const N: usize> =
-    crate::Mailbox<'v, SimWindow, SimDoorbell, crate::CriticalSection, N>;
+    crate::Mailbox<'v, (SimWindow, SimDoorbell, crate::CriticalSection), N>;

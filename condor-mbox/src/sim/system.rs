@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use super::cache::Cache;
 use super::{Mailbox, SimWindow};
 use crate::doorbell::{Doorbell, Evidence};
 use crate::error::Error;
@@ -22,7 +23,7 @@ type Program = Arc<dyn Fn() + Send + Sync>;
 /// ```
 /// use std::time::Duration;
 /// use condor_mbox::sim::System;
-/// use condor_mbox::{Error, Processor, Progress, Vector};
+/// use condor_mbox::{Error, Messenger, Processor, Progress, Vector};
 ///
 /// # const HOST: Processor = Processor(0);
 /// # const HAND: Processor = Processor(1);
@@ -34,7 +35,7 @@ type Program = Arc<dyn Fn() + Send + Sync>;
 /// hand.set_vector(V, &|call| call.data() + 1, "increment")?;
 /// hand.join()?;
 /// system.while_waiting(HAND, move || {
-///     hand.service(SECOND).expect("its memory is there");
+///     hand.serve(Duration::ZERO).expect("its memory is there");
 /// });
 /// let mut host = system.mailbox(HOST)?;
 /// host.join()?;
@@ -47,7 +48,7 @@ type Program = Arc<dyn Fn() + Send + Sync>;
 /// system.stall(HAND, true);
 /// assert_eq!(
 ///     host.send_with_reply(HAND, V, 2, SECOND),
-///     Err(Error::Stalled { to: HAND, vector: V, progress: Progress::Waiting })
+///     Err(Error::Stalled { to: HAND, vector: V, progress: Progress::MayRun })
 /// );
 /// system.stall(HAND, false);
 /// assert_eq!(host.send_with_reply(HAND, V, 3, SECOND)?, 4);
@@ -57,6 +58,7 @@ type Program = Arc<dyn Fn() + Send + Sync>;
 #[derive(Clone)]
 pub struct System<const N: usize> {
     windows: [Windows<SimWindow>; N],
+    caches: [Option<Arc<Cache>>; N],
     bells: Arc<Bells>,
 }
 
@@ -108,6 +110,8 @@ impl<const N: usize> System<N> {
         Self::new(data_bytes, Some(std::time::Instant::now()))
     }
 
+    /// With caches, if the environment variable `CONDOR_SIM_CACHES` has a seed for them: so any tests
+    /// are run on memory that is not coherent.
     fn new(data_bytes: u32, begun: Option<std::time::Instant>) -> Self {
         let windows = core::array::from_fn(|_| Windows {
             mail: SimWindow::new(layout::mail_bytes(N as u32)),
@@ -119,17 +123,39 @@ impl<const N: usize> System<N> {
             rung: Condvar::new(),
             begun,
         };
-        Self {
+        let system = Self {
             windows,
+            caches: [const { None }; N],
             bells: Arc::new(bells),
+        };
+        let seed = std::env::var("CONDOR_SIM_CACHES").ok();
+        match seed.and_then(|seed| seed.parse().ok()) {
+            Some(seed) => system.with_caches(seed),
+            None => system,
         }
+    }
+
+    /// The same system, in which every processor has a cache that nothing keeps coherent: it delays
+    /// what is written, and evicts and fetches lines as chance has it, which `seed` repeats. Windows
+    /// that were taken before have none.
+    #[must_use]
+    pub fn with_caches(mut self, seed: u64) -> Self {
+        let mut number = 0;
+        self.caches = [const { None }; N].map(|_: Option<Arc<Cache>>| {
+            number += 1;
+            let seed = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            Some(Arc::new(Cache::new(seed.rotate_left(number))))
+        });
+        self
     }
 
     /// The windows as `owner` has them: the others' `mail` is read-only.
     #[must_use]
     pub fn windows(&self, owner: Processor) -> [Windows<SimWindow>; N] {
         core::array::from_fn(|number| {
+            let cache = self.caches.get(owner.index()).cloned().flatten();
             let Windows { mail, data } = self.windows[number].clone();
+            let (mail, data) = (mail.through(cache.clone()), data.through(cache));
             let mail = if number == owner.index() {
                 mail
             } else {
@@ -171,7 +197,7 @@ impl<const N: usize> System<N> {
     }
 
     /// In virtual time: `program` runs whenever another processor waits, for example
-    /// `move || { mailbox.service(timeout); }`.
+    /// `move || { mailbox.serve(Duration::ZERO); }`.
     pub fn while_waiting(&self, processor: Processor, program: impl Fn() + Send + Sync + 'static) {
         self.change(processor, |bell| bell.program = Some(Arc::new(program)));
     }
@@ -266,7 +292,7 @@ impl Doorbell for SimDoorbell {
         self.bells.lock().of.entry(self.me).or_default().rings
     }
 
-    fn wait(&self, seen: u64, until: Instant) {
+    fn wait(&self, seen: u64, until: Instant, _: Option<Processor>) {
         let virtual_time = self.bells.begun.is_none();
         if virtual_time
             && self

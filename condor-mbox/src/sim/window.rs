@@ -1,17 +1,22 @@
 //! Memory that threads of one process share.
 
+use std::ops::Range;
 use std::sync::Arc;
 
+use super::cache::Cache;
+use crate::layout::LINE;
 use crate::sync::{AtomicU32, Ordering};
 use crate::window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
     check_access, check_words,
 };
 
-/// A window onto memory of this process; clones show the same memory.
+/// A window onto memory of this process; clones show the same memory, through the same cache if
+/// there is one.
 #[derive(Clone)]
 pub struct SimWindow {
     words: Arc<[AtomicU32]>,
+    cache: Option<Arc<Cache>>,
     writable: bool,
     lost: Arc<std::sync::atomic::AtomicBool>,
 }
@@ -39,6 +44,7 @@ impl SimWindow {
     pub fn new(size: u32) -> Self {
         Self {
             words: (0..size.div_ceil(4)).map(|_| AtomicU32::new(0)).collect(),
+            cache: None,
             writable: true,
             lost: Arc::default(),
         }
@@ -51,6 +57,11 @@ impl SimWindow {
             writable: false,
             ..self.clone()
         }
+    }
+
+    /// The same memory through `cache`.
+    pub(super) fn through(self, cache: Option<Arc<Cache>>) -> Self {
+        Self { cache, ..self }
     }
 
     /// Takes the memory away, as a truncated file or a vanished device would.
@@ -77,6 +88,36 @@ impl SimWindow {
             kind,
         })
     }
+
+    /// The word at `offset`, by way of the cache if there is one.
+    fn get(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+        let word = self.word(offset, false)?;
+        Ok(match &self.cache {
+            None => word.load(order.into()),
+            Some(cache) => cache.access(&self.words, offset as usize / 4, None),
+        })
+    }
+
+    /// Likewise.
+    fn set(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+        let word = self.word(offset, true)?;
+        match &self.cache {
+            None => word.store(value, order.into()),
+            Some(cache) => {
+                cache.access(&self.words, offset as usize / 4, Some(value));
+            }
+        }
+        Ok(())
+    }
+
+    /// The lines of a range that is inside the window.
+    fn lines(&self, offset: u32, len: u32) -> Range<usize> {
+        if check_access(self.size(), offset & !3, len as usize).is_err() {
+            return 0..0;
+        }
+        let end = (offset + len).div_ceil(LINE);
+        (offset / LINE) as usize..end as usize
+    }
 }
 
 impl MemoryWindow for SimWindow {
@@ -87,12 +128,31 @@ impl MemoryWindow for SimWindow {
     }
 
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
-        Ok(self.word(offset, false)?.load(order.into()))
+        self.invalidate(offset, 4);
+        self.get(offset, order)
     }
 
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
-        self.word(offset, true)?.store(value, order.into());
+        self.invalidate(offset, 4);
+        self.set(offset, value, order)?;
+        self.clean(offset, 4);
         Ok(())
+    }
+
+    fn is_coherent(&self) -> bool {
+        self.cache.is_none()
+    }
+
+    fn clean(&self, offset: u32, len: u32) {
+        if let Some(cache) = &self.cache {
+            cache.clean(&self.words, self.lines(offset, len));
+        }
+    }
+
+    fn invalidate(&self, offset: u32, len: u32) {
+        if let Some(cache) = &self.cache {
+            cache.invalidate(&self.words, self.lines(offset, len));
+        }
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
@@ -101,9 +161,17 @@ impl MemoryWindow for SimWindow {
     }
 }
 
+/// `NotCoherent` behind a cache.
 impl CompareExchange for SimWindow {
     fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, SimWindowError> {
         let word = self.word(offset, true)?;
+        if self.cache.is_some() {
+            return Err(SimWindowError {
+                offset,
+                size: self.size(),
+                kind: WindowErrorKind::NotCoherent,
+            });
+        }
         let (success, failure) = (Ordering::AcqRel, Ordering::Acquire);
         Ok(word
             .compare_exchange(current, new, success, failure)

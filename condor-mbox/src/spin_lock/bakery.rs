@@ -2,11 +2,12 @@
 
 use crate::exclusion::Exclusion;
 use crate::id::Processor;
+use crate::layout::LINE;
 use crate::region::AccessError;
 use crate::sync::{Ordering, fence};
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
 
-use super::owner::{Lives, Owner};
+use super::owner::{Incarnations, Owner};
 use super::{Attempt, TestAndSet};
 
 /// Lamport's bakery: who competes draws a ticket larger than all it sees, the smallest goes
@@ -18,14 +19,15 @@ use super::{Attempt, TestAndSet};
 ///
 /// # In shared memory
 ///
-/// | word | meaning | written by |
-/// |---|---|---|
-/// | 0 | the owner of the lock, or zero | the owner |
-/// | 1 | unused | |
-/// | 2 + 2*p* | who competes: processor *p* in its present life, or zero | *p* |
-/// | 3 + 2*p* | its ticket; zero while it is drawn | *p* |
+/// Lines, so that no two processors write the same one:
 ///
-/// An entry whose life is over does not count. If that life ended inside the lock, word 0 still
+/// | line, word | meaning | written by |
+/// |---|---|---|
+/// | 0, 0 | the owner of the lock, or zero | the owner |
+/// | 1 + *p*, 0 | who competes: processor *p* in its present incarnation, or zero | *p* |
+/// | 1 + *p*, 1 | its ticket; zero while it is drawn | *p* |
+///
+/// An entry whose incarnation is over does not count. If that incarnation ended inside the lock, word 0 still
 /// says so; only a processor that has won the bakery changes it.
 ///
 /// Source: L. Lamport, "A new solution of Dijkstra's concurrent programming problem",
@@ -38,8 +40,8 @@ pub struct Bakery<W, X> {
     exclusion: X,
 }
 
-const ENTRIES: u32 = 8;
-const ENTRY_BYTES: u32 = 8;
+const ENTRIES: u32 = LINE;
+const ENTRY_BYTES: u32 = LINE;
 const TICKET: u32 = 4;
 
 impl Bakery<(), ()> {
@@ -80,11 +82,12 @@ impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
             .wrapping_add(u32::from(number).wrapping_mul(ENTRY_BYTES))
     }
 
-    /// Who competes under `number`, if that life goes on, and its ticket.
+    /// Returns the competitor with processor number `number` and its ticket; `None` if there is none,
+    /// or if its incarnation is over.
     fn competitor(
         &self,
         number: u8,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
     ) -> Result<Option<(Owner, u32)>, WindowErrorKind> {
         let entry = self.entry(number);
         // Pairs with the stores of the entry's word in `compete`, `withdraw` and `release`:
@@ -92,7 +95,7 @@ impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
         let Some(owner) = Owner::from_word(self.load(entry, LoadOrder::Acquire)?) else {
             return Ok(None);
         };
-        if owner.processor() != Some(Processor(number)) || !lives.is_current(owner) {
+        if owner.processor() != Some(Processor(number)) || !incarnations.is_current(owner) {
             return Ok(None);
         }
         // Pairs with the store of the ticket in `compete`; that, too, follows what its
@@ -102,13 +105,13 @@ impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
     }
 
     /// Draws a ticket for `number`; `false` if there is no larger one.
-    fn draw(&self, number: u8, lives: &dyn Lives) -> Result<bool, WindowErrorKind> {
+    fn draw(&self, number: u8, incarnations: &dyn Incarnations) -> Result<bool, WindowErrorKind> {
         // Against the same fence below, of any other processor: either it sees here a ticket
         // drawn before, or that processor sees this entry when it looks who is before it.
         fence(Ordering::SeqCst);
         let mut largest: u32 = 0;
         for other in (0..self.processors).filter(|other| *other != number) {
-            if let Some((_, ticket)) = self.competitor(other, lives)? {
+            if let Some((_, ticket)) = self.competitor(other, incarnations)? {
                 largest = largest.max(ticket);
             }
         }
@@ -137,7 +140,7 @@ impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
 }
 
 impl<W: MemoryWindow, X: Exclusion> TestAndSet for Bakery<W, X> {
-    fn compete(&self, me: Owner, lives: &dyn Lives) -> Result<bool, WindowErrorKind> {
+    fn compete(&self, me: Owner, incarnations: &dyn Incarnations) -> Result<bool, WindowErrorKind> {
         let (number, entry) = self.entry_of(me)?;
         let word = Owner::to_word(Some(me));
         let entered = self.exclusion.with(|| {
@@ -146,14 +149,14 @@ impl<W: MemoryWindow, X: Exclusion> TestAndSet for Bakery<W, X> {
                 return Ok(false);
             }
             self.store(entry.wrapping_add(TICKET), 0, StoreOrder::Relaxed)?;
-            // Pairs with the load of `competitor`: with this life its ticket is zero.
+            // Pairs with the load of `competitor`: with this incarnation its ticket is zero.
             self.store(entry, word, StoreOrder::Release)?;
             Ok(true)
         })?;
         if !entered {
             return Ok(false);
         }
-        let drawn = self.draw(number, lives);
+        let drawn = self.draw(number, incarnations);
         if !matches!(drawn, Ok(true)) {
             self.withdraw(me)?;
         }
@@ -164,13 +167,13 @@ impl<W: MemoryWindow, X: Exclusion> TestAndSet for Bakery<W, X> {
         &self,
         from: Option<Owner>,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind> {
         let (number, entry) = self.entry_of(me)?;
         // Written by this processor alone.
         let ticket = self.load(entry.wrapping_add(TICKET), LoadOrder::Relaxed)?;
         for other in (0..self.processors).filter(|other| *other != number) {
-            if let Some((owner, drawn)) = self.competitor(other, lives)?
+            if let Some((owner, drawn)) = self.competitor(other, incarnations)?
                 && (drawn == 0 || (drawn, other) < (ticket, number))
             {
                 return Ok(Attempt::Behind(Some(owner)));

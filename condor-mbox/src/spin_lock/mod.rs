@@ -12,7 +12,7 @@ use crate::time::{Clock, Instant};
 use crate::window::WindowErrorKind;
 
 pub use bakery::Bakery;
-pub use owner::{Lives, Owner};
+pub use owner::{Incarnations, Owner};
 pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 
 /// A lock that knows its owner, and that outlives it.
@@ -22,25 +22,26 @@ pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 /// [`Bakery`], which needs loads and stores alone. All zeros is a free lock. Sections 2.1 and
 /// 3.3.1 of the memo ask for a test-and-set that is indivisible across the bus, for the same end.
 ///
-/// The lock is held by a processor in one of its lives. If that life ends before it releases
+/// The lock is held by a processor in one of its incarnations. If that incarnation ends before it releases
 /// the lock, the others are told [`OwnerDead`](LockError::OwnerDead), and one of them can
 /// [`recover`](Self::recover) lock and structure. Nothing is ever taken from a living owner,
 /// however long it takes.
 ///
 /// Servo loops, and handlers that may have interrupted the owner, only
 /// [`try_lock`](Self::try_lock): a wait for the context that one has interrupted ends at the
-/// deadline alone. A guard that is forgotten keeps the lock until the processor's life ends.
+/// deadline alone. A guard that is forgotten keeps the lock until the processor's incarnation ends.
 ///
 /// ```
 /// # #[cfg(target_has_atomic = "32")] {
-/// # use condor_mbox::{Lives, LockError, NativeSwap, Owner, Processor, Region, SpinLock};
+/// use condor_mbox::spin_lock::{Incarnations, LockError, NativeSwap, Owner};
+/// use condor_mbox::{MemoryWindow, Places, Processor, Region, SpinLock};
 /// # use condor_mbox::StaticMemory;
 /// static MEMORY: StaticMemory<256> = StaticMemory::new();
 ///
 /// /// Who lives, as the mailbox knows it: here everybody but processor 3.
 /// struct Known;
 ///
-/// impl Lives for Known {
+/// impl Incarnations for Known {
 ///     fn is_current(&self, owner: Owner) -> bool {
 ///         owner.processor() != Some(Processor(3))
 ///     }
@@ -48,7 +49,7 @@ pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let ram = Region::users(MEMORY.window())?;
-/// let lock = SpinLock::new(NativeSwap::new(&ram, ram.places().bytes(4)?)?);
+/// let lock = SpinLock::new(NativeSwap::new(&ram, Places::new(ram.size()).bytes(4)?)?);
 /// let (me, other) = (Owner::new(Processor(0), 1)?, Owner::new(Processor(1), 7)?);
 ///
 /// let guard = lock.try_lock(me, &Known)?;
@@ -79,8 +80,12 @@ impl<L: TestAndSet> SpinLock<L> {
     /// # Errors
     /// [`Busy`](LockError::Busy), [`OwnerDead`](LockError::OwnerDead),
     /// [`NotCurrent`](LockError::NotCurrent) or [`Memory`](LockError::Memory).
-    pub fn try_lock(&self, me: Owner, lives: &dyn Lives) -> Result<Guard<'_, L>, LockError> {
-        self.take(None, me, lives, || true)
+    pub fn try_lock(
+        &self,
+        me: Owner,
+        incarnations: &dyn Incarnations,
+    ) -> Result<Guard<'_, L>, LockError> {
+        self.take(None, me, incarnations, || true)
             .map_err(|stopped| stopped.reason(|owner| LockError::Busy { owner }))
     }
 
@@ -92,12 +97,12 @@ impl<L: TestAndSet> SpinLock<L> {
     pub fn lock(
         &self,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
         clock: &impl Clock,
         timeout: Duration,
     ) -> Result<Guard<'_, L>, LockError> {
         let deadline: Instant = clock.now().after(timeout);
-        self.take(None, me, lives, || clock.now() >= deadline)
+        self.take(None, me, incarnations, || clock.now() >= deadline)
             .map_err(|stopped| stopped.reason(|owner| LockError::TimedOut { owner }))
     }
 
@@ -113,12 +118,12 @@ impl<L: TestAndSet> SpinLock<L> {
         &self,
         dead: Owner,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
     ) -> Result<Guard<'_, L>, LockError> {
-        if dead.lives(lives) {
+        if dead.is_alive(incarnations) {
             return Err(LockError::Busy { owner: Some(dead) });
         }
-        self.take(Some(dead), me, lives, || true)
+        self.take(Some(dead), me, incarnations, || true)
             .map_err(|stopped| stopped.reason(|owner| LockError::Busy { owner }))
     }
 
@@ -127,21 +132,21 @@ impl<L: TestAndSet> SpinLock<L> {
         &self,
         from: Option<Owner>,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
         mut enough: impl FnMut() -> bool,
     ) -> Result<Guard<'_, L>, Stopped> {
-        if !me.lives(lives) {
+        if !me.is_alive(incarnations) {
             return Err(Stopped::For(LockError::NotCurrent { owner: me }));
         }
         let mut competing = false;
         let stopped = loop {
             let attempt = if competing {
-                self.memory.take(from, me, lives)
+                self.memory.take(from, me, incarnations)
             } else {
-                match self.memory.compete(me, lives) {
+                match self.memory.compete(me, incarnations) {
                     Ok(true) => {
                         competing = true;
-                        self.memory.take(from, me, lives)
+                        self.memory.take(from, me, incarnations)
                     }
                     Ok(false) => Ok(Attempt::Behind(Some(me))),
                     Err(kind) => Err(kind),
@@ -155,7 +160,7 @@ impl<L: TestAndSet> SpinLock<L> {
                         held: true,
                     });
                 }
-                Ok(Attempt::Held(owner)) if !owner.lives(lives) => {
+                Ok(Attempt::Held(owner)) if !owner.is_alive(incarnations) => {
                     break Stopped::For(LockError::OwnerDead { owner });
                 }
                 Ok(Attempt::Held(owner)) if enough() => break Stopped::Enough(Some(owner)),
@@ -241,14 +246,14 @@ pub enum LockError {
         /// Who had it last; `None` if it was changing hands.
         owner: Option<Owner>,
     },
-    /// The owner's life ended while it held the lock; see [`SpinLock::recover`].
+    /// The owner's incarnation ended while it held the lock; see [`SpinLock::recover`].
     #[error("{owner} died with the lock")]
     OwnerDead {
         /// The dead owner, or garbage that was found in its place.
         owner: Owner,
     },
-    /// The caller's own life is over: it must join again before it takes a lock.
-    #[error("{owner} may not lock: that life is over")]
+    /// The caller's own incarnation is over: it must join again before it takes a lock.
+    #[error("{owner} may not lock: that incarnation is over")]
     NotCurrent {
         /// The caller.
         owner: Owner,
@@ -305,15 +310,15 @@ impl Attempt {
 /// # For implementers
 ///
 /// Every method returns after a bounded number of accesses. A processor may stop for ever
-/// between any two of them; once its life is over, that must not keep others from the lock.
+/// between any two of them; once its incarnation is over, that must not keep others from the lock.
 /// What an owner wrote before `release` is seen after the next `take` that succeeds.
 pub trait TestAndSet {
     /// Begins to compete; `false` if another context of this processor does so already.
     ///
     /// # Errors
     /// The kind of the window's error.
-    fn compete(&self, me: Owner, lives: &dyn Lives) -> Result<bool, WindowErrorKind> {
-        let _ = (me, lives);
+    fn compete(&self, me: Owner, incarnations: &dyn Incarnations) -> Result<bool, WindowErrorKind> {
+        let _ = (me, incarnations);
         Ok(true)
     }
 
@@ -326,7 +331,7 @@ pub trait TestAndSet {
         &self,
         from: Option<Owner>,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind>;
 
     /// Ends to compete without the lock.
@@ -346,17 +351,17 @@ pub trait TestAndSet {
 }
 
 impl<T: Deref<Target: TestAndSet>> TestAndSet for T {
-    fn compete(&self, me: Owner, lives: &dyn Lives) -> Result<bool, WindowErrorKind> {
-        (**self).compete(me, lives)
+    fn compete(&self, me: Owner, incarnations: &dyn Incarnations) -> Result<bool, WindowErrorKind> {
+        (**self).compete(me, incarnations)
     }
 
     fn take(
         &self,
         from: Option<Owner>,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind> {
-        (**self).take(from, me, lives)
+        (**self).take(from, me, incarnations)
     }
 
     fn withdraw(&self, me: Owner) -> Result<(), WindowErrorKind> {

@@ -1,4 +1,4 @@
-//! [`Owner`]: a processor in one of its lives, as one word of shared memory.
+//! [`Owner`]: a processor in one of its incarnations, as one word of shared memory.
 
 use core::fmt;
 use core::num::NonZeroU32;
@@ -6,26 +6,28 @@ use core::num::NonZeroU32;
 use crate::error::Error;
 use crate::id::Processor;
 
-/// A processor in one of its lives.
+/// A processor in one of its incarnations.
 ///
 /// In shared memory it is one word: the processor's number plus one in the upper 6 bits, the
-/// lower 26 bits of its life below; zero is nobody. A life is told from those 2²⁶ joins before
+/// lower 26 bits of its incarnation below; zero is nobody. An incarnation is told from those 2²⁶ joins before
 /// and after it, and from no others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Owner(NonZeroU32);
 
-const LIFE_BITS: u32 = 26;
-const LIFE_MASK: u32 = (1 << LIFE_BITS) - 1;
+const INCARNATION_BITS: u32 = 26;
+const INCARNATION_MASK: u32 = (1 << INCARNATION_BITS) - 1;
 
 impl Owner {
-    /// `processor` in `life`.
+    /// `processor` in `incarnation`.
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`] if no system has a processor of that number.
-    pub const fn new(processor: Processor, life: u32) -> Result<Self, Error> {
+    pub const fn new(processor: Processor, incarnation: u32) -> Result<Self, Error> {
         let number = processor.0 as u32;
         if number < Processor::MAX_COUNT as u32
-            && let Some(word) = NonZeroU32::new(((number + 1) << LIFE_BITS) | (life & LIFE_MASK))
+            && let Some(word) = NonZeroU32::new(
+                ((number + 1) << INCARNATION_BITS) | (incarnation & INCARNATION_MASK),
+            )
         {
             Ok(Self(word))
         } else {
@@ -39,21 +41,21 @@ impl Owner {
     /// The processor; `None` if the word came from shared memory and is garbage.
     #[must_use]
     pub const fn processor(self) -> Option<Processor> {
-        match (self.0.get() >> LIFE_BITS).checked_sub(1) {
+        match (self.0.get() >> INCARNATION_BITS).checked_sub(1) {
             Some(number) if number < Processor::MAX_COUNT as u32 => Some(Processor(number as u8)),
             _ => None,
         }
     }
 
-    /// Whether this is its processor in `life`.
+    /// Whether this is its processor in `incarnation`.
     #[must_use]
-    pub const fn is_life(self, life: u32) -> bool {
-        self.0.get() & LIFE_MASK == life & LIFE_MASK
+    pub const fn is_incarnation(self, incarnation: u32) -> bool {
+        self.0.get() & INCARNATION_MASK == incarnation & INCARNATION_MASK
     }
 
     /// Whether it may own something now; garbage may not.
-    pub(super) fn lives(self, lives: &dyn Lives) -> bool {
-        self.processor().is_some() && lives.is_current(self)
+    pub(super) fn is_alive(self, incarnations: &dyn Incarnations) -> bool {
+        self.processor().is_some() && incarnations.is_current(self)
     }
 
     /// What a word of shared memory says.
@@ -76,20 +78,24 @@ impl Owner {
 impl fmt::Display for Owner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.processor() {
-            Some(processor) => write!(f, "{processor} in life {}", self.0.get() & LIFE_MASK),
+            Some(processor) => write!(
+                f,
+                "{processor} in incarnation {}",
+                self.0.get() & INCARNATION_MASK
+            ),
             None => write!(f, "nobody known ({:#010x})", self.0),
         }
     }
 }
 
-/// Knows which lives have ended.
+/// Knows which incarnations have ended.
 ///
 /// # For implementers
 ///
-/// Say `false` only with positive evidence that this life is over, and then for ever: a lock is
-/// taken from its owner on that word. A life that is newer than any seen so far is current, so
-/// look at the processor's own word of its present life each time, not at a copy.
-pub trait Lives {
-    /// Whether `owner`'s life may still go on.
+/// Say `false` only with positive evidence that this incarnation is over, and then for ever: a lock is
+/// taken from its owner on that word. An incarnation that is newer than any seen so far is current, so
+/// look at the processor's own word of its present incarnation each time, not at a copy.
+pub trait Incarnations {
+    /// Whether `owner`'s incarnation may still go on.
     fn is_current(&self, owner: Owner) -> bool;
 }

@@ -9,7 +9,7 @@ use crate::window::{
     CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
 };
 
-use super::owner::{Lives, Owner};
+use super::owner::{Incarnations, Owner};
 use super::{Attempt, TestAndSet};
 
 /// A lock of one word of shared memory, taken by compare-and-swap.
@@ -23,9 +23,18 @@ impl<W: CompareExchange> NativeSwap<W> {
     /// The lock at `offset`.
     ///
     /// # Errors
-    /// `OutOfBounds` or `Misaligned`.
+    /// `OutOfBounds` or `Misaligned`; `NotCoherent` for memory that needs a
+    /// [`Bakery`](super::Bakery) or a [`SemaphoreSwap`].
     pub fn new(window: W, offset: u32) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, 4)?;
+        if !window.is_coherent() {
+            return Err(AccessError {
+                offset,
+                len: 4,
+                size: window.size(),
+                kind: WindowErrorKind::NotCoherent,
+            });
+        }
         Ok(Self { window, at: offset })
     }
 }
@@ -35,7 +44,7 @@ impl<W: CompareExchange> TestAndSet for NativeSwap<W> {
         &self,
         from: Option<Owner>,
         me: Owner,
-        _: &dyn Lives,
+        _: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind> {
         let from = Owner::to_word(from);
         // Pairs with the same operation in `release`, by whoever had the lock.
@@ -146,7 +155,7 @@ impl<W: MemoryWindow, S: HardwareSemaphore, X: Exclusion> TestAndSet for Semapho
         &self,
         from: Option<Owner>,
         me: Owner,
-        _: &dyn Lives,
+        _: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind> {
         let from = Owner::to_word(from);
         match self.swap(from, Owner::to_word(Some(me))) {

@@ -2,9 +2,10 @@
 
 use std::mem::forget;
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use crate::model::*;
-use condor_mbox::{Call, Handler, Processor};
+use condor_mbox::{Call, Handler, Messenger, Processor};
 
 const C: Processor = Processor(2);
 
@@ -36,7 +37,7 @@ fn an_overrun_listener_knows_what_it_missed() {
         let b = Arc::new(b);
         let holder = Arc::clone(&b);
         c.doorbell().by(Some(Box::new(move || {
-            holder.service(LONG).unwrap();
+            holder.serve(Duration::ZERO).unwrap();
         })));
         c.listen(Some(B), LONG).unwrap();
         c.doorbell().by(None);
@@ -44,18 +45,18 @@ fn an_overrun_listener_knows_what_it_missed() {
         let listener = Arc::clone(&c);
         let thread = loom::thread::spawn(move || {
             for _ in 0..2 {
-                listener.service(LONG).unwrap();
+                listener.serve(Duration::ZERO).unwrap();
                 loom::thread::yield_now();
             }
         });
         for data in 1..=5 {
             // Odd ones to V, even ones to W.
             let vector = if data % 2 == 1 { V } else { W };
-            a.try_send(B, vector, data).unwrap();
-            b.service(LONG).unwrap();
+            a.send(B, vector, data, Duration::ZERO).unwrap();
+            b.serve(Duration::ZERO).unwrap();
         }
         thread.join().unwrap();
-        c.service(LONG).unwrap();
+        c.serve(Duration::ZERO).unwrap();
         let log = log.lock().unwrap();
         assert!(log.windows(2).all(|two| two[0].1 < two[1].1), "{log:?}");
         assert!(
@@ -86,23 +87,23 @@ fn a_sender_that_restarts_is_heard_once() {
         let b = Arc::new(b);
         let holder = Arc::clone(&b);
         c.doorbell().by(Some(Box::new(move || {
-            holder.service(LONG).unwrap();
+            holder.serve(Duration::ZERO).unwrap();
         })));
         c.listen(Some(B), LONG).unwrap();
         c.doorbell().by(None);
         let c = Arc::new(c);
-        a.try_send(B, V, 1).unwrap();
+        a.send(B, V, 1, Duration::ZERO).unwrap();
         let listener = Arc::clone(&c);
         let thread = loom::thread::spawn(move || {
-            listener.service(LONG).unwrap();
+            listener.serve(Duration::ZERO).unwrap();
         });
         forget(a);
         let a = system.joined::<Spinning, _>(A, Alone, &[]);
         connect(&a, &b);
         // The first of this life, with the other vector.
-        a.try_send(B, W, 2).unwrap();
+        a.send(B, W, 2, Duration::ZERO).unwrap();
         thread.join().unwrap();
-        c.service(LONG).unwrap();
+        c.serve(Duration::ZERO).unwrap();
         let log = log.lock().unwrap();
         assert!(matches!(log[..], [(0, 1), (1, 2)] | [(1, 2)]), "{log:?}");
     });

@@ -6,9 +6,10 @@
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use crate::model::*;
-use condor_mbox::{Call, Handler};
+use condor_mbox::{Call, Handler, Messenger};
 
 /// A handler that lives as long as the program; every execution has its own.
 fn handler(run: impl Fn(&Call<'_>) -> u32 + Sync + 'static) -> Handler<'static> {
@@ -144,7 +145,7 @@ fn two_contexts_of_one_processor() {
         let contexts = [1, 2].map(|data| {
             let a = Arc::clone(&a);
             loom::thread::spawn(move || {
-                let mut ticket = a.begin(B, V, data).unwrap();
+                let mut ticket = a.begin(B, V, data, Duration::ZERO).unwrap();
                 for _ in 0..2 {
                     match ticket.poll().unwrap() {
                         Some(reply) => assert_eq!(reply, 2 * data),
@@ -153,15 +154,15 @@ fn two_contexts_of_one_processor() {
                 }
             })
         });
-        b.service(LONG).unwrap();
+        b.serve(Duration::ZERO).unwrap();
         for context in contexts {
             context.join().unwrap();
         }
-        b.service(LONG).unwrap();
+        b.serve(Duration::ZERO).unwrap();
         assert_eq!(handled.load(Relaxed), 2);
         // Both cells are free again, or their late replies have come.
         for _ in 0..2 {
-            drop(a.begin(B, V, 0).unwrap());
+            drop(a.begin(B, V, 0, Duration::ZERO).unwrap());
         }
     });
 }
@@ -180,7 +181,7 @@ fn time_out_against_reply() {
         let thread = loom::thread::spawn(move || {
             for data in 1..=4 {
                 // With both slots given up and unanswered there is none.
-                let Ok(mut ticket) = sender.begin(B, V, data) else {
+                let Ok(mut ticket) = sender.begin(B, V, data, Duration::ZERO) else {
                     continue;
                 };
                 if let Some(reply) = ticket.poll().unwrap() {
@@ -188,12 +189,12 @@ fn time_out_against_reply() {
                 }
             }
         });
-        b.service(LONG).unwrap();
-        b.service(LONG).unwrap();
+        b.serve(Duration::ZERO).unwrap();
+        b.serve(Duration::ZERO).unwrap();
         thread.join().unwrap();
-        b.service(LONG).unwrap();
-        let mut tickets = [5, 6].map(|data| (data, a.begin(B, V, data).unwrap()));
-        b.service(LONG).unwrap();
+        b.serve(Duration::ZERO).unwrap();
+        let mut tickets = [5, 6].map(|data| (data, a.begin(B, V, data, Duration::ZERO).unwrap()));
+        b.serve(Duration::ZERO).unwrap();
         for (data, ticket) in &mut tickets {
             assert_eq!(ticket.poll(), Ok(Some(*data * 2)));
         }

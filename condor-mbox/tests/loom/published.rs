@@ -3,10 +3,9 @@
 use std::cell::Cell;
 
 use crate::model::{LoomWindow, explore};
-use condor_mbox::{
-    LoadOrder, MemoryWindow, Published, ReadError, StoreOrder, Subscriber, WindowError,
-    WindowErrorKind,
-};
+use condor_mbox::published::{ReadError, Subscriber};
+use condor_mbox::window::{WindowError, WindowErrorKind};
+use condor_mbox::{LoadOrder, MemoryWindow, Published, StoreOrder};
 
 /// Two words, so that a mixture shows.
 type Value = [u32; 2];

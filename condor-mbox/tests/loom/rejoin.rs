@@ -5,9 +5,10 @@
 
 use std::mem::forget;
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use crate::model::*;
-use condor_mbox::{Call, Error, Handler};
+use condor_mbox::{Call, Error, Handler, Messenger};
 
 type Log = Arc<Mutex<Vec<(u32, u32)>>>;
 
@@ -40,13 +41,13 @@ fn receiver_restarts(name: &str, leaves: bool) {
         connect(&a, &b);
         // So far that the count of a new life is out of reach.
         for data in 1..=4 {
-            a.try_send(B, V, data).unwrap();
-            b.service(LONG).unwrap();
+            a.send(B, V, data, Duration::ZERO).unwrap();
+            b.serve(Duration::ZERO).unwrap();
         }
         let (sender, seen) = (Arc::clone(&a), Arc::clone(&log));
         let thread = loom::thread::spawn(move || {
             for data in 5..=7 {
-                let mut ticket = match sender.begin(B, V, data) {
+                let mut ticket = match sender.begin(B, V, data, Duration::ZERO) {
                     Ok(ticket) => ticket,
                     Err(Error::NotConnected { .. } | Error::NoSlot { .. }) => continue,
                     Err(error) => panic!("{error}"),
@@ -64,20 +65,20 @@ fn receiver_restarts(name: &str, leaves: bool) {
                 }
             }
         });
-        b.service(LONG).unwrap();
+        b.serve(Duration::ZERO).unwrap();
         if leaves {
             drop(b);
         } else {
             forget(b);
         }
         let b = system.joined::<Spinning, _>(B, Alone, &[(V, new)]);
-        b.service(LONG).unwrap();
-        b.service(LONG).unwrap();
+        b.serve(Duration::ZERO).unwrap();
+        b.serve(Duration::ZERO).unwrap();
         thread.join().unwrap();
         connect(&b, &a);
         check(&log);
-        let mut ticket = a.begin(B, V, 9).unwrap();
-        b.service(LONG).unwrap();
+        let mut ticket = a.begin(B, V, 9, Duration::ZERO).unwrap();
+        b.serve(Duration::ZERO).unwrap();
         assert_eq!(ticket.poll(), Ok(Some(209)));
     });
 }
@@ -106,17 +107,17 @@ fn sender_is_killed_and_rejoins() {
         let server = Arc::clone(&b);
         let thread = loom::thread::spawn(move || {
             for _ in 0..3 {
-                server.service(LONG).unwrap();
+                server.serve(Duration::ZERO).unwrap();
                 loom::thread::yield_now();
             }
         });
         for data in 1..=2 {
-            a.try_send(B, V, data).unwrap();
+            a.send(B, V, data, Duration::ZERO).unwrap();
         }
         forget(a);
         let a = system.joined::<Spinning, _>(A, Alone, &[]);
         for data in 3..=5 {
-            match a.try_send(B, V, data) {
+            match a.send(B, V, data, Duration::ZERO) {
                 Ok(()) | Err(Error::NotConnected { .. } | Error::NoSlot { .. }) => {}
                 Err(error) => panic!("{error}"),
             }
@@ -125,8 +126,8 @@ fn sender_is_killed_and_rejoins() {
         thread.join().unwrap();
         connect(&a, &b);
         check(&log);
-        let mut ticket = a.begin(B, V, 9).unwrap();
-        b.service(LONG).unwrap();
+        let mut ticket = a.begin(B, V, 9, Duration::ZERO).unwrap();
+        b.serve(Duration::ZERO).unwrap();
         assert_eq!(ticket.poll(), Ok(Some(9)));
     });
 }

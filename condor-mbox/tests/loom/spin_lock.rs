@@ -2,11 +2,9 @@
 //!
 //! Run with `RUSTFLAGS="--cfg condor_loom" cargo test --release --test spin_lock_loom`.
 
-use condor_mbox::{
-    Bakery, CompareExchange, Lives, LoadOrder, LockError, MemoryWindow, NativeSwap, Owner,
-    Processor, SingleContext, SpinLock, StoreOrder, TestAndSet, WindowError, WindowErrorKind,
-    check_access,
-};
+use condor_mbox::spin_lock::{Bakery, Incarnations, LockError, NativeSwap, Owner, TestAndSet};
+use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind, check_access};
+use condor_mbox::{LoadOrder, MemoryWindow, Processor, SingleContext, SpinLock, StoreOrder};
 use loom::cell::UnsafeCell;
 use loom::sync::Arc;
 use loom::sync::atomic::{AtomicU32, Ordering};
@@ -91,7 +89,7 @@ fn check(model: impl Fn() + Send + Sync + 'static) {
 /// Everybody lives, but for one.
 struct Except(Option<Owner>);
 
-impl Lives for Except {
+impl Incarnations for Except {
     fn is_current(&self, owner: Owner) -> bool {
         self.0 != Some(owner)
     }

@@ -2,14 +2,13 @@
 #![cfg(feature = "conformance")]
 
 use std::cell::Cell;
+use std::sync::atomic::AtomicU32;
 use std::sync::{Condvar, Mutex};
 use std::time::Duration;
 
 use condor_mbox::conformance;
-use condor_mbox::{
-    Clock, Doorbell, Instant, LoadOrder, LoadStep, MemoryWindow, Processor, StoreOrder, StoreStep,
-    WindowErrorKind,
-};
+use condor_mbox::window::WindowErrorKind;
+use condor_mbox::{Clock, Doorbell, Instant, LoadOrder, MemoryWindow, Processor, StoreOrder};
 
 use crate::memory::{Memory, MemoryError};
 
@@ -86,7 +85,7 @@ impl Doorbell for Virtual {
         self.rings.get()
     }
 
-    fn wait(&self, seen: u32, until: Instant) {
+    fn wait(&self, seen: u32, until: Instant, _: Option<Processor>) {
         let rung = match self.kind {
             Kind::Keeps | Kind::Confused | Kind::Backwards => self.pending.take(),
             Kind::Compares => self.rings.get() != seen,
@@ -148,7 +147,7 @@ impl Doorbell for Bell {
         *self.rings.lock().unwrap()
     }
 
-    fn wait(&self, seen: u32, until: Instant) {
+    fn wait(&self, seen: u32, until: Instant, _: Option<Processor>) {
         let left = Duration::from_nanos(until.ns_since(self.now()));
         let rings = self.rings.lock().unwrap();
         let _rung = self
@@ -182,9 +181,8 @@ enum Fault {
     CopiesBeforeItChecks,
     AcceptsMisaligned,
     WrapsAround,
-    SkipsSteps,
-    ReversesSteps,
-    ChecksNoSteps,
+    HasOtherWords,
+    HasWordsInCaches,
     RefusesNothingReadOnly,
 }
 
@@ -218,21 +216,19 @@ impl MemoryWindow for Faulty {
         self.0.store(offset, value, order)
     }
 
-    fn load_steps(&self, offset: u32, steps: &mut [LoadStep]) -> Result<(), MemoryError> {
-        if self.1 == Fault::ReversesSteps {
-            for step in steps.iter_mut() {
-                step.word = 3 - step.word;
+    fn words(&self) -> Option<&[AtomicU32]> {
+        let words: &'static [AtomicU32] = match self.1 {
+            Fault::HasOtherWords | Fault::HasWordsInCaches => {
+                static OTHERS: [AtomicU32; 16] = [const { AtomicU32::new(5) }; 16];
+                &OTHERS
             }
-        }
-        self.0.load_steps(offset, steps)
+            _ => return None,
+        };
+        Some(words)
     }
 
-    fn store_steps(&self, offset: u32, steps: &[StoreStep]) -> Result<(), MemoryError> {
-        match self.1 {
-            Fault::SkipsSteps => self.0.store_steps(offset, &steps[..1]),
-            Fault::ChecksNoSteps => self.0.store_steps(offset.min(self.size() - 16) & !3, steps),
-            _ => self.0.store_steps(offset, steps),
-        }
+    fn is_coherent(&self) -> bool {
+        self.1 != Fault::HasWordsInCaches
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), MemoryError> {
@@ -277,12 +273,8 @@ fn what_a_wrong_window_breaks_is_named() {
         ),
         (Fault::AcceptsMisaligned, "a misaligned load is refused"),
         (Fault::WrapsAround, "a load outside is refused"),
-        (Fault::SkipsSteps, "a step stores its own word"),
-        (Fault::ReversesSteps, "a step loads its own word"),
-        (
-            Fault::ChecksNoSteps,
-            "steps outside or misaligned are refused",
-        ),
+        (Fault::HasOtherWords, "the words are those of loads"),
+        (Fault::HasWordsInCaches, "words are of coherent memory"),
     ] {
         let failure = conformance::window(&Faulty(Memory::new(64), fault)).unwrap_err();
         assert_eq!(failure.check, check, "{failure}");

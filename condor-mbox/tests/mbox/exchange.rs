@@ -2,9 +2,11 @@
 
 use std::time::Duration;
 
+use condor_mbox::exchange::{ExchangeError, answer};
 use condor_mbox::sim::{Mailbox, SimWindow, System};
 use condor_mbox::{
-    AccessError, Call, Error, Exchange, ExchangeError, Processor, Progress, Region, Vector, answer,
+    AccessError, Call, Error, Exchange, MemoryWindow, Messenger, Places, Processor, Progress,
+    Region, Vector,
 };
 
 const ASKER: Processor = Processor(0);
@@ -38,7 +40,7 @@ fn system() -> (System<2>, Mailbox<'static, 2>) {
         .unwrap();
     server.join().unwrap();
     system.while_waiting(SERVER, move || {
-        server.service(SECOND).unwrap();
+        server.serve(Duration::ZERO).unwrap();
     });
     let mut asker = system.mailbox(ASKER).unwrap();
     asker.join().unwrap();
@@ -50,7 +52,7 @@ fn exchange<'m>(
     offset: usize,
 ) -> Result<PoseExchange<'m>, AccessError> {
     let region = asker.region(ASKER).unwrap();
-    let mut places = region.places();
+    let mut places = Places::new(region.size());
     places.bytes(offset)?;
     Exchange::new(asker, region, &mut places)
 }
@@ -80,7 +82,7 @@ fn a_block_is_in_doubt_until_its_late_reply_came() {
     let stalled = Error::Stalled {
         to: SERVER,
         vector: V,
-        progress: Progress::Waiting,
+        progress: Progress::MayRun,
     };
     assert_eq!(
         exchange.call(SERVER, V, &pose(2), SECOND),

@@ -11,10 +11,10 @@ use proptest::test_runner::TestRunner;
 use crate::scenario;
 
 /// Some twenty seconds of an unoptimised build, unless `PROPTEST_CASES` says otherwise.
-fn config() -> ProptestConfig {
+fn config(share: u32) -> ProptestConfig {
     let default = ProptestConfig::default();
     let chosen = std::env::var_os("PROPTEST_CASES").is_some();
-    let cases = if chosen { default.cases } else { 1_000 };
+    let cases = if chosen { default.cases } else { 1_000 / share };
     ProptestConfig {
         // One alone takes Miri a minute.
         cases: if cfg!(miri) { 1 } else { cases },
@@ -24,11 +24,11 @@ fn config() -> ProptestConfig {
     }
 }
 
-fn explore(run: fn(&[u8]) -> scenario::Tally) {
+fn explore(run: fn(&[u8]) -> scenario::Tally, share: u32) {
     let total = RefCell::new(scenario::Tally::default());
     let longest = if cfg!(miri) { 40 } else { 600 };
     let bytes = prop::collection::vec(any::<u8>(), 0..longest);
-    let outcome = TestRunner::new(config()).run(&bytes, |bytes| {
+    let outcome = TestRunner::new(config(share)).run(&bytes, |bytes| {
         total.borrow_mut().add(run(&bytes));
         Ok(())
     });
@@ -38,10 +38,16 @@ fn explore(run: fn(&[u8]) -> scenario::Tally) {
 
 #[test]
 fn honest_processors_are_not_harmed() {
-    explore(scenario::run);
+    explore(scenario::run, 1);
+}
+
+#[test]
+fn honest_processors_are_not_harmed_behind_caches() {
+    // The simulated caches take most of the time.
+    explore(scenario::run_behind_caches, 4);
 }
 
 #[test]
 fn regions_cells_and_locks_bear_any_words() {
-    explore(scenario::regions::run);
+    explore(scenario::regions::run, 1);
 }

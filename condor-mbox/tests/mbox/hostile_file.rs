@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use condor_mbox::layout::{self, header};
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
-use condor_mbox::{CriticalSection, Mailbox, Processor, Vector};
+use condor_mbox::{CriticalSection, Mailbox, Messenger, Processor, Vector};
 
-type Linux<'v> = Mailbox<'v, LinuxWindow, LinuxDoorbell<3>, CriticalSection, 3>;
+type Linux<'v> = Mailbox<'v, (LinuxWindow, LinuxDoorbell<3>, CriticalSection), 3>;
 
 const HOST: Processor = Processor(0);
 const HOSTILE: Processor = Processor(1);
@@ -47,7 +47,7 @@ impl Noise {
 fn scribble(files: &[File; 2], truncate: bool, noise: &mut Noise) {
     let mail_bytes = layout::mail_bytes(3);
     let offset = match noise.next() % 4 {
-        0 => header::LIFE,
+        0 => header::INCARNATION,
         1 => layout::acknowledged(3, 0) + noise.next() % 128 / 4 * 4,
         _ => noise.next() % mail_bytes / 4 * 4,
     };
@@ -77,8 +77,8 @@ fn round(number: u32) {
     // It joined once, so that the others believe in it.
     let hostile = join(&system, HOSTILE);
     let (host, other) = (join(&system, HOST), join(&system, OTHER));
-    host.service(AMPLE).unwrap();
-    hostile.service(AMPLE).unwrap();
+    host.serve(Duration::ZERO).unwrap();
+    hostile.serve(Duration::ZERO).unwrap();
     let files = ["1.mail", "1.data"].map(|name| {
         let mut options = File::options();
         options
@@ -106,7 +106,7 @@ fn round(number: u32) {
         let caller = scope.spawn(|| {
             let wrong = (0..CALLS).find_map(|data| {
                 // Whatever these give, they give it at once.
-                let _ = host.try_send(HOSTILE, V, data);
+                let _ = host.send(HOSTILE, V, data, Duration::ZERO);
                 let _ = host.peer_state(HOSTILE);
                 calls.store(data, Ordering::Relaxed);
                 let outcome = host.send_with_reply(OTHER, V, data, AMPLE);

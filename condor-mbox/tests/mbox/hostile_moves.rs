@@ -3,10 +3,12 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
+use condor_mbox::exchange::ExchangeError;
 use condor_mbox::layout::{self, SLOTS, entry, header};
 use condor_mbox::sim::{Mailbox, SimWindow, System};
 use condor_mbox::{
-    Clock, Error, Exchange, ExchangeError, LoadOrder, MemoryWindow, Processor, StoreOrder, Vector,
+    Clock, Error, Exchange, LoadOrder, MemoryWindow, Messenger, Places, Processor, StoreOrder,
+    Vector,
 };
 
 const HOST: Processor = Processor(0);
@@ -50,13 +52,13 @@ impl Hostile {
             (header::SLOTS, SLOTS),
             (header::VECTORS, layout::VECTORS as u32),
             (header::DATA_SIZE, data_bytes),
-            (header::LIFE, life),
+            (header::INCARNATION, life),
         ] {
             self.set(offset, word);
         }
         for peer in [HOST, OTHER] {
             let acknowledged = layout::acknowledged(3, u32::from(peer.0));
-            self.set(acknowledged, self.word(peer, header::LIFE));
+            self.set(acknowledged, self.word(peer, header::INCARNATION));
         }
     }
 
@@ -103,7 +105,7 @@ fn attend(system: &System<3>, mailbox: Mailbox<'static, 3>) -> Attended {
         number: mailbox.number(),
     };
     system.while_waiting(mailbox.number(), move || {
-        mailbox.service(SECOND).unwrap();
+        mailbox.serve(Duration::ZERO).unwrap();
     });
     attended
 }
@@ -122,7 +124,7 @@ fn epoch_zero_is_no_epoch() {
     host.join().unwrap();
     // Nobody has joined there, and there is not even a layout.
     Hostile::of(&system).request(HOST, 1, 0, SEND | u32::from(V.0));
-    assert_eq!(host.service(SECOND), Ok(0));
+    assert_eq!(host.serve(Duration::ZERO), Ok(0));
     assert_eq!(RAN.load(Ordering::Relaxed), 0);
 }
 
@@ -132,10 +134,10 @@ fn a_request_to_listen_is_no_message() {
     let host = joined(&system, HOST);
     let hostile = Hostile::of(&system);
     hostile.live(1);
-    host.service(SECOND).unwrap();
-    let epoch = layout::epoch(1, hostile.word(HOST, header::LIFE));
+    host.serve(Duration::ZERO).unwrap();
+    let epoch = layout::epoch(1, hostile.word(HOST, header::INCARNATION));
     hostile.request(HOST, 1, epoch, LISTEN | u32::from(V.0));
-    assert_eq!(host.service(SECOND), Ok(1));
+    assert_eq!(host.serve(Duration::ZERO), Ok(1));
     let statistics = host.vector_statistics(HOST, V).unwrap();
     assert_eq!((statistics.handled, statistics.worst_ns), (0, 0));
 }
@@ -155,10 +157,10 @@ fn listen_ends_by_its_timeout_as_a_whole() {
     let mut host = joined(&system, HOST);
     let hostile = Hostile::of(&system);
     hostile.live(1);
-    host.service(SECOND).unwrap();
+    host.serve(Duration::ZERO).unwrap();
     // Its ring is full, so nothing can even be asked.
     for _ in 0..SLOTS {
-        host.try_send(HOSTILE, V, 0).unwrap();
+        host.send(HOSTILE, V, 0, Duration::ZERO).unwrap();
     }
     // Half of the time later there is room, but nobody admits us.
     let begun = host.doorbell().now();
@@ -182,12 +184,12 @@ fn cleared_memory_does_not_begin_a_life_that_others_hold_for_current() {
     let host = joined(&system, HOST);
     let former = joined(&system, HOSTILE);
     for _ in 0..2 {
-        host.service(SECOND).unwrap();
-        former.service(SECOND).unwrap();
+        host.serve(Duration::ZERO).unwrap();
+        former.serve(Duration::ZERO).unwrap();
     }
     for _ in 0..2 * SLOTS {
-        host.try_send(HOSTILE, V, 0).unwrap();
-        former.service(SECOND).unwrap();
+        host.send(HOSTILE, V, 0, Duration::ZERO).unwrap();
+        former.serve(Duration::ZERO).unwrap();
     }
     drop(former);
     Hostile::of(&system).wipe();
@@ -202,15 +204,15 @@ fn a_life_that_comes_back_finds_nothing_of_its_own() {
     let host = joined(&system, HOST);
     let hostile = Hostile::of(&system);
     hostile.live(7);
-    host.service(SECOND).unwrap();
-    host.try_send(HOSTILE, V, 0).unwrap();
+    host.serve(Duration::ZERO).unwrap();
+    host.send(HOSTILE, V, 0, Duration::ZERO).unwrap();
     hostile.live(9);
-    host.service(SECOND).unwrap();
+    host.serve(Duration::ZERO).unwrap();
     hostile.wipe();
-    hostile.set(header::LAST_LIFE, 6);
+    hostile.set(header::LAST_INCARNATION, 6);
     let honest = joined(&system, HOSTILE);
-    assert_eq!(hostile.word(HOSTILE, header::LIFE), 7);
-    assert_eq!(honest.service(SECOND), Ok(0));
+    assert_eq!(hostile.word(HOSTILE, header::INCARNATION), 7);
+    assert_eq!(honest.serve(Duration::ZERO), Ok(0));
 }
 
 #[test]
@@ -220,12 +222,12 @@ fn a_listener_that_falls_behind_on_purpose_costs_no_reply() {
     let other = joined(&system, OTHER);
     let hostile = Hostile::of(&system);
     hostile.live(1);
-    other.service(SECOND).unwrap();
-    let epoch = layout::epoch(1, hostile.word(OTHER, header::LIFE));
+    other.serve(Duration::ZERO).unwrap();
+    let epoch = layout::epoch(1, hostile.word(OTHER, header::INCARNATION));
     hostile.request(OTHER, 1, epoch, LISTEN);
-    assert_eq!(other.service(SECOND), Ok(1));
+    assert_eq!(other.serve(Duration::ZERO), Ok(1));
     let _attended = attend(&system, other);
-    let lives = [HOST, OTHER].map(|number| hostile.word(number, header::LIFE));
+    let lives = [HOST, OTHER].map(|number| hostile.word(number, header::INCARNATION));
     let listen = layout::listen(u32::from(HOST.0));
     hostile.set(listen, layout::epoch(lives[0], lives[1]));
     for round in 0..30 {
@@ -242,7 +244,7 @@ fn an_exchange_that_was_refused_is_not_in_doubt() {
     let _attended = attend(&system, joined(&system, OTHER));
     let region = host.region(HOST).unwrap();
     let mut exchange =
-        Exchange::<_, _, u32, u32>::new(&host, region, &mut region.places()).unwrap();
+        Exchange::<_, _, u32, u32>::new(&host, region, &mut Places::new(region.size())).unwrap();
     let missing = Vector(3);
     for _ in 0..2 {
         assert_eq!(

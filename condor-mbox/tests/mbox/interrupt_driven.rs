@@ -6,12 +6,11 @@ use std::time::Duration;
 
 use condor_mbox::layout::SLOTS;
 use condor_mbox::sim::{Mailbox, System};
-use condor_mbox::{Call, Doorbell, MAX_DEPTH, Processor, Vector};
+use condor_mbox::{Call, Doorbell, Messenger, Processor, Vector};
 
 const A: Processor = Processor(0);
 const B: Processor = Processor(1);
 const V: Vector = Vector(7);
-const SECOND: Duration = Duration::from_secs(1);
 
 fn pair() -> (Mailbox<'static, 2>, Mailbox<'static, 2>) {
     let system = System::<2>::in_virtual_time(4096);
@@ -20,10 +19,10 @@ fn pair() -> (Mailbox<'static, 2>, Mailbox<'static, 2>) {
     b.set_vector(V, &|_| 0, "nothing").unwrap();
     a.join().unwrap();
     b.join().unwrap();
-    b.service(SECOND).unwrap();
+    b.serve(Duration::ZERO).unwrap();
     // Both have noticed each other, which rings too.
-    a.try_send(B, V, 0).unwrap();
-    assert_eq!(b.service(SECOND), Ok(1));
+    a.send(B, V, 0, Duration::ZERO).unwrap();
+    assert_eq!(b.serve(Duration::ZERO), Ok(1));
     (a, b)
 }
 
@@ -34,13 +33,13 @@ fn rings(mailbox: &Mailbox<'_, 2>) -> u64 {
 #[test]
 fn what_was_sent_before_rings_were_wanted_is_rung_for() {
     let (a, mut b) = pair();
-    a.try_send(B, V, 0).unwrap();
+    a.send(B, V, 0, Duration::ZERO).unwrap();
     let before = rings(&b);
     b.ring_always(true).unwrap();
     assert!(rings(&b) > before);
     b.ring_always(false).unwrap();
     let before = rings(&b);
-    b.service(SECOND).unwrap();
+    b.serve(Duration::ZERO).unwrap();
     assert_eq!(rings(&b), before);
 }
 
@@ -49,17 +48,17 @@ fn what_one_service_leaves_is_rung_for() {
     static FROM: OnceLock<Mailbox<'static, 2>> = OnceLock::new();
     // Whoever serves is sent another message: there is no end.
     fn refill(_: &Call<'_>) -> u32 {
-        u32::from(FROM.get().unwrap().try_send(B, V, 0).is_ok())
+        u32::from(FROM.get().unwrap().send(B, V, 0, Duration::ZERO).is_ok())
     }
     let (a, mut b) = pair();
     b.clear_vector(V).unwrap();
     b.set_vector(V, &refill, "refill").unwrap();
     b.ring_always(true).unwrap();
     let before = rings(&b);
-    a.try_send(B, V, 0).unwrap();
+    a.send(B, V, 0, Duration::ZERO).unwrap();
     assert!(FROM.set(a).is_ok());
-    let most = 2 * SLOTS;
-    assert_eq!(b.service(SECOND), Ok(most as usize));
+    let most = SLOTS;
+    assert_eq!(b.serve(Duration::ZERO), Ok(most as usize));
     // One for each message that was sent, and one for the message that is left.
     assert_eq!(rings(&b), before + u64::from(1 + most) + 1);
 }
@@ -71,9 +70,9 @@ fn what_the_depth_refused_is_rung_for() {
     // An interrupt in each handler, which serves the next request or is refused.
     fn dive(call: &Call<'_>) -> u32 {
         let b = DEEP.get().unwrap();
-        if call.data() < MAX_DEPTH {
-            b.try_send(B, V, call.data() + 1).unwrap();
-            let served = b.service(SECOND).unwrap();
+        if call.data() < Call::MAX_DEPTH {
+            b.send(B, V, call.data() + 1, Duration::ZERO).unwrap();
+            let served = b.serve(Duration::ZERO).unwrap();
             REFUSED.fetch_or(served == 0, Ordering::Relaxed);
         }
         0
@@ -83,11 +82,11 @@ fn what_the_depth_refused_is_rung_for() {
     b.set_vector(V, &dive, "dive").unwrap();
     b.ring_always(true).unwrap();
     let before = rings(&b);
-    b.try_send(B, V, 0).unwrap();
+    b.send(B, V, 0, Duration::ZERO).unwrap();
     assert!(DEEP.set(b).is_ok());
     let b = DEEP.get().unwrap();
-    b.service(SECOND).unwrap();
+    b.serve(Duration::ZERO).unwrap();
     assert!(REFUSED.load(Ordering::Relaxed));
-    let sent = u64::from(MAX_DEPTH) + 1;
+    let sent = u64::from(Call::MAX_DEPTH) + 1;
     assert!(rings(b) > before + sent);
 }

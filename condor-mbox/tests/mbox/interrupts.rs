@@ -14,8 +14,8 @@ use std::time::Duration;
 use condor_mbox::layout::SLOTS;
 use condor_mbox::sim::{Mailbox as SimMailbox, SimDoorbell, SimWindow, SimWindowError, System};
 use condor_mbox::{
-    Call, Error, Exclusion, LoadOrder, Mailbox, MemoryWindow, Processor, StoreOrder, Vector,
-    Waiting, Windows,
+    Call, Error, Exclusion, LoadOrder, Mailbox, MemoryWindow, Messenger, Processor, StoreOrder,
+    Vector, Waiting, Windows,
 };
 
 const A: Processor = Processor(0);
@@ -25,7 +25,7 @@ const ALL: [Processor; 3] = [A, B, C];
 const V: Vector = Vector(5);
 const SECOND: Duration = Duration::from_secs(1);
 
-type Interrupted = Mailbox<'static, Counted, SimDoorbell, Mask, 3>;
+type Interrupted = Mailbox<'static, (Counted, SimDoorbell, Mask), 3>;
 
 /// The interrupt of the processor that this thread plays.
 #[derive(Default)]
@@ -258,9 +258,9 @@ impl World {
     /// Everybody notices everybody, and serves what there is.
     fn settle(&self) {
         for _ in 0..3 {
-            self.a.service(SECOND).unwrap();
-            self.b.get().service(SECOND).unwrap();
-            self.c.service(SECOND).unwrap();
+            self.a.serve(Duration::ZERO).unwrap();
+            self.b.get().serve(Duration::ZERO).unwrap();
+            self.c.serve(Duration::ZERO).unwrap();
         }
     }
 
@@ -270,11 +270,11 @@ impl World {
         self.b.set(start(&self.system, B));
         // Its statistics begin anew.
         JOURNAL.with(|journal| journal.totals[B.index()].clear());
-        self.b.get().service(SECOND).unwrap();
+        self.b.get().serve(Duration::ZERO).unwrap();
     }
 
     fn a_posts(&self, to: Processor) {
-        note(A, to, |data| self.a.try_send(to, V, data));
+        note(A, to, |data| self.a.send(to, V, data, Duration::ZERO));
     }
 
     fn a_sends(&self, to: Processor) {
@@ -290,13 +290,13 @@ impl World {
     /// One ticket that is given up, and one that is answered; a receiver that has not noticed the
     /// mailbox yet answers none.
     fn a_polls(&self, to: Processor) {
-        let begin = || note(A, to, |data| self.a.begin(to, V, data));
+        let begin = || note(A, to, |data| self.a.begin(to, V, data, Duration::ZERO));
         if let Some((data, mut ticket)) = begin() {
             let polled = ticket.poll().unwrap();
             assert!(polled.is_none_or(|reply| reply == answer(to, data)));
         }
         if let Some((data, mut ticket)) = begin() {
-            self.b.get().service(SECOND).unwrap();
+            self.b.get().serve(Duration::ZERO).unwrap();
             assert_eq!(ticket.poll(), Ok(Some(answer(to, data))));
         }
     }
@@ -305,9 +305,12 @@ impl World {
     fn others_post(&self, senders: &[Processor]) {
         for &from in senders {
             let sender = if from == B { self.b.get() } else { self.c };
-            note(from, A, |data| sender.try_send(A, V, data)).unwrap();
-            note(from, A, |data| sender.begin(A, V, data).map(drop)).unwrap();
-            note(from, A, |data| sender.try_send(A, V, data)).unwrap();
+            note(from, A, |data| sender.send(A, V, data, Duration::ZERO)).unwrap();
+            note(from, A, |data| {
+                sender.begin(A, V, data, Duration::ZERO).map(drop)
+            })
+            .unwrap();
+            note(from, A, |data| sender.send(A, V, data, Duration::ZERO)).unwrap();
         }
     }
 
@@ -356,7 +359,8 @@ impl World {
     /// No reply cell was lost: as many calls as ever can be open at once.
     fn open_all(&self, what: &str) {
         for to in ALL {
-            let begin = |_| note(A, to, |data| self.a.begin(to, V, data)).expect(what);
+            let begin =
+                |_| note(A, to, |data| self.a.begin(to, V, data, Duration::ZERO)).expect(what);
             let tickets: Vec<_> = (0..SLOTS).map(begin).collect();
             self.settle();
             for (data, mut ticket) in tickets {
@@ -376,7 +380,7 @@ fn start(system: &System<3>, number: Processor) -> &'static SimMailbox<'static, 
     mailbox.join().unwrap();
     let mailbox = &*Box::leak(Box::new(mailbox));
     system.while_waiting(number, || {
-        mailbox.service(SECOND).unwrap();
+        mailbox.serve(Duration::ZERO).unwrap();
     });
     mailbox
 }
@@ -386,7 +390,7 @@ type Step = fn(&World);
 /// What an interrupt does.
 const ROUTINES: [(&str, Step); 6] = [
     ("service", |world| {
-        world.a.service(SECOND).unwrap();
+        world.a.serve(Duration::ZERO).unwrap();
     }),
     ("posts to B", |world| {
         world.a_posts(B);
@@ -397,7 +401,7 @@ const ROUTINES: [(&str, Step); 6] = [
     ("calls itself", |world| world.a_calls(A)),
     ("everything", |world| {
         world.a_posts(B);
-        world.a.service(SECOND).unwrap();
+        world.a.serve(Duration::ZERO).unwrap();
         world.a_polls(B);
         world.a_posts(A);
         world.a_calls(A);
@@ -479,7 +483,7 @@ fn requests_are_waited_for_and_served() {
 #[test]
 fn requests_are_served() {
     interrupt_everywhere(&[B, C], nothing, |world| {
-        world.a.service(SECOND).unwrap();
+        world.a.serve(Duration::ZERO).unwrap();
     });
 }
 

@@ -9,7 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use condor_mbox::linux::{Mailbox, PollableBell, System};
-use condor_mbox::{Call, CriticalSection, Error, Processor, Vector};
+use condor_mbox::{Call, CriticalSection, Error, Messenger, Processor, Vector};
 use rustix::event::epoll;
 use tokio::net::unix::pipe;
 
@@ -65,7 +65,7 @@ fn serve_by_epoll(flags: epoll::EventFlags) {
         let generous = rustix::event::Timespec::try_from(GENEROUS).unwrap();
         while !*stopped.lock().unwrap() {
             while !bell.try_drain() {}
-            while mailbox.service(GENEROUS).unwrap() > 0 {}
+            while mailbox.serve(Duration::ZERO).unwrap() > 0 {}
             if !*stopped.lock().unwrap() {
                 let buffer = rustix::buffer::spare_capacity(&mut events);
                 let ready = epoll::wait(&poller, buffer, Some(&generous)).unwrap();
@@ -107,15 +107,15 @@ async fn ask_from_a_loop(system: &System<2>, number: Processor) {
     let peer = if number == LOOP { OTHER } else { LOOP };
     for data in 0..MESSAGES {
         let mut ticket = loop {
-            while mailbox.service(GENEROUS).unwrap() > 0 {}
-            match mailbox.begin(peer, DOUBLE, data) {
+            while mailbox.serve(Duration::ZERO).unwrap() > 0 {}
+            match mailbox.begin(peer, DOUBLE, data, Duration::ZERO) {
                 Ok(ticket) => break ticket,
                 Err(Error::NotConnected { .. }) => rung(&bell).await,
                 Err(error) => panic!("{error}"),
             }
         };
         loop {
-            while mailbox.service(GENEROUS).unwrap() > 0 {}
+            while mailbox.serve(Duration::ZERO).unwrap() > 0 {}
             if let Some(reply) = ticket.poll().unwrap() {
                 assert_eq!(reply, data * 2);
                 break;
@@ -126,7 +126,7 @@ async fn ask_from_a_loop(system: &System<2>, number: Processor) {
     // The peer may still ask.
     while mailbox.vector_statistics(number, DOUBLE).unwrap().handled < MESSAGES {
         rung(&bell).await;
-        while mailbox.service(GENEROUS).unwrap() > 0 {}
+        while mailbox.serve(Duration::ZERO).unwrap() > 0 {}
     }
 }
 

@@ -5,9 +5,8 @@ use std::fs::File;
 use std::io::Write;
 
 use condor_mbox::linux::{Access, LinuxWindow, MapError};
-use condor_mbox::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-};
+use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind};
+use condor_mbox::{LoadOrder, MemoryWindow, StoreOrder};
 
 fn file_of(bytes: u64) -> File {
     let file = tempfile::tempfile().expect("a temporary file");

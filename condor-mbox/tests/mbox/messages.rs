@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use condor_mbox::sim::{Mailbox, SimDoorbell, System};
 use condor_mbox::{
-    Call, Clock, CriticalSection, Doorbell, Error, Instant, PeerState, Processor, Progress, Vector,
-    Waiting,
+    Call, Clock, CriticalSection, Doorbell, Error, Instant, Messenger, PeerState, Processor,
+    Progress, Vector, Waiting,
 };
 
 const A: Processor = Processor(0);
@@ -23,7 +23,7 @@ fn attend<const N: usize>(
 ) -> &'static Mailbox<'static, N> {
     let mailbox = &*Box::leak(Box::new(mailbox));
     system.while_waiting(mailbox.number(), || {
-        mailbox.service(SECOND).unwrap();
+        mailbox.serve(Duration::ZERO).unwrap();
     });
     mailbox
 }
@@ -55,7 +55,7 @@ fn a_reply_is_what_the_handler_returned() {
     assert_eq!(
         b.peer_state(A),
         Ok(PeerState::Up {
-            life: 1,
+            incarnation: 1,
             connected: true
         })
     );
@@ -154,7 +154,7 @@ fn errors_carry_their_values() {
         Err(Error::Stalled {
             to: B,
             vector,
-            progress: Progress::Waiting
+            progress: Progress::MayRun
         })
     );
     system.stall(B, false);
@@ -165,7 +165,7 @@ fn errors_carry_their_values() {
         a.send_with_reply(B, V, 1, SECOND),
         Err(Error::PeerDied {
             to: B,
-            progress: Progress::Waiting
+            progress: Progress::Never
         })
     );
     let mut again = system.mailbox(B).unwrap();
@@ -178,19 +178,22 @@ fn errors_carry_their_values() {
 #[test]
 fn tickets_are_polled_and_late_replies_dropped() {
     let (_system, a, b) = pair_of::<2>();
-    b.service(SECOND).unwrap();
-    let mut ticket = a.begin(B, V, 4).unwrap();
+    b.serve(Duration::ZERO).unwrap();
+    let mut ticket = a.begin(B, V, 4, Duration::ZERO).unwrap();
     assert_eq!(ticket.poll(), Ok(None));
-    assert_eq!(b.service(SECOND), Ok(1));
+    assert_eq!(b.serve(Duration::ZERO), Ok(1));
     assert_eq!(ticket.poll(), Ok(Some(8)));
     // Abandoned calls keep their slots until the reply comes.
     for _ in 0..8 {
-        drop(a.begin(B, V, 1).unwrap());
+        drop(a.begin(B, V, 1, Duration::ZERO).unwrap());
     }
-    assert_eq!(a.begin(B, V, 1).map(drop), Err(Error::NoSlot { to: B }));
-    assert_eq!(b.service(SECOND), Ok(8));
+    assert_eq!(
+        a.begin(B, V, 1, Duration::ZERO).map(drop),
+        Err(Error::NoSlot { to: B })
+    );
+    assert_eq!(b.serve(Duration::ZERO), Ok(8));
     for _ in 0..8 {
-        drop(a.begin(B, V, 1).unwrap());
+        drop(a.begin(B, V, 1, Duration::ZERO).unwrap());
     }
 }
 
@@ -215,7 +218,7 @@ fn a_listener_gets_each_message_and_the_holder_replies() {
     for data in 0..50 {
         assert_eq!(a.send_with_reply(B, V, data, SECOND), Ok(data * 2));
     }
-    c.service(SECOND).unwrap();
+    c.serve(Duration::ZERO).unwrap();
     assert_eq!(
         *HEARD.lock().unwrap(),
         (0..50).map(|data| (A, B, data)).collect::<Vec<_>>()
@@ -231,13 +234,16 @@ fn what_was_sent_before_leaving_arrives() {
     }
     let (_system, mut a, mut b) = pair_of::<2>();
     b.set_vector(Vector(1), &note, "note").unwrap();
-    b.service(SECOND).unwrap();
+    b.serve(Duration::ZERO).unwrap();
     a.send(B, Vector(1), 1, SECOND).unwrap();
     a.send(B, Vector(1), 20, SECOND).unwrap();
     a.leave().unwrap();
     // The sender is gone, and the receiver has noticed by trying to send to it.
-    assert_eq!(b.try_send(A, V, 0), Err(Error::NotConnected { to: A }));
-    assert_eq!(b.service(SECOND), Ok(2));
+    assert_eq!(
+        b.send(A, V, 0, Duration::ZERO),
+        Err(Error::NotConnected { to: A })
+    );
+    assert_eq!(b.serve(Duration::ZERO), Ok(2));
     assert_eq!(SEEN.load(Ordering::Relaxed), 21);
 }
 
@@ -268,8 +274,8 @@ impl<F: Fn()> Doorbell for AtReading<F> {
         self.bell.prepare()
     }
 
-    fn wait(&self, seen: u64, until: Instant) {
-        self.bell.wait(seen, until);
+    fn wait(&self, seen: u64, until: Instant, whom: Option<Processor>) {
+        self.bell.wait(seen, until, whom);
     }
 }
 
@@ -288,16 +294,18 @@ fn a_sleeper_serves_everything_before_it_sleeps() {
             bell: system.doorbell(A),
             left: Cell::new(0),
             // Nobody is rung for these: A does not sleep yet.
-            happens: || (0..5).for_each(|_| c.try_send(A, V, 0).unwrap()),
+            happens: || (0..5).for_each(|_| c.send(A, V, 0, Duration::ZERO).unwrap()),
         };
-        let mut a = condor_mbox::Mailbox::new(A, system.windows(A), bell, CriticalSection).unwrap();
+        let mut a =
+            condor_mbox::Mailbox::<(_, _, _), 3>::new(A, system.windows(A), bell, CriticalSection)
+                .unwrap();
         a.set_waiting(Waiting::Sleep);
         a.set_vector(V, &count, "count").unwrap();
         a.join().unwrap();
         for mailbox in [&b, &c] {
-            mailbox.service(SECOND).unwrap();
+            mailbox.serve(Duration::ZERO).unwrap();
         }
-        a.service(SECOND).unwrap();
+        a.serve(Duration::ZERO).unwrap();
         a.doorbell().left.set(reading);
         // This wait is shorter than the naps of a sleeper.
         let short = Duration::from_micros(100);

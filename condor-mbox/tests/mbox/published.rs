@@ -2,7 +2,9 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use condor_mbox::{AccessError, Published, ReadError, Region, WindowErrorKind};
+use condor_mbox::published::ReadError;
+use condor_mbox::window::WindowErrorKind;
+use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use proptest::prelude::*;
 
 use crate::memory::{Memory, Mortal};
@@ -117,7 +119,7 @@ fn a_cell_outside_its_window_is_refused() {
 fn cells_lie_side_by_side() {
     let memory = Memory::new(256);
     let ram = Region::users(&memory).unwrap();
-    let mut places = ram.places();
+    let mut places = Places::new(ram.size());
     let first: Published<u64> = places.published().unwrap();
     let second: Published<[u32; 40]> = places.published().unwrap();
     let mut one = first.publisher(&ram).unwrap();

@@ -1,7 +1,8 @@
 //! A region is a window of its own that reaches nothing else.
 
 use condor_mbox::layout::{BELL_BYTES, LINE};
-use condor_mbox::{AccessError, MemoryWindow, Place, Places, Region, WindowErrorKind};
+use condor_mbox::window::WindowErrorKind;
+use condor_mbox::{AccessError, MemoryWindow, Place, Places, Region};
 use proptest::prelude::*;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -47,7 +48,7 @@ fn the_line_of_the_doorbell_is_not_the_users() {
 fn an_offset_from_a_message_reaches_the_same_value() {
     let memory = Memory::new(64);
     let ram = Region::users(&memory).unwrap();
-    let mut places = ram.places();
+    let mut places = Places::new(ram.size());
     places.bytes(1).unwrap();
     let place = places.place::<Sample>().unwrap();
     ram.set(place, &SAMPLE).unwrap();
@@ -115,7 +116,7 @@ fn places_are_the_same_at_compile_time() {
     }
     const FIRST: Place<Sample> = first(Places::new(128));
     let memory = Memory::new(32);
-    assert_eq!(Region::whole(&memory).places().place().ok(), Some(FIRST));
+    assert_eq!(Places::new(memory.size()).place().ok(), Some(FIRST));
 }
 
 #[test]

@@ -4,17 +4,17 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
 
+use condor_mbox::error::ProtocolWord;
 use condor_mbox::layout::{self, JOINING, header};
 use condor_mbox::sim::{SimWindow, SimWindowError, System};
 use condor_mbox::{
-    Call, CriticalSection, Error, LoadOrder, Mailbox, MemoryWindow, Processor, ProtocolWord,
+    Call, CriticalSection, Error, LoadOrder, Mailbox, MemoryWindow, Messenger, Processor,
     StoreOrder, Vector, Windows,
 };
 
 const A: Processor = Processor(0);
 const B: Processor = Processor(1);
 const V: Vector = Vector(12);
-const SECOND: Duration = Duration::from_secs(1);
 /// Where `B` counts what it took from `A`.
 const TAKEN: u32 = layout::taken(2, 0);
 
@@ -69,27 +69,28 @@ fn send_while(before_taken: &'static [(u32, u32)]) -> Result<(), Error> {
         mail: raced(mail),
         data: raced(data),
     });
-    let mut a = Mailbox::new(A, windows, system.doorbell(A), CriticalSection).unwrap();
+    let bell = system.doorbell(A);
+    let mut a = Mailbox::<(_, _, _), 2>::new(A, windows, bell, CriticalSection).unwrap();
     let mut b = system.mailbox(B).unwrap();
     b.set_vector(V, &ignore, "ignores").unwrap();
     a.join().unwrap();
     b.join().unwrap();
-    b.service(SECOND).unwrap();
+    b.serve(Duration::ZERO).unwrap();
     // So many that a count of zero is further behind than a ring is long.
     for _ in 0..2 {
         for data in 0..layout::SLOTS {
-            a.try_send(B, V, data).unwrap();
+            a.send(B, V, data, Duration::ZERO).unwrap();
         }
-        b.service(SECOND).unwrap();
+        b.serve(Duration::ZERO).unwrap();
     }
     writes.set(before_taken);
-    a.try_send(B, V, 0)
+    a.send(B, V, 0, Duration::ZERO)
 }
 
 #[test]
 fn a_count_that_a_new_life_set_back_is_no_broken_protocol() {
     assert_eq!(
-        send_while(&[(header::LIFE, JOINING), (TAKEN, 0)]),
+        send_while(&[(header::INCARNATION, JOINING), (TAKEN, 0)]),
         Err(Error::NotConnected { to: B })
     );
 }

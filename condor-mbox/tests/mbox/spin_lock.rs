@@ -5,10 +5,12 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-use condor_mbox::{
-    Bakery, Clock, Exclusion, HardwareSemaphore, Instant, Lives, LockError, MemoryWindow,
-    NativeSwap, Owner, Processor, Region, SemaphoreSwap, SpinLock, TestAndSet, WindowErrorKind,
+use condor_mbox::spin_lock::{
+    Bakery, HardwareSemaphore, Incarnations, LockError, NativeSwap, Owner, SemaphoreSwap,
+    TestAndSet,
 };
+use condor_mbox::window::WindowErrorKind;
+use condor_mbox::{Clock, Exclusion, Instant, MemoryWindow, Processor, Region, SpinLock};
 
 use crate::memory::{Memory, Mortal};
 
@@ -17,7 +19,13 @@ const PROCESSORS: u8 = 4;
 const LEFT: u32 = 0;
 const RIGHT: u32 = 4;
 const LOCK: u32 = 8;
-const WORDS: usize = 2 + 10;
+
+/// Where the entry of processor `number` in a bakery begins.
+const fn entry(number: u32) -> u32 {
+    LOCK + 64 * (1 + number)
+}
+
+const WORDS: usize = 2 + Bakery::bytes(PROCESSORS) / 4;
 
 /// What all forms of the lock share besides the memory.
 #[derive(Default)]
@@ -76,7 +84,7 @@ fn owner(processor: u8, life: u32) -> Owner {
 /// Everybody lives but these.
 struct Except<'a>(&'a [Owner]);
 
-impl Lives for Except<'_> {
+impl Incarnations for Except<'_> {
     fn is_current(&self, owner: Owner) -> bool {
         !self.0.contains(&owner)
     }
@@ -331,10 +339,10 @@ fn tickets_of_the_dead_and_of_garbage_do_not_count() {
     let (memory, board) = (Memory::new(WORDS), Board::default());
     let region = Region::whole(&memory);
     // Entries of processors 1 and 2, with the largest ticket and one that is being drawn.
-    region.set_word(LOCK + 8 + 8, u32::MAX).unwrap();
-    region.set_word(LOCK + 8 + 12, u32::MAX).unwrap();
-    region.set_word(LOCK + 8 + 16, 0x0C00_0001).unwrap();
-    region.set_word(LOCK + 8 + 20, 0).unwrap();
+    region.set_word(entry(1), u32::MAX).unwrap();
+    region.set_word(entry(1) + 4, u32::MAX).unwrap();
+    region.set_word(entry(2), 0x0C00_0001).unwrap();
+    region.set_word(entry(2) + 4, 0).unwrap();
     let window = Mortal::new(&memory, u32::MAX);
     let me = owner(0, 1);
     let lock = bakery(&window, &board, me);
@@ -347,7 +355,7 @@ fn tickets_of_the_dead_and_of_garbage_do_not_count() {
         }
     );
     // With the largest ticket of all, nobody can be put behind it: the lock is busy.
-    region.set_word(LOCK + 8 + 20, u32::MAX).unwrap();
+    region.set_word(entry(2) + 4, u32::MAX).unwrap();
     assert!(matches!(
         lock.try_lock(me, &EVERYBODY),
         Err(LockError::Busy { .. })
@@ -399,13 +407,13 @@ fn an_owner_is_a_processor_in_a_life() {
         for number in [0, 1, 31] {
             let owner = owner(number, life);
             assert_eq!(owner.processor(), Some(Processor(number)));
-            assert!(owner.is_life(life));
-            assert!(owner.is_life(life.wrapping_add(1 << 26)));
-            assert!(!owner.is_life(life.wrapping_add(1)));
+            assert!(owner.is_incarnation(life));
+            assert!(owner.is_incarnation(life.wrapping_add(1 << 26)));
+            assert!(!owner.is_incarnation(life.wrapping_add(1)));
         }
     }
     assert!(Owner::new(Processor(32), 1).is_err());
-    assert_eq!(owner(3, 7).to_string(), "processor 3 in life 7");
+    assert_eq!(owner(3, 7).to_string(), "processor 3 in incarnation 7");
 }
 
 /// Every thread changes the words as often as the others, on try and in a queue.

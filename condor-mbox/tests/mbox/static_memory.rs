@@ -1,8 +1,7 @@
 //! Static memory, by its name and at an address that is given.
 
-use condor_mbox::{
-    LoadOrder, MemoryWindow, StaticMemory, StaticWindow, StoreOrder, WindowErrorKind,
-};
+use condor_mbox::window::WindowErrorKind;
+use condor_mbox::{LoadOrder, MemoryWindow, StaticMemory, StaticWindow, StoreOrder};
 
 static MEMORY: StaticMemory<64> = StaticMemory::new();
 

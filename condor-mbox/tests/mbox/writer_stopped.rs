@@ -16,9 +16,10 @@ use std::time::Duration;
 
 use condor_mbox::layout::{self, SLOTS};
 use condor_mbox::sim::{Mailbox as SimMailbox, SimDoorbell, SimWindow, System};
+use condor_mbox::window::{WindowError, WindowErrorKind};
 use condor_mbox::{
-    Call, CriticalSection, Error, LoadOrder, Mailbox, MemoryWindow, PeerState, Processor,
-    StoreOrder, Ticket, Vector, Waiting, WindowError, WindowErrorKind, Windows,
+    Call, CriticalSection, Error, LoadOrder, Mailbox, MemoryWindow, Messenger, PeerState,
+    Processor, StoreOrder, Ticket, Vector, Waiting, Windows,
 };
 
 /// The processor that stops.
@@ -29,7 +30,7 @@ const VECTORS: u32 = 3;
 /// In virtual time; a waiter asks several times meanwhile whether its peer lives.
 const PATIENCE: Duration = Duration::from_millis(2);
 
-type Mortal = Mailbox<'static, MortalWindow, SimDoorbell, CriticalSection, 2>;
+type Mortal = Mailbox<'static, (MortalWindow, SimDoorbell, CriticalSection), 2>;
 type Survivor = &'static SimMailbox<'static, 2>;
 
 /// How many stores a program still lives for.
@@ -137,7 +138,7 @@ const FORMER: u32 = 2;
 const NEXT: u32 = 3;
 
 fn set_vectors<W: MemoryWindow>(
-    mailbox: &mut Mailbox<'static, W, SimDoorbell, CriticalSection, 2>,
+    mailbox: &mut Mailbox<'static, (W, SimDoorbell, CriticalSection), 2>,
     generation: u32,
 ) -> Result<(), Error> {
     for vector in 0..VECTORS {
@@ -159,7 +160,7 @@ fn start(system: &System<2>, number: Processor, generation: u32) -> Survivor {
     mailbox.join().unwrap();
     let mailbox = &*Box::leak(Box::new(mailbox));
     system.while_waiting(number, || {
-        mailbox.service(PATIENCE).unwrap();
+        mailbox.serve(Duration::ZERO).unwrap();
     });
     mailbox
 }
@@ -198,7 +199,7 @@ struct World {
 }
 
 /// A call of the survivor to the program that stops.
-type Open = (u32, Ticket<'static, SimMailbox<'static, 2>>);
+type Open = (u32, Ticket<'static>);
 
 impl World {
     fn new(case: Case) -> Self {
@@ -221,11 +222,11 @@ impl World {
             let (vector, data) = message(number);
             a.send(B, vector, data, PATIENCE).unwrap();
             self.b.send(A, vector, data, PATIENCE).unwrap();
-            self.b.service(PATIENCE).unwrap();
-            a.service(PATIENCE).unwrap();
+            self.b.serve(Duration::ZERO).unwrap();
+            a.serve(Duration::ZERO).unwrap();
         }
-        self.b.service(PATIENCE).unwrap();
-        a.service(PATIENCE).unwrap();
+        self.b.serve(Duration::ZERO).unwrap();
+        a.serve(Duration::ZERO).unwrap();
         HANDLED.take();
         a
     }
@@ -236,7 +237,7 @@ impl World {
 
     fn begins(&self, number: u32) -> Open {
         let (vector, data) = message(number);
-        (data, self.b.begin(A, vector, data).unwrap())
+        (data, self.b.begin(A, vector, data, Duration::ZERO).unwrap())
     }
 
     /// The survivor calls a program that has stopped.
@@ -280,7 +281,7 @@ impl World {
         }
         self.system.stall(A, true);
         if case.serves_between {
-            self.b.service(PATIENCE).unwrap();
+            self.b.serve(Duration::ZERO).unwrap();
             self.calls_in_vain();
         }
         let before = handled();
@@ -302,7 +303,7 @@ impl World {
         }
         self.call_both_ways(a);
         let tickets: Vec<_> = (0..SLOTS).map(|number| self.begins(110 + number)).collect();
-        a.service(PATIENCE).unwrap();
+        a.serve(Duration::ZERO).unwrap();
         for (data, mut ticket) in tickets {
             assert_eq!(ticket.poll(), Ok(Some(answer(NEXT, data))), "{case:?}");
         }
@@ -343,7 +344,7 @@ fn a_sender_stops() {
         for number in 50..54 {
             let (vector, data) = message(number);
             // From the stop on everything is an error.
-            let _ = a.try_send(B, vector, data);
+            let _ = a.send(B, vector, data, Duration::ZERO);
         }
         Vec::new()
     });
@@ -369,7 +370,7 @@ fn a_server_stops() {
         let a = world.joined();
         world.stop_soon();
         let open = (50..54).map(|number| world.begins(number)).collect();
-        let _ = a.service(PATIENCE);
+        let _ = a.serve(Duration::ZERO);
         open
     });
 }
@@ -381,7 +382,7 @@ fn a_server_stops_while_a_call_waits_for_it() {
         let (system, known) = (world.system.clone(), world.case.known);
         let stores = Arc::clone(&world.stores);
         world.system.while_waiting(A, move || {
-            let _ = a.service(PATIENCE);
+            let _ = a.serve(Duration::ZERO);
             if known && stores.stopped() {
                 system.kill(A);
             }
@@ -415,7 +416,7 @@ fn a_joiner_stops_after_a_former_life() {
         let former = world.joined();
         for number in 50..53 {
             let (vector, data) = message(number);
-            drop(former.begin(B, vector, data).unwrap());
+            drop(former.begin(B, vector, data, Duration::ZERO).unwrap());
         }
         let open = (40..43).map(|number| world.begins(number)).collect();
         // Its memory is as it is; nothing is left.
@@ -431,7 +432,7 @@ fn a_leaver_stops() {
     stop_everywhere(|world| {
         let mut a = world.joined();
         let (vector, data) = message(50);
-        a.try_send(B, vector, data).unwrap();
+        a.send(B, vector, data, Duration::ZERO).unwrap();
         let open = vec![world.begins(51)];
         world.stop_soon();
         let _ = a.leave();

@@ -41,7 +41,7 @@ fn wait_for(claim: &Claim<2>, owner: usize, value: u32) {
             return;
         }
         assert!(bell.now() < until, "the ring for {value} was lost");
-        bell.wait(seen, until);
+        bell.wait(seen, until, None);
     }
 }
 
@@ -95,7 +95,7 @@ fn a_ring_after_prepare_ends_the_wait() {
     let bell = first.doorbell();
     let seen = bell.prepare();
     bell.ring(FIRST);
-    bell.wait(seen, Instant::FOREVER);
+    bell.wait(seen, Instant::FOREVER, None);
     assert_ne!(bell.prepare(), seen);
 }
 
@@ -106,9 +106,9 @@ fn a_wait_ends_at_its_deadline() {
     let bell = first.doorbell();
     let until = bell.now().after(Duration::from_millis(2));
     while bell.now() < until {
-        bell.wait(bell.prepare(), until);
+        bell.wait(bell.prepare(), until, None);
     }
-    bell.wait(bell.prepare(), Instant::from_ns(0));
+    bell.wait(bell.prepare(), Instant::from_ns(0), None);
     bell.ring(Processor(2));
     bell.ring(Processor(255));
 }
@@ -229,7 +229,7 @@ fn scribbles_and_truncation_hurt_nobody() {
             .expect("it is inside");
     }
     first.doorbell().ring(SECOND);
-    bell.wait(u32::MAX, bell.now().after(GENEROUS));
+    bell.wait(u32::MAX, bell.now().after(GENEROUS), None);
     let file = std::fs::File::options()
         .write(true)
         .open(path.join("1.data"))
@@ -238,7 +238,7 @@ fn scribbles_and_truncation_hurt_nobody() {
     first.doorbell().ring(SECOND);
     let until = bell.now().after(Duration::from_millis(2));
     while bell.now() < until {
-        bell.wait(bell.prepare(), until);
+        bell.wait(bell.prepare(), until, None);
     }
     let _ = bell.pollable();
     assert!(

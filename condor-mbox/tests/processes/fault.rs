@@ -8,9 +8,8 @@ use std::thread;
 
 use crate::linux_child::{Actor, part, say, wait_for_parent};
 use condor_mbox::linux::{Access, LinuxWindow};
-use condor_mbox::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-};
+use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind};
+use condor_mbox::{LoadOrder, MemoryWindow, StoreOrder};
 
 const BYTES: u32 = 4 * 65536;
 

@@ -5,6 +5,7 @@
 #![cfg(not(condor_loom))]
 
 mod doorbell;
+mod examples;
 mod fault;
 mod linux_child;
 mod other_end;

@@ -6,7 +6,7 @@ use std::process::{Child, Command};
 use std::time::Duration;
 
 use condor_mbox::linux::{Mailbox, System};
-use condor_mbox::{Call, Clock, CriticalSection, Error, PeerState, Processor, Vector};
+use condor_mbox::{Call, Clock, CriticalSection, Error, Messenger, PeerState, Processor, Vector};
 
 const ME: Processor = Processor(0);
 const C: Processor = Processor(1);
@@ -68,11 +68,15 @@ fn an_end_in_c_calls_and_is_called_and_restarts() {
 
     let mut other_end = compiled(directory.path());
     other_end.arg(&place);
-    for life in 1..=3 {
+    for incarnation in 1..=3 {
         let mut process = Process(other_end.spawn().unwrap());
         serve_until(&mailbox, "it joins", |state| {
             let connected = true;
-            state == PeerState::Up { life, connected }
+            state
+                == PeerState::Up {
+                    incarnation,
+                    connected,
+                }
         });
         for data in 0..100 {
             mailbox.send(C, DOUBLE, data, GENEROUS).unwrap();
@@ -91,7 +95,7 @@ fn an_end_in_c_calls_and_is_called_and_restarts() {
         );
         let statistics = mailbox.vector_statistics(C, DOUBLE).unwrap();
         assert_eq!(statistics.name(), "twce");
-        if life == 2 {
+        if incarnation == 2 {
             process.0.kill().unwrap();
             process.0.wait().unwrap();
             let error = mailbox.send_with_reply(C, DOUBLE, 0, GENEROUS).unwrap_err();

@@ -105,11 +105,11 @@ fn claimants_share_their_memory() {
         assert_eq!(own.mail.size(), mail_bytes(2));
         assert_eq!(peer.data.size(), BELL_BYTES + USER_BYTES);
         own.mail
-            .store(header::LIFE, 9, StoreOrder::Release)
+            .store(header::INCARNATION, 9, StoreOrder::Release)
             .expect("it is our own");
         let seen = second.windows()[0]
             .mail
-            .load(header::LIFE, LoadOrder::Acquire);
+            .load(header::INCARNATION, LoadOrder::Acquire);
         assert_eq!(seen.expect("it is inside"), 9);
     }
 }
@@ -528,7 +528,7 @@ fn windows_lie_in_the_memory() {
         store(&second, 0, 16, 0x1234_5678);
         store(&first, 1, 20, 0x9abc_def0);
         let mail = &second.windows()[1].mail;
-        mail.store(header::LAST_LIFE, 77, StoreOrder::Release)
+        mail.store(header::LAST_INCARNATION, 77, StoreOrder::Release)
             .expect("it is our own");
         let bytes = fs::read(kept.path().join("ram")).expect("it can be read");
         let word = |at: u64| {
@@ -540,7 +540,7 @@ fn windows_lie_in_the_memory() {
         assert_eq!(word(users + 16), 0x1234_5678);
         assert_eq!(word(users + memory.data.stride + 20), 0x9abc_def0);
         let second_mail = memory.mail.offset + memory.mail.stride;
-        assert_eq!(word(second_mail + u64::from(header::LAST_LIFE)), 77);
+        assert_eq!(word(second_mail + u64::from(header::LAST_INCARNATION)), 77);
         let process = word(memory.mail.offset + u64::from(header::PROCESS_ID));
         assert_eq!(process, std::process::id());
         let mut files: Vec<_> = fs::read_dir(kept.path().join("system"))

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use condor_mbox::linux::{Mailbox, System};
-use condor_mbox::{Call, CriticalSection, Region};
+use condor_mbox::linux::System;
+use condor_mbox::{Call, CriticalSection, Messenger, Region};
 use condor_tty::{Policy, PolicyKind, Settings, Terminal, Vectors};
 use embedded_io::Write;
 
@@ -17,9 +17,9 @@ const LOOK: Duration = Duration::from_millis(1);
 const REST: Duration = Duration::from_micros(20);
 
 pub(crate) fn play(policy: PolicyKind, mut random: Random) -> Result<(), AnyError> {
-    let (windows, doorbell) = System::<N>::inherited()?.claim(HAND)?.into_parts();
-    let ram = Region::users(windows[HAND.index()].data.clone())?;
-    let mut places = ram.places();
+    let mut claim = System::<N>::inherited()?.claim(HAND)?;
+    let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
+    let mut places = claim.places()?;
     let terminal = Terminal::<_, _, 16>::new(ram.clone(), &mut places, CAPACITY, CriticalSection)?;
     if places.bytes(board::BYTES as usize)? != board::AT {
         return Err("the board is not where it is looked for".into());
@@ -32,7 +32,7 @@ pub(crate) fn play(policy: PolicyKind, mut random: Random) -> Result<(), AnyErro
         PolicyKind::DropOld => Policy::DropOld,
     })?;
     let receive = |call: &Call<'_>| terminal.receive(call);
-    let mut mailbox = Mailbox::<N>::new(HAND, windows, doorbell, CriticalSection)?;
+    let mut mailbox = claim.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
     mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
     mailbox.join()?;

@@ -5,8 +5,8 @@ use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 use std::time::Duration;
 
-use condor_mbox::linux::{Mailbox, System};
-use condor_mbox::{CriticalSection, Region};
+use condor_mbox::linux::System;
+use condor_mbox::{Messenger, Region};
 use condor_tty::linux::{Host, HostError, Sink};
 use condor_tty::{ReaderError, Vectors};
 
@@ -48,9 +48,9 @@ impl Sink for Journal {
 }
 
 pub(crate) fn play(journal: &Path) -> Result<(), AnyError> {
-    let (windows, doorbell) = System::<N>::inherited()?.claim(HOST)?.into_parts();
-    let ram = Region::users(windows[HAND.index()].data.clone())?;
-    let mut mailbox = Mailbox::<N>::new(HOST, windows, doorbell, CriticalSection)?;
+    let claim = System::<N>::inherited()?.claim(HOST)?;
+    let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
+    let mut mailbox = claim.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
     let mut tty = loop {

@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 use std::io;
+use std::time::Duration;
 
 use condor_mbox::{
-    AccessError, Error as MailboxError, MemoryWindow, Message, Messenger, Pending, Processor,
-    Region,
+    AccessError, Error as MailboxError, MemoryWindow, Messenger, Pending, Processor, Region,
 };
 
 use super::sink::Sink;
@@ -171,7 +171,7 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
     /// [`ReaderError::Displaced`] if another host has attached; [`ReaderError::Broken`],
     /// [`ReaderError::Access`]; [`HostError::Sink`]; [`HostError::Mailbox`] if this mailbox has not
     /// joined or its memory is gone. Nothing is lost by them.
-    pub fn serve<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> Result<Served, HostError> {
+    pub fn serve(&mut self, mailbox: &dyn Messenger) -> Result<Served, HostError> {
         let mut served = Served::default();
         match self.serve_output(mailbox, &mut served) {
             Err(HostError::Reader(ReaderError::Restarted { .. })) => self.attach_again()?,
@@ -199,9 +199,9 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
         }
     }
 
-    fn serve_output<M: Messenger + ?Sized>(
+    fn serve_output(
         &mut self,
-        mailbox: &M,
+        mailbox: &dyn Messenger,
         served: &mut Served,
     ) -> Result<(), HostError> {
         for _ in 0..LOOKS {
@@ -239,29 +239,22 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
         Ok(fetched.len > 0 || fetched.skipped > 0)
     }
 
-    fn acknowledge<M: Messenger + ?Sized>(
-        &mut self,
-        mailbox: &M,
-        taken: usize,
-    ) -> Result<(), HostError> {
+    fn acknowledge(&mut self, mailbox: &dyn Messenger, taken: usize) -> Result<(), HostError> {
         if self.reader.acknowledge(taken)? && taken > 0 {
             // If it cannot be sent, the processor looks by itself a little later.
-            let _ = mailbox.post(Message {
-                to: self.to,
-                vector: self.vectors.room,
-                data: self.reader.offset(),
-            });
+            let offset = self.reader.offset();
+            let _ = mailbox.send(self.to, self.vectors.room, offset, Duration::ZERO);
         }
         Ok(())
     }
 
-    fn serve_input<M: Messenger + ?Sized>(
+    fn serve_input(
         &mut self,
-        mailbox: &M,
+        mailbox: &dyn Messenger,
         served: &mut Served,
     ) -> Result<(), HostError> {
         if let Some(sent) = self.sent.take() {
-            match mailbox.look(&sent.pending) {
+            match mailbox.poll_pending(&sent.pending) {
                 Ok(None) => {
                     self.sent = Some(sent);
                     return Ok(());
@@ -300,23 +293,21 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
     }
 
     /// Waits, over several calls, for what a former host had under way; says whether that is over.
-    fn settle<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> Result<bool, HostError> {
+    fn settle(&mut self, mailbox: &dyn Messenger) -> Result<bool, HostError> {
         match core::mem::replace(&mut self.settled, Settled::No) {
             Settled::Yes => {}
             Settled::No => {
-                let message = Message {
-                    to: self.to,
-                    vector: self.vectors.room,
-                    data: self.reader.offset(),
-                };
-                match mailbox.open(message) {
-                    Ok(pending) => self.settled = Settled::Asked(pending),
+                let offset = self.reader.offset();
+                match mailbox.begin(self.to, self.vectors.room, offset, Duration::ZERO) {
+                    Ok(ticket) => {
+                        self.settled = ticket.detach().map_or(Settled::No, Settled::Asked);
+                    }
                     Err(error) => fatal(error, self.me)?,
                 }
                 return Ok(false);
             }
             Settled::Asked(pending) => {
-                let settled = match mailbox.look(&pending) {
+                let settled = match mailbox.poll_pending(&pending) {
                     Ok(None) => {
                         self.settled = Settled::Asked(pending);
                         return Ok(false);
@@ -349,7 +340,7 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
     }
 
     /// Sends the next character, if it can be sent now.
-    fn send_next<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> Result<(), HostError> {
+    fn send_next(&mut self, mailbox: &dyn Messenger) -> Result<(), HostError> {
         let Some(&character) = self.typed.front() else {
             return Ok(());
         };
@@ -358,15 +349,11 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
             // The processor sends a message when its program has read.
             return Ok(());
         }
-        let message = Message {
-            to: self.to,
-            vector: self.vectors.input,
-            data: input_data(self.reader.offset(), character),
-        };
-        match mailbox.open(message) {
-            Ok(pending) => {
+        let data = input_data(self.reader.offset(), character);
+        match mailbox.begin(self.to, self.vectors.input, data, Duration::ZERO) {
+            Ok(ticket) => {
                 self.typed.pop_front();
-                self.sent = Some(Sent {
+                self.sent = ticket.detach().map(|pending| Sent {
                     character,
                     pending,
                     keep: true,

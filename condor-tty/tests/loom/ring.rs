@@ -2,7 +2,7 @@
 //! copies, and on the wait for room.
 
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{Exclusion, LoadOrder, MemoryWindow, Processor, Region};
+use condor_mbox::{Exclusion, LoadOrder, MemoryWindow, Places, Processor, Region};
 use condor_tty::{Accepted, Policy, Reader, Settings, Terminal};
 use loom::sync::{Arc, Mutex};
 use loom::thread;
@@ -22,7 +22,8 @@ type Hand = Terminal<SimWindow, Section, 4>;
 fn hand(policy: Policy) -> (Region<SimWindow>, Arc<Hand>) {
     let region = Region::whole(SimWindow::new(192));
     let section = Section(Mutex::new(()));
-    let terminal = Terminal::new(region.clone(), &mut region.places(), 8, section).unwrap();
+    let terminal =
+        Terminal::new(region.clone(), &mut Places::new(region.size()), 8, section).unwrap();
     let echo = true;
     terminal
         .configure(&Settings {

@@ -2,7 +2,7 @@
 
 use crate::support::{Board, HOST};
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{Region, SingleContext};
+use condor_mbox::{MemoryWindow, Places, Region, SingleContext};
 use condor_tty::{Accepted, ConsoleError, Reader, Settings, Terminal};
 use embedded_io::{BufRead, Read, ReadReady, Write};
 
@@ -11,7 +11,7 @@ type Hand = Terminal<SimWindow, SingleContext, 8>;
 fn hand() -> (SimWindow, Hand) {
     let memory = SimWindow::new(1024);
     let region = Region::whole(memory.clone());
-    let mut places = region.places();
+    let mut places = Places::new(region.size());
     let terminal = Terminal::new(region, &mut places, 512, SingleContext::new()).unwrap();
     (memory, terminal)
 }
@@ -212,7 +212,7 @@ fn newlines_are_as_terminals_want_them() {
 fn half_a_newline_is_never_written() {
     let memory = SimWindow::new(512);
     let region = Region::whole(memory.clone());
-    let mut places = region.places();
+    let mut places = Places::new(region.size());
     let terminal: Hand = Terminal::new(region, &mut places, 8, SingleContext::new()).unwrap();
     let board = Board::new();
     assert_eq!(terminal.poster(&board).post(b"1234567\n9").unwrap(), 7);

@@ -12,7 +12,7 @@ use condor_dev::{
     device_switch,
 };
 use condor_mbox::sim::{Mailbox, SimWindow, System};
-use condor_mbox::{CriticalSection, LoadOrder, MemoryWindow, Processor, Region};
+use condor_mbox::{CriticalSection, LoadOrder, MemoryWindow, Places, Processor, Region};
 use condor_tty::dev::{
     AnyTerminal, END_OF_FILE, INTERRUPTED, TerminalBoard, Terminals, Tty, UNREACHABLE,
 };
@@ -56,7 +56,8 @@ fn terminal() -> (&'static Hand, &'static Mailbox<'static, 2>, SimWindow) {
     let system = System::<2>::in_virtual_time(1024);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data.clone()).unwrap();
-    let hand = Hand::new(ram.clone(), &mut ram.places(), CAPACITY, CriticalSection).unwrap();
+    let mut places = Places::new(ram.size());
+    let hand = Hand::new(ram.clone(), &mut places, CAPACITY, CriticalSection).unwrap();
     hand.configure(&Settings {
         echo: false,
         ..Settings::COOKED

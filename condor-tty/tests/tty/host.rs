@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 use condor_mbox::sim::System;
-use condor_mbox::{Call, CriticalSection, Processor, Region};
+use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
 use condor_tty::linux::{Host, Log, Sink, Tee};
 use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
 use embedded_io::{Read, ReadReady, Write};
@@ -33,8 +33,9 @@ fn output_arrives_whole_and_input_is_answered() {
     let system = System::<2>::in_real_time(4096);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
+    let mut places = Places::new(ram.size());
     let terminal =
-        Terminal::<_, _, 16>::new(ram.clone(), &mut ram.places(), 64, CriticalSection).unwrap();
+        Terminal::<_, _, 16>::new(ram.clone(), &mut places, 64, CriticalSection).unwrap();
     terminal
         .set_policy(Policy::Block { timeout: LONG })
         .unwrap();
@@ -120,9 +121,9 @@ fn output_arrives_whole_and_input_is_answered() {
 
 /// Notes where its hosts have attached.
 #[derive(Default)]
-struct Places(Vec<(u32, u32)>);
+struct Attachments(Vec<(u32, u32)>);
 
-impl Sink for Places {
+impl Sink for Attachments {
     fn take(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         Ok(bytes.len())
     }
@@ -137,13 +138,18 @@ fn a_sink_is_told_where_its_host_attaches() {
     let system = System::<2>::in_virtual_time(4096);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
-    let begin =
-        || Terminal::<_, _, 16>::new(ram.clone(), &mut ram.places(), 64, CriticalSection).unwrap();
+    let begin = || {
+        let mut places = Places::new(ram.size());
+        Terminal::<_, _, 16>::new(ram.clone(), &mut places, 64, CriticalSection).unwrap()
+    };
     let terminal = begin();
     let mut host = system.mailbox(HOST).unwrap();
     host.join().unwrap();
     let attach = |sink| Host::attach(ram.clone(), terminal.offset(), HAND, HOST, sink).unwrap();
-    let mut tty = attach(Tee::new(Places::default(), Box::<Places>::default()));
+    let mut tty = attach(Tee::new(
+        Attachments::default(),
+        Box::<Attachments>::default(),
+    ));
     for _ in 0..3 {
         terminal.accept(b'a').unwrap();
     }
@@ -211,8 +217,9 @@ fn typed_by_many_hosts(text: &[u8], queue_is_read: impl Fn(u32) -> bool) -> Vec<
     let system = System::<2>::in_virtual_time(4096);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
+    let mut places = Places::new(ram.size());
     let terminal =
-        Terminal::<_, _, 16>::new(ram.clone(), &mut ram.places(), 64, CriticalSection).unwrap();
+        Terminal::<_, _, 16>::new(ram.clone(), &mut places, 64, CriticalSection).unwrap();
     let receive = |call: &Call<'_>| terminal.receive(call);
     let mut hand = system.mailbox(HAND).unwrap();
     hand.set_vector(Vectors::DEFAULT.input, &receive, "input")
@@ -235,7 +242,7 @@ fn typed_by_many_hosts(text: &[u8], queue_is_read: impl Fn(u32) -> bool) -> Vec<
         for step in 0..life % 23 {
             tty.serve(&host).unwrap();
             if (life + step) % 3 != 0 {
-                hand.service(Duration::ZERO).unwrap();
+                hand.serve(Duration::ZERO).unwrap();
             }
             while queue_is_read(life) && console.read_ready().unwrap() {
                 match console.read(&mut line) {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::terminals::support::{Board, HOST};
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{LoadOrder, MemoryWindow, Region, SingleContext, StoreOrder};
+use condor_mbox::{LoadOrder, MemoryWindow, Places, Region, SingleContext, StoreOrder};
 use condor_tty::{Policy, Reader, Terminal};
 use embedded_io::{Read, Write};
 use proptest::prelude::*;
@@ -59,7 +59,7 @@ proptest! {
             memory.store(at, CANARY, StoreOrder::Relaxed).unwrap();
         }
         let region = Region::whole(memory.clone());
-        let mut places = region.places();
+        let mut places = Places::new(region.size());
         places.bytes(OFFSET as usize).unwrap();
         let terminal = Terminal::<_, _, 16>::new(region.clone(), &mut places, CAPACITY, SingleContext::new()).unwrap();
         let board = Board::new();
@@ -121,7 +121,7 @@ fn a_tail_that_cannot_be_is_ignored_and_counted() {
     let region = Region::whole(memory.clone());
     let terminal = Terminal::<_, _, 16>::new(
         region.clone(),
-        &mut region.places(),
+        &mut Places::new(region.size()),
         32,
         SingleContext::new(),
     )
@@ -150,7 +150,7 @@ fn a_host_that_comes_and_goes_does_not_hold_a_writer() {
     let region = Region::whole(memory.clone());
     let terminal = Terminal::<_, _, 16>::new(
         region.clone(),
-        &mut region.places(),
+        &mut Places::new(region.size()),
         32,
         SingleContext::new(),
     )

@@ -5,7 +5,7 @@ use std::rc::{Rc, Weak};
 
 use crate::support::{Board, HOST};
 use condor_mbox::sim::{SimWindow, SimWindowError};
-use condor_mbox::{Exclusion, LoadOrder, MemoryWindow, Region, StoreOrder};
+use condor_mbox::{Exclusion, LoadOrder, MemoryWindow, Places, Region, StoreOrder};
 use condor_tty::{Policy, Reader, Settings, Terminal};
 
 type Hand = Terminal<Interrupted, Masked, 8>;
@@ -84,7 +84,7 @@ fn interrupt(policy: Policy, begin: usize, at: u32) -> bool {
     let line = Rc::new(Line::default());
     let memory = SimWindow::new(256);
     let region = Region::whole(Interrupted(memory.clone(), Rc::clone(&line)));
-    let mut places = region.places();
+    let mut places = Places::new(region.size());
     let hand = Terminal::new(region, &mut places, 32, Masked(Rc::clone(&line))).unwrap();
     let hand = Rc::new(hand);
     *line.hand.borrow_mut() = Rc::downgrade(&hand);

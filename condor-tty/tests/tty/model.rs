@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::support::{Board, HOST, Mortal};
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{LoadOrder, MemoryWindow, Region, SingleContext};
+use condor_mbox::{LoadOrder, MemoryWindow, Messenger, Places, Region, SingleContext};
 use condor_tty::{Policy, Reader, Settings, Terminal, layout};
 use embedded_io::{Write, WriteReady};
 use proptest::prelude::*;
@@ -19,7 +19,7 @@ type Hand = Terminal<SimWindow, SingleContext, 8>;
 
 fn hand(memory: &SimWindow, policy: Policy) -> Hand {
     let region = Region::whole(memory.clone());
-    let mut places = region.places();
+    let mut places = Places::new(region.size());
     places.bytes(OFFSET as usize).unwrap();
     let terminal = Terminal::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();
     assert_eq!(terminal.offset(), OFFSET);
@@ -250,7 +250,7 @@ fn killed_a_thousand_times(policy: Policy, check: impl Fn(u32)) -> (u32, u32, u3
                 written.borrow_mut().pop();
                 let mut console = terminal.console(&board);
                 while !console.write_ready().unwrap() {
-                    condor_mbox::Link::pause(&board, Duration::from_millis(1)).unwrap();
+                    board.serve(Duration::from_millis(1)).unwrap();
                 }
                 written.borrow_mut().push(byte);
             }
@@ -260,7 +260,7 @@ fn killed_a_thousand_times(policy: Policy, check: impl Fn(u32)) -> (u32, u32, u3
             }
         }
         if !matches!(policy, Policy::Block { .. }) && given % 3 == 0 {
-            condor_mbox::Link::pause(&board, Duration::from_millis(1)).unwrap();
+            board.serve(Duration::from_millis(1)).unwrap();
         }
     }
     check(terminal.lost());

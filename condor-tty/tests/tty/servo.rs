@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use condor_mbox::sim::{SimWindow, SimWindowError, System};
 use condor_mbox::{
-    Call, Clock, Doorbell, Exclusion, Instant, LoadOrder, Mailbox, MemoryWindow, Region,
-    StoreOrder, Waiting, Windows,
+    Call, Clock, Doorbell, Exclusion, Instant, LoadOrder, Mailbox, MemoryWindow, Messenger, Places,
+    Region, StoreOrder, Waiting, Windows,
 };
 use condor_mos::sim::Processor;
 use condor_mos::{EventTable, LoopId, Overrun, Rate, Scheduler, Statistics, Timer};
@@ -101,7 +101,7 @@ impl Doorbell for Quiet {
 
     fn prepare(&self) {}
 
-    fn wait(&self, (): (), until: Instant) {
+    fn wait(&self, (): (), until: Instant, _: Option<condor_mbox::Processor>) {
         self.0.run_until(until.as_ns().div_ceil(TICK_NS));
     }
 }
@@ -150,13 +150,15 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
         }
     });
     let ram = Region::users(windows[HAND.index()].data.clone()).unwrap();
+    let mut places = Places::new(ram.size());
     let terminal =
-        Terminal::<_, _, 16>::new(ram.clone(), &mut ram.places(), 512, masked.clone()).unwrap();
+        Terminal::<_, _, 16>::new(ram.clone(), &mut places, 512, masked.clone()).unwrap();
     terminal.configure(&Settings::RAW).unwrap();
     terminal.set_policy(policy).unwrap();
     let receive = |call: &Call<'_>| terminal.receive(call);
     let doorbell = Quiet(processor.clone());
-    let mut mailbox = Mailbox::<_, _, _, 2>::new(HAND, windows, doorbell, masked.clone()).unwrap();
+    let mut mailbox =
+        Mailbox::<(_, _, _), 2>::new(HAND, windows, doorbell, masked.clone()).unwrap();
     mailbox.set_waiting(Waiting::Sleep);
     mailbox
         .set_vector(Vectors::DEFAULT.input, &receive, "terminal input")

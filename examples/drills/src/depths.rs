@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use condor_host::cli::AnyError;
-use condor_mbox::MAX_DEPTH;
+use condor_mbox::Call;
 use drills::alone::Alone;
 use drills::stack::{Depths, NAME, NESTED};
 
@@ -48,9 +48,12 @@ fn print(depths: &Depths) {
         depths.bound(),
     );
     line("measured", depths.deepest);
-    let more = (MAX_DEPTH as usize).saturating_sub(NESTED);
+    let more = (Call::MAX_DEPTH as usize).saturating_sub(NESTED);
     line(
-        &format!("the sum with {MAX_DEPTH} handlers, the most that a mailbox nests"),
+        &format!(
+            "the sum with {} handlers, the most that a mailbox nests",
+            Call::MAX_DEPTH
+        ),
         most(depths, more),
     );
     line("there is", depths.stack);

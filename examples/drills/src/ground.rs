@@ -2,9 +2,8 @@
 
 use condor_host::directory::{Directory, Kind};
 use condor_host::{Machine, PROCESSORS, directory};
-use condor_mbox::{
-    Call, Mailbox, MemoryWindow, Places, Published, ReadError, Region, Subscriber, Windows,
-};
+use condor_mbox::published::{ReadError, Subscriber};
+use condor_mbox::{Call, Mailbox, MemoryWindow, Places, Published, Region, Windows};
 use condor_tty::{Terminal, Vectors};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -17,9 +16,11 @@ const TYPED: usize = 16;
 /// The mailbox of a drill.
 pub type Post<'v, M> = Mailbox<
     'v,
-    <M as Machine>::Window,
-    <M as Machine>::Doorbell,
-    <M as Machine>::Exclusion,
+    (
+        <M as Machine>::Window,
+        <M as Machine>::Doorbell,
+        <M as Machine>::Exclusion,
+    ),
     PROCESSORS,
 >;
 /// The terminal of a drill.
@@ -44,7 +45,7 @@ impl<M: Machine> Ground<M> {
     /// The memory is too small for that.
     pub fn new(machine: &M) -> Result<Self, Failure> {
         let own = users(machine, machine.number().0)?;
-        let mut places = own.places();
+        let mut places = Places::new(own.size());
         let mut directory = Directory::new(own.clone(), &mut places)?;
         let terminal = Terminal::new(own.clone(), &mut places, SHOWN_BYTES, machine.exclusion())?;
         directory.enter("console", Kind::Terminal, terminal.offset(), SHOWN_BYTES)?;
@@ -63,7 +64,7 @@ impl<M: Machine> Ground<M> {
     pub fn publish<T>(
         &mut self,
         name: &str,
-    ) -> Result<condor_mbox::Publisher<T, Region<M::Window>>, Failure>
+    ) -> Result<condor_mbox::published::Publisher<T, Region<M::Window>>, Failure>
     where
         T: FromBytes + IntoBytes + Immutable,
     {
@@ -95,7 +96,7 @@ pub fn mailbox<'v, M: Machine>(
     machine: &M,
     typed: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
 ) -> Result<Post<'v, M>, Failure> {
-    let mut mailbox = Mailbox::new(
+    let mut mailbox = Post::<M>::new(
         machine.number(),
         machine.windows(),
         machine.doorbell(),

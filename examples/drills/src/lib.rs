@@ -20,7 +20,7 @@ mod arguments;
 mod failure;
 
 use condor_host::Machine;
-use condor_mbox::Call;
+use condor_mbox::{Call, Messenger};
 
 pub use failure::Failure;
 pub use ground::published;

@@ -2,7 +2,7 @@
 //!
 //! The program is in `examples/riscv-virt/drill`, since it paints the stack of a hart.
 
-use condor_mbox::MAX_DEPTH;
+use condor_mbox::Call;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 /// The name under which [`Depths`] are published.
@@ -10,7 +10,7 @@ pub const NAME: &str = "stack";
 
 /// How deep the handlers of the drill nest.
 pub const NESTED: usize = 6;
-const _: () = assert!(NESTED <= MAX_DEPTH as usize);
+const _: () = assert!(NESTED <= Call::MAX_DEPTH as usize);
 
 /// Bytes of a stack.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]

@@ -14,8 +14,9 @@ use core::time::Duration;
 
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, Program};
+use condor_mbox::published::Publisher;
 use condor_mbox::{
-    Call, Clock as _, Doorbell as _, Error, Instant, Processor, Publisher, Region, Ticket,
+    Call, Clock as _, Doorbell as _, Error, Instant, Messenger, Processor, Region, Ticket,
 };
 use condor_mos::{Clock as TickClock, LoopId, Overrun, Rate, Scan, Scheduler, Timer as _};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -111,7 +112,7 @@ impl<F: Fn() -> u32> Program for Stress<F> {
         };
         let serve = || {
             // What is wrong with the own memory, the background finds out.
-            let _ = mailbox.service(PATIENCE);
+            let _ = mailbox.serve(Duration::ZERO);
         };
         machine.with_mail(serve, || {
             running.all(seconds, counts, verdict, reports, &self.0)
@@ -187,7 +188,11 @@ impl<M: Machine> Running<'_, '_, M> {
             if let Some(peer) = self.peers.nth(turn) {
                 let number = tally.next_tick(peer);
                 // Where there is no room, it is sent another time.
-                if self.mailbox.try_send(peer, TICK, number).is_ok() {
+                if self
+                    .mailbox
+                    .send(peer, TICK, number, Duration::ZERO)
+                    .is_ok()
+                {
                     tally.tick_sent(peer, number);
                 }
             }
@@ -252,10 +257,12 @@ impl<M: Machine> Running<'_, '_, M> {
     /// A message without reply.
     fn note(&self, peer: Processor) -> Result<(), Failure> {
         let number = self.tally.next_note(peer);
-        self.until(peer, || match self.mailbox.try_send(peer, NOTE, number) {
-            Ok(()) => Ok(Some(())),
-            Err(Error::NoSlot { .. }) => Ok(None),
-            Err(error) => Err(error),
+        self.until(peer, || {
+            match self.mailbox.send(peer, NOTE, number, Duration::ZERO) {
+                Ok(()) => Ok(Some(())),
+                Err(Error::NoSlot { .. }) => Ok(None),
+                Err(error) => Err(error),
+            }
         })?;
         self.tally.note_sent(peer, number);
         Ok(())
@@ -264,10 +271,10 @@ impl<M: Machine> Running<'_, '_, M> {
     /// A message with a reply.
     fn ask(&self, peer: Processor) -> Result<(), Failure> {
         let question = self.tally.next_question(DEPTH);
-        let mut ticket: Option<Ticket<'_, Post<'_, M>>> = None;
+        let mut ticket: Option<Ticket<'_>> = None;
         let reply = self.until(peer, || {
             let Some(ticket) = &mut ticket else {
-                match self.mailbox.begin(peer, ASK, question) {
+                match self.mailbox.begin(peer, ASK, question, Duration::ZERO) {
                     Ok(begun) => ticket = Some(begun),
                     Err(Error::NoSlot { .. }) => {}
                     Err(error) => return Err(error),
@@ -303,8 +310,8 @@ impl<M: Machine> Running<'_, '_, M> {
         let bell = self.machine.doorbell();
         let seen = bell.prepare();
         // With an interrupt, whatever comes is served before the wait returns.
-        if M::MAIL_INTERRUPTS || self.mailbox.service(PATIENCE)? == 0 {
-            bell.wait(seen, bell.now().after(nap));
+        if M::MAIL_INTERRUPTS || self.mailbox.serve(Duration::ZERO)? == 0 {
+            bell.wait(seen, bell.now().after(nap), None);
         }
         Ok(())
     }

@@ -8,7 +8,7 @@ use core::fmt::Write as _;
 use core::time::Duration;
 
 use condor_host::{Machine, PROCESSORS, Program};
-use condor_mbox::{Call, Clock as _, PeerState, Processor, Vector, Waiting};
+use condor_mbox::{Call, Clock as _, Messenger, PeerState, Processor, Vector, Waiting};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
@@ -96,7 +96,7 @@ fn with_mailbox<M: Machine>(
     machine: &M,
     body: impl FnOnce(
         &Post<'_, M>,
-        condor_mbox::Publisher<Times, condor_mbox::Region<M::Window>>,
+        condor_mbox::published::Publisher<Times, condor_mbox::Region<M::Window>>,
         &dyn Fn(Processor, u32, u32),
     ) -> Result<(), Failure>,
 ) -> Result<(), Failure> {

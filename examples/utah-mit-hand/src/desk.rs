@@ -4,8 +4,9 @@ use core::fmt;
 use core::marker::PhantomData;
 
 use condor_host::PROCESSORS;
+use condor_mbox::exchange::answer;
 use condor_mbox::{
-    AccessError, Call, Exchange, MemoryWindow, Messenger, Places, Processor, Region, answer,
+    AccessError, Call, Exchange, MemoryWindow, Messenger, Places, Processor, Region,
 };
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -93,7 +94,7 @@ where
         region: &Region<W>,
     ) -> Result<Exchange<'m, M, Region<W>, Q, R>, AccessError> {
         let block = self.block(messenger.number()).unwrap_or(u32::MAX);
-        let mut left = region.places();
+        let mut left = Places::new(region.size());
         left.bytes(block as usize)?;
         Exchange::new(messenger, Region::whole(region.clone()), &mut left)
     }

@@ -20,7 +20,8 @@ use condor_hand::grasp::{
     Friction, GraspError, GraspTuning, Posture, SpatialGain, Squeeze, Surface, TorqueLimits, Wrench,
 };
 use condor_hand::kinematics::Kinematics;
-use condor_mbox::{AccessError, MemoryWindow, Places, Published, Publisher, Region, Subscriber};
+use condor_mbox::published::{Publisher, Subscriber};
+use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use nalgebra::{Matrix6, Vector3, Vector4};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 

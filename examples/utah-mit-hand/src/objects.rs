@@ -144,7 +144,7 @@ fn published<W: MemoryWindow, T>(
 
 /// The places from an entry on.
 fn from<W: MemoryWindow>(region: &Region<W>, entry: &Entry) -> Result<Places, AccessError> {
-    let mut places = region.places();
+    let mut places = Places::new(region.size());
     places.bytes(entry.offset as usize)?;
     Ok(places)
 }

@@ -16,7 +16,7 @@ use condor_hand::controller::{FingerController, Tick};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::Sensed;
 use condor_host::{Machine, Program, numbers};
-use condor_mbox::{Call, Link, MemoryWindow};
+use condor_mbox::{Call, MemoryWindow, Messenger};
 use embedded_io::Write;
 use nalgebra::Vector3;
 use zerocopy::IntoBytes;
@@ -160,12 +160,12 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
 }
 
 /// The file of what is put out, if there is one.
-struct Sink<'f, 'm, S: Link + ?Sized, W: MemoryWindow> {
+struct Sink<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow> {
     name: &'m str,
     writer: Option<FileWriter<'f, 'm, S, W, FILES>>,
 }
 
-impl<S: Link + ?Sized, W: MemoryWindow> Sink<'_, '_, S, W> {
+impl<S: Messenger + ?Sized, W: MemoryWindow> Sink<'_, '_, S, W> {
     fn put(&mut self, bytes: &[u8]) -> Result<(), Failure> {
         let Some(writer) = &mut self.writer else {
             return Ok(());

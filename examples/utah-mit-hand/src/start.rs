@@ -8,7 +8,7 @@ use condor_hand::config::{Channel, ImageError, Wire};
 use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, PROCESSORS, numbers};
-use condor_mbox::{Call, Clock, Mailbox, Places, Region, Windows};
+use condor_mbox::{Call, Clock, Mailbox, MemoryWindow, Messenger, Places, Region, Windows};
 use condor_mos::{Clock as TickClock, LoopId, Rate, Scan, Schedule, Scheduler, Timer};
 use condor_tty::{Terminal, Vectors};
 
@@ -36,9 +36,11 @@ const REPORT_NS: u64 = 50_000_000;
 
 pub(crate) type Post<'v, M> = Mailbox<
     'v,
-    <M as Machine>::Window,
-    <M as Machine>::Doorbell,
-    <M as Machine>::Exclusion,
+    (
+        <M as Machine>::Window,
+        <M as Machine>::Doorbell,
+        <M as Machine>::Exclusion,
+    ),
     PROCESSORS,
 >;
 pub(crate) type Console<M> = Terminal<<M as Machine>::Window, <M as Machine>::Exclusion, TYPED>;
@@ -56,7 +58,7 @@ pub(crate) struct Ground<M: Machine, const FILES: usize> {
 impl<M: Machine, const FILES: usize> Ground<M, FILES> {
     pub(crate) fn new(machine: &M) -> Result<Self, Failure> {
         let own = users(machine, machine.number().0)?;
-        let mut places = own.places();
+        let mut places = Places::new(own.size());
         let mut directory = Directory::new(own.clone(), &mut places)?;
         let terminal = Terminal::new(own.clone(), &mut places, SHOWN_BYTES, machine.exclusion())?;
         directory.enter("console", Kind::Terminal, terminal.offset(), SHOWN_BYTES)?;
@@ -86,7 +88,7 @@ pub(crate) fn mailbox<'v, M: Machine>(
     typed: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
     open_files: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
 ) -> Result<Post<'v, M>, Failure> {
-    let mut mailbox = Mailbox::new(
+    let mut mailbox = Post::<M>::new(
         machine.number(),
         machine.windows(),
         machine.doorbell(),

@@ -23,7 +23,7 @@ const SETS: [(&str, &str); 3] = [
     (
         "-p condor-dev -p condor-fs -p condor-hand -p condor-mbox -p condor-mos -p condor-tty",
         "--features condor-dev/conformance,condor-dev/riscv,condor-fs/dev,condor-hand/mbox,\
-         condor-hand/sim,condor-mbox/conformance,condor-mbox/riscv,condor-mos/conformance,\
+         condor-hand/sim,condor-mbox/async,condor-mbox/conformance,condor-mbox/riscv,condor-mos/conformance,\
          condor-mos/cortex-m,condor-mos/riscv,condor-tty/dev",
     ),
     ("-p utah-mit-hand", ""),

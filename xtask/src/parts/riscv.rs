@@ -11,6 +11,8 @@ use crate::parts::test;
 use crate::programs;
 use crate::tools::{need_debian, need_target};
 
+/// Its processors run by the wall clock: on a machine that is busy a servo is late, and a finger lets go.
+const HAND_RUNS: u32 = 3;
 /// How long the hand runs, and the harts whose time counts instructions.
 const HAND_SECONDS: u32 = 10;
 const EXACT_SECONDS: u32 = 5;
@@ -41,13 +43,20 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let mut tests = programs::build(&command(context, &test::build_line()))?;
     let hand =
         format!("target/debug/utah-mit-hand up {HARTS}/hand.toml --headless --for {HAND_SECONDS}s");
-    let (mut joints, mut has_motion) = (0, true);
-    command(context, &hand).watch(|line| {
-        joints += u32::from(is_tracking(line));
-        has_motion &= !line.contains(NO_MOTION);
-    })?;
-    if joints != JOINTS || !has_motion {
-        return Err(format!("`{hand}` shows {joints} joints of {JOINTS}, or had no motion").into());
+    for run in 1.. {
+        let (mut joints, mut has_motion) = (0, true);
+        command(context, &hand).watch(|line| {
+            joints += u32::from(is_tracking(line));
+            has_motion &= !line.contains(NO_MOTION);
+        })?;
+        if joints == JOINTS && has_motion {
+            break;
+        }
+        let seen = format!("`{hand}` shows {joints} joints of {JOINTS}, or had no motion");
+        if run == HAND_RUNS {
+            return Err(seen.into());
+        }
+        println!("{seen}; run {run} of {HAND_RUNS}");
     }
     let images = images.display();
     let exact =

@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex};
 
 use condor_fs::wire::{self, slot, state};
 use condor_fs::{Buffer, Errno, Error, File, OpenOptions};
-use condor_mbox::MemoryWindow;
 use condor_mbox::sim::{Mailbox, SimWindow};
+use condor_mbox::{MemoryWindow, Places};
 use embedded_io::{BufRead, Read, SeekFrom, Write};
 
 use super::Source;
@@ -55,7 +55,7 @@ pub(crate) fn run(bytes: &[u8]) {
         hostile.lock().unwrap().answer(own, at)
     };
     peer::run(answer, |pair| {
-        let mut places = pair.own().places();
+        let mut places = Places::new(pair.own().size());
         places.bytes(AREA as usize).unwrap();
         let guards = || (AREA + LENT..pair.own().size()).step_by(4);
         for at in guards() {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use condor_fs::{Area, Error, FileSystem, wire};
 use condor_mbox::sim::{Mailbox, SimWindow, System};
-use condor_mbox::{Call, Processor, Region};
+use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region};
 
 pub(crate) const HOST: Processor = Processor(0);
 pub(crate) const CLIENT: Processor = Processor(1);
@@ -72,12 +72,12 @@ impl Pair {
         host.set_vector(wire::FILES, handler, "files").unwrap();
         host.join().unwrap();
         system.while_waiting(HOST, move || {
-            host.service(TIMEOUT).unwrap();
+            host.serve(Duration::ZERO).unwrap();
         });
 
         let [_, windows] = system.windows(CLIENT);
         let own = Region::users(windows.data).unwrap();
-        let area = Area::<FILES>::new(&mut own.places(), PATH, BUFFER).unwrap();
+        let area = Area::<FILES>::new(&mut Places::new(own.size()), PATH, BUFFER).unwrap();
         let mut client = system.mailbox(CLIENT).unwrap();
         let handler = Box::leak(Box::new(area.handler()));
         client

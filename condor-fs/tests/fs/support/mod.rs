@@ -14,7 +14,7 @@ use condor_fs::server::{Options, Server, Step, Steps};
 use condor_fs::wire::{OPEN_FILES, Operation};
 use condor_fs::{Area, Error, FileSystem};
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
-use condor_mbox::{CriticalSection, Places, Processor, Region};
+use condor_mbox::{Places, Processor, Region};
 use rustix::fs::{Gid, Uid};
 
 /// The kind of file system that never uses an inode number again.
@@ -116,13 +116,28 @@ fn server_process() {
         rustix::process::setrlimit(rustix::process::Resource::Nofile, limit).unwrap();
     }
     let claim = System::<N>::inherited().unwrap().claim(SERVER).unwrap();
+    // By a path that everybody can go.
+    std::env::set_current_dir(root).unwrap();
     if has("nobody") {
         become_nobody();
     }
-    // By a path that everybody can go.
-    std::env::set_current_dir(root).unwrap();
     let server = Server::with_steps(".", options, steps).unwrap();
     server.serve(claim, &AtomicBool::new(false)).unwrap();
+}
+
+/// Whether every user can go to `path`; says so if not.
+pub(crate) fn everybody_reaches(path: &std::path::Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    let closed = path.ancestors().skip(1).find(|above| {
+        std::fs::metadata(above).is_ok_and(|above| above.permissions().mode() & 0o001 == 0)
+    });
+    if let Some(closed) = closed {
+        println!(
+            "SKIPPED: the user nobody cannot go through {}",
+            closed.display()
+        );
+    }
+    closed.is_none()
 }
 
 /// The user and the group `nobody`.
@@ -293,12 +308,12 @@ pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
     room: (u32, u32),
     program: impl FnOnce(AnyFs<'_, '_, N, FILES>, &Own, &mut Places, &Mailbox<'_, N>) -> R,
 ) -> R {
-    let (windows, doorbell) = system.claim(number).unwrap().into_parts();
-    let own = Region::users(windows[number.index()].data.clone()).unwrap();
-    let mut places = own.places();
+    let mut claim = system.claim(number).unwrap();
+    let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();
+    let mut places = claim.places().unwrap();
     let area = Area::<FILES>::new(&mut places, room.0, room.1).unwrap();
     let handler = area.handler();
-    let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
+    let mut mailbox = claim.mailbox().unwrap();
     mailbox
         .set_vector(OPEN_FILES, &handler, "open files")
         .unwrap();
@@ -313,10 +328,10 @@ pub(crate) fn with_silent_client<R>(
     number: Processor,
     program: impl FnOnce(Fs<'_, '_>) -> R,
 ) -> R {
-    let (windows, doorbell) = system.claim(number).unwrap().into_parts();
-    let own = Region::users(windows[number.index()].data.clone()).unwrap();
-    let area = Area::<FILES>::new(&mut own.places(), 300, 4096).unwrap();
-    let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
+    let mut claim = system.claim(number).unwrap();
+    let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();
+    let area = Area::<FILES>::new(&mut claim.places().unwrap(), 300, 4096).unwrap();
+    let mut mailbox = claim.mailbox().unwrap();
     mailbox.join().unwrap();
     program(FileSystem::connect(&mailbox, SERVER, own, area, TIMEOUT).unwrap())
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use condor_hand::monitor::Variable;
-use condor_mbox::Processor;
+use condor_mbox::{Messenger, Processor};
 use serde_json::{Map, Value as Json, json};
 
 use super::known::{Known, One, What};

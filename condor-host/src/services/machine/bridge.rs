@@ -110,7 +110,7 @@ fn to_hart(
         let rings = doorbell.prepare();
         if told == Some(rings) {
             let until = doorbell.now().after(LOOK);
-            doorbell.wait(rings, until);
+            doorbell.wait(rings, until, None);
         } else if stream.write_all(&[number.0]).is_ok() {
             // Whoever was rung before the first look is told, too.
             told = Some(rings);

@@ -103,7 +103,7 @@ impl Station {
     }
 
     /// Moves what there is in both directions; says whether there is more.
-    pub(super) fn serve<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> bool {
+    pub(super) fn serve(&mut self, mailbox: &dyn Messenger) -> bool {
         let more = self.attach().and_then(|()| {
             self.take_typed()?;
             self.serve_terminal(mailbox)
@@ -183,7 +183,7 @@ impl Station {
         Ok(typing::add(&mut self.typed, characters)?)
     }
 
-    fn serve_terminal<M: Messenger + ?Sized>(&mut self, mailbox: &M) -> Result<bool, HostError> {
+    fn serve_terminal(&mut self, mailbox: &dyn Messenger) -> Result<bool, HostError> {
         let Some(Attached { host, .. }) = &mut self.attached else {
             return Ok(false);
         };

@@ -6,7 +6,8 @@ use condor_host::directory::{self, Directory, Kind};
 use condor_host::loops::{self, LoopReports};
 use condor_host::{Machine, PROCESSORS, Program};
 use condor_mbox::{
-    Call, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Published, Region, Vector,
+    Backend, Call, Clock as _, Mailbox, MemoryWindow, Messenger, Places, Processor, Published,
+    Region, Vector,
 };
 use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Statistics, Timer as _};
 
@@ -33,7 +34,7 @@ impl Small {
         let addend: u32 = machine.argument(0).ok_or("no addend")?.parse()?;
         let windows = machine.windows();
         let own = Region::users(windows[number.index()].data.clone())?;
-        let mut places = own.places();
+        let mut places = Places::new(own.size());
         let mut directory = Directory::new(own.clone(), &mut places)?;
         let ticks: Published<u32> = places.published()?;
         let mut ticks_out = ticks.publisher(own.clone())?;
@@ -46,7 +47,12 @@ impl Small {
         let mut reports = LoopReports::<_, 1>::new(&own, &mut places, &mut directory, ["servo"])?;
 
         let add = |call: &Call<'_>| call.data() + addend;
-        let mut mailbox = Mailbox::new(number, windows, machine.doorbell(), machine.exclusion())?;
+        let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
+            number,
+            windows,
+            machine.doorbell(),
+            machine.exclusion(),
+        )?;
         mailbox.set_waiting(machine.waiting());
         mailbox.set_vector(ADD, &add, "add")?;
         mailbox.join()?;
@@ -92,9 +98,7 @@ pub(crate) struct Seen {
 }
 
 /// Looks at the small program until its loop has run 80 times.
-pub(crate) fn watch<W: MemoryWindow + Clone, D: Doorbell, X: Exclusion>(
-    mut mailbox: Mailbox<'_, W, D, X, PROCESSORS>,
-) -> Seen {
+pub(crate) fn watch<B: Backend<Window: Clone>>(mut mailbox: Mailbox<'_, B, PROCESSORS>) -> Seen {
     mailbox.join().unwrap();
     let reply = mailbox.send_with_reply(SMALL, ADD, 40, Duration::from_secs(20));
     let region = Region::users(mailbox.windows(SMALL).unwrap().data.clone()).unwrap();

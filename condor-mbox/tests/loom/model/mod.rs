@@ -8,11 +8,13 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::time::Duration;
 
 use condor_mbox::layout::{self, header};
+use condor_mbox::window::{WindowError, WindowErrorKind, check_access};
 use condor_mbox::{
     Clock, Doorbell, Evidence, Exclusion, Handler, Instant, LoadOrder, Mailbox, MemoryWindow,
-    Processor, StoreOrder, Vector, Waiting, WindowError, WindowErrorKind, Windows, check_access,
+    Messenger, Processor, StoreOrder, Vector, Waiting, Windows,
 };
 use loom::sync::atomic::{AtomicU32, Ordering};
 use loom::sync::{Condvar, Mutex};
@@ -71,7 +73,7 @@ impl LoomWindow {
                 offset,
                 header::MAGIC
                     ..=header::DATA_SIZE
-                        | header::LAST_LIFE
+                        | header::LAST_INCARNATION
                         | header::PROCESS_ID
                         | header::HEARTBEAT
             ) || vectors.contains(&offset);
@@ -201,7 +203,7 @@ impl<const N: usize> Doorbell for Futex<N> {
         self.0.0[self.1.index()].rings.load(Ordering::Acquire)
     }
 
-    fn wait(&self, seen: u32, _until: Instant) {
+    fn wait(&self, seen: u32, _until: Instant, _: Option<Processor>) {
         let bed = &self.0.0[self.1.index()];
         let queue = bed.pending.lock().unwrap();
         if bed.rings.load(Ordering::Relaxed) == seen {
@@ -235,7 +237,7 @@ impl<const N: usize> Doorbell for Pending<N> {
 
     fn prepare(&self) {}
 
-    fn wait(&self, (): (), _until: Instant) {
+    fn wait(&self, (): (), _until: Instant, _: Option<Processor>) {
         let bed = &self.0.0[self.1.index()];
         let mut pending = bed.pending.lock().unwrap();
         while !*pending {
@@ -267,7 +269,7 @@ impl Doorbell for Spinning {
 
     fn prepare(&self) {}
 
-    fn wait(&self, (): (), _until: Instant) {
+    fn wait(&self, (): (), _until: Instant, _: Option<Processor>) {
         unreachable!("who spins does not sleep");
     }
 
@@ -311,7 +313,7 @@ impl Doorbell for Helped {
 
     fn prepare(&self) {}
 
-    fn wait(&self, (): (), _until: Instant) {
+    fn wait(&self, (): (), _until: Instant, _: Option<Processor>) {
         unreachable!("who spins does not sleep");
     }
 }
@@ -373,7 +375,7 @@ impl<const N: usize> System<N> {
         number: Processor,
         exclusion: X,
         vectors: &[(Vector, Handler<'static>)],
-    ) -> Mailbox<'static, LoomWindow, D, X, N> {
+    ) -> Mailbox<'static, (LoomWindow, D, X), N> {
         let doorbell = D::of(&self.beds, number);
         let mut mailbox = Mailbox::new(number, self.windows.clone(), doorbell, exclusion).unwrap();
         mailbox.set_waiting(D::WAITING);
@@ -386,14 +388,14 @@ impl<const N: usize> System<N> {
 }
 
 /// A mailbox for a thread of its own.
-pub type Single<D, const N: usize> = Mailbox<'static, LoomWindow, D, Alone, N>;
+pub type Single<D, const N: usize> = Mailbox<'static, (LoomWindow, D, Alone), N>;
 
 /// Lets `a` and `b` acknowledge each other, so that a model begins where messages pass.
 pub fn connect<D: Doorbell, X: Exclusion, Y: Exclusion, const N: usize>(
-    a: &Mailbox<'static, LoomWindow, D, X, N>,
-    b: &Mailbox<'static, LoomWindow, D, Y, N>,
+    a: &Mailbox<'static, (LoomWindow, D, X), N>,
+    b: &Mailbox<'static, (LoomWindow, D, Y), N>,
 ) {
-    a.service(LONG).unwrap();
-    b.service(LONG).unwrap();
-    a.service(LONG).unwrap();
+    a.serve(Duration::ZERO).unwrap();
+    b.serve(Duration::ZERO).unwrap();
+    a.serve(Duration::ZERO).unwrap();
 }

@@ -4,10 +4,8 @@
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use condor_mbox::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
-    check_access,
-};
+use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind, check_access};
+use condor_mbox::{LoadOrder, MemoryWindow, StoreOrder};
 
 /// Words of the program's own memory.
 #[derive(Debug)]
@@ -84,7 +82,7 @@ pub(crate) struct Mortal<'a> {
 }
 
 impl<'a> Mortal<'a> {
-    /// Lives for `accesses` words.
+    /// Incarnations for `accesses` words.
     pub(crate) fn new(memory: &'a Memory, accesses: u32) -> Self {
         Self {
             memory,

@@ -6,7 +6,7 @@ use std::sync::{Arc, RwLock};
 use std::time::Duration;
 
 use condor_mbox::sim::{Mailbox, System};
-use condor_mbox::{Call, Error, Handler, Message, Messenger, Pending, Processor, Vector};
+use condor_mbox::{Call, Error, Handler, Messenger, Pending, Processor, Vector};
 
 use super::{LISTENER, MISSING, N, Step, VECTORS};
 
@@ -131,9 +131,17 @@ pub(super) fn program(system: &System<N>, who: usize) -> Shared {
     let mailbox = Arc::new(RwLock::new(mailbox));
     let own = Arc::clone(&mailbox);
     system.while_waiting(number(who), move || {
-        own.read().unwrap().service(LONG).unwrap();
+        own.read().unwrap().serve(Duration::ZERO).unwrap();
     });
     mailbox
+}
+
+/// A message to be sent.
+#[derive(Clone, Copy)]
+pub(super) struct Message {
+    pub(super) to: Processor,
+    pub(super) vector: Vector,
+    pub(super) data: u32,
 }
 
 impl World {
@@ -277,7 +285,12 @@ impl World {
 
     pub(super) fn try_send(&mut self, from: usize, to: usize, vector: Vector) {
         let message = self.offer(from, to, vector, false);
-        let outcome = self.mailbox(from).read().unwrap().post(message);
+        let outcome = self.mailbox(from).read().unwrap().send(
+            message.to,
+            message.vector,
+            message.data,
+            Duration::ZERO,
+        );
         self.sent(from, message, outcome);
     }
 
@@ -295,7 +308,11 @@ impl World {
 
     pub(super) fn begin(&mut self, from: usize, to: usize, vector: Vector) {
         let message = self.offer(from, to, vector, true);
-        let opened = self.mailbox(from).read().unwrap().open(message);
+        let mailbox = self.mailbox(from);
+        let mailbox = mailbox.read().unwrap();
+        let opened = mailbox
+            .begin(message.to, message.vector, message.data, Duration::ZERO)
+            .map(|ticket| ticket.detach().expect("it was not looked at"));
         self.sent(from, message, opened.map(drop));
         if let Ok(pending) = opened {
             self.seats[from].tickets.push((message.data, pending));
@@ -315,7 +332,7 @@ impl World {
                 handled,
                 ..
             } = self.offers[data as usize];
-            let outcome = mailbox.look(&pending);
+            let outcome = mailbox.poll_pending(&pending);
             match outcome {
                 _ if self.seats[to].life != to_life => {
                     let to = number(to);
@@ -351,7 +368,12 @@ impl World {
         if !self.runs(who) {
             return 0;
         }
-        let served = self.mailbox(who).read().unwrap().service(LONG).unwrap();
+        let served = self
+            .mailbox(who)
+            .read()
+            .unwrap()
+            .serve(Duration::ZERO)
+            .unwrap();
         self.check_heard();
         served
     }

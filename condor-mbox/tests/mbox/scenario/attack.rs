@@ -4,8 +4,9 @@
 //! as it likes: valid requests and replies, sequences and counts that are one off, words of its
 //! former lives, and plain noise.
 
+use condor_mbox::Vector;
+use condor_mbox::error::Object;
 use condor_mbox::layout::{self, JOINING, SLOTS, entry, header};
-use condor_mbox::{Object, Vector};
 
 use super::script::Script;
 use super::world::{HOSTILE, N, USER_BYTES, World};
@@ -113,7 +114,7 @@ impl Hand<'_> {
             12..=14 => self.reply(),
             15 | 16 => self.listen_words(),
             17 => self.set(header::LISTENERS, |hand| hand.script.word()),
-            18 => self.set(header::ATTENTION, |hand| u32::from(hand.script.byte())),
+            18 => self.set(header::NOTIFY, |hand| u32::from(hand.script.byte())),
             19 => self.set(header::HEARTBEAT, |hand| hand.script.word()),
             20 => self.layout_word(),
             21 => self.truncate(),
@@ -132,7 +133,7 @@ impl Hand<'_> {
     }
 
     fn life_of(&self, owner: u32) -> u32 {
-        self.mail(owner, header::LIFE)
+        self.mail(owner, header::INCARNATION)
     }
 
     fn somebody(&mut self) -> u32 {
@@ -171,7 +172,7 @@ impl Hand<'_> {
 
     fn life(&mut self) {
         let old = self.life_of(ME);
-        self.set(header::LIFE, |hand| match hand.script.byte() % 6 {
+        self.set(header::INCARNATION, |hand| match hand.script.byte() % 6 {
             0 => 0,
             1 => JOINING,
             2 => old.wrapping_add(1),
@@ -184,7 +185,7 @@ impl Hand<'_> {
 
     fn last_life(&mut self) {
         let life = self.life_of(ME);
-        self.set(header::LAST_LIFE, |hand| {
+        self.set(header::LAST_INCARNATION, |hand| {
             life.wrapping_add(hand.script.difference())
         });
     }
@@ -328,7 +329,7 @@ impl Hand<'_> {
             self.set(offset, |_| value);
         }
         if matches!(self.life_of(ME), 0 | JOINING) {
-            self.set(header::LIFE, |_| 1);
+            self.set(header::INCARNATION, |_| 1);
         }
         for peer in [0, 2] {
             let life = self.life_of(peer);

@@ -2,10 +2,11 @@
 
 use std::rc::Rc;
 
+use condor_mbox::error::Object;
 use condor_mbox::sim::{SimWindow, SimWindowError};
+use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind};
 use condor_mbox::{
-    Clock, CompareExchange, Doorbell, Evidence, Instant, LoadOrder, MemoryWindow, Object,
-    Processor, StoreOrder, WindowError, WindowErrorKind,
+    Clock, Doorbell, Evidence, Instant, LoadOrder, MemoryWindow, Processor, StoreOrder,
 };
 
 use super::world::World;
@@ -109,7 +110,7 @@ impl Doorbell for Bell {
         self.world.rings(self.user)
     }
 
-    fn wait(&self, seen: u64, until: Instant) {
+    fn wait(&self, seen: u64, until: Instant, _: Option<Processor>) {
         self.world.sleep(self.user, seen, until);
     }
 

@@ -18,7 +18,7 @@ mod world;
 
 use core::fmt;
 
-pub(crate) use honest::run;
+pub(crate) use honest::{run, run_behind_caches};
 
 /// What a run went through.
 #[derive(Clone, Copy, Debug, Default)]

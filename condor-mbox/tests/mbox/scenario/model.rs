@@ -260,7 +260,7 @@ impl Model {
         order: StoreOrder,
         mail: impl Fn(u32) -> u32,
     ) {
-        if offset == header::LIFE {
+        if offset == header::INCARNATION {
             for other in 0..N {
                 self.rings[other][owner].clear();
                 // What it had sent before it left is still taken.
@@ -350,7 +350,7 @@ impl Model {
         assert_eq!(sequence, word(entry::SEQUENCE));
         let life = mail(layout::acknowledged(COUNT, HOSTILE as u32));
         assert!(!matches!(life, 0 | JOINING));
-        let epoch = layout::epoch(life, mail(header::LIFE));
+        let epoch = layout::epoch(life, mail(header::INCARNATION));
         assert_eq!(epoch, word(entry::EPOCH), "a request of another epoch");
         let request = Request {
             sequence,

@@ -4,17 +4,19 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
+use condor_mbox::published::ReadError;
 use condor_mbox::sim::{SimWindow, SimWindowError};
+use condor_mbox::spin_lock::{Bakery, Incarnations, LockError, NativeSwap, Owner, TestAndSet};
+use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind};
 use condor_mbox::{
-    Bakery, Clock, CompareExchange, Instant, Lives, LoadOrder, LockError, MemoryWindow, NativeSwap,
-    Owner, Place, Processor, Published, ReadError, Region, SingleContext, SpinLock, StoreOrder,
-    TestAndSet, WindowError, WindowErrorKind,
+    Clock, Instant, LoadOrder, MemoryWindow, Place, Processor, Published, Region, SingleContext,
+    SpinLock, StoreOrder,
 };
 
 use super::Tally;
 use super::script::Script;
 
-const BYTES: u32 = 512;
+const BYTES: u32 = 1024;
 const PROCESSORS: u8 = 3;
 /// The first life is over, the second is current, for everybody.
 const LIFE: u32 = 2;
@@ -159,9 +161,9 @@ impl Clock for Noisy {
 
 struct Known;
 
-impl Lives for Known {
+impl Incarnations for Known {
     fn is_current(&self, owner: Owner) -> bool {
-        owner.is_life(LIFE)
+        owner.is_incarnation(LIFE)
     }
 }
 

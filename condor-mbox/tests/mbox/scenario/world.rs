@@ -4,9 +4,11 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
-use condor_mbox::sim::SimWindow;
+use condor_mbox::error::Object;
+use condor_mbox::sim::{SimWindow, System};
 use condor_mbox::{
-    Instant, LoadOrder, Mailbox, MemoryWindow, Object, SingleContext, StoreOrder, Windows, layout,
+    Instant, LoadOrder, Mailbox, MemoryWindow, Messenger, Processor, SingleContext, StoreOrder,
+    Windows, layout,
 };
 
 use super::Tally;
@@ -29,12 +31,13 @@ const MOST_ACCESSES_PER_TICK: u64 = 10_000;
 /// How late a call may return, beyond what the others ran on the same thread: its own last look,
 /// with the returns of the handlers that are nested in it.
 const SLICE_NS: u64 = 200 * TICK_NS;
-/// Nested waits of a program that runs while others sleep end after this.
-const TURN: Duration = Duration::from_micros(100);
 
-pub(super) type HonestMailbox = Mailbox<'static, Watched, Bell, SingleContext, N>;
+pub(super) type HonestMailbox = Mailbox<'static, (Watched, Bell, SingleContext), N>;
 
 pub(super) struct World {
+    /// As the honest processors have it, behind caches in some runs.
+    system: System<N>,
+    /// As the hostile one has it.
     mails: [SimWindow; N],
     datas: [SimWindow; N],
     lost_mail: Cell<bool>,
@@ -54,11 +57,17 @@ pub(super) struct World {
 }
 
 impl World {
-    pub(super) fn new(attack: Attack) -> Rc<Self> {
-        let window = |bytes| core::array::from_fn(|_| SimWindow::new(bytes));
+    pub(super) fn new(attack: Attack, caches: Option<u64>) -> Rc<Self> {
+        let system = System::in_virtual_time(USER_BYTES);
+        let windows = system.windows(Processor(HOSTILE as u8));
+        let system = match caches {
+            Some(seed) => system.with_caches(seed),
+            None => system,
+        };
         Rc::new(Self {
-            mails: window(layout::mail_bytes(N as u32)),
-            datas: window(layout::BELL_BYTES + USER_BYTES),
+            system,
+            mails: windows.each_ref().map(|windows| windows.mail.clone()),
+            datas: windows.map(|windows| windows.data),
             lost_mail: Cell::new(false),
             lost_data: Cell::new(false),
             ns: Cell::new(0),
@@ -85,23 +94,20 @@ impl World {
     }
 
     pub(super) fn windows(self: &Rc<Self>, user: usize) -> [Windows<Watched>; N] {
-        core::array::from_fn(|owner| {
+        let mut owner = 0;
+        self.system.windows(Processor(user as u8)).map(|windows| {
+            let number = owner;
+            owner += 1;
             let watched = |object, inner: SimWindow| Watched {
                 world: Rc::clone(self),
                 user,
-                owner,
+                owner: number,
                 object,
                 inner,
             };
-            let mail = self.mails[owner].clone();
-            let mail = if owner == user {
-                mail
-            } else {
-                mail.read_only()
-            };
             Windows {
-                mail: watched(Object::Mail, mail),
-                data: watched(Object::Data, self.datas[owner].clone()),
+                mail: watched(Object::Mail, windows.mail),
+                data: watched(Object::Data, windows.data),
             }
         })
     }
@@ -132,7 +138,7 @@ impl World {
             return 0;
         };
         mailbox
-            .service(TURN)
+            .serve(Duration::ZERO)
             .expect("who serves is not harmed by others")
     }
 
@@ -188,7 +194,7 @@ impl World {
     /// its latest life if `keep_life`.
     pub(super) fn wipe_hostile_mail(&self, keep_life: bool) {
         for offset in (0..layout::mail_bytes(N as u32)).step_by(4) {
-            if !(keep_life && offset == layout::header::LAST_LIFE) {
+            if !(keep_life && offset == layout::header::LAST_INCARNATION) {
                 self.set_mail_word(offset, 0);
             }
         }

@@ -28,10 +28,10 @@ struct pair {
     struct entry slots[SLOTS], cells[SLOTS];
 };
 struct mail {
-    word magic, version, processors, number, slots, vectors, data_size, life, last_life, listeners;
+    word magic, version, processors, number, slots, vectors, data_size, incarnation, last_incarnation, listeners;
     word process_id, unused[5];
     word heartbeat, unused_1[15];
-    word attention, unused_2[15];
+    word notify, unused_2[15];
     word listening[16]; /* 8 * N bytes, rounded up to a line */
     struct { word name[8], sent, handled, failed, worst; } table[VECTORS];
     struct pair pairs[N];
@@ -40,7 +40,7 @@ _Static_assert(sizeof(struct mail) == 3968, "the size that LAYOUT.md gives");
 
 static struct mail *mine, *theirs;
 static word *their_data;
-static uint32_t my_life, their_life;
+static uint32_t my_incarnation, their_incarnation;
 static uint32_t head, tail; /* latest sent, latest taken */
 static bool stop;
 
@@ -70,16 +70,16 @@ static bool get(struct entry *e, uint32_t sequence, uint32_t *epoch, uint32_t *k
     return load_acquire(&e->sequence) == sequence && load(&e->epoch) == *epoch;
 }
 
-static uint32_t epoch(uint32_t sender_life, uint32_t receiver_life)
+static uint32_t epoch(uint32_t sender, uint32_t receiver)
 {
-    uint32_t mixed = sender_life * 0x9E3779B1u + receiver_life * 0x85EBCA77u;
+    uint32_t mixed = sender * 0x9E3779B1u + receiver * 0x85EBCA77u;
     return mixed == 0 ? 1 : mixed;
 }
 
 static void wake(void)
 {
     atomic_thread_fence(memory_order_seq_cst);
-    if (load(&theirs->attention) != 0) {
+    if (load(&theirs->notify) != 0) {
         atomic_fetch_add_explicit(&their_data[0], 1, memory_order_release);
         syscall(SYS_futex, &their_data[0], FUTEX_WAKE, INT32_MAX, NULL, NULL, 0);
     }
@@ -88,7 +88,7 @@ static void wake(void)
 static void join(uint32_t data_size)
 {
     if (load_acquire(&mine->magic) == 0) {
-        store(&mine->version, 1);
+        store(&mine->version, 2);
         store(&mine->processors, N);
         store(&mine->number, ME);
         store(&mine->slots, SLOTS);
@@ -96,15 +96,15 @@ static void join(uint32_t data_size)
         store(&mine->data_size, data_size);
         store_release(&mine->magic, 0x52444E43u);
     }
-    store_release(&mine->life, JOINING);
+    store_release(&mine->incarnation, JOINING);
     atomic_thread_fence(memory_order_release);
-    my_life = load(&mine->last_life);
+    my_incarnation = load(&mine->last_incarnation);
     do {
-        my_life++;
-        if (my_life == 0 || my_life == JOINING)
-            my_life = 1;
-    } while (my_life == load(&theirs->pairs[ME].acknowledged));
-    store(&mine->last_life, my_life);
+        my_incarnation++;
+        if (my_incarnation == 0 || my_incarnation == JOINING)
+            my_incarnation = 1;
+    } while (my_incarnation == load(&theirs->pairs[ME].acknowledged));
+    store(&mine->last_incarnation, my_incarnation);
     for (int q = 0; q < N; q++) {
         struct pair *pair = &mine->pairs[q];
         for (int i = 0; i < SLOTS; i++) {
@@ -118,35 +118,35 @@ static void join(uint32_t data_size)
         store(&mine->listening[2 * q], 0);
     }
     store(&mine->listeners, 0);
-    store(&mine->attention, 0);
+    store(&mine->notify, 0);
     store(&mine->table[5].name[0], 0x65637774u); /* "twce" */
     atomic_thread_fence(memory_order_release);
-    store(&mine->pairs[ME].acknowledged, my_life);
-    store_release(&mine->life, my_life);
+    store(&mine->pairs[ME].acknowledged, my_incarnation);
+    store_release(&mine->incarnation, my_incarnation);
     wake();
 }
 
 /* Acknowledges what began or ended; false if the peer is not connected. */
 static bool notice(void)
 {
-    uint32_t life = load_acquire(&theirs->life);
-    if (life != their_life) {
-        their_life = 0;
-        if (life != 0 && life != JOINING) {
-            if (load_acquire(&theirs->magic) != 0x52444E43u || load(&theirs->version) != 1)
+    uint32_t incarnation = load_acquire(&theirs->incarnation);
+    if (incarnation != their_incarnation) {
+        their_incarnation = 0;
+        if (incarnation != 0 && incarnation != JOINING) {
+            if (load_acquire(&theirs->magic) != 0x52444E43u || load(&theirs->version) != 2)
                 exit(2);
-            their_life = life;
+            their_incarnation = incarnation;
             head = tail = 0;
             for (int i = 0; i < SLOTS; i++) {
                 store(&mine->pairs[PEER].slots[i].epoch, 0);
                 store(&mine->pairs[PEER].cells[i].epoch, 0);
             }
             store(&mine->pairs[PEER].taken, 0);
-            store_release(&mine->pairs[PEER].acknowledged, life);
+            store_release(&mine->pairs[PEER].acknowledged, incarnation);
             wake();
         }
     }
-    return their_life != 0 && load_acquire(&theirs->pairs[ME].acknowledged) == my_life;
+    return their_incarnation != 0 && load_acquire(&theirs->pairs[ME].acknowledged) == my_incarnation;
 }
 
 static void serve(void);
@@ -154,8 +154,8 @@ static void serve(void);
 /* Asks vector 6 of the peer by the only call that this end makes at a time. */
 static uint32_t ask_back(uint32_t data)
 {
-    uint32_t sequence = head + 1, ours = epoch(my_life, their_life);
-    uint32_t asked = their_life;
+    uint32_t sequence = head + 1, ours = epoch(my_incarnation, their_incarnation);
+    uint32_t asked = their_incarnation;
     uint32_t found, status, value;
     if (sequence - load_acquire(&theirs->pairs[ME].taken) > SLOTS)
         return 0;
@@ -165,7 +165,7 @@ static uint32_t ask_back(uint32_t data)
     while (!get(&theirs->pairs[ME].cells[3], sequence, &found, &status, &value) || found != ours) {
         serve();
         sched_yield();
-        if (their_life != asked)
+        if (their_incarnation != asked)
             return 0;
     }
     return status == DONE ? value : 0;
@@ -177,9 +177,9 @@ static void serve(void)
     store(&mine->heartbeat, load(&mine->heartbeat) + 1);
     if (!notice())
         return;
-    uint32_t sequence = tail + 1, life = their_life;
+    uint32_t sequence = tail + 1, incarnation = their_incarnation;
     if (!get(&theirs->pairs[ME].slots[sequence % SLOTS], sequence, &found, &kind, &value)
-        || found != epoch(their_life, my_life))
+        || found != epoch(their_incarnation, my_incarnation))
         return;
     tail = sequence;
     store_release(&mine->pairs[PEER].taken, sequence);
@@ -190,7 +190,7 @@ static void serve(void)
     case 7: stop = true; break;
     default: status = NO_HANDLER;
     }
-    if ((kind >> 8 & 0xFF) == CALL && their_life == life)
+    if ((kind >> 8 & 0xFF) == CALL && their_incarnation == incarnation)
         put(&mine->pairs[PEER].cells[(kind >> 16) % SLOTS], sequence, found, status, reply);
     wake();
 }
@@ -234,7 +234,7 @@ int main(int count, char **arguments)
         serve();
         sched_yield();
     }
-    store_release(&mine->life, 0);
+    store_release(&mine->incarnation, 0);
     wake();
     return 0;
 }

@@ -6,9 +6,10 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use condor_mbox::sim::{SimWindow, SimWindowError};
+use condor_mbox::window::{WindowError, WindowErrorKind};
 use condor_mbox::{
-    AccessError, Error, Instant, Link, LoadOrder, MemoryWindow, Message, Messenger, Pending,
-    Processor, StoreOrder, Vector, WindowError, WindowErrorKind,
+    AccessError, Error, Instant, LoadOrder, MemoryWindow, Messenger, Pending, Processor,
+    StoreOrder, Ticket, Vector,
 };
 
 pub(crate) const HOST: Processor = Processor(0);
@@ -123,52 +124,41 @@ impl Messenger for Board<'_> {
         HAND
     }
 
-    fn send_before(&self, _: Message, _: Duration, _: Instant) -> Result<(), Error> {
-        Err(NOT_SENT)
+    fn now(&self) -> Instant {
+        Instant::from_ns(self.now.get())
     }
 
-    fn open_before(
-        &self,
-        _: Message,
-        _: Duration,
-        _: Instant,
-    ) -> Result<(Pending, Instant), Error> {
-        Err(NOT_SENT)
-    }
-
-    fn wait_before(&self, _: &Pending, _: Duration, _: Instant) -> Result<u32, Error> {
-        Err(NOT_SENT)
-    }
-
-    fn post(&self, message: Message) -> Result<(), Error> {
+    fn send(&self, _: Processor, vector: Vector, _: u32, timeout: Duration) -> Result<(), Error> {
         // To whomever the host's words name.
-        assert_eq!(message.vector, Vector(56));
+        assert_eq!((vector, timeout), (Vector(56), Duration::ZERO));
         self.rings.set(self.rings.get() + 1);
         // A full ring of messages loses nothing.
         Err(NOT_SENT)
     }
 
-    fn open(&self, _: Message) -> Result<Pending, Error> {
+    fn send_with_reply(&self, _: Processor, _: Vector, _: u32, _: Duration) -> Result<u32, Error> {
         Err(NOT_SENT)
     }
 
-    fn look(&self, _: &Pending) -> Result<Option<u32>, Error> {
+    fn begin(&self, _: Processor, _: Vector, _: u32, _: Duration) -> Result<Ticket<'_>, Error> {
         Err(NOT_SENT)
     }
 
-    fn abandon(&self, _: &Pending) {}
-}
-
-impl Link for Board<'_> {
-    fn now(&self) -> Instant {
-        Instant::from_ns(self.now.get())
-    }
-
-    fn pause(&self, timeout: Duration) -> Result<(), Error> {
+    fn serve(&self, timeout: Duration) -> Result<usize, Error> {
         self.pauses.set(self.pauses.get() + 1);
         self.now
             .set(self.now.get() + u64::try_from(timeout.as_nanos()).unwrap());
         (self.while_paused.borrow_mut())();
-        Ok(())
+        Ok(0)
     }
+
+    fn poll_pending(&self, _: &Pending) -> Result<Option<u32>, Error> {
+        Err(NOT_SENT)
+    }
+
+    fn wait_pending(&self, _: &Pending, _: Duration) -> Result<u32, Error> {
+        Err(NOT_SENT)
+    }
+
+    fn abandon(&self, _: &Pending) {}
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use condor_mbox::sim::System;
-use condor_mbox::{Processor, Region, SingleContext};
+use condor_mbox::{MemoryWindow, Messenger, Places, Processor, Region, SingleContext};
 use condor_tty::linux::{Host, HostError, Sink};
 use condor_tty::{Policy, ReaderError, Terminal, Vectors};
 
@@ -61,7 +61,7 @@ pub(crate) fn run(bytes: &[u8]) {
     let own = Region::users(windows.data.clone()).unwrap();
     let hand = Terminal::<_, _, 16>::new(
         own.clone(),
-        &mut own.places(),
+        &mut Places::new(own.size()),
         CAPACITY,
         SingleContext::new(),
     )

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{Region, SingleContext};
+use condor_mbox::{MemoryWindow, Places, Region, SingleContext};
 use condor_tty::{Accepted, ConsoleError, Mode, Policy, Settings, Terminal};
 use embedded_io::{Read, Write};
 
@@ -33,7 +33,7 @@ pub(crate) fn run(bytes: &[u8]) {
     let memory = SimWindow::new(END + 64);
     let window = Haunted::new(&memory, &script, OFFSET..END);
     let region = Region::whole(window.clone());
-    let mut places = region.places();
+    let mut places = Places::new(region.size());
     places.bytes(OFFSET as usize).unwrap();
     let hand = Hand::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();
     // From now on the host's line is the host's.

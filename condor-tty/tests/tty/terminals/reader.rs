@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{Region, SingleContext};
+use condor_mbox::{MemoryWindow, Places, Region, SingleContext};
 use condor_tty::{Policy, Reader, ReaderError, Terminal};
 
 use super::haunted::Haunted;
@@ -25,7 +25,7 @@ pub(crate) fn run(bytes: &[u8]) {
     let window = Haunted::new(&memory, &script, OFFSET..END);
     // A processor that is a true one between what it should not do.
     let region = Region::whole(memory);
-    let mut places = region.places();
+    let mut places = Places::new(region.size());
     places.bytes(OFFSET as usize).unwrap();
     let hand =
         Terminal::<_, _, 16>::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();

@@ -50,7 +50,7 @@ impl Doorbell for Bell {
             .map_or(0, |rings| rings.load(Ordering::Relaxed))
     }
 
-    fn wait(&self, seen: u32, _: Instant) {
+    fn wait(&self, seen: u32, _: Instant, _: Option<Processor>) {
         if SCB::vect_active() != VectActive::ThreadMode {
             // The interrupts of this core wait for us: run the other processor from here.
             serve_other(self.me);

@@ -2,12 +2,13 @@
 
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
+use core::time::Duration;
 
-use condor_mbox::{Processor, StaticWindow};
+use condor_mbox::{Messenger, Processor, StaticWindow};
 use cortex_m_rt::exception;
 use exercise::{FOLLOWER, LEADER, Order, Resident};
 
-use crate::{Mail, PATIENCE, locks};
+use crate::{Mail, locks};
 
 /// A processor that can be run from elsewhere.
 pub(crate) struct Runnable<'r, 'v> {
@@ -44,7 +45,7 @@ pub(crate) fn serve_other(me: Processor) {
     if me == FOLLOWER {
         with(&LEADER_RUNS, |leader| {
             // It was there when it was published; if its memory is gone, nothing is served.
-            let _ = leader.mailbox.service(PATIENCE);
+            let _ = leader.mailbox.serve(Duration::ZERO);
         });
     } else {
         serve_follower();
@@ -66,7 +67,7 @@ fn serve_follower() {
         if matches!(order, Order::Hold | Order::Stop) {
             return;
         }
-        let served = follower.mailbox.service(PATIENCE).unwrap_or(0);
+        let served = follower.mailbox.serve(Duration::ZERO).unwrap_or(0);
         let sum = SERVED.load(Ordering::Relaxed).wrapping_add(served as u32);
         SERVED.store(sum, Ordering::Relaxed);
     });

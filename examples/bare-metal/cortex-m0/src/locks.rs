@@ -2,10 +2,8 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use condor_mbox::{
-    AccessError, Bakery, CriticalSection, HardwareSemaphore, Region, SemaphoreSwap, SpinLock,
-    StaticWindow,
-};
+use condor_mbox::spin_lock::{Bakery, HardwareSemaphore, SemaphoreSwap};
+use condor_mbox::{AccessError, CriticalSection, Region, SpinLock, StaticWindow};
 use exercise::{LockKind, Locking, Locks, PROCESSORS};
 
 /// All of them.

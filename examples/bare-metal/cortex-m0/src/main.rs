@@ -12,20 +12,26 @@ mod locks;
 mod machine;
 
 use core::panic::PanicInfo;
-use core::time::Duration;
 
 use bell::Bell;
-use condor_mbox::{CriticalSection, StaticMemory, StaticWindow, Windows, layout};
+use condor_mbox::{Backend, CriticalSection, StaticMemory, StaticWindow, Windows, layout};
 use cortex_m::Peripherals;
 use cortex_m::peripheral::syst::SystClkSource;
 use exercise::{Checks, DATA_BYTES, FOLLOWER, LEADER, Mbox, Order, PROCESSORS, Resident};
 use interrupt::{Runnable, running, served};
 use machine::{print, start_clock, switch_off};
 
-type Mail<'v> = Mbox<'v, StaticWindow<'static>, Bell, CriticalSection>;
+/// The chip, for a mailbox.
+struct Chip;
 
-/// Nothing here takes as long, unless something is broken.
-const PATIENCE: Duration = Duration::from_secs(20);
+impl Backend for Chip {
+    type Window = StaticWindow<'static>;
+    type Doorbell = Bell;
+    type Exclusion = CriticalSection;
+}
+
+type Mail<'v> = Mbox<'v, Chip>;
+
 const MAIL_WORDS: usize = layout::mail_bytes(PROCESSORS as u32) as usize / 4;
 const DATA_WORDS: usize = DATA_BYTES as usize / 4;
 /// At 16 MHz, 1000 in a second.
@@ -49,7 +55,7 @@ fn main() -> ! {
     #[cfg(feature = "conformance")]
     suites(&mut checks);
     let bell = Bell { me: FOLLOWER };
-    let resided = exercise::reside(
+    let resided = exercise::reside::<Chip, _>(
         FOLLOWER,
         windows(),
         bell,
@@ -68,7 +74,7 @@ fn main() -> ! {
 
 fn lead(checks: &mut Checks<'_>) {
     let bell = Bell { me: LEADER };
-    let resided = exercise::reside(
+    let resided = exercise::reside::<Chip, _>(
         LEADER,
         windows(),
         bell,

@@ -1,6 +1,8 @@
 //! What the follower does between messages.
 
-use condor_mbox::{AccessError, Doorbell, Exclusion, MemoryWindow};
+use core::time::Duration;
+
+use condor_mbox::{AccessError, Backend, MemoryWindow, Messenger};
 
 use crate::map::MAP;
 use crate::memory::{Locks, count_some};
@@ -69,16 +71,13 @@ const TURNS_PER_TICK: u32 = 64;
 ///
 /// # Errors
 /// The memory is gone.
-pub fn turn<W, D, X, L>(
-    mailbox: &Mbox<'_, W, D, X>,
-    resident: &Resident<W>,
+pub fn turn<B: Backend, L>(
+    mailbox: &Mbox<'_, B>,
+    resident: &Resident<B::Window>,
     locks: &L,
 ) -> Result<(), AccessError>
 where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-    L: Locks<W>,
+    L: Locks<B::Window>,
 {
     count_some(mailbox, locks)?;
     let mut publisher = MAP.sample.publisher(&resident.ram)?;
@@ -87,7 +86,7 @@ where
     publisher.publish(&[next; 6])?;
     if resident.order() == Order::Interrupts && next % TURNS_PER_TICK < 2 {
         // In the middle of this the mailbox interrupt may come; a full ring is left alone.
-        let _ = mailbox.try_send(LEADER, TICK, next);
+        let _ = mailbox.send(LEADER, TICK, next, Duration::ZERO);
     }
     Ok(())
 }

@@ -35,7 +35,7 @@ pub const LEADER: Processor = Processor(0);
 pub const FOLLOWER: Processor = Processor(1);
 
 /// The mailbox of either.
-pub type Mbox<'v, W, D, X> = Mailbox<'v, W, D, X, PROCESSORS>;
+pub type Mbox<'v, B> = Mailbox<'v, B, PROCESSORS>;
 
 /// Nothing here takes as long, unless something is broken.
 const PATIENCE: Duration = Duration::from_secs(20);

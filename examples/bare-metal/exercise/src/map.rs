@@ -1,6 +1,7 @@
 //! Where things lie in the follower's `data`, after the doorbell's line.
 
-use condor_mbox::{AccessError, Bakery, Places, Published, layout};
+use condor_mbox::spin_lock::Bakery;
+use condor_mbox::{AccessError, Places, Published, layout};
 
 use crate::PROCESSORS;
 

@@ -1,8 +1,11 @@
 //! Shared memory without messages: regions, published values, locks.
 
+use condor_mbox::published::ReadError;
+use condor_mbox::spin_lock::{Incarnations, LockError, Owner, TestAndSet};
+use condor_mbox::window::{WindowErrorKind, check_access, check_words};
 use condor_mbox::{
-    AccessError, Clock, Doorbell, Exclusion, Lives, LockError, MemoryWindow, Owner, Place,
-    Published, ReadError, Region, SpinLock, TestAndSet, WindowErrorKind, check_access, check_words,
+    AccessError, Backend, Clock, Doorbell, MemoryWindow, Messenger, Place, Places, Published,
+    Region, SpinLock,
 };
 
 use crate::map::{MAP, Sample};
@@ -69,7 +72,7 @@ pub trait Locking {
     fn try_locked(
         &self,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
         body: &mut dyn FnMut(),
     ) -> Result<(), LockError>;
 
@@ -80,7 +83,7 @@ pub trait Locking {
     fn locked(
         &self,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
         clock: &dyn Clock,
         body: &mut dyn FnMut(),
     ) -> Result<(), LockError>;
@@ -89,23 +92,28 @@ pub trait Locking {
     ///
     /// # Errors
     /// As [`SpinLock::try_lock`].
-    fn take_for_good(&self, me: Owner, lives: &dyn Lives) -> Result<(), LockError>;
+    fn take_for_good(&self, me: Owner, incarnations: &dyn Incarnations) -> Result<(), LockError>;
 
     /// Takes the lock over from the dead.
     ///
     /// # Errors
     /// As [`SpinLock::recover`].
-    fn recover(&self, dead: Owner, me: Owner, lives: &dyn Lives) -> Result<(), LockError>;
+    fn recover(
+        &self,
+        dead: Owner,
+        me: Owner,
+        incarnations: &dyn Incarnations,
+    ) -> Result<(), LockError>;
 }
 
 impl<L: TestAndSet> Locking for SpinLock<L> {
     fn try_locked(
         &self,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
         body: &mut dyn FnMut(),
     ) -> Result<(), LockError> {
-        let guard = self.try_lock(me, lives)?;
+        let guard = self.try_lock(me, incarnations)?;
         body();
         guard.release()
     }
@@ -113,29 +121,34 @@ impl<L: TestAndSet> Locking for SpinLock<L> {
     fn locked(
         &self,
         me: Owner,
-        lives: &dyn Lives,
+        incarnations: &dyn Incarnations,
         clock: &dyn Clock,
         body: &mut dyn FnMut(),
     ) -> Result<(), LockError> {
-        let guard = self.lock(me, lives, &clock, PATIENCE)?;
+        let guard = self.lock(me, incarnations, &clock, PATIENCE)?;
         body();
         drop(guard);
         Ok(())
     }
 
-    fn take_for_good(&self, me: Owner, lives: &dyn Lives) -> Result<(), LockError> {
-        self.try_lock(me, lives).map(core::mem::forget)
+    fn take_for_good(&self, me: Owner, incarnations: &dyn Incarnations) -> Result<(), LockError> {
+        self.try_lock(me, incarnations).map(core::mem::forget)
     }
 
-    fn recover(&self, dead: Owner, me: Owner, lives: &dyn Lives) -> Result<(), LockError> {
-        SpinLock::recover(self, dead, me, lives)?.release()
+    fn recover(
+        &self,
+        dead: Owner,
+        me: Owner,
+        incarnations: &dyn Incarnations,
+    ) -> Result<(), LockError> {
+        SpinLock::recover(self, dead, me, incarnations)?.release()
     }
 }
 
 /// Everybody lives.
 struct Everybody;
 
-impl Lives for Everybody {
+impl Incarnations for Everybody {
     fn is_current(&self, _: Owner) -> bool {
         true
     }
@@ -143,12 +156,9 @@ impl Lives for Everybody {
 
 /// The leader's checks of memory that it shares with a follower that takes its
 /// [turns](crate::turn).
-pub fn memory<W, D, X, L>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, locks: &L)
+pub fn memory<B: Backend, L>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>, locks: &L)
 where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-    L: Locks<W>,
+    L: Locks<B::Window>,
 {
     let Ok(ram) = mailbox.region(FOLLOWER) else {
         return checks.that("the follower has memory", false);
@@ -199,7 +209,7 @@ fn regions<W: MemoryWindow + Clone>(checks: &mut Checks<'_>, ram: &Region<W>) {
         check_access(ram.size(), 2, 4),
         Err(WindowErrorKind::Misaligned),
     );
-    let mut places = ram.places();
+    let mut places = Places::new(ram.size());
     let two = (places.bytes(8), places.place::<u64>());
     checks.that(
         "places are laid out one after another",
@@ -207,12 +217,7 @@ fn regions<W: MemoryWindow + Clone>(checks: &mut Checks<'_>, ram: &Region<W>) {
     );
 }
 
-fn published<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, ram: &Region<&W>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn published<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>, ram: &Region<&B::Window>) {
     let Ok(subscriber) = MAP.sample.subscriber(*ram) else {
         return checks.that("a subscriber finds the cell", false);
     };
@@ -240,17 +245,14 @@ where
 }
 
 /// Both count up the same two words, under the lock.
-fn shared_count<W, D, X, L>(
+fn shared_count<B: Backend, L>(
     checks: &mut Checks<'_>,
-    mailbox: &Mbox<'_, W, D, X>,
-    ram: &Region<&W>,
+    mailbox: &Mbox<'_, B>,
+    ram: &Region<&B::Window>,
     locks: &L,
     kind: LockKind,
 ) where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-    L: Locks<W>,
+    L: Locks<B::Window>,
 {
     let Ok(me) = mailbox.owner() else {
         return checks.that("the leader has joined", false);
@@ -285,15 +287,9 @@ fn shared_count<W, D, X, L>(
 }
 
 /// The follower's part: never waits for the lock.
-pub(crate) fn count_some<W, D, X, L>(
-    mailbox: &Mbox<'_, W, D, X>,
-    locks: &L,
-) -> Result<(), AccessError>
+pub(crate) fn count_some<B: Backend, L>(mailbox: &Mbox<'_, B>, locks: &L) -> Result<(), AccessError>
 where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-    L: Locks<W>,
+    L: Locks<B::Window>,
 {
     let (Ok(ram), Ok(me)) = (mailbox.region(mailbox.number()), mailbox.owner()) else {
         return Ok(());
@@ -328,12 +324,7 @@ fn count_up<W: MemoryWindow>(ram: &Region<W>) -> Result<bool, AccessError> {
     Ok(first == second)
 }
 
-fn dead_owner<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, lock: &dyn Locking)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn dead_owner<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>, lock: &dyn Locking) {
     let (Ok(me), Ok(dead)) = (mailbox.owner(), Owner::new(FOLLOWER, 0xdead)) else {
         return checks.that("the leader has joined", false);
     };

@@ -5,28 +5,24 @@ use core::sync::atomic::Ordering::Relaxed;
 use core::time::Duration;
 
 use condor_mbox::{
-    Doorbell, Error, Exchange, Exclusion, Instant, MAX_DEPTH, MemoryWindow, Message, Messenger,
-    Processor, Vector,
+    Backend, Call, Clock, Error, Exchange, MemoryWindow, Messenger, Places, Processor, Ticket,
+    Vector,
 };
 
 use crate::map::{MAP, WORDS_BYTES};
-use crate::resident::{ANSWER, IN_ORDER, NEST, NOBODY, NOTE, READ, Resident, SUM, Terms};
+use crate::resident::{ANSWER, IN_ORDER, NEST, NOBODY, NOTE, READ, REFUSE, Resident, SUM, Terms};
 use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
 
 /// The most stack that a level of nesting takes.
 const LEVEL_BYTES: usize = 1024;
 
 /// The leader's messages to a follower that serves; `ends` of the two share the leader's stack.
-pub fn messages<W, D, X>(
+pub fn messages<B: Backend>(
     checks: &mut Checks<'_>,
-    mailbox: &Mbox<'_, W, D, X>,
-    resident: &Resident<W>,
+    mailbox: &Mbox<'_, B>,
+    resident: &Resident<B::Window>,
     ends: usize,
-) where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+) {
     flat(checks, mailbox);
     order(checks, mailbox);
     nested(checks, mailbox, resident);
@@ -38,12 +34,7 @@ pub fn messages<W, D, X>(
     as_messenger(checks, mailbox);
 }
 
-fn flat<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn flat<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     let at = MAP.words + 400;
     checks.that(
         "a word is stored in the follower's memory",
@@ -63,16 +54,11 @@ where
     );
     checks.that(
         "a message is sent without waiting",
-        (0..u32::MAX).any(|_| mailbox.try_send(FOLLOWER, NOTE, 2).is_ok()),
+        (0..u32::MAX).any(|_| mailbox.send(FOLLOWER, NOTE, 2, Duration::ZERO).is_ok()),
     );
 }
 
-fn order<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn order<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     const COUNT: u32 = 200;
     let sent = (0..COUNT).all(|data| mailbox.send(FOLLOWER, IN_ORDER, data, PATIENCE).is_ok());
     checks.that("messages are sent faster than they are served", sent);
@@ -83,13 +69,12 @@ where
     );
 }
 
-fn nested<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, resident: &Resident<W>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
-    let all = (0..=MAX_DEPTH)
+fn nested<B: Backend>(
+    checks: &mut Checks<'_>,
+    mailbox: &Mbox<'_, B>,
+    resident: &Resident<B::Window>,
+) {
+    let all = (0..=Call::MAX_DEPTH)
         .all(|depth| mailbox.send_with_reply(FOLLOWER, NEST, depth, PATIENCE) == Ok(depth));
     checks.that("calls nest both ways", all);
     checks.that(
@@ -117,12 +102,11 @@ fn stack<W>(checks: &mut Checks<'_>, resident: &Resident<W>, ends: usize) {
     );
 }
 
-fn to_oneself<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, resident: &Resident<W>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn to_oneself<B: Backend>(
+    checks: &mut Checks<'_>,
+    mailbox: &Mbox<'_, B>,
+    resident: &Resident<B::Window>,
+) {
     let set = resident.ram.set_word(MAP.words, 42);
     checks.same("a word is stored in one's own memory", set, Ok(()));
     checks.same(
@@ -136,20 +120,15 @@ where
         mailbox.send(LEADER, NOTE, 5, PATIENCE),
         Ok(()),
     );
-    let served = mailbox.service(PATIENCE);
+    let served = mailbox.serve(Duration::ZERO);
     checks.that("servicing does not fail", served.is_ok());
     let come = served_until(mailbox, || resident.noted.load(Relaxed) == 5);
     checks.that("it is served", come);
 }
 
-fn tickets<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn tickets<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     let at = MAP.words + 400;
-    match mailbox.begin(FOLLOWER, READ, at) {
+    match mailbox.begin(FOLLOWER, READ, at, Duration::ZERO) {
         Ok(mut ticket) => {
             let mut reply = Ok(None);
             served_until(mailbox, || {
@@ -166,7 +145,7 @@ where
         }
         Err(error) => checks.same("a ticket is begun", Some(error), None),
     }
-    let waited = match mailbox.begin(FOLLOWER, READ, at) {
+    let waited = match mailbox.begin(FOLLOWER, READ, at, Duration::ZERO) {
         Ok(mut ticket) => ticket.wait(PATIENCE),
         Err(error) => Err(error),
     };
@@ -174,18 +153,13 @@ where
     let mut given_up = 0;
     served_until(mailbox, || {
         // As many as there are slots, and more: each is free again when its reply has come.
-        given_up += u32::from(mailbox.begin(FOLLOWER, READ, at).is_ok());
+        given_up += u32::from(mailbox.begin(FOLLOWER, READ, at, Duration::ZERO).is_ok());
         given_up >= 20
     });
     checks.same("tickets that are given up free their slots", given_up, 20);
 }
 
-fn refused<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn refused<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     let number = Processor(PROCESSORS as u8);
     let no_such = Error::NoSuchProcessor {
         number,
@@ -211,22 +185,27 @@ where
         mailbox.send_with_reply(FOLLOWER, NOBODY, 0, PATIENCE),
         Err(nobody),
     );
+    let code = 0xffff_0001;
+    checks.same(
+        "a handler's error code is told",
+        mailbox.send_with_reply(FOLLOWER, REFUSE, code, PATIENCE),
+        Err(Error::Refused {
+            to: FOLLOWER,
+            vector: REFUSE,
+            code,
+        }),
+    );
     let mut text = Length(0);
     // The compiler is not to know which error it is.
     let written = write!(text, "{}", core::hint::black_box(nobody));
     checks.that("an error can be printed", written.is_ok() && text.0 > 20);
 }
 
-fn typed<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn typed<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     let Ok(own) = mailbox.region(LEADER) else {
         return checks.that("the leader has memory", false);
     };
-    let mut places = own.places();
+    let mut places = Places::new(own.size());
     // What else uses this memory.
     let exchange = places
         .bytes(WORDS_BYTES)
@@ -247,54 +226,60 @@ where
 }
 
 fn as_messenger(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
-    let message = Message {
-        to: FOLLOWER,
-        vector: READ,
-        data: MAP.words + 400,
-    };
+    let at = MAP.words + 400;
     checks.same("a messenger has a number", messenger.number(), LEADER);
+    let now = messenger.now();
+    checks.that("and a clock", messenger.now() >= now);
     checks.same(
         "it calls",
-        messenger.send_with_reply_before(message, PATIENCE, Instant::FOREVER),
+        messenger.send_with_reply(FOLLOWER, READ, at, PATIENCE),
         Ok(977),
     );
-    let opened = messenger
-        .open_before(message, PATIENCE, Instant::FOREVER)
-        .and_then(|(pending, deadline)| messenger.wait_before(&pending, PATIENCE, deadline));
-    checks.same("it opens and waits", opened, Ok(977));
-    let note = Message {
-        vector: NOTE,
-        ..message
+    let begin = || {
+        let ticket = messenger.begin(FOLLOWER, READ, at, PATIENCE);
+        ticket.map(Ticket::detach)
     };
+    match begin() {
+        Ok(Some(pending)) => checks.same(
+            "it begins and waits",
+            messenger.wait_pending(&pending, PATIENCE),
+            Ok(977),
+        ),
+        other => checks.same("it begins", other, Ok(None)),
+    }
+    match begin() {
+        Ok(Some(pending)) => checks.same(
+            "a request can be kept, and taken up again",
+            Ticket::attach(messenger, pending).wait(PATIENCE),
+            Ok(Some(977)),
+        ),
+        other => checks.same("it begins another", other, Ok(None)),
+    }
     checks.same(
         "it sends",
-        messenger.send_before(note, PATIENCE, Instant::FOREVER),
+        messenger.send(FOLLOWER, NOTE, at, PATIENCE),
         Ok(()),
     );
     checks.that(
-        "it posts",
-        (0..u32::MAX).any(|_| messenger.post(note).is_ok()),
+        "it sends without waiting",
+        (0..u32::MAX).any(|_| messenger.send(FOLLOWER, NOTE, at, Duration::ZERO).is_ok()),
     );
-    match messenger.open(message) {
-        Ok(pending) => {
-            let looked = messenger.look(&pending);
+    match begin() {
+        Ok(Some(pending)) => {
+            let polled = messenger.poll_pending(&pending);
             messenger.abandon(&pending);
-            checks.that("it opens, looks and abandons", looked.is_ok());
+            checks.that("it begins, polls and abandons", polled.is_ok());
         }
-        Err(error) => checks.same("it opens", Some(error), None),
+        other => checks.same("it begins the last", other, Ok(None)),
     }
+    checks.that("it serves", messenger.serve(Duration::ZERO).is_ok());
 }
 
 /// Serves until `done`, or for too long; whether it is done.
-pub(crate) fn served_until<W, D, X>(
-    mailbox: &Mbox<'_, W, D, X>,
+pub(crate) fn served_until<B: Backend>(
+    mailbox: &Mbox<'_, B>,
     mut done: impl FnMut() -> bool,
-) -> bool
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+) -> bool {
     let deadline = mailbox.doorbell().now().after(PATIENCE);
     while !done() {
         if mailbox.doorbell().now() >= deadline || mailbox.serve(Duration::from_millis(1)).is_err()

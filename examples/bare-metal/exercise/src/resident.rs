@@ -4,9 +4,10 @@ use core::ptr;
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
 use core::time::Duration;
 
+use condor_mbox::error::Object;
+use condor_mbox::exchange::answer;
 use condor_mbox::{
-    Call, Doorbell, Error, Exclusion, MAX_DEPTH, MemoryWindow, Object, Processor, Region, Vector,
-    Windows, answer,
+    Backend, Call, Error, MemoryWindow, Messenger, Processor, Region, Vector, Windows,
 };
 
 use crate::{FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
@@ -25,6 +26,8 @@ pub(crate) const NOTE: Vector = Vector(4);
 pub(crate) const ANSWER: Vector = Vector(5);
 /// Counts what the follower sends on its own account.
 pub(crate) const TICK: Vector = Vector(6);
+/// Is refused, with its data as error code.
+pub(crate) const REFUSE: Vector = Vector(7);
 /// Has no handler.
 pub(crate) const NOBODY: Vector = Vector(63);
 
@@ -54,18 +57,13 @@ pub struct Resident<W> {
 ///
 /// # Errors
 /// As [`Mailbox::new`](condor_mbox::Mailbox::new).
-pub fn reside<W, D, X, R>(
+pub fn reside<B: Backend<Window: Clone + Sync>, R>(
     me: Processor,
-    windows: [Windows<W>; PROCESSORS],
-    doorbell: D,
-    exclusion: X,
-    body: impl FnOnce(&mut Mbox<'_, W, D, X>, &Resident<W>) -> R,
-) -> Result<R, Error>
-where
-    W: MemoryWindow + Clone + Sync,
-    D: Doorbell,
-    X: Exclusion,
-{
+    windows: [Windows<B::Window>; PROCESSORS],
+    doorbell: B::Doorbell,
+    exclusion: B::Exclusion,
+    body: impl FnOnce(&mut Mbox<'_, B>, &Resident<B::Window>) -> R,
+) -> Result<R, Error> {
     let resident = Resident::new(me, &windows)?;
     let read = |call: &Call<'_>| resident.read(call);
     let in_order = |call: &Call<'_>| resident.in_order(call);
@@ -76,7 +74,7 @@ where
         count(&resident.ticks);
         0
     };
-    let mut mailbox = Mbox::new(me, windows, doorbell, exclusion)?;
+    let mut mailbox = Mbox::<B>::new(me, windows, doorbell, exclusion)?;
     mailbox.set_vector(READ, &read, "read a word")?;
     mailbox.set_vector(IN_ORDER, &in_order, "in order")?;
     mailbox.set_vector(NEST, &nest, "nest")?;
@@ -84,6 +82,7 @@ where
     mailbox.set_vector(NOTE, &note, "note")?;
     mailbox.set_vector(ANSWER, &send_back, "answer")?;
     mailbox.set_vector(TICK, &tick, "tick")?;
+    mailbox.set_vector(REFUSE, &|call| call.refuse(call.data()), "refuse")?;
     Ok(body(&mut mailbox, &resident))
 }
 
@@ -167,7 +166,9 @@ impl<W: MemoryWindow> Resident<W> {
         self.innermost.store(outer, Relaxed);
         match reply {
             Ok(depth) => depth.saturating_add(1),
-            Err(Error::TooDeep { depth: MAX_DEPTH }) => 1000,
+            Err(Error::TooDeep {
+                depth: Call::MAX_DEPTH,
+            }) => 1000,
             Err(_) => u32::MAX,
         }
     }
@@ -188,8 +189,10 @@ fn count(counter: &AtomicU32) {
 fn send_back(call: &Call<'_>) -> u32 {
     let (to, data) = (call.sender(), call.data());
     let sent = call.send(to, NOTE, data, PATIENCE).is_ok();
-    let posted = call.try_send(to, NOTE, data.wrapping_add(1)).is_ok();
-    let begun = match call.begin(to, NOTE, data.wrapping_add(2)) {
+    let posted = call
+        .send(to, NOTE, data.wrapping_add(1), Duration::ZERO)
+        .is_ok();
+    let begun = match call.begin(to, NOTE, data.wrapping_add(2), Duration::ZERO) {
         // Nobody serves while a handler polls: the reply is given up.
         Ok(mut ticket) => ticket.poll().is_ok(),
         Err(_) => false,

@@ -4,7 +4,7 @@ use core::sync::atomic::Ordering::Relaxed;
 use core::time::Duration;
 
 use condor_mbox::{
-    Doorbell, Error, Exclusion, Instant, MemoryWindow, PeerState, Processor, Progress,
+    Backend, Clock, Error, Exclusion, Instant, Messenger, PeerState, Processor, Progress,
     SingleContext, Vector, Waiting, Windows,
 };
 
@@ -15,21 +15,17 @@ use crate::resident::{NOBODY, NOTE, READ, Resident};
 use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
 
 /// Before and while the leader joins for the first time.
-pub fn first_life<W, D, X>(
+pub fn first_life<B: Backend>(
     checks: &mut Checks<'_>,
-    mailbox: &mut Mbox<'_, W, D, X>,
-    windows: [Windows<W>; PROCESSORS],
-    bell_and_exclusion: (D, X),
-) where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+    mailbox: &mut Mbox<'_, B>,
+    windows: [Windows<B::Window>; PROCESSORS],
+    bell_and_exclusion: (B::Doorbell, B::Exclusion),
+) {
     let number = Processor(PROCESSORS as u8);
     let (bell, exclusion) = bell_and_exclusion;
     checks.same(
         "a number beyond the system is refused",
-        Mbox::new(number, windows, bell, exclusion).err(),
+        Mbox::<B>::new(number, windows, bell, exclusion).err(),
         Some(Error::NoSuchProcessor {
             number,
             processors: number.0,
@@ -71,6 +67,10 @@ pub fn first_life<W, D, X>(
         Ok(()),
     );
     checks.that(
+        "the follower is waited for",
+        mailbox.wait_for_peer(FOLLOWER, None, PATIENCE).is_ok(),
+    );
+    checks.that(
         "the follower is connected",
         matches!(
             mailbox.peer_state(FOLLOWER),
@@ -82,12 +82,7 @@ pub fn first_life<W, D, X>(
     );
 }
 
-fn vectors<W, D, X>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, W, D, X>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn vectors<B: Backend>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, B>) {
     let vector = Vector(Vector::COUNT as u8);
     checks.same(
         "a vector that does not exist cannot be set",
@@ -122,15 +117,11 @@ where
 }
 
 /// What happens while the follower holds, what was counted, listening, and a life after leaving.
-pub fn second_life<W, D, X>(
+pub fn second_life<B: Backend>(
     checks: &mut Checks<'_>,
-    mailbox: &mut Mbox<'_, W, D, X>,
-    resident: &Resident<W>,
-) where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+    mailbox: &mut Mbox<'_, B>,
+    resident: &Resident<B::Window>,
+) {
     held(checks, mailbox);
     counted(checks, mailbox);
     listening(checks, mailbox, resident);
@@ -150,17 +141,12 @@ pub fn second_life<W, D, X>(
         "the life is another one",
         matches!(
             mailbox.peer_state(LEADER),
-            Ok(PeerState::Up { life: 2, .. })
+            Ok(PeerState::Up { incarnation: 2, .. })
         ),
     );
 }
 
-fn held<W, D, X>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, W, D, X>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn held<B: Backend>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, B>) {
     give(checks, mailbox, Order::Hold);
     for waiting in [
         Waiting::Sleep,
@@ -171,7 +157,7 @@ where
     ] {
         mailbox.set_waiting(waiting);
         let ended = mailbox.send_with_reply(FOLLOWER, READ, 0, Duration::from_millis(5));
-        let waiting = Progress::Waiting;
+        let waiting = Progress::MayRun;
         checks.that(
             "a call that nobody serves ends at its deadline",
             matches!(ended, Err(Error::TimedOut { progress, .. } | Error::Stalled { progress, .. })
@@ -181,7 +167,8 @@ where
     checks.that(
         "a ring without room is an error",
         (0..=condor_mbox::layout::SLOTS).any(|data| {
-            mailbox.try_send(FOLLOWER, NOTE, data) == Err(Error::NoSlot { to: FOLLOWER })
+            mailbox.send(FOLLOWER, NOTE, data, Duration::ZERO)
+                == Err(Error::NoSlot { to: FOLLOWER })
         }),
     );
     give(checks, mailbox, Order::Serve);
@@ -204,12 +191,7 @@ where
     }
 }
 
-fn counted<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+fn counted<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     match (
         mailbox.vector_statistics(LEADER, READ),
         mailbox.vector_statistics(FOLLOWER, READ),
@@ -229,15 +211,11 @@ where
 }
 
 /// The leader listens to the follower, and so to its own messages there.
-fn listening<W, D, X>(
+fn listening<B: Backend>(
     checks: &mut Checks<'_>,
-    mailbox: &mut Mbox<'_, W, D, X>,
-    resident: &Resident<W>,
-) where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+    mailbox: &mut Mbox<'_, B>,
+    resident: &Resident<B::Window>,
+) {
     checks.same("nobody is listened to", mailbox.listens_to(), None);
     checks.same(
         "the leader listens to the follower",
@@ -255,15 +233,10 @@ fn listening<W, D, X>(
 }
 
 /// Ends the follower, and says so on its behalf, as a host does that has reset a processor.
-pub fn last_order<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+pub fn last_order<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     give(checks, mailbox, Order::Stop);
     let declared = match mailbox.windows(FOLLOWER) {
-        Ok(windows) => Mbox::<W, D, X>::declare_stopped(FOLLOWER, windows),
+        Ok(windows) => Mbox::<B>::declare_stopped(FOLLOWER, windows),
         Err(error) => Err(error),
     };
     checks.same("the follower is declared stopped", declared, Ok(()));
@@ -275,19 +248,14 @@ where
     checks.that(
         "nothing is sent to it",
         matches!(
-            mailbox.try_send(FOLLOWER, NOTE, 0),
+            mailbox.send(FOLLOWER, NOTE, 0, Duration::ZERO),
             Err(Error::NotConnected { .. } | Error::PeerLeft { .. })
         ),
     );
 }
 
 /// Gives an order and waits until it is obeyed.
-pub fn give<W, D, X>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, W, D, X>, order: Order)
-where
-    W: MemoryWindow,
-    D: Doorbell,
-    X: Exclusion,
-{
+pub fn give<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>, order: Order) {
     let Ok(ram) = mailbox.region(FOLLOWER) else {
         return checks.that("the follower has memory", false);
     };
@@ -295,7 +263,7 @@ where
     checks.same("an order is given", given, Ok(()));
     // A follower that waits for messages looks for orders after each; one that does not take
     // this one now looks anyway.
-    let _ = mailbox.try_send(FOLLOWER, NOTE, 0);
+    let _ = mailbox.send(FOLLOWER, NOTE, 0, Duration::ZERO);
     let deadline: Instant = mailbox.doorbell().now().after(PATIENCE);
     let obeyed = served_until(mailbox, || {
         ram.word(MAP.obeyed) == Ok(order.word()) || mailbox.doorbell().now() >= deadline

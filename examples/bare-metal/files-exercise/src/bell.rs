@@ -48,7 +48,7 @@ impl Doorbell for Bell<'_> {
 
     fn prepare(&self) {}
 
-    fn wait(&self, (): (), _: Instant) {
+    fn wait(&self, (): (), _: Instant, _: Option<Processor>) {
         if let Some(program) = self.turns.programs.get(self.other.index())
             && let Some(program) = program.get()
         {

@@ -6,7 +6,7 @@ use checks::Checks;
 use condor_dev::{
     Fd, FdError, IoError, Mode, NoInterrupts, OpenError, Place, Presence, Switch, device_switch,
 };
-use condor_mbox::{CriticalSection, Message, Places};
+use condor_mbox::{CriticalSection, Places};
 use condor_tty::dev::{
     AnyTerminal, END_OF_FILE, INTERRUPTED, TerminalBoard, Terminals, UNREACHABLE,
 };
@@ -135,11 +135,7 @@ fn writing(
         (7, 1),
     );
     checks.same("more is written", devices.write(fd, b"x"), Ok(1));
-    let told = Message {
-        to: HOST,
-        vector: Vectors::DEFAULT.output,
-        data: terminal.offset(),
-    };
+    let told = (HOST, Vectors::DEFAULT.output, terminal.offset());
     checks.same("it is told", POST.take(), Some(told));
     Ok(reader)
 }

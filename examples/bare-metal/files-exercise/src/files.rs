@@ -2,7 +2,7 @@
 
 use checks::Checks;
 use condor_fs::{Errno, Error, File, FileSystem, OpenOptions};
-use condor_mbox::{Link, MemoryWindow};
+use condor_mbox::{MemoryWindow, Messenger};
 use embedded_io::{Read as _, ReadExactError, Seek as _, SeekFrom, Write as _};
 
 use crate::memory::HOST;
@@ -34,7 +34,7 @@ pub(crate) fn connect<'p>(checks: &mut Checks<'_>, pair: &Pair<'p>) -> Result<Sy
         (SHORT.as_nanos()..PATIENCE.as_nanos()).contains(&waited.into()),
     );
     pair.attentive.set(true);
-    pair.hand.pause(SHORT)?;
+    pair.hand.serve(SHORT)?;
     pair.server.refuse(Errno::AGAIN);
     let before = pair
         .server
@@ -241,7 +241,7 @@ pub(crate) fn several(
 }
 
 /// Reads what should follow, and no more.
-pub(crate) fn same_bytes<S: Link + ?Sized, W: MemoryWindow, const N: usize>(
+pub(crate) fn same_bytes<S: Messenger + ?Sized, W: MemoryWindow, const N: usize>(
     checks: &mut Checks<'_>,
     what: &str,
     file: &mut File<'_, '_, S, W, N>,

@@ -8,7 +8,8 @@ use core::time::Duration;
 use checks::Checks;
 use condor_fs::{Area, wire};
 use condor_mbox::{
-    Call, CriticalSection, Instant, Mailbox, Places, Processor, Region, StaticWindow, Waiting,
+    Call, CriticalSection, Instant, Mailbox, MemoryWindow as _, Messenger as _, Places, Processor,
+    Region, StaticWindow, Waiting,
 };
 use condor_tty::{Terminal, Vectors};
 
@@ -46,7 +47,7 @@ pub(crate) const OTHERS: Vectors = Vectors {
 };
 
 pub(crate) type Window = StaticWindow<'static>;
-pub(crate) type Mail<'p> = Mailbox<'p, Window, Bell<'p>, CriticalSection, PROCESSORS>;
+pub(crate) type Mail<'p> = Mailbox<'p, (Window, Bell<'p>, CriticalSection), PROCESSORS>;
 pub(crate) type Tty = Terminal<Window, CriticalSection, AHEAD>;
 pub(crate) type Layout = Area<FILES>;
 
@@ -83,7 +84,7 @@ fn together(
 ) -> Result<(), Trouble> {
     let [_, windows] = memory.windows();
     let own = Region::users(windows.data)?;
-    let mut places = own.places();
+    let mut places = Places::new(own.size());
     let area = Layout::new(&mut places, PATH_BYTES, BUFFER_BYTES)?;
     let table = area.handler();
     let terminal = Tty::new(own, &mut places, RING, CriticalSection)?;
@@ -139,7 +140,7 @@ fn together(
     };
     let hand_program = || {
         // Its own memory is there.
-        let _ = hand.service(PATIENCE);
+        let _ = hand.serve(Duration::ZERO);
     };
     turns.assign(HOST, &host_program);
     turns.assign(HAND, &hand_program);

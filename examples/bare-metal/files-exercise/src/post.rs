@@ -3,13 +3,16 @@
 use core::cell::Cell;
 use core::time::Duration;
 
-use condor_mbox::{Error, Instant, Message, Messenger, Pending, Processor};
+use condor_mbox::{Error, Instant, Messenger, Pending, Processor, Ticket, Vector};
 use critical_section::Mutex;
 
 use crate::memory::HAND;
 
+/// A message: to whom, to which vector, and its word.
+pub(crate) type Told = (Processor, Vector, u32);
+
 /// What a terminal of a device switch posts to: it stays in here, to be looked at.
-pub(crate) struct Post(Mutex<Cell<Option<Message>>>);
+pub(crate) struct Post(Mutex<Cell<Option<Told>>>);
 
 impl Post {
     pub(crate) const fn new() -> Self {
@@ -17,50 +20,65 @@ impl Post {
     }
 
     /// What was posted last, if it was not taken yet.
-    pub(crate) fn take(&self) -> Option<Message> {
+    pub(crate) fn take(&self) -> Option<Told> {
         critical_section::with(|token| self.0.borrow(token).take())
     }
 }
 
-const fn refused(message: Message) -> Error {
-    let Message { to, vector, .. } = message;
-    Error::NoHandler { to, vector }
-}
-
-/// Everything but posts is refused: who never waits asks for nothing else.
+/// Everything is refused but what is sent without waiting: who never waits asks for nothing else.
 impl Messenger for Post {
     fn number(&self) -> Processor {
         HAND
     }
 
-    fn send_before(&self, message: Message, _: Duration, _: Instant) -> Result<(), Error> {
-        Err(refused(message))
+    fn now(&self) -> Instant {
+        Instant::from_ns(0)
     }
 
-    fn open_before(
+    fn send(
         &self,
-        message: Message,
-        _: Duration,
-        _: Instant,
-    ) -> Result<(Pending, Instant), Error> {
-        Err(refused(message))
-    }
-
-    fn wait_before(&self, _: &Pending, _: Duration, _: Instant) -> Result<u32, Error> {
-        Ok(0)
-    }
-
-    fn post(&self, message: Message) -> Result<(), Error> {
-        critical_section::with(|token| self.0.borrow(token).set(Some(message)));
+        to: Processor,
+        vector: Vector,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<(), Error> {
+        if !timeout.is_zero() {
+            return Err(Error::NoHandler { to, vector });
+        }
+        critical_section::with(|token| self.0.borrow(token).set(Some((to, vector, data))));
         Ok(())
     }
 
-    fn open(&self, message: Message) -> Result<Pending, Error> {
-        Err(refused(message))
+    fn send_with_reply(
+        &self,
+        to: Processor,
+        vector: Vector,
+        _: u32,
+        _: Duration,
+    ) -> Result<u32, Error> {
+        Err(Error::NoHandler { to, vector })
     }
 
-    fn look(&self, _: &Pending) -> Result<Option<u32>, Error> {
+    fn begin(
+        &self,
+        to: Processor,
+        vector: Vector,
+        _: u32,
+        _: Duration,
+    ) -> Result<Ticket<'_>, Error> {
+        Err(Error::NoHandler { to, vector })
+    }
+
+    fn serve(&self, _: Duration) -> Result<usize, Error> {
+        Ok(0)
+    }
+
+    fn poll_pending(&self, _: &Pending) -> Result<Option<u32>, Error> {
         Ok(None)
+    }
+
+    fn wait_pending(&self, _: &Pending, _: Duration) -> Result<u32, Error> {
+        Ok(0)
     }
 
     fn abandon(&self, _: &Pending) {}

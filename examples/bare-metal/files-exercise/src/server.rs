@@ -11,7 +11,7 @@ use condor_fs::wire::{
     halves, open as flag, rename, slot, state, table, whole,
 };
 use condor_fs::{Errno, Status};
-use condor_mbox::{AccessError, Call, MemoryWindow as _, Place, Region, StaticWindow};
+use condor_mbox::{AccessError, Call, MemoryWindow as _, Messenger, Place, Region, StaticWindow};
 use critical_section::Mutex;
 
 use crate::disk::{Disk, Kind};

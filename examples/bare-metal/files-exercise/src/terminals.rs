@@ -1,7 +1,7 @@
 //! Terminals and who looks at them: what begins and what ends.
 
 use checks::Checks;
-use condor_mbox::{CriticalSection, Places};
+use condor_mbox::{CriticalSection, MemoryWindow as _, Places};
 use condor_tty::layout::{BLOCK_BYTES, host, processor};
 use condor_tty::{
     Fetched, Policy, PolicyKind, Reader, ReaderError, Settings, TerminalError, Vectors,
@@ -148,7 +148,7 @@ pub(crate) fn lives(
         "nor is the other one",
         matches!(broken, Some(ReaderError::Broken { .. })),
     );
-    let mut same = own.places();
+    let mut same = Places::new(own.size());
     same.bytes(offset as usize)?;
     let renewed = Tty::new(own, &mut same, RING, CriticalSection)?;
     checks.same(

@@ -3,7 +3,7 @@
 use core::sync::atomic::Ordering::Relaxed;
 
 use checks::Checks;
-use condor_mbox::{CriticalSection, Link as _, StaticWindow};
+use condor_mbox::{CriticalSection, Messenger as _, StaticWindow};
 use condor_tty::layout::{input_data, reply};
 use condor_tty::{Accepted, Characters, Console, ConsoleError, Settings, Vectors};
 use embedded_io::{BufRead as _, Read as _, ReadExactError, ReadReady as _, Write as _};
@@ -71,7 +71,7 @@ fn lines(
         Err(ReadExactError::UnexpectedEof),
     );
     checks.same("that was all", console.read_ready(), Ok(false));
-    pair.hand.pause(SHORT)?;
+    pair.hand.serve(SHORT)?;
     Ok(())
 }
 

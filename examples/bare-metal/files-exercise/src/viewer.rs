@@ -1,8 +1,9 @@
 //! [`Viewer`]: the host's end of a terminal, and who sits there.
 
 use core::cell::{Cell, RefCell};
+use core::time::Duration;
 
-use condor_mbox::{Processor, Region};
+use condor_mbox::{Messenger as _, Processor, Region};
 use condor_tty::layout::{input_data, reply};
 use condor_tty::{Reader, ReaderError, Vectors};
 
@@ -62,7 +63,7 @@ impl Viewer {
     /// One turn of the host: serves, shows, and types.
     pub(crate) fn turn(&self, host: &Mail<'_>) {
         // Its own memory is there.
-        let _ = host.service(PATIENCE);
+        let _ = host.serve(Duration::ZERO);
         let Some(mut reader) = self.reader.take() else {
             return;
         };
@@ -88,7 +89,12 @@ impl Viewer {
             .set(self.skipped.get().wrapping_add(fetched.skipped));
         if reader.acknowledge(fetched.len)? && fetched.len > 0 {
             // Who waits looks by itself, too.
-            let _ = host.try_send(HAND, self.vectors.get().room, reader.offset());
+            let _ = host.send(
+                HAND,
+                self.vectors.get().room,
+                reader.offset(),
+                Duration::ZERO,
+            );
         }
         Ok(())
     }

@@ -2,12 +2,14 @@
 
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
+use core::time::Duration;
 
+use condor_mbox::Messenger;
 use exercise::PROCESSORS;
 use riscv::register::{mhartid, mie, mstatus};
 
 use crate::machine::{print, switch_off};
-use crate::{Bell, Mail, PATIENCE};
+use crate::{Bell, Mail};
 
 /// The mailbox that each hart's interrupt serves, or null.
 static MAILBOX: [AtomicPtr<Mail<'static>>; PROCESSORS] =
@@ -74,7 +76,7 @@ extern "C" fn trap(cause: usize) {
         mstatus::set_mie();
     }
     spoil_floating_point();
-    let served = mailbox.service(PATIENCE).unwrap_or(0);
+    let served = mailbox.serve(Duration::ZERO).unwrap_or(0);
     // SAFETY: as the entry left it.
     unsafe {
         mstatus::clear_mie();

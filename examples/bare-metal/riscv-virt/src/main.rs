@@ -15,8 +15,8 @@ use core::time::Duration;
 
 use condor_mbox::riscv::MsipDoorbell;
 use condor_mbox::{
-    Clock as _, CriticalSection, Doorbell as _, Processor, StaticMemory, StaticWindow, Windows,
-    layout,
+    Clock as _, CriticalSection, Doorbell as _, Messenger, Processor, StaticMemory, StaticWindow,
+    Windows, layout,
 };
 use exercise::{Checks, DATA_BYTES, FOLLOWER, LEADER, Mbox, Order, PROCESSORS, Resident};
 use interrupt::{served_by_interrupt, served_on};
@@ -26,9 +26,10 @@ core::arch::global_asm!(include_str!("start.s"));
 
 /// The doorbell of a hart.
 type Bell = MsipDoorbell<PROCESSORS>;
-/// The mailbox of a hart. The critical section masks this hart alone: nothing that it guards is
-/// shared with the other one.
-type Mail<'v> = Mbox<'v, StaticWindow<'static>, &'static Bell, CriticalSection>;
+/// What a hart is for its mailbox. The critical section masks this hart alone: nothing that it guards
+/// is shared with the other one.
+type Board = (StaticWindow<'static>, &'static Bell, CriticalSection);
+type Mail<'v> = Mbox<'v, Board>;
 
 /// Nothing here takes as long, unless something is broken.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -72,7 +73,7 @@ fn windows() -> [Windows<StaticWindow<'static>>; PROCESSORS] {
 fn lead(checks: &mut Checks<'_>, bell: &'static Bell) {
     #[cfg(feature = "conformance")]
     suites(checks, bell);
-    let resided = exercise::reside(
+    let resided = exercise::reside::<Board, _>(
         LEADER,
         windows(),
         bell,
@@ -146,7 +147,7 @@ fn compute() -> f64 {
 }
 
 fn follow(bell: &'static Bell) {
-    let resided = exercise::reside(
+    let resided = exercise::reside::<Board, _>(
         FOLLOWER,
         windows(),
         bell,
@@ -164,7 +165,7 @@ fn follow(bell: &'static Bell) {
                         resident.obey(order);
                         // Memory that is gone stops the mailbox, too.
                         let _ = exercise::turn(mailbox, resident, &locks::All);
-                        ended = mailbox.service(PATIENCE).map(drop);
+                        ended = mailbox.serve(Duration::ZERO).map(drop);
                     }
                     Order::Hold => resident.obey(order),
                     Order::Interrupts => {

@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use core::time::Duration;
 
 use condor_host::PROCESSORS;
-use condor_mbox::{Call, Error, Processor, Vector};
+use condor_mbox::{Call, Error, Messenger, Processor, Vector};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::Verdict;

@@ -85,7 +85,7 @@ impl Doorbell for HartBell {
         self.msip.prepare()
     }
 
-    fn wait(&self, seen: u32, until: Instant) {
-        self.msip.wait(seen, until);
+    fn wait(&self, seen: u32, until: Instant, whom: Option<Processor>) {
+        self.msip.wait(seen, until, whom);
     }
 }

@@ -133,7 +133,11 @@ pub fn fault(hart: u32) -> Fault {
 pub fn nap(hart: u32) {
     use condor_mbox::{Clock as _, Doorbell as _};
     if let Some(bell) = bell::of(hart as usize) {
-        bell.wait(bell.prepare(), bell.now().after(Duration::from_millis(100)));
+        bell.wait(
+            bell.prepare(),
+            bell.now().after(Duration::from_millis(100)),
+            None,
+        );
     }
 }
 

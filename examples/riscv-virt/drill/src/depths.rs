@@ -9,7 +9,7 @@ use core::time::Duration;
 
 use board::{Hart, MTIME, stack};
 use condor_host::Machine as _;
-use condor_mbox::{Call, Clock as _, Processor, Vector};
+use condor_mbox::{Call, Clock as _, Messenger, Processor, Vector};
 use condor_mos::riscv::Clint;
 use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler};
 use drills::Failure;
@@ -133,7 +133,7 @@ impl Levels<'_, '_> {
             scope.assign(FAST, Overrun::Skip, &mut fast)?;
             scope.assign(SLOW, Overrun::Skip, &mut slow)?;
             let serve = || {
-                if self.mailbox.service(PATIENCE).is_err() {
+                if self.mailbox.serve(Duration::ZERO).is_err() {
                     state.failed.store(true, Ordering::Relaxed);
                 }
             };
@@ -175,7 +175,7 @@ impl Levels<'_, '_> {
 
     /// A message that nobody waits for. Where there is no room, it is sent another time.
     fn tick(&self, me: Processor) {
-        let _ = self.mailbox.try_send(me, TICK, 0);
+        let _ = self.mailbox.send(me, TICK, 0, Duration::ZERO);
     }
 
     /// What the first of two loops takes above an idle background.
@@ -188,7 +188,7 @@ impl Levels<'_, '_> {
             for _ in 0..LOOKS {
                 most = critical_section::with(|_| stack::taken(self.hart, ticks)).max(most);
                 // There is room for the next.
-                self.mailbox.service(PATIENCE)?;
+                self.mailbox.serve(Duration::ZERO)?;
             }
             Ok(0)
         })?;
@@ -200,7 +200,7 @@ impl Levels<'_, '_> {
         let mut most = 0;
         for _ in 0..LOOKS {
             let taken = critical_section::with(|_| -> Result<_, Failure> {
-                let mut ticket = self.mailbox.begin(me, ASK, nested)?;
+                let mut ticket = self.mailbox.begin(me, ASK, nested, Duration::ZERO)?;
                 let taken = stack::taken(self.hart, LONGER_THAN_HANDLER);
                 match ticket.poll()? {
                     Some(reply) if reply == nested => Ok(taken),
@@ -228,7 +228,7 @@ impl Levels<'_, '_> {
         }
         loop {
             let nested = NESTED as u32 - 1;
-            let mut ticket = self.mailbox.begin(me, ASK, nested)?;
+            let mut ticket = self.mailbox.begin(me, ASK, nested, Duration::ZERO)?;
             if alone {
                 look();
                 let _ = stack::taken(self.hart, LONGER_THAN_HANDLER);

@@ -11,7 +11,7 @@ use core::time::Duration;
 
 use board::{Hart, MTIME};
 use condor_host::Machine as _;
-use condor_mbox::{Call, Vector};
+use condor_mbox::{Call, Messenger, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _};
 use drills::Failure;
 use drills::ground::{self, Ground, Post};
@@ -186,8 +186,8 @@ fn messages(hart: &Hart, mailbox: &Post<'_, Hart>, counts: &mut Counts) -> Resul
     let me = hart.number();
     for message in 0..WARM_UP + MESSAGES {
         let begun = counter();
-        let sent = mailbox.try_send(me, INCREMENT, message);
-        let served = mailbox.service(PATIENCE);
+        let sent = mailbox.send(me, INCREMENT, message, Duration::ZERO);
+        let served = mailbox.serve(Duration::ZERO);
         let sent_and_served = since(begun);
         let begun = counter();
         let reply = mailbox.send_with_reply(me, INCREMENT, message, PATIENCE);

@@ -79,6 +79,6 @@ fn wait(hart: &Hart) -> Result<core::convert::Infallible, condor_mbox::AccessErr
             // Nothing of the hart's lies there.
             control.end(1)?;
         }
-        bell.wait(seen, bell.now().after(LOOK));
+        bell.wait(seen, bell.now().after(LOOK), None);
     }
 }

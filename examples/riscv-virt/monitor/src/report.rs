@@ -7,7 +7,9 @@ use board::Hart;
 use condor_host::directory::{Directory, DirectoryError, Kind};
 use condor_host::harts::Fault;
 use condor_host::{Machine as _, PROCESSORS};
-use condor_mbox::{AccessError, Call, Clock as _, Mailbox, Region};
+use condor_mbox::{
+    AccessError, Call, Clock as _, Mailbox, MemoryWindow, Messenger, Places, Region,
+};
 use condor_tty::{Terminal, TerminalError, Vectors};
 
 const SHOWN_BYTES: u32 = 4096;
@@ -53,13 +55,13 @@ pub(crate) fn tell(hart: &Hart, fault: &Fault) -> Result<(), Failure> {
     let windows = hart.windows();
     let data = windows.get(number.index()).ok_or(Failure::Memory)?.data;
     let own = Region::users(data)?;
-    let mut places = own.places();
+    let mut places = Places::new(own.size());
     let mut directory = Directory::new(own, &mut places)?;
     let terminal = Terminal::<_, _, 16>::new(own, &mut places, SHOWN_BYTES, hart.exclusion())?;
     directory.enter("console", Kind::Terminal, terminal.offset(), SHOWN_BYTES)?;
     let typed = |call: &Call<'_>| terminal.receive(call);
     let mut mailbox =
-        Mailbox::<_, _, _, PROCESSORS>::new(number, windows, hart.doorbell(), hart.exclusion())?;
+        Mailbox::<(_, _, _), PROCESSORS>::new(number, windows, hart.doorbell(), hart.exclusion())?;
     mailbox.set_vector(Vectors::DEFAULT.input, &typed, "terminal input")?;
     mailbox.set_vector(Vectors::DEFAULT.room, &typed, "terminal room")?;
     mailbox.join()?;

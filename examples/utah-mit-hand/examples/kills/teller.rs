@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use condor_fs::{Area, FileSystem, OpenOptions};
 use condor_host::directory::{Directory, Kind};
-use condor_host::{Machine, Program, numbers};
-use condor_mbox::{Call, Mailbox, Processor, Region, Vector};
+use condor_host::{Machine, PROCESSORS, Program, numbers};
+use condor_mbox::{Call, Mailbox, MemoryWindow, Messenger, Places, Processor, Region, Vector};
 use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
 use embedded_io::{Read, Write};
 
@@ -73,7 +73,7 @@ fn tell<M: Machine>(machine: &M) -> Result<(), Box<dyn Error>> {
     let partner = Processor(partner.parse()?);
     let windows = machine.windows();
     let own = Region::users(windows[number.index()].data.clone())?;
-    let mut places = own.places();
+    let mut places = Places::new(own.size());
     let mut directory = Directory::new(own.clone(), &mut places)?;
     let terminal =
         Terminal::<_, _, 256>::new(own.clone(), &mut places, RING_BYTES, machine.exclusion())?;
@@ -90,7 +90,12 @@ fn tell<M: Machine>(machine: &M) -> Result<(), Box<dyn Error>> {
     let (asked, told) = (Heard::default(), Heard::default());
     let on_asked = |call: &Call<'_>| asked.hear(call);
     let on_told = |call: &Call<'_>| told.hear(call);
-    let mut mailbox = Mailbox::new(number, windows, machine.doorbell(), machine.exclusion())?;
+    let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
+        number,
+        windows,
+        machine.doorbell(),
+        machine.exclusion(),
+    )?;
     mailbox.set_waiting(machine.waiting());
     mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
     mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;

@@ -1,6 +1,7 @@
 //! [`GraspEnd`]: what the outside tells a [`GraspLaw`](super::GraspLaw), and is told.
 
-use condor_mbox::{AccessError, MemoryWindow, Publisher, Region, Subscriber};
+use condor_mbox::published::{Publisher, Subscriber};
+use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use super::partner::{Heard, Partner};
 use super::{GraspPlaces, Joints, Order, Report};

@@ -6,7 +6,8 @@ use condor_hand::message::{ServoPlaces, SetPoints};
 use condor_hand::trajectory::{Generator, Observations, Primitive, SetPoint};
 use condor_host::directory;
 use condor_mbox::layout::header;
-use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Publisher, Region};
+use condor_mbox::published::Publisher;
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -63,7 +64,7 @@ impl<W: MemoryWindow> Life<W> {
     /// new number by the time that the directory is as full again.
     fn is_over(&self) -> bool {
         // Acquire: what is in the directory is no older than the life.
-        let life = self.mail.load(header::LIFE, LoadOrder::Acquire);
+        let life = self.mail.load(header::INCARNATION, LoadOrder::Acquire);
         let entries = directory::entries(&self.data).map(Iterator::count);
         life.ok() != Some(self.number) || entries.ok() != Some(self.entries)
     }

@@ -42,7 +42,10 @@ where
     fn ask(&mut self, request: &Q) -> Result<R, Problem<'static>> {
         let to = Processor(self.number);
         let absent = Problem::Absent(self.number);
-        let PeerState::Up { life, .. } = self.mailbox.peer_state(to)? else {
+        let PeerState::Up {
+            incarnation: life, ..
+        } = self.mailbox.peer_state(to)?
+        else {
             return Err(absent);
         };
         if self.life != life {

@@ -7,7 +7,7 @@ use condor_hand::message::{ServoClient, Status};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
 use condor_host::Machine;
-use condor_mbox::{PeerState, Processor, Region};
+use condor_mbox::{Messenger, PeerState, Processor, Region};
 
 use super::drive::{Life, Link, Motion, SERVOS, Seat, Shared, with};
 use super::words::Problem;
@@ -174,9 +174,9 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         let state = self.mailbox.peer_state(Processor(servo.number))?;
         let life = match state {
             PeerState::Up {
-                life,
+                incarnation,
                 connected: true,
-            } => Some(life),
+            } => Some(incarnation),
             _ => None,
         };
         let [a, b] = servo.fingers.map(|finger| name(self.hand, finger));
@@ -293,7 +293,9 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
             return Err(absent);
         };
         match (state, servo.life, &mut servo.client) {
-            (PeerState::Up { life, .. }, Some(seen), Some(client)) if life == seen => {
+            (PeerState::Up { incarnation, .. }, Some(seen), Some(client))
+                if incarnation == seen =>
+            {
                 Ok(question(client, seat.place as u32, ANSWER))
             }
             _ => Err(absent),

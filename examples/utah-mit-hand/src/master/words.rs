@@ -7,7 +7,8 @@ use condor_hand::message::ClientError;
 use condor_hand::tendon::fault::Fault;
 use condor_hand::trajectory::image::ImageError;
 use condor_hand::trajectory::{PrimitiveError, TrajectoryError};
-use condor_mbox::{AccessError, ExchangeError};
+use condor_mbox::AccessError;
+use condor_mbox::exchange::ExchangeError;
 use thiserror::Error;
 
 use crate::UtahMit;

@@ -1,7 +1,7 @@
 //! [`Tape`]: the ring of a recording goes into its file.
 
 use condor_fs::FileWriter;
-use condor_mbox::{Link, MemoryWindow, Region};
+use condor_mbox::{MemoryWindow, Messenger, Region};
 use embedded_io::Write;
 use zerocopy::IntoBytes;
 
@@ -12,7 +12,7 @@ use super::{Head, RecordingError, kind};
 const PIECE: usize = 512;
 
 /// The file of a recording, in the background of a servo processor.
-pub(crate) struct Tape<'f, 'm, 'r, S: Link + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub(crate) struct Tape<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     file: FileWriter<'f, 'm, S, W, FILES>,
     region: Region<W>,
     /// Where the ring begins.
@@ -20,7 +20,7 @@ pub(crate) struct Tape<'f, 'm, 'r, S: Link + ?Sized, W: MemoryWindow, const FILE
     ring: &'r Ring,
 }
 
-impl<'f, 'm, 'r, S: Link + ?Sized, W: MemoryWindow, const FILES: usize>
+impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     Tape<'f, 'm, 'r, S, W, FILES>
 {
     pub(crate) fn new(

@@ -6,7 +6,8 @@ use condor_hand::message::ServoLoop;
 use condor_hand::monitor::Monitor;
 use condor_hand::servo::Sensed;
 use condor_host::Machine;
-use condor_mbox::{Clock, Instant, MemoryWindow, Publisher, Region};
+use condor_mbox::published::Publisher;
+use condor_mbox::{Clock, Instant, MemoryWindow, Region};
 use condor_mos::Writer;
 use nalgebra::Vector3;
 

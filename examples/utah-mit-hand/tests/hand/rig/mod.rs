@@ -12,7 +12,7 @@ use condor_hand::trajectory::SetPoint;
 use condor_host::sim::{Bell, Processor as Simulated, System, Uninterrupted};
 use condor_host::{Machine, PROCESSORS, Program, directory, loops, numbers};
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Call, Clock, Mailbox, Processor, Region, Waiting, Windows};
+use condor_mbox::{Call, Clock, Mailbox, Messenger, Processor, Region, Waiting, Windows};
 use condor_tty::Reader;
 use tempfile::TempDir;
 use utah_mit_hand::grasp::{Order, Report};
@@ -57,7 +57,7 @@ pub(crate) struct Run {
     pub(crate) said: Vec<String>,
 }
 
-type Post<'v> = Mailbox<'v, LinuxWindow, Bell, Uninterrupted, PROCESSORS>;
+type Post<'v> = Mailbox<'v, (LinuxWindow, Bell, Uninterrupted), PROCESSORS>;
 
 /// The small master.
 pub(crate) struct Master<'m> {
@@ -130,7 +130,7 @@ pub(crate) fn run_on(
     system.spawn(PLANT, &Plant).unwrap();
     system
         .host(MASTER, |machine| {
-            let mut mailbox = Mailbox::new(
+            let mut mailbox = Post::new(
                 MASTER,
                 machine.windows(),
                 machine.doorbell(),
@@ -165,7 +165,7 @@ pub(crate) fn serve_files(
 ) -> Result<(), condor_mbox::Error> {
     let windows = machine.windows();
     let handler = |call: &Call<'_>| server.answer(call, &windows);
-    let mut mailbox = Mailbox::new(
+    let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
         numbers::FILES,
         windows.clone(),
         machine.doorbell(),

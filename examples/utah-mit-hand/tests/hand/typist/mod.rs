@@ -10,7 +10,7 @@ use condor_fs::server::{Options, Server};
 use condor_host::sim::{Bell, Processor as Simulated, System, Uninterrupted};
 use condor_host::{Machine, PROCESSORS, Program, directory, loops, numbers};
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Call, Mailbox, PeerState, Processor, Region, Waiting, Windows};
+use condor_mbox::{Call, Mailbox, Messenger, PeerState, Processor, Region, Waiting, Windows};
 use condor_tty::layout::{ALIGNMENT, reply};
 use condor_tty::{Reader, Vectors};
 use utah_mit_hand::compile::{compile_motions, joint_names};
@@ -41,7 +41,7 @@ pub(crate) fn motions() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("motions")
 }
 
-type Post<'v> = Mailbox<'v, LinuxWindow, Bell, Uninterrupted, PROCESSORS>;
+type Post<'v> = Mailbox<'v, (LinuxWindow, Bell, Uninterrupted), PROCESSORS>;
 
 /// Who types, and sees everything.
 pub(crate) struct Typist<'m> {
@@ -111,7 +111,7 @@ pub(crate) fn run_with<R: Send>(
         .unwrap();
     system
         .host(numbers::TERMINALS, |machine| {
-            let mut mailbox = Mailbox::new(
+            let mut mailbox = Post::new(
                 numbers::TERMINALS,
                 machine.windows(),
                 machine.doorbell(),
@@ -193,7 +193,7 @@ fn serve_files_once(
         .recover(&windows)
         .expect("its journal can be written");
     let handler = |call: &Call<'_>| server.answer(call, &windows);
-    let mut mailbox = Mailbox::new(
+    let mut mailbox = Post::new(
         numbers::FILES,
         windows.clone(),
         machine.doorbell(),
@@ -352,7 +352,7 @@ impl Typist<'_> {
     /// Ends the present life of a program; the next one begins by itself.
     pub(crate) fn restart(&mut self, number: Processor) {
         let life = |state| match state {
-            PeerState::Up { life, .. } => Some(life),
+            PeerState::Up { incarnation, .. } => Some(incarnation),
             _ => None,
         };
         let before = life(self.mailbox.peer_state(number).unwrap());
@@ -369,7 +369,7 @@ impl Typist<'_> {
     /// The present life of the file service, if it has one.
     pub(crate) fn life_of_files(&self) -> Option<u32> {
         match self.mailbox.peer_state(numbers::FILES).unwrap() {
-            PeerState::Up { life, .. } => Some(life),
+            PeerState::Up { incarnation, .. } => Some(incarnation),
             _ => None,
         }
     }

@@ -9,11 +9,14 @@ use crate::Result;
 /// How often a path is gone: some buffers full, and enough to divide what is done once.
 const CALLS: usize = 4096;
 
+/// The argument by which the program is asked to go down one path and nothing else.
+pub(crate) const PATH: &str = "path";
+
 /// Instructions of a call of path `name`, on average.
 ///
 /// # Errors
 /// valgrind is missing or fails, or counted nothing.
-pub(super) fn instructions(name: &str) -> Result<f64> {
+pub(crate) fn instructions(name: &str) -> Result<f64> {
     let directory = tempfile::tempdir()?;
     let file = directory.path().join("callgrind.out");
     let output = Command::new("valgrind")
@@ -21,7 +24,7 @@ pub(super) fn instructions(name: &str) -> Result<f64> {
         .arg(format!("--toggle-collect=condor_path_{name}"))
         .arg(format!("--callgrind-out-file={}", file.display()))
         .arg(env::current_exe()?)
-        .args([super::PATH, name, &CALLS.to_string()])
+        .args([PATH, name, &CALLS.to_string()])
         .output()
         .map_err(|error| {
             format!("valgrind does not run ({error}): on Debian, `apt-get install valgrind`")

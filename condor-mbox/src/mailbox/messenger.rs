@@ -1,0 +1,413 @@
+//! [`Messenger`]: what a program does with a mailbox, whatever its backend.
+
+use core::cell::Cell;
+use core::pin::Pin;
+use core::task::{Context, Poll, Waker};
+use core::time::Duration;
+
+use crate::error::Error;
+use crate::id::{Processor, Vector};
+use crate::time::Instant;
+
+/// What runs when a message arrives for a vector (memo, section 3.3.1).
+///
+/// It is called again while it still runs, if it waits for a reply or is interrupted, hence `Fn`
+/// and `Sync`. Its result is the reply, if the sender wants one; [`Call::refuse`] replies with an
+/// error code instead. It is borrowed: a handler that is a local variable is declared before its
+/// mailbox, so that it outlives it.
+pub type Handler<'v> = &'v (dyn Fn(&Call<'_>) -> u32 + Sync);
+
+/// Sends messages and serves those that come.
+///
+/// A [`Mailbox`](super::Mailbox) does, and within a handler its [`Call`]. A library that sends takes
+/// a `&dyn Messenger`, or is generic over it, and knows no backend.
+///
+/// Waits have a time-out and serve incoming requests meanwhile, on the same stack, so that two
+/// processors may call each other. With a time-out of zero nothing waits and nothing is served: this
+/// is for servo loops and interrupts.
+pub trait Messenger {
+    /// The own number.
+    fn number(&self) -> Processor;
+
+    /// The present instant.
+    fn now(&self) -> Instant;
+
+    /// Sends `data` to `vector` of `to`, which may be this processor, and does not wait for its
+    /// handler (memo, section 3.3.1).
+    ///
+    /// Waits for a free slot, or for the receiver to join, for at most `timeout`. Messages to one
+    /// receiver are taken there in the order in which they were sent.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchProcessor`], [`Error::NoSuchVector`], [`Error::NotJoined`]; after `timeout`
+    /// [`Error::NoSlot`], [`Error::NotConnected`] or [`Error::Stalled`]; [`Error::PeerDied`] as
+    /// soon as it is known; [`Error::Layout`], [`Error::Protocol`], [`Error::Window`]. After an
+    /// error the message was not sent.
+    fn send(
+        &self,
+        to: Processor,
+        vector: Vector,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<(), Error>;
+
+    /// Sends `data` to `vector` of `to` and waits for what its handler returns.
+    ///
+    /// After `timeout` the request may still run once, if it was sent; its reply is dropped.
+    ///
+    /// # Errors
+    /// Those of [`send`](Self::send); [`Error::Refused`] with the handler's error code;
+    /// [`Error::NoHandler`], [`Error::HandlerFailed`]; [`Error::TimedOut`] or [`Error::Stalled`]
+    /// after `timeout`; [`Error::PeerDied`], [`Error::PeerLeft`] and [`Error::PeerRestarted`] as soon
+    /// as they are known; [`Error::TooDeep`] in a handler that is the innermost allowed.
+    fn send_with_reply(
+        &self,
+        to: Processor,
+        vector: Vector,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<u32, Error>;
+
+    /// Sends `data` to `vector` of `to`, and returns a ticket for the reply.
+    ///
+    /// # Errors
+    /// Those of [`send`](Self::send).
+    fn begin(
+        &self,
+        to: Processor,
+        vector: Vector,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<Ticket<'_>, Error>;
+
+    /// Serves the messages that have come, and returns how many those were.
+    ///
+    /// If none has come, waits until one has been served, for at most `timeout`; with a time-out of
+    /// zero it does not wait. Serves at most a ringful for each sender, so that nobody can keep an
+    /// interrupt busy for ever; if there is more, and rings are
+    /// [always](super::Mailbox::ring_always) wanted, it rings this processor again.
+    ///
+    /// # Errors
+    /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
+    fn serve(&self, timeout: Duration) -> Result<usize, Error>;
+
+    /// Returns the reply to `pending` once it has come: [`Ticket::poll`].
+    ///
+    /// # Errors
+    /// The same as for [`Ticket::poll`].
+    fn poll_pending(&self, pending: &Pending) -> Result<Option<u32>, Error>;
+
+    /// Waits for the reply to `pending`: [`Ticket::wait`].
+    ///
+    /// # Errors
+    /// The same as for [`Ticket::wait`].
+    fn wait_pending(&self, pending: &Pending, timeout: Duration) -> Result<u32, Error>;
+
+    /// Gives up the reply to `pending`: it is dropped when it comes.
+    fn abandon(&self, pending: &Pending);
+
+    /// Has `waker` woken when the next [`serve`](Self::serve) ends; wakes it at once if that cannot
+    /// be had, which is so without the feature `async`.
+    fn wake_after_serve(&self, waker: &Waker) {
+        waker.wake_by_ref();
+    }
+}
+
+/// A request whose reply has not come yet, apart from its messenger: [`Ticket::detach`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pending {
+    pub(super) to: Processor,
+    pub(super) vector: Vector,
+    pub(super) cell: u8,
+    pub(super) sequence: u32,
+    pub(super) epoch: u32,
+    pub(super) incarnation: u32,
+}
+
+/// A request in progress: poll it once a tick, wait for it, or await it.
+///
+/// Dropping it gives up the reply; its slot is free again once the reply has come.
+///
+/// It is a [`Future`], for programs whose tasks wait for more than mail: such a program has its
+/// doorbell wake it, and serves when it was woken; with the feature `async` the tasks that await a
+/// reply are then woken in turn. Without the feature they are polled again and again.
+///
+/// ```
+/// # use std::time::Duration;
+/// # use condor_mbox::sim::System;
+/// # use condor_mbox::{Error, Messenger, Processor, Vector};
+/// # const HOST: Processor = Processor(0);
+/// # const HAND: Processor = Processor(1);
+/// # const INCREMENT: Vector = Vector(3);
+/// # const SECOND: Duration = Duration::from_secs(1);
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let system = System::<2>::in_virtual_time(4096);
+/// # let mut hand = system.mailbox(HAND)?;
+/// # hand.set_vector(INCREMENT, &|call| call.data() + 1, "increment")?;
+/// # hand.join()?;
+/// # system.while_waiting(HAND, move || {
+/// #     hand.serve(Duration::ZERO).expect("its memory is there");
+/// # });
+/// # let mut host = system.mailbox(HOST)?;
+/// # host.join()?;
+/// host.wait_for_peer(HAND, None, SECOND)?; // in the background, before the loop begins
+///
+/// // In one tick of a servo loop ...
+/// let mut ticket = host.begin(HAND, INCREMENT, 41, Duration::ZERO)?;
+/// assert_eq!(ticket.poll()?, None);
+/// # host.serve(SECOND)?;
+/// // ... and in a later one.
+/// assert_eq!(ticket.poll()?, Some(42));
+/// # Ok(())
+/// # }
+/// ```
+#[must_use = "dropping a ticket gives up the reply"]
+pub struct Ticket<'m> {
+    messenger: &'m dyn Messenger,
+    pending: Option<Pending>,
+}
+
+impl<'m> Ticket<'m> {
+    /// The ticket of a request that `messenger` sent.
+    pub fn attach(messenger: &'m dyn Messenger, pending: Pending) -> Self {
+        Self {
+            messenger,
+            pending: Some(pending),
+        }
+    }
+
+    /// Takes the request out, to be [attached](Self::attach) again: a handler may keep it for a
+    /// later call. `None` if the reply was returned before. Nobody gives it up if it is dropped.
+    #[must_use]
+    pub fn detach(mut self) -> Option<Pending> {
+        self.pending.take()
+    }
+
+    /// Waits for the reply, serving meanwhile, for at most `timeout`. `None` if it was returned
+    /// before.
+    ///
+    /// After [`Error::TimedOut`] or [`Error::Stalled`] the ticket goes on waiting for its reply.
+    ///
+    /// # Errors
+    /// Those of [`Messenger::send_with_reply`].
+    pub fn wait(&mut self, timeout: Duration) -> Result<Option<u32>, Error> {
+        let Some(pending) = &self.pending else {
+            return Ok(None);
+        };
+        let outcome = self.messenger.wait_pending(pending, timeout);
+        if !matches!(outcome, Err(Error::TimedOut { .. } | Error::Stalled { .. })) {
+            self.finish();
+        }
+        outcome.map(Some)
+    }
+
+    /// Returns the reply once it has come; `None` before, and again after it was returned.
+    ///
+    /// # Errors
+    /// Those of [`Messenger::send_with_reply`], except that there is no deadline. Only the memory is
+    /// looked at: a death that left no trace there shows up as the peer's next incarnation. After an
+    /// error the ticket is spent.
+    pub fn poll(&mut self) -> Result<Option<u32>, Error> {
+        let Some(pending) = &self.pending else {
+            return Ok(None);
+        };
+        let outcome = self.messenger.poll_pending(pending);
+        if !matches!(outcome, Ok(None)) {
+            self.finish();
+        }
+        outcome
+    }
+
+    /// Nothing more is to come, or a slot whose peer is gone is given up.
+    fn finish(&mut self) {
+        if let Some(pending) = self.pending.take() {
+            self.messenger.abandon(&pending);
+        }
+    }
+}
+
+/// The reply, or why there is none; pending for ever if it was returned before.
+impl Future for Ticket<'_> {
+    type Output = Result<u32, Error>;
+
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        // Before the look: a reply that comes after it is served after it.
+        self.messenger.wake_after_serve(context.waker());
+        match Ticket::poll(&mut self) {
+            Ok(None) => Poll::Pending,
+            Ok(Some(value)) => Poll::Ready(Ok(value)),
+            Err(error) => Poll::Ready(Err(error)),
+        }
+    }
+}
+
+impl core::fmt::Debug for Ticket<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_tuple("Ticket").field(&self.pending).finish()
+    }
+}
+
+impl Drop for Ticket<'_> {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
+
+/// A message that has arrived, as its handler sees it.
+///
+/// It is a [`Messenger`]. What a handler sends or waits for through it ends, at the latest, when the wait
+/// ends in which the handler runs.
+pub struct Call<'c> {
+    pub(super) messenger: &'c dyn Messenger,
+    pub(super) sender: Processor,
+    pub(super) addressee: Processor,
+    pub(super) vector: Vector,
+    pub(super) data: u32,
+    pub(super) depth: u32,
+    pub(super) deadline: Instant,
+    pub(super) refused: Cell<bool>,
+}
+
+impl Call<'_> {
+    /// How many handlers may be in progress on one processor, each interrupted by the next.
+    pub const MAX_DEPTH: u32 = if cfg!(condor_loom) { 2 } else { 8 };
+
+    /// The processor that sent the message.
+    #[must_use]
+    pub const fn sender(&self) -> Processor {
+        self.sender
+    }
+
+    /// The processor that it was sent to: this one, or the one it listens to.
+    #[must_use]
+    pub const fn addressee(&self) -> Processor {
+        self.addressee
+    }
+
+    /// The vector that it was sent to.
+    #[must_use]
+    pub const fn vector(&self) -> Vector {
+        self.vector
+    }
+
+    /// Its word.
+    #[must_use]
+    pub const fn data(&self) -> u32 {
+        self.data
+    }
+
+    /// When the wait that serves this message ends: no nested call waits longer.
+    #[must_use]
+    pub const fn deadline(&self) -> Instant {
+        self.deadline
+    }
+
+    /// Refuses the request: what the handler returns is an error code, which a caller gets as
+    /// [`Error::Refused`]. Returns `code`, so that it can be the handler's last expression.
+    ///
+    /// ```
+    /// # use std::time::Duration;
+    /// # use condor_mbox::sim::System;
+    /// # use condor_mbox::{Error, Messenger, Processor, Vector};
+    /// # const HAND: Processor = Processor(0);
+    /// # const HALVE: Vector = Vector(3);
+    /// # let system = System::<1>::in_virtual_time(64);
+    /// # let mut hand = system.mailbox(HAND)?;
+    /// const ODD: u32 = 7;
+    ///
+    /// hand.set_vector(
+    ///     HALVE,
+    ///     &|call| match call.data() {
+    ///         odd if odd % 2 == 1 => call.refuse(ODD),
+    ///         even => even / 2,
+    ///     },
+    ///     "halve",
+    /// )?;
+    /// # hand.join()?;
+    /// # let second = Duration::from_secs(1);
+    /// assert_eq!(hand.send_with_reply(HAND, HALVE, 8, second), Ok(4));
+    /// let refused = Error::Refused { to: HAND, vector: HALVE, code: ODD };
+    /// assert_eq!(hand.send_with_reply(HAND, HALVE, 9, second), Err(refused));
+    /// # Ok::<(), Error>(())
+    /// ```
+    pub fn refuse(&self, code: u32) -> u32 {
+        self.refused.set(true);
+        code
+    }
+
+    /// `timeout`, or what is left until the deadline.
+    fn within(&self, timeout: Duration) -> Duration {
+        if self.deadline == Instant::FOREVER || timeout.is_zero() {
+            return timeout;
+        }
+        let left = self.deadline.ns_since(self.messenger.now());
+        timeout.min(Duration::from_nanos(left))
+    }
+}
+
+impl Messenger for Call<'_> {
+    fn number(&self) -> Processor {
+        self.messenger.number()
+    }
+
+    fn now(&self) -> Instant {
+        self.messenger.now()
+    }
+
+    fn send(
+        &self,
+        to: Processor,
+        vector: Vector,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<(), Error> {
+        let timeout = self.within(timeout);
+        self.messenger.send(to, vector, data, timeout)
+    }
+
+    fn send_with_reply(
+        &self,
+        to: Processor,
+        vector: Vector,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<u32, Error> {
+        if self.depth >= Self::MAX_DEPTH {
+            return Err(Error::TooDeep { depth: self.depth });
+        }
+        let timeout = self.within(timeout);
+        self.messenger.send_with_reply(to, vector, data, timeout)
+    }
+
+    fn begin(
+        &self,
+        to: Processor,
+        vector: Vector,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<Ticket<'_>, Error> {
+        let timeout = self.within(timeout);
+        self.messenger.begin(to, vector, data, timeout)
+    }
+
+    fn serve(&self, timeout: Duration) -> Result<usize, Error> {
+        self.messenger.serve(self.within(timeout))
+    }
+
+    fn poll_pending(&self, pending: &Pending) -> Result<Option<u32>, Error> {
+        self.messenger.poll_pending(pending)
+    }
+
+    fn wait_pending(&self, pending: &Pending, timeout: Duration) -> Result<u32, Error> {
+        let timeout = self.within(timeout);
+        self.messenger.wait_pending(pending, timeout)
+    }
+
+    fn abandon(&self, pending: &Pending) {
+        self.messenger.abandon(pending);
+    }
+
+    fn wake_after_serve(&self, waker: &Waker) {
+        self.messenger.wake_after_serve(waker);
+    }
+}
