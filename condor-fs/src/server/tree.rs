@@ -21,13 +21,23 @@ const CONFINED: ResolveFlags = ResolveFlags::BENEATH
     .union(ResolveFlags::NO_MAGICLINKS)
     .union(ResolveFlags::NO_XDEV);
 
+/// Lets go of the lock by itself: a process that another thread forks has the file, too, until it
+/// executes its program.
+struct Lock(OwnedFd);
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        let _ = rustix::fs::flock(&self.0, FlockOperation::Unlock);
+    }
+}
+
 /// The tree, locked.
 pub(super) struct Tree {
     root: OwnedFd,
     root_is: Evidence,
     stage: OwnedFd,
     stage_is: Evidence,
-    _lock: OwnedFd,
+    _lock: Lock,
 }
 
 /// A name in a directory.
@@ -87,15 +97,15 @@ impl Tree {
         let flags = OFlags::RDWR | OFlags::CREATE | OFlags::CLOEXEC | OFlags::NOFOLLOW;
         let lock =
             rustix::fs::openat(&stage, "lock", flags, Mode::RUSR | Mode::WUSR).map_err(at)?;
-        match rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive) {
-            Ok(()) => {}
+        let lock = match rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => Lock(lock),
             Err(Linux::WOULDBLOCK) => {
                 return Err(ServerError::Served {
                     root: path.to_owned(),
                 });
             }
             Err(errno) => return Err(at(errno)),
-        }
+        };
         let (root_is, _) = about(&root, c"").map_err(at)?;
         let (stage_is, _) = about(&stage, c"").map_err(at)?;
         Ok(Self {

@@ -1,6 +1,7 @@
 //! Every operation does what it does on Unix, with the error numbers of Unix.
 #![cfg(all(feature = "linux", target_os = "linux"))]
 
+use std::os::fd::BorrowedFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -321,6 +322,18 @@ fn a_tree_has_one_server() {
     let first = Server::new(disk.path(), Options::default()).unwrap();
     let second = Server::new(disk.path(), Options::default());
     assert!(matches!(second, Err(ServerError::Served { root }) if root == disk.path()));
+    // As a process has it that another thread has forked and that has not executed its program yet.
+    let lock = disk.path().canonicalize().unwrap().join(".condor-fs/lock");
+    let lock = std::fs::read_dir("/proc/self/fd")
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .find(|file| std::fs::read_link(file).is_ok_and(|target| target == lock))
+        .unwrap();
+    let number = lock.file_name().unwrap().to_str().unwrap();
+    // SAFETY: the server has it open until it is dropped below.
+    let lock = unsafe { BorrowedFd::borrow_raw(number.parse().unwrap()) };
+    let forked = lock.try_clone_to_owned().unwrap();
     drop(first);
     Server::new(disk.path(), Options::default()).unwrap();
+    drop(forked);
 }
