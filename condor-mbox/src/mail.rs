@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use crate::error::{Error, LayoutField, Object};
-use crate::id::Processor;
+use crate::id::{Processor, Vector};
 use crate::layout::{self, entry, header};
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
 
@@ -15,10 +15,10 @@ use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
 /// sequence number, so nothing is taken from it.
 pub(crate) struct Mail<'w, W, const N: usize> {
     window: &'w W,
-    /// The same memory, if it can be reached without a call for each word. A copy, so that it need
-    /// not be loaded again for each of them.
+    /// The words of the layout, if they can be reached without a call for each of them.
     words: Option<&'w [AtomicU32]>,
-    owner: Processor,
+    /// Looked at only when something is wrong.
+    owner: &'w Processor,
 }
 
 impl<W, const N: usize> Clone for Mail<'_, W, N> {
@@ -39,12 +39,15 @@ pub(crate) struct Entry {
 
 impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     const PROCESSORS: u32 = N as u32;
+    const WORDS: usize = layout::mail_bytes(Self::PROCESSORS) as usize / 4;
 
     #[inline(always)]
-    pub(crate) fn new(window: &'w W, owner: Processor) -> Self {
+    pub(crate) fn new(window: &'w W, owner: &'w Processor) -> Self {
         Self {
             window,
-            words: window.words(),
+            // One look at the size for many accesses: the compiler knows of all words whose offset it
+            // knows that they are inside.
+            words: window.words().and_then(|words| words.get(..Self::WORDS)),
             owner,
         }
     }
@@ -66,7 +69,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     #[cold]
     fn refused(&self, error: &W::Error) -> Error {
         Error::Window {
-            processor: self.owner,
+            processor: *self.owner,
             object: Object::Mail,
             kind: error.kind(),
         }
@@ -81,6 +84,19 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
                 .map_or(0, |word| word.load(order.into())),
             None => self.window.load(offset, order).unwrap_or(0),
         }
+    }
+
+    /// Whose it is.
+    #[inline(always)]
+    pub(crate) fn owner(&self) -> Processor {
+        *self.owner
+    }
+
+    /// The owner's present incarnation, by its own word; 0 also if the memory is gone.
+    #[inline(always)]
+    pub(crate) fn present(&self) -> u32 {
+        // Acquire: pairs with the Release store of the incarnation in `join`.
+        self.look(header::INCARNATION, LoadOrder::Acquire)
     }
 
     /// Writes a word of the own `mail`, after all that was written before.
@@ -117,73 +133,50 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         layout::acknowledged(Self::PROCESSORS, peer.0 as u32)
     }
 
+    /// A word of the entry of `vector`, which the caller has found to be one.
     #[inline(always)]
-    pub(crate) fn vector(vector: usize) -> u32 {
-        layout::vector_entry(Self::PROCESSORS, vector as u32)
+    pub(crate) fn vector(vector: Vector, field: u32) -> u32 {
+        let vector = vector.index() % layout::VECTORS;
+        layout::vector_entry(Self::PROCESSORS, vector as u32) + field
     }
 
     /// Whether the entry at `at` carries `sequence`: one load, for waiting.
     #[inline(always)]
     pub(crate) fn carries(&self, at: u32, sequence: u32) -> bool {
-        // Acquire: pairs with the Release store of the sequence number in `put`.
+        // Acquire: pairs with the Release store of the sequence number in `write`.
         self.look(at + entry::SEQUENCE, LoadOrder::Acquire) == sequence
     }
 
-    /// Reads the entry at `at` if it carries `sequence`, and the same epoch, before and after.
+    /// Reads the entry at `at` if it carries `sequence`, and the same epoch, before and after. Who
+    /// waits for it asks first whether it [`carries`](Self::carries) that.
     ///
     /// The sequence number alone does not tell one entry from another: in the next epoch it comes
     /// again.
     #[inline(always)]
     pub(crate) fn get(&self, at: u32, sequence: u32) -> Option<Entry> {
-        let entry = self.entry(at);
-        // Memory that calls say is gone may be there again for the next word: no 0 may stand for it.
-        let load = |word: u32, order: LoadOrder| match entry {
-            Some(entry) => Some(entry[(word / 4 % 4) as usize].load(order.into())),
-            None => self.window.load(at + word, order).ok(),
-        };
-        let word = |word| load(word, LoadOrder::Acquire);
-        // Most looks end here.
-        if word(entry::SEQUENCE)? != sequence {
-            return None;
+        match self.entry(at) {
+            Some(entry) => read(sequence, |word, order| {
+                Some(entry[(word / 4 % 4) as usize].load(order.into()))
+            }),
+            // Memory that calls say is gone may be there again for the next word: no 0 may stand for it.
+            None => read(sequence, |word, order| {
+                self.window.load(at + word, order).ok()
+            }),
         }
-        // Pairs with the store of the epoch in `put`, so that the sequence number below is not that
-        // of an entry of a former epoch.
-        let epoch = word(entry::EPOCH)?;
-        // Pairs with the store of the sequence number in `put`.
-        if word(entry::SEQUENCE)? != sequence {
-            return None;
-        }
-        // Pair with the stores of these words in `put`: if a word of a later entry is read here, the
-        // loads below find the epoch and the sequence number that `put` had stored before it. If it
-        // is the same number of a still later epoch, its load lets that epoch be seen.
-        let (value, kind) = (word(entry::VALUE)?, word(entry::KIND)?);
-        let same =
-            word(entry::SEQUENCE)? == sequence && load(entry::EPOCH, LoadOrder::Relaxed)? == epoch;
-        same.then_some(Entry { value, epoch, kind })
     }
 
     /// Writes the entry at `at` of the own `mail`; whoever finds `sequence` there finds the whole
     /// entry.
     #[inline(always)]
     pub(crate) fn put(&self, at: u32, sequence: u32, new: Entry) {
-        let entry = self.entry(at);
-        let store = |word: u32, value, order: StoreOrder| match entry {
-            Some(entry) => entry[(word / 4 % 4) as usize].store(value, order.into()),
-            None => drop(self.window.store(at + word, value, order)),
-        };
-        let set = |word, value| store(word, value, StoreOrder::Release);
-        // The number before `sequence` belongs to another slot, so nobody looks for it here.
-        store(
-            entry::SEQUENCE,
-            sequence.wrapping_sub(1),
-            StoreOrder::Relaxed,
-        );
-        // Each pairs with the load of the same word in `get`.
-        set(entry::EPOCH, new.epoch);
-        set(entry::VALUE, new.value);
-        set(entry::KIND, new.kind);
-        // This one also with that in `carries`.
-        set(entry::SEQUENCE, sequence);
+        match self.entry(at) {
+            Some(entry) => write(sequence, new, |word, value, order| {
+                entry[(word / 4 % 4) as usize].store(value, order.into());
+            }),
+            None => write(sequence, new, |word, value, order| {
+                drop(self.window.store(at + word, value, order));
+            }),
+        }
     }
 
     /// Whether this `mail` is laid out as this build expects.
@@ -230,7 +223,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
 
     fn disagrees(&self, object: Object, field: LayoutField, found: u32, expected: u32) -> Error {
         Error::Layout {
-            processor: self.owner,
+            processor: *self.owner,
             object,
             field,
             found,
@@ -254,6 +247,44 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         // one formats anew.
         self.store(header::MAGIC, layout::MAGIC, StoreOrder::Release)
     }
+}
+
+/// Reads an entry that carries `sequence` by `load`, whole or not at all.
+#[inline(always)]
+fn read(sequence: u32, load: impl Fn(u32, LoadOrder) -> Option<u32>) -> Option<Entry> {
+    let word = |word| load(word, LoadOrder::Acquire);
+    // Pairs with the store of the epoch in `write`, so that the sequence number below is not that
+    // of an entry of a former epoch.
+    let epoch = word(entry::EPOCH)?;
+    // Pairs with the store of the sequence number in `write`.
+    if word(entry::SEQUENCE)? != sequence {
+        return None;
+    }
+    // Pair with the stores of these words in `write`: if a word of a later entry is read here, the
+    // loads below find the epoch and the sequence number that `write` had stored before it. If it
+    // is the same number of a still later epoch, its load lets that epoch be seen.
+    let (value, kind) = (word(entry::VALUE)?, word(entry::KIND)?);
+    let same =
+        word(entry::SEQUENCE)? == sequence && load(entry::EPOCH, LoadOrder::Relaxed)? == epoch;
+    same.then_some(Entry { value, epoch, kind })
+}
+
+/// Writes an entry by `store`, so that whoever finds `sequence` finds the whole entry.
+#[inline(always)]
+fn write(sequence: u32, new: Entry, store: impl Fn(u32, u32, StoreOrder)) {
+    let set = |word, value| store(word, value, StoreOrder::Release);
+    // The number before `sequence` belongs to another slot, so nobody looks for it here.
+    store(
+        entry::SEQUENCE,
+        sequence.wrapping_sub(1),
+        StoreOrder::Relaxed,
+    );
+    // Each pairs with the load of the same word in `read`.
+    set(entry::EPOCH, new.epoch);
+    set(entry::VALUE, new.value);
+    set(entry::KIND, new.kind);
+    // This one also with that in `carries`.
+    set(entry::SEQUENCE, sequence);
 }
 
 #[cfg(all(test, condor_loom))]
@@ -343,7 +374,7 @@ mod tests {
         assert_eq!(entry::SEQUENCE, 12, "an entry has four words");
         for schedule in schedules(6, 5) {
             let window = Raced::default();
-            let mail = Mail::<_, 2>::new(&window, Processor(0));
+            let mail = Mail::<_, 2>::new(&window, &Processor(0));
             mail.put(0, 1, entry_of(1));
             window.records.set(true);
             mail.put(0, 1, entry_of(2));

@@ -12,7 +12,7 @@ const OWNER: Processor = Processor(0);
 const AT: u32 = 0;
 
 fn mail(window: &SimWindow) -> Mail<'_, SimWindow, 1> {
-    Mail::new(window, OWNER)
+    Mail::new(window, &OWNER)
 }
 
 /// One thread puts `entries`, each with its sequence, after the first; others `get` the sequence

@@ -121,7 +121,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         processor: Processor,
         windows: &Windows<B::Window>,
     ) -> Result<(), Error> {
-        let mail = Mail::<_, N>::new(&windows.mail, processor);
+        let mail = Mail::<_, N>::new(&windows.mail, &processor);
         mail.check_sizes(windows.data.size())?;
         mail.check_layout(windows.data.size())?;
         mail.store(header::INCARNATION, 0, StoreOrder::Release)
@@ -187,7 +187,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
         let own = self.own()?;
         self.exclusion.with(|| self.acknowledge(peer, &own))?;
-        self.notify(peer);
+        self.notify(peer.mail());
         Ok(())
     }
 
@@ -244,7 +244,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Rings everybody who wants to hear of a beginning or an end.
     fn notify_all(&self) {
         for peer in self.peers.iter().filter(|peer| peer.number != self.me) {
-            self.notify(peer);
+            self.notify(peer.mail());
         }
     }
 }

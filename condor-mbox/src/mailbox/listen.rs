@@ -16,6 +16,7 @@ use crate::doorbell::{Doorbell as _, Evidence};
 use crate::error::{Error, Progress};
 use crate::exclusion::Exclusion as _;
 use crate::id::{Processor, Vector};
+use crate::layout::vector::HANDLED;
 use crate::layout::{self, JOINING, SLOTS, entry, header, kind};
 use crate::mail::{Entry, Mail};
 use crate::time::{Clock as _, Instant};
@@ -286,7 +287,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     #[cold]
     pub(super) fn notify_listeners(&self, listeners: u32) {
         for listener in self.of(listeners) {
-            self.notify(listener);
+            self.notify(listener.mail());
         }
     }
 
@@ -308,7 +309,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         for (sender, heard) in self.peers.iter().zip(&self.listening.senders) {
             if let Some(entry) = self.hear_from(holder, sender, heard)? {
                 // The sender may wait for us to take it.
-                self.notify(sender);
+                self.notify(sender.mail());
                 self.run_heard(to, sender.number, entry, deadline);
                 return Ok(true);
             }
@@ -466,8 +467,7 @@ impl<B: Backend, const N: usize> Drop for FinishHeard<'_, '_, B, N> {
             if self.handled {
                 mailbox.served.set(mailbox.served.get().wrapping_add(1));
                 if let Ok(own) = mailbox.own() {
-                    let vector = Mail::<B::Window, N>::vector(self.vector.index());
-                    own.count(vector + layout::vector::HANDLED);
+                    own.count(Mail::<B::Window, N>::vector(self.vector, HANDLED));
                 }
             }
         });

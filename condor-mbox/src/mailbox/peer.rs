@@ -88,14 +88,13 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
 
     #[inline(always)]
     pub(super) fn mail(&self) -> Mail<'_, W, N> {
-        Mail::new(&self.windows.mail, self.number)
+        Mail::new(&self.windows.mail, &self.number)
     }
 
     /// The peer's present incarnation, by its own word; 0 also if its memory is gone.
     #[inline(always)]
     pub(super) fn present(&self) -> u32 {
-        // Acquire: pairs with the Release store of the incarnation in `join`.
-        self.mail().look(header::INCARNATION, LoadOrder::Acquire)
+        self.mail().present()
     }
 
     /// The same, with an error if its memory is gone.
@@ -164,14 +163,12 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
         }
     }
 
-    /// Gives up reply cell `cell` of a call in epoch `epoch`, unless the epoch is over.
+    /// Gives up reply cell `cell` of a call in the present epoch.
     #[inline(always)]
-    pub(super) fn release(&self, cell: u32, epoch: u32) {
-        if self.epoch_out.get() == epoch {
-            let kept = !(1 << (cell % SLOTS));
-            self.busy.set(self.busy.get() & kept);
-            self.abandoned.set(self.abandoned.get() & kept);
-        }
+    pub(super) fn release(&self, cell: u32) {
+        let kept = !(1 << (cell % SLOTS));
+        self.busy.set(self.busy.get() & kept);
+        self.abandoned.set(self.abandoned.get() & kept);
     }
 
     /// Notes that every request up to `sequence` has been taken.

@@ -15,11 +15,12 @@ use crate::doorbell::Doorbell as _;
 use crate::error::{Error, Progress, ProtocolWord};
 use crate::exclusion::Exclusion as _;
 use crate::id::{Processor, Vector};
+use crate::layout::vector::{FAILED, SENT};
 use crate::layout::{self, SLOTS, header, kind, status};
 use crate::mail::{Entry, Mail};
 use crate::sync::{Ordering, fence};
 use crate::time::{Clock as _, Instant};
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
+use crate::window::{LoadOrder, MemoryWindow};
 
 /// Why a request did not enter the ring.
 pub(super) enum Refusal {
@@ -55,15 +56,18 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// Reserving the slot and publishing it are one section: no context of this processor can
     /// publish a later request before an earlier one.
-    #[inline(never)]
-    fn publish(
+    ///
+    /// It is compiled into its callers, once for `CALLS` with their reply and once for all else.
+    #[inline(always)]
+    fn publish<const CALLS: bool>(
         &self,
         peer: &Peer<B::Window, N>,
         kind: u32,
         data: u32,
         patience: Duration,
     ) -> Result<Pending, Refusal> {
-        if peer.present() != peer.incarnation.get() {
+        let mail = peer.mail();
+        if mail.present() != peer.incarnation.get() {
             self.notice(peer)?;
         }
         let own = self.own()?;
@@ -78,14 +82,14 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             if sequence.wrapping_sub(peer.taken.get()) > SLOTS {
                 peer.refresh_taken(sequence)?;
             }
-            let listeners = peer.mail().look(header::LISTENERS, LoadOrder::Relaxed);
+            let listeners = mail.look(header::LISTENERS, LoadOrder::Relaxed);
             if listeners != 0
                 && !self.listeners_keep_up(peer, listeners, sequence, patience.is_zero())
             {
                 return Err(Refusal::Listeners);
             }
             let mut cell = 0;
-            if kind & !0xff == kind::CALL {
+            if CALLS || kind & !0xff == kind::CALL {
                 cell = peer.busy.get().trailing_ones();
                 if cell >= SLOTS {
                     cell = peer.reclaim_cell()?;
@@ -104,10 +108,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             own.put(layout::slot_in(peer.ours, sequence), sequence, entry);
             peer.head.set(sequence);
             if vector.index() < Vector::COUNT {
-                let at = Mail::<B::Window, N>::vector(vector.index()) + layout::vector::SENT;
+                let at = Mail::<B::Window, N>::vector(vector, SENT);
                 // The access of a message that says when the own memory is gone.
-                let sent = own.look(at, LoadOrder::Relaxed).wrapping_add(1);
-                own.store(at, sent, StoreOrder::Relaxed)?;
+                let sent = own.load(at, LoadOrder::Relaxed)?;
+                own.set(at, sent.wrapping_add(1));
             }
             let pending = Pending {
                 to: peer.number,
@@ -119,21 +123,33 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             };
             Ok((pending, listeners))
         })?;
-        self.notify(peer);
+        self.notify(mail);
         if listeners != 0 {
             self.notify_listeners(listeners);
         }
         Ok(pending)
     }
 
-    /// Rings `peer` if it asked for that.
+    /// The same, for where a few instructions more do not matter.
+    #[inline(never)]
+    fn publish_once(
+        &self,
+        peer: &Peer<B::Window, N>,
+        kind: u32,
+        data: u32,
+        patience: Duration,
+    ) -> Result<Pending, Refusal> {
+        self.publish::<false>(peer, kind, data, patience)
+    }
+
+    /// Rings the owner of `mail` if it asked for that.
     #[inline(always)]
-    pub(super) fn notify(&self, peer: &Peer<B::Window, N>) {
+    pub(super) fn notify(&self, mail: Mail<'_, B::Window, N>) {
         // Pairs with the fence in `wait`: what was stored before is seen by a receiver that
         // looks after it asked to be rung, or its asking is seen here.
         fence(Ordering::SeqCst);
-        if peer.mail().look(header::NOTIFY, LoadOrder::Relaxed) != 0 {
-            self.ring(peer.number);
+        if mail.look(header::NOTIFY, LoadOrder::Relaxed) != 0 {
+            self.ring(mail.owner());
         }
     }
 
@@ -164,7 +180,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         timeout: Duration,
     ) -> Result<Pending, Error> {
         // Mostly there is a slot, and the clock need not be read.
-        match self.publish(peer, kind, data, timeout) {
+        match self.publish_once(peer, kind, data, timeout) {
             Ok(pending) => Ok(pending),
             Err(refusal) => self.publish_late(peer, kind, data, timeout, refusal),
         }
@@ -210,7 +226,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             } else {
                 timeout
             };
-            match self.publish(peer, kind, data, patience) {
+            match self.publish_once(peer, kind, data, patience) {
                 Ok(pending) => Ok(Some(pending)),
                 Err(Refusal::Error(error)) => Err(error),
                 Err(reason) => {
@@ -223,7 +239,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             Ok(End::Came(pending)) => return Ok(pending),
             // Listeners are waited for once; from here on those that are behind are left behind.
             Ok(_) if matches!(refusal, Refusal::Listeners) => {
-                match self.publish(peer, kind, data, Duration::ZERO) {
+                match self.publish_once(peer, kind, data, Duration::ZERO) {
                     Ok(pending) => return Ok(pending),
                     Err(refusal) => refusal.error(to),
                 }
@@ -259,16 +275,20 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         pending: &Pending,
     ) -> Option<Result<u32, Error>> {
         let at = layout::cell_in(peer.theirs, u32::from(pending.cell));
-        let reply = peer.mail().get(at, pending.sequence)?;
+        let mail = peer.mail();
+        if !mail.carries(at, pending.sequence) {
+            return None;
+        }
+        let reply = mail.get(at, pending.sequence)?;
         if reply.epoch != pending.epoch {
             return None;
         }
         self.exclusion.with(|| {
-            // Requests are taken in order: this one and all before it have been.
             if peer.epoch_out.get() == pending.epoch {
+                // Requests are taken in order: this one and all before it have been.
                 peer.advance(pending.sequence);
+                peer.release(u32::from(pending.cell));
             }
-            peer.release(u32::from(pending.cell), pending.epoch);
         });
         if reply.kind != status::DONE {
             return Some(Err(without_value(pending, reply)));
@@ -426,7 +446,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         if let Ok(own) = self.own()
             && vector.index() < Vector::COUNT
         {
-            let at = Mail::<B::Window, N>::vector(vector.index()) + layout::vector::FAILED;
+            let at = Mail::<B::Window, N>::vector(vector, FAILED);
             self.exclusion.with(|| own.count(at));
         }
     }
@@ -473,7 +493,7 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
                 && let Some(reply) = self.mail().get(late, owner.get())
                 && reply.epoch == epoch
             {
-                self.release(cell, epoch);
+                self.release(cell);
                 return Ok(cell);
             }
         }
@@ -552,7 +572,7 @@ impl<B: Backend, const N: usize> Messenger for Mailbox<'_, B, N> {
         let peer = self.receiver(to, vector)?;
         let kind = kind::CALL | u32::from(vector.0);
         // The clock is read after the request is on its way, so that the receiver need not wait for it.
-        match self.publish(peer, kind, data, timeout) {
+        match self.publish::<true>(peer, kind, data, timeout) {
             Ok(pending) => self.wait_for_reply(peer, &pending, self.doorbell.now(), timeout, true),
             Err(refusal) => self.send_late_with_reply(peer, kind, data, timeout, refusal),
         }

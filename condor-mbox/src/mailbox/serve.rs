@@ -12,6 +12,7 @@ use crate::doorbell::Doorbell as _;
 use crate::error::Error;
 use crate::exclusion::Exclusion as _;
 use crate::id::Vector;
+use crate::layout::vector::{HANDLED, WORST};
 use crate::layout::{self, SLOTS, header, kind, status};
 use crate::mail::{Entry, Mail};
 use crate::time::{Clock as _, Instant};
@@ -24,13 +25,13 @@ const PROBES: usize = 4;
 /// Marks the number of the one that was served last until the others have been looked at.
 const FRESH: u32 = 1 << 8;
 
-/// A request that has been taken: nobody else will run it.
+/// What the reply to a request needs that has been taken: nobody else will run it.
 #[derive(Clone, Copy)]
 struct Taken {
     incarnation: u32,
     sequence: u32,
-    entry: Entry,
-    depth: u32,
+    epoch: u32,
+    kind: u32,
 }
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
@@ -67,12 +68,16 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             if peer.present() != peer.incarnation.get() {
                 self.attend(peer);
             }
-            for left in (0..SLOTS).rev() {
-                if !peer.has_request() || !self.serve_next(peer, Instant::FOREVER, &mut now) {
-                    break;
+            if peer.has_request() {
+                let mut served = 0;
+                while self.serve_next(peer, Instant::FOREVER, &mut now) {
+                    served += 1;
+                    if served == SLOTS as usize || !peer.has_request() {
+                        break;
+                    }
                 }
-                count += 1;
-                more |= left == 0;
+                count += served;
+                more |= served == SLOTS as usize;
             }
         }
         if self.listens_to().is_some() {
@@ -187,10 +192,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         now: &mut Instant,
     ) -> bool {
         let Ok(own) = self.own() else { return false };
-        let Some(taken) = self.exclusion.with(|| self.take(peer, &own)) else {
+        let Some((taken, data, depth)) = self.exclusion.with(|| self.take(peer, &own)) else {
             return false;
         };
-        let Entry { value, kind, .. } = taken.entry;
+        let kind = taken.kind;
         let vector = Vector(kind.to_le_bytes()[0]);
         let unfinished = Unfinished {
             mailbox: self,
@@ -201,15 +206,15 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             (kind @ (kind::SEND | kind::CALL), Some(Some(handler))) => {
                 if kind == kind::SEND {
                     // The sender may wait for the slot.
-                    self.notify(peer);
+                    self.notify(peer.mail());
                 }
                 let call = Call {
                     messenger: self,
                     sender: peer.number,
                     addressee: self.me,
                     vector,
-                    data: value,
-                    depth: taken.depth,
+                    data,
+                    depth,
                     deadline,
                     refused: Cell::new(false),
                 };
@@ -234,10 +239,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         // The time of a handler begins with the last reading of the clock before its message was found.
         let begun = core::mem::replace(now, self.doorbell.now());
         if status != status::NO_HANDLER {
-            let at = Mail::<B::Window, N>::vector(vector.index()) + layout::vector::WORST;
+            let at = Mail::<B::Window, N>::vector(vector, WORST);
             let ns = u32::try_from(now.ns_since(begun)).unwrap_or(u32::MAX);
             if ns > own.look(at, LoadOrder::Relaxed) {
-                self.note_worst(&own, at, ns);
+                self.note_worst(at, ns);
             }
         }
         true
@@ -252,12 +257,18 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             let _ = self.admit_listener(peer, kind == kind::LISTEN);
         }
         // The sender may wait for the slot.
-        self.notify(peer);
+        self.notify(peer.mail());
     }
 
+    /// Takes the next request; returns it, with its data and the depth of its handler.
+    ///
     /// Reading the slot and moving the cursor are one section: a request is taken once.
     #[inline(always)]
-    fn take(&self, peer: &Peer<B::Window, N>, own: &Mail<'_, B::Window, N>) -> Option<Taken> {
+    fn take(
+        &self,
+        peer: &Peer<B::Window, N>,
+        own: &Mail<'_, B::Window, N>,
+    ) -> Option<(Taken, u32, u32)> {
         let depth = self.depth.get();
         if depth >= Call::MAX_DEPTH {
             return None;
@@ -278,12 +289,13 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         } else {
             self.last.set(number | FRESH);
         }
-        Some(Taken {
+        let taken = Taken {
             incarnation: peer.incarnation.get(),
             sequence,
-            entry,
-            depth: depth + 1,
-        })
+            epoch: entry.epoch,
+            kind: entry.kind,
+        };
+        Some((taken, entry.value, depth + 1))
     }
 
     /// Replies, if a reply is wanted and its sender still lives the incarnation in which it asked,
@@ -296,7 +308,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         taken: &Taken,
         (status, value): (u32, u32),
     ) {
-        let Entry { kind, epoch, .. } = taken.entry;
+        let Taken { kind, epoch, .. } = *taken;
         let replies = kind & 0xff00 == kind::CALL;
         let deepest = self.exclusion.with(|| {
             let depth = self.depth.get();
@@ -312,13 +324,13 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 own.put(cell, taken.sequence, reply);
             }
             if !PANICKED && status != status::NO_HANDLER {
-                let vector = usize::from(kind.to_le_bytes()[0]);
-                own.count(Mail::<B::Window, N>::vector(vector) + layout::vector::HANDLED);
+                let vector = Vector(kind.to_le_bytes()[0]);
+                own.count(Mail::<B::Window, N>::vector(vector, HANDLED));
             }
             depth >= Call::MAX_DEPTH
         });
         if replies {
-            self.notify(peer);
+            self.notify(peer.mail());
         }
         if deepest {
             // What came meanwhile was refused for want of depth, and its ring was taken.
@@ -328,12 +340,14 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
 
     #[cold]
     #[inline(never)]
-    fn note_worst(&self, own: &Mail<'_, B::Window, N>, at: u32, ns: u32) {
-        self.exclusion.with(|| {
-            if ns > own.look(at, LoadOrder::Relaxed) {
-                own.set(at, ns);
-            }
-        });
+    fn note_worst(&self, at: u32, ns: u32) {
+        if let Ok(own) = self.own() {
+            self.exclusion.with(|| {
+                if ns > own.look(at, LoadOrder::Relaxed) {
+                    own.set(at, ns);
+                }
+            });
+        }
     }
 }
 

@@ -100,30 +100,29 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
             return Err(Error::NoSuchVector { vector });
         }
         peer.check_layout()?;
-        let entry = Mail::<B::Window, N>::vector(vector.index());
+        let word = |field| {
+            let at = Mail::<B::Window, N>::vector(vector, field);
+            peer.mail().load(at, LoadOrder::Relaxed)
+        };
         let mut name = [0; NAME_BYTES];
-        for (word, at) in name
-            .chunks_exact_mut(4)
-            .zip((entry + vector::NAME..).step_by(4))
-        {
-            word.copy_from_slice(&peer.mail().load(at, LoadOrder::Relaxed)?.to_le_bytes());
+        for (bytes, field) in name.chunks_exact_mut(4).zip((vector::NAME..).step_by(4)) {
+            bytes.copy_from_slice(&word(field)?.to_le_bytes());
         }
-        let count = |offset| peer.mail().load(entry + offset, LoadOrder::Relaxed);
         Ok(VectorStatistics {
             name,
-            sent: count(vector::SENT)?,
-            handled: count(vector::HANDLED)?,
-            failed: count(vector::FAILED)?,
-            worst_ns: count(vector::WORST)?,
+            sent: word(vector::SENT)?,
+            handled: word(vector::HANDLED)?,
+            failed: word(vector::FAILED)?,
+            worst_ns: word(vector::WORST)?,
         })
     }
 
     fn write_name(&self, vector: Vector, name: &str) -> Result<(), Error> {
         let own = self.own()?;
-        let entry = Mail::<B::Window, N>::vector(vector.index()) + vector::NAME;
         let mut bytes = name.bytes();
-        for at in (entry..).step_by(4).take(NAME_BYTES / 4) {
+        for field in (vector::NAME..).step_by(4).take(NAME_BYTES / 4) {
             let word = core::array::from_fn(|_| bytes.next().unwrap_or(0));
+            let at = Mail::<B::Window, N>::vector(vector, field);
             own.store(at, u32::from_le_bytes(word), StoreOrder::Relaxed)?;
         }
         Ok(())
@@ -132,8 +131,11 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
 
 /// Empties the table in `own`.
 pub(super) fn clear<W: MemoryWindow, const N: usize>(own: &Mail<'_, W, N>) -> Result<(), Error> {
-    for at in (Mail::<W, N>::vector(0)..Mail::<W, N>::vector(Vector::COUNT)).step_by(4) {
-        own.store(at, 0, StoreOrder::Relaxed)?;
+    for number in 0..Vector::COUNT {
+        for field in (vector::NAME..=vector::WORST).step_by(4) {
+            let at = Mail::<W, N>::vector(Vector(number as u8), field);
+            own.store(at, 0, StoreOrder::Relaxed)?;
+        }
     }
     Ok(())
 }
