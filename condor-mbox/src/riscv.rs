@@ -3,15 +3,13 @@
 use core::num::NonZeroU32;
 
 use ::riscv::register::{mie, mip, mstatus};
+use condor_platform::riscv::ClintRegisters;
 
 use crate::doorbell::Doorbell;
 use crate::id::Processor;
 use crate::sync::{AtomicU32, Ordering};
 use crate::time::{Clock, Instant};
 
-const MSIP: usize = 0;
-const MTIMECMP: usize = 0x4000;
-const MTIME: usize = 0xbff8;
 const NS_PER_S: u64 = 1_000_000_000;
 
 /// The doorbell of one hart: its bit `msip` in the CLINT, and `mtime` as the clock.
@@ -24,12 +22,9 @@ const NS_PER_S: u64 = 1_000_000_000;
 /// While it waits it uses the timer compare of its hart, and gives it back as it was; a timer
 /// interrupt that is enabled and due earlier ends the wait. Writes to the compare may take a
 /// moment to be seen, so a timer handler must look whether its time has come.
-///
-/// Source: the CLINT of the `SiFive` FU540-C000 manual, chapter 9, which is also the layout of
-/// the ACLINT devices MSWI and MTIMER side by side.
 #[derive(Debug)]
 pub struct MsipDoorbell<const N: usize> {
-    clint: usize,
+    clint: ClintRegisters,
     hart: u16,
     harts: [u16; N],
     mtime_hz: NonZeroU32,
@@ -58,7 +53,8 @@ impl<const N: usize> MsipDoorbell<N> {
             return None;
         }
         Some(Self {
-            clint,
+            // SAFETY: the caller vouches for it.
+            clint: unsafe { ClintRegisters::new(clint) },
             hart: harts[me.index()],
             harts,
             mtime_hz,
@@ -73,7 +69,7 @@ impl<const N: usize> MsipDoorbell<N> {
     }
 
     fn take_ring(&self) {
-        self.set_msip(self.hart, 0);
+        self.clint.set_msip(self.hart, false);
         // Whoever rang before this had stored its message before: the looks that follow see it.
         ::riscv::asm::fence();
         // A wait that was prepared before the ring and has not begun must not sleep.
@@ -84,13 +80,14 @@ impl<const N: usize> MsipDoorbell<N> {
     /// Sleeps until any interrupt is pending that the hart would take, or this doorbell's.
     fn sleep(&self, until: Instant, interruptible: bool) {
         let enabled = mie::read();
-        let former = self.compare();
+        let former = self.clint.mtimecmp(self.hart);
         let due = self.ticks(until);
-        self.set_compare(if enabled.mtimer() {
+        let compare = if enabled.mtimer() {
             due.min(former)
         } else {
             due
-        });
+        };
+        self.clint.set_mtimecmp(self.hart, compare);
         // SAFETY: no handler runs for them, since the caller has masked interrupts; the
         // program's own settings are restored below.
         unsafe {
@@ -106,7 +103,7 @@ impl<const N: usize> MsipDoorbell<N> {
             // SAFETY: as the program had it.
             unsafe { mie::clear_mtimer() };
         }
-        self.set_compare(former);
+        self.clint.set_mtimecmp(self.hart, former);
         let has_handler = interruptible && enabled.msoft();
         if !has_handler && mip::read().msoft() {
             self.take_ring();
@@ -121,36 +118,11 @@ impl<const N: usize> MsipDoorbell<N> {
             .saturating_mul(hz)
             .saturating_add((ns * hz).div_ceil(NS_PER_S))
     }
-
-    fn set_msip(&self, hart: u16, value: u32) {
-        let address = self.register(MSIP, 4, hart) as *mut u32;
-        // SAFETY: `new`'s caller vouches for the register of every hart of the system.
-        unsafe { address.write_volatile(value) };
-    }
-
-    fn compare(&self) -> u64 {
-        let address = self.register(MTIMECMP, 8, self.hart);
-        // SAFETY: `new`'s caller vouches for this hart's register.
-        unsafe { read_u64(address) }
-    }
-
-    fn set_compare(&self, value: u64) {
-        let address = self.register(MTIMECMP, 8, self.hart);
-        // SAFETY: `new`'s caller vouches for this hart's register.
-        unsafe { write_u64(address, value) };
-    }
-
-    fn register(&self, array: usize, stride: usize, hart: u16) -> usize {
-        self.clint
-            .wrapping_add(array)
-            .wrapping_add(stride.wrapping_mul(usize::from(hart)))
-    }
 }
 
 impl<const N: usize> Clock for MsipDoorbell<N> {
     fn now(&self) -> Instant {
-        // SAFETY: `new`'s caller vouches for the register.
-        let ticks = unsafe { read_u64(self.clint.wrapping_add(MTIME)) };
+        let ticks = self.clint.mtime();
         let hz = core::num::NonZeroU64::from(self.mtime_hz);
         let (seconds, rest) = (ticks / hz, ticks % hz);
         Instant::from_ns(
@@ -169,7 +141,7 @@ impl<const N: usize> Doorbell for MsipDoorbell<N> {
         if let Some(&hart) = self.harts.get(processor.index()) {
             // Fences of the memory model do not order device registers: the message first.
             ::riscv::asm::fence();
-            self.set_msip(hart, 1);
+            self.clint.set_msip(hart, true);
         }
     }
 
@@ -196,62 +168,5 @@ fn masked(body: impl FnOnce(bool)) {
     if interruptible {
         // SAFETY: they were enabled before, so no section is in progress.
         unsafe { mstatus::set_mie() };
-    }
-}
-
-/// Reads a 64-bit register that may count meanwhile.
-///
-/// # Safety
-/// `address` is that of such a register.
-#[cfg(target_arch = "riscv64")]
-unsafe fn read_u64(address: usize) -> u64 {
-    // SAFETY: as for this function.
-    unsafe { (address as *const u64).read_volatile() }
-}
-
-/// Writes a 64-bit register.
-///
-/// # Safety
-/// `address` is that of such a register.
-#[cfg(target_arch = "riscv64")]
-unsafe fn write_u64(address: usize, value: u64) {
-    // SAFETY: as for this function.
-    unsafe { (address as *mut u64).write_volatile(value) };
-}
-
-/// Reads a 64-bit register that may count meanwhile, by halves.
-///
-/// # Safety
-/// `address` is that of such a register.
-#[cfg(target_arch = "riscv32")]
-unsafe fn read_u64(address: usize) -> u64 {
-    let halves = address as *const u32;
-    loop {
-        // SAFETY: as for this function; the upper half follows the lower one.
-        let (before, low, after) = unsafe {
-            (
-                halves.wrapping_add(1).read_volatile(),
-                halves.read_volatile(),
-                halves.wrapping_add(1).read_volatile(),
-            )
-        };
-        if before == after {
-            return u64::from(after) << 32 | u64::from(low);
-        }
-    }
-}
-
-/// Writes a 64-bit compare register by halves; what it holds in between is never too early.
-///
-/// # Safety
-/// `address` is that of such a register.
-#[cfg(target_arch = "riscv32")]
-unsafe fn write_u64(address: usize, value: u64) {
-    let halves = address as *mut u32;
-    // SAFETY: as for this function; the upper half follows the lower one.
-    unsafe {
-        halves.wrapping_add(1).write_volatile(u32::MAX);
-        halves.write_volatile(value as u32);
-        halves.wrapping_add(1).write_volatile((value >> 32) as u32);
     }
 }

@@ -19,13 +19,12 @@ use core::arch::asm;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use ::riscv::register::mstatus;
+use condor_platform::riscv::ClintRegisters;
 
 use crate::platform::Platform;
 use crate::rate::Rate;
 use crate::timer::{Armed, Timer};
 
-const MTIMECMP: usize = 0x4000;
-const MTIME: usize = 0xbff8;
 /// The bit of `mie` and `mip`.
 const MACHINE_TIMER: usize = 1 << 7;
 /// Nothing is due so late.
@@ -35,13 +34,10 @@ const NEVER: u64 = u64::MAX;
 ///
 /// After a reset `mtimecmp` may be anything: [`disarm`](Timer::disarm) before the interrupt is
 /// enabled for the first time.
-///
-/// Source: the CLINT of the `SiFive` FU540-C000 manual, chapter 9, which is also the layout of
-/// the ACLINT devices MSWI and MTIMER side by side.
 #[derive(Debug)]
 pub struct Clint {
-    mtime: usize,
-    mtimecmp: usize,
+    registers: ClintRegisters,
+    hart: u16,
     frequency: Rate,
     /// The interrupts, as bits of `mie`, that may interrupt loops which an interrupt has started.
     nested: usize,
@@ -59,8 +55,9 @@ impl Clint {
     #[must_use]
     pub const unsafe fn new(clint: usize, hart: u16, frequency: Rate) -> Self {
         Self {
-            mtime: clint.wrapping_add(MTIME),
-            mtimecmp: clint.wrapping_add(MTIMECMP).wrapping_add(8 * hart as usize),
+            // SAFETY: the caller vouches for it.
+            registers: unsafe { ClintRegisters::new(clint) },
+            hart,
             frequency,
             nested: MACHINE_TIMER,
             in_handler: AtomicBool::new(false),
@@ -110,14 +107,12 @@ impl Timer for Clint {
 
     #[inline]
     fn now(&self) -> u64 {
-        // SAFETY: `new`'s caller vouches for the register.
-        unsafe { read_u64(self.mtime) }
+        self.registers.mtime()
     }
 
     #[inline]
     fn arm(&self, at: u64) -> Armed {
-        // SAFETY: `new`'s caller vouches for the register.
-        unsafe { write_u64(self.mtimecmp, at) };
+        self.registers.set_mtimecmp(self.hart, at);
         if self.now() >= at {
             Armed::Past
         } else {
@@ -127,8 +122,7 @@ impl Timer for Clint {
 
     #[inline]
     fn disarm(&self) {
-        // SAFETY: `new`'s caller vouches for the register.
-        unsafe { write_u64(self.mtimecmp, NEVER) };
+        self.registers.set_mtimecmp(self.hart, NEVER);
     }
 }
 
@@ -278,66 +272,5 @@ mod float {
             "ret",
             ".option pop",
         )
-    }
-}
-
-/// Reads a 64-bit register that may count meanwhile.
-///
-/// # Safety
-/// `address` is that of such a register.
-#[cfg(target_arch = "riscv64")]
-#[inline]
-unsafe fn read_u64(address: usize) -> u64 {
-    // SAFETY: as for this function.
-    unsafe { (address as *const u64).read_volatile() }
-}
-
-/// Writes a 64-bit register.
-///
-/// # Safety
-/// `address` is that of such a register.
-#[cfg(target_arch = "riscv64")]
-#[inline]
-unsafe fn write_u64(address: usize, value: u64) {
-    // SAFETY: as for this function.
-    unsafe { (address as *mut u64).write_volatile(value) };
-}
-
-/// Reads a 64-bit register that may count meanwhile, by halves.
-///
-/// # Safety
-/// `address` is that of such a register.
-#[cfg(target_arch = "riscv32")]
-#[inline]
-unsafe fn read_u64(address: usize) -> u64 {
-    let halves = address as *const u32;
-    loop {
-        // SAFETY: as for this function; the upper half follows the lower one.
-        let (before, low, after) = unsafe {
-            (
-                halves.wrapping_add(1).read_volatile(),
-                halves.read_volatile(),
-                halves.wrapping_add(1).read_volatile(),
-            )
-        };
-        if before == after {
-            return u64::from(after) << 32 | u64::from(low);
-        }
-    }
-}
-
-/// Writes a 64-bit compare register by halves; what it holds in between is never too early.
-///
-/// # Safety
-/// `address` is that of such a register.
-#[cfg(target_arch = "riscv32")]
-#[inline]
-unsafe fn write_u64(address: usize, value: u64) {
-    let halves = address as *mut u32;
-    // SAFETY: as for this function; the upper half follows the lower one.
-    unsafe {
-        halves.wrapping_add(1).write_volatile(u32::MAX);
-        halves.write_volatile(value as u32);
-        halves.wrapping_add(1).write_volatile((value >> 32) as u32);
     }
 }

@@ -4,5 +4,11 @@
 #[cfg(all(feature = "linux", target_os = "linux"))]
 pub mod linux;
 
+#[cfg(all(
+    feature = "riscv",
+    any(target_arch = "riscv32", target_arch = "riscv64")
+))]
+pub mod riscv;
+
 #[cfg(feature = "critical-section")]
 mod section;

@@ -271,7 +271,10 @@ impl LinuxWindow {
             GuardError::Full => MapError::TooMany {
                 slots: fault::SLOTS,
             },
-            GuardError::Install(errno) => MapError::system("handle SIGBUS")(errno),
+            GuardError::Install(source) => MapError::System {
+                doing: "handle SIGBUS",
+                source,
+            },
         })?;
         let lost = guard.lost();
         mapping.guard = Some(guard);

@@ -1,0 +1,220 @@
+//! What is done on SIGBUS: the memory under a mapping is gone, or nothing answers at an address.
+//!
+//! The kernel has one handler for a process. This one asks those who registered, one after the other,
+//! whether the access was theirs; a bus error that is nobody's goes to whoever handled SIGBUS before.
+//! It is async-signal-safe: it reads a static table and calls functions, and at the end `sigaction` and
+//! `raise`.
+
+use core::ffi::{c_int, c_void};
+use core::mem::{self, MaybeUninit};
+use core::ptr;
+use core::sync::atomic::{AtomicPtr, Ordering};
+use std::io;
+use std::sync::OnceLock;
+
+/// How many may register: the crates of Condor that reach memory, and some more.
+const REPAIRS: usize = 8;
+
+/// Says whether a bus error was one of its own, after which the access is made again, or the program goes
+/// on elsewhere.
+///
+/// It runs in a signal handler, in the middle of anything: it may only do what is async-signal-safe.
+pub type Repair = fn(&mut BusError<'_>) -> bool;
+
+/// Each is null or a [`Repair`].
+static TABLE: [AtomicPtr<()>; REPAIRS] = [const { AtomicPtr::new(ptr::null_mut()) }; REPAIRS];
+
+/// What was done on SIGBUS before.
+static PREVIOUS: OnceLock<libc::sigaction> = OnceLock::new();
+
+type Handler = extern "C" fn(c_int, *mut libc::siginfo_t, *mut c_void);
+
+/// A bus error that the kernel reports.
+#[derive(Debug)]
+pub struct BusError<'c> {
+    address: usize,
+    #[cfg_attr(
+        not(any(
+            target_arch = "x86_64",
+            target_arch = "aarch64",
+            target_arch = "riscv64"
+        )),
+        allow(dead_code)
+    )]
+    interrupted: &'c mut libc::ucontext_t,
+}
+
+impl BusError<'_> {
+    /// The address that could not be reached.
+    #[must_use]
+    pub fn address(&self) -> usize {
+        self.address
+    }
+}
+
+/// Where the program is, and goes on when the handler returns.
+#[cfg(any(
+    target_arch = "x86_64",
+    target_arch = "aarch64",
+    target_arch = "riscv64"
+))]
+impl BusError<'_> {
+    /// The address of the instruction that could not be done.
+    #[must_use]
+    pub fn instruction(&self) -> usize {
+        #[cfg(target_arch = "x86_64")]
+        let instruction = self.interrupted.uc_mcontext.gregs[libc::REG_RIP as usize];
+        #[cfg(target_arch = "aarch64")]
+        let instruction = self.interrupted.uc_mcontext.pc;
+        #[cfg(target_arch = "riscv64")]
+        let instruction = self.interrupted.uc_mcontext.__gregs[libc::REG_PC as usize];
+        instruction as usize
+    }
+
+    /// Lets the program go on at `instruction`.
+    ///
+    /// # Safety
+    /// With the registers and the stack as the access left them, the program can go on there.
+    pub unsafe fn resume_at(&mut self, instruction: usize) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            self.interrupted.uc_mcontext.gregs[libc::REG_RIP as usize] = instruction as i64;
+        }
+        #[cfg(target_arch = "aarch64")]
+        {
+            self.interrupted.uc_mcontext.pc = instruction as u64;
+        }
+        #[cfg(target_arch = "riscv64")]
+        {
+            self.interrupted.uc_mcontext.__gregs[libc::REG_PC as usize] =
+                instruction as libc::c_ulong;
+        }
+    }
+}
+
+/// Lets `repair` be asked about each bus error from now on, for as long as the process lives; the same
+/// function is registered once.
+///
+/// Who installs a handler for SIGBUS of his own later must pass on what does not concern him. A thread
+/// that blocks SIGBUS is killed by the kernel at a bus error.
+///
+/// # Errors
+/// The system refuses the handler; eight functions are registered.
+pub fn on_bus_error(repair: Repair) -> io::Result<()> {
+    let repair = repair as *mut ();
+    let free = TABLE.iter().find(|place| {
+        // Release: pairs with the Acquire load in the handler, which then finds what was made before.
+        let taken =
+            place.compare_exchange(ptr::null_mut(), repair, Ordering::AcqRel, Ordering::Acquire);
+        taken.is_ok() || taken == Err(repair)
+    });
+    if free.is_none() {
+        return Err(io::Error::other("all functions for bus errors are in use"));
+    }
+    static INSTALLED: OnceLock<Result<(), i32>> = OnceLock::new();
+    let installed = INSTALLED.get_or_init(|| {
+        // The old action is stored first: from the moment the handler is in place, it may run.
+        let previous = PREVIOUS.get_or_init(previous_action);
+        let handler: Handler = handle;
+        // Mask and nesting are those that the previous handler asked for, since it may be called
+        // from here; this one does not care.
+        let action = libc::sigaction {
+            sa_sigaction: handler as usize,
+            sa_flags: libc::SA_SIGINFO
+                | libc::SA_ONSTACK
+                | (previous.sa_flags & (libc::SA_NODEFER | libc::SA_RESTART)),
+            ..*previous
+        };
+        set_action(&action)
+    });
+    installed.map_err(io::Error::from_raw_os_error)
+}
+
+fn previous_action() -> libc::sigaction {
+    let mut action = MaybeUninit::<libc::sigaction>::zeroed();
+    // SAFETY: a null action only asks, and `action` is large enough for the answer.
+    let _ = unsafe { libc::sigaction(libc::SIGBUS, ptr::null(), action.as_mut_ptr()) };
+    // SAFETY: all-zero is a valid `sigaction` (the default one); the kernel wrote another, if any.
+    unsafe { action.assume_init() }
+}
+
+fn set_action(action: &libc::sigaction) -> Result<(), i32> {
+    // SAFETY: `action` is either the default or `handle`, which is async-signal-safe and has the
+    // signature that SA_SIGINFO asks for.
+    if unsafe { libc::sigaction(libc::SIGBUS, action, ptr::null_mut()) } == 0 {
+        Ok(())
+    } else {
+        let code = io::Error::last_os_error().raw_os_error();
+        Err(code.unwrap_or(libc::EINVAL))
+    }
+}
+
+extern "C" fn handle(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
+    // SAFETY: the kernel gives a valid `siginfo_t` to a handler with SA_SIGINFO.
+    let code = unsafe { (*info).si_code };
+    // A signal that a program sent has a code of zero or less, and no address.
+    let sent = code <= 0;
+    // SAFETY: the kernel gives the interrupted context to a handler with SA_SIGINFO, and nobody else
+    // uses it meanwhile.
+    let interrupted = unsafe { context.cast::<libc::ucontext_t>().as_mut() };
+    if let (false, Some(interrupted)) = (sent, interrupted) {
+        let mut error = BusError {
+            // SAFETY: as above; a SIGBUS of the kernel carries an address.
+            address: unsafe { (*info).si_addr() } as usize,
+            interrupted,
+        };
+        // Acquire: pairs with the Release in `on_bus_error`.
+        let registered = TABLE.iter().map(|place| place.load(Ordering::Acquire));
+        for repair in registered.take_while(|repair| !repair.is_null()) {
+            // SAFETY: `on_bus_error` alone stores here, and only functions of this type.
+            let repair: Repair = unsafe { mem::transmute(repair) };
+            if repair(&mut error) {
+                return;
+            }
+        }
+    }
+    pass_on(sent, signal, info, context);
+}
+
+/// Does what would have been done without this handler.
+fn pass_on(sent: bool, signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
+    let Some(previous) = PREVIOUS.get() else {
+        return die(sent);
+    };
+    match previous.sa_sigaction {
+        libc::SIG_IGN if sent => {}
+        // The kernel does not let a program ignore its own bus error.
+        libc::SIG_DFL | libc::SIG_IGN => die(sent),
+        handler => {
+            if previous.sa_flags & libc::SA_RESETHAND != 0 {
+                set_default();
+            }
+            if previous.sa_flags & libc::SA_SIGINFO != 0 {
+                // SAFETY: the program installed this address as a handler with SA_SIGINFO.
+                let handler: Handler = unsafe { mem::transmute(handler) };
+                handler(signal, info, context);
+            } else {
+                // SAFETY: the program installed this address as a handler without SA_SIGINFO.
+                let handler: extern "C" fn(c_int) = unsafe { mem::transmute(handler) };
+                handler(signal);
+            }
+        }
+    }
+}
+
+fn set_default() {
+    let mut action = MaybeUninit::<libc::sigaction>::zeroed();
+    // SAFETY: all-zero is the default action with an empty mask.
+    let action = unsafe { action.assume_init_mut() };
+    action.sa_sigaction = libc::SIG_DFL;
+    let _ = set_action(action);
+}
+
+/// Ends the program by this very signal: a fault repeats itself once the handler is gone.
+fn die(sent: bool) {
+    set_default();
+    if sent {
+        // SAFETY: `raise` is async-signal-safe.
+        unsafe { libc::raise(libc::SIGBUS) };
+    }
+}

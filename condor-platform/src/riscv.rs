@@ -1,0 +1,127 @@
+//! Bare-metal RISC-V: the registers of a CLINT.
+
+const MSIP: usize = 0;
+const MTIMECMP: usize = 0x4000;
+const MTIME: usize = 0xbff8;
+
+/// The registers of a CLINT: a counter, and for each hart a compare and a software interrupt.
+///
+/// Source: the CLINT of the `SiFive` FU540-C000 manual, chapter 9, which is also the layout of
+/// the ACLINT devices MSWI and MTIMER side by side.
+#[derive(Clone, Copy, Debug)]
+pub struct ClintRegisters {
+    base: usize,
+}
+
+impl ClintRegisters {
+    /// Those at address `base`.
+    ///
+    /// # Safety
+    /// A CLINT lies there, and no protection keeps this hart from the registers that it uses: `mtime`,
+    /// and `msip` and `mtimecmp` of those harts whose numbers are given to the methods.
+    #[must_use]
+    pub const unsafe fn new(base: usize) -> Self {
+        Self { base }
+    }
+
+    /// The counter.
+    #[must_use]
+    #[inline]
+    pub fn mtime(&self) -> u64 {
+        // SAFETY: `new`'s caller vouches for the register.
+        unsafe { read_u64(self.register(MTIME, 0, 0)) }
+    }
+
+    /// When the timer interrupt of `hart` is pending: while the counter is not below.
+    #[must_use]
+    #[inline]
+    pub fn mtimecmp(&self, hart: u16) -> u64 {
+        // SAFETY: `new`'s caller vouches for the register.
+        unsafe { read_u64(self.register(MTIMECMP, 8, hart)) }
+    }
+
+    /// Sets when the timer interrupt of `hart` is pending.
+    #[inline]
+    pub fn set_mtimecmp(&self, hart: u16, value: u64) {
+        // SAFETY: `new`'s caller vouches for the register.
+        unsafe { write_u64(self.register(MTIMECMP, 8, hart), value) };
+    }
+
+    /// Makes the software interrupt of `hart` pending, or not.
+    ///
+    /// It is ordered with other accesses to devices only: whoever tells of memory makes a fence first.
+    #[inline]
+    pub fn set_msip(&self, hart: u16, pending: bool) {
+        let register = self.register(MSIP, 4, hart) as *mut u32;
+        // SAFETY: `new`'s caller vouches for the register.
+        unsafe { register.write_volatile(u32::from(pending)) };
+    }
+
+    #[inline]
+    const fn register(&self, array: usize, stride: usize, hart: u16) -> usize {
+        self.base
+            .wrapping_add(array)
+            .wrapping_add(stride.wrapping_mul(hart as usize))
+    }
+}
+
+/// Reads a 64-bit register that may count meanwhile.
+///
+/// # Safety
+/// `address` is that of such a register.
+#[cfg(target_arch = "riscv64")]
+#[inline]
+unsafe fn read_u64(address: usize) -> u64 {
+    // SAFETY: as for this function.
+    unsafe { (address as *const u64).read_volatile() }
+}
+
+/// Writes a 64-bit register.
+///
+/// # Safety
+/// `address` is that of such a register.
+#[cfg(target_arch = "riscv64")]
+#[inline]
+unsafe fn write_u64(address: usize, value: u64) {
+    // SAFETY: as for this function.
+    unsafe { (address as *mut u64).write_volatile(value) };
+}
+
+/// Reads a 64-bit register that may count meanwhile, by halves.
+///
+/// # Safety
+/// `address` is that of such a register.
+#[cfg(target_arch = "riscv32")]
+#[inline]
+unsafe fn read_u64(address: usize) -> u64 {
+    let halves = address as *const u32;
+    loop {
+        // SAFETY: as for this function; the upper half follows the lower one.
+        let (before, low, after) = unsafe {
+            (
+                halves.wrapping_add(1).read_volatile(),
+                halves.read_volatile(),
+                halves.wrapping_add(1).read_volatile(),
+            )
+        };
+        if before == after {
+            return u64::from(after) << 32 | u64::from(low);
+        }
+    }
+}
+
+/// Writes a 64-bit compare register by halves; what it holds in between is never too early.
+///
+/// # Safety
+/// `address` is that of such a register.
+#[cfg(target_arch = "riscv32")]
+#[inline]
+unsafe fn write_u64(address: usize, value: u64) {
+    let halves = address as *mut u32;
+    // SAFETY: as for this function; the upper half follows the lower one.
+    unsafe {
+        halves.wrapping_add(1).write_volatile(u32::MAX);
+        halves.write_volatile(value as u32);
+        halves.wrapping_add(1).write_volatile((value >> 32) as u32);
+    }
+}
