@@ -15,10 +15,6 @@ pub(super) fn install() -> io::Result<()> {
 }
 
 fn go_on(error: &mut BusError<'_>) -> bool {
-    let end = resume(error.instruction());
-    if let Some(end) = end {
-        // SAFETY: where `resume` says, the function of the access returns with an error.
-        unsafe { error.resume_at(end) };
-    }
-    end.is_some()
+    // SAFETY: where `resume` says, the function of the access returns with an error.
+    resume(error.instruction()).is_some_and(|end| unsafe { error.resume_at(end) })
 }

@@ -24,6 +24,9 @@ pub type Repair = fn(&mut BusError<'_>) -> bool;
 /// Each is null or a [`Repair`].
 static TABLE: [AtomicPtr<()>; REPAIRS] = [const { AtomicPtr::new(ptr::null_mut()) }; REPAIRS];
 
+/// Whether the handler is in place.
+static INSTALLED: OnceLock<Result<(), i32>> = OnceLock::new();
+
 /// What was done on SIGBUS before.
 static PREVIOUS: OnceLock<libc::sigaction> = OnceLock::new();
 
@@ -62,35 +65,40 @@ impl BusError<'_> {
     /// The address of the instruction that could not be done.
     #[must_use]
     pub fn instruction(&self) -> usize {
-        #[cfg(target_arch = "x86_64")]
-        let instruction = self.interrupted.uc_mcontext.gregs[libc::REG_RIP as usize];
-        #[cfg(target_arch = "aarch64")]
-        let instruction = self.interrupted.uc_mcontext.pc;
-        #[cfg(target_arch = "riscv64")]
-        let instruction = self.interrupted.uc_mcontext.__gregs[libc::REG_PC as usize];
-        instruction as usize
+        usize::try_from(*counter(&self.interrupted.uc_mcontext)).unwrap_or_default()
     }
 
-    /// Lets the program go on at `instruction`.
+    /// Lets the program go on at `instruction`; says whether that can be an address.
     ///
     /// # Safety
     /// With the registers and the stack as the access left them, the program can go on there.
-    pub unsafe fn resume_at(&mut self, instruction: usize) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            self.interrupted.uc_mcontext.gregs[libc::REG_RIP as usize] = instruction as i64;
+    pub unsafe fn resume_at(&mut self, instruction: usize) -> bool {
+        let address = instruction.try_into();
+        if let Ok(address) = address {
+            *counter_mut(&mut self.interrupted.uc_mcontext) = address;
         }
-        #[cfg(target_arch = "aarch64")]
-        {
-            self.interrupted.uc_mcontext.pc = instruction as u64;
-        }
-        #[cfg(target_arch = "riscv64")]
-        {
-            self.interrupted.uc_mcontext.__gregs[libc::REG_PC as usize] =
-                instruction as libc::c_ulong;
-        }
+        address.is_ok()
     }
 }
+
+/// The program counter.
+macro_rules! counter {
+    ($arch:literal, $kind:ty, $($field:tt)+) => {
+        #[cfg(target_arch = $arch)]
+        fn counter(context: &libc::mcontext_t) -> &$kind {
+            &context.$($field)+
+        }
+
+        #[cfg(target_arch = $arch)]
+        fn counter_mut(context: &mut libc::mcontext_t) -> &mut $kind {
+            &mut context.$($field)+
+        }
+    };
+}
+
+counter!("x86_64", libc::greg_t, gregs[libc::REG_RIP as usize]);
+counter!("aarch64", libc::c_ulonglong, pc);
+counter!("riscv64", libc::c_ulong, __gregs[libc::REG_PC as usize]);
 
 /// Lets `repair` be asked about each bus error from now on, for as long as the process lives; the same
 /// function is registered once.
@@ -111,7 +119,6 @@ pub fn on_bus_error(repair: Repair) -> io::Result<()> {
     if free.is_none() {
         return Err(io::Error::other("all functions for bus errors are in use"));
     }
-    static INSTALLED: OnceLock<Result<(), i32>> = OnceLock::new();
     let installed = INSTALLED.get_or_init(|| {
         // The old action is stored first: from the moment the handler is in place, it may run.
         let previous = PREVIOUS.get_or_init(previous_action);
