@@ -1,6 +1,5 @@
 //! [`Cache`]: what a processor sees of memory that no hardware keeps coherent.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -15,52 +14,63 @@ const WORDS: usize = LINE as usize / 4;
 pub(super) struct Cache(Mutex<State>);
 
 struct State {
-    lines: BTreeMap<(usize, usize), Line>,
+    /// The lines of each memory, found by its address.
+    memories: Vec<(usize, Vec<Line>)>,
     random: u64,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Held {
+    Not,
+    Clean,
+    Dirty,
 }
 
 #[derive(Clone, Copy)]
 struct Line {
     words: [u32; WORDS],
-    dirty: bool,
+    held: Held,
 }
 
 impl Cache {
     pub(super) fn new(seed: u64) -> Self {
         Self(Mutex::new(State {
-            lines: BTreeMap::new(),
+            memories: Vec::new(),
             random: seed | 1,
         }))
     }
 
-    /// Reads a word, or writes one if there is a `new` one; returns what was there.
+    /// Invalidates the line of a word, and then reads the word, or writes it if there is a `new` one;
+    /// returns what was there.
     pub(super) fn access(&self, memory: &[AtomicU32], at: usize, new: Option<u32>) -> u32 {
         let mut state = self.lock();
-        state.mischief(memory, at / WORDS);
-        let line = state.line(memory, at / WORDS);
+        let chance = state.next();
+        let lines = state.lines(memory);
+        lines[at / WORDS].held = Held::Not;
+        mischief(memory, lines, at / WORDS, chance);
+        let line = hold(memory, lines, at / WORDS);
         let found = line.words[at % WORDS];
         if let Some(new) = new {
             line.words[at % WORDS] = new;
-            line.dirty = true;
+            line.held = Held::Dirty;
         }
         found
     }
 
-    pub(super) fn clean(&self, memory: &[AtomicU32], lines: Range<usize>) {
+    pub(super) fn clean(&self, memory: &[AtomicU32], range: Range<usize>) {
         let mut state = self.lock();
-        for at in lines {
-            if let Some(line) = state.lines.get_mut(&(key(memory), at))
-                && core::mem::take(&mut line.dirty)
-            {
-                write_back(memory, at, line);
+        let lines = state.lines(memory);
+        for at in range {
+            if lines[at].held == Held::Dirty {
+                write_back(memory, at, &lines[at]);
+                lines[at].held = Held::Clean;
             }
         }
     }
 
-    pub(super) fn invalidate(&self, memory: &[AtomicU32], lines: Range<usize>) {
-        let mut state = self.lock();
-        for at in lines {
-            state.lines.remove(&(key(memory), at));
+    pub(super) fn invalidate(&self, memory: &[AtomicU32], range: Range<usize>) {
+        for line in &mut self.lock().lines(memory)[range] {
+            line.held = Held::Not;
         }
     }
 
@@ -70,34 +80,22 @@ impl Cache {
 }
 
 impl State {
-    fn line(&mut self, memory: &[AtomicU32], at: usize) -> &mut Line {
-        let entry = self.lines.entry((key(memory), at));
-        entry.or_insert_with(|| fetch(memory, at))
-    }
-
-    /// What a cache may do at any time: evict a line of this memory, or fetch one.
-    fn mischief(&mut self, memory: &[AtomicU32], near: usize) {
-        let chance = self.next();
-        let others = memory.len().div_ceil(WORDS);
-        // Mostly the lines around, which are the ones in use.
-        let at = if chance & 8 == 0 {
-            near
-        } else {
-            (chance >> 16) as usize % others
-        };
-        match chance % 8 {
-            0 | 1 => {
-                if let Some(line) = self.lines.remove(&(key(memory), at))
-                    && line.dirty
-                {
-                    write_back(memory, at, &line);
-                }
-            }
-            2 | 3 => {
-                self.line(memory, at);
-            }
-            _ => {}
-        }
+    /// Those of `memory`, held or not.
+    fn lines(&mut self, memory: &[AtomicU32]) -> &mut [Line] {
+        let address = memory.as_ptr().addr();
+        let count = memory.len().div_ceil(WORDS);
+        let mut known = self.memories.iter();
+        let known = known.position(|(of, lines)| *of == address && lines.len() == count);
+        let index = known.unwrap_or_else(|| {
+            let nothing = Line {
+                words: [0; WORDS],
+                held: Held::Not,
+            };
+            let lines = vec![nothing; count];
+            self.memories.push((address, lines));
+            self.memories.len() - 1
+        });
+        &mut self.memories[index].1
     }
 
     /// A pseudo-random number: Marsaglia, "Xorshift RNGs", Journal of Statistical Software 8, 2003.
@@ -109,19 +107,37 @@ impl State {
     }
 }
 
-/// Which memory a line is of.
-fn key(memory: &[AtomicU32]) -> usize {
-    memory.as_ptr().addr()
+/// The line with what it holds, fetched if it held nothing.
+fn hold<'l>(memory: &[AtomicU32], lines: &'l mut [Line], at: usize) -> &'l mut Line {
+    let line = &mut lines[at];
+    if line.held == Held::Not {
+        line.held = Held::Clean;
+        for (word, from) in line.words.iter_mut().zip(memory.iter().skip(at * WORDS)) {
+            *word = from.load(Ordering::Acquire);
+        }
+    }
+    line
 }
 
-fn fetch(memory: &[AtomicU32], at: usize) -> Line {
-    let mut words = [0; WORDS];
-    for (word, from) in words.iter_mut().zip(memory.iter().skip(at * WORDS)) {
-        *word = from.load(Ordering::Acquire);
-    }
-    Line {
-        words,
-        dirty: false,
+/// What a cache may do at any time: evict a line of this memory, or fetch one.
+fn mischief(memory: &[AtomicU32], lines: &mut [Line], near: usize, chance: u64) {
+    // Mostly the lines around, which are the ones in use.
+    let at = if chance & 8 == 0 {
+        near
+    } else {
+        (chance >> 16) as usize % lines.len()
+    };
+    match chance % 8 {
+        0 | 1 => {
+            if lines[at].held == Held::Dirty {
+                write_back(memory, at, &lines[at]);
+            }
+            lines[at].held = Held::Not;
+        }
+        2 | 3 => {
+            hold(memory, lines, at);
+        }
+        _ => {}
     }
 }
 

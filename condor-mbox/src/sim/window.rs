@@ -89,27 +89,6 @@ impl SimWindow {
         })
     }
 
-    /// The word at `offset`, by way of the cache if there is one.
-    fn get(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
-        let word = self.word(offset, false)?;
-        Ok(match &self.cache {
-            None => word.load(order.into()),
-            Some(cache) => cache.access(&self.words, offset as usize / 4, None),
-        })
-    }
-
-    /// Likewise.
-    fn set(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
-        let word = self.word(offset, true)?;
-        match &self.cache {
-            None => word.store(value, order.into()),
-            Some(cache) => {
-                cache.access(&self.words, offset as usize / 4, Some(value));
-            }
-        }
-        Ok(())
-    }
-
     /// The lines of a range that is inside the window.
     fn lines(&self, offset: u32, len: u32) -> Range<usize> {
         if check_access(self.size(), offset & !3, len as usize).is_err() {
@@ -128,14 +107,22 @@ impl MemoryWindow for SimWindow {
     }
 
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
-        self.invalidate(offset, 4);
-        self.get(offset, order)
+        let word = self.word(offset, false)?;
+        Ok(match &self.cache {
+            None => word.load(order.into()),
+            Some(cache) => cache.access(&self.words, offset as usize / 4, None),
+        })
     }
 
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
-        self.invalidate(offset, 4);
-        self.set(offset, value, order)?;
-        self.clean(offset, 4);
+        let word = self.word(offset, true)?;
+        match &self.cache {
+            None => word.store(value, order.into()),
+            Some(cache) => {
+                cache.access(&self.words, offset as usize / 4, Some(value));
+                self.clean(offset, 4);
+            }
+        }
         Ok(())
     }
 
