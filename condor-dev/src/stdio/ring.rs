@@ -3,6 +3,7 @@
 use core::cell::RefCell;
 
 use critical_section::Mutex;
+use heapless::Deque;
 
 /// Bytes that one critical section moves at most, so that interrupts wait for some ten
 /// instructions each.
@@ -15,25 +16,21 @@ const PIECE: usize = 16;
 pub(super) struct Ring<const N: usize>(Mutex<RefCell<Inside<N>>>);
 
 struct Inside<const N: usize> {
-    bytes: [u8; N],
-    first: usize,
-    held: usize,
+    bytes: Deque<u8, N>,
     lost: u32,
 }
 
 impl<const N: usize> Ring<N> {
     pub(super) const fn new() -> Self {
         Self(Mutex::new(RefCell::new(Inside {
-            bytes: [0; N],
-            first: 0,
-            held: 0,
+            bytes: Deque::new(),
             lost: 0,
         })))
     }
 
     /// Bytes inside.
     pub(super) fn held(&self) -> usize {
-        self.with(|inside| inside.held)
+        self.with(|inside| inside.bytes.len())
     }
 
     /// Bytes that were given up; the count wraps.
@@ -79,11 +76,13 @@ impl<const N: usize> Ring<N> {
 
     /// Takes out the first `count` bytes.
     pub(super) fn consume(&self, count: usize) {
-        self.with(|inside| {
-            let count = count.min(inside.held);
-            inside.held -= count;
-            inside.first = wrapped::<N>(inside.first + count);
-        });
+        for begin in (0..count).step_by(PIECE) {
+            self.with(|inside| {
+                for _ in begin..count.min(begin + PIECE) {
+                    inside.bytes.pop_front();
+                }
+            });
+        }
     }
 
     fn with<R: Default>(&self, f: impl FnOnce(&mut Inside<N>) -> R) -> R {
@@ -97,32 +96,20 @@ impl<const N: usize> Ring<N> {
 
 impl<const N: usize> Inside<N> {
     fn push(&mut self, piece: &[u8]) -> usize {
-        let count = piece.len().min(N - self.held.min(N));
-        let begin = self.first + self.held;
-        for (at, byte) in piece.iter().take(count).enumerate() {
-            if let Some(place) = self.bytes.get_mut(wrapped::<N>(begin + at)) {
-                *place = *byte;
-            }
-        }
-        self.held += count;
-        count
+        let pushed = piece
+            .iter()
+            .take_while(|byte| self.bytes.push_back(**byte).is_ok());
+        pushed.count()
     }
 
     fn peek(&self, skipped: usize, into: &mut [u8]) -> usize {
-        let count = into.len().min(self.held.saturating_sub(skipped));
-        let begin = self.first + skipped;
-        for (at, place) in into.iter_mut().take(count).enumerate() {
-            if let Some(byte) = self.bytes.get(wrapped::<N>(begin + at)) {
-                *place = *byte;
-            }
-        }
-        count
+        let (first, second) = self.bytes.as_slices();
+        let skipped_of_second = skipped.saturating_sub(first.len());
+        let first = first.get(skipped..).unwrap_or_default();
+        let second = second.get(skipped_of_second..).unwrap_or_default();
+        let places = into.iter_mut().zip(first.iter().chain(second));
+        places.map(|(place, byte)| *place = *byte).count()
     }
-}
-
-/// A position below 2 `N` as a place; many processors have no division.
-const fn wrapped<const N: usize>(position: usize) -> usize {
-    if position < N { position } else { position - N }
 }
 
 #[cfg(test)]
