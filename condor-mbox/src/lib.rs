@@ -1,5 +1,8 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
-#![cfg_attr(feature = "linux", doc = "[linux]: mod@linux")]
+#![cfg_attr(
+    all(feature = "linux", target_os = "linux"),
+    doc = "[linux]: mod@linux"
+)]
 //! [layout]: mod@layout
 //! [region]: Region
 //! [exchange]: mod@exchange
@@ -15,7 +18,13 @@
 //!
 // Its first examples want the feature.
 #![cfg_attr(any(feature = "linux", not(doctest)), doc = include_str!("../README.md"))]
-#![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
+#![cfg_attr(
+    any(
+        target_os = "none",
+        not(any(feature = "std", condor_loom, test))
+    ),
+    no_std
+)]
 
 // Linked, so that a program which asks it for critical sections has them.
 #[cfg(feature = "std")]
@@ -25,7 +34,7 @@ use condor_platform as _;
 #[cfg(feature = "conformance")]
 pub mod conformance;
 pub mod layout;
-#[cfg(feature = "linux")]
+#[cfg(all(feature = "linux", target_os = "linux"))]
 pub mod linux;
 #[cfg(all(
     feature = "riscv",
@@ -33,7 +42,7 @@ pub mod linux;
     any(target_arch = "riscv32", target_arch = "riscv64")
 ))]
 pub mod riscv;
-#[cfg(feature = "sim")]
+#[cfg(all(feature = "sim", not(target_os = "none")))]
 pub mod sim;
 
 // What is longer than a word; each has types of its own beside the one below.

@@ -294,7 +294,7 @@ impl<T> fmt::Debug for Place<T> {
 /// Hands out a region's memory, one place after another, each on a cache line of its own.
 ///
 /// A program has one for its own memory, and lends it to all that want some: then no two of them
-/// overlap. On Linux the claim has it ([`Claim::places`](crate::linux::Claim::places)); on bare metal
+/// overlap. On Linux the claim has it (`linux::Claim::places`); on bare metal
 /// the board does. Two programs that ask for the same places in the same order get the same offsets;
 /// it can be done at compile time.
 #[derive(Clone, Debug)]

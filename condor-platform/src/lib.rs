@@ -1,5 +1,11 @@
 #![doc = include_str!("../README.md")]
-#![cfg_attr(not(any(feature = "linux", feature = "critical-section")), no_std)]
+#![cfg_attr(
+    any(
+        target_os = "none",
+        not(any(feature = "linux", feature = "critical-section"))
+    ),
+    no_std
+)]
 
 #[cfg(all(feature = "linux", target_os = "linux"))]
 pub mod linux;
@@ -10,5 +16,5 @@ pub mod linux;
 ))]
 pub mod riscv;
 
-#[cfg(feature = "critical-section")]
+#[cfg(all(feature = "critical-section", not(target_os = "none")))]
 mod section;
