@@ -19,10 +19,7 @@
 // Its first examples want the feature.
 #![cfg_attr(any(feature = "linux", not(doctest)), doc = include_str!("../README.md"))]
 #![cfg_attr(
-    any(
-        target_os = "none",
-        not(any(feature = "std", condor_loom, test))
-    ),
+    any(target_os = "none", not(any(feature = "std", condor_loom, test))),
     no_std
 )]
 
