@@ -35,7 +35,7 @@ pub mod linux;
 ))]
 pub mod sim;
 
-pub use machine::{Machine, Program};
+pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
 pub use silent::Silent;
 

@@ -3,10 +3,21 @@
 use core::fmt;
 
 use condor_dev::Bus;
-use condor_mbox::{Doorbell, Exclusion, MemoryWindow, Processor, Waiting, Windows};
+use condor_mbox::{Doorbell, Error, Exclusion, Mailbox, MemoryWindow, Processor, Waiting, Windows};
 use condor_mos::Platform;
 
 use crate::numbers::PROCESSORS;
+
+/// The mailbox of a program on machine `M`.
+pub type MailboxOf<'v, M> = Mailbox<
+    'v,
+    (
+        <M as Machine>::Window,
+        <M as Machine>::Doorbell,
+        <M as Machine>::Exclusion,
+    ),
+    PROCESSORS,
+>;
 
 /// The processor on which a program runs, whatever it is: a process of Linux, one of several
 /// processors in virtual time, or a hart without an operating system.
@@ -49,9 +60,23 @@ pub trait Machine: Sync {
     /// The bus on which the boards are.
     fn bus(&self) -> Self::Bus;
 
-    /// How the mailbox of the program waits, for [`Mailbox::set_waiting`](condor_mbox::Mailbox::set_waiting).
+    /// How the mailbox of the program waits.
     fn waiting(&self) -> Waiting {
         Waiting::default()
+    }
+
+    /// The mailbox of this processor, which has not joined yet.
+    ///
+    /// # Errors
+    /// Those of [`Mailbox::new`].
+    fn mailbox<'v>(&self) -> Result<MailboxOf<'v, Self>, Error>
+    where
+        Self: Sized,
+    {
+        let (windows, doorbell) = (self.windows(), self.doorbell());
+        let mut mailbox = Mailbox::new(self.number(), windows, doorbell, self.exclusion())?;
+        mailbox.set_waiting(self.waiting());
+        Ok(mailbox)
     }
 
     /// An argument that the system description gives to the program, counted from 0.

@@ -9,10 +9,8 @@ use condor_hand::message::{ServoObject, ServoPlaces};
 use condor_host::directory::Directory;
 use condor_host::linux::{Environment, Loops, Process};
 use condor_host::loops::LoopReports;
-use condor_host::{Machine, PROCESSORS};
-use condor_mbox::{
-    Clock as _, Mailbox, MemoryWindow, Messenger, Places, Processor, Region, Windows,
-};
+use condor_host::{Machine, MailboxOf, PROCESSORS};
+use condor_mbox::{Clock as _, MemoryWindow, Messenger, Places, Processor, Region, Windows};
 use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, Statistics, Timer as _};
 
 use super::servo::{Bench, Fingers};
@@ -163,14 +161,7 @@ impl Turn<'_> {
         let two = ServoPlaces::<2, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
         let four = ServoPlaces::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
         let joints = places.published().map_err(display)?;
-        let mut mailbox = Post::<M>::new(
-            machine.number(),
-            machine.windows(),
-            machine.doorbell(),
-            machine.exclusion(),
-        )
-        .map_err(display)?;
-        mailbox.set_waiting(machine.waiting());
+        let mut mailbox = machine.mailbox().map_err(display)?;
         mailbox.join().map_err(display)?;
         let background = Background {
             turn: self,
@@ -213,21 +204,11 @@ impl<W: Write> Desk for W {
     }
 }
 
-type Post<'v, M> = Mailbox<
-    'v,
-    (
-        <M as Machine>::Window,
-        <M as Machine>::Doorbell,
-        <M as Machine>::Exclusion,
-    ),
-    PROCESSORS,
->;
-
 /// What runs when the loop does not: it serves messages and shows the counts of the loop.
 struct Background<'b, 'v, M: Machine> {
     turn: &'b Turn<'b>,
     machine: &'b M,
-    mailbox: &'b Post<'v, M>,
+    mailbox: &'b MailboxOf<'v, M>,
 }
 
 impl<M: Machine> Background<'_, '_, M> {

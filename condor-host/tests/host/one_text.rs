@@ -9,7 +9,6 @@ use std::sync::Mutex;
 use crate::small::{SMALL, Seen, Small, VISITOR, watch};
 use condor_host::linux::{self, BusFile, Environment, Loops};
 use condor_host::{Machine as _, PROCESSORS, sim};
-use condor_mbox::Mailbox;
 use condor_mbox::linux::System;
 
 const WINDOW_BYTES: u32 = 8192;
@@ -21,14 +20,7 @@ fn in_virtual_time() -> Seen {
     system.spawn(SMALL, &Small).unwrap();
     system
         .host(VISITOR, |machine| {
-            let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
-                VISITOR,
-                machine.windows(),
-                machine.doorbell(),
-                machine.exclusion(),
-            )
-            .unwrap();
-            mailbox.set_waiting(machine.waiting());
+            let mailbox = machine.mailbox().unwrap();
             *seen.lock().unwrap() = Some(watch(mailbox));
             Ok::<_, String>(())
         })

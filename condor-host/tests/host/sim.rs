@@ -7,9 +7,9 @@ use std::time::Duration;
 use condor_dev::Bus as _;
 use condor_dev::linux::{Access, LinuxBus};
 use condor_host::sim::{Cause, Failure, SimError, System};
-use condor_host::{Machine, PROCESSORS, Program};
+use condor_host::{Machine, Program};
 use condor_mbox::{
-    Call, Clock as _, Doorbell as _, Evidence, Instant, Mailbox, Messenger, Processor, Vector,
+    Call, Clock as _, Doorbell as _, Evidence, Instant, Messenger, Processor, Vector,
 };
 use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _};
 
@@ -48,14 +48,7 @@ impl Program for Talker<'_> {
             call.send_with_reply(call.sender(), ADD, call.data() + 1, SECOND)
                 .unwrap_or(u32::MAX)
         };
-        let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
-            number,
-            machine.windows(),
-            machine.doorbell(),
-            machine.exclusion(),
-        )
-        .map_err(|error| error.to_string())?;
-        mailbox.set_waiting(machine.waiting());
+        let mut mailbox = machine.mailbox().map_err(|error| error.to_string())?;
         mailbox.set_vector(ADD, &answer, "add").unwrap();
         mailbox.join().unwrap();
         let table = EventTable::<2, 8>::new(RATES, Clock::of::<u64>(NANOSECONDS));

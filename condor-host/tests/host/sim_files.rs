@@ -6,8 +6,8 @@ use std::time::Duration;
 use condor_fs::server::{Options, Server};
 use condor_fs::wire::{FILES, OPEN_FILES};
 use condor_fs::{Area, FileSystem, OpenOptions};
-use condor_host::{Machine, PROCESSORS, numbers, sim};
-use condor_mbox::{Call, Mailbox, MemoryWindow, Messenger, Places, Processor, Region};
+use condor_host::{Machine, numbers, sim};
+use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region};
 
 const CLIENT: Processor = Processor(2);
 const SECOND: Duration = Duration::from_secs(1);
@@ -22,13 +22,7 @@ fn serve<M: Machine<Window = condor_mbox::linux::LinuxWindow>>(
     let windows = machine.windows();
     server.recover(&windows).unwrap();
     let answer = |call: &Call<'_>| server.answer(call, &windows);
-    let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
-        machine.number(),
-        windows.clone(),
-        machine.doorbell(),
-        machine.exclusion(),
-    )?;
-    mailbox.set_waiting(machine.waiting());
+    let mut mailbox = machine.mailbox()?;
     mailbox.set_vector(FILES, &answer, "files")?;
     mailbox.join()?;
     while !machine.is_stopping() {
@@ -43,13 +37,7 @@ fn write_and_read<M: Machine>(machine: &M) -> Result<Vec<u8>, AnyError> {
     let own = Region::users(windows[machine.number().index()].data.clone())?;
     let area = Area::<4>::new(&mut Places::new(own.size()), 100, 512)?;
     let open_files = |call: &Call<'_>| area.handler()(call);
-    let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
-        machine.number(),
-        windows,
-        machine.doorbell(),
-        machine.exclusion(),
-    )?;
-    mailbox.set_waiting(machine.waiting());
+    let mut mailbox = machine.mailbox()?;
     mailbox.set_vector(OPEN_FILES, &open_files, "open files")?;
     mailbox.join()?;
     let files = FileSystem::connect(&mailbox, numbers::FILES, own, area, SECOND)?;

@@ -11,7 +11,7 @@ use condor_hand::tendon::Pair;
 use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, PROCESSORS, Program};
-use condor_mbox::{Call, Mailbox, MemoryWindow, Messenger, Places, Processor, Region, Vector};
+use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler};
 use condor_tty::{Policy, Terminal, Vectors};
 use nalgebra::{Vector3, Vector4};
@@ -86,12 +86,7 @@ impl Finger {
         let receive = |call: &Call<'_>| terminal.receive(call);
         let asked = |call: &Call<'_>| asked.answer(call);
         let chosen = |call: &Call<'_>| chosen.answer(call);
-        let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
-            machine.number(),
-            machine.windows(),
-            machine.doorbell(),
-            machine.exclusion(),
-        )?;
+        let mut mailbox = machine.mailbox()?;
         mailbox.set_vector(ADD, &add, "add")?;
         mailbox.set_vector(SERVO, &asked, "servos")?;
         mailbox.set_vector(MONITOR, &chosen, "monitor")?;

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use condor_host::directory::{Directory, Kind};
-use condor_host::{Machine, PROCESSORS, Program};
-use condor_mbox::{Call, Mailbox, MemoryWindow, Places, Region};
+use condor_host::{Machine, Program};
+use condor_mbox::{Call, MemoryWindow, Places, Region};
 use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
 use embedded_io::{Read, Write};
 
@@ -45,12 +45,7 @@ impl Writer {
         })?;
         terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
         let receive = |call: &Call<'_>| terminal.receive(call);
-        let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
-            number,
-            windows,
-            machine.doorbell(),
-            machine.exclusion(),
-        )?;
+        let mut mailbox = machine.mailbox()?;
         mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
         mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
         mailbox.join()?;

@@ -1,9 +1,9 @@
 //! What all drills begin with.
 
 use condor_host::directory::{Directory, Kind};
-use condor_host::{Machine, PROCESSORS, directory};
+use condor_host::{Machine, MailboxOf, directory};
 use condor_mbox::published::{ReadError, Subscriber};
-use condor_mbox::{Call, Mailbox, MemoryWindow, Places, Published, Region, Windows};
+use condor_mbox::{Call, MemoryWindow, Places, Published, Region, Windows};
 use condor_tty::{Terminal, Vectors};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -13,16 +13,6 @@ use crate::failure::Failure;
 const SHOWN_BYTES: u32 = 4096;
 const TYPED: usize = 16;
 
-/// The mailbox of a drill.
-pub type Post<'v, M> = Mailbox<
-    'v,
-    (
-        <M as Machine>::Window,
-        <M as Machine>::Doorbell,
-        <M as Machine>::Exclusion,
-    ),
-    PROCESSORS,
->;
 /// The terminal of a drill.
 pub type Console<M> = Terminal<<M as Machine>::Window, <M as Machine>::Exclusion, TYPED>;
 
@@ -95,14 +85,8 @@ pub(crate) fn users<M: Machine>(machine: &M, number: u8) -> Result<Region<M::Win
 pub fn mailbox<'v, M: Machine>(
     machine: &M,
     typed: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
-) -> Result<Post<'v, M>, Failure> {
-    let mut mailbox = Post::<M>::new(
-        machine.number(),
-        machine.windows(),
-        machine.doorbell(),
-        machine.exclusion(),
-    )?;
-    mailbox.set_waiting(machine.waiting());
+) -> Result<MailboxOf<'v, M>, Failure> {
+    let mut mailbox = machine.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.input, typed, "terminal input")?;
     mailbox.set_vector(Vectors::DEFAULT.room, typed, "terminal room")?;
     Ok(mailbox)

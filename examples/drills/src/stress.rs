@@ -13,7 +13,7 @@ use core::fmt::Write as _;
 use core::time::Duration;
 
 use condor_host::loops::LoopReports;
-use condor_host::{Machine, Program};
+use condor_host::{Machine, MailboxOf, Program};
 use condor_mbox::published::Publisher;
 use condor_mbox::{
     Call, Clock as _, Doorbell as _, Error, Instant, Messenger, Processor, Region, Ticket,
@@ -23,7 +23,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
 use crate::failure::Failure;
-use crate::ground::{self, Console, Ground, Post};
+use crate::ground::{self, Console, Ground};
 use tally::{ASK, Counts, NOTE, TICK, Tally};
 
 /// The name under which a [`Verdict`] is published.
@@ -123,7 +123,7 @@ impl<F: Fn() -> u32> Program for Stress<F> {
 /// The parts of a drill that runs.
 struct Running<'r, 'v, M: Machine> {
     machine: &'r M,
-    mailbox: &'r Post<'v, M>,
+    mailbox: &'r MailboxOf<'v, M>,
     tally: &'r Tally,
     peers: Peers,
     terminal: &'r Console<M>,

@@ -7,13 +7,13 @@
 use core::fmt::Write as _;
 use core::time::Duration;
 
-use condor_host::{Machine, PROCESSORS, Program};
+use condor_host::{Machine, MailboxOf, PROCESSORS, Program};
 use condor_mbox::{Call, Clock as _, Messenger, PeerState, Processor, Vector, Waiting};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
 use crate::failure::Failure;
-use crate::ground::{self, Ground, Post};
+use crate::ground::{self, Ground};
 
 /// The name under which [`Times`] are published.
 pub const NAME: &str = "times";
@@ -95,7 +95,7 @@ impl Program for Table {
 fn with_mailbox<M: Machine>(
     machine: &M,
     body: impl FnOnce(
-        &Post<'_, M>,
+        &MailboxOf<'_, M>,
         condor_mbox::published::Publisher<Times, condor_mbox::Region<M::Window>>,
         &dyn Fn(Processor, u32, u32),
     ) -> Result<(), Failure>,
@@ -124,7 +124,7 @@ fn with_mailbox<M: Machine>(
     body(&mailbox, publisher, &say)
 }
 
-fn attend<M: Machine>(machine: &M, mailbox: &Post<'_, M>) -> Result<(), Failure> {
+fn attend<M: Machine>(machine: &M, mailbox: &MailboxOf<'_, M>) -> Result<(), Failure> {
     while !machine.is_stopping() {
         mailbox.serve(NAP)?;
     }
@@ -134,7 +134,7 @@ fn attend<M: Machine>(machine: &M, mailbox: &Post<'_, M>) -> Result<(), Failure>
 /// Waits until something is so of all of them.
 fn wait<M: Machine>(
     machine: &M,
-    mailbox: &Post<'_, M>,
+    mailbox: &MailboxOf<'_, M>,
     processors: Peers,
     is_so: impl Fn(Processor) -> Result<bool, Failure>,
 ) -> Result<(), Failure> {
@@ -159,7 +159,7 @@ const MOST: usize = 4096;
 /// How long a message takes without and with reply, ns.
 fn measure<M: Machine>(
     machine: &M,
-    mailbox: &Post<'_, M>,
+    mailbox: &MailboxOf<'_, M>,
     peer: Processor,
     rounds: u32,
 ) -> Result<(u32, u32), Failure> {

@@ -23,7 +23,7 @@ use condor_fs::FileSystem;
 use condor_hand::trajectory::{Generator, Limits};
 use condor_host::directory::Kind;
 use condor_host::loops::LoopReports;
-use condor_host::{Machine, Program, numbers};
+use condor_host::{Machine, MailboxOf, Program, numbers};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Messenger, Published, Region};
 use condor_mos::{LoopId, Overrun, Rate};
@@ -33,7 +33,7 @@ use embedded_io::{Read, ReadReady};
 
 use crate::failure::Failure;
 use crate::grasp::{JOINTS_NAME, Partner};
-use crate::start::{self, Console, Ground, Post, say};
+use crate::start::{self, Console, Ground, say};
 use crate::{FINGERS, JOINTS, UtahMit};
 
 mod commands;
@@ -118,7 +118,7 @@ impl Program for Master {
 /// What the master runs on.
 struct Running<'r, 'v, M: Machine> {
     machine: &'r M,
-    mailbox: &'r Post<'v, M>,
+    mailbox: &'r MailboxOf<'v, M>,
     hand: &'r UtahMit,
     terminal: &'r Console<M>,
 }

@@ -28,7 +28,7 @@ use core::cell::RefCell;
 
 use condor_host::directory::Kind;
 use condor_host::loops::LoopReports;
-use condor_host::{Machine, Program};
+use condor_host::{Machine, MailboxOf, Program};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Published, Region, Vector};
 use condor_mos::{LoopId, Overrun, Rate};
@@ -37,7 +37,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::desk::Desk;
 use crate::failure::Failure;
-use crate::start::{self, Console, Ground, Post, say};
+use crate::start::{self, Console, Ground, say};
 use crate::{FINGERS, JOINTS, UtahMit};
 
 mod arguments;
@@ -155,7 +155,7 @@ impl Program for Plant {
 /// What the robot runs on.
 struct Running<'r, 'v, M: Machine> {
     machine: &'r M,
-    mailbox: &'r Post<'v, M>,
+    mailbox: &'r MailboxOf<'v, M>,
     shared: &'r Shared,
     registers: &'r Registers<M::Bus>,
     arguments: Arguments,

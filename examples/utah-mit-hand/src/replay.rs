@@ -15,7 +15,7 @@ use condor_fs::{FileSystem, FileWriter, OpenOptions};
 use condor_hand::controller::{FingerController, Tick};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::Sensed;
-use condor_host::{Machine, Program, numbers};
+use condor_host::{Machine, MailboxOf, Program, numbers};
 use condor_mbox::{Call, MemoryWindow, Messenger};
 use embedded_io::Write;
 use nalgebra::Vector3;
@@ -25,7 +25,7 @@ use crate::failure::{Failure, words};
 use crate::grasp::Own;
 use crate::recording::{Fnv, Output, RecordingError, Replay as Arguments, Row, Rows};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
-use crate::start::{self, Console, Ground, Post, say};
+use crate::start::{self, Console, Ground, say};
 use crate::{JOINTS, UtahMit};
 
 /// The recording and what is put out.
@@ -77,13 +77,13 @@ impl Program for Replay {
 /// What a replay runs on.
 struct Replaying<'r, 'v, M: Machine> {
     machine: &'r M,
-    mailbox: &'r Post<'v, M>,
+    mailbox: &'r MailboxOf<'v, M>,
     terminal: &'r Console<M>,
     hand: &'r UtahMit,
     arguments: Arguments<'r>,
 }
 
-type Files<'r, 'v, M> = FileSystem<'r, Post<'v, M>, <M as Machine>::Window, FILES>;
+type Files<'r, 'v, M> = FileSystem<'r, MailboxOf<'v, M>, <M as Machine>::Window, FILES>;
 
 impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
     fn run(&self, files: &Files<'r, 'v, M>) -> Result<(), Failure> {
@@ -146,7 +146,7 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
     fn sink<'f>(
         files: &'f Files<'r, 'v, M>,
         to: Option<&'r str>,
-    ) -> Result<Sink<'f, 'r, Post<'v, M>, M::Window>, Failure> {
+    ) -> Result<Sink<'f, 'r, MailboxOf<'v, M>, M::Window>, Failure> {
         let name = to.unwrap_or_default();
         let options = OpenOptions::new().write().create().truncate();
         let file = to.map(|name| files.open(name, options)).transpose();

@@ -44,7 +44,7 @@ use condor_hand::monitor::{
 };
 use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
-use condor_host::{Machine, PROCESSORS, Program, numbers};
+use condor_host::{Machine, MailboxOf, PROCESSORS, Program, numbers};
 use condor_mbox::{Call, MemoryWindow, Places, Processor, Published, Region};
 use condor_mos::{Latest, LoopId, Overrun, Rate};
 
@@ -52,7 +52,7 @@ use crate::failure::{Failure, words};
 use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, Joints, NAME, Partner};
 use crate::late::Late;
 use crate::recording::{Head, Record, Recorder, RecordingError, Ring, Tape};
-use crate::start::{self, Console, Ground, Post, say};
+use crate::start::{self, Console, Ground, say};
 use crate::{FINGERS, JOINTS, SERVED, UtahMit, boards, table};
 
 mod control;
@@ -245,13 +245,13 @@ pub(crate) fn controllers(hand: &UtahMit, served: [usize; SERVED]) -> Result<Con
     Ok([controller(a, first)?, controller(b, second)?])
 }
 
-type Files<'r, 'v, M> = FileSystem<'r, Post<'v, M>, <M as Machine>::Window, 1>;
-type ServoTape<'f, 'r, 'v, M> = Tape<'f, 'r, 'f, Post<'v, M>, <M as Machine>::Window, 1>;
+type Files<'r, 'v, M> = FileSystem<'r, MailboxOf<'v, M>, <M as Machine>::Window, 1>;
+type ServoTape<'f, 'r, 'v, M> = Tape<'f, 'r, 'f, MailboxOf<'v, M>, <M as Machine>::Window, 1>;
 
 /// What the servos of a processor run on.
 struct Running<'r, 'v, M: Machine> {
     machine: &'r M,
-    mailbox: &'r Post<'v, M>,
+    mailbox: &'r MailboxOf<'v, M>,
     own: &'r Region<M::Window>,
     hand: &'r UtahMit,
     number: u8,

@@ -7,8 +7,8 @@ use condor_fs::{Area, FileSystem, OpenOptions};
 use condor_hand::config::{Channel, ImageError, Wire};
 use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
-use condor_host::{Machine, PROCESSORS, numbers};
-use condor_mbox::{Call, Clock, Mailbox, MemoryWindow, Messenger, Places, Region, Windows};
+use condor_host::{Machine, MailboxOf, numbers};
+use condor_mbox::{Call, Clock, MemoryWindow, Messenger, Places, Region, Windows};
 use condor_mos::{Clock as TickClock, LoopId, Rate, Scan, Schedule, Scheduler, Timer};
 use condor_tty::{Terminal, Vectors};
 
@@ -34,15 +34,6 @@ const NAP: Duration = Duration::from_millis(20);
 /// How often it shows the counts of the loops.
 const REPORT_NS: u64 = 50_000_000;
 
-pub(crate) type Post<'v, M> = Mailbox<
-    'v,
-    (
-        <M as Machine>::Window,
-        <M as Machine>::Doorbell,
-        <M as Machine>::Exclusion,
-    ),
-    PROCESSORS,
->;
 pub(crate) type Console<M> = Terminal<<M as Machine>::Window, <M as Machine>::Exclusion, TYPED>;
 
 /// What a program has before it has a mailbox; it can have `FILES` files open.
@@ -87,14 +78,8 @@ pub(crate) fn mailbox<'v, M: Machine>(
     machine: &M,
     typed: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
     open_files: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
-) -> Result<Post<'v, M>, Failure> {
-    let mut mailbox = Post::<M>::new(
-        machine.number(),
-        machine.windows(),
-        machine.doorbell(),
-        machine.exclusion(),
-    )?;
-    mailbox.set_waiting(machine.waiting());
+) -> Result<MailboxOf<'v, M>, Failure> {
+    let mut mailbox = machine.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.input, typed, "terminal input")?;
     mailbox.set_vector(Vectors::DEFAULT.room, typed, "terminal room")?;
     mailbox.set_vector(condor_fs::wire::OPEN_FILES, open_files, "open files")?;
@@ -103,7 +88,7 @@ pub(crate) fn mailbox<'v, M: Machine>(
 
 /// The configuration, from the file service, as far as the boards of the rack can serve it.
 pub(crate) fn configuration<M: Machine, const FILES: usize>(
-    mailbox: &Post<'_, M>,
+    mailbox: &MailboxOf<'_, M>,
     own: &Region<M::Window>,
     area: Area<FILES>,
 ) -> Result<UtahMit, Failure> {
@@ -134,7 +119,7 @@ pub(crate) fn configuration<M: Machine, const FILES: usize>(
 /// The channels of this processor, on boards that may still be about to be plugged in.
 pub(crate) fn wires<'s, M: Machine>(
     machine: &M,
-    mailbox: &Post<'_, M>,
+    mailbox: &MailboxOf<'_, M>,
     panel: &'s Panel<M::Bus>,
     hand: &UtahMit,
     number: u8,
@@ -184,7 +169,7 @@ pub(crate) fn scheduler<M: Machine>(
 /// the program is to end.
 pub(crate) fn attend<M: Machine, S: Schedule<1>>(
     machine: &M,
-    mailbox: &Post<'_, M>,
+    mailbox: &MailboxOf<'_, M>,
     scheduler: &Scheduler<M::Platform, S, 1>,
     reports: &mut LoopReports<M::Window, 1>,
     mut look: impl FnMut() -> Result<(), Failure>,
@@ -207,7 +192,7 @@ pub(crate) fn attend<M: Machine, S: Schedule<1>>(
 /// Says a line on the terminal of this processor; what finds no room there is counted by it.
 pub(crate) fn say<M: Machine>(
     terminal: &Console<M>,
-    mailbox: &Post<'_, M>,
+    mailbox: &MailboxOf<'_, M>,
     line: core::fmt::Arguments<'_>,
 ) {
     let _ = writeln!(terminal.console(mailbox), "{line}");
@@ -216,7 +201,7 @@ pub(crate) fn say<M: Machine>(
 /// What came of a program, said on its terminal if it failed.
 pub(crate) fn told<M: Machine>(
     terminal: &Console<M>,
-    mailbox: &Post<'_, M>,
+    mailbox: &MailboxOf<'_, M>,
     outcome: Result<(), Failure>,
 ) -> Result<(), Failure> {
     if let Err(failure) = &outcome {

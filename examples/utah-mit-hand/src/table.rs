@@ -20,7 +20,7 @@ use condor_hand::controller::{
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
-use condor_host::{Machine, Program};
+use condor_host::{Machine, MailboxOf, Program};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Instant, Published, Region, Vector};
 use condor_mos::{LoopId, Overrun, Rate};
@@ -31,7 +31,7 @@ use crate::UtahMit;
 use crate::boards::{self, Wires};
 use crate::desk::Desk;
 use crate::failure::Failure;
-use crate::start::{self, Console, Ground, Post, say};
+use crate::start::{self, Console, Ground, say};
 
 /// The vector of requests to the table.
 pub const TABLE: Vector = Vector(43);
@@ -240,7 +240,7 @@ impl Program for Table {
 /// What the table runs on.
 struct Running<'r, 'v, M: Machine> {
     machine: &'r M,
-    mailbox: &'r Post<'v, M>,
+    mailbox: &'r MailboxOf<'v, M>,
     own: &'r Region<M::Window>,
     hand: &'r UtahMit,
     shared: &'r Shared,

@@ -47,13 +47,7 @@ impl Small {
         let mut reports = LoopReports::<_, 1>::new(&own, &mut places, &mut directory, ["servo"])?;
 
         let add = |call: &Call<'_>| call.data() + addend;
-        let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
-            number,
-            windows,
-            machine.doorbell(),
-            machine.exclusion(),
-        )?;
-        mailbox.set_waiting(machine.waiting());
+        let mut mailbox = machine.mailbox()?;
         mailbox.set_vector(ADD, &add, "add")?;
         mailbox.join()?;
 

@@ -8,12 +8,12 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::time::Duration;
 
 use board::{Hart, MTIME, stack};
-use condor_host::Machine as _;
+use condor_host::{Machine as _, MailboxOf};
 use condor_mbox::{Call, Clock as _, Messenger, Processor, Vector};
 use condor_mos::riscv::Clint;
 use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler};
 use drills::Failure;
-use drills::ground::{self, Ground, Post};
+use drills::ground::{self, Ground};
 use drills::stack::{Depths, NAME, NESTED};
 
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
@@ -105,7 +105,7 @@ type Loops = Scheduler<&'static Clint, Scan<2>, 2>;
 
 struct Levels<'l, 'v> {
     hart: &'l Hart,
-    mailbox: &'l Post<'v, Hart>,
+    mailbox: &'l MailboxOf<'v, Hart>,
     state: &'l State,
 }
 

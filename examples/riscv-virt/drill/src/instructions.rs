@@ -10,11 +10,11 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use core::time::Duration;
 
 use board::{Hart, MTIME};
-use condor_host::Machine as _;
+use condor_host::{Machine as _, MailboxOf};
 use condor_mbox::{Call, Messenger, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _};
 use drills::Failure;
-use drills::ground::{self, Ground, Post};
+use drills::ground::{self, Ground};
 use drills::instructions::{Counts, NAME};
 
 const LOOPS: usize = 3;
@@ -182,7 +182,11 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Failure> {
 }
 
 /// What messages to itself take.
-fn messages(hart: &Hart, mailbox: &Post<'_, Hart>, counts: &mut Counts) -> Result<(), Failure> {
+fn messages(
+    hart: &Hart,
+    mailbox: &MailboxOf<'_, Hart>,
+    counts: &mut Counts,
+) -> Result<(), Failure> {
     let me = hart.number();
     for message in 0..WARM_UP + MESSAGES {
         let begun = counter();

@@ -4,12 +4,10 @@ use core::fmt::{self, Write as _};
 use core::time::Duration;
 
 use board::Hart;
+use condor_host::Machine as _;
 use condor_host::directory::{Directory, DirectoryError, Kind};
 use condor_host::harts::Fault;
-use condor_host::{Machine as _, PROCESSORS};
-use condor_mbox::{
-    AccessError, Call, Clock as _, Mailbox, MemoryWindow, Messenger, Places, Region,
-};
+use condor_mbox::{AccessError, Call, Clock as _, MemoryWindow, Messenger, Places, Region};
 use condor_tty::{Terminal, TerminalError, Vectors};
 
 const SHOWN_BYTES: u32 = 4096;
@@ -60,8 +58,7 @@ pub(crate) fn tell(hart: &Hart, fault: &Fault) -> Result<(), Failure> {
     let terminal = Terminal::<_, _, 16>::new(own, &mut places, SHOWN_BYTES, hart.exclusion())?;
     directory.enter("console", Kind::Terminal, terminal.offset(), SHOWN_BYTES)?;
     let typed = |call: &Call<'_>| terminal.receive(call);
-    let mut mailbox =
-        Mailbox::<(_, _, _), PROCESSORS>::new(number, windows, hart.doorbell(), hart.exclusion())?;
+    let mut mailbox = hart.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.input, &typed, "terminal input")?;
     mailbox.set_vector(Vectors::DEFAULT.room, &typed, "terminal room")?;
     mailbox.join()?;

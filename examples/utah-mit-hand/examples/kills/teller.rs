@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use condor_fs::{Area, FileSystem, OpenOptions};
 use condor_host::directory::{Directory, Kind};
-use condor_host::{Machine, PROCESSORS, Program, numbers};
-use condor_mbox::{Call, Mailbox, MemoryWindow, Messenger, Places, Processor, Region, Vector};
+use condor_host::{Machine, Program, numbers};
+use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region, Vector};
 use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
 use embedded_io::{Read, Write};
 
@@ -90,13 +90,7 @@ fn tell<M: Machine>(machine: &M) -> Result<(), Box<dyn Error>> {
     let (asked, told) = (Heard::default(), Heard::default());
     let on_asked = |call: &Call<'_>| asked.hear(call);
     let on_told = |call: &Call<'_>| told.hear(call);
-    let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
-        number,
-        windows,
-        machine.doorbell(),
-        machine.exclusion(),
-    )?;
-    mailbox.set_waiting(machine.waiting());
+    let mut mailbox = machine.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
     mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
     mailbox.set_vector(condor_fs::wire::OPEN_FILES, &open_files, "open files")?;

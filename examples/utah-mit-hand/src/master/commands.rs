@@ -5,7 +5,7 @@ use core::fmt::{Arguments, Write};
 use condor_hand::servo::{JointGains, Mode, PositionLaw};
 use condor_hand::tendon::TensionGains;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
-use condor_host::Machine;
+use condor_host::{Machine, MailboxOf};
 
 use super::drive::{Motion, Shared, with};
 use super::others::{Ball, Others};
@@ -16,7 +16,7 @@ use super::words::{Problem, Words};
 use crate::failure::Failure;
 use crate::grasp::{self, Order};
 use crate::plant::{self, Which};
-use crate::start::{Console, Post, say};
+use crate::start::{Console, say};
 use crate::table::{self, State};
 use crate::{FINGERS, JOINTS, UtahMit};
 
@@ -50,7 +50,7 @@ const SECONDS: &str = "a time above 0, s";
 /// What commands need.
 pub(super) struct Commands<'r, 'v, 'p, M: Machine> {
     pub(super) hand: &'r UtahMit,
-    pub(super) mailbox: &'r Post<'v, M>,
+    pub(super) mailbox: &'r MailboxOf<'v, M>,
     pub(super) terminal: &'r Console<M>,
     pub(super) shared: &'r Shared<'p, M::Window>,
     pub(super) servos: Servos<'r, 'v, 'p, M>,

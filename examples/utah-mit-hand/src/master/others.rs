@@ -3,14 +3,14 @@
 use core::time::Duration;
 
 use condor_hand::config::ProcessorKind;
-use condor_host::{Machine, numbers};
+use condor_host::{Machine, MailboxOf, numbers};
 use condor_mbox::{AccessError, Exchange, PeerState, Processor, Region, Vector};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::words::Problem;
 use crate::desk::Desk;
 use crate::failure::Failure;
-use crate::start::{self, Post};
+use crate::start;
 use crate::{UtahMit, objects, plant, table};
 
 /// How long one of them may take to answer.
@@ -20,11 +20,11 @@ type Found<M, Q, R> =
     fn(&Region<<M as Machine>::Window>) -> Result<Option<Desk<Q, R>>, AccessError>;
 
 /// The end of who asks at a desk.
-type End<'r, 'v, M, Q, R> = Exchange<'r, Post<'v, M>, Region<<M as Machine>::Window>, Q, R>;
+type End<'r, 'v, M, Q, R> = Exchange<'r, MailboxOf<'v, M>, Region<<M as Machine>::Window>, Q, R>;
 
 /// A processor that answers requests at a desk.
 struct Remote<'r, 'v, M: Machine, Q, R> {
-    mailbox: &'r Post<'v, M>,
+    mailbox: &'r MailboxOf<'v, M>,
     number: u8,
     region: Region<M::Window>,
     vector: Vector,
@@ -93,7 +93,7 @@ impl<'r, 'v, M: Machine> Others<'r, 'v, M> {
     pub(super) fn new(
         machine: &M,
         hand: &UtahMit,
-        mailbox: &'r Post<'v, M>,
+        mailbox: &'r MailboxOf<'v, M>,
     ) -> Result<Self, Failure> {
         let mut processors = hand.processors.iter();
         let table = processors.find(|it| it.kind == ProcessorKind::Table);

@@ -4,12 +4,11 @@ use condor_fs::{Errno, Error as FileError, FileSystem, OpenOptions};
 use condor_hand::math::clamp;
 use condor_hand::trajectory::image::{ImageError, Motions, append};
 use condor_hand::trajectory::{Generator, PrimitiveError, Target};
-use condor_host::Machine;
+use condor_host::{Machine, MailboxOf};
 
 use super::drive::{ALL, Motion};
 use super::words::{Path, Problem};
 use crate::UtahMit;
-use crate::start::Post;
 
 /// Bytes of a sequence of motions, at most.
 pub const MOTION_BYTES: usize = 8192;
@@ -99,7 +98,7 @@ pub(super) fn rest_between_stops(hand: &UtahMit, motion: &mut Motion) {
     }
 }
 
-pub(super) type Files<'r, 'v, M> = FileSystem<'r, Post<'v, M>, <M as Machine>::Window, 1>;
+pub(super) type Files<'r, 'v, M> = FileSystem<'r, MailboxOf<'v, M>, <M as Machine>::Window, 1>;
 
 /// The sequences in files.
 pub(super) struct Store<'r, 'v, M: Machine>(pub(super) Files<'r, 'v, M>);

@@ -6,13 +6,13 @@ use core::time::Duration;
 use condor_hand::message::{ServoClient, Status};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
-use condor_host::Machine;
+use condor_host::{Machine, MailboxOf};
 use condor_mbox::{Messenger, PeerState, Processor, Region};
 
 use super::drive::{Life, Link, Motion, SERVOS, Seat, Shared, with};
 use super::words::Problem;
 use crate::failure::Failure;
-use crate::start::{self, Post};
+use crate::start;
 use crate::{FINGERS, JOINTS, SERVED, UtahMit, objects};
 
 /// How long a servo may take to answer.
@@ -25,7 +25,7 @@ const ROOM_RAD: f64 = 0.02;
 const LEAVE_SPEED: f64 = 0.02;
 const NAP: Duration = Duration::from_millis(20);
 
-type Client<'r, 'v, M> = ServoClient<'r, Post<'v, M>, <M as Machine>::Window, SERVED, JOINTS>;
+type Client<'r, 'v, M> = ServoClient<'r, MailboxOf<'v, M>, <M as Machine>::Window, SERVED, JOINTS>;
 
 /// One servo processor.
 struct Servo<'r, 'v, M: Machine> {
@@ -44,7 +44,7 @@ struct Servo<'r, 'v, M: Machine> {
 /// The servo processors.
 pub(super) struct Servos<'r, 'v, 'p, M: Machine> {
     hand: &'r UtahMit,
-    mailbox: &'r Post<'v, M>,
+    mailbox: &'r MailboxOf<'v, M>,
     shared: &'r Shared<'p, M::Window>,
     seats: [Seat; FINGERS],
     processors: [Servo<'r, 'v, M>; SERVOS],
@@ -91,7 +91,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
     pub(super) fn new(
         machine: &M,
         hand: &'r UtahMit,
-        mailbox: &'r Post<'v, M>,
+        mailbox: &'r MailboxOf<'v, M>,
         shared: &'r Shared<'p, M::Window>,
         numbers: [u8; SERVOS],
         seats: [Seat; FINGERS],
