@@ -52,7 +52,7 @@ pub mod header {
 }
 
 const LISTEN: u32 = 3 * LINE;
-const VECTOR_BYTES: u32 = NAME_BYTES as u32 + 16;
+pub(crate) const VECTOR_BYTES: u32 = NAME_BYTES as u32 + 16;
 const SLOT_BYTES: u32 = entry::BYTES;
 const RING_BYTES: u32 = SLOTS * SLOT_BYTES;
 const PAIR_BYTES: u32 = LINE + 2 * RING_BYTES;

@@ -5,7 +5,98 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use crate::error::{Error, LayoutField, Object};
 use crate::id::{Processor, Vector};
 use crate::layout::{self, entry, header};
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, Words};
+
+/// The number of a word of a `mail` in a system of `N`: one of them.
+#[derive(Clone, Copy)]
+pub(crate) struct At<const N: usize>(usize);
+
+impl<const N: usize> At<N> {
+    /// A word of the [header](header).
+    pub(crate) const fn header(offset: u32) -> Self {
+        Self::of(offset % layout::listen(0))
+    }
+
+    /// A word of the [entry](layout::vector) of `vector`.
+    #[inline(always)]
+    pub(crate) const fn vector(vector: Vector, field: u32) -> Self {
+        let vector = (vector.index() % layout::VECTORS) as u32;
+        Self::of(layout::vector_entry(N as u32, vector) + field % layout::VECTOR_BYTES)
+    }
+
+    /// The epoch that the owner hears of `sender`.
+    pub(crate) const fn heard_epoch(sender: Processor) -> Self {
+        Self::of(layout::listen(sender.0 as u32 % N as u32))
+    }
+
+    /// How many of its requests the owner has heard.
+    pub(crate) const fn heard_count(sender: Processor) -> Self {
+        Self(Self::heard_epoch(sender).0 + 1)
+    }
+
+    /// The word at an offset inside.
+    #[inline(always)]
+    const fn of(offset: u32) -> Self {
+        Self((offset / 4) as usize)
+    }
+
+    #[inline(always)]
+    const fn offset(self) -> u32 {
+        self.0 as u32 * 4
+    }
+}
+
+/// The number of the first word of a slot or a cell, likewise.
+#[derive(Clone, Copy)]
+pub(crate) struct EntryAt<const N: usize>(usize);
+
+impl<const N: usize> EntryAt<N> {
+    /// A word of [it](entry).
+    #[inline(always)]
+    pub(crate) const fn word(self, word: u32) -> At<N> {
+        At(self.0 + (word % entry::BYTES / 4) as usize)
+    }
+}
+
+const ENTRY_WORDS: usize = entry::BYTES as usize / 4;
+/// Words of a pair before its slots, and before its cells.
+const SLOTS_AT: usize = layout::slot_in(0, 0) as usize / 4;
+const CELLS_AT: usize = layout::cell_in(0, 0) as usize / 4;
+
+/// The number of the first word of what a `mail` keeps for a peer, likewise.
+#[derive(Clone, Copy)]
+pub(crate) struct Pair<const N: usize>(usize);
+
+impl<const N: usize> Pair<N> {
+    /// That of `peer`.
+    pub(crate) const fn of(peer: Processor) -> Self {
+        Self(At::<N>::of(layout::acknowledged(N as u32, peer.0 as u32 % N as u32)).0)
+    }
+
+    /// The incarnation of the peer that is acknowledged.
+    #[inline(always)]
+    pub(crate) const fn acknowledged(self) -> At<N> {
+        At(self.0)
+    }
+
+    /// How many of its requests have been taken.
+    #[inline(always)]
+    pub(crate) const fn taken(self) -> At<N> {
+        At(self.0 + At::<N>::of(layout::taken_in(0)).0)
+    }
+
+    /// The slot of a request to it.
+    #[inline(always)]
+    pub(crate) const fn slot(self, sequence: u32) -> EntryAt<N> {
+        EntryAt(self.0 + SLOTS_AT + (sequence % layout::SLOTS) as usize * ENTRY_WORDS)
+    }
+
+    /// The cell of a reply to it.
+    #[inline(always)]
+    pub(crate) const fn cell(self, cell: u32) -> EntryAt<N> {
+        EntryAt(self.0 + CELLS_AT + (cell % layout::SLOTS) as usize * ENTRY_WORDS)
+    }
+}
 
 /// The `mail` of `owner` in a system of `N` processors.
 ///
@@ -15,7 +106,7 @@ use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
 /// sequence number, so nothing is taken from it.
 pub(crate) struct Mail<'w, W, const N: usize> {
     window: &'w W,
-    /// The words of the layout, if they can be reached without a call for each of them.
+    /// All words of the layout, and maybe more, if they can be reached without a call for each of them.
     words: Option<&'w [AtomicU32]>,
     /// Looked at only when something is wrong.
     owner: &'w Processor,
@@ -39,30 +130,42 @@ pub(crate) struct Entry {
 
 impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     const PROCESSORS: u32 = N as u32;
-    const WORDS: usize = layout::mail_bytes(Self::PROCESSORS) as usize / 4;
+    const BYTES: u32 = layout::mail_bytes(Self::PROCESSORS);
 
-    #[inline(always)]
+    /// In a window of whatever size.
     pub(crate) fn new(window: &'w W, owner: &'w Processor) -> Self {
+        let words = window.words().map(Words::get);
         Self {
             window,
-            // One look at the size for many accesses: the compiler knows of all words whose offset it
-            // knows that they are inside.
-            words: window.words().and_then(|words| words.get(..Self::WORDS)),
+            words: words.filter(|words| words.len() >= Self::BYTES as usize / 4),
+            owner,
+        }
+    }
+
+    /// In a window that is large enough.
+    ///
+    /// # Safety
+    /// [`check_size`](Self::check_size) has found that.
+    #[inline(always)]
+    pub(crate) unsafe fn large_enough(window: &'w W, owner: &'w Processor) -> Self {
+        Self {
+            window,
+            words: window.words().map(Words::get),
             owner,
         }
     }
 
     #[inline(always)]
-    pub(crate) fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, Error> {
+    pub(crate) fn load(&self, at: At<N>, order: LoadOrder) -> Result<u32, Error> {
         self.window
-            .load(offset, order)
+            .load(at.offset(), order)
             .map_err(|error| self.refused(&error))
     }
 
     #[inline(always)]
-    pub(crate) fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Error> {
+    pub(crate) fn store(&self, at: At<N>, value: u32, order: StoreOrder) -> Result<(), Error> {
         self.window
-            .store(offset, value, order)
+            .store(at.offset(), value, order)
             .map_err(|error| self.refused(&error))
     }
 
@@ -75,14 +178,21 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         }
     }
 
-    /// The word at `offset`; 0 if it is not there.
+    /// The word at `at`.
     #[inline(always)]
-    pub(crate) fn look(&self, offset: u32, order: LoadOrder) -> u32 {
+    fn word(words: &[AtomicU32], at: At<N>) -> &AtomicU32 {
+        debug_assert!(at.offset() < Self::BYTES && words.len() >= Self::BYTES as usize / 4);
+        // SAFETY: there are all words of the layout, as `new` and `large_enough` saw, and all that make
+        // an `At` make one of them.
+        unsafe { words.get_unchecked(at.0) }
+    }
+
+    /// The word at `at`; 0 if it is not there.
+    #[inline(always)]
+    pub(crate) fn look(&self, at: At<N>, order: LoadOrder) -> u32 {
         match self.words {
-            Some(words) => words
-                .get((offset / 4) as usize)
-                .map_or(0, |word| word.load(order.into())),
-            None => self.window.load(offset, order).unwrap_or(0),
+            Some(words) => Self::word(words, at).load(order.into()),
+            None => self.window.load(at.offset(), order).unwrap_or(0),
         }
     }
 
@@ -96,55 +206,29 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     #[inline(always)]
     pub(crate) fn present(&self) -> u32 {
         // Acquire: pairs with the Release store of the incarnation in `join`.
-        self.look(header::INCARNATION, LoadOrder::Acquire)
+        self.look(At::header(header::INCARNATION), LoadOrder::Acquire)
     }
 
     /// Writes a word of the own `mail`, after all that was written before.
     #[inline(always)]
-    pub(crate) fn set(&self, offset: u32, value: u32) {
+    pub(crate) fn set(&self, at: At<N>, value: u32) {
         match self.words {
-            Some(words) => {
-                if let Some(word) = words.get((offset / 4) as usize) {
-                    word.store(value, Ordering::Release);
-                }
-            }
-            None => drop(self.window.store(offset, value, StoreOrder::Release)),
+            Some(words) => Self::word(words, at).store(value, Ordering::Release),
+            None => drop(self.window.store(at.offset(), value, StoreOrder::Release)),
         }
     }
 
     /// Adds one to a statistics word of the own `mail`.
     #[inline(always)]
-    pub(crate) fn count(&self, offset: u32) {
-        self.set(
-            offset,
-            self.look(offset, LoadOrder::Relaxed).wrapping_add(1),
-        );
-    }
-
-    /// The words of the entry at `at`, a multiple of its size.
-    #[inline(always)]
-    fn entry(&self, at: u32) -> Option<&'w [AtomicU32; 4]> {
-        let entries = self.words?.as_chunks().0;
-        entries.get((at / entry::BYTES) as usize)
-    }
-
-    /// Where the pair with `peer` begins: the incarnation of `peer` that the owner acknowledges.
-    pub(crate) const fn pair(peer: Processor) -> u32 {
-        layout::acknowledged(Self::PROCESSORS, peer.0 as u32)
-    }
-
-    /// A word of the entry of `vector`, which the caller has found to be one.
-    #[inline(always)]
-    pub(crate) fn vector(vector: Vector, field: u32) -> u32 {
-        let vector = vector.index() % layout::VECTORS;
-        layout::vector_entry(Self::PROCESSORS, vector as u32) + field
+    pub(crate) fn count(&self, at: At<N>) {
+        self.set(at, self.look(at, LoadOrder::Relaxed).wrapping_add(1));
     }
 
     /// Whether the entry at `at` carries `sequence`: one load, for waiting.
     #[inline(always)]
-    pub(crate) fn carries(&self, at: u32, sequence: u32) -> bool {
+    pub(crate) fn carries(&self, at: EntryAt<N>, sequence: u32) -> bool {
         // Acquire: pairs with the Release store of the sequence number in `write`.
-        self.look(at + entry::SEQUENCE, LoadOrder::Acquire) == sequence
+        self.look(at.word(entry::SEQUENCE), LoadOrder::Acquire) == sequence
     }
 
     /// Reads the entry at `at` if it carries `sequence`, and the same epoch, before and after. Who
@@ -153,14 +237,14 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     /// The sequence number alone does not tell one entry from another: in the next epoch it comes
     /// again.
     #[inline(always)]
-    pub(crate) fn get(&self, at: u32, sequence: u32) -> Option<Entry> {
-        match self.entry(at) {
-            Some(entry) => read(sequence, |word, order| {
-                Some(entry[(word / 4 % 4) as usize].load(order.into()))
+    pub(crate) fn get(&self, at: EntryAt<N>, sequence: u32) -> Option<Entry> {
+        match self.words {
+            Some(words) => read(sequence, |word, order| {
+                Some(Self::word(words, at.word(word)).load(order.into()))
             }),
             // Memory that calls say is gone may be there again for the next word: no 0 may stand for it.
             None => read(sequence, |word, order| {
-                self.window.load(at + word, order).ok()
+                self.window.load(at.word(word).offset(), order).ok()
             }),
         }
     }
@@ -168,13 +252,13 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     /// Writes the entry at `at` of the own `mail`; whoever finds `sequence` there finds the whole
     /// entry.
     #[inline(always)]
-    pub(crate) fn put(&self, at: u32, sequence: u32, new: Entry) {
-        match self.entry(at) {
-            Some(entry) => write(sequence, new, |word, value, order| {
-                entry[(word / 4 % 4) as usize].store(value, order.into());
+    pub(crate) fn put(&self, at: EntryAt<N>, sequence: u32, new: Entry) {
+        match self.words {
+            Some(words) => write(sequence, new, |word, value, order| {
+                Self::word(words, at.word(word)).store(value, order.into());
             }),
             None => write(sequence, new, |word, value, order| {
-                drop(self.window.store(at + word, value, order));
+                drop(self.window.store(at.word(word).offset(), value, order));
             }),
         }
     }
@@ -200,7 +284,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         ];
         for (field, offset, expected) in expected {
             // Acquire, for the first: pairs with the Release store of the magic number in `format`.
-            let found = self.load(offset, LoadOrder::Acquire)?;
+            let found = self.load(At::header(offset), LoadOrder::Acquire)?;
             if found != expected {
                 return Err(self.disagrees(Object::Mail, field, found, expected));
             }
@@ -208,12 +292,18 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         Ok(())
     }
 
-    /// Checks the sizes of both objects, before anything is read.
-    pub(crate) fn check_sizes(&self, data_bytes: u32) -> Result<(), Error> {
-        let (found, expected) = (self.window.size(), layout::mail_bytes(Self::PROCESSORS));
-        if found < expected {
-            return Err(self.disagrees(Object::Mail, LayoutField::MailSize, found, expected));
+    /// Checks that the window is large enough, before anything is read.
+    pub(crate) fn check_size(&self) -> Result<(), Error> {
+        let found = self.window.size();
+        if found < Self::BYTES {
+            return Err(self.disagrees(Object::Mail, LayoutField::MailSize, found, Self::BYTES));
         }
+        Ok(())
+    }
+
+    /// Checks the sizes of both objects.
+    pub(crate) fn check_sizes(&self, data_bytes: u32) -> Result<(), Error> {
+        self.check_size()?;
         if data_bytes < layout::BELL_BYTES {
             let expected = layout::BELL_BYTES;
             return Err(self.disagrees(Object::Data, LayoutField::DataSize, data_bytes, expected));
@@ -241,11 +331,15 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
             (header::VECTORS, layout::VECTORS as u32),
             (header::DATA_SIZE, data_bytes),
         ] {
-            self.store(offset, value, StoreOrder::Relaxed)?;
+            self.store(At::header(offset), value, StoreOrder::Relaxed)?;
         }
         // Release: whoever is killed before leaves a file without a magic number, which the next
         // one formats anew.
-        self.store(header::MAGIC, layout::MAGIC, StoreOrder::Release)
+        self.store(
+            At::header(header::MAGIC),
+            layout::MAGIC,
+            StoreOrder::Release,
+        )
     }
 }
 
@@ -296,7 +390,7 @@ mod tests {
     use std::collections::VecDeque;
     use std::vec::Vec;
 
-    use super::{Entry, Mail, entry};
+    use super::{Entry, EntryAt, Mail, entry};
     use crate::id::Processor;
     use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
 
@@ -375,11 +469,11 @@ mod tests {
         for schedule in schedules(6, 5) {
             let window = Raced::default();
             let mail = Mail::<_, 2>::new(&window, &Processor(0));
-            mail.put(0, 1, entry_of(1));
+            mail.put(EntryAt(0), 1, entry_of(1));
             window.records.set(true);
-            mail.put(0, 1, entry_of(2));
+            mail.put(EntryAt(0), 1, entry_of(2));
             *window.schedule.borrow_mut() = schedule.clone().into();
-            if let Some(found) = mail.get(0, 1) {
+            if let Some(found) = mail.get(EntryAt(0), 1) {
                 assert_eq!(found, entry_of(found.epoch), "{schedule:?}");
             }
         }

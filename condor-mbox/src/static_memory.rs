@@ -2,7 +2,7 @@
 
 use crate::region::AccessError;
 use crate::sync::AtomicU32;
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind, check_access};
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind, Words, check_access};
 
 /// A block of `WORDS` words that several harts, or interrupts and background, share.
 ///
@@ -122,8 +122,9 @@ impl MemoryWindow for StaticWindow<'_> {
     }
 
     #[inline(always)]
-    fn words(&self) -> Option<&[AtomicU32]> {
-        cfg!(target_endian = "little").then_some(self.words)
+    fn words(&self) -> Option<Words<'_>> {
+        // SAFETY: they are all, and never change.
+        cfg!(target_endian = "little").then(|| unsafe { Words::new(self.words) })
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {

@@ -120,7 +120,7 @@ pub trait MemoryWindow {
     /// What is not there any more reads as 0 for ever. Nobody stores to a window that is mapped
     /// read-only.
     #[inline(always)]
-    fn words(&self) -> Option<&[AtomicU32]> {
+    fn words(&self) -> Option<Words<'_>> {
         None
     }
 
@@ -194,6 +194,30 @@ pub trait MemoryWindow {
     }
 }
 
+/// All words of a window, as [`MemoryWindow::words`] returns them.
+#[derive(Clone, Copy, Debug)]
+pub struct Words<'w>(&'w [AtomicU32]);
+
+impl<'w> Words<'w> {
+    /// Those of a window.
+    ///
+    /// # Safety
+    /// They are all of the memory of the window that returns them, which returns as many whenever it is
+    /// asked: who has seen once that there are enough does not look again.
+    #[must_use]
+    #[inline(always)]
+    pub const unsafe fn new(words: &'w [AtomicU32]) -> Self {
+        Self(words)
+    }
+
+    /// The words, in order.
+    #[must_use]
+    #[inline(always)]
+    pub const fn get(self) -> &'w [AtomicU32] {
+        self.0
+    }
+}
+
 /// A window whose memory has an indivisible compare-and-swap, across all its processors.
 ///
 /// # For implementers
@@ -227,7 +251,7 @@ impl<T: Deref<Target: MemoryWindow>> MemoryWindow for T {
     }
 
     #[inline(always)]
-    fn words(&self) -> Option<&[AtomicU32]> {
+    fn words(&self) -> Option<Words<'_>> {
         (**self).words()
     }
 

@@ -72,13 +72,13 @@ impl<const N: usize> Doorbell for Led<N> {
 #[unsafe(no_mangle)]
 #[inline(never)]
 extern "Rust" fn condor_path_message_2(client: &End<2>, value: u32) -> bool {
-    client.send_with_reply(SERVER, ECHO, value, TIMEOUT) == Ok(value)
+    matches!(client.send_with_reply(SERVER, ECHO, value, TIMEOUT), Ok(reply) if reply == value)
 }
 
 #[unsafe(no_mangle)]
 #[inline(never)]
 extern "Rust" fn condor_path_message_16(client: &End<16>, value: u32) -> bool {
-    client.send_with_reply(SERVER, ECHO, value, TIMEOUT) == Ok(value)
+    matches!(client.send_with_reply(SERVER, ECHO, value, TIMEOUT), Ok(reply) if reply == value)
 }
 
 /// Makes round trips by the function that callgrind counts, if `name` is that of one.

@@ -256,7 +256,7 @@ fn all_words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
         if let Some(words) = window.words() {
             let coherent = Ok(u32::from(window.is_coherent()));
             expect("words are of coherent memory", offset, 4, coherent, Ok(1))?;
-            let word = words.get((offset / 4) as usize);
+            let word = words.get().get((offset / 4) as usize);
             let found = Ok(word.map_or(0, |word| word.load(LoadOrder::Acquire.into())));
             expect(
                 "the words are those of loads",
@@ -268,7 +268,7 @@ fn all_words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
         }
     }
     if let Some(words) = window.words() {
-        let bytes = Ok(u32::try_from(4 * words.len()).unwrap_or(u32::MAX));
+        let bytes = Ok(u32::try_from(4 * words.get().len()).unwrap_or(u32::MAX));
         expect(
             "there are as many words as the size says",
             0,

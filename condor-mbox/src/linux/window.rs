@@ -15,7 +15,7 @@ use rustix::mm::{MapFlags, ProtFlags};
 use super::copy;
 use super::fault::{self, GuardError, Guarded};
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind, Words,
     check_access, check_words,
 };
 
@@ -401,10 +401,12 @@ impl MemoryWindow for LinuxWindow {
 
     /// Where memory has gone, zeros are mapped.
     #[inline(always)]
-    fn words(&self) -> Option<&[AtomicU32]> {
-        // SAFETY: the words are inside the mapping and aligned, as pages are; else as in `word`.
+    fn words(&self) -> Option<Words<'_>> {
+        // SAFETY: the words are inside the mapping and aligned, as pages are; else as in `word`. They
+        // are all of the window, which never changes.
         cfg!(target_endian = "little").then(|| unsafe {
-            core::slice::from_raw_parts(self.base.cast::<AtomicU32>().as_ptr(), self.words)
+            let first = self.base.cast::<AtomicU32>().as_ptr();
+            Words::new(core::slice::from_raw_parts(first, self.words))
         })
     }
 

@@ -4,12 +4,12 @@
 
 use std::sync::Arc;
 
-use super::{Entry, Mail};
+use super::{Entry, EntryAt, Mail};
 use crate::id::Processor;
 use crate::sim::SimWindow;
 
 const OWNER: Processor = Processor(0);
-const AT: u32 = 0;
+const AT: EntryAt<1> = EntryAt(0);
 
 fn mail(window: &SimWindow) -> Mail<'_, SimWindow, 1> {
     Mail::new(window, &OWNER)

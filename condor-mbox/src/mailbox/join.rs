@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::exclusion::Exclusion as _;
 use crate::id::Processor;
 use crate::layout::{self, JOINING, SLOTS, entry, header};
-use crate::mail::Mail;
+use crate::mail::{At, Mail};
 use crate::sync::{Ordering, fence};
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 use crate::windows::Windows;
@@ -20,7 +20,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`]; [`Error::Layout`] if the memory belongs to something else or
-    /// was laid out by another version or for another system; [`Error::Window`].
+    /// was laid out by another version or for another system, or some `mail` is too small;
+    /// [`Error::Window`].
     pub fn new(
         number: Processor,
         windows: [Windows<B::Window>; N],
@@ -39,7 +40,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             exclusion,
             waiting: Waiting::default(),
             handlers: [None; layout::VECTORS],
-            peers: each(number, windows),
+            peers: each(number, windows)?,
             incarnation: Word::new(0),
             depth: Word::new(0),
             waiters: Word::new(0),
@@ -55,13 +56,17 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let data_bytes = this.peer(number)?.windows.data.size();
         let own = this.own()?;
         own.check_sizes(data_bytes)?;
-        if own.load(header::MAGIC, LoadOrder::Acquire)? == 0 {
+        if own.load(At::header(header::MAGIC), LoadOrder::Acquire)? == 0 {
             own.format(data_bytes)?;
         } else {
             own.check_layout(data_bytes)?;
         }
         // From here on nobody believes the former incarnation.
-        own.store(header::INCARNATION, JOINING, StoreOrder::Release)?;
+        own.store(
+            At::header(header::INCARNATION),
+            JOINING,
+            StoreOrder::Release,
+        )?;
         vectors::clear(&own)?;
         Ok(this)
     }
@@ -72,24 +77,40 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// [`Error::Window`].
     pub fn join(&mut self) -> Result<(), Error> {
         let own = self.own()?;
-        own.store(header::INCARNATION, JOINING, StoreOrder::Release)?;
+        own.store(
+            At::header(header::INCARNATION),
+            JOINING,
+            StoreOrder::Release,
+        )?;
         // Pairs with the Acquire load in `refresh_taken`: whoever sees a count that was reset
         // below sees that the former incarnation is over.
         fence(Ordering::Release);
-        let last = own.load(header::LAST_INCARNATION, LoadOrder::Relaxed)?;
+        let last = own.load(At::header(header::LAST_INCARNATION), LoadOrder::Relaxed)?;
         let incarnation = self.unknown_incarnation(last);
-        own.store(header::LAST_INCARNATION, incarnation, StoreOrder::Relaxed)?;
+        own.store(
+            At::header(header::LAST_INCARNATION),
+            incarnation,
+            StoreOrder::Relaxed,
+        )?;
         self.clear(&own)?;
         for peer in &self.peers {
             peer.begin(0, 0, 0);
         }
         let to_self = layout::epoch(incarnation, incarnation);
         self.peer(self.me)?.begin(incarnation, to_self, to_self);
-        own.store(self.peer(self.me)?.ours, incarnation, StoreOrder::Relaxed)?;
+        own.store(
+            self.peer(self.me)?.ours.acknowledged(),
+            incarnation,
+            StoreOrder::Relaxed,
+        )?;
         self.incarnation.set(incarnation);
         // Release: whoever sees this incarnation sees empty rings. Pairs with the Acquire load in
         // `Peer::present`.
-        own.store(header::INCARNATION, incarnation, StoreOrder::Release)?;
+        own.store(
+            At::header(header::INCARNATION),
+            incarnation,
+            StoreOrder::Release,
+        )?;
         self.notify_all();
         Ok(())
     }
@@ -104,7 +125,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     pub fn leave(&mut self) -> Result<(), Error> {
         self.incarnation.set(0);
         let own = self.own()?;
-        own.store(header::INCARNATION, 0, StoreOrder::Release)?;
+        own.store(At::header(header::INCARNATION), 0, StoreOrder::Release)?;
         self.stop_hearing()?;
         self.notify_all();
         Ok(())
@@ -124,7 +145,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let mail = Mail::<_, N>::new(&windows.mail, &processor);
         mail.check_sizes(windows.data.size())?;
         mail.check_layout(windows.data.size())?;
-        mail.store(header::INCARNATION, 0, StoreOrder::Release)
+        mail.store(At::header(header::INCARNATION), 0, StoreOrder::Release)
     }
 
     /// An incarnation after `last` in which no peer believes us to be.
@@ -134,10 +155,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     fn unknown_incarnation(&self, last: u32) -> u32 {
         // Read once: who writes arbitrary words here can only make us skip a number. Memory that
         // is gone believes nothing.
-        let known = self
-            .peers
-            .each_ref()
-            .map(|peer| peer.mail().look(peer.theirs, LoadOrder::Relaxed));
+        let known = self.peers.each_ref().map(|peer| {
+            peer.mail()
+                .look(peer.theirs.acknowledged(), LoadOrder::Relaxed)
+        });
         let mut incarnation = next_incarnation(last);
         // Each of the known ones is met at most once.
         for _ in 0..N {
@@ -153,21 +174,18 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let clear = |at| own.store(at, 0, StoreOrder::Relaxed);
         for peer in &self.peers {
             for index in 0..SLOTS {
-                for at in [
-                    layout::slot_in(peer.ours, index),
-                    layout::cell_in(peer.ours, index),
-                ] {
-                    clear(at + entry::EPOCH)?;
-                    clear(at + entry::SEQUENCE)?;
+                for at in [peer.ours.slot(index), peer.ours.cell(index)] {
+                    clear(at.word(entry::EPOCH))?;
+                    clear(at.word(entry::SEQUENCE))?;
                 }
             }
-            clear(peer.ours)?;
-            clear(layout::taken_in(peer.ours))?;
-            clear(layout::listen(u32::from(peer.number.0)))?;
+            clear(peer.ours.acknowledged())?;
+            clear(peer.ours.taken())?;
+            clear(At::heard_epoch(peer.number))?;
         }
-        clear(header::LISTENERS)?;
+        clear(At::header(header::LISTENERS))?;
         let notify = u32::from(self.waiters.get() > 0);
-        own.store(header::NOTIFY, notify, StoreOrder::Relaxed)?;
+        own.store(At::header(header::NOTIFY), notify, StoreOrder::Relaxed)?;
         // Pairs with the Acquire loads of `Mail::get`: whoever read a word of a later entry finds
         // the sequence number spoiled.
         fence(Ordering::Release);
@@ -200,8 +218,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         if present == peer.incarnation.get() {
             return Ok(());
         }
-        let others = own.load(header::LISTENERS, LoadOrder::Relaxed)? & !(1 << peer.number.0);
-        own.store(header::LISTENERS, others, StoreOrder::Relaxed)?;
+        let others =
+            own.load(At::header(header::LISTENERS), LoadOrder::Relaxed)? & !(1 << peer.number.0);
+        own.store(At::header(header::LISTENERS), others, StoreOrder::Relaxed)?;
         peer.end();
         if matches!(present, 0 | JOINING) {
             return Ok(());
@@ -216,17 +235,14 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         // A peer that comes back to the number of a former incarnation must not find what was meant
         // for that one; nobody is in epoch 0.
         for index in 0..SLOTS {
-            for at in [
-                layout::slot_in(peer.ours, index),
-                layout::cell_in(peer.ours, index),
-            ] {
-                own.store(at + entry::EPOCH, 0, StoreOrder::Relaxed)?;
+            for at in [peer.ours.slot(index), peer.ours.cell(index)] {
+                own.store(at.word(entry::EPOCH), 0, StoreOrder::Relaxed)?;
             }
         }
-        own.store(layout::taken_in(peer.ours), 0, StoreOrder::Relaxed)?;
+        own.store(peer.ours.taken(), 0, StoreOrder::Relaxed)?;
         // Release: whoever sees the acknowledgement sees the count reset. Pairs with the Acquire
         // load in `is_connected`.
-        own.store(peer.ours, present, StoreOrder::Release)
+        own.store(peer.ours.acknowledged(), present, StoreOrder::Release)
     }
 
     /// Whether both sides have acknowledged each other's present incarnation.
@@ -238,7 +254,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             return false;
         }
         // Acquire: pairs with the Release store in `acknowledge`.
-        peer.mail().look(peer.theirs, LoadOrder::Acquire) == self.incarnation.get()
+        peer.mail()
+            .look(peer.theirs.acknowledged(), LoadOrder::Acquire)
+            == self.incarnation.get()
     }
 
     /// Rings everybody who wants to hear of a beginning or an end.
@@ -263,13 +281,17 @@ const fn next_incarnation(last: u32) -> u32 {
 fn each<W: MemoryWindow, const N: usize>(
     me: Processor,
     windows: [Windows<W>; N],
-) -> [Peer<W, N>; N] {
+) -> Result<[Peer<W, N>; N], Error> {
+    for (number, Windows { mail, .. }) in (0..).map(Processor).zip(&windows) {
+        Mail::<_, N>::new(mail, &number).check_size()?;
+    }
     let mut number = 0;
-    windows.map(|windows| {
-        let peer = Peer::new(me, Processor(number), windows);
+    Ok(windows.map(|windows| {
+        // SAFETY: it is large enough, as was seen above.
+        let peer = unsafe { Peer::new(me, Processor(number), windows) };
         number = number.wrapping_add(1);
         peer
-    })
+    }))
 }
 
 impl<B: Backend, const N: usize> Drop for Mailbox<'_, B, N> {

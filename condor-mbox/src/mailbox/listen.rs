@@ -18,7 +18,7 @@ use crate::exclusion::Exclusion as _;
 use crate::id::{Processor, Vector};
 use crate::layout::vector::HANDLED;
 use crate::layout::{self, JOINING, SLOTS, entry, header, kind};
-use crate::mail::{Entry, Mail};
+use crate::mail::{At, Entry};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, StoreOrder};
 
@@ -166,8 +166,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             // the sender only once it has acknowledged that. Acquire: pairs with the Release store
             // in `acknowledge`.
             let word = |offset| peer.mail().load(offset, LoadOrder::Acquire);
-            let taken = if word(sender.ours)? == present {
-                word(layout::taken_in(sender.ours))?
+            let taken = if word(sender.ours.acknowledged())? == present {
+                word(sender.ours.taken())?
             } else {
                 0
             };
@@ -184,9 +184,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         self.listening.to.set(0);
         self.listening.incarnation.set(0);
         let own = self.own()?;
-        for sender in 0..N as u32 {
+        for sender in 0..N as u8 {
             // An epoch is never 0. Pairs with the Acquire load in `untaken_by`.
-            own.store(layout::listen(sender), 0, StoreOrder::Release)?;
+            own.store(At::heard_epoch(Processor(sender)), 0, StoreOrder::Release)?;
         }
         Ok(())
     }
@@ -215,7 +215,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Whether the holder of the number has set our bit.
     fn is_admitted(&self, holder: &Peer<B::Window, N>) -> Result<bool, Error> {
         // Acquire: pairs with the Release store in `admit_listener`.
-        let bits = holder.mail().load(header::LISTENERS, LoadOrder::Acquire)?;
+        let bits = holder
+            .mail()
+            .load(At::header(header::LISTENERS), LoadOrder::Acquire)?;
         Ok(bits & 1 << self.me.0 != 0)
     }
 
@@ -229,10 +231,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let own = self.own()?;
         self.exclusion.with(|| {
             let bit = 1 << listener.number.0;
-            let others = own.load(header::LISTENERS, LoadOrder::Relaxed)? & !bit;
+            let others = own.load(At::header(header::LISTENERS), LoadOrder::Relaxed)? & !bit;
             let bits = if admit { others | bit } else { others };
             // Release: pairs with the Acquire load in `is_admitted`.
-            own.store(header::LISTENERS, bits, StoreOrder::Release)
+            own.store(At::header(header::LISTENERS), bits, StoreOrder::Release)
         })
     }
 
@@ -263,19 +265,22 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// How many requests in `epoch` up to `sequence` the listener has not taken; 0 if it has not
     /// begun to hear this epoch, or its memory is gone.
     fn untaken_by(&self, listener: &Peer<B::Window, N>, epoch: u32, sequence: u32) -> u32 {
-        let at = layout::listen(u32::from(self.me.0));
+        let at = At::heard_epoch(self.me);
         // Acquire: pairs with the Release stores in `start_hearing` and `hear_alone`.
         let word = |offset| listener.mail().load(offset, LoadOrder::Acquire);
         match word(at) {
             Ok(heard) if heard == epoch => {}
             _ => return 0,
         }
-        word(at + 4).map_or(0, |count| sequence.wrapping_sub(count))
+        word(At::heard_count(self.me)).map_or(0, |count| sequence.wrapping_sub(count))
     }
 
     /// Leaves those listeners behind whose programs are known to have ended.
     pub(super) fn leave_dead_behind(&self, peer: &Peer<B::Window, N>) {
-        for listener in self.of(peer.mail().look(header::LISTENERS, LoadOrder::Relaxed)) {
+        for listener in self.of(peer
+            .mail()
+            .look(At::header(header::LISTENERS), LoadOrder::Relaxed))
+        {
             if self.doorbell.evidence(listener.number) == Evidence::Dead {
                 let lagging = &peer.lagging;
                 self.exclusion
@@ -366,9 +371,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         heard.epoch.set(epoch);
         heard.tail.set(tail);
         let own = self.own()?;
-        let at = layout::listen(u32::from(sender.0));
+        let at = At::heard_epoch(sender);
         own.store(at, 0, StoreOrder::Relaxed)?;
-        own.store(at + 4, tail, StoreOrder::Release)?;
+        own.store(At::heard_count(sender), tail, StoreOrder::Release)?;
         own.store(at, epoch, StoreOrder::Release)
     }
 
@@ -384,10 +389,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
         let next = heard.tail.get().wrapping_add(1);
         // The pair of any processor with the holder is where ours is.
-        let slot = layout::slot_in(holder.ours, next);
+        let slot = holder.ours.slot(next);
         let found = sender
             .mail()
-            .look(slot + entry::SEQUENCE, LoadOrder::Acquire);
+            .look(slot.word(entry::SEQUENCE), LoadOrder::Acquire);
         let ahead = found.wrapping_sub(next);
         let Some(entry) = sender.mail().get(slot, found) else {
             return Ok(Look::Nothing);
@@ -414,11 +419,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         };
         heard.tail.set(tail);
         // Release: pairs with the Acquire load in `untaken_by`; the slot has been read.
-        own.store(
-            layout::listen(u32::from(sender.number.0)) + 4,
-            tail,
-            StoreOrder::Release,
-        )?;
+        own.store(At::heard_count(sender.number), tail, StoreOrder::Release)?;
         if ahead != 0 {
             return Ok(Look::Overrun);
         }
@@ -467,7 +468,7 @@ impl<B: Backend, const N: usize> Drop for FinishHeard<'_, '_, B, N> {
             if self.handled {
                 mailbox.served.set(mailbox.served.get().wrapping_add(1));
                 if let Ok(own) = mailbox.own() {
-                    own.count(Mail::<B::Window, N>::vector(self.vector, HANDLED));
+                    own.count(At::<N>::vector(self.vector, HANDLED));
                 }
             }
         });

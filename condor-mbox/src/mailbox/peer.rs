@@ -2,8 +2,8 @@
 
 use crate::error::Error;
 use crate::id::Processor;
-use crate::layout::{self, JOINING, SLOTS, header};
-use crate::mail::{Entry, Mail};
+use crate::layout::{JOINING, SLOTS, header};
+use crate::mail::{At, Entry, Mail, Pair};
 use crate::sync::{AtomicU32, Ordering::Relaxed};
 use crate::window::{LoadOrder, MemoryWindow};
 use crate::windows::Windows;
@@ -32,11 +32,9 @@ pub(super) struct Peer<W, const N: usize> {
     pub(super) number: Processor,
     pub(super) windows: Windows<W>,
     /// Where our pair with the peer begins in our `mail`.
-    pub(super) ours: u32,
+    pub(super) ours: Pair<N>,
     /// Where its pair with us begins in its `mail`.
-    pub(super) theirs: u32,
-    /// Where the next request of the peer will carry its sequence number.
-    next_at: Word,
+    pub(super) theirs: Pair<N>,
     /// The incarnation of the peer that everything below belongs to; 0 while it has none.
     pub(super) incarnation: Word,
     /// Not 0 once the peer has acknowledged our incarnation.
@@ -63,15 +61,16 @@ pub(super) struct Peer<W, const N: usize> {
 
 impl<W: MemoryWindow, const N: usize> Peer<W, N> {
     /// The peer `number` of `me`.
-    pub(super) fn new(me: Processor, number: Processor, windows: Windows<W>) -> Self {
+    ///
+    /// # Safety
+    /// [`Mail::check_size`] has found its `mail` large enough.
+    pub(super) unsafe fn new(me: Processor, number: Processor, windows: Windows<W>) -> Self {
         let zero = || Word::new(0);
-        let theirs = Mail::<W, N>::pair(me);
         Self {
             number,
             windows,
-            ours: Mail::<W, N>::pair(number),
-            theirs,
-            next_at: Word::new(layout::slot_in(theirs, 1)),
+            ours: Pair::of(number),
+            theirs: Pair::of(me),
             incarnation: zero(),
             connected: zero(),
             epoch_out: zero(),
@@ -88,7 +87,8 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
 
     #[inline(always)]
     pub(super) fn mail(&self) -> Mail<'_, W, N> {
-        Mail::new(&self.windows.mail, &self.number)
+        // SAFETY: as `new`'s caller has found.
+        unsafe { Mail::large_enough(&self.windows.mail, &self.number) }
     }
 
     /// The peer's present incarnation, by its own word; 0 also if its memory is gone.
@@ -99,7 +99,8 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
 
     /// The same, with an error if its memory is gone.
     pub(super) fn load_present(&self) -> Result<u32, Error> {
-        self.mail().load(header::INCARNATION, LoadOrder::Acquire)
+        self.mail()
+            .load(At::header(header::INCARNATION), LoadOrder::Acquire)
     }
 
     /// Checks that the peer was built for this system.
@@ -118,23 +119,24 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
     #[inline(always)]
     pub(super) fn has_request(&self) -> bool {
         // Nothing is taken in epoch 0, and most of a large system may never have joined.
+        if self.epoch_in.get() == 0 {
+            return false;
+        }
         let next = self.tail.get().wrapping_add(1);
-        self.epoch_in.get() != 0 && self.mail().carries(self.next_at.get(), next)
+        self.mail().carries(self.theirs.slot(next), next)
     }
 
     /// Reads the next request from the peer, of whatever epoch.
     #[inline(always)]
     pub(super) fn next_request(&self) -> Option<(u32, Entry)> {
         let next = self.tail.get().wrapping_add(1);
-        Some((next, self.mail().get(self.next_at.get(), next)?))
+        Some((next, self.mail().get(self.theirs.slot(next), next)?))
     }
 
     /// Notes that requests of the peer have been taken up to `tail`.
     #[inline(always)]
     pub(super) fn set_tail(&self, tail: u32) {
         self.tail.set(tail);
-        self.next_at
-            .set(layout::slot_in(self.theirs, tail.wrapping_add(1)));
     }
 
     /// Forgets everything of the peer's former incarnation.

@@ -16,8 +16,8 @@ use crate::error::{Error, Progress, ProtocolWord};
 use crate::exclusion::Exclusion as _;
 use crate::id::{Processor, Vector};
 use crate::layout::vector::{FAILED, SENT};
-use crate::layout::{self, SLOTS, header, kind, status};
-use crate::mail::{Entry, Mail};
+use crate::layout::{SLOTS, header, kind, status};
+use crate::mail::{At, Entry, Mail};
 use crate::sync::{Ordering, fence};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, MemoryWindow};
@@ -82,7 +82,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             if sequence.wrapping_sub(peer.taken.get()) > SLOTS {
                 peer.refresh_taken(sequence)?;
             }
-            let listeners = mail.look(header::LISTENERS, LoadOrder::Relaxed);
+            let listeners = mail.look(At::header(header::LISTENERS), LoadOrder::Relaxed);
             if listeners != 0
                 && !self.listeners_keep_up(peer, listeners, sequence, patience.is_zero())
             {
@@ -105,10 +105,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 epoch,
                 kind: kind | cell << kind::CELL_SHIFT,
             };
-            own.put(layout::slot_in(peer.ours, sequence), sequence, entry);
+            own.put(peer.ours.slot(sequence), sequence, entry);
             peer.head.set(sequence);
             if vector.index() < Vector::COUNT {
-                let at = Mail::<B::Window, N>::vector(vector, SENT);
+                let at = At::<N>::vector(vector, SENT);
                 // The access of a message that says when the own memory is gone.
                 let sent = own.load(at, LoadOrder::Relaxed)?;
                 own.set(at, sent.wrapping_add(1));
@@ -148,7 +148,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         // Pairs with the fence in `wait`: what was stored before is seen by a receiver that
         // looks after it asked to be rung, or its asking is seen here.
         fence(Ordering::SeqCst);
-        if mail.look(header::NOTIFY, LoadOrder::Relaxed) != 0 {
+        if mail.look(At::header(header::NOTIFY), LoadOrder::Relaxed) != 0 {
             self.ring(mail.owner());
         }
     }
@@ -274,7 +274,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         peer: &Peer<B::Window, N>,
         pending: &Pending,
     ) -> Option<Result<u32, Error>> {
-        let at = layout::cell_in(peer.theirs, u32::from(pending.cell));
+        let at = peer.theirs.cell(u32::from(pending.cell));
         let mail = peer.mail();
         if !mail.carries(at, pending.sequence) {
             return None;
@@ -446,7 +446,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         if let Ok(own) = self.own()
             && vector.index() < Vector::COUNT
         {
-            let at = Mail::<B::Window, N>::vector(vector, FAILED);
+            let at = At::<N>::vector(vector, FAILED);
             self.exclusion.with(|| own.count(at));
         }
     }
@@ -459,13 +459,15 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
     fn refresh_taken(&self, sequence: u32) -> Result<(), Refusal> {
         // Acquire: pairs with the Release store in `take`; the slot that is overwritten has
         // been read before.
-        let at = layout::taken_in(self.theirs);
+        let at = self.theirs.taken();
         let count = self.mail().load(at, LoadOrder::Acquire)?;
         let untaken = sequence.wrapping_sub(count);
         if untaken == 0 || untaken > SLOTS + 1 {
             // The receiver may have begun another incarnation meanwhile, and its count anew.
             // Ordered by the Acquire load above, which pairs with the fence in `join`.
-            let present = self.mail().load(header::INCARNATION, LoadOrder::Relaxed)?;
+            let present = self
+                .mail()
+                .load(At::header(header::INCARNATION), LoadOrder::Relaxed)?;
             if present != self.incarnation.get() {
                 return Err(Refusal::NotConnected);
             }
@@ -487,7 +489,7 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
     #[inline(never)]
     fn reclaim_cell(&self) -> Result<u32, Refusal> {
         for (cell, owner) in (0..SLOTS).zip(&self.owner) {
-            let late = layout::cell_in(self.theirs, cell);
+            let late = self.theirs.cell(cell);
             let epoch = self.epoch_out.get();
             if self.abandoned.get() & 1 << cell != 0
                 && let Some(reply) = self.mail().get(late, owner.get())
@@ -503,7 +505,7 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
     /// How far a request had come when its sender gave up; `over` is the receiver's incarnation word
     /// if nothing runs there any more.
     fn progress(&self, pending: &Pending, over: Option<u32>) -> Progress {
-        let at = layout::taken_in(self.theirs);
+        let at = self.theirs.taken();
         let taken = self.mail().load(at, LoadOrder::Acquire);
         // What the private cursor knows is true even if the receiver has forgotten it since.
         let known = |count: u32| count.wrapping_sub(pending.sequence) <= u32::MAX / 2;

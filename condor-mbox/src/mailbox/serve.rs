@@ -13,8 +13,8 @@ use crate::error::Error;
 use crate::exclusion::Exclusion as _;
 use crate::id::Vector;
 use crate::layout::vector::{HANDLED, WORST};
-use crate::layout::{self, SLOTS, header, kind, status};
-use crate::mail::{Entry, Mail};
+use crate::layout::{SLOTS, header, kind, status};
+use crate::mail::{At, Entry, Mail};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, StoreOrder};
 
@@ -135,7 +135,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let beat = self.beats.get().wrapping_add(1);
         self.beats.set(beat);
         self.own()?
-            .store(header::HEARTBEAT, beat, StoreOrder::Relaxed)
+            .store(At::header(header::HEARTBEAT), beat, StoreOrder::Relaxed)
     }
 
     /// Returns a peer whose ring seems to hold a request. It costs one load for each ring that is
@@ -239,7 +239,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         // The time of a handler begins with the last reading of the clock before its message was found.
         let begun = core::mem::replace(now, self.doorbell.now());
         if status != status::NO_HANDLER {
-            let at = Mail::<B::Window, N>::vector(vector, WORST);
+            let at = At::<N>::vector(vector, WORST);
             let ns = u32::try_from(now.ns_since(begun)).unwrap_or(u32::MAX);
             if ns > own.look(at, LoadOrder::Relaxed) {
                 self.note_worst(at, ns);
@@ -281,7 +281,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
         peer.set_tail(sequence);
         // Release: pairs with the Acquire load in `refresh_taken`; the slot has been read.
-        own.set(layout::taken_in(peer.ours), sequence);
+        own.set(peer.ours.taken(), sequence);
         self.depth.set(depth + 1);
         let number = u32::from(peer.number.0);
         if N <= PROBES {
@@ -315,7 +315,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             self.depth.set(depth.wrapping_sub(1));
             self.served.set(self.served.get().wrapping_add(1));
             if replies && peer.incarnation.get() == taken.incarnation {
-                let cell = layout::cell_in(peer.ours, kind >> kind::CELL_SHIFT);
+                let cell = peer.ours.cell(kind >> kind::CELL_SHIFT);
                 let reply = Entry {
                     value,
                     epoch,
@@ -325,7 +325,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             }
             if !PANICKED && status != status::NO_HANDLER {
                 let vector = Vector(kind.to_le_bytes()[0]);
-                own.count(Mail::<B::Window, N>::vector(vector, HANDLED));
+                own.count(At::<N>::vector(vector, HANDLED));
             }
             depth >= Call::MAX_DEPTH
         });
@@ -340,7 +340,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
 
     #[cold]
     #[inline(never)]
-    fn note_worst(&self, at: u32, ns: u32) {
+    fn note_worst(&self, at: At<N>, ns: u32) {
         if let Ok(own) = self.own() {
             self.exclusion.with(|| {
                 if ns > own.look(at, LoadOrder::Relaxed) {

@@ -5,7 +5,7 @@ use crate::backend::Backend;
 use crate::error::Error;
 use crate::id::{Processor, Vector};
 use crate::layout::{NAME_BYTES, vector};
-use crate::mail::Mail;
+use crate::mail::{At, Mail};
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
 /// What happened to one vector of one processor; counts wrap at 2³².
@@ -101,7 +101,7 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
         }
         peer.check_layout()?;
         let word = |field| {
-            let at = Mail::<B::Window, N>::vector(vector, field);
+            let at = At::<N>::vector(vector, field);
             peer.mail().load(at, LoadOrder::Relaxed)
         };
         let mut name = [0; NAME_BYTES];
@@ -122,7 +122,7 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
         let mut bytes = name.bytes();
         for field in (vector::NAME..).step_by(4).take(NAME_BYTES / 4) {
             let word = core::array::from_fn(|_| bytes.next().unwrap_or(0));
-            let at = Mail::<B::Window, N>::vector(vector, field);
+            let at = At::<N>::vector(vector, field);
             own.store(at, u32::from_le_bytes(word), StoreOrder::Relaxed)?;
         }
         Ok(())
@@ -133,7 +133,7 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
 pub(super) fn clear<W: MemoryWindow, const N: usize>(own: &Mail<'_, W, N>) -> Result<(), Error> {
     for number in 0..Vector::COUNT {
         for field in (vector::NAME..=vector::WORST).step_by(4) {
-            let at = Mail::<W, N>::vector(Vector(number as u8), field);
+            let at = At::<N>::vector(Vector(number as u8), field);
             own.store(at, 0, StoreOrder::Relaxed)?;
         }
     }

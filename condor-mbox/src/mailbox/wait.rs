@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::exclusion::Exclusion as _;
 use crate::id::Processor;
 use crate::layout::{JOINING, header};
+use crate::mail::At;
 use crate::sync::{Ordering, fence};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, StoreOrder};
@@ -277,7 +278,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             return None;
         }
         let mail = self.peer(peer).ok()?.mail();
-        mail.load(header::HEARTBEAT, LoadOrder::Relaxed).ok()
+        mail.load(At::header(header::HEARTBEAT), LoadOrder::Relaxed)
+            .ok()
     }
 
     /// Adds `step` to the number of contexts that want to be rung.
@@ -286,7 +288,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         self.exclusion.with(|| {
             let waiters = self.waiters.get().wrapping_add(step);
             self.waiters.set(waiters);
-            own.store(header::NOTIFY, u32::from(waiters > 0), StoreOrder::Relaxed)
+            own.store(
+                At::header(header::NOTIFY),
+                u32::from(waiters > 0),
+                StoreOrder::Relaxed,
+            )
         })
     }
 }

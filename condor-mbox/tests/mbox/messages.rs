@@ -5,10 +5,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use condor_mbox::sim::{Mailbox, SimDoorbell, System};
+use condor_mbox::error::{LayoutField, Object};
+use condor_mbox::sim::{Mailbox, SimDoorbell, SimWindow, System};
 use condor_mbox::{
     Call, Clock, CriticalSection, Doorbell, Error, Instant, Messenger, PeerState, Processor,
-    Progress, Vector, Waiting,
+    Progress, Vector, Waiting, layout,
 };
 
 const A: Processor = Processor(0);
@@ -117,6 +118,28 @@ fn calls_nest_both_ways_to_a_bound() {
     }
     assert!(a.send_with_reply(B, Vector(2), 100, SECOND).unwrap() > 1000);
     assert_eq!(a.send_with_reply(B, V, 3, SECOND), Ok(6));
+}
+
+#[test]
+fn every_mail_is_large_enough() {
+    let system = System::<2>::in_virtual_time(0);
+    let found = layout::mail_bytes(2) - 4;
+    for processor in [A, B] {
+        let mut windows = system.windows(A);
+        windows[processor.index()].mail = SimWindow::new(found);
+        let bell = system.doorbell(A);
+        let refused = condor_mbox::Mailbox::<(_, _, _), 2>::new(A, windows, bell, CriticalSection);
+        assert_eq!(
+            refused.map(drop),
+            Err(Error::Layout {
+                processor,
+                object: Object::Mail,
+                field: LayoutField::MailSize,
+                found,
+                expected: found + 4,
+            })
+        );
+    }
 }
 
 #[test]
