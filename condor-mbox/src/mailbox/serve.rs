@@ -115,7 +115,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 return Ok(true);
             }
         }
-        Ok(self.listens_to().is_some() && self.hear(deadline)?)
+        let heard = self.listens_to().is_some() && self.hear(deadline)?;
+        if heard {
+            *now = self.doorbell.now();
+        }
+        Ok(heard)
     }
 
     /// Notices that `peer` came or went. What is wrong with it concerns those who wait for it, not

@@ -249,6 +249,35 @@ fn a_listener_gets_each_message_and_the_holder_replies() {
     assert_eq!(c.missed(A), Ok(0));
 }
 
+/// A million random runs behind caches found a listener that never looked at its clock.
+#[test]
+fn a_listener_that_always_hears_something_ends_its_wait() {
+    static HEARD: AtomicU32 = AtomicU32::new(0);
+    const MOST: u32 = 20_000;
+    let (system, a, b) = pair_of::<4>();
+    let (a, b) = (&*Box::leak(Box::new(a)), attend(&system, b));
+    let mut c = system.mailbox(Processor(2)).unwrap();
+    // Each message that is heard makes the next one.
+    let hear = |_: &Call<'_>| {
+        if HEARD.fetch_add(1, Ordering::Relaxed) < MOST {
+            b.serve(Duration::ZERO).unwrap();
+            a.send(B, V, 0, Duration::ZERO).unwrap();
+        }
+        0
+    };
+    c.set_vector(V, Box::leak(Box::new(hear)), "overhears")
+        .unwrap();
+    c.join().unwrap();
+    c.listen(Some(B), SECOND).unwrap();
+    a.send(B, V, 0, Duration::ZERO).unwrap();
+    let nobody = Processor(3);
+    assert_eq!(
+        c.wait_for_peer(nobody, None, Duration::from_micros(10)),
+        Err(Error::NotConnected { to: nobody })
+    );
+    assert!((10..1000).contains(&HEARD.load(Ordering::Relaxed)));
+}
+
 #[test]
 fn what_was_sent_before_leaving_arrives() {
     static SEEN: AtomicU32 = AtomicU32::new(0);
