@@ -54,7 +54,7 @@ impl<const N: usize> MsipDoorbell<N> {
         }
         Some(Self {
             // SAFETY: the caller vouches for it.
-            clint: unsafe { ClintRegisters::new(clint) },
+            clint: unsafe { ClintRegisters::new(clint, harts[me.index()]) },
             hart: harts[me.index()],
             harts,
             mtime_hz,
@@ -80,14 +80,14 @@ impl<const N: usize> MsipDoorbell<N> {
     /// Sleeps until any interrupt is pending that the hart would take, or this doorbell's.
     fn sleep(&self, until: Instant, interruptible: bool) {
         let enabled = mie::read();
-        let former = self.clint.mtimecmp(self.hart);
+        let former = self.clint.mtimecmp();
         let due = self.ticks(until);
         let compare = if enabled.mtimer() {
             due.min(former)
         } else {
             due
         };
-        self.clint.set_mtimecmp(self.hart, compare);
+        self.clint.set_mtimecmp(compare);
         // SAFETY: no handler runs for them, since the caller has masked interrupts; the
         // program's own settings are restored below.
         unsafe {
@@ -103,7 +103,7 @@ impl<const N: usize> MsipDoorbell<N> {
             // SAFETY: as the program had it.
             unsafe { mie::clear_mtimer() };
         }
-        self.clint.set_mtimecmp(self.hart, former);
+        self.clint.set_mtimecmp(former);
         let has_handler = interruptible && enabled.msoft();
         if !has_handler && mip::read().msoft() {
             self.take_ring();

@@ -37,7 +37,6 @@ const NEVER: u64 = u64::MAX;
 #[derive(Debug)]
 pub struct Clint {
     registers: ClintRegisters,
-    hart: u16,
     frequency: Rate,
     /// The interrupts, as bits of `mie`, that may interrupt loops which an interrupt has started.
     nested: usize,
@@ -56,8 +55,7 @@ impl Clint {
     pub const unsafe fn new(clint: usize, hart: u16, frequency: Rate) -> Self {
         Self {
             // SAFETY: the caller vouches for it.
-            registers: unsafe { ClintRegisters::new(clint) },
-            hart,
+            registers: unsafe { ClintRegisters::new(clint, hart) },
             frequency,
             nested: MACHINE_TIMER,
             in_handler: AtomicBool::new(false),
@@ -112,7 +110,7 @@ impl Timer for Clint {
 
     #[inline]
     fn arm(&self, at: u64) -> Armed {
-        self.registers.set_mtimecmp(self.hart, at);
+        self.registers.set_mtimecmp(at);
         if self.now() >= at {
             Armed::Past
         } else {
@@ -122,7 +120,7 @@ impl Timer for Clint {
 
     #[inline]
     fn disarm(&self) {
-        self.registers.set_mtimecmp(self.hart, NEVER);
+        self.registers.set_mtimecmp(NEVER);
     }
 }
 

@@ -4,24 +4,32 @@ const MSIP: usize = 0;
 const MTIMECMP: usize = 0x4000;
 const MTIME: usize = 0xbff8;
 
-/// The registers of a CLINT: a counter, and for each hart a compare and a software interrupt.
+/// The registers of a CLINT, for one hart: the counter, its own compare, and the software interrupts of
+/// all harts.
 ///
 /// Source: the CLINT of the `SiFive` FU540-C000 manual, chapter 9, which is also the layout of
 /// the ACLINT devices MSWI and MTIMER side by side.
 #[derive(Clone, Copy, Debug)]
 pub struct ClintRegisters {
-    base: usize,
+    msip: usize,
+    mtime: usize,
+    mtimecmp: usize,
 }
 
 impl ClintRegisters {
-    /// Those at address `base`.
+    /// Those of the CLINT at address `base`, for `hart`.
     ///
     /// # Safety
-    /// A CLINT lies there, and no protection keeps this hart from the registers that it uses: `mtime`,
-    /// and `msip` and `mtimecmp` of those harts whose numbers are given to the methods.
+    /// A CLINT lies there, and no protection keeps the hart that uses this from `mtime`, from `mtimecmp`
+    /// of `hart`, and from `msip` of those harts whose numbers are given to
+    /// [`set_msip`](Self::set_msip).
     #[must_use]
-    pub const unsafe fn new(base: usize) -> Self {
-        Self { base }
+    pub const unsafe fn new(base: usize, hart: u16) -> Self {
+        Self {
+            msip: base.wrapping_add(MSIP),
+            mtime: base.wrapping_add(MTIME),
+            mtimecmp: base.wrapping_add(MTIMECMP).wrapping_add(8 * hart as usize),
+        }
     }
 
     /// The counter.
@@ -29,39 +37,32 @@ impl ClintRegisters {
     #[inline]
     pub fn mtime(&self) -> u64 {
         // SAFETY: `new`'s caller vouches for the register.
-        unsafe { read_u64(self.register(MTIME, 0, 0)) }
+        unsafe { read_u64(self.mtime) }
     }
 
-    /// When the timer interrupt of `hart` is pending: while the counter is not below.
+    /// When the timer interrupt of the hart is pending: while the counter is not below.
     #[must_use]
     #[inline]
-    pub fn mtimecmp(&self, hart: u16) -> u64 {
+    pub fn mtimecmp(&self) -> u64 {
         // SAFETY: `new`'s caller vouches for the register.
-        unsafe { read_u64(self.register(MTIMECMP, 8, hart)) }
+        unsafe { read_u64(self.mtimecmp) }
     }
 
-    /// Sets when the timer interrupt of `hart` is pending.
+    /// Sets when the timer interrupt of the hart is pending.
     #[inline]
-    pub fn set_mtimecmp(&self, hart: u16, value: u64) {
+    pub fn set_mtimecmp(&self, value: u64) {
         // SAFETY: `new`'s caller vouches for the register.
-        unsafe { write_u64(self.register(MTIMECMP, 8, hart), value) };
+        unsafe { write_u64(self.mtimecmp, value) };
     }
 
-    /// Makes the software interrupt of `hart` pending, or not.
+    /// Makes the software interrupt of any `hart` pending, or not.
     ///
     /// It is ordered with other accesses to devices only: whoever tells of memory makes a fence first.
     #[inline]
     pub fn set_msip(&self, hart: u16, pending: bool) {
-        let register = self.register(MSIP, 4, hart) as *mut u32;
+        let register = self.msip.wrapping_add(4 * usize::from(hart)) as *mut u32;
         // SAFETY: `new`'s caller vouches for the register.
         unsafe { register.write_volatile(u32::from(pending)) };
-    }
-
-    #[inline]
-    const fn register(&self, array: usize, stride: usize, hart: u16) -> usize {
-        self.base
-            .wrapping_add(array)
-            .wrapping_add(stride.wrapping_mul(hart as usize))
     }
 }
 
