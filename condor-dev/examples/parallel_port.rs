@@ -5,8 +5,9 @@
 use std::error::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use condor_dev::AccessError;
 use condor_dev::drivers::Mpp;
-use condor_dev::sim::{Bus, Controller, MppModel, SimBusError};
+use condor_dev::sim::{Bus, Controller, MppModel};
 use condor_dev::{Fd, IoError, Mode, Place, Switch, Vector, device_switch};
 
 device_switch! {
@@ -52,14 +53,14 @@ fn parallel_port_receive(
     devices: &Devices,
     fd: Fd,
     buffer: &mut [u8],
-) -> Result<usize, IoError<SimBusError>> {
+) -> Result<usize, IoError<AccessError>> {
     match devices.read(fd, buffer) {
         Err(IoError::WouldBlock) => Ok(0),
         result => result,
     }
 }
 
-fn parallel_port_exit(devices: &Devices, fd: Fd) -> Result<(), IoError<SimBusError>> {
+fn parallel_port_exit(devices: &Devices, fd: Fd) -> Result<(), IoError<AccessError>> {
     devices.close(fd)
 }
 

@@ -16,6 +16,7 @@
 //! [ring]: Ring
 //! [mmio]: Mmio
 //! [bus]: Bus
+//! [serial]: I2cBus
 //! [controller]: InterruptController
 //! [driver]: Driver
 //!
@@ -70,6 +71,8 @@ mod bus;
 mod guarded;
 mod interrupt;
 mod mmio;
+mod serial;
+mod several;
 
 // The switch.
 mod device;
@@ -82,14 +85,15 @@ mod switch;
 mod sync;
 mod unit;
 
-pub use bus::{Bus, BusError, BusErrorKind, Registers, Width};
+pub use bus::{AccessError, Bus, BusError, BusErrorKind, Registers, Width};
 pub use device::Device;
 pub use dispatch::InterruptCounts;
 pub use driver::{Attention, DeviceError, Driver};
 pub use fd::{Fd, FdError, Mode};
 pub use interrupt::{InterruptController, Level, NoInterrupts, Vector};
-pub use mmio::{Mmio, MmioError};
+pub use mmio::Mmio;
 pub use ring::{Reader, Ring, Writer};
+pub use serial::{I2cBus, SpiBus, SpiCommand};
 pub use set::{DeviceSet, Has};
 pub use stream::{Descriptors, Looks, Stream, StreamError, Timeout, Wait};
 pub use switch::{IoError, OpenError, Switch};

@@ -74,7 +74,7 @@ pub enum OpenError<'n> {
         count: usize,
     },
     /// The board did not answer.
-    #[error("{name} board {board}: bus error {kind:?}")]
+    #[error("{name} board {board}: {kind}")]
     Bus {
         /// The device.
         name: &'n str,
@@ -110,7 +110,7 @@ pub enum IoError<E> {
     #[error("the device reports error {0:#04x}")]
     Device(u8),
     /// The bus.
-    #[error("bus error: {0:?}")]
+    #[error("{0}")]
     Bus(E),
 }
 

@@ -22,6 +22,12 @@ impl Place {
         }
     }
 
+    /// A part with this 7-bit address on an [`I2cBus`](crate::I2cBus), which does not interrupt.
+    #[must_use]
+    pub const fn i2c(address: u8) -> Self {
+        Self::at((address as usize) << 8)
+    }
+
     /// The same board, interrupting with `vector` at `level`.
     #[must_use]
     pub const fn interrupting(self, vector: u16, level: u8) -> Self {

@@ -1,24 +1,15 @@
 //! The boards of all paths: four drivers on a bus that is plain memory.
 
 use std::cell::UnsafeCell;
+use std::ffi::c_void;
 
 use condor_dev::{
-    Bus, BusError, BusErrorKind, Device, DeviceError, Driver, Mode, NoInterrupts, Place, Registers,
+    Bus, BusErrorKind, Device, DeviceError, Driver, Mode, NoInterrupts, Place, Registers,
     Switch, Width, device_switch, drivers::Adc16,
 };
 
 /// Bytes of the bus.
 const SIZE: usize = 0x1000;
-
-/// What the bus says when there is nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Nothing(BusErrorKind);
-
-impl BusError for Nothing {
-    fn kind(&self) -> BusErrorKind {
-        self.0
-    }
-}
 
 /// Registers that are memory.
 #[repr(align(16))]
@@ -33,46 +24,45 @@ impl Memory {
     }
 
     #[inline]
-    fn place<T>(&self, address: usize) -> Result<*mut T, Nothing> {
-        if !address.is_multiple_of(size_of::<T>()) {
-            return Err(Nothing(BusErrorKind::Misaligned));
+    fn place(&self, address: usize, width: Width) -> Result<*mut c_void, BusErrorKind> {
+        if !address.is_multiple_of(width.bytes()) {
+            return Err(BusErrorKind::Misaligned);
         }
-        if address > SIZE - size_of::<T>() {
-            return Err(Nothing(BusErrorKind::NoAnswer));
+        if address > SIZE - width.bytes() {
+            return Err(BusErrorKind::NoAnswer);
         }
-        // SAFETY: an aligned `T` at `address` ends inside of the bytes, which are aligned to 16.
-        Ok(unsafe { self.0.get().cast::<u8>().add(address).cast() })
+        Ok(self.0.get().cast::<u8>().wrapping_add(address).cast())
     }
 }
 
-macro_rules! accesses {
-    ($($read:ident, $write:ident: $kind:ty;)*) => {
-        $(
-            #[inline]
-            fn $read(&self, address: usize) -> Result<$kind, Nothing> {
-                let place = self.place::<$kind>(address)?;
-                // SAFETY: `place` checked it, and nobody else accesses it.
-                Ok(unsafe { place.read_volatile() })
-            }
-
-            #[inline]
-            fn $write(&self, address: usize, value: $kind) -> Result<(), Nothing> {
-                let place = self.place::<$kind>(address)?;
-                // SAFETY: as above.
-                unsafe { place.write_volatile(value) };
-                Ok(())
-            }
-        )*
-    };
-}
-
 impl Bus for Memory {
-    type Error = Nothing;
+    type Error = BusErrorKind;
 
-    accesses! {
-        read8, write8: u8;
-        read16, write16: u16;
-        read32, write32: u32;
+    #[inline]
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusErrorKind> {
+        let place = self.place(address, width)?;
+        // SAFETY: `place` checked it, and nobody else accesses it.
+        Ok(unsafe {
+            match width {
+                Width::Bits8 => place.cast::<u8>().read_volatile().into(),
+                Width::Bits16 => place.cast::<u16>().read_volatile().into(),
+                Width::Bits32 => place.cast::<u32>().read_volatile(),
+            }
+        })
+    }
+
+    #[inline]
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusErrorKind> {
+        let place = self.place(address, width)?;
+        // SAFETY: as above.
+        unsafe {
+            match width {
+                Width::Bits8 => place.cast::<u8>().write_volatile(value as u8),
+                Width::Bits16 => place.cast::<u16>().write_volatile(value as u16),
+                Width::Bits32 => place.cast::<u32>().write_volatile(value),
+            }
+        }
+        Ok(())
     }
 }
 

@@ -6,9 +6,9 @@ use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
 use super::{Encoder8, Mpp, Uart16550};
-use crate::bus::{Bus, Registers};
+use crate::bus::{AccessError, Bus, Registers, Width};
 use crate::driver::Driver;
-use crate::sim::{self, EncoderModel, LineFault, Model, MppModel, SimBusError, UartModel};
+use crate::sim::{self, EncoderModel, LineFault, Model, MppModel, UartModel};
 use crate::sync::interrupted::{access, comes_in};
 
 type Serial = Uart16550<1, 8>;
@@ -16,27 +16,17 @@ type Serial = Uart16550<1, 8>;
 /// A bus before each of whose accesses the interrupt may come.
 struct Interrupted(sim::Bus);
 
-macro_rules! interrupted {
-    ($($method:ident($($value:ident: $kind:ty)?) -> $result:ty;)*) => {
-        $(
-            fn $method(&self, address: usize $(, $value: $kind)?) -> Result<$result, SimBusError> {
-                access();
-                self.0.$method(address $(, $value)?)
-            }
-        )*
-    };
-}
-
 impl Bus for Interrupted {
-    type Error = SimBusError;
+    type Error = AccessError;
 
-    interrupted! {
-        read8() -> u8;
-        read16() -> u16;
-        read32() -> u32;
-        write8(value: u8) -> ();
-        write16(value: u16) -> ();
-        write32(value: u32) -> ();
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+        access();
+        self.0.read(address, width)
+    }
+
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+        access();
+        self.0.write(address, width, value)
     }
 }
 

@@ -8,7 +8,7 @@ use std::process::Command;
 use condor_dev::drivers::Adc16;
 use condor_dev::linux::{Access, LinuxBus, MapError};
 use condor_dev::{
-    Bus, BusErrorKind, MmioError, Mode, NoInterrupts, OpenError, Place, Presence, Switch,
+    AccessError, Bus, BusErrorKind, Mode, NoInterrupts, OpenError, Place, Presence, Switch,
     device_switch,
 };
 use condor_mbox::linux::{Access as WindowAccess, LinuxWindow};
@@ -24,11 +24,11 @@ fn mapped(access: Access) -> (File, LinuxBus) {
     (file, bus)
 }
 
-fn kind<T: std::fmt::Debug>(result: Result<T, MmioError>) -> BusErrorKind {
+fn kind<T: std::fmt::Debug>(result: Result<T, AccessError>) -> BusErrorKind {
     result.unwrap_err().kind
 }
 
-type Call = fn(&LinuxBus, usize) -> Result<u32, MmioError>;
+type Call = fn(&LinuxBus, usize) -> Result<u32, AccessError>;
 
 const READS: [Call; 3] = [
     |bus, at| bus.read8(at).map(u32::from),

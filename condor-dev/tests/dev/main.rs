@@ -17,6 +17,7 @@ mod output;
 mod plic;
 mod ring;
 mod scenario;
+mod serial;
 mod standard;
 mod stream;
 mod switch;

@@ -6,7 +6,7 @@ use core::num::NonZeroU16;
 use checks::Checks;
 use condor_dev::drivers::{Adc16, Dac16, Encoder8, Format, Mpp, Trigger, Uart16550};
 use condor_dev::{
-    Bus as _, BusErrorKind, Device, FdError, InterruptController, IoError, Mmio, MmioError, Mode,
+    AccessError, Bus as _, BusErrorKind, Device, FdError, InterruptController, IoError, Mmio, Mode,
     OpenError, Place, Presence, Switch, Vector, device_switch,
 };
 
@@ -44,7 +44,7 @@ pub fn everything<C: InterruptController>(
     checks: &mut Checks<'_>,
     switch: &Devices<C>,
     memory: Mmio,
-) -> Result<(), MmioError> {
+) -> Result<(), AccessError> {
     identify(memory)?;
     checks.group("start-up");
     switch.start();
@@ -70,7 +70,7 @@ pub fn everything<C: InterruptController>(
 }
 
 /// Makes the memory look like the boards.
-fn identify(memory: Mmio) -> Result<(), MmioError> {
+fn identify(memory: Mmio) -> Result<(), AccessError> {
     for (board, identification) in [
         (MPP, 0x3b70),
         (ADC, 0xadc0),
@@ -89,7 +89,7 @@ fn identify(memory: Mmio) -> Result<(), MmioError> {
     let beyond = memory.read8(BASE + 0x1000).map_err(|error| error.kind);
     let odd = memory.read32(BASE + 2).map_err(|error| error.kind);
     if beyond != Err(BusErrorKind::OutOfRange) || odd != Err(BusErrorKind::Misaligned) {
-        return Err(MmioError {
+        return Err(AccessError {
             address: BASE,
             kind: BusErrorKind::Lost,
         });
@@ -159,7 +159,7 @@ fn analog<C: InterruptController>(
     checks: &mut Checks<'_>,
     switch: &Devices<C>,
     memory: Mmio,
-) -> Result<(), MmioError> {
+) -> Result<(), AccessError> {
     if let Ok(fd) = switch.open("adc", 0, Mode::READ) {
         if let Ok(adc) = switch.device::<Adc16>(fd) {
             checks.same(
@@ -204,7 +204,7 @@ fn encoder<C: InterruptController>(
     checks: &mut Checks<'_>,
     switch: &Devices<C>,
     memory: Mmio,
-) -> Result<(), MmioError> {
+) -> Result<(), AccessError> {
     let Ok(fd) = switch.open("encoder", 0, Mode::READ) else {
         checks.that("an encoder board is opened", false);
         return Ok(());

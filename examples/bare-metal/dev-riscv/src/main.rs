@@ -86,7 +86,7 @@ extern "C" fn main() {
 }
 
 fn faults(checks: &mut Checks<'_>) {
-    let silent = |result: Result<(), condor_dev::MmioError>| {
+    let silent = |result: Result<(), condor_dev::AccessError>| {
         result.map_err(|error| error.kind) == Err(BusErrorKind::NoAnswer)
     };
     checks.that("a byte is not read", silent(BUS.read8(NOWHERE).map(drop)));
