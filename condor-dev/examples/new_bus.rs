@@ -119,9 +119,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let fd = switch
         .open(":adc", 0, Mode::READ)
         .map_err(|error| error.to_string())?;
-    let adc = switch.device::<Adc16>(fd)?;
+    let adc = switch.device(Boards::adc, fd)?;
     let mut channels = [0; Adc16::CHANNELS];
-    adc.scan(&mut channels)
+    adc.scan(adc.registers, &mut channels)
         .map_err(|error| format!("{error:?}"))?;
     println!("channels {channels:?}");
     Ok(())

@@ -26,11 +26,11 @@ fn parallel_port_startup(devices: &Devices, board_number: u8) -> Result<Fd, Box<
     let fd = devices
         .open(":mpp", board_number, Mode::READ | Mode::WRITE)
         .map_err(|error| format!("couldn't open device: {error}"))?;
-    let mpp = devices.device::<Mpp>(fd)?;
+    let mpp = devices.device(Boards::mpp, fd)?;
     // Reset the board.
-    mpp.reset()?;
+    mpp.reset(mpp.registers)?;
     // Configure the board to be in raw 16-bit mode.
-    mpp.config_16bit_raw()?;
+    mpp.config_16bit_raw(mpp.registers)?;
     // Return the fd, so that the user can use it later.
     Ok(fd)
 }
@@ -40,10 +40,10 @@ fn parallel_port_read(
     fd: Fd,
     buffer: &mut [u16],
 ) -> Result<usize, Box<dyn Error>> {
-    let mpp = devices.device::<Mpp>(fd)?;
+    let mpp = devices.device(Boards::mpp, fd)?;
     for value in &mut *buffer {
         // Perform the read 16 bits at a time.
-        *value = mpp.read_16bits()?;
+        *value = mpp.read_16bits(mpp.registers)?;
     }
     Ok(buffer.len())
 }
@@ -82,7 +82,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let count = parallel_port_read(&devices, fd, &mut buffer)?;
     println!("{count} words of 16 bits: {buffer:04x?}");
 
-    devices.device::<Mpp>(fd)?.config_8bit()?;
+    let mpp = devices.device(Boards::mpp, fd)?;
+    mpp.config_8bit(mpp.registers)?;
+    drop(mpp);
     outside(&|board| {
         for &byte in b"Condor" {
             board.strobe_in(byte);

@@ -94,7 +94,7 @@ pub use interrupt::{InterruptController, Level, NoInterrupts, Vector};
 pub use mmio::Mmio;
 pub use ring::{Reader, Ring, Writer};
 pub use serial::{I2cBus, SpiBus, SpiCommand};
-pub use set::{DeviceSet, Has};
+pub use set::{DeviceSet, Kind};
 pub use stream::{Descriptors, Looks, Stream, StreamError, Timeout, Wait};
 pub use switch::{IoError, OpenError, Switch};
 pub use unit::{Place, Presence, Unit};

@@ -4,8 +4,8 @@ use std::cell::UnsafeCell;
 use std::ffi::c_void;
 
 use condor_dev::{
-    Bus, BusErrorKind, Device, DeviceError, Driver, Mode, NoInterrupts, Place, Registers,
-    Switch, Width, device_switch, drivers::Adc16,
+    Bus, BusErrorKind, Device, DeviceError, Driver, Mode, NoInterrupts, Place, Registers, Switch,
+    Width, device_switch, drivers::Adc16,
 };
 
 /// Bytes of the bus.
@@ -67,13 +67,12 @@ impl Bus for Memory {
 }
 
 macro_rules! written_in {
-    ($(#[$doc:meta])* $driver:ident, $name:literal, $kind:ty, $write:ident, $offset:literal) => {
+    ($(#[$doc:meta])* $driver:ident, $kind:ty, $write:ident, $offset:literal) => {
         $(#[$doc])*
         #[derive(Debug)]
         pub(super) struct $driver(());
 
         impl Driver for $driver {
-            const NAME: &'static str = $name;
             const NEW: Self = Self(());
             const READS: bool = false;
             const WRITES: bool = true;
@@ -120,15 +119,15 @@ macro_rules! written_in {
 
 written_in! {
     /// A board with a byte.
-    Lamps, "lamps", u8, write8, 0x3
+    Lamps, u8, write8, 0x3
 }
 written_in! {
     /// A board with a word.
-    Counter, "counter", u32, write32, 0x10
+    Counter, u32, write32, 0x10
 }
 written_in! {
     /// The board that all paths write to: the memo's parallel port in raw 16-bit mode.
-    Port, "port", u16, write16, 0x22
+    Port, u16, write16, 0x22
 }
 
 /// Where the port is.

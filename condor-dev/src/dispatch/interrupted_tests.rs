@@ -16,7 +16,6 @@ use crate::unit::Place;
 struct Bell;
 
 impl Driver for Bell {
-    const NAME: &'static str = "bell";
     const NEW: Self = Self;
     const READS: bool = true;
     const WRITES: bool = false;

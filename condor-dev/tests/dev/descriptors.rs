@@ -12,7 +12,6 @@ use proptest::prelude::*;
 struct Latch(());
 
 impl Driver for Latch {
-    const NAME: &'static str = "latch";
     const NEW: Self = Self(());
     const READS: bool = true;
     const WRITES: bool = true;
@@ -310,13 +309,13 @@ proptest! {
                 }
                 Step::HoldAdc(which) => {
                     let Some(index) = some(which) else { continue };
-                    let device = switch.device::<Adc16>(model.given[index].fd);
+                    let device = switch.device(Boards::adc, model.given[index].fd);
                     prop_assert_eq!(device.as_ref().map(|_| ()).map_err(|e| *e), model.hold(index, false));
                     held.extend(device.ok().map(Held::Adc));
                 }
                 Step::HoldLatch(which) => {
                     let Some(index) = some(which) else { continue };
-                    let device = switch.device::<Latch>(model.given[index].fd);
+                    let device = switch.device(Boards::latch, model.given[index].fd);
                     prop_assert_eq!(device.as_ref().map(|_| ()).map_err(|e| *e), model.hold(index, true));
                     held.extend(device.ok().map(Held::Latch));
                 }

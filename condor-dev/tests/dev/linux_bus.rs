@@ -136,11 +136,14 @@ fn an_unchanged_driver_finds_the_boards_that_are_there() {
     assert_eq!(switch.open("adc", 1, Mode::READ), Err(absent));
     let fd = switch.open("adc", 0, Mode::READ).unwrap();
     let mut channels = [0; 16];
-    let adc = switch.device::<Adc16>(fd).unwrap();
-    adc.scan(&mut channels).unwrap();
+    let adc = switch.device(Boards::adc, fd).unwrap();
+    adc.scan(adc.registers, &mut channels).unwrap();
     assert_eq!(channels[3], 1234);
     file.set_len(0).unwrap();
-    assert_eq!(kind(adc.scan(&mut channels)), BusErrorKind::Lost);
+    assert_eq!(
+        kind(adc.scan(adc.registers, &mut channels)),
+        BusErrorKind::Lost
+    );
 }
 
 #[test]

@@ -23,7 +23,7 @@ pub(crate) fn echo(checks: &mut Checks<'_>, system: &System) {
     let flushed = flush(system, fd);
     checks.same("a megabyte is echoed", echoed, Ok(()));
     checks.same("all of it is sent", flushed, Ok(true));
-    if let Ok(uart) = system.device::<Serial>(fd) {
+    if let Ok(uart) = system.device(Boards::uart, fd) {
         checks.same("no byte ran over", uart.line_errors().overruns, 0);
     }
     let counts = system.interrupt_counts();
