@@ -6,8 +6,8 @@ use std::cell::RefCell;
 use std::error::Error;
 
 use condor_dev::conformance::{self, Ground};
-use condor_dev::drivers::Adc16;
 use condor_dev::{Bus, BusErrorKind, Mode, NoInterrupts, Place, Switch, Width, device_switch};
+use example_boards::Adc16;
 
 /// Boards behind a bridge. A request is a command (1, 2 or 4 bytes, 0x80 to write), the address
 /// and a value; an answer is a status and a value.

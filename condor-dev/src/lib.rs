@@ -1,8 +1,4 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
-#![cfg_attr(not(condor_loom), doc = "[mpp]: drivers::Mpp")]
-#![cfg_attr(not(condor_loom), doc = "[adc]: drivers::Adc16")]
-#![cfg_attr(not(condor_loom), doc = "[dac]: drivers::Dac16")]
-#![cfg_attr(not(condor_loom), doc = "[encoder]: drivers::Encoder8")]
 #![cfg_attr(not(condor_loom), doc = "[uart]: drivers::Uart16550")]
 //! [presence]: Presence
 //! [fd]: Fd
@@ -89,6 +85,8 @@ pub use bus::{AccessError, Bus, BusError, BusErrorKind, Registers, Width};
 pub use device::Device;
 pub use dispatch::InterruptCounts;
 pub use driver::{Attention, DeviceError, Driver};
+#[cfg(not(condor_loom))]
+pub use drivers::register::{Count, Kept};
 pub use fd::{Fd, FdError, Mode};
 pub use interrupt::{InterruptController, Level, NoInterrupts, Vector};
 pub use mmio::Mmio;

@@ -232,7 +232,7 @@ const fn equal(a: &str, b: &str) -> bool {
 /// interrupt: the system configuration file of the memo (section 3.1).
 ///
 /// ```
-/// use condor_dev::drivers::Adc16;
+/// use example_boards::Adc16;
 /// use condor_dev::{Place, device_switch};
 ///
 /// device_switch! {
@@ -255,7 +255,8 @@ const fn equal(a: &str, b: &str) -> bool {
 /// Two boards at one address do not compile:
 ///
 /// ```compile_fail
-/// # use condor_dev::{Place, device_switch, drivers::Adc16};
+/// # use condor_dev::{Place, device_switch};
+/// # use example_boards::Adc16;
 /// device_switch! {
 ///     struct Twice {
 ///         adc: Adc16 = [Place::at(0x1000), Place::at(0x1000)],
@@ -267,7 +268,8 @@ const fn equal(a: &str, b: &str) -> bool {
 /// Nor do boards that share a vector at different levels:
 ///
 /// ```compile_fail
-/// # use condor_dev::{Place, device_switch, drivers::Adc16};
+/// # use condor_dev::{Place, device_switch};
+/// # use example_boards::Adc16;
 /// device_switch! {
 ///     struct Uneven {
 ///         adc: Adc16 = [

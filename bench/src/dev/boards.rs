@@ -5,8 +5,9 @@ use std::ffi::c_void;
 
 use condor_dev::{
     Bus, BusErrorKind, Device, DeviceError, Driver, Mode, NoInterrupts, Place, Registers, Switch,
-    Width, device_switch, drivers::Adc16,
+    Width, device_switch,
 };
+use example_boards::Adc16;
 
 /// Bytes of the bus.
 const SIZE: usize = 0x1000;

@@ -5,10 +5,10 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
-use super::{Encoder8, Mpp, Uart16550};
+use super::Uart16550;
 use crate::bus::{AccessError, Bus, Registers, Width};
 use crate::driver::Driver;
-use crate::sim::{self, EncoderModel, LineFault, Model, MppModel, UartModel};
+use crate::sim::{self, LineFault, Model, UartModel};
 use crate::sync::interrupted::{access, comes_in};
 
 type Serial = Uart16550<1, 8>;
@@ -235,69 +235,4 @@ fn a_serial_port_recovers_from_an_error_of_the_bus_at_any_access() {
         let _ = world.driver.is_flushed(world.registers());
         world.check();
     }
-}
-
-#[test]
-fn a_parallel_port_is_read_and_configured_while_it_interrupts() {
-    type Port = World<Mpp, MppModel>;
-    let busy = || {
-        let world = Port::new();
-        for byte in 0..4 {
-            assert!(world.board.lock().unwrap().strobe_in(byte));
-            world.received.borrow_mut().push(byte);
-        }
-        world.driver.interrupt(world.registers()).unwrap();
-        for byte in 4..8 {
-            assert!(world.board.lock().unwrap().strobe_in(byte));
-            world.received.borrow_mut().push(byte);
-        }
-        world
-    };
-    let check = |world: &Port| {
-        world.interrupt();
-        world.read(8);
-        world.read(8);
-        assert_eq!(sorted(&world.read), sorted(&world.received));
-        world
-            .sent
-            .borrow_mut()
-            .extend(&world.board.lock().unwrap().strobed);
-        assert_eq!(sorted(&world.sent), sorted(&world.accepted));
-        assert!(!world.board.lock().unwrap().interrupts());
-    };
-    let read = |world: &Port| world.read(3);
-    let write = |world: &Port| world.write(&[50, 51]);
-    let reconfigure = |world: &Port| {
-        for raw in [true, false] {
-            world.driver.set_raw(world.registers(), raw).unwrap();
-        }
-    };
-    everywhere(busy, Port::interrupt, read, check);
-    everywhere(busy, Port::interrupt, write, check);
-    everywhere(busy, Port::interrupt, reconfigure, check);
-    everywhere(busy, read, Port::interrupt, check);
-    everywhere(busy, write, Port::interrupt, check);
-    everywhere(busy, reconfigure, Port::interrupt, check);
-    everywhere(busy, read, read, check);
-    everywhere(busy, write, write, check);
-    everywhere(busy, read, write, check);
-    everywhere(busy, write, read, check);
-}
-
-#[test]
-fn a_scan_of_counters_is_of_one_instant() {
-    type Counters = World<Encoder8, EncoderModel>;
-    let scan = |world: &Counters| {
-        let mut bytes = [0; 32];
-        world.driver.read(world.registers(), &mut bytes).unwrap();
-        let (counts, _) = bytes.as_chunks::<4>();
-        assert!(counts.iter().all(|count| count == &counts[0]), "{counts:?}");
-    };
-    let turn_and_scan = move |world: &Counters| {
-        for number in 0..8 {
-            world.board.lock().unwrap().turn(number, 1);
-        }
-        scan(world);
-    };
-    everywhere(Counters::new, turn_and_scan, scan, scan);
 }

@@ -1,19 +1,11 @@
 //! A bus in memory: boards as models of their registers, with injected faults, for tests on any
 //! machine with std.
 
-mod adc;
 mod controller;
-mod dac;
-mod encoder;
-mod mpp;
 mod serial;
 mod uart;
 
-pub use adc::AdcModel;
 pub use controller::Controller;
-pub use dac::DacModel;
-pub use encoder::EncoderModel;
-pub use mpp::MppModel;
 pub use serial::{I2c, Spi};
 pub use uart::{LineFault, UartModel};
 

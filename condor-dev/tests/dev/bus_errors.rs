@@ -3,9 +3,10 @@
 use std::num::NonZeroU16;
 
 use crate::boards::*;
-use condor_dev::drivers::{Format, Trigger};
+use condor_dev::drivers::Format;
 use condor_dev::sim::LineFault;
 use condor_dev::{Fd, Mode};
+use example_boards::Trigger;
 
 /// Calls of a device, whose results are not looked at.
 type Session = fn(&Machine, Fd);

@@ -1,11 +1,12 @@
 //! Descriptors, used and misused at random, beside a model that keeps a list of all that ever were.
 
-use condor_dev::drivers::Adc16;
-use condor_dev::sim::{AdcModel, Bus, Model};
+use condor_dev::sim::{Bus, Model};
 use condor_dev::{
     Bus as _, Device, DeviceError, Driver, Fd, FdError, IoError, Mode, NoInterrupts, OpenError,
     Place, Presence, Registers, Switch, Width, device_switch,
 };
+use example_boards::Adc16;
+use example_boards::sim::AdcModel;
 use proptest::prelude::*;
 
 /// A board that remembers a byte.

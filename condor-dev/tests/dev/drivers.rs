@@ -3,9 +3,11 @@
 use std::num::NonZeroU16;
 
 use crate::boards::*;
-use condor_dev::drivers::{Adc16, Dac16, Encoder8, Format, LineErrors, Mpp, Trigger};
-use condor_dev::sim::{AdcModel, Bus, DacModel, EncoderModel, LineFault, MppModel, UartModel};
+use condor_dev::drivers::{Format, LineErrors};
+use condor_dev::sim::{Bus, LineFault, UartModel};
 use condor_dev::{BusErrorKind, DeviceError, IoError, Mode};
+use example_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
+use example_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
 
 #[test]
 fn probes_know_their_own_board_only() {

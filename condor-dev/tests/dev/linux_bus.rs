@@ -5,7 +5,6 @@ use std::fs::File;
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::Command;
 
-use condor_dev::drivers::Adc16;
 use condor_dev::linux::{Access, LinuxBus, MapError};
 use condor_dev::{
     AccessError, Bus, BusErrorKind, Mode, NoInterrupts, OpenError, Place, Presence, Switch,
@@ -13,6 +12,7 @@ use condor_dev::{
 };
 use condor_mbox::linux::{Access as WindowAccess, LinuxWindow};
 use condor_mbox::{LoadOrder, MemoryWindow as _};
+use example_boards::Adc16;
 
 const BASE: usize = 0xee00_0000;
 const BYTES: usize = 0x4000;

@@ -1,11 +1,12 @@
 //! Names, boards and descriptors, on simulated boards.
 
-use condor_dev::drivers::Adc16;
-use condor_dev::sim::{AdcModel, Bus, Controller};
+use condor_dev::sim::{Bus, Controller};
 use condor_dev::{
     Driver, FdError, InterruptCounts, IoError, Mmio, Mode, NoInterrupts, OpenError, Place,
     Presence, Registers, Switch, Vector, device_switch,
 };
+use example_boards::Adc16;
+use example_boards::sim::AdcModel;
 
 device_switch! {
     /// Two boards of which one is there.

@@ -6,9 +6,11 @@
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use condor_dev::AccessError;
-use condor_dev::drivers::{Adc16, Dac16, Encoder8, Mpp, Uart16550};
-use condor_dev::sim::{AdcModel, Bus, Controller, DacModel, EncoderModel, MppModel, UartModel};
+use condor_dev::drivers::Uart16550;
+use condor_dev::sim::{Bus, Controller, UartModel};
 use condor_dev::{DeviceError, Driver, Fd, IoError, Mode, Place, Switch, Vector, device_switch};
+use example_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
+use example_boards::{Adc16, Dac16, Encoder8, Mpp};
 
 device_switch! {
     /// Every board that ships; parallel and serial ports share a vector each.

@@ -3,9 +3,10 @@
 use std::num::NonZeroU16;
 use std::rc::Rc;
 
-use condor_dev::drivers::{Format, Trigger};
+use condor_dev::drivers::Format;
 use condor_dev::sim::{LineFault, Model};
 use condor_dev::{Fd, IoError, Mode, Switch};
+use example_boards::Trigger;
 
 use super::Tally;
 use super::boards::{BOTH, Boards, Machine, outside};

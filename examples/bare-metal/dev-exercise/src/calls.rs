@@ -4,11 +4,12 @@ use core::fmt::{self, Write as _};
 use core::num::NonZeroU16;
 
 use checks::Checks;
-use condor_dev::drivers::{Adc16, Dac16, Encoder8, Format, Mpp, Trigger, Uart16550};
+use condor_dev::drivers::{Format, Uart16550};
 use condor_dev::{
     AccessError, Bus as _, BusErrorKind, Device, FdError, InterruptController, IoError, Mmio, Mode,
     OpenError, Place, Presence, Switch, Vector, device_switch,
 };
+use example_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
 
 use crate::BASE;
 

@@ -4,7 +4,7 @@ use checks::Checks;
 use condor_dev::{AccessError, Fd, IoError, Mode};
 use riscv::register::{mstatus, time};
 
-use crate::{Serial, System};
+use crate::{Machine, System};
 
 /// How many bytes; the text says the same.
 const BYTES: usize = 1 << 20;
@@ -23,7 +23,7 @@ pub(crate) fn echo(checks: &mut Checks<'_>, system: &System) {
     let flushed = flush(system, fd);
     checks.same("a megabyte is echoed", echoed, Ok(()));
     checks.same("all of it is sent", flushed, Ok(true));
-    if let Ok(uart) = system.device(Boards::uart, fd) {
+    if let Ok(uart) = system.device(Machine::uart, fd) {
         checks.same("no byte ran over", uart.line_errors().overruns, 0);
     }
     let counts = system.interrupt_counts();

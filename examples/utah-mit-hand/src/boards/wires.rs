@@ -1,8 +1,8 @@
 //! [`Wires`]: the channels of one processor, transferred board by board.
 
-use condor_dev::drivers::{Adc16, Dac16, Encoder8};
 use condor_dev::{Bus, Device, Mode, NoInterrupts, OpenError, Switch};
 use condor_hand::config::{Channel, Hand};
+use example_boards::{Adc16, Dac16, Encoder8};
 use thiserror::Error;
 
 use super::rack::{Boards, Rack};

@@ -1,8 +1,8 @@
 //! [`Adc16`]: a 16-channel analog-to-digital board.
 
-use crate::bus::{Bus, Registers, Width};
-use crate::driver::{DeviceError, Driver};
-use crate::sync::{AtomicU8, Ordering::Relaxed, masked};
+use core::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
+use condor_dev::{Bus, DeviceError, Driver, Registers, Width};
 
 /// A board with sixteen analog inputs, each converted to 16 bits.
 ///
@@ -154,7 +154,7 @@ impl Adc16 {
         registers: Registers<'_, B>,
         trigger: Trigger,
     ) -> Result<(), B::Error> {
-        masked(|| {
+        critical_section::with(|_| {
             registers.write16(offset::CONTROL, trigger as u16)?;
             self.trigger.store(trigger as u8, Relaxed);
             Ok(())

@@ -1,14 +1,15 @@
 //! The memo's program (A.I. Memo 977, section 3.1): a parallel port is opened, used and closed.
 //!
-//! `cargo run -p condor-dev --features sim --example parallel_port`
+//! `cargo run -p example-boards --example parallel_port`
 
 use std::error::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use condor_dev::AccessError;
-use condor_dev::drivers::Mpp;
-use condor_dev::sim::{Bus, Controller, MppModel};
+use condor_dev::sim::{Bus, Controller};
 use condor_dev::{Fd, IoError, Mode, Place, Switch, Vector, device_switch};
+use example_boards::Mpp;
+use example_boards::sim::MppModel;
 
 device_switch! {
     /// The system configuration file: where parallel ports may be.

@@ -1,7 +1,6 @@
 //! [`Dac16`]: a 16-channel digital-to-analog board.
 
-use crate::bus::{Bus, Registers, Width};
-use crate::driver::{DeviceError, Driver};
+use condor_dev::{Bus, DeviceError, Driver, Registers, Width};
 
 /// A board with sixteen analog outputs of 16 bits, double-buffered.
 ///

@@ -1,8 +1,6 @@
 //! [`Encoder8`]: a board that counts the pulses of quadrature encoders.
 
-use super::register::Count;
-use crate::bus::{Bus, Registers, Width};
-use crate::driver::{DeviceError, Driver};
+use condor_dev::{Bus, Count, DeviceError, Driver, Registers, Width};
 
 /// A board with eight quadrature counters of 32 bits, which wrap.
 ///

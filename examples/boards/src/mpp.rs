@@ -1,10 +1,8 @@
 //! [`Mpp`]: a parallel port board, the example of the memo (section 3.1).
 
-use super::register::{Count, Kept};
-use crate::bus::{Bus, Registers, Width};
-use crate::driver::{Attention, DeviceError, Driver};
-use crate::ring::Ring;
-use crate::sync::{AtomicBool, Ordering::Relaxed, masked};
+use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Kept, Registers, Ring, Width};
 
 /// A board with sixteen input and sixteen output lines, used as handshaken bytes or as they are.
 ///
@@ -79,7 +77,7 @@ impl Mpp {
     /// # Errors
     /// The bus's.
     pub fn reset<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        masked(|| {
+        critical_section::with(|_| {
             self.control.forget();
             registers.write16(offset::CONTROL, control::RESET)?;
             self.raw.store(false, Relaxed);
@@ -90,12 +88,8 @@ impl Mpp {
         })
     }
 
-    pub(super) fn set_raw<B: Bus>(
-        &self,
-        registers: Registers<'_, B>,
-        raw: bool,
-    ) -> Result<(), B::Error> {
-        masked(|| {
+    fn set_raw<B: Bus>(&self, registers: Registers<'_, B>, raw: bool) -> Result<(), B::Error> {
+        critical_section::with(|_| {
             let before = self.raw.load(Relaxed);
             self.raw.store(raw, Relaxed);
             let settled = self.settle(registers).map(drop);
@@ -246,7 +240,7 @@ impl Driver for Mpp {
         }
         each(from, 1, from.len(), |byte| {
             // Another context that writes here would find the same place free.
-            masked(|| {
+            critical_section::with(|_| {
                 let ready = registers.read16(offset::STATUS)? & status::OUTPUT_READY != 0;
                 if ready {
                     registers.write8(offset::BYTE, *byte)?;
@@ -337,6 +331,6 @@ impl Mpp {
     /// # Errors
     /// The bus's.
     pub fn poll<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        masked(|| self.serve(registers)).map(drop)
+        critical_section::with(|_| self.serve(registers)).map(drop)
     }
 }
