@@ -13,7 +13,7 @@ use crate::unit::Unit;
 /// `ioctl`.
 ///
 /// It stands for its driver, whose own calls take the [`registers`](Self::registers) first:
-/// `adc.scan(adc.registers, &mut channels)`. They cost what the driver itself costs. While it is
+/// `sensor.angle(sensor.registers)`. They cost what the driver itself costs. While it is
 /// held, the descriptor cannot be closed; dropping it closes nothing.
 pub struct Device<'s, B, D: Driver, const F: usize> {
     /// The registers of the board.

@@ -135,11 +135,13 @@ pub enum Attention {
 }
 
 /// Why a transfer moved nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError<E> {
     /// The board has nothing to read, or no room, at this moment.
+    #[error("the device is not ready")]
     WouldBlock,
     /// The board does not transfer this many bytes at a time, or in its present configuration.
+    #[error("{bytes} bytes, where the device moves a multiple of {unit} at a time")]
     Length {
         /// What it was asked for.
         bytes: usize,
@@ -147,8 +149,10 @@ pub enum DeviceError<E> {
         unit: usize,
     },
     /// The board reported an error of its own: overrun, framing; bits as its driver documents.
+    #[error("the device reports error {0:#04x}")]
     Device(u8),
     /// The bus.
+    #[error("{0}")]
     Bus(E),
 }
 

@@ -1,5 +1,7 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
 #![cfg_attr(not(condor_loom), doc = "[uart]: drivers::Uart16550")]
+#![cfg_attr(not(condor_loom), doc = "[pca9685]: drivers::Pca9685")]
+#![cfg_attr(not(condor_loom), doc = "[as5600]: drivers::As5600")]
 //! [presence]: Presence
 //! [fd]: Fd
 //! [open]: OpenError

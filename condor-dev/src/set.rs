@@ -232,13 +232,13 @@ const fn equal(a: &str, b: &str) -> bool {
 /// interrupt: the system configuration file of the memo (section 3.1).
 ///
 /// ```
-/// use example_boards::Adc16;
+/// use condor_dev::drivers::Uart16550;
 /// use condor_dev::{Place, device_switch};
 ///
 /// device_switch! {
 ///     /// What the crate of a hand may hold.
 ///     pub struct HandDevices {
-///         adc: Adc16 = [
+///         uart: Uart16550 = [
 ///             Place::at(0xee00_0000).interrupting(64, 3),
 ///             Place::at(0xee00_1000).interrupting(64, 3),
 ///         ],
@@ -249,17 +249,17 @@ const fn equal(a: &str, b: &str) -> bool {
 /// ```
 ///
 /// Each field is a device: its name is the one to [`open`](crate::Switch::open) it by, and the constant
-/// of that name, here `HandDevices::adc`, opens it [with its type](crate::Switch::open_typed). One
+/// of that name, here `HandDevices::uart`, opens it [with its type](crate::Switch::open_typed). One
 /// driver may have several.
 ///
 /// Two boards at one address do not compile:
 ///
 /// ```compile_fail
 /// # use condor_dev::{Place, device_switch};
-/// # use example_boards::Adc16;
+/// # use condor_dev::drivers::Uart16550;
 /// device_switch! {
 ///     struct Twice {
-///         adc: Adc16 = [Place::at(0x1000), Place::at(0x1000)],
+///         uart: Uart16550 = [Place::at(0x1000), Place::at(0x1000)],
 ///     }
 /// }
 /// static DEVICES: Twice = Twice::new();
@@ -269,10 +269,10 @@ const fn equal(a: &str, b: &str) -> bool {
 ///
 /// ```compile_fail
 /// # use condor_dev::{Place, device_switch};
-/// # use example_boards::Adc16;
+/// # use condor_dev::drivers::Uart16550;
 /// device_switch! {
 ///     struct Uneven {
-///         adc: Adc16 = [
+///         uart: Uart16550 = [
 ///             Place::at(0x1000).interrupting(64, 3),
 ///             Place::at(0x2000).interrupting(64, 4),
 ///         ],

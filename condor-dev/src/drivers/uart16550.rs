@@ -13,8 +13,7 @@ use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
 /// A 16550, whose registers are `STRIDE` bytes apart (1 or 4, accessed as bytes), with a buffer of
 /// `BUFFER` bytes each way.
 ///
-/// The registers are those of the National Semiconductor PC16550D (data sheet of 1995). A set knows
-/// the one with stride 4 as `uart4`.
+/// The registers are those of the National Semiconductor PC16550D (data sheet of 1995).
 ///
 /// `read` and `write` move bytes from and to the buffers, which the interrupt's half empties into the
 /// board and fills from it, a FIFO of 16 at a time; on an 8250 without FIFOs, byte by byte. While the

@@ -1,11 +1,15 @@
 //! A bus in memory: boards as models of their registers, with injected faults, for tests on any
 //! machine with std.
 
+mod as5600;
 mod controller;
+mod pca9685;
 mod serial;
 mod uart;
 
+pub use as5600::As5600Model;
 pub use controller::Controller;
+pub use pca9685::Pca9685Model;
 pub use serial::{I2c, Spi};
 pub use uart::{LineFault, UartModel};
 
