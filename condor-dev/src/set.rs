@@ -5,7 +5,7 @@ pub use crate::dispatch::Line;
 
 use crate::driver::Driver;
 use crate::fd::Entry;
-use crate::interrupt::{Level, Vector};
+use crate::interrupt::Vector;
 use crate::unit::{Place, Unit};
 
 /// The boards that may exist, kind by kind; [`device_switch!`](crate::device_switch) writes it.
@@ -58,8 +58,7 @@ impl<S, D> Kind<S, D> {
     /// The board in a slot; `None` if it is of another kind, or there is none.
     pub(crate) fn unit<'s>(&self, devices: &'s S, slot: u16) -> Option<&'s Unit<D>> {
         let units = (self.units)(devices);
-        (slot >> BOARD == self.number()).then_some(())?;
-        units.get(usize::from(slot & MASK))
+        (slot >> BOARD == self.number()).then(|| units.get(usize::from(slot & MASK)))?
     }
 }
 
@@ -101,122 +100,84 @@ pub trait Visitor {
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output;
 }
 
+/// The slot and the place of board `number` among all boards of a set.
+///
+/// # Panics
+/// If the set has too many: it does not compile.
+const fn nth(kinds: &[(&str, &[Place])], mut number: usize) -> Option<(u16, Place)> {
+    assert!(kinds.len() <= Entry::MOST, "a set has too many devices");
+    let mut kind = 0;
+    while kind < kinds.len() {
+        let places = kinds[kind].1;
+        assert!(places.len() <= Entry::MOST, "a device has too many boards");
+        if number < places.len() {
+            return Some((slot(kind as u8, number as u8), places[number]));
+        }
+        number -= places.len();
+        kind += 1;
+    }
+    None
+}
+
 /// How many of the places interrupt.
 #[doc(hidden)]
 #[must_use]
 pub const fn links(kinds: &[(&str, &[Place])]) -> usize {
-    let mut count = 0;
-    let mut kind = 0;
-    while kind < kinds.len() {
-        let places = kinds[kind].1;
-        let mut board = 0;
-        while board < places.len() {
-            if places[board].interrupt().is_some() {
-                count += 1;
-            }
-            board += 1;
+    let (mut count, mut number) = (0, 0);
+    while let Some((_, place)) = nth(kinds, number) {
+        if place.interrupt().is_some() {
+            count += 1;
         }
-        kind += 1;
+        number += 1;
     }
     count
 }
 
-/// The places that interrupt, in the order of their vectors. Nothing may be named twice, and a vector
-/// has one level.
+/// The places that interrupt, in the order of their vectors.
 ///
 /// # Panics
-/// If something is: the set does not compile.
+/// If two boards have one address, or one vector at two levels: the set does not compile.
 #[doc(hidden)]
 #[must_use]
 pub const fn chain<const N: usize>(kinds: &[(&str, &[Place])]) -> [Link; N] {
-    assert!(
-        kinds.len() <= Entry::MOST,
-        "a set has too many kinds of devices"
-    );
     let none = Link {
         vector: Vector(0),
         slot: 0,
     };
     let mut chain = [none; N];
-    let mut count = 0;
-    let mut kind = 0;
-    while kind < kinds.len() {
-        let places = kinds[kind].1;
-        assert!(
-            places.len() <= Entry::MOST,
-            "a set has too many boards of one kind"
-        );
-        let mut board = 0;
-        while board < places.len() {
-            let place = places[board];
-            assert!(
-                !comes_before(place, kinds, kind, board),
-                "two boards have one address"
-            );
-            if let Some((vector, level)) = place.interrupt() {
-                assert!(
-                    !differs_in_level(vector, level, kinds),
-                    "two boards of one vector have different levels"
-                );
-                // Insertion from the end: boards of one vector stay in their order.
-                let mut at = count;
-                while at > 0 && chain[at - 1].vector.0 > vector.0 {
-                    chain[at] = chain[at - 1];
-                    at -= 1;
-                }
-                chain[at] = Link {
-                    vector,
-                    slot: slot(kind as u8, board as u8),
-                };
-                count += 1;
+    let (mut count, mut number) = (0, 0);
+    while let Some((slot, place)) = nth(kinds, number) {
+        check(place, kinds, number);
+        if let Some((vector, _)) = place.interrupt() {
+            // Insertion from the end: boards of one vector stay in their order.
+            let mut at = count;
+            while at > 0 && chain[at - 1].vector.0 > vector.0 {
+                chain[at] = chain[at - 1];
+                at -= 1;
             }
-            board += 1;
+            chain[at] = Link { vector, slot };
+            count += 1;
         }
-        kind += 1;
+        number += 1;
     }
     chain
 }
 
-/// Whether a board named before `board` of `kind` has the address of `place`.
-const fn comes_before(place: Place, kinds: &[(&str, &[Place])], kind: usize, board: usize) -> bool {
-    let mut other_kind = 0;
-    while other_kind <= kind {
-        let others = kinds[other_kind].1;
-        let end = if other_kind == kind {
-            board
-        } else {
-            others.len()
-        };
-        let mut other = 0;
-        while other < end {
-            if others[other].base() == place.base() {
-                return true;
-            }
-            other += 1;
+/// Compares a place with those of the boards before `number`.
+const fn check(place: Place, kinds: &[(&str, &[Place])], number: usize) {
+    let mut other = 0;
+    while other < number
+        && let Some((_, before)) = nth(kinds, other)
+    {
+        assert!(before.base() != place.base(), "two boards have one address");
+        if let (Some((one, low)), Some((two, high))) = (place.interrupt(), before.interrupt()) {
+            assert!(
+                one.0 != two.0 || low.0 == high.0,
+                "two boards of one vector have different levels"
+            );
         }
-        other_kind += 1;
+        other += 1;
     }
-    false
-}
-
-/// Whether a board interrupts with `vector`, but not at `level`.
-const fn differs_in_level(vector: Vector, level: Level, kinds: &[(&str, &[Place])]) -> bool {
-    let mut kind = 0;
-    while kind < kinds.len() {
-        let places = kinds[kind].1;
-        let mut board = 0;
-        while board < places.len() {
-            if let Some((other, its)) = places[board].interrupt()
-                && other.0 == vector.0
-                && its.0 != level.0
-            {
-                return true;
-            }
-            board += 1;
-        }
-        kind += 1;
-    }
-    false
 }
 
 const fn equal(a: &str, b: &str) -> bool {

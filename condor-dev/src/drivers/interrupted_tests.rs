@@ -236,3 +236,21 @@ fn a_serial_port_recovers_from_an_error_of_the_bus_at_any_access() {
         world.check();
     }
 }
+
+#[test]
+fn a_serial_port_is_closed_and_opened_while_it_interrupts() {
+    let reopen = |world: &World<Serial, UartModel>| {
+        world.driver.close(world.registers()).unwrap();
+        world.driver.open(world.registers()).unwrap();
+    };
+    // What was not read when the port is opened is forgotten; nothing else is.
+    let check = |world: &World<Serial, UartModel>| {
+        world.interrupt();
+        world.read(8);
+        world.read.borrow_mut().clear();
+        world.received.borrow_mut().clear();
+        world.receive([77]);
+        world.check();
+    };
+    everywhere(World::busy, World::interrupt, reopen, check);
+}
