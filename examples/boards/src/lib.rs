@@ -1,4 +1,6 @@
 #![doc = include_str!("../README.md")]
+// Loom's atomics cannot be made in constants, as drivers are.
+#![cfg(not(condor_loom))]
 #![cfg_attr(not(feature = "sim"), no_std)]
 
 mod adc;
