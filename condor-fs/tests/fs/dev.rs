@@ -102,7 +102,12 @@ fn every_misuse_has_its_error() {
     std::fs::write(disk.path().join("a"), b"a").unwrap();
     with_switch(&crate::support::system(), disk.path(), "", |switch, _| {
         for (name, board, mode, expected) in [
-            ("nothing", 0, Mode::READ, "there is no device nothing"),
+            (
+                "nothing",
+                0,
+                Mode::READ,
+                "there is no device nothing; there are: adc",
+            ),
             (
                 ":fs/none",
                 0,

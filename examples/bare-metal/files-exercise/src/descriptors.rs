@@ -72,7 +72,12 @@ fn names(checks: &mut Checks<'_>, switch: &Files<'_, '_>) {
     };
     let exclusive = Mode::READ | Mode::EXCLUSIVE;
     for (name, board, mode, text) in [
-        ("toaster", 0, Mode::READ, "there is no device toaster"),
+        (
+            "toaster",
+            0,
+            Mode::READ,
+            "there is no device toaster; there are: tty",
+        ),
         (
             ":fs/none",
             0,
