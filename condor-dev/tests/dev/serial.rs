@@ -127,6 +127,30 @@ impl spi::SpiDevice for Broken<spi::ErrorKind> {
     }
 }
 
+/// A controller whose bus is used again in the middle of each transfer, as by an interrupt.
+struct Interrupted;
+
+static BUS: I2cBus<Interrupted> = I2cBus::new(Interrupted);
+
+impl i2c::ErrorType for Interrupted {
+    type Error = ErrorKind;
+}
+
+impl i2c::I2c for Interrupted {
+    fn transaction(&mut self, _: u8, _: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
+        let kind = BUS.read8(0x4100).map_err(|error| error.kind);
+        assert_eq!(kind, Err(BusErrorKind::Busy));
+        Ok(())
+    }
+}
+
+#[test]
+fn a_bus_in_use_is_refused_to_others() {
+    for _ in 0..2 {
+        assert_eq!(BUS.write8(0x4000, 1), Ok(()));
+    }
+}
+
 #[test]
 fn what_a_controller_reports_has_a_kind() {
     for (reported, kind) in [

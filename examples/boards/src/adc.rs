@@ -28,7 +28,7 @@ pub struct Adc16 {
 pub enum Trigger {
     /// The end of the one before.
     Continuous = 0,
-    /// [`start`](Self::start).
+    /// [`start`](Adc16::start).
     Command = 1,
     /// The board's trigger line.
     External = 2,
