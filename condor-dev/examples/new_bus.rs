@@ -6,65 +6,37 @@ use std::cell::RefCell;
 use std::error::Error;
 
 use condor_dev::conformance::{self, Ground};
-use condor_dev::drivers::Adc16;
-use condor_dev::{Bus, BusError, BusErrorKind, Mode, NoInterrupts, Place, Switch, device_switch};
+use condor_dev::{Bus, BusErrorKind, Mode, NoInterrupts, Place, Switch, Width, device_switch};
+use example_boards::Adc16;
 
 /// Boards behind a bridge. A request is a command (1, 2 or 4 bytes, 0x80 to write), the address
 /// and a value; an answer is a status and a value.
 struct Bridge<L>(L);
 
-/// The bridge's status, where it is not 0.
-#[derive(Debug)]
-struct BridgeError(u8);
-
-impl BusError for BridgeError {
-    fn kind(&self) -> BusErrorKind {
-        match self.0 {
-            1 => BusErrorKind::Misaligned,
-            2 => BusErrorKind::NoAnswer,
-            _ => BusErrorKind::Lost,
-        }
-    }
-}
-
 impl<L: Link> Bridge<L> {
-    fn request(&self, command: u8, address: usize, value: u32) -> Result<u32, BridgeError> {
-        let address = u32::try_from(address).map_err(|_| BridgeError(2))?;
+    fn request(&self, command: u8, address: usize, value: u32) -> Result<u32, BusErrorKind> {
+        let address = u32::try_from(address).map_err(|_| BusErrorKind::OutOfRange)?;
         let mut request = [command; 9];
         request[1..5].copy_from_slice(&address.to_le_bytes());
         request[5..].copy_from_slice(&value.to_le_bytes());
         match self.0.transfer(request) {
             [0, value @ ..] => Ok(u32::from_le_bytes(value)),
-            [status, ..] => Err(BridgeError(status)),
+            [1, ..] => Err(BusErrorKind::Misaligned),
+            [2, ..] => Err(BusErrorKind::NoAnswer),
+            _ => Err(BusErrorKind::Other),
         }
     }
 }
 
 impl<L: Link> Bus for Bridge<L> {
-    type Error = BridgeError;
+    type Error = BusErrorKind;
 
-    fn read8(&self, address: usize) -> Result<u8, BridgeError> {
-        Ok(self.request(1, address, 0)? as u8)
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusErrorKind> {
+        self.request(width as u8, address, 0)
     }
 
-    fn read16(&self, address: usize) -> Result<u16, BridgeError> {
-        Ok(self.request(2, address, 0)? as u16)
-    }
-
-    fn read32(&self, address: usize) -> Result<u32, BridgeError> {
-        self.request(4, address, 0)
-    }
-
-    fn write8(&self, address: usize, value: u8) -> Result<(), BridgeError> {
-        self.request(0x81, address, value.into()).map(drop)
-    }
-
-    fn write16(&self, address: usize, value: u16) -> Result<(), BridgeError> {
-        self.request(0x82, address, value.into()).map(drop)
-    }
-
-    fn write32(&self, address: usize, value: u32) -> Result<(), BridgeError> {
-        self.request(0x84, address, value).map(drop)
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusErrorKind> {
+        self.request(width as u8 | 0x80, address, value).map(drop)
     }
 }
 
@@ -147,9 +119,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let fd = switch
         .open(":adc", 0, Mode::READ)
         .map_err(|error| error.to_string())?;
-    let adc = switch.device::<Adc16>(fd)?;
+    let adc = switch.device(Boards::adc, fd)?;
     let mut channels = [0; Adc16::CHANNELS];
-    adc.scan(&mut channels)
+    adc.scan(adc.registers, &mut channels)
         .map_err(|error| format!("{error:?}"))?;
     println!("channels {channels:?}");
     Ok(())

@@ -4,24 +4,49 @@ use core::convert::Infallible;
 use core::fmt::Debug;
 
 /// What is wrong with an access, for code that is generic over buses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+///
+/// It is itself a [`BusError`], for buses that have nothing to add.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BusErrorKind {
     /// Nothing answers at the address: no board, or one that is broken.
+    #[error("nothing answers")]
     NoAnswer,
     /// The address is not a multiple of the access's width.
+    #[error("the address is misaligned")]
     Misaligned,
     /// The address is not reached through this bus.
+    #[error("the address is out of range")]
     OutOfRange,
     /// The bus reaches the address for reading only.
+    #[error("the bus is read-only")]
     ReadOnly,
     /// What answered before is gone: a device that vanished, a file that was truncated.
+    #[error("the device is gone")]
     Lost,
+    /// Another context is using the bus; try again later.
+    #[error("the bus is in use")]
+    Busy,
+    /// The board answers at its address, and does not acknowledge the data.
+    #[error("the data was not acknowledged")]
+    NotAcknowledged,
+    /// Another controller of the same wires won the arbitration.
+    #[error("the arbitration was lost")]
+    ArbitrationLost,
+    /// Data came faster than the controller took it.
+    #[error("the controller was overrun")]
+    Overrun,
+    /// The signals on the wires break the protocol of the bus.
+    #[error("the signals break the protocol")]
+    Protocol,
+    /// Anything else.
+    #[error("the bus failed")]
+    Other,
 }
 
-/// An error of a bus; every backend brings its own.
-pub trait BusError: Debug {
-    /// The kind that generic code can act on.
+/// An error of a bus: [`AccessError`] for those of this crate; a backend may bring its own.
+pub trait BusError: core::error::Error {
+    /// Returns the kind that generic code can act on.
     fn kind(&self) -> BusErrorKind;
 }
 
@@ -32,27 +57,85 @@ impl BusError for Infallible {
     }
 }
 
-/// How many bits an access moves at once.
+impl BusError for BusErrorKind {
+    fn kind(&self) -> BusErrorKind {
+        *self
+    }
+}
+
+/// An access that was refused, or that nothing answered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("bus error at {address:#x}: {kind}")]
+pub struct AccessError {
+    /// The bus address of the access.
+    pub address: usize,
+    /// What was wrong with it.
+    pub kind: BusErrorKind,
+}
+
+impl BusError for AccessError {
+    fn kind(&self) -> BusErrorKind {
+        self.kind
+    }
+}
+
+/// How many bits an access moves at once; the number is that of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// One byte.
-    Bits8,
+    Bits8 = 1,
     /// Two bytes.
-    Bits16,
+    Bits16 = 2,
     /// Four bytes.
-    Bits32,
+    Bits32 = 4,
 }
 
 impl Width {
-    /// The same in bytes.
+    /// Returns the number of bytes.
     #[must_use]
     pub const fn bytes(self) -> usize {
-        match self {
-            Self::Bits8 => 1,
-            Self::Bits16 => 2,
-            Self::Bits32 => 4,
-        }
+        self as usize
     }
+
+    /// Returns the bits of a value of this width.
+    #[must_use]
+    pub const fn mask(self) -> u32 {
+        u32::MAX >> (32 - 8 * self.bytes())
+    }
+
+    /// Returns `Ok` if an access of this width may be made at `address`.
+    #[inline(always)]
+    pub(crate) const fn check(self, address: usize) -> Result<(), AccessError> {
+        if address.is_multiple_of(self.bytes()) {
+            return Ok(());
+        }
+        let kind = BusErrorKind::Misaligned;
+        Err(AccessError { address, kind })
+    }
+}
+
+macro_rules! typed {
+    ($($read:ident, $write:ident: $kind:ty, $width:ident, $what:literal;)*) => {
+        $(
+            #[doc = concat!("Reads the ", $what, " at `address`.")]
+            ///
+            /// # Errors
+            /// See [`BusErrorKind`].
+            #[inline(always)]
+            fn $read(&self, address: usize) -> Result<$kind, Self::Error> {
+                Ok(self.read(address, Width::$width)? as $kind)
+            }
+
+            #[doc = concat!("Writes the ", $what, " at `address`.")]
+            ///
+            /// # Errors
+            /// See [`BusErrorKind`].
+            #[inline(always)]
+            fn $write(&self, address: usize, value: $kind) -> Result<(), Self::Error> {
+                self.write(address, Width::$width, value.into())
+            }
+        )*
+    };
 }
 
 /// Reads and writes of 8, 16 and 32 bits at bus addresses, each of which may answer with a bus
@@ -66,83 +149,86 @@ impl Width {
 ///
 /// # For implementers
 ///
-/// The memory behind a bus is never a Rust reference. An access that the bus does not answer returns
-/// an error, never a signal or a trap; a bus that cannot know returns
-/// [`Infallible`](core::convert::Infallible) errors and overrides [`answers`](Self::answers) if it
-/// can know at start-up. A misaligned access is refused, not split. Call
-/// [`conformance::bus`](conformance/fn.bus.html) from one test.
+/// Only [`read`](Self::read) and [`write`](Self::write) are required. A bus on which every transfer
+/// is slow overrides the block transfers; one that cannot know whether something answered returns
+/// [`Infallible`](core::convert::Infallible) errors, and overrides [`answers`](Self::answers) if it
+/// can know at start-up. The memory behind a bus is never a Rust reference. An access that the bus
+/// does not answer returns an error, never a signal or a trap. A misaligned access is refused, not
+/// split. Call [`conformance::bus`](conformance/fn.bus.html) from one test.
 pub trait Bus {
     /// The backend's error.
     type Error: BusError;
 
-    /// Reads a byte.
+    /// Reads a register; the value's upper bits, where it is narrower than 32, are 0.
     ///
     /// # Errors
     /// See [`BusErrorKind`]; so for all accesses.
-    fn read8(&self, address: usize) -> Result<u8, Self::Error>;
+    fn read(&self, address: usize, width: Width) -> Result<u32, Self::Error>;
 
-    /// Reads two bytes at once.
+    /// Writes a register with the lower bits of `value`.
     ///
     /// # Errors
-    /// As [`read8`](Self::read8).
-    fn read16(&self, address: usize) -> Result<u16, Self::Error>;
+    /// See [`BusErrorKind`].
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), Self::Error>;
 
-    /// Reads four bytes at once.
+    /// Reads the byte registers from `address` on, in order.
     ///
     /// # Errors
-    /// As [`read8`](Self::read8).
-    fn read32(&self, address: usize) -> Result<u32, Self::Error>;
-
-    /// Writes a byte.
-    ///
-    /// # Errors
-    /// As [`read8`](Self::read8).
-    fn write8(&self, address: usize, value: u8) -> Result<(), Self::Error>;
-
-    /// Writes two bytes at once.
-    ///
-    /// # Errors
-    /// As [`read8`](Self::read8).
-    fn write16(&self, address: usize, value: u16) -> Result<(), Self::Error>;
-
-    /// Writes four bytes at once.
-    ///
-    /// # Errors
-    /// As [`read8`](Self::read8).
-    fn write32(&self, address: usize, value: u32) -> Result<(), Self::Error>;
-
-    /// Whether something answers a read at `address`: for probing, before anything relies on it.
-    fn answers(&self, address: usize, width: Width) -> bool {
-        match width {
-            Width::Bits8 => self.read8(address).is_ok(),
-            Width::Bits16 => self.read16(address).is_ok(),
-            Width::Bits32 => self.read32(address).is_ok(),
+    /// See [`BusErrorKind`]: then some of `into` may have been read.
+    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), Self::Error> {
+        for (offset, byte) in into.iter_mut().enumerate() {
+            *byte = self.read(address.wrapping_add(offset), Width::Bits8)? as u8;
         }
+        Ok(())
     }
-}
 
-macro_rules! forwarded {
-    ($($method:ident($($argument:ident: $kind:ty),*) -> $result:ty;)*) => {
-        $(
-            #[inline(always)]
-            fn $method(&self, $($argument: $kind),*) -> $result {
-                B::$method(self, $($argument),*)
-            }
-        )*
-    };
+    /// Writes the byte registers from `address` on, in order.
+    ///
+    /// # Errors
+    /// See [`BusErrorKind`]: then some of `from` may have been written.
+    fn write_block(&self, address: usize, from: &[u8]) -> Result<(), Self::Error> {
+        for (offset, &byte) in from.iter().enumerate() {
+            self.write(address.wrapping_add(offset), Width::Bits8, byte.into())?;
+        }
+        Ok(())
+    }
+
+    /// Returns whether something answers a read at `address`: for probing, before anything relies
+    /// on it.
+    fn answers(&self, address: usize, width: Width) -> bool {
+        self.read(address, width).is_ok()
+    }
+
+    typed! {
+        read8, write8: u8, Bits8, "byte";
+        read16, write16: u16, Bits16, "two bytes";
+        read32, write32: u32, Bits32, "four bytes";
+    }
 }
 
 impl<B: Bus + ?Sized> Bus for &B {
     type Error = B::Error;
 
-    forwarded! {
-        read8(address: usize) -> Result<u8, B::Error>;
-        read16(address: usize) -> Result<u16, B::Error>;
-        read32(address: usize) -> Result<u32, B::Error>;
-        write8(address: usize, value: u8) -> Result<(), B::Error>;
-        write16(address: usize, value: u16) -> Result<(), B::Error>;
-        write32(address: usize, value: u32) -> Result<(), B::Error>;
-        answers(address: usize, width: Width) -> bool;
+    #[inline(always)]
+    fn read(&self, address: usize, width: Width) -> Result<u32, B::Error> {
+        B::read(self, address, width)
+    }
+
+    #[inline(always)]
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), B::Error> {
+        B::write(self, address, width, value)
+    }
+
+    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), B::Error> {
+        B::read_block(self, address, into)
+    }
+
+    fn write_block(&self, address: usize, from: &[u8]) -> Result<(), B::Error> {
+        B::write_block(self, address, from)
+    }
+
+    fn answers(&self, address: usize, width: Width) -> bool {
+        B::answers(self, address, width)
     }
 }
 
@@ -193,6 +279,22 @@ impl<'b, B: Bus> Registers<'b, B> {
     #[must_use]
     pub fn answers(&self, offset: usize, width: Width) -> bool {
         self.bus.answers(self.base.wrapping_add(offset), width)
+    }
+
+    /// Reads the byte registers from `offset` on; see [`Bus::read_block`].
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn read_block(&self, offset: usize, into: &mut [u8]) -> Result<(), B::Error> {
+        self.bus.read_block(self.base.wrapping_add(offset), into)
+    }
+
+    /// Writes the byte registers from `offset` on; see [`Bus::write_block`].
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn write_block(&self, offset: usize, from: &[u8]) -> Result<(), B::Error> {
+        self.bus.write_block(self.base.wrapping_add(offset), from)
     }
 
     at_offset! {

@@ -1,49 +1,76 @@
 //! [`Device`]: a board with its type, for the calls that only its driver has.
 
 use core::fmt;
+use core::ops::Deref;
 
-use crate::bus::Registers;
+use crate::bus::{Bus, Registers};
 use crate::driver::Driver;
 use crate::fd::{Fd, FdTable};
+use crate::switch::{IoError, close};
 use crate::unit::Unit;
 
 /// A board whose descriptor has been checked: the memo's way around the device switch, in place of
 /// `ioctl`.
 ///
-/// Drivers offer what is peculiar to them as methods of `Device<'_, B, TheDriver, F>`; they cost
-/// what the driver itself costs.
+/// It stands for its driver, whose own calls take the [`registers`](Self::registers) first:
+/// `sensor.angle(sensor.registers)`. They cost what the driver itself costs. While it is
+/// held, the descriptor cannot be closed; dropping it closes nothing.
 pub struct Device<'s, B, D: Driver, const F: usize> {
-    /// The driver's state of this board.
-    pub unit: &'s D,
-    /// Its registers.
+    /// The registers of the board.
     pub registers: Registers<'s, B>,
+    unit: &'s Unit<D>,
     fds: &'s FdTable<F>,
     fd: Fd,
 }
 
-impl<'s, B, D: Driver, const F: usize> Device<'s, B, D, F> {
-    pub(crate) fn new(unit: &'s Unit<D>, bus: &'s B, fds: &'s FdTable<F>, fd: Fd) -> Self
-    where
-        B: crate::bus::Bus,
-    {
+impl<'s, B: Bus, D: Driver, const F: usize> Device<'s, B, D, F> {
+    /// The device of a descriptor that is held already.
+    pub(crate) fn new(unit: &'s Unit<D>, bus: &'s B, fds: &'s FdTable<F>, fd: Fd) -> Self {
+        let registers = Registers::new(bus, unit.place.base());
         Self {
-            unit: &unit.driver,
-            registers: Registers::new(bus, unit.place.base()),
+            registers,
+            unit,
             fds,
             fd,
         }
     }
 
-    /// The descriptor that was checked.
+    /// Returns the descriptor, for transfers of bytes.
     #[must_use]
     pub const fn fd(&self) -> Fd {
         self.fd
     }
+
+    /// Closes the descriptor. With the last one of a board, the board is closed.
+    ///
+    /// # Errors
+    /// [`IoError::Fd`] with [`InUse`](crate::FdError::InUse) if there is another `Device` of this
+    /// descriptor; [`IoError::Bus`] from the board, whose descriptor is closed all the same.
+    pub fn close(self) -> Result<(), IoError<B::Error>> {
+        let (unit, registers, fds, fd) = (self.unit, self.registers, self.fds, self.fd);
+        drop(self);
+        critical_section::with(|_| fds.remove(fd))?;
+        close(unit, registers).map_err(IoError::Bus)
+    }
 }
 
-impl<B, D: Driver, const F: usize> fmt::Debug for Device<'_, B, D, F> {
+impl<B, D: Driver, const F: usize> Deref for Device<'_, B, D, F> {
+    type Target = D;
+
+    #[inline(always)]
+    fn deref(&self) -> &D {
+        &self.unit.driver
+    }
+}
+
+impl<B: Bus, D: Driver, const F: usize> fmt::Debug for Device<'_, B, D, F> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} at {}", D::NAME, self.fd)
+        write!(
+            f,
+            "device at {:#x}, descriptor {}",
+            self.registers.base(),
+            self.fd
+        )
     }
 }
 

@@ -263,7 +263,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
 
     fn poll(&self, link: Link) -> bool {
         let poll = Poll(&self.bus);
-        self.devices.visit(link.kind, link.board, poll) == Some(true)
+        self.devices.visit(link.slot, poll) == Some(true)
     }
 }
 

@@ -6,6 +6,9 @@
 //! was a fault. There is no state, so accesses of interrupts and of other threads do not matter.
 
 use core::arch::naked_asm;
+use core::ffi::c_void;
+
+use crate::bus::Width;
 
 /// What an access gave; two registers in the conventions of all processors here.
 #[repr(C)]
@@ -76,48 +79,41 @@ accesses! {
 
 impl Answer {
     #[inline(always)]
-    fn unless_faulted(self) -> Option<usize> {
-        (self.faulted == 0).then_some(self.value)
+    fn unless_faulted(self) -> Option<u32> {
+        (self.faulted == 0).then_some(self.value as u32)
     }
 }
 
-/// A register's width.
-pub(crate) trait Register: Copy {
-    /// Reads a register; `None` if that faulted.
-    ///
-    /// # Safety
-    /// The register is aligned; it may be read, or the fault's handler asks [`resume`].
-    unsafe fn load(register: *const Self) -> Option<Self>;
-
-    /// Writes a register; `None` if that faulted.
-    ///
-    /// # Safety
-    /// The register is aligned; it may be written, or the fault's handler asks [`resume`].
-    unsafe fn store(register: *mut Self, value: Self) -> Option<()>;
-}
-
-macro_rules! register {
-    ($width:ty, $load:ident, $store:ident) => {
-        impl Register for $width {
-            #[inline(always)]
-            unsafe fn load(register: *const Self) -> Option<Self> {
-                // SAFETY: as for this function.
-                unsafe { $load(register) }
-                    .unless_faulted()
-                    .map(|value| value as Self)
-            }
-
-            #[inline(always)]
-            unsafe fn store(register: *mut Self, value: Self) -> Option<()> {
-                // SAFETY: as for this function.
-                unsafe { $store(register, value) }
-                    .unless_faulted()
-                    .map(|_| ())
-            }
+/// Reads a register; `None` if that faulted.
+///
+/// # Safety
+/// The register is aligned; it may be read, or the fault's handler asks [`resume`].
+#[inline(always)]
+pub(crate) unsafe fn load(register: *const c_void, width: Width) -> Option<u32> {
+    // SAFETY: as for this function.
+    let answer = unsafe {
+        match width {
+            Width::Bits8 => load8(register.cast()),
+            Width::Bits16 => load16(register.cast()),
+            Width::Bits32 => load32(register.cast()),
         }
     };
+    answer.unless_faulted()
 }
 
-register!(u8, load8, store8);
-register!(u16, load16, store16);
-register!(u32, load32, store32);
+/// Writes a register; `None` if that faulted.
+///
+/// # Safety
+/// The register is aligned; it may be written, or the fault's handler asks [`resume`].
+#[inline(always)]
+pub(crate) unsafe fn store(register: *mut c_void, width: Width, value: u32) -> Option<()> {
+    // SAFETY: as for this function.
+    let answer = unsafe {
+        match width {
+            Width::Bits8 => store8(register.cast(), value as u8),
+            Width::Bits16 => store16(register.cast(), value as u16),
+            Width::Bits32 => store32(register.cast(), value),
+        }
+    };
+    answer.unless_faulted().map(drop)
+}

@@ -1,9 +1,7 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
-#![cfg_attr(not(condor_loom), doc = "[mpp]: drivers::Mpp")]
-#![cfg_attr(not(condor_loom), doc = "[adc]: drivers::Adc16")]
-#![cfg_attr(not(condor_loom), doc = "[dac]: drivers::Dac16")]
-#![cfg_attr(not(condor_loom), doc = "[encoder]: drivers::Encoder8")]
 #![cfg_attr(not(condor_loom), doc = "[uart]: drivers::Uart16550")]
+#![cfg_attr(not(condor_loom), doc = "[pca9685]: drivers::Pca9685")]
+#![cfg_attr(not(condor_loom), doc = "[as5600]: drivers::As5600")]
 //! [presence]: Presence
 //! [fd]: Fd
 //! [open]: OpenError
@@ -16,6 +14,7 @@
 //! [ring]: Ring
 //! [mmio]: Mmio
 //! [bus]: Bus
+//! [serial]: I2cBus
 //! [controller]: InterruptController
 //! [driver]: Driver
 //!
@@ -70,6 +69,8 @@ mod bus;
 mod guarded;
 mod interrupt;
 mod mmio;
+mod serial;
+mod several;
 
 // The switch.
 mod device;
@@ -82,15 +83,18 @@ mod switch;
 mod sync;
 mod unit;
 
-pub use bus::{Bus, BusError, BusErrorKind, Registers, Width};
+pub use bus::{AccessError, Bus, BusError, BusErrorKind, Registers, Width};
 pub use device::Device;
 pub use dispatch::InterruptCounts;
 pub use driver::{Attention, DeviceError, Driver};
+#[cfg(not(condor_loom))]
+pub use drivers::register::{Count, Kept};
 pub use fd::{Fd, FdError, Mode};
 pub use interrupt::{InterruptController, Level, NoInterrupts, Vector};
-pub use mmio::{Mmio, MmioError};
+pub use mmio::Mmio;
 pub use ring::{Reader, Ring, Writer};
-pub use set::{DeviceSet, Has};
+pub use serial::{I2cBus, SpiBus, SpiCommand};
+pub use set::{DeviceSet, Kind};
 pub use stream::{Descriptors, Looks, Stream, StreamError, Timeout, Wait};
 pub use switch::{IoError, OpenError, Switch};
 pub use unit::{Place, Presence, Unit};

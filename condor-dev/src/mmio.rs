@@ -1,22 +1,8 @@
 //! [`Mmio`]: registers in the address space of the processor.
 
-use crate::bus::{Bus, BusError, BusErrorKind};
+use core::ffi::c_void;
 
-/// An access to memory-mapped registers that was refused, or that nothing answered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("bus error at {address:#x}: {kind:?}")]
-pub struct MmioError {
-    /// Where, as the program named it.
-    pub address: usize,
-    /// What.
-    pub kind: BusErrorKind,
-}
-
-impl BusError for MmioError {
-    fn kind(&self) -> BusErrorKind {
-        self.kind
-    }
-}
+use crate::bus::{AccessError, Bus, BusErrorKind, Width};
 
 /// A range of addresses that boards answer: one volatile access for each of a driver's.
 ///
@@ -73,74 +59,58 @@ impl Mmio {
         Self { memory, first, len }
     }
 
-    /// Where the register `T` at a bus address is reached: inside the range, and aligned.
+    /// Where the register at a bus address is reached: inside the range, and aligned.
     #[inline(always)]
-    pub(crate) fn register<T>(&self, address: usize) -> Result<*mut T, MmioError> {
-        let refused = |kind| MmioError { address, kind };
-        if !address.is_multiple_of(size_of::<T>()) {
-            return Err(refused(BusErrorKind::Misaligned));
-        }
+    pub(crate) fn register(
+        &self,
+        address: usize,
+        width: Width,
+    ) -> Result<*mut c_void, AccessError> {
+        width.check(address)?;
         let offset = address.wrapping_sub(self.first);
-        if offset >= self.len || self.len - offset < size_of::<T>() {
-            return Err(refused(BusErrorKind::OutOfRange));
+        if offset >= self.len || self.len - offset < width.bytes() {
+            let kind = BusErrorKind::OutOfRange;
+            return Err(AccessError { address, kind });
         }
         Ok(self.memory.wrapping_add(offset).cast())
-    }
-
-    #[inline(always)]
-    fn read<T: Copy>(&self, address: usize) -> Result<T, MmioError> {
-        let register = self.register::<T>(address)?;
-        // SAFETY: it is aligned and in the range for which the constructor's caller vouches.
-        Ok(unsafe { register.read_volatile() })
-    }
-
-    #[inline(always)]
-    fn write<T: Copy>(&self, address: usize, value: T) -> Result<(), MmioError> {
-        let register = self.register::<T>(address)?;
-        // SAFETY: it is aligned and in the range for which the constructor's caller vouches.
-        unsafe { register.write_volatile(value) };
-        Ok(())
     }
 }
 
 impl Bus for Mmio {
-    type Error = MmioError;
+    type Error = AccessError;
 
     #[inline(always)]
-    fn read8(&self, address: usize) -> Result<u8, MmioError> {
-        self.read(address)
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+        let register = self.register(address, width)?;
+        // SAFETY: it is aligned and in the range for which the constructor's caller vouches.
+        Ok(unsafe {
+            match width {
+                Width::Bits8 => register.cast::<u8>().read_volatile().into(),
+                Width::Bits16 => register.cast::<u16>().read_volatile().into(),
+                Width::Bits32 => register.cast::<u32>().read_volatile(),
+            }
+        })
     }
 
     #[inline(always)]
-    fn read16(&self, address: usize) -> Result<u16, MmioError> {
-        self.read(address)
-    }
-
-    #[inline(always)]
-    fn read32(&self, address: usize) -> Result<u32, MmioError> {
-        self.read(address)
-    }
-
-    #[inline(always)]
-    fn write8(&self, address: usize, value: u8) -> Result<(), MmioError> {
-        self.write(address, value)
-    }
-
-    #[inline(always)]
-    fn write16(&self, address: usize, value: u16) -> Result<(), MmioError> {
-        self.write(address, value)
-    }
-
-    #[inline(always)]
-    fn write32(&self, address: usize, value: u32) -> Result<(), MmioError> {
-        self.write(address, value)
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+        let register = self.register(address, width)?;
+        // SAFETY: it is aligned and in the range for which the constructor's caller vouches.
+        unsafe {
+            match width {
+                Width::Bits8 => register.cast::<u8>().write_volatile(value as u8),
+                Width::Bits16 => register.cast::<u16>().write_volatile(value as u16),
+                Width::Bits32 => register.cast::<u32>().write_volatile(value),
+            }
+        }
+        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::Mmio;
-    use crate::bus::{Bus, BusErrorKind};
+    use crate::bus::{AccessError, Bus, BusErrorKind};
 
     #[test]
     fn each_access_is_made_in_its_width_at_its_place() {
@@ -181,7 +151,7 @@ mod tests {
     fn what_is_outside_or_misaligned_is_not_accessed() {
         // SAFETY: nothing is accessed.
         let bus = unsafe { Mmio::translated(core::ptr::dangling_mut::<u32>().cast(), 0x1000, 2) };
-        let kind = |result: Result<(), super::MmioError>| result.unwrap_err().kind;
+        let kind = |result: Result<(), AccessError>| result.unwrap_err().kind;
         assert_eq!(kind(bus.write32(0x1000, 0)), BusErrorKind::OutOfRange);
         assert_eq!(kind(bus.write8(0xfff, 0)), BusErrorKind::OutOfRange);
         assert_eq!(kind(bus.write8(0x1002, 0)), BusErrorKind::OutOfRange);

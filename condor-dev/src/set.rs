@@ -5,14 +5,15 @@ pub use crate::dispatch::Line;
 
 use crate::driver::Driver;
 use crate::fd::Entry;
-use crate::interrupt::{Level, Vector};
+use crate::interrupt::Vector;
 use crate::unit::{Place, Unit};
 
 /// The boards that may exist, kind by kind; [`device_switch!`](crate::device_switch) writes it.
 ///
-/// Kinds and boards are numbered from 0 in the order in which they are named there.
+/// A kind is a field of the macro. Kinds and boards are numbered from 0 in the order in which they are
+/// named there; the slot of a board is `kind << 6 | board`.
 pub trait DeviceSet: Sync {
-    /// Name of each kind, and how many boards of it may exist.
+    /// The name of each kind, and how many boards of it may exist.
     const KINDS: &'static [(&'static str, u8)];
 
     /// The boards that interrupt, in the order of their vectors.
@@ -22,59 +23,63 @@ pub trait DeviceSet: Sync {
     /// [`CHAIN`](Self::CHAIN), which is as long.
     fn lines(&self) -> &[Line];
 
-    /// Shows one board to `visitor`, with its type; `None` if there is no such board.
-    fn visit<V: Visitor>(&self, kind: u8, board: u8, visitor: V) -> Option<V::Output>;
-
-    /// The same, where the boards of all kinds are numbered on: the way of every transfer, in
-    /// which there is one number to compare.
-    fn visit_slot<V: Visitor>(&self, slot: u16, visitor: V) -> Option<V::Output>;
+    /// Shows the board in a slot to `visitor`, with its type; `None` if there is no such board.
+    fn visit<V: Visitor>(&self, slot: u16, visitor: V) -> Option<V::Output>;
 }
 
-/// The slot of the first board of a kind; of the end, for the number after the last kind.
-#[doc(hidden)]
-#[must_use]
-pub const fn first_slot(kinds: &[(&str, u8)], kind: u8) -> u16 {
-    let mut slot = 0;
-    let mut before = 0;
-    while before < kind as usize && before < kinds.len() {
-        slot += kinds[before].1 as u16;
-        before += 1;
+/// The boards of a field of [`device_switch!`](crate::device_switch), with the type of their driver;
+/// the macro makes one for each field, with its name.
+pub struct Kind<S, D> {
+    number: u8,
+    units: fn(&S) -> &[Unit<D>],
+}
+
+impl<S, D> Clone for Kind<S, D> {
+    fn clone(&self) -> Self {
+        *self
     }
-    slot
 }
 
-/// The quarter of the kinds that a kind is in.
-#[doc(hidden)]
-#[must_use]
-pub const fn quarter(kinds: &[(&str, u8)], kind: u8) -> usize {
-    4 * kind as usize / kinds.len()
+impl<S, D> Copy for Kind<S, D> {}
+
+impl<S, D> Kind<S, D> {
+    #[doc(hidden)]
+    #[must_use]
+    pub const fn new(number: u8, units: fn(&S) -> &[Unit<D>]) -> Self {
+        Self { number, units }
+    }
+
+    #[doc(hidden)]
+    #[must_use]
+    pub const fn number(&self) -> u16 {
+        self.number as u16
+    }
+
+    /// The board in a slot; `None` if it is of another kind, or there is none.
+    pub(crate) fn unit<'s>(&self, devices: &'s S, slot: u16) -> Option<&'s Unit<D>> {
+        let units = (self.units)(devices);
+        (slot >> BOARD == self.number()).then(|| units.get(usize::from(slot & MASK)))?
+    }
 }
 
-/// The first slots of the second, third and last quarter of the kinds.
+/// Bits of a slot that number the board.
+pub(crate) const BOARD: u32 = 6;
+const MASK: u16 = (1 << BOARD) - 1;
+
+/// The slot of a board.
+pub(crate) const fn slot(kind: u8, board: u8) -> u16 {
+    (kind as u16) << BOARD | board as u16
+}
+
+/// The number of a kind, by its name.
 #[doc(hidden)]
 #[must_use]
-pub const fn quarters(kinds: &[(&str, u8)]) -> [u16; 3] {
-    let mut first = [0; 3];
+pub const fn number(kinds: &[(&str, &[Place])], name: &str) -> u8 {
     let mut kind = 0;
-    while kind < kinds.len() {
-        let mut later = quarter(kinds, kind as u8);
-        // Where its quarter ends at the earliest, all later ones begin.
-        while later < 3 {
-            first[later] = first_slot(kinds, kind as u8 + 1);
-            later += 1;
-        }
+    while kind < kinds.len() && !equal(kinds[kind].0, name) {
         kind += 1;
     }
-    first
-}
-
-/// The boards of one driver in a set.
-pub trait Has<D: Driver>: DeviceSet {
-    /// Its kind.
-    const KIND: u8;
-
-    /// The boards.
-    fn units(&self) -> &[Unit<D>];
+    kind as u8
 }
 
 /// A board that interrupts.
@@ -82,10 +87,8 @@ pub trait Has<D: Driver>: DeviceSet {
 pub struct Link {
     /// Its vector.
     pub vector: Vector,
-    /// Its kind.
-    pub kind: u8,
-    /// Its board number.
-    pub board: u8,
+    /// Its slot.
+    pub slot: u16,
 }
 
 /// A function of a board, whatever its driver is.
@@ -97,129 +100,84 @@ pub trait Visitor {
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output;
 }
 
+/// The slot and the place of board `number` among all boards of a set.
+///
+/// # Panics
+/// If the set has too many: it does not compile.
+const fn nth(kinds: &[(&str, &[Place])], mut number: usize) -> Option<(u16, Place)> {
+    assert!(kinds.len() <= Entry::MOST, "a set has too many devices");
+    let mut kind = 0;
+    while kind < kinds.len() {
+        let places = kinds[kind].1;
+        assert!(places.len() <= Entry::MOST, "a device has too many boards");
+        if number < places.len() {
+            return Some((slot(kind as u8, number as u8), places[number]));
+        }
+        number -= places.len();
+        kind += 1;
+    }
+    None
+}
+
 /// How many of the places interrupt.
 #[doc(hidden)]
 #[must_use]
 pub const fn links(kinds: &[(&str, &[Place])]) -> usize {
-    let mut count = 0;
-    let mut kind = 0;
-    while kind < kinds.len() {
-        let places = kinds[kind].1;
-        let mut board = 0;
-        while board < places.len() {
-            if places[board].interrupt().is_some() {
-                count += 1;
-            }
-            board += 1;
+    let (mut count, mut number) = (0, 0);
+    while let Some((_, place)) = nth(kinds, number) {
+        if place.interrupt().is_some() {
+            count += 1;
         }
-        kind += 1;
+        number += 1;
     }
     count
 }
 
-/// The places that interrupt, in the order of their vectors. Nothing may be named twice, and a vector
-/// has one level.
+/// The places that interrupt, in the order of their vectors.
 ///
 /// # Panics
-/// If something is: the set does not compile.
+/// If two boards have one address, or one vector at two levels: the set does not compile.
 #[doc(hidden)]
 #[must_use]
 pub const fn chain<const N: usize>(kinds: &[(&str, &[Place])]) -> [Link; N] {
-    assert!(
-        kinds.len() <= Entry::MOST,
-        "a set has too many kinds of devices"
-    );
     let none = Link {
         vector: Vector(0),
-        kind: 0,
-        board: 0,
+        slot: 0,
     };
     let mut chain = [none; N];
-    let mut count = 0;
-    let mut kind = 0;
-    while kind < kinds.len() {
-        let (name, places) = kinds[kind];
-        assert!(
-            places.len() <= Entry::MOST,
-            "a set has too many boards of one kind"
-        );
-        let mut other = 0;
-        while other < kind {
-            assert!(!equal(name, kinds[other].0), "two devices have one name");
-            other += 1;
-        }
-        let mut board = 0;
-        while board < places.len() {
-            let place = places[board];
-            assert!(
-                !comes_before(place, kinds, kind, board),
-                "two boards have one address"
-            );
-            if let Some((vector, level)) = place.interrupt() {
-                assert!(
-                    !differs_in_level(vector, level, kinds),
-                    "two boards of one vector have different levels"
-                );
-                // Insertion from the end: boards of one vector stay in their order.
-                let mut at = count;
-                while at > 0 && chain[at - 1].vector.0 > vector.0 {
-                    chain[at] = chain[at - 1];
-                    at -= 1;
-                }
-                chain[at] = Link {
-                    vector,
-                    kind: kind as u8,
-                    board: board as u8,
-                };
-                count += 1;
+    let (mut count, mut number) = (0, 0);
+    while let Some((slot, place)) = nth(kinds, number) {
+        check(place, kinds, number);
+        if let Some((vector, _)) = place.interrupt() {
+            // Insertion from the end: boards of one vector stay in their order.
+            let mut at = count;
+            while at > 0 && chain[at - 1].vector.0 > vector.0 {
+                chain[at] = chain[at - 1];
+                at -= 1;
             }
-            board += 1;
+            chain[at] = Link { vector, slot };
+            count += 1;
         }
-        kind += 1;
+        number += 1;
     }
     chain
 }
 
-/// Whether a board named before `board` of `kind` has the address of `place`.
-const fn comes_before(place: Place, kinds: &[(&str, &[Place])], kind: usize, board: usize) -> bool {
-    let mut other_kind = 0;
-    while other_kind <= kind {
-        let others = kinds[other_kind].1;
-        let end = if other_kind == kind {
-            board
-        } else {
-            others.len()
-        };
-        let mut other = 0;
-        while other < end {
-            if others[other].base() == place.base() {
-                return true;
-            }
-            other += 1;
+/// Compares a place with those of the boards before `number`.
+const fn check(place: Place, kinds: &[(&str, &[Place])], number: usize) {
+    let mut other = 0;
+    while other < number
+        && let Some((_, before)) = nth(kinds, other)
+    {
+        assert!(before.base() != place.base(), "two boards have one address");
+        if let (Some((one, low)), Some((two, high))) = (place.interrupt(), before.interrupt()) {
+            assert!(
+                one.0 != two.0 || low.0 == high.0,
+                "two boards of one vector have different levels"
+            );
         }
-        other_kind += 1;
+        other += 1;
     }
-    false
-}
-
-/// Whether a board interrupts with `vector`, but not at `level`.
-const fn differs_in_level(vector: Vector, level: Level, kinds: &[(&str, &[Place])]) -> bool {
-    let mut kind = 0;
-    while kind < kinds.len() {
-        let places = kinds[kind].1;
-        let mut board = 0;
-        while board < places.len() {
-            if let Some((other, its)) = places[board].interrupt()
-                && other.0 == vector.0
-                && its.0 != level.0
-            {
-                return true;
-            }
-            board += 1;
-        }
-        kind += 1;
-    }
-    false
 }
 
 const fn equal(a: &str, b: &str) -> bool {
@@ -235,13 +193,13 @@ const fn equal(a: &str, b: &str) -> bool {
 /// interrupt: the system configuration file of the memo (section 3.1).
 ///
 /// ```
-/// use condor_dev::drivers::Adc16;
+/// use condor_dev::drivers::Uart16550;
 /// use condor_dev::{Place, device_switch};
 ///
 /// device_switch! {
 ///     /// What the crate of a hand may hold.
 ///     pub struct HandDevices {
-///         adc: Adc16 = [
+///         uart: Uart16550 = [
 ///             Place::at(0xee00_0000).interrupting(64, 3),
 ///             Place::at(0xee00_1000).interrupting(64, 3),
 ///         ],
@@ -251,13 +209,18 @@ const fn equal(a: &str, b: &str) -> bool {
 /// static DEVICES: HandDevices = HandDevices::new();
 /// ```
 ///
-/// Two boards at one address, two devices of one name, or one driver named twice do not compile:
+/// Each field is a device: its name is the one to [`open`](crate::Switch::open) it by, and the constant
+/// of that name, here `HandDevices::uart`, opens it [with its type](crate::Switch::open_typed). One
+/// driver may have several.
+///
+/// Two boards at one address do not compile:
 ///
 /// ```compile_fail
-/// # use condor_dev::{Place, device_switch, drivers::Adc16};
+/// # use condor_dev::{Place, device_switch};
+/// # use condor_dev::drivers::Uart16550;
 /// device_switch! {
 ///     struct Twice {
-///         adc: Adc16 = [Place::at(0x1000), Place::at(0x1000)],
+///         uart: Uart16550 = [Place::at(0x1000), Place::at(0x1000)],
 ///     }
 /// }
 /// static DEVICES: Twice = Twice::new();
@@ -266,10 +229,11 @@ const fn equal(a: &str, b: &str) -> bool {
 /// Nor do boards that share a vector at different levels:
 ///
 /// ```compile_fail
-/// # use condor_dev::{Place, device_switch, drivers::Adc16};
+/// # use condor_dev::{Place, device_switch};
+/// # use condor_dev::drivers::Uart16550;
 /// device_switch! {
 ///     struct Uneven {
-///         adc: Adc16 = [
+///         uart: Uart16550 = [
 ///             Place::at(0x1000).interrupting(64, 3),
 ///             Place::at(0x2000).interrupting(64, 4),
 ///         ],
@@ -292,14 +256,19 @@ macro_rules! device_switch {
         }
 
         impl $set {
-            const PLACES: &'static [(&'static str, &'static [$crate::Place])] = &[
-                $((<$driver as $crate::Driver>::NAME, &[$($place),+]),)+
-            ];
-            const NAMES: &'static [(&'static str, u8)] = &[
-                $((<$driver as $crate::Driver>::NAME, <[$crate::Place]>::len(&[$($place),+]) as u8),)+
-            ];
+            const PLACES: &'static [(&'static str, &'static [$crate::Place])] =
+                &[$((stringify!($device), &[$($place),+]),)+];
             const LINKS: [$crate::set::Link; $crate::set::links(Self::PLACES)] =
                 $crate::set::chain(Self::PLACES);
+
+            $(
+                #[doc = concat!("The boards of `", stringify!($device), "`.")]
+                #[allow(non_upper_case_globals)]
+                $visibility const $device: $crate::Kind<Self, $driver> = $crate::Kind::new(
+                    $crate::set::number(Self::PLACES, stringify!($device)),
+                    |set| &set.$device,
+                );
+            )+
 
             /// The boards, not looked for yet.
             #[must_use]
@@ -312,7 +281,9 @@ macro_rules! device_switch {
         }
 
         impl $crate::set::DeviceSet for $set {
-            const KINDS: &'static [(&'static str, u8)] = Self::NAMES;
+            const KINDS: &'static [(&'static str, u8)] = &[
+                $((stringify!($device), <[$crate::Place]>::len(&[$($place),+]) as u8),)+
+            ];
             const CHAIN: &'static [$crate::set::Link] = &Self::LINKS;
 
             fn lines(&self) -> &[$crate::set::Line] {
@@ -320,71 +291,15 @@ macro_rules! device_switch {
             }
 
             #[inline(always)]
-            fn visit<V: $crate::set::Visitor>(
-                &self,
-                kind: u8,
-                board: u8,
-                visitor: V,
-            ) -> Option<V::Output> {
-                let board = usize::from(board);
+            fn visit<V: $crate::set::Visitor>(&self, slot: u16, visitor: V) -> Option<V::Output> {
+                let (kind, board) = (slot >> 6, usize::from(slot & 63));
                 $(
-                    if kind == <Self as $crate::set::Has<$driver>>::KIND {
+                    if kind == const { <$set>::$device.number() } {
                         return self.$device.get(board).map(|unit| visitor.board(unit));
                     }
                 )+
                 None
             }
-
-            #[inline(always)]
-            fn visit_slot<V: $crate::set::Visitor>(
-                &self,
-                slot: u16,
-                visitor: V,
-            ) -> Option<V::Output> {
-                // Quartered first, so that the last kind is not much dearer than the first.
-                const QUARTERS: [u16; 3] = $crate::set::quarters(<$set>::NAMES);
-                if slot < QUARTERS[1] {
-                    if slot < QUARTERS[0] {
-                        $crate::device_switch!(@chain self $set 0 slot visitor $($device: $driver,)+)
-                    } else {
-                        $crate::device_switch!(@chain self $set 1 slot visitor $($device: $driver,)+)
-                    }
-                } else if slot < QUARTERS[2] {
-                    $crate::device_switch!(@chain self $set 2 slot visitor $($device: $driver,)+)
-                } else {
-                    $crate::device_switch!(@chain self $set 3 slot visitor $($device: $driver,)+)
-                }
-            }
         }
-
-        $crate::device_switch!(@kinds $set [] $($device: $driver,)+);
     };
-    // The kinds of one quarter, in turn; the others are gone when the program is compiled.
-    (@chain $self:ident $set:ident $quarter:literal $slot:ident $visitor:ident
-        $($device:ident: $driver:ty,)+) => {{
-        $({
-            const KIND: u8 = <$set as $crate::set::Has<$driver>>::KIND;
-            const FIRST: u16 = $crate::set::first_slot(<$set>::NAMES, KIND);
-            const END: u16 = $crate::set::first_slot(<$set>::NAMES, KIND + 1);
-            if const { $crate::set::quarter(<$set>::NAMES, KIND) == $quarter } && $slot < END {
-                let unit = $self.$device.get(usize::from($slot.wrapping_sub(FIRST)));
-                return unit.map(|unit| $visitor.board(unit));
-            }
-        })+
-        None
-    }};
-    (@kinds $set:ident [$($before:ident)*] $device:ident: $driver:ty, $($rest:tt)*) => {
-        impl $crate::set::Has<$driver> for $set {
-            const KIND: u8 = $crate::device_switch!(@count $($before)*);
-
-            #[inline(always)]
-            fn units(&self) -> &[$crate::Unit<$driver>] {
-                &self.$device
-            }
-        }
-
-        $crate::device_switch!(@kinds $set [$($before)* $device] $($rest)*);
-    };
-    (@kinds $set:ident [$($before:ident)*]) => {};
-    (@count $($device:ident)*) => { 0 $(+ { let _ = stringify!($device); 1 })* };
 }

@@ -193,6 +193,7 @@ impl<E: BusError> embedded_io::Error for IoError<E> {
                 BusErrorKind::Misaligned | BusErrorKind::OutOfRange => ErrorKind::InvalidInput,
                 BusErrorKind::ReadOnly => ErrorKind::PermissionDenied,
                 BusErrorKind::Lost => ErrorKind::ConnectionAborted,
+                _ => ErrorKind::Other,
             },
         }
     }

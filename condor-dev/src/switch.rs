@@ -7,7 +7,7 @@ use crate::device::Device;
 use crate::driver::{DeviceError, Driver};
 use crate::fd::{Entry, Fd, FdError, FdTable, Mode};
 use crate::interrupt::InterruptController;
-use crate::set::{DeviceSet, Has, Visitor, first_slot};
+use crate::set::{DeviceSet, Kind, Visitor, slot};
 use crate::unit::{Presence, Unit};
 
 /// The device switch of one processor (memo, section 3.1): the devices of a set `S`, on a bus `B`,
@@ -26,10 +26,12 @@ pub struct Switch<B, C, S, const F: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError<'n> {
     /// The program was built without such a device.
-    #[error("there is no device {name}")]
+    #[error("there is no device {name}; there are: {}", Names(devices))]
     NoSuchDevice {
         /// What was asked for.
         name: &'n str,
+        /// The names of the devices that there are, and how many boards each may have.
+        devices: &'static [(&'static str, u8)],
     },
     /// The program was built for fewer boards of it.
     #[error("there is no {name} board {board}: there may be {boards}")]
@@ -74,7 +76,7 @@ pub enum OpenError<'n> {
         count: usize,
     },
     /// The board did not answer.
-    #[error("{name} board {board}: bus error {kind:?}")]
+    #[error("{name} board {board}: {kind}")]
     Bus {
         /// The device.
         name: &'n str,
@@ -110,8 +112,21 @@ pub enum IoError<E> {
     #[error("the device reports error {0:#04x}")]
     Device(u8),
     /// The bus.
-    #[error("bus error: {0:?}")]
+    #[error("{0}")]
     Bus(E),
+}
+
+/// Names of devices, to be printed.
+struct Names<'k>(&'k [(&'static str, u8)]);
+
+impl fmt::Display for Names<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (number, (name, _)) in self.0.iter().enumerate() {
+            let comma = if number == 0 { "" } else { ", " };
+            write!(f, "{comma}{name}")?;
+        }
+        Ok(())
+    }
 }
 
 impl<E> From<DeviceError<E>> for IoError<E> {
@@ -144,41 +159,83 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// Boards that are present already are left alone; a vector of theirs that was
     /// [disabled](Self::stuck) may interrupt again.
     pub fn start(&self) {
-        for (kind, board) in Self::boards() {
-            self.devices.visit(kind, board, Start(&self.bus));
+        for (_, kind, board) in Self::boards() {
+            self.devices.visit(slot(kind, board), Start(&self.bus));
         }
         // Until its last board is initialised, a shared vector may interrupt with none asking.
-        for (kind, board) in Self::boards() {
-            self.devices.visit(kind, board, Enable(&self.controller));
+        for (_, kind, board) in Self::boards() {
+            self.devices
+                .visit(slot(kind, board), Enable(&self.controller));
         }
     }
 
-    /// Opens a board of a device by its name, which may begin with a colon as in the memo.
+    /// Opens a board of the device that `name`, a field of the set, names; it may begin with a colon
+    /// as in the memo.
+    ///
+    /// Interrupts are not masked while the driver talks to the board. Until it has done so, the board
+    /// is [`Busy`](OpenError::Busy) to others; so it is during a [`close`](Self::close).
     ///
     /// # Errors
     /// [`OpenError`].
     pub fn open<'n>(&self, name: &'n str, board: u8, mode: Mode) -> Result<Fd, OpenError<'n>> {
         let plain = name.strip_prefix(':').unwrap_or(name);
-        let found = (0_u8..)
-            .zip(S::KINDS)
-            .find(|(_, (known, _))| *known == plain);
-        let Some((kind, &(_, boards))) = found else {
-            return Err(OpenError::NoSuchDevice { name });
-        };
+        let mut kinds = (0_u8..).zip(S::KINDS);
+        let found = kinds.find(|(_, (known, _))| *known == plain);
+        let devices = S::KINDS;
+        let (kind, _) = found.ok_or(OpenError::NoSuchDevice { name, devices })?;
+        self.open_kind(kind, name, board, mode)
+    }
+
+    /// Opens a board of a device with the type of its driver: `open_typed(Boards::adc, 0, mode)` for
+    /// the field `adc` of the set `Boards`.
+    ///
+    /// # Errors
+    /// [`OpenError`].
+    pub fn open_typed<D: Driver>(
+        &self,
+        kind: Kind<S, D>,
+        board: u8,
+        mode: Mode,
+    ) -> Result<Device<'_, B, D, F>, OpenError<'static>> {
+        let number = kind.number() as u8;
+        let (name, _) = S::KINDS
+            .get(usize::from(number))
+            .copied()
+            .unwrap_or_default();
+        let fd = self.open_kind(number, name, board, mode)?;
+        // Only another context that guessed the descriptor could have closed it.
+        self.device(kind, fd)
+            .map_err(|_| OpenError::Busy { name, board })
+    }
+
+    fn open_kind<'n>(
+        &self,
+        kind: u8,
+        name: &'n str,
+        board: u8,
+        mode: Mode,
+    ) -> Result<Fd, OpenError<'n>> {
+        let boards = S::KINDS
+            .get(usize::from(kind))
+            .map_or(0, |&(_, boards)| boards);
+        if board >= boards {
+            return Err(OpenError::NoSuchBoard {
+                name,
+                board,
+                boards,
+            });
+        }
+        let slot = slot(kind, board);
         let open = Open {
             switch: self,
             name,
             board,
-            slot: first_slot(S::KINDS, kind) + u16::from(board),
+            slot,
             mode,
         };
-        self.devices
-            .visit(kind, board, open)
-            .unwrap_or(Err(OpenError::NoSuchBoard {
-                name,
-                board,
-                boards,
-            }))
+        // Every kind has its boards.
+        let nobody = Err(OpenError::Busy { name, board });
+        self.devices.visit(slot, open).unwrap_or(nobody)
     }
 
     /// Reads at least one byte, and says how many; does not wait. No bytes into an empty buffer.
@@ -255,27 +312,25 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             .map_err(IoError::Bus)
     }
 
-    /// The device of a descriptor with its type, for the calls that are peculiar to it: the
+    /// Returns the device of a descriptor with its type, for the calls that are peculiar to it: the
     /// descriptor is checked here, and then no more.
     ///
     /// While it is held, the descriptor cannot be closed.
     ///
     /// # Errors
     /// [`FdError`].
-    pub fn device<D: Driver>(&self, fd: Fd) -> Result<Device<'_, B, D, F>, FdError>
-    where
-        S: Has<D>,
-    {
+    pub fn device<D: Driver>(
+        &self,
+        kind: Kind<S, D>,
+        fd: Fd,
+    ) -> Result<Device<'_, B, D, F>, FdError> {
         critical_section::with(|_| {
             let entry = self.fds.get(fd, Mode::empty())?;
-            let wrong = FdError::WrongType {
-                fd,
-                wanted: D::NAME,
-            };
-            let first = const { first_slot(S::KINDS, S::KIND) };
-            let board = entry.slot().wrapping_sub(first);
-            let unit = self.devices.units().get(usize::from(board));
-            let unit = unit.ok_or(wrong)?;
+            let unit = kind.unit(&self.devices, entry.slot()).ok_or_else(|| {
+                let named = S::KINDS.get(usize::from(kind.number()));
+                let wanted = named.copied().unwrap_or_default().0;
+                FdError::WrongType { fd, wanted }
+            })?;
             self.fds.hold(fd, 1);
             Ok(Device::new(unit, &self.bus, &self.fds, fd))
         })
@@ -286,16 +341,16 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         Inventory(self)
     }
 
-    pub(crate) fn boards() -> impl Iterator<Item = (u8, u8)> {
+    fn boards() -> impl Iterator<Item = (&'static str, u8, u8)> {
         let kinds = (0_u8..).zip(S::KINDS);
-        kinds.flat_map(|(kind, &(_, boards))| (0..boards).map(move |board| (kind, board)))
+        kinds.flat_map(|(kind, &(name, boards))| (0..boards).map(move |board| (name, kind, board)))
     }
 
     #[inline(always)]
     fn visit<V: Visitor>(&self, fd: Fd, entry: Entry, visitor: V) -> Result<V::Output, FdError> {
         // Every entry was made from a board that there is.
         self.devices
-            .visit_slot(entry.slot(), visitor)
+            .visit(entry.slot(), visitor)
             .ok_or(FdError::Stale { fd })
     }
 }
@@ -363,28 +418,38 @@ impl<'n, B: Bus, C, S, const F: usize> Visitor for Open<'_, 'n, B, C, S, F> {
         if direction.is_empty() || wrong {
             return Err(OpenError::Direction { name, mode });
         }
-        critical_section::with(|_| {
+        let fds = &self.switch.fds;
+        let (fd, first) = critical_section::with(|_| {
             let exclusive = mode.contains(Mode::EXCLUSIVE);
-            let Some(first) = unit.count_open(exclusive) else {
-                return Err(OpenError::Busy { name, board });
-            };
-            let fds = &self.switch.fds;
-            let Some(fd) = fds.insert(self.slot, mode) else {
-                unit.count_close();
-                return Err(OpenError::TooMany { count: F });
-            };
-            let registers = Registers::new(&self.switch.bus, unit.place.base());
-            if first && let Err(error) = unit.driver.open(registers) {
+            let busy = OpenError::Busy { name, board };
+            let first = unit.count_open(exclusive).ok_or(busy)?;
+            if let Some(fd) = fds.insert(self.slot, mode) {
+                return Ok((fd, first));
+            }
+            unit.count_close();
+            if first {
+                unit.settle();
+            }
+            Err(OpenError::TooMany { count: F })
+        })?;
+        if !first {
+            return Ok(fd);
+        }
+        let opened = unit
+            .driver
+            .open(Registers::new(&self.switch.bus, unit.place.base()));
+        if opened.is_err() {
+            critical_section::with(|_| {
                 unit.count_close();
                 // Nobody knows the descriptor yet.
                 let _ = fds.remove(fd);
-                return Err(OpenError::Bus {
-                    name,
-                    board,
-                    kind: error.kind(),
-                });
-            }
-            Ok(fd)
+            });
+        }
+        unit.settle();
+        opened.map(|()| fd).map_err(|error| OpenError::Bus {
+            name,
+            board,
+            kind: error.kind(),
         })
     }
 }
@@ -446,14 +511,21 @@ impl<B: Bus> Visitor for Close<'_, B> {
     type Output = Result<(), B::Error>;
 
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
-        critical_section::with(|_| {
-            if unit.count_close() {
-                unit.driver.close(Registers::new(self.0, unit.place.base()))
-            } else {
-                Ok(())
-            }
-        })
+        close(unit, Registers::new(self.0, unit.place.base()))
     }
+}
+
+/// Takes an open back, and closes the board with the last one.
+pub(crate) fn close<B: Bus, D: Driver>(
+    unit: &Unit<D>,
+    registers: Registers<'_, B>,
+) -> Result<(), B::Error> {
+    if !critical_section::with(|_| unit.count_close()) {
+        return Ok(());
+    }
+    let closed = unit.driver.close(registers);
+    unit.settle();
+    closed
 }
 
 struct Inventory<'s, B, C, S, const F: usize>(&'s Switch<B, C, S, F>);
@@ -467,11 +539,9 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> fmt::Display
             "{:8} {:>5} {:>12} {:>6} {:>5}  found",
             "device", "board", "address", "vector", "level"
         )?;
-        for (kind, board) in Switch::<B, C, S, F>::boards() {
-            self.0
-                .devices
-                .visit(kind, board, Row { f, board })
-                .transpose()?;
+        for (name, kind, board) in Switch::<B, C, S, F>::boards() {
+            let row = Row { f, name, board };
+            self.0.devices.visit(slot(kind, board), row).transpose()?;
         }
         Ok(())
     }
@@ -479,6 +549,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> fmt::Display
 
 struct Row<'r, 'f> {
     f: &'r mut fmt::Formatter<'f>,
+    name: &'static str,
     board: u8,
 }
 
@@ -486,8 +557,8 @@ impl Visitor for Row<'_, '_> {
     type Output = fmt::Result;
 
     fn board<D: Driver>(self, unit: &Unit<D>) -> fmt::Result {
-        let Self { f, board } = self;
-        write!(f, "{:8} {board:>5} {:>#12x} ", D::NAME, unit.place.base())?;
+        let Self { f, name, board } = self;
+        write!(f, "{name:8} {board:>5} {:>#12x} ", unit.place.base())?;
         match unit.place.interrupt() {
             Some((vector, level)) => write!(f, "{:>6} {:>5}", vector.0, level.0)?,
             None => write!(f, "{:>6} {:>5}", "-", "-")?,

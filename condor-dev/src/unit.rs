@@ -22,6 +22,12 @@ impl Place {
         }
     }
 
+    /// A part with this 7-bit address on an [`I2cBus`](crate::I2cBus), which does not interrupt.
+    #[must_use]
+    pub const fn i2c(address: u8) -> Self {
+        Self::at((address as usize) << 8)
+    }
+
     /// The same board, interrupting with `vector` at `level`.
     #[must_use]
     pub const fn interrupting(self, vector: u16, level: u8) -> Self {
@@ -65,11 +71,14 @@ pub struct Unit<D> {
     pub(crate) place: Place,
     pub(crate) driver: D,
     presence: AtomicU8,
-    /// How many descriptors are open; [`EXCLUSIVE`] if there may be one only.
+    /// How many descriptors are open, with [`EXCLUSIVE`] and [`CHANGING`].
     opens: AtomicU16,
 }
 
+/// There may be one descriptor only.
 const EXCLUSIVE: u16 = 1 << 15;
+/// The driver is opening or closing the board.
+const CHANGING: u16 = 1 << 14;
 
 impl<D: Driver> Unit<D> {
     /// A board that start-up will look for.
@@ -106,22 +115,36 @@ impl<D: Driver> Unit<D> {
         self.presence.store(presence as u8, Ordering::Release);
     }
 
-    /// Counts an open, in a critical section; `None` if it would share what is exclusive, else
-    /// whether it is the first.
+    /// Counts an open, in a critical section; `None` if it would share what is exclusive or being
+    /// opened or closed, else whether it is the first. Then the board is changing until
+    /// [`settle`](Self::settle).
     pub(crate) fn count_open(&self, exclusive: bool) -> Option<bool> {
         let opens = self.opens.load(Ordering::Relaxed);
-        if opens & EXCLUSIVE != 0 || (exclusive && opens != 0) || opens == EXCLUSIVE - 1 {
+        if opens >= CHANGING || (exclusive && opens != 0) || opens == CHANGING - 1 {
             return None;
         }
-        let flag = if exclusive { EXCLUSIVE } else { 0 };
-        self.opens.store((opens + 1) | flag, Ordering::Relaxed);
+        let first = if opens == 0 { CHANGING } else { 0 };
+        let alone = if exclusive { EXCLUSIVE } else { 0 };
+        self.opens
+            .store((opens + 1) | alone | first, Ordering::Relaxed);
         Some(opens == 0)
     }
 
-    /// Takes an open back, in a critical section; says whether it was the last.
+    /// Takes an open back, in a critical section; says whether it was the last. Then the board is
+    /// changing until [`settle`](Self::settle).
     pub(crate) fn count_close(&self) -> bool {
-        let left = (self.opens.load(Ordering::Relaxed) & !EXCLUSIVE).saturating_sub(1);
-        self.opens.store(left, Ordering::Relaxed);
+        let opens = self.opens.load(Ordering::Relaxed) & (CHANGING - 1);
+        let left = opens.saturating_sub(1);
+        let last = if left == 0 { CHANGING } else { 0 };
+        self.opens.store(left | last, Ordering::Relaxed);
         left == 0
+    }
+
+    /// Ends the change that the first open or the last close began.
+    pub(crate) fn settle(&self) {
+        critical_section::with(|_| {
+            let opens = self.opens.load(Ordering::Relaxed);
+            self.opens.store(opens & !CHANGING, Ordering::Relaxed);
+        });
     }
 }

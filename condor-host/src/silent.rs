@@ -1,42 +1,20 @@
 //! [`Silent`]: a bus without boards.
 
-use condor_dev::{Bus, BusErrorKind, MmioError};
+use condor_dev::{AccessError, Bus, BusErrorKind, Width};
 
 /// A bus on which nothing answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Silent;
 
-const fn silence<T>(address: usize) -> Result<T, MmioError> {
-    Err(MmioError {
-        address,
-        kind: BusErrorKind::NoAnswer,
-    })
-}
-
 impl Bus for Silent {
-    type Error = MmioError;
+    type Error = AccessError;
 
-    fn read8(&self, address: usize) -> Result<u8, MmioError> {
-        silence(address)
+    fn read(&self, address: usize, _: Width) -> Result<u32, AccessError> {
+        let kind = BusErrorKind::NoAnswer;
+        Err(AccessError { address, kind })
     }
 
-    fn read16(&self, address: usize) -> Result<u16, MmioError> {
-        silence(address)
-    }
-
-    fn read32(&self, address: usize) -> Result<u32, MmioError> {
-        silence(address)
-    }
-
-    fn write8(&self, address: usize, _: u8) -> Result<(), MmioError> {
-        silence(address)
-    }
-
-    fn write16(&self, address: usize, _: u16) -> Result<(), MmioError> {
-        silence(address)
-    }
-
-    fn write32(&self, address: usize, _: u32) -> Result<(), MmioError> {
-        silence(address)
+    fn write(&self, address: usize, width: Width, _: u32) -> Result<(), AccessError> {
+        self.read(address, width).map(drop)
     }
 }

@@ -113,9 +113,6 @@ pub const UNREACHABLE: u8 = 4;
 
 /// The terminals of a program, as [`Tty`] finds them; for the program to implement.
 pub trait Terminals: Sync + 'static {
-    /// The device's name, without the colon.
-    const NAME: &'static str = "tty";
-
     /// The terminal at the place `base`; `None` as long as there is none.
     ///
     /// Places are those that the program gave to `device_switch!`. They are numbers of its choice,
@@ -276,7 +273,6 @@ impl<T> core::fmt::Debug for Tty<T> {
 }
 
 impl<T: Terminals> Driver for Tty<T> {
-    const NAME: &'static str = T::NAME;
     const NEW: Self = Self(PhantomData);
     const READS: bool = true;
     const WRITES: bool = true;

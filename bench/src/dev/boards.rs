@@ -1,24 +1,16 @@
 //! The boards of all paths: four drivers on a bus that is plain memory.
 
 use std::cell::UnsafeCell;
+use std::ffi::c_void;
 
 use condor_dev::{
-    Bus, BusError, BusErrorKind, Device, DeviceError, Driver, Mode, NoInterrupts, Place, Registers,
-    Switch, Width, device_switch, drivers::Adc16,
+    Bus, BusErrorKind, Device, DeviceError, Driver, Mode, NoInterrupts, Place, Registers, Switch,
+    Width, device_switch,
 };
+use example_boards::Adc16;
 
 /// Bytes of the bus.
 const SIZE: usize = 0x1000;
-
-/// What the bus says when there is nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Nothing(BusErrorKind);
-
-impl BusError for Nothing {
-    fn kind(&self) -> BusErrorKind {
-        self.0
-    }
-}
 
 /// Registers that are memory.
 #[repr(align(16))]
@@ -33,57 +25,55 @@ impl Memory {
     }
 
     #[inline]
-    fn place<T>(&self, address: usize) -> Result<*mut T, Nothing> {
-        if !address.is_multiple_of(size_of::<T>()) {
-            return Err(Nothing(BusErrorKind::Misaligned));
+    fn place(&self, address: usize, width: Width) -> Result<*mut c_void, BusErrorKind> {
+        if !address.is_multiple_of(width.bytes()) {
+            return Err(BusErrorKind::Misaligned);
         }
-        if address > SIZE - size_of::<T>() {
-            return Err(Nothing(BusErrorKind::NoAnswer));
+        if address > SIZE - width.bytes() {
+            return Err(BusErrorKind::NoAnswer);
         }
-        // SAFETY: an aligned `T` at `address` ends inside of the bytes, which are aligned to 16.
-        Ok(unsafe { self.0.get().cast::<u8>().add(address).cast() })
+        Ok(self.0.get().cast::<u8>().wrapping_add(address).cast())
     }
 }
 
-macro_rules! accesses {
-    ($($read:ident, $write:ident: $kind:ty;)*) => {
-        $(
-            #[inline]
-            fn $read(&self, address: usize) -> Result<$kind, Nothing> {
-                let place = self.place::<$kind>(address)?;
-                // SAFETY: `place` checked it, and nobody else accesses it.
-                Ok(unsafe { place.read_volatile() })
-            }
-
-            #[inline]
-            fn $write(&self, address: usize, value: $kind) -> Result<(), Nothing> {
-                let place = self.place::<$kind>(address)?;
-                // SAFETY: as above.
-                unsafe { place.write_volatile(value) };
-                Ok(())
-            }
-        )*
-    };
-}
-
 impl Bus for Memory {
-    type Error = Nothing;
+    type Error = BusErrorKind;
 
-    accesses! {
-        read8, write8: u8;
-        read16, write16: u16;
-        read32, write32: u32;
+    #[inline]
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusErrorKind> {
+        let place = self.place(address, width)?;
+        // SAFETY: `place` checked it, and nobody else accesses it.
+        Ok(unsafe {
+            match width {
+                Width::Bits8 => place.cast::<u8>().read_volatile().into(),
+                Width::Bits16 => place.cast::<u16>().read_volatile().into(),
+                Width::Bits32 => place.cast::<u32>().read_volatile(),
+            }
+        })
+    }
+
+    #[inline]
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusErrorKind> {
+        let place = self.place(address, width)?;
+        // SAFETY: as above.
+        unsafe {
+            match width {
+                Width::Bits8 => place.cast::<u8>().write_volatile(value as u8),
+                Width::Bits16 => place.cast::<u16>().write_volatile(value as u16),
+                Width::Bits32 => place.cast::<u32>().write_volatile(value),
+            }
+        }
+        Ok(())
     }
 }
 
 macro_rules! written_in {
-    ($(#[$doc:meta])* $driver:ident, $name:literal, $kind:ty, $write:ident, $offset:literal) => {
+    ($(#[$doc:meta])* $driver:ident, $kind:ty, $write:ident, $offset:literal) => {
         $(#[$doc])*
         #[derive(Debug)]
         pub(super) struct $driver(());
 
         impl Driver for $driver {
-            const NAME: &'static str = $name;
             const NEW: Self = Self(());
             const READS: bool = false;
             const WRITES: bool = true;
@@ -130,15 +120,15 @@ macro_rules! written_in {
 
 written_in! {
     /// A board with a byte.
-    Lamps, "lamps", u8, write8, 0x3
+    Lamps, u8, write8, 0x3
 }
 written_in! {
     /// A board with a word.
-    Counter, "counter", u32, write32, 0x10
+    Counter, u32, write32, 0x10
 }
 written_in! {
     /// The board that all paths write to: the memo's parallel port in raw 16-bit mode.
-    Port, "port", u16, write16, 0x22
+    Port, u16, write16, 0x22
 }
 
 /// Where the port is.

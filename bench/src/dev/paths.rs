@@ -144,7 +144,7 @@ pub(crate) fn go(name: &str, calls: usize) -> Result<()> {
         }
         "direct16" => Box::new(move |call| condor_path_direct16(board, call as u16)),
         "typed" => {
-            let port = switch.device::<Port>(fd)?;
+            let port = switch.device(Boards::port, fd)?;
             Box::new(move |call| condor_path_typed(&port, call as u16))
         }
         "putc" => {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use condor_dev::{Bus, DeviceError, Driver, Fd, FdError, IoError, Mode, Registers};
+use example_boards::Adc16;
 use vm_device::DeviceMmio;
 use vm_device::bus::{MmioAddress, MmioAddressOffset, MmioRange};
 use vm_device::device_manager::{IoManager, MmioManager};
@@ -70,7 +71,7 @@ impl DynSwitch {
             })
         }
         let kinds = [
-            boards::<condor_dev::drivers::Adc16>(bus, 0),
+            boards::<Adc16>(bus, 0),
             boards::<Lamps>(bus, 0x200),
             boards::<Counter>(bus, 0x400),
             boards::<Port>(bus, port - 0x100),
@@ -151,7 +152,7 @@ pub(super) fn io_manager(bus: &'static Memory, port: usize) -> Result<IoManager>
         Ok(())
     }
     let mut manager = IoManager::new();
-    register::<condor_dev::drivers::Adc16>(&mut manager, bus, 0)?;
+    register::<Adc16>(&mut manager, bus, 0)?;
     register::<Lamps>(&mut manager, bus, 0x200)?;
     register::<Counter>(&mut manager, bus, 0x400)?;
     register::<Port>(&mut manager, bus, port - 0x100)?;

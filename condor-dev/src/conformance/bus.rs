@@ -23,6 +23,8 @@ pub enum Access {
     Write(u32),
     /// [`Bus::answers`], whose answer is 1 for yes.
     Answers,
+    /// A block of this many bytes, written and read; 1 if what was read is what was written.
+    Block(usize),
 }
 
 /// A check that a bus failed.
@@ -57,6 +59,7 @@ pub fn bus<B: Bus>(bus: &B, ground: Ground) -> Result<(), BusFailure> {
     suite.values_are_kept()?;
     suite.neighbours_are_left_alone()?;
     suite.widths_agree()?;
+    suite.blocks_are_bytes_in_order()?;
     if ground.refuses_misaligned {
         suite.misaligned_accesses_are_refused()?;
     }
@@ -75,10 +78,9 @@ impl<B: Bus> Suite<'_, B> {
     fn values_are_kept(&self) -> Result<(), BusFailure> {
         let check = "what is written is read back, also after looking whether something answers";
         for width in WIDTHS {
-            let mask = u32::MAX >> (32 - 8 * width.bytes());
             for offset in (0..8).step_by(width.bytes()) {
                 for pattern in [0, u32::MAX, 0x8182_8384, 0x1020_4080] {
-                    let value = pattern & mask;
+                    let value = pattern & width.mask();
                     self.expect(check, Access::Write(value), width, offset, Ok(0))?;
                     self.expect(check, Access::Answers, width, offset, Ok(1))?;
                     self.expect(check, Access::Read, width, offset, Ok(value))?;
@@ -111,6 +113,37 @@ impl<B: Bus> Suite<'_, B> {
         for (offset, pair) in (0..).step_by(2).zip(pairs) {
             let value = u16::from_ne_bytes(*pair).into();
             self.expect(check, Access::Read, Width::Bits16, offset, Ok(value))?;
+        }
+        Ok(())
+    }
+
+    fn blocks_are_bytes_in_order(&self) -> Result<(), BusFailure> {
+        let check = "a block is the bytes from its address on, in order, and no other";
+        for first in 0..8 {
+            for len in 0..8 - first {
+                let mut bytes = self.lay_background(check)?;
+                let address = self.ground.memory.wrapping_add(first);
+                let block = bytes.iter_mut().skip(first).take(len);
+                block.for_each(|byte| *byte = byte.wrapping_add(0x55));
+                let part = bytes.get(first..first + len).unwrap_or_default();
+                let mut found = [0; 8];
+                let into = found.get_mut(..len).unwrap_or_default();
+                let moved = self.bus.write_block(address, part);
+                let moved = moved.and_then(|()| self.bus.read_block(address, into));
+                let found = moved.map(|()| u32::from(into == part));
+                let found = found.map_err(|error| error.kind());
+                if found != Ok(1) {
+                    return Err(BusFailure {
+                        check,
+                        access: Access::Block(len),
+                        width: Width::Bits8,
+                        address,
+                        found,
+                        expected: Ok(1),
+                    });
+                }
+                self.expect_bytes(check, bytes)?;
+            }
         }
         Ok(())
     }
@@ -211,14 +244,10 @@ impl<B: Bus> Suite<'_, B> {
 
     fn make(&self, access: Access, width: Width, address: usize) -> Result<u32, BusErrorKind> {
         let bus = self.bus;
-        let result = match (access, width) {
-            (Access::Read, Width::Bits8) => bus.read8(address).map(u32::from),
-            (Access::Read, Width::Bits16) => bus.read16(address).map(u32::from),
-            (Access::Read, Width::Bits32) => bus.read32(address),
-            (Access::Write(value), Width::Bits8) => bus.write8(address, value as u8).map(|()| 0),
-            (Access::Write(value), Width::Bits16) => bus.write16(address, value as u16).map(|()| 0),
-            (Access::Write(value), Width::Bits32) => bus.write32(address, value).map(|()| 0),
-            (Access::Answers, width) => Ok(bus.answers(address, width).into()),
+        let result = match access {
+            Access::Read => bus.read(address, width),
+            Access::Write(value) => bus.write(address, width, value).map(|()| 0),
+            Access::Answers | Access::Block(_) => Ok(bus.answers(address, width).into()),
         };
         result.map_err(|error| error.kind())
     }

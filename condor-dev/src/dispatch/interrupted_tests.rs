@@ -5,7 +5,7 @@ use core::cell::{Cell, RefCell};
 use core::convert::Infallible;
 use std::rc::Rc;
 
-use crate::bus::{Bus, Registers};
+use crate::bus::{Bus, Registers, Width};
 use crate::driver::{Attention, DeviceError, Driver};
 use crate::interrupt::{InterruptController, Level, Vector};
 use crate::switch::Switch;
@@ -16,7 +16,6 @@ use crate::unit::Place;
 struct Bell;
 
 impl Driver for Bell {
-    const NAME: &'static str = "bell";
     const NEW: Self = Self;
     const READS: bool = true;
     const WRITES: bool = false;
@@ -64,31 +63,15 @@ struct Asks([Cell<u8>; 3]);
 impl Bus for Asks {
     type Error = Infallible;
 
-    fn read8(&self, address: usize) -> Result<u8, Infallible> {
+    fn read(&self, address: usize, _: Width) -> Result<u32, Infallible> {
         access();
-        Ok(self.0[address].get())
+        Ok(self.0[address].get().into())
     }
 
-    fn read16(&self, _: usize) -> Result<u16, Infallible> {
-        unreachable!("it has bytes")
-    }
-
-    fn read32(&self, _: usize) -> Result<u32, Infallible> {
-        unreachable!("it has bytes")
-    }
-
-    fn write8(&self, address: usize, _: u8) -> Result<(), Infallible> {
+    fn write(&self, address: usize, _: Width, _: u32) -> Result<(), Infallible> {
         access();
         self.0[address].set(self.0[address].get() - 1);
         Ok(())
-    }
-
-    fn write16(&self, _: usize, _: u16) -> Result<(), Infallible> {
-        unreachable!("it has bytes")
-    }
-
-    fn write32(&self, _: usize, _: u32) -> Result<(), Infallible> {
-        unreachable!("it has bytes")
     }
 }
 

@@ -11,16 +11,22 @@ const UNKNOWN: u32 = u32::MAX;
 /// critical section: otherwise a context that was interrupted in between would write what the one
 /// that interrupted it had put right.
 #[derive(Debug)]
-pub(super) struct Kept(AtomicU32);
+pub struct Kept(AtomicU32);
 
 impl Kept {
-    pub(super) const fn new() -> Self {
+    /// A register that may have any value.
+    #[must_use]
+    #[allow(clippy::new_without_default, reason = "a part of `Driver::NEW`")]
+    pub const fn new() -> Self {
         Self(AtomicU32::new(UNKNOWN))
     }
 
-    /// Writes what is `wanted` if the register has something else; says whether it had. A write that
+    /// Writes what is `wanted`, in one critical section with asking for it, if the register has something else; says whether it had. A write that
     /// failed is made again by the next call.
-    pub(super) fn update<E>(
+    ///
+    /// # Errors
+    /// That of `write`.
+    pub fn update<E>(
         &self,
         wanted: impl FnOnce() -> u16,
         write: impl FnOnce(u16) -> Result<(), E>,
@@ -37,23 +43,26 @@ impl Kept {
         })
     }
 
-    /// The register may have any value.
-    pub(super) fn forget(&self) {
+    /// Notes that the register may have any value.
+    pub fn forget(&self) {
         self.0.store(UNKNOWN, Relaxed);
     }
 }
 
 /// A number that several contexts count up; wraps.
 #[derive(Debug)]
-pub(super) struct Count(AtomicU32);
+pub struct Count(AtomicU32);
 
 impl Count {
-    pub(super) const fn new() -> Self {
+    /// Nothing counted yet.
+    #[must_use]
+    #[allow(clippy::new_without_default, reason = "a part of `Driver::NEW`")]
+    pub const fn new() -> Self {
         Self(AtomicU32::new(0))
     }
 
-    /// Counts one more, and gives the new number.
-    pub(super) fn add(&self) -> u32 {
+    /// Counts one more, and returns the new number.
+    pub fn add(&self) -> u32 {
         masked(|| {
             let next = self.get().wrapping_add(1);
             self.0.store(next, Relaxed);
@@ -61,7 +70,8 @@ impl Count {
         })
     }
 
-    pub(super) fn get(&self) -> u32 {
+    /// Returns the number.
+    pub fn get(&self) -> u32 {
         self.0.load(Relaxed)
     }
 }

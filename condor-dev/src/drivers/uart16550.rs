@@ -6,7 +6,6 @@ use uart_16550::spec::registers::{FCR, FifoTriggerLevel, IER, ISR, LCR, LSR, MCR
 
 use super::register::{Count, Kept};
 use crate::bus::{Bus, Registers, Width};
-use crate::device::Device;
 use crate::driver::{Attention, DeviceError, Driver};
 use crate::ring::Ring;
 use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
@@ -14,8 +13,7 @@ use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
 /// A 16550, whose registers are `STRIDE` bytes apart (1 or 4, accessed as bytes), with a buffer of
 /// `BUFFER` bytes each way.
 ///
-/// The registers are those of the National Semiconductor PC16550D (data sheet of 1995). A set knows
-/// the one with stride 4 as `uart4`.
+/// The registers are those of the National Semiconductor PC16550D (data sheet of 1995).
 ///
 /// `read` and `write` move bytes from and to the buffers, which the interrupt's half empties into the
 /// board and fills from it, a FIFO of 16 at a time; on an 8250 without FIFOs, byte by byte. While the
@@ -24,10 +22,10 @@ use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
 /// one that cannot be handed over at the moment is tried again by the next call of any kind, of
 /// which [`is_flushed`](crate::Switch::is_flushed) tells whether there is an error. A byte that the
 /// board received is read once, whatever its errors; they are counted, see
-/// [`line_errors`](Device::line_errors). What was not read when the port is opened is forgotten.
+/// [`line_errors`](Self::line_errors). What was not read when the port is opened is forgotten.
 ///
 /// `init` sets 8 bits, no parity and one stop bit, and leaves the speed as it is, for that depends
-/// on the board's clock: see [`configure`](Device::configure).
+/// on the board's clock: see [`configure`](Self::configure).
 #[derive(Debug)]
 pub struct Uart16550<const STRIDE: usize = 1, const BUFFER: usize = 256> {
     received: Ring<BUFFER>,
@@ -215,7 +213,12 @@ impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
         Ok(some)
     }
 
-    fn configure<B: Bus>(
+    /// Sets the speed, to the board's clock divided by 16 × `divisor`, and the format. What is being
+    /// sent or received meanwhile is garbled.
+    ///
+    /// # Errors
+    /// The bus's: then the speed is unknown, and to be set again.
+    pub fn configure<B: Bus>(
         &self,
         registers: Registers<'_, B>,
         divisor: NonZeroU16,
@@ -237,7 +240,6 @@ impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
 }
 
 impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFFER> {
-    const NAME: &'static str = if STRIDE == 4 { "uart4" } else { "uart" };
     const NEW: Self = Self {
         received: Ring::new(),
         to_send: Ring::new(),
@@ -374,22 +376,11 @@ impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFF
     }
 }
 
-impl<B: Bus, const STRIDE: usize, const BUFFER: usize, const F: usize>
-    Device<'_, B, Uart16550<STRIDE, BUFFER>, F>
-{
-    /// Sets the speed, to the board's clock divided by 16 × `divisor`, and the format. What is being
-    /// sent or received meanwhile is garbled.
-    ///
-    /// # Errors
-    /// The bus's: then the speed is unknown, and to be set again.
-    pub fn configure(&self, divisor: NonZeroU16, format: Format) -> Result<(), B::Error> {
-        self.unit.configure(self.registers, divisor, format)
-    }
-
+impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
     /// What went wrong on the line so far.
     #[must_use]
     pub fn line_errors(&self) -> LineErrors {
-        let unit = self.unit;
+        let unit = self;
         LineErrors {
             overruns: unit.overruns.get(),
             parity: unit.parity.get(),
@@ -403,7 +394,7 @@ impl<B: Bus, const STRIDE: usize, const BUFFER: usize, const F: usize>
     ///
     /// # Errors
     /// The bus's.
-    pub fn poll(&self) -> Result<(), B::Error> {
-        masked(|| self.unit.serve(self.registers)).map(drop)
+    pub fn poll<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        masked(|| self.serve(registers)).map(drop)
     }
 }

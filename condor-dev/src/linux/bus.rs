@@ -14,9 +14,9 @@ use rustix::fs::{FileType, OFlags};
 use rustix::mm::{MapFlags, ProtFlags};
 
 use super::fault;
-use crate::bus::{Bus, BusErrorKind};
-use crate::guarded::Register;
-use crate::mmio::{Mmio, MmioError};
+use crate::bus::{AccessError, Bus, BusErrorKind, Width};
+use crate::guarded::{load, store};
+use crate::mmio::Mmio;
 
 /// What a mapping allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,7 +125,8 @@ impl Drop for Mapping {
 impl LinuxBus {
     /// Maps `len` bytes of `file` from `offset` on, as the bus addresses from `base` on.
     ///
-    /// Anything that can be mapped will do: a file or a memfd that others map, too, or a device.
+    /// Anything that can be mapped will do: a file or a memfd that others map, too, or a device; for
+    /// `/dev/mem` the contract of [`physical`](Self::physical) holds.
     /// The offset need not begin a page.
     ///
     /// # Errors
@@ -143,10 +144,14 @@ impl LinuxBus {
 
     /// Maps the physical addresses from `base` on, by `/dev/mem`.
     ///
+    /// # Safety
+    /// As long as the bus or a copy of it is used, the range is not memory of this process or of the
+    /// kernel, and no write in it has a device change such memory (by DMA, for example).
+    ///
     /// # Errors
     /// As for [`map`](Self::map); usually only root may, and the kernel may refuse memory that
     /// is its own.
-    pub fn physical(base: usize, len: usize, access: Access) -> Result<Self, MapError> {
+    pub unsafe fn physical(base: usize, len: usize, access: Access) -> Result<Self, MapError> {
         // Without O_SYNC, some processors would cache the registers.
         let opened = File::options()
             .read(true)
@@ -236,96 +241,35 @@ impl LinuxBus {
     }
 
     #[cold]
-    fn silent(&self, address: usize) -> MmioError {
-        MmioError {
+    fn silent(&self, address: usize) -> AccessError {
+        AccessError {
             address,
             kind: self.silence,
         }
     }
-
-    #[inline(always)]
-    fn read<T: Register>(&self, address: usize) -> Result<T, MmioError> {
-        let register = self.registers.register::<T>(address)?;
-        // SAFETY: it is aligned and in the mapping, which may be read; the handler of `fault` is
-        // installed.
-        unsafe { T::load(register) }.ok_or_else(|| self.silent(address))
-    }
-
-    #[inline(always)]
-    fn write<T: Register>(&self, address: usize, value: T) -> Result<(), MmioError> {
-        let register = self.registers.register::<T>(address)?;
-        if self.access == Access::ReadOnly {
-            let kind = BusErrorKind::ReadOnly;
-            return Err(MmioError { address, kind });
-        }
-        // SAFETY: it is aligned and in the mapping, which may be written; the handler of `fault` is
-        // installed.
-        unsafe { T::store(register, value) }.ok_or_else(|| self.silent(address))
-    }
 }
 
 impl Bus for LinuxBus {
-    type Error = MmioError;
+    type Error = AccessError;
 
     #[inline]
-    fn read8(&self, address: usize) -> Result<u8, MmioError> {
-        self.read(address)
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+        let register = self.registers.register(address, width)?;
+        // SAFETY: it is aligned and in the mapping, which may be read; the handler of `fault` is
+        // installed.
+        unsafe { load(register, width) }.ok_or_else(|| self.silent(address))
     }
 
     #[inline]
-    fn read16(&self, address: usize) -> Result<u16, MmioError> {
-        self.read(address)
-    }
-
-    #[inline]
-    fn read32(&self, address: usize) -> Result<u32, MmioError> {
-        self.read(address)
-    }
-
-    #[inline]
-    fn write8(&self, address: usize, value: u8) -> Result<(), MmioError> {
-        self.write(address, value)
-    }
-
-    #[inline]
-    fn write16(&self, address: usize, value: u16) -> Result<(), MmioError> {
-        self.write(address, value)
-    }
-
-    #[inline]
-    fn write32(&self, address: usize, value: u32) -> Result<(), MmioError> {
-        self.write(address, value)
-    }
-}
-
-macro_rules! by_the_first_in_range {
-    ($($method:ident($($value:ident: $kind:ty)?) -> $result:ty;)*) => {
-        $(
-            fn $method(&self, address: usize $(, $value: $kind)?) -> Result<$result, MmioError> {
-                let mut answer = Err(MmioError { address, kind: BusErrorKind::OutOfRange });
-                for bus in self {
-                    answer = bus.$method(address $(, $value)?);
-                    if !matches!(answer, Err(MmioError { kind: BusErrorKind::OutOfRange, .. })) {
-                        break;
-                    }
-                }
-                answer
-            }
-        )*
-    };
-}
-
-/// Several ranges as one bus: each address is the first's that has it.
-impl<const N: usize> Bus for [LinuxBus; N] {
-    type Error = MmioError;
-
-    by_the_first_in_range! {
-        read8() -> u8;
-        read16() -> u16;
-        read32() -> u32;
-        write8(value: u8) -> ();
-        write16(value: u16) -> ();
-        write32(value: u32) -> ();
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+        let register = self.registers.register(address, width)?;
+        if self.access == Access::ReadOnly {
+            let kind = BusErrorKind::ReadOnly;
+            return Err(AccessError { address, kind });
+        }
+        // SAFETY: it is aligned and in the mapping, which may be written; the handler of `fault` is
+        // installed.
+        unsafe { store(register, width, value) }.ok_or_else(|| self.silent(address))
     }
 }
 

@@ -1,8 +1,8 @@
 //! [`GuardedMmio`]: an access fault is a bus error.
 
-use crate::bus::{Bus, BusErrorKind};
-use crate::guarded::{Register, resume};
-use crate::mmio::{Mmio, MmioError};
+use crate::bus::{AccessError, Bus, BusErrorKind, Width};
+use crate::guarded::{load, resume, store};
+use crate::mmio::Mmio;
 
 const LOAD_ACCESS_FAULT: usize = 5;
 const STORE_ACCESS_FAULT: usize = 7;
@@ -32,25 +32,10 @@ impl GuardedMmio {
     pub const unsafe fn new(bus: Mmio) -> Self {
         Self(bus)
     }
-
-    #[inline(always)]
-    fn read<T: Register>(&self, address: usize) -> Result<T, MmioError> {
-        let register = self.0.register::<T>(address)?;
-        // SAFETY: it is aligned and in a range for which the caller of `Mmio`'s constructor vouches,
-        // unless it faults, for which that of `new` does.
-        unsafe { T::load(register) }.ok_or(no_answer(address))
-    }
-
-    #[inline(always)]
-    fn write<T: Register>(&self, address: usize, value: T) -> Result<(), MmioError> {
-        let register = self.0.register::<T>(address)?;
-        // SAFETY: as in `read`.
-        unsafe { T::store(register, value) }.ok_or(no_answer(address))
-    }
 }
 
-const fn no_answer(address: usize) -> MmioError {
-    MmioError {
+const fn no_answer(address: usize) -> AccessError {
+    AccessError {
         address,
         kind: BusErrorKind::NoAnswer,
     }
@@ -77,29 +62,20 @@ pub fn on_fault(cause: usize, instruction: usize) -> Option<usize> {
 }
 
 impl Bus for GuardedMmio {
-    type Error = MmioError;
+    type Error = AccessError;
 
-    fn read8(&self, address: usize) -> Result<u8, MmioError> {
-        self.read(address)
+    #[inline]
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+        let register = self.0.register(address, width)?;
+        // SAFETY: it is aligned and in a range for which the caller of `Mmio`'s constructor vouches,
+        // unless it faults, for which that of `new` does.
+        unsafe { load(register, width) }.ok_or(no_answer(address))
     }
 
-    fn read16(&self, address: usize) -> Result<u16, MmioError> {
-        self.read(address)
-    }
-
-    fn read32(&self, address: usize) -> Result<u32, MmioError> {
-        self.read(address)
-    }
-
-    fn write8(&self, address: usize, value: u8) -> Result<(), MmioError> {
-        self.write(address, value)
-    }
-
-    fn write16(&self, address: usize, value: u16) -> Result<(), MmioError> {
-        self.write(address, value)
-    }
-
-    fn write32(&self, address: usize, value: u32) -> Result<(), MmioError> {
-        self.write(address, value)
+    #[inline]
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+        let register = self.0.register(address, width)?;
+        // SAFETY: as in `read`.
+        unsafe { store(register, width, value) }.ok_or(no_answer(address))
     }
 }

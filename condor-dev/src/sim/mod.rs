@@ -1,24 +1,22 @@
 //! A bus in memory: boards as models of their registers, with injected faults, for tests on any
 //! machine with std.
 
-mod adc;
+mod as5600;
 mod controller;
-mod dac;
-mod encoder;
-mod mpp;
+mod pca9685;
+mod serial;
 mod uart;
 
-pub use adc::AdcModel;
+pub use as5600::As5600Model;
 pub use controller::Controller;
-pub use dac::DacModel;
-pub use encoder::EncoderModel;
-pub use mpp::MppModel;
+pub use pca9685::Pca9685Model;
+pub use serial::{I2c, Spi};
 pub use uart::{LineFault, UartModel};
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::bus::{self, BusError, BusErrorKind, Width};
+use crate::bus::{self, AccessError, BusErrorKind, Width};
 
 /// The registers of a board, and what happens when they are read and written.
 ///
@@ -36,22 +34,6 @@ pub trait Model: Send {
     /// Whether the board asks for its interrupt.
     fn interrupts(&self) -> bool {
         false
-    }
-}
-
-/// An error of the simulated bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("bus error at {address:#x}: {kind:?}")]
-pub struct SimBusError {
-    /// Where.
-    pub address: usize,
-    /// What.
-    pub kind: BusErrorKind,
-}
-
-impl BusError for SimBusError {
-    fn kind(&self) -> BusErrorKind {
-        self.kind
     }
 }
 
@@ -112,11 +94,9 @@ impl Bus {
         address: usize,
         width: Width,
         access: impl FnOnce(&mut dyn Model, usize) -> Option<R>,
-    ) -> Result<R, SimBusError> {
-        let error = |kind| SimBusError { address, kind };
-        if !address.is_multiple_of(width.bytes()) {
-            return Err(error(BusErrorKind::Misaligned));
-        }
+    ) -> Result<R, AccessError> {
+        let error = |kind| AccessError { address, kind };
+        width.check(address)?;
         let board = {
             let mut inside = self.inside();
             let now = inside.accesses;
@@ -138,16 +118,6 @@ impl Bus {
         }
         access(&mut *model, address - base).ok_or(error(BusErrorKind::NoAnswer))
     }
-
-    fn read(&self, address: usize, width: Width) -> Result<u32, SimBusError> {
-        self.access(address, width, |model, offset| model.read(offset, width))
-    }
-
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), SimBusError> {
-        self.access(address, width, |model, offset| {
-            model.write(offset, width, value)
-        })
-    }
 }
 
 /// A model that panicked in a test is as good as before.
@@ -156,29 +126,16 @@ pub(crate) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl bus::Bus for Bus {
-    type Error = SimBusError;
+    type Error = AccessError;
 
-    fn read8(&self, address: usize) -> Result<u8, SimBusError> {
-        self.read(address, Width::Bits8).map(|value| value as u8)
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+        self.access(address, width, |model, offset| model.read(offset, width))
+            .map(|value| value & width.mask())
     }
 
-    fn read16(&self, address: usize) -> Result<u16, SimBusError> {
-        self.read(address, Width::Bits16).map(|value| value as u16)
-    }
-
-    fn read32(&self, address: usize) -> Result<u32, SimBusError> {
-        self.read(address, Width::Bits32)
-    }
-
-    fn write8(&self, address: usize, value: u8) -> Result<(), SimBusError> {
-        self.write(address, Width::Bits8, value.into())
-    }
-
-    fn write16(&self, address: usize, value: u16) -> Result<(), SimBusError> {
-        self.write(address, Width::Bits16, value.into())
-    }
-
-    fn write32(&self, address: usize, value: u32) -> Result<(), SimBusError> {
-        self.write(address, Width::Bits32, value)
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+        self.access(address, width, |model, offset| {
+            model.write(offset, width, value & width.mask())
+        })
     }
 }

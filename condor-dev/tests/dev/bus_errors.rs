@@ -3,9 +3,10 @@
 use std::num::NonZeroU16;
 
 use crate::boards::*;
-use condor_dev::drivers::{Adc16, Dac16, Encoder8, Format, Mpp, Trigger};
+use condor_dev::drivers::Format;
 use condor_dev::sim::LineFault;
 use condor_dev::{Fd, Mode};
+use example_boards::Trigger;
 
 /// Calls of a device, whose results are not looked at.
 type Session = fn(&Machine, Fd);
@@ -38,8 +39,8 @@ fn fail_everywhere(name: &str, mode: Mode, session: Session, check: Session) {
 #[test]
 fn parallel_ports_bear_it() {
     let session: Session = |machine, fd| {
-        let mpp = machine.switch.device::<Mpp>(fd).unwrap();
-        let _ = mpp.reset();
+        let mpp = machine.switch.device(Boards::mpp, fd).unwrap();
+        let _ = mpp.reset(mpp.registers);
         for byte in 0..18 {
             outside(&machine.mpp[0]).strobe_in(byte);
         }
@@ -47,11 +48,11 @@ fn parallel_ports_bear_it() {
         let _ = machine.read(fd);
         let _ = machine.switch.write(fd, &[1, 2, 3]);
         let _ = machine.switch.is_flushed(fd);
-        let _ = mpp.poll();
-        let _ = mpp.config_16bit_raw();
+        let _ = mpp.poll(mpp.registers);
+        let _ = mpp.config_16bit_raw(mpp.registers);
         let _ = machine.read(fd);
         let _ = machine.switch.write(fd, &[1, 2, 3]);
-        let _ = mpp.read_16bits();
+        let _ = mpp.read_16bits(mpp.registers);
     };
     fail_everywhere("mpp", BOTH, session, |machine, fd| {
         assert!(!outside(&machine.mpp[0]).is_raw());
@@ -66,16 +67,16 @@ fn parallel_ports_bear_it() {
 #[test]
 fn serial_ports_bear_it() {
     let session: Session = |machine, fd| {
-        let uart = machine.switch.device::<Serial>(fd).unwrap();
+        let uart = machine.switch.device(Boards::uart, fd).unwrap();
         let _ = machine.switch.write(fd, &[1, 2, 3]);
         outside(&machine.uart).receive(7, LineFault::None);
         machine.interrupts();
         let _ = machine.read(fd);
-        let _ = uart.configure(NonZeroU16::MIN, Format::EIGHT_BITS);
+        let _ = uart.configure(uart.registers, NonZeroU16::MIN, Format::EIGHT_BITS);
         while outside(&machine.uart).transmit().is_some() {}
         let _ = machine.switch.write(fd, &[4, 5]);
         machine.interrupts();
-        let _ = uart.poll();
+        let _ = uart.poll(uart.registers);
         let _ = machine.switch.is_flushed(fd);
     };
     fail_everywhere("uart", BOTH, session, |machine, fd| {
@@ -97,30 +98,30 @@ fn serial_ports_bear_it() {
 #[test]
 fn converters_bear_it() {
     let session: Session = |machine, fd| {
-        let adc = machine.switch.device::<Adc16>(fd).unwrap();
-        let _ = adc.set_trigger(Trigger::Command);
-        let _ = adc.start();
+        let adc = machine.switch.device(Boards::adc, fd).unwrap();
+        let _ = adc.set_trigger(adc.registers, Trigger::Command);
+        let _ = adc.start(adc.registers);
         outside(&machine.adc).complete();
-        let _ = adc.is_ready();
+        let _ = adc.is_ready(adc.registers);
         let _ = machine.read(fd);
-        let _ = adc.scan(&mut [0; 16]);
+        let _ = adc.scan(adc.registers, &mut [0; 16]);
     };
     fail_everywhere("adc", Mode::READ, session, |machine, fd| {
         outside(&machine.adc).channels = [-3; 16];
-        let adc = machine.switch.device::<Adc16>(fd).unwrap();
+        let adc = machine.switch.device(Boards::adc, fd).unwrap();
         let mut channels = [0; 16];
-        assert_eq!(adc.scan(&mut channels), Ok(16));
+        assert_eq!(adc.scan(adc.registers, &mut channels), Ok(16));
         assert_eq!(channels, [-3; 16]);
     });
     let session: Session = |machine, fd| {
-        let dac = machine.switch.device::<Dac16>(fd).unwrap();
-        let _ = dac.write_all(&[9; 16]);
+        let dac = machine.switch.device(Boards::dac, fd).unwrap();
+        let _ = dac.write_all(dac.registers, &[9; 16]);
         let _ = machine.switch.write(fd, &[1; 32]);
     };
     fail_everywhere("dac", Mode::WRITE, session, |machine, fd| {
         assert_eq!(outside(&machine.dac).outputs(), [0; 16]);
-        let dac = machine.switch.device::<Dac16>(fd).unwrap();
-        assert_eq!(dac.write_all(&[7; 16]), Ok(()));
+        let dac = machine.switch.device(Boards::dac, fd).unwrap();
+        assert_eq!(dac.write_all(dac.registers, &[7; 16]), Ok(()));
         assert_eq!(outside(&machine.dac).outputs(), [7; 16]);
     });
 }
@@ -128,18 +129,18 @@ fn converters_bear_it() {
 #[test]
 fn encoders_bear_it() {
     let session: Session = |machine, fd| {
-        let encoder = machine.switch.device::<Encoder8>(fd).unwrap();
-        let _ = encoder.zero_at_index(0xff);
+        let encoder = machine.switch.device(Boards::encoder, fd).unwrap();
+        let _ = encoder.zero_at_index(encoder.registers, 0xff);
         let _ = machine.read(fd);
-        let _ = encoder.take_index();
-        let _ = encoder.zero(0xff);
+        let _ = encoder.take_index(encoder.registers);
+        let _ = encoder.zero(encoder.registers, 0xff);
     };
     fail_everywhere("encoder", Mode::READ, session, |machine, fd| {
-        let encoder = machine.switch.device::<Encoder8>(fd).unwrap();
-        assert_eq!(encoder.zero_at_index(0), Ok(()));
+        let encoder = machine.switch.device(Boards::encoder, fd).unwrap();
+        assert_eq!(encoder.zero_at_index(encoder.registers, 0), Ok(()));
         outside(&machine.encoder).turn(2, 5);
         let mut counts = [0; 3];
-        assert_eq!(encoder.scan(&mut counts), Ok(3));
+        assert_eq!(encoder.scan(encoder.registers, &mut counts), Ok(3));
         assert_eq!(counts, [0, 0, 5]);
     });
 }

@@ -2,7 +2,7 @@
 
 use condor_dev::conformance::{self, Ground};
 use condor_dev::sim::{self, Model};
-use condor_dev::{Bus, BusError, BusErrorKind, Width};
+use condor_dev::{AccessError, Bus, BusErrorKind, Width};
 
 /// A board that is nothing but memory.
 struct Memory([u8; 16]);
@@ -60,85 +60,70 @@ enum BusFault {
     NeverFails,
     WrongKind,
     LooksByWriting,
+    WritesBlocksInPlace,
 }
 
 struct FaultyBus(sim::Bus, BusFault);
 
-#[derive(Debug)]
-struct FaultyError(BusErrorKind);
-
-impl BusError for FaultyError {
-    fn kind(&self) -> BusErrorKind {
-        self.0
-    }
-}
-
 impl FaultyBus {
-    fn result<T: Default>(&self, result: Result<T, sim::SimBusError>) -> Result<T, FaultyError> {
+    fn result<T: Default>(&self, result: Result<T, AccessError>) -> Result<T, BusErrorKind> {
         match (result, self.1) {
             (Ok(value), _) => Ok(value),
             (Err(_), BusFault::NeverFails) => Ok(T::default()),
-            (Err(_), BusFault::WrongKind) => Err(FaultyError(BusErrorKind::ReadOnly)),
-            (Err(error), _) => Err(FaultyError(error.kind)),
+            (Err(_), BusFault::WrongKind) => Err(BusErrorKind::ReadOnly),
+            (Err(error), _) => Err(error.kind),
         }
     }
 
-    fn aligned(&self, address: usize, width: usize) -> usize {
+    fn aligned(&self, address: usize, width: Width) -> usize {
         if self.1 == BusFault::SplitsMisaligned {
-            address & !(width - 1)
+            address & !(width.bytes() - 1)
         } else {
             address
+        }
+    }
+
+    fn swapped(&self, width: Width, value: u32) -> u32 {
+        if self.1 == BusFault::SwapsBytes && width == Width::Bits16 {
+            (value as u16).swap_bytes().into()
+        } else {
+            value
         }
     }
 }
 
 impl Bus for FaultyBus {
-    type Error = FaultyError;
+    type Error = BusErrorKind;
 
-    fn read8(&self, address: usize) -> Result<u8, FaultyError> {
-        self.result(self.0.read8(address))
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusErrorKind> {
+        let value = self.result(self.0.read(self.aligned(address, width), width))?;
+        Ok(self.swapped(width, value))
     }
 
-    fn read16(&self, address: usize) -> Result<u16, FaultyError> {
-        let value = self.result(self.0.read16(self.aligned(address, 2)))?;
-        Ok(if self.1 == BusFault::SwapsBytes {
-            value.swap_bytes()
-        } else {
-            value
-        })
-    }
-
-    fn read32(&self, address: usize) -> Result<u32, FaultyError> {
-        self.result(self.0.read32(self.aligned(address, 4)))
-    }
-
-    fn write8(&self, address: usize, value: u8) -> Result<(), FaultyError> {
-        if self.1 == BusFault::WritesWords {
-            let word = u16::from(value) | u16::from(value) << 8;
-            return self.result(self.0.write16(address & !1, word));
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusErrorKind> {
+        if self.1 == BusFault::WritesWords && width == Width::Bits8 {
+            return self.result(self.0.write16(address & !1, value as u16 * 0x101));
         }
-        self.result(self.0.write8(address, value))
+        let value = self.swapped(width, value);
+        self.result(self.0.write(self.aligned(address, width), width, value))
     }
 
-    fn write16(&self, address: usize, value: u16) -> Result<(), FaultyError> {
-        let value = if self.1 == BusFault::SwapsBytes {
-            value.swap_bytes()
-        } else {
-            value
-        };
-        self.result(self.0.write16(self.aligned(address, 2), value))
-    }
-
-    fn write32(&self, address: usize, value: u32) -> Result<(), FaultyError> {
-        self.result(self.0.write32(self.aligned(address, 4), value))
+    fn write_block(&self, address: usize, from: &[u8]) -> Result<(), BusErrorKind> {
+        for (offset, &byte) in from.iter().enumerate() {
+            let offset = if self.1 == BusFault::WritesBlocksInPlace {
+                0
+            } else {
+                offset
+            };
+            self.write8(address + offset, byte)?;
+        }
+        Ok(())
     }
 
     fn answers(&self, address: usize, width: Width) -> bool {
-        match (self.1, width) {
-            (BusFault::LooksByWriting, _) => self.write8(address, 0).is_ok(),
-            (_, Width::Bits8) => self.read8(address).is_ok(),
-            (_, Width::Bits16) => self.read16(address).is_ok(),
-            (_, Width::Bits32) => self.read32(address).is_ok(),
+        match self.1 {
+            BusFault::LooksByWriting => self.write8(address, 0).is_ok(),
+            _ => self.read(address, width).is_ok(),
         }
     }
 }
@@ -152,6 +137,7 @@ fn a_bus_with_a_fault_does_not_conform() {
         BusFault::NeverFails,
         BusFault::WrongKind,
         BusFault::LooksByWriting,
+        BusFault::WritesBlocksInPlace,
     ] {
         let found = conformance::bus(&FaultyBus(memory(), fault), GROUND);
         assert!(found.is_err(), "{fault:?}");

@@ -1,18 +1,18 @@
 //! Descriptors, used and misused at random, beside a model that keeps a list of all that ever were.
 
-use condor_dev::drivers::Adc16;
-use condor_dev::sim::{AdcModel, Bus, Model};
+use condor_dev::sim::{Bus, Model};
 use condor_dev::{
     Bus as _, Device, DeviceError, Driver, Fd, FdError, IoError, Mode, NoInterrupts, OpenError,
     Place, Presence, Registers, Switch, Width, device_switch,
 };
+use example_boards::Adc16;
+use example_boards::sim::AdcModel;
 use proptest::prelude::*;
 
 /// A board that remembers a byte.
 struct Latch(());
 
 impl Driver for Latch {
-    const NAME: &'static str = "latch";
     const NEW: Self = Self(());
     const READS: bool = true;
     const WRITES: bool = true;
@@ -310,13 +310,13 @@ proptest! {
                 }
                 Step::HoldAdc(which) => {
                     let Some(index) = some(which) else { continue };
-                    let device = switch.device::<Adc16>(model.given[index].fd);
+                    let device = switch.device(Boards::adc, model.given[index].fd);
                     prop_assert_eq!(device.as_ref().map(|_| ()).map_err(|e| *e), model.hold(index, false));
                     held.extend(device.ok().map(Held::Adc));
                 }
                 Step::HoldLatch(which) => {
                     let Some(index) = some(which) else { continue };
-                    let device = switch.device::<Latch>(model.given[index].fd);
+                    let device = switch.device(Boards::latch, model.given[index].fd);
                     prop_assert_eq!(device.as_ref().map(|_| ()).map_err(|e| *e), model.hold(index, true));
                     held.extend(device.ok().map(Held::Latch));
                 }

@@ -13,7 +13,6 @@ use condor_dev::{
 struct Bell;
 
 impl Driver for Bell {
-    const NAME: &'static str = "bell";
     const NEW: Self = Self;
     const READS: bool = true;
     const WRITES: bool = false;

@@ -3,9 +3,11 @@
 use std::num::NonZeroU16;
 
 use crate::boards::*;
-use condor_dev::drivers::{Adc16, Dac16, Encoder8, Format, LineErrors, Mpp, Trigger};
-use condor_dev::sim::{AdcModel, Bus, DacModel, EncoderModel, LineFault, MppModel, UartModel};
+use condor_dev::drivers::{Format, LineErrors};
+use condor_dev::sim::{Bus, LineFault, UartModel};
 use condor_dev::{BusErrorKind, DeviceError, IoError, Mode};
+use example_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
+use example_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
 
 #[test]
 fn probes_know_their_own_board_only() {
@@ -54,26 +56,26 @@ fn conversions_are_started_by_what_was_chosen() {
     let machine = Machine::started();
     outside(&machine.adc).channels[3] = 5;
     let fd = machine.open("adc", Mode::READ);
-    let adc = machine.switch.device::<Adc16>(fd).unwrap();
+    let adc = machine.switch.device(Boards::adc, fd).unwrap();
     let channel = || {
         let mut channels = [0; 4];
-        adc.scan(&mut channels).map(|_| channels[3])
+        adc.scan(adc.registers, &mut channels).map(|_| channels[3])
     };
     assert_eq!(channel(), Ok(5));
     for trigger in [Trigger::Command, Trigger::External] {
-        adc.set_trigger(trigger).unwrap();
-        assert_eq!(adc.is_ready(), Ok(false));
+        adc.set_trigger(adc.registers, trigger).unwrap();
+        assert_eq!(adc.is_ready(adc.registers), Ok(false));
         assert_eq!(machine.read(fd), Err(IoError::WouldBlock));
         assert_eq!(machine.switch.read_ready(fd), Ok(false));
         if trigger == Trigger::Command {
-            adc.start().unwrap();
+            adc.start(adc.registers).unwrap();
         }
         // Does nothing unless it was chosen.
         outside(&machine.adc).trigger();
         outside(&machine.adc).channels[3] = 6;
         outside(&machine.adc).complete();
         outside(&machine.adc).channels[3] = 7;
-        assert_eq!(adc.is_ready(), Ok(true));
+        assert_eq!(adc.is_ready(adc.registers), Ok(true));
         assert_eq!(channel(), Ok(6));
         assert_eq!(machine.read(fd).unwrap()[6..8], 6_i16.to_ne_bytes());
     }
@@ -89,24 +91,27 @@ fn outputs_change_together_and_rest_when_closed() {
     let outputs = || outside(&machine.dac).outputs();
     let fd = machine.open("dac", Mode::WRITE);
     assert!(outside(&machine.dac).is_connected());
-    let dac = machine.switch.device::<Dac16>(fd).unwrap();
+    let dac = machine.switch.device(Boards::dac, fd).unwrap();
     let mut all = [0_i16; 16];
     all.iter_mut()
         .zip(-8..)
         .for_each(|(value, number)| *value = number);
-    dac.write_all(&all).unwrap();
+    dac.write_all(dac.registers, &all).unwrap();
     assert_eq!(outputs(), all);
-    dac.write_channels(14, &[100, 101]).unwrap();
+    dac.write_channels(dac.registers, 14, &[100, 101]).unwrap();
     assert_eq!(outputs()[13..], [5, 100, 101]);
     for failing in 0..3 {
         machine.bus.fail_after(failing);
-        assert!(dac.write_channels(0, &[-1, -2]).is_err());
+        assert!(dac.write_channels(dac.registers, 0, &[-1, -2]).is_err());
         assert_eq!(outputs()[..2], [-8, -7], "none of them, or all");
     }
     let too_many = Err(DeviceError::Length { bytes: 4, unit: 2 });
-    assert_eq!(dac.write_channels(15, &[0, 0]), too_many);
-    assert_eq!(dac.write_channels(usize::MAX, &[0, 0]), too_many);
-    assert_eq!(dac.write_channels(16, &[]), Ok(()));
+    assert_eq!(dac.write_channels(dac.registers, 15, &[0, 0]), too_many);
+    assert_eq!(
+        dac.write_channels(dac.registers, usize::MAX, &[0, 0]),
+        too_many
+    );
+    assert_eq!(dac.write_channels(dac.registers, 16, &[]), Ok(()));
     drop(dac);
     let bytes: Vec<u8> = [1_i16, 2].into_iter().flat_map(i16::to_ne_bytes).collect();
     assert_eq!(machine.switch.write(fd, &bytes), Ok(4));
@@ -124,8 +129,8 @@ fn outputs_come_to_rest_whatever_access_fails() {
     for failing in 0..18 {
         let machine = Machine::started();
         let fd = machine.open("dac", Mode::WRITE);
-        let dac = machine.switch.device::<Dac16>(fd).unwrap();
-        dac.write_all(&[1000; 16]).unwrap();
+        let dac = machine.switch.device(Boards::dac, fd).unwrap();
+        dac.write_all(dac.registers, &[1000; 16]).unwrap();
         drop(dac);
         machine.bus.fail_after(failing);
         assert!(machine.switch.close(fd).is_err());
@@ -137,17 +142,28 @@ fn outputs_come_to_rest_whatever_access_fails() {
 fn counts_are_of_one_instant_and_wrap() {
     let machine = Machine::started();
     let fd = machine.open("encoder", Mode::READ);
-    let encoder = machine.switch.device::<Encoder8>(fd).unwrap();
+    let encoder = machine.switch.device(Boards::encoder, fd).unwrap();
     outside(&machine.encoder).turn(7, i32::MAX);
     let mut last = [0; 8];
-    assert_eq!(encoder.scan_differences(&mut last).unwrap()[7], i32::MAX);
+    assert_eq!(
+        encoder
+            .scan_differences(encoder.registers, &mut last)
+            .unwrap()[7],
+        i32::MAX
+    );
     outside(&machine.encoder).turn(7, 3);
     outside(&machine.encoder).turn(0, -2);
     for failing in 0..9 {
         machine.bus.fail_after(failing);
-        assert!(encoder.scan_differences(&mut last).is_err());
+        assert!(
+            encoder
+                .scan_differences(encoder.registers, &mut last)
+                .is_err()
+        );
     }
-    let moved = encoder.scan_differences(&mut last).unwrap();
+    let moved = encoder
+        .scan_differences(encoder.registers, &mut last)
+        .unwrap();
     assert_eq!(moved, [-2, 0, 0, 0, 0, 0, 0, 3]);
     assert_eq!(last[7], i32::MIN + 2);
     let bytes = machine.read(fd).unwrap();
@@ -162,27 +178,31 @@ fn counts_are_of_one_instant_and_wrap() {
 fn counters_are_zeroed_now_or_by_their_index() {
     let machine = Machine::started();
     let fd = machine.open("encoder", Mode::READ);
-    let encoder = machine.switch.device::<Encoder8>(fd).unwrap();
+    let encoder = machine.switch.device(Boards::encoder, fd).unwrap();
     let turn = |pulses| (0..4).for_each(|number| outside(&machine.encoder).turn(number, pulses));
     let counts = || {
         let mut counts = [0; 4];
-        encoder.scan(&mut counts).map(|_| counts)
+        encoder.scan(encoder.registers, &mut counts).map(|_| counts)
     };
     turn(10);
-    encoder.zero(0b0001).unwrap();
-    encoder.zero_at_index(0b0010).unwrap();
+    encoder.zero(encoder.registers, 0b0001).unwrap();
+    encoder.zero_at_index(encoder.registers, 0b0010).unwrap();
     (1..4).for_each(|number| outside(&machine.encoder).index(number));
     turn(1);
     assert_eq!(counts(), Ok([1, 1, 11, 11]));
     outside(&machine.encoder).index(1);
     assert_eq!(counts(), Ok([1, 1, 11, 11]), "only the next index zeroes");
     machine.bus.fail_after(1);
-    assert!(encoder.take_index().is_err());
-    assert_eq!(encoder.take_index(), Ok(0b1110), "none was lost");
-    assert_eq!(encoder.take_index(), Ok(0));
+    assert!(encoder.take_index(encoder.registers).is_err());
+    assert_eq!(
+        encoder.take_index(encoder.registers),
+        Ok(0b1110),
+        "none was lost"
+    );
+    assert_eq!(encoder.take_index(encoder.registers), Ok(0));
     outside(&machine.encoder).miss(5);
-    assert_eq!(encoder.take_missed(), Ok(1 << 5));
-    assert_eq!(encoder.take_missed(), Ok(0));
+    assert_eq!(encoder.take_missed(encoder.registers), Ok(1 << 5));
+    assert_eq!(encoder.take_missed(encoder.registers), Ok(0));
 }
 
 #[test]
@@ -213,7 +233,7 @@ fn a_parallel_port_moves_bytes_by_interrupt() {
 fn a_full_buffer_leaves_bytes_on_the_board() {
     let machine = Machine::started();
     let fd = machine.open("mpp", BOTH);
-    let mpp = machine.switch.device::<Mpp>(fd).unwrap();
+    let mpp = machine.switch.device(Boards::mpp, fd).unwrap();
     let (mut strobed, mut refused) = (Vec::new(), 0);
     for byte in (0..300_u16).map(|number| number as u8) {
         if outside(&machine.mpp[0]).strobe_in(byte) {
@@ -238,17 +258,17 @@ fn a_full_buffer_leaves_bytes_on_the_board() {
 fn a_parallel_port_in_raw_mode_shows_its_lines() {
     let machine = Machine::started();
     let fd = machine.open("mpp", BOTH);
-    let mpp = machine.switch.device::<Mpp>(fd).unwrap();
-    mpp.reset().unwrap();
+    let mpp = machine.switch.device(Boards::mpp, fd).unwrap();
+    mpp.reset(mpp.registers).unwrap();
     machine.bus.fail_after(0);
-    assert!(mpp.config_16bit_raw().is_err());
+    assert!(mpp.config_16bit_raw(mpp.registers).is_err());
     assert_eq!(machine.read(fd), Err(IoError::WouldBlock), "still bytes");
-    mpp.config_16bit_raw().unwrap();
+    mpp.config_16bit_raw(mpp.registers).unwrap();
     assert!(outside(&machine.mpp[0]).is_raw());
     outside(&machine.mpp[0]).samples.extend([0x1234, 0xabcd]);
-    assert_eq!(mpp.read_16bits(), Ok(0x1234));
-    assert_eq!(mpp.read_16bits(), Ok(0xabcd));
-    mpp.write_16bits(0x55aa).unwrap();
+    assert_eq!(mpp.read_16bits(mpp.registers), Ok(0x1234));
+    assert_eq!(mpp.read_16bits(mpp.registers), Ok(0xabcd));
+    mpp.write_16bits(mpp.registers, 0x55aa).unwrap();
     assert_eq!(outside(&machine.mpp[0]).outputs(), 0x55aa);
     outside(&machine.mpp[0]).samples.extend([1, 2]);
     // The second word fails: the first has been read all the same.
@@ -262,7 +282,7 @@ fn a_parallel_port_in_raw_mode_shows_its_lines() {
     assert_eq!(one, Err(IoError::Length { bytes: 1, unit: 2 }));
     assert_eq!(machine.switch.write(fd, &0x0102_u16.to_ne_bytes()), Ok(2));
     assert_eq!(outside(&machine.mpp[0]).outputs(), 0x0102);
-    mpp.config_8bit().unwrap();
+    mpp.config_8bit(mpp.registers).unwrap();
     assert_eq!(machine.read(fd), Err(IoError::WouldBlock));
 }
 
@@ -274,10 +294,10 @@ fn boards_without_interrupt_are_polled() {
     outside(&machine.mpp[0]).strobe_in(8);
     outside(&machine.uart).receive(9, LineFault::None);
     assert_eq!(machine.switch.write(uart, b"x"), Ok(1));
-    let device = machine.switch.device::<Mpp>(mpp).unwrap();
-    device.poll().unwrap();
-    let device = machine.switch.device::<Serial>(uart).unwrap();
-    device.poll().unwrap();
+    let device = machine.switch.device(Boards::mpp, mpp).unwrap();
+    device.poll(device.registers).unwrap();
+    let device = machine.switch.device(Boards::uart, uart).unwrap();
+    device.poll(device.registers).unwrap();
     assert_eq!(machine.read(mpp), Ok(vec![8]));
     assert_eq!(machine.read(uart), Ok(vec![9]));
     assert_eq!(outside(&machine.uart).transmit(), Some(b'x'));
@@ -341,7 +361,7 @@ fn a_serial_port_without_fifos_sends_byte_by_byte() {
 fn errors_of_the_line_are_counted_and_lose_nothing() {
     let machine = Machine::started();
     let fd = machine.open("uart", BOTH);
-    let uart = machine.switch.device::<Serial>(fd).unwrap();
+    let uart = machine.switch.device(Boards::uart, fd).unwrap();
     let faults = [
         LineFault::None,
         LineFault::Parity,
@@ -394,17 +414,17 @@ fn a_full_receive_buffer_leaves_bytes_in_the_fifo() {
 fn the_speed_is_set_whatever_access_fails() {
     let machine = Machine::started();
     let fd = machine.open("uart", BOTH);
-    let uart = machine.switch.device::<Serial>(fd).unwrap();
+    let uart = machine.switch.device(Boards::uart, fd).unwrap();
     let divisor = NonZeroU16::new(0x0203).unwrap();
     let format = Format::SEVEN_BITS.even().two_stop_bits();
     for failing in 0..4 {
         machine.bus.fail_after(failing);
-        assert!(uart.configure(divisor, format).is_err());
+        assert!(uart.configure(uart.registers, divisor, format).is_err());
         outside(&machine.uart).receive(77, LineFault::None);
         machine.interrupts();
         assert_eq!(machine.read(fd), Ok(vec![77]), "{failing}");
     }
-    uart.configure(divisor, format).unwrap();
+    uart.configure(uart.registers, divisor, format).unwrap();
     assert_eq!(outside(&machine.uart).divisor(), 0x0203);
 }
 
@@ -451,7 +471,8 @@ fn a_stuck_board_does_not_hang_the_processor() {
         assert!(machine.bus.accesses() - before < 1000);
         // What was stuck can still be polled.
         outside(&machine.mpp[1]).strobe_in(3);
-        machine.switch.device::<Mpp>(fd).unwrap().poll().unwrap();
+        let mpp = machine.switch.device(Boards::mpp, fd).unwrap();
+        mpp.poll(mpp.registers).unwrap();
         assert_eq!(machine.read(fd), Ok(vec![3]));
     }
 }

@@ -5,14 +5,14 @@ use std::fs::File;
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::Command;
 
-use condor_dev::drivers::Adc16;
 use condor_dev::linux::{Access, LinuxBus, MapError};
 use condor_dev::{
-    Bus, BusErrorKind, MmioError, Mode, NoInterrupts, OpenError, Place, Presence, Switch,
+    AccessError, Bus, BusErrorKind, Mode, NoInterrupts, OpenError, Place, Presence, Switch,
     device_switch,
 };
 use condor_mbox::linux::{Access as WindowAccess, LinuxWindow};
 use condor_mbox::{LoadOrder, MemoryWindow as _};
+use example_boards::Adc16;
 
 const BASE: usize = 0xee00_0000;
 const BYTES: usize = 0x4000;
@@ -24,11 +24,11 @@ fn mapped(access: Access) -> (File, LinuxBus) {
     (file, bus)
 }
 
-fn kind<T: std::fmt::Debug>(result: Result<T, MmioError>) -> BusErrorKind {
+fn kind<T: std::fmt::Debug>(result: Result<T, AccessError>) -> BusErrorKind {
     result.unwrap_err().kind
 }
 
-type Call = fn(&LinuxBus, usize) -> Result<u32, MmioError>;
+type Call = fn(&LinuxBus, usize) -> Result<u32, AccessError>;
 
 const READS: [Call; 3] = [
     |bus, at| bus.read8(at).map(u32::from),
@@ -136,11 +136,14 @@ fn an_unchanged_driver_finds_the_boards_that_are_there() {
     assert_eq!(switch.open("adc", 1, Mode::READ), Err(absent));
     let fd = switch.open("adc", 0, Mode::READ).unwrap();
     let mut channels = [0; 16];
-    let adc = switch.device::<Adc16>(fd).unwrap();
-    adc.scan(&mut channels).unwrap();
+    let adc = switch.device(Boards::adc, fd).unwrap();
+    adc.scan(adc.registers, &mut channels).unwrap();
     assert_eq!(channels[3], 1234);
     file.set_len(0).unwrap();
-    assert_eq!(kind(adc.scan(&mut channels)), BusErrorKind::Lost);
+    assert_eq!(
+        kind(adc.scan(adc.registers, &mut channels)),
+        BusErrorKind::Lost
+    );
 }
 
 #[test]

@@ -2,13 +2,14 @@
 
 use std::cell::Cell;
 
-use condor_dev::drivers::Adc16;
-use condor_dev::sim::{AdcModel, Bus};
+use condor_dev::sim::Bus;
 use condor_dev::{
     Descriptors, Fd, FdError, IoError, Looks, Mode, NoInterrupts, Place, Stream, StreamError,
     Switch, Timeout, device_switch,
 };
 use embedded_io::{Error as _, ErrorKind, Read, ReadReady, Write, WriteReady};
+use example_boards::Adc16;
+use example_boards::sim::AdcModel;
 
 device_switch! {
     struct Boards {

@@ -87,7 +87,7 @@ impl<'n> From<condor_dev::OpenError<'n>> for OpenError<'n> {
 #[non_exhaustive]
 pub enum TransferError<E: Debug> {
     /// The bus of a board.
-    #[error("bus error: {0:?}")]
+    #[error("{0}")]
     Device(E),
     /// The file system: with its error number, if it has one.
     #[error(transparent)]

@@ -6,8 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::support::{CLIENT, FILES, Mail, N, Supervisor, disk};
-use condor_dev::drivers::Adc16;
-use condor_dev::sim::{AdcModel, Bus};
+use condor_dev::sim::Bus;
 use condor_dev::stdio::{self, BufReader, BufWriter, Buffering, Output, ReadLine};
 use condor_dev::{
     BusError, BusErrorKind, Descriptors, Fd, FdError, IoError, Looks, Mode, NoInterrupts, Place,
@@ -17,6 +16,8 @@ use condor_fs::dev::{FileSwitch, OpenError, TransferError};
 use condor_fs::{Errno, Error, OpenOptions};
 use condor_mbox::linux::{LinuxWindow, System};
 use embedded_io::{Read, SeekFrom, Write};
+use example_boards::Adc16;
+use example_boards::sim::AdcModel;
 
 device_switch! {
     struct Boards {
@@ -101,7 +102,12 @@ fn every_misuse_has_its_error() {
     std::fs::write(disk.path().join("a"), b"a").unwrap();
     with_switch(&crate::support::system(), disk.path(), "", |switch, _| {
         for (name, board, mode, expected) in [
-            ("nothing", 0, Mode::READ, "there is no device nothing"),
+            (
+                "nothing",
+                0,
+                Mode::READ,
+                "there is no device nothing; there are: adc",
+            ),
             (
                 ":fs/none",
                 0,

@@ -1,7 +1,7 @@
 //! [`ProcessBus`]: the bus of a process, if it has one.
 
 use condor_dev::linux::LinuxBus;
-use condor_dev::{Bus, MmioError};
+use condor_dev::{AccessError, Bus, Width};
 
 use crate::silent::Silent;
 
@@ -14,29 +14,22 @@ pub enum ProcessBus {
     Silent(Silent),
 }
 
-macro_rules! by_whichever_there_is {
-    ($($method:ident($($value:ident: $kind:ty)?) -> $result:ty;)*) => {
-        $(
-            #[inline]
-            fn $method(&self, address: usize $(, $value: $kind)?) -> Result<$result, MmioError> {
-                match self {
-                    Self::Mapped(bus) => bus.$method(address $(, $value)?),
-                    Self::Silent(bus) => bus.$method(address $(, $value)?),
-                }
-            }
-        )*
-    };
-}
-
 impl Bus for ProcessBus {
-    type Error = MmioError;
+    type Error = AccessError;
 
-    by_whichever_there_is! {
-        read8() -> u8;
-        read16() -> u16;
-        read32() -> u32;
-        write8(value: u8) -> ();
-        write16(value: u16) -> ();
-        write32(value: u32) -> ();
+    #[inline]
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+        match self {
+            Self::Mapped(bus) => bus.read(address, width),
+            Self::Silent(bus) => bus.read(address, width),
+        }
+    }
+
+    #[inline]
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+        match self {
+            Self::Mapped(bus) => bus.write(address, width, value),
+            Self::Silent(bus) => bus.write(address, width, value),
+        }
     }
 }

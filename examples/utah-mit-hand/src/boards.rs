@@ -7,9 +7,9 @@
 //! its counts into the lowest *n* bits of its register. The registers of outputs count from 0 V, which
 //! is what a drive gets while nobody has its board open: from the counts that mean nothing (0 N).
 
-use condor_dev::drivers::{Adc16, Dac16, Encoder8};
 use condor_dev::{Place, device_switch};
 use condor_hand::config::{Channel, Converter, Hand, Input, Output, Wire};
+use example_boards::{Adc16, Dac16, Encoder8};
 use thiserror::Error;
 
 mod rack;

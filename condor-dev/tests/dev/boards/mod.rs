@@ -5,11 +5,12 @@
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use condor_dev::drivers::{Adc16, Dac16, Encoder8, Mpp, Uart16550};
-use condor_dev::sim::{
-    AdcModel, Bus, Controller, DacModel, EncoderModel, MppModel, SimBusError, UartModel,
-};
+use condor_dev::AccessError;
+use condor_dev::drivers::Uart16550;
+use condor_dev::sim::{Bus, Controller, UartModel};
 use condor_dev::{DeviceError, Driver, Fd, IoError, Mode, Place, Switch, Vector, device_switch};
+use example_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
+use example_boards::{Adc16, Dac16, Encoder8, Mpp};
 
 device_switch! {
     /// Every board that ships; parallel and serial ports share a vector each.
@@ -37,7 +38,7 @@ pub const UARTS: Vector = Vector(66);
 
 pub const BOTH: Mode = Mode::READ.union(Mode::WRITE);
 
-pub type Error = IoError<SimBusError>;
+pub type Error = IoError<AccessError>;
 pub type Serial = Uart16550<1, 32>;
 pub type Serial4 = Uart16550<4, 32>;
 

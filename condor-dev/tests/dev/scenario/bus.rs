@@ -3,7 +3,8 @@
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
-use condor_dev::sim::{self, SimBusError};
+use condor_dev::AccessError;
+use condor_dev::sim::{self};
 use condor_dev::{Bus, BusErrorKind, InterruptController, Level, Vector, Width};
 
 use super::boards::{MPPS, UARTS};
@@ -57,7 +58,7 @@ pub(super) struct HostileBus {
 
 impl HostileBus {
     /// What becomes of an access: an error, or whether it is true.
-    fn fate(&self, address: usize) -> Result<bool, SimBusError> {
+    fn fate(&self, address: usize) -> Result<bool, AccessError> {
         let script = &self.script;
         script.accesses.set(script.accesses.get() + 1);
         if !script.awake.get() {
@@ -69,73 +70,34 @@ impl HostileBus {
             script.hostile.set(script.hostile.get() + 1);
         }
         if fails {
-            return Err(SimBusError {
+            return Err(AccessError {
                 address,
                 kind: BusErrorKind::NoAnswer,
             });
         }
         Ok(!script.lies.get())
     }
+}
 
-    fn read(
-        &self,
-        address: usize,
-        width: Width,
-        truth: impl FnOnce() -> Result<u32, SimBusError>,
-    ) -> Result<u32, SimBusError> {
+impl Bus for HostileBus {
+    type Error = AccessError;
+
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
         let is_true = self.fate(address)?;
-        let mut value = truth()?;
+        let mut value = self.inside.read(address, width)?;
         if !is_true {
             let lie = self.script.next().map(|byte| u32::from_ne_bytes([byte; 4]));
-            let bits = u32::MAX >> (32 - 8 * width.bytes());
-            value = lie.unwrap_or(u32::MAX) & bits;
+            value = lie.unwrap_or(u32::MAX) & width.mask();
         }
         self.script.journal.borrow_mut().was_read(address, value);
         Ok(value)
     }
 
-    fn write(
-        &self,
-        address: usize,
-        value: u32,
-        truth: impl FnOnce() -> Result<(), SimBusError>,
-    ) -> Result<(), SimBusError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
         self.fate(address)?;
-        truth()?;
+        self.inside.write(address, width, value)?;
         self.script.journal.borrow_mut().was_written(address, value);
         Ok(())
-    }
-}
-
-impl Bus for HostileBus {
-    type Error = SimBusError;
-
-    fn read8(&self, address: usize) -> Result<u8, SimBusError> {
-        let truth = || self.inside.read8(address).map(u32::from);
-        Ok(self.read(address, Width::Bits8, truth)? as u8)
-    }
-
-    fn read16(&self, address: usize) -> Result<u16, SimBusError> {
-        let truth = || self.inside.read16(address).map(u32::from);
-        Ok(self.read(address, Width::Bits16, truth)? as u16)
-    }
-
-    fn read32(&self, address: usize) -> Result<u32, SimBusError> {
-        self.read(address, Width::Bits32, || self.inside.read32(address))
-    }
-
-    fn write8(&self, address: usize, value: u8) -> Result<(), SimBusError> {
-        let truth = || self.inside.write8(address, value);
-        self.write(address, value.into(), truth)
-    }
-
-    fn write16(&self, address: usize, value: u16) -> Result<(), SimBusError> {
-        let truth = || self.inside.write16(address, value);
-        self.write(address, value.into(), truth)
-    }
-
-    fn write32(&self, address: usize, value: u32) -> Result<(), SimBusError> {
-        self.write(address, value, || self.inside.write32(address, value))
     }
 }
 

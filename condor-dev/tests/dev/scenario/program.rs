@@ -3,12 +3,13 @@
 use std::num::NonZeroU16;
 use std::rc::Rc;
 
-use condor_dev::drivers::{Adc16, Dac16, Encoder8, Format, Mpp, Trigger};
+use condor_dev::drivers::Format;
 use condor_dev::sim::{LineFault, Model};
 use condor_dev::{Fd, IoError, Mode, Switch};
+use example_boards::Trigger;
 
 use super::Tally;
-use super::boards::{BOTH, Boards, Machine, Serial, Serial4, outside};
+use super::boards::{BOTH, Boards, Machine, outside};
 use super::bus::{HostileBus, HostileController, Script};
 use super::journal::PORTS;
 
@@ -159,38 +160,42 @@ impl Program {
     fn peculiar(&mut self, device: usize, fd: Fd) {
         let what = self.script.byte();
         let divisor = NonZeroU16::new(u16::from(what)).unwrap_or(NonZeroU16::MIN);
-        if let Ok(mpp) = self.switch.device::<Mpp>(fd) {
+        if let Ok(mpp) = self.switch.device(Boards::mpp, fd) {
             let _ = match what & 7 {
-                0 => mpp.reset(),
-                1 => mpp.config_16bit_raw(),
-                2 => mpp.config_8bit(),
-                3 => mpp.read_16bits().map(drop),
-                4 => mpp.write_16bits(what.into()),
-                _ => mpp.poll(),
+                0 => mpp.reset(mpp.registers),
+                1 => mpp.config_16bit_raw(mpp.registers),
+                2 => mpp.config_8bit(mpp.registers),
+                3 => mpp.read_16bits(mpp.registers).map(drop),
+                4 => mpp.write_16bits(mpp.registers, what.into()),
+                _ => mpp.poll(mpp.registers),
             };
-        } else if let Ok(uart) = self.switch.device::<Serial>(fd) {
+        } else if let Ok(uart) = self.switch.device(Boards::uart, fd) {
             let _ = match what & 1 {
-                0 => uart.poll(),
-                _ => uart.configure(divisor, Format::EIGHT_BITS),
+                0 => uart.poll(uart.registers),
+                _ => uart.configure(uart.registers, divisor, Format::EIGHT_BITS),
             };
-        } else if let Ok(uart) = self.switch.device::<Serial4>(fd) {
+        } else if let Ok(uart) = self.switch.device(Boards::uart4, fd) {
             let _ = match what & 1 {
-                0 => uart.poll(),
-                _ => uart.configure(divisor, Format::SEVEN_BITS.odd()),
+                0 => uart.poll(uart.registers),
+                _ => uart.configure(uart.registers, divisor, Format::SEVEN_BITS.odd()),
             };
-        } else if let Ok(adc) = self.switch.device::<Adc16>(fd) {
+        } else if let Ok(adc) = self.switch.device(Boards::adc, fd) {
             let triggers = [Trigger::Continuous, Trigger::Command, Trigger::External];
-            let _ = adc.set_trigger(triggers[usize::from(what) % 3]);
-            let _ = adc.start();
-            let _ = adc.scan(&mut [0; 20][..usize::from(what) % 20]);
-        } else if let Ok(dac) = self.switch.device::<Dac16>(fd) {
+            let _ = adc.set_trigger(adc.registers, triggers[usize::from(what) % 3]);
+            let _ = adc.start(adc.registers);
+            let _ = adc.scan(adc.registers, &mut [0; 20][..usize::from(what) % 20]);
+        } else if let Ok(dac) = self.switch.device(Boards::dac, fd) {
             let values = [i16::from(what); 20];
-            let _ = dac.write_channels(usize::from(what & 31), &values[..usize::from(what) % 20]);
-        } else if let Ok(encoder) = self.switch.device::<Encoder8>(fd) {
+            let _ = dac.write_channels(
+                dac.registers,
+                usize::from(what & 31),
+                &values[..usize::from(what) % 20],
+            );
+        } else if let Ok(encoder) = self.switch.device(Boards::encoder, fd) {
             let mut last = [0; 8];
-            let _ = encoder.scan_differences(&mut last);
-            let _ = encoder.zero_at_index(what);
-            let _ = encoder.take_index();
+            let _ = encoder.scan_differences(encoder.registers, &mut last);
+            let _ = encoder.zero_at_index(encoder.registers, what);
+            let _ = encoder.take_index(encoder.registers);
         } else {
             unreachable!("{device} is one of these");
         }
@@ -254,12 +259,12 @@ impl Program {
     }
 
     fn poll(&self, fd: Fd) {
-        if let Ok(mpp) = self.switch.device::<Mpp>(fd) {
-            mpp.poll().unwrap();
-        } else if let Ok(uart) = self.switch.device::<Serial>(fd) {
-            uart.poll().unwrap();
-        } else if let Ok(uart) = self.switch.device::<Serial4>(fd) {
-            uart.poll().unwrap();
+        if let Ok(mpp) = self.switch.device(Boards::mpp, fd) {
+            mpp.poll(mpp.registers).unwrap();
+        } else if let Ok(uart) = self.switch.device(Boards::uart, fd) {
+            uart.poll(uart.registers).unwrap();
+        } else if let Ok(uart) = self.switch.device(Boards::uart4, fd) {
+            uart.poll(uart.registers).unwrap();
         }
     }
 }

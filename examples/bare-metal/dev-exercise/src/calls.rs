@@ -4,11 +4,12 @@ use core::fmt::{self, Write as _};
 use core::num::NonZeroU16;
 
 use checks::Checks;
-use condor_dev::drivers::{Adc16, Dac16, Encoder8, Format, Mpp, Trigger, Uart16550};
+use condor_dev::drivers::{Format, Uart16550};
 use condor_dev::{
-    Bus as _, BusErrorKind, Device, FdError, InterruptController, IoError, Mmio, MmioError, Mode,
+    AccessError, Bus as _, BusErrorKind, Device, FdError, InterruptController, IoError, Mmio, Mode,
     OpenError, Place, Presence, Switch, Vector, device_switch,
 };
+use example_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
 
 use crate::BASE;
 
@@ -44,7 +45,7 @@ pub fn everything<C: InterruptController>(
     checks: &mut Checks<'_>,
     switch: &Devices<C>,
     memory: Mmio,
-) -> Result<(), MmioError> {
+) -> Result<(), AccessError> {
     identify(memory)?;
     checks.group("start-up");
     switch.start();
@@ -70,7 +71,7 @@ pub fn everything<C: InterruptController>(
 }
 
 /// Makes the memory look like the boards.
-fn identify(memory: Mmio) -> Result<(), MmioError> {
+fn identify(memory: Mmio) -> Result<(), AccessError> {
     for (board, identification) in [
         (MPP, 0x3b70),
         (ADC, 0xadc0),
@@ -89,7 +90,7 @@ fn identify(memory: Mmio) -> Result<(), MmioError> {
     let beyond = memory.read8(BASE + 0x1000).map_err(|error| error.kind);
     let odd = memory.read32(BASE + 2).map_err(|error| error.kind);
     if beyond != Err(BusErrorKind::OutOfRange) || odd != Err(BusErrorKind::Misaligned) {
-        return Err(MmioError {
+        return Err(AccessError {
             address: BASE,
             kind: BusErrorKind::Lost,
         });
@@ -99,10 +100,17 @@ fn identify(memory: Mmio) -> Result<(), MmioError> {
 
 fn misuse<C: InterruptController>(checks: &mut Checks<'_>, switch: &Devices<C>) {
     let name = "toaster";
+    let devices = &[
+        ("mpp", 1),
+        ("adc", 2),
+        ("dac", 1),
+        ("encoder", 1),
+        ("uart", 1),
+    ];
     checks.same(
         "there is no such device",
         switch.open(name, 0, Mode::READ),
-        Err(OpenError::NoSuchDevice { name }),
+        Err(OpenError::NoSuchDevice { name, devices }),
     );
     let absent = OpenError::NotPresent {
         name: ":adc",
@@ -136,7 +144,7 @@ fn misuse<C: InterruptController>(checks: &mut Checks<'_>, switch: &Devices<C>) 
         Err(IoError::Fd(direction)),
     );
     let wrong = FdError::WrongType { fd, wanted: "dac" };
-    let other: Result<Device<'_, _, Dac16, COUNT>, _> = switch.device(fd);
+    let other: Result<Device<'_, _, Dac16, COUNT>, _> = switch.device(Boards::dac, fd);
     checks.same("it is of its type alone", other.map(|_| ()), Err(wrong));
     checks.same("it is closed", switch.close(fd), Ok(()));
     checks.same(
@@ -159,23 +167,27 @@ fn analog<C: InterruptController>(
     checks: &mut Checks<'_>,
     switch: &Devices<C>,
     memory: Mmio,
-) -> Result<(), MmioError> {
+) -> Result<(), AccessError> {
     if let Ok(fd) = switch.open("adc", 0, Mode::READ) {
-        if let Ok(adc) = switch.device::<Adc16>(fd) {
+        if let Ok(adc) = switch.device(Boards::adc, fd) {
             checks.same(
                 "triggers are chosen",
-                adc.set_trigger(Trigger::Command),
+                adc.set_trigger(adc.registers, Trigger::Command),
                 Ok(()),
             );
-            checks.same("a conversion is started", adc.start(), Ok(()));
-            checks.same("it is not done", adc.is_ready(), Ok(false));
+            checks.same("a conversion is started", adc.start(adc.registers), Ok(()));
+            checks.same("it is not done", adc.is_ready(adc.registers), Ok(false));
             checks.same(
                 "triggers are left",
-                adc.set_trigger(Trigger::Continuous),
+                adc.set_trigger(adc.registers, Trigger::Continuous),
                 Ok(()),
             );
             let mut values = [0; 16];
-            checks.same("all channels are scanned", adc.scan(&mut values), Ok(16));
+            checks.same(
+                "all channels are scanned",
+                adc.scan(adc.registers, &mut values),
+                Ok(16),
+            );
             checks.that("each is its own", values[15] == 7 && values[2] == 1);
         }
         checks.same("the board is closed", switch.close(fd), Ok(()));
@@ -184,16 +196,20 @@ fn analog<C: InterruptController>(
         checks.same("bytes are channels", switch.write(fd, &[1; 4]), Ok(4));
         checks.same("it is flushed", switch.is_flushed(fd), Ok(true));
         checks.same("it can be written", switch.write_ready(fd), Ok(true));
-        if let Ok(dac) = switch.device::<Dac16>(fd) {
-            let written = dac.write_channels(14, &[-2, -3]);
+        if let Ok(dac) = switch.device(Boards::dac, fd) {
+            let written = dac.write_channels(dac.registers, 14, &[-2, -3]);
             checks.same("two channels are written", written, Ok(()));
             checks.that(
                 "no more than there are",
-                dac.write_channels(15, &[0; 2]).is_err(),
+                dac.write_channels(dac.registers, 15, &[0; 2]).is_err(),
             );
             let last = memory.read16(DAC + CHANNELS + 30)?;
             checks.same("the last is its own", last.cast_signed(), -3);
-            checks.same("all are written", dac.write_all(&[9; 16]), Ok(()));
+            checks.same(
+                "all are written",
+                dac.write_all(dac.registers, &[9; 16]),
+                Ok(()),
+            );
         }
         checks.same("the board is closed", switch.close(fd), Ok(()));
     }
@@ -204,22 +220,40 @@ fn encoder<C: InterruptController>(
     checks: &mut Checks<'_>,
     switch: &Devices<C>,
     memory: Mmio,
-) -> Result<(), MmioError> {
+) -> Result<(), AccessError> {
     let Ok(fd) = switch.open("encoder", 0, Mode::READ) else {
         checks.that("an encoder board is opened", false);
         return Ok(());
     };
-    if let Ok(encoder) = switch.device::<Encoder8>(fd) {
+    if let Ok(encoder) = switch.device(Boards::encoder, fd) {
         let mut counts = [0; 8];
-        checks.same("all counters are read", encoder.scan(&mut counts), Ok(8));
+        checks.same(
+            "all counters are read",
+            encoder.scan(encoder.registers, &mut counts),
+            Ok(8),
+        );
         checks.same("each is its own", counts, [0, 1, 2, 3, 4, 5, 6, 7]);
         memory.write32(ENCODER + CHANNELS, 100)?;
-        let moved = encoder.scan_differences(&mut counts);
+        let moved = encoder.scan_differences(encoder.registers, &mut counts);
         checks.same("one has moved", moved, Ok([100, 0, 0, 0, 0, 0, 0, 0]));
-        checks.same("counters are zeroed", encoder.zero(3), Ok(()));
-        checks.same("and at their index", encoder.zero_at_index(1), Ok(()));
-        checks.that("index pulses are read", encoder.take_index().is_ok());
-        checks.that("missed pulses are read", encoder.take_missed().is_ok());
+        checks.same(
+            "counters are zeroed",
+            encoder.zero(encoder.registers, 3),
+            Ok(()),
+        );
+        checks.same(
+            "and at their index",
+            encoder.zero_at_index(encoder.registers, 1),
+            Ok(()),
+        );
+        checks.that(
+            "index pulses are read",
+            encoder.take_index(encoder.registers).is_ok(),
+        );
+        checks.that(
+            "missed pulses are read",
+            encoder.take_missed(encoder.registers).is_ok(),
+        );
     }
     checks.same("the board is closed", switch.close(fd), Ok(()));
     Ok(())
@@ -229,18 +263,26 @@ fn parallel<C: InterruptController>(checks: &mut Checks<'_>, switch: &Devices<C>
     let Ok(fd) = switch.open("mpp", 0, Mode::READ | Mode::WRITE) else {
         return checks.that("a parallel port is opened", false);
     };
-    if let Ok(mpp) = switch.device::<Mpp>(fd) {
-        checks.same("bytes are chosen", mpp.config_8bit(), Ok(()));
-        checks.same("raw lines are chosen", mpp.config_16bit_raw(), Ok(()));
-        checks.same("lines are written", mpp.write_16bits(0xa55a), Ok(()));
-        checks.same("and read", mpp.read_16bits(), Ok(0xa55a));
+    if let Ok(mpp) = switch.device(Boards::mpp, fd) {
+        checks.same("bytes are chosen", mpp.config_8bit(mpp.registers), Ok(()));
+        checks.same(
+            "raw lines are chosen",
+            mpp.config_16bit_raw(mpp.registers),
+            Ok(()),
+        );
+        checks.same(
+            "lines are written",
+            mpp.write_16bits(mpp.registers, 0xa55a),
+            Ok(()),
+        );
+        checks.same("and read", mpp.read_16bits(mpp.registers), Ok(0xa55a));
         checks.same("nothing ran over", mpp.overruns(), 0);
-        checks.same("the board is served", mpp.poll(), Ok(()));
+        checks.same("the board is served", mpp.poll(mpp.registers), Ok(()));
     }
     checks.same("two bytes are read", switch.read(fd, &mut [0; 2]), Ok(2));
     checks.same("two bytes are written", switch.write(fd, &[0; 2]), Ok(2));
-    if let Ok(mpp) = switch.device::<Mpp>(fd) {
-        checks.that("the board is reset", mpp.reset().is_ok());
+    if let Ok(mpp) = switch.device(Boards::mpp, fd) {
+        checks.that("the board is reset", mpp.reset(mpp.registers).is_ok());
     }
     checks.same("the board is closed", switch.close(fd), Ok(()));
 }
@@ -254,17 +296,21 @@ fn serial<C: InterruptController>(checks: &mut Checks<'_>, switch: &Devices<C>) 
         switch.read(fd, &mut [0]),
         Err(IoError::WouldBlock),
     );
-    if let Ok(uart) = switch.device::<Uart16550<1, 16>>(fd) {
+    if let Ok(uart) = switch.device(Boards::uart, fd) {
         let format = Format::SEVEN_BITS.even().two_stop_bits();
         let divisor = const { NonZeroU16::new(12).unwrap() };
-        checks.same("the speed is set", uart.configure(divisor, format), Ok(()));
+        checks.same(
+            "the speed is set",
+            uart.configure(uart.registers, divisor, format),
+            Ok(()),
+        );
         checks.same(
             "sixteen bytes are taken",
             switch.write(fd, &[7; 20]),
             Ok(16),
         );
         // Memory does not look like a FIFO: they are sent one by one.
-        let sent = (0..16).try_for_each(|_| uart.poll());
+        let sent = (0..16).try_for_each(|_| uart.poll(uart.registers));
         checks.same("they are sent", sent, Ok(()));
         checks.same("no line errors", uart.line_errors().framing, 0);
     }

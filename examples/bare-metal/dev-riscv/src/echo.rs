@@ -1,10 +1,10 @@
 //! Gives back what comes, interrupt-driven.
 
 use checks::Checks;
-use condor_dev::{Fd, IoError, MmioError, Mode};
+use condor_dev::{AccessError, Fd, IoError, Mode};
 use riscv::register::{mstatus, time};
 
-use crate::{Serial, System};
+use crate::{Machine, System};
 
 /// How many bytes; the text says the same.
 const BYTES: usize = 1 << 20;
@@ -23,7 +23,7 @@ pub(crate) fn echo(checks: &mut Checks<'_>, system: &System) {
     let flushed = flush(system, fd);
     checks.same("a megabyte is echoed", echoed, Ok(()));
     checks.same("all of it is sent", flushed, Ok(true));
-    if let Ok(uart) = system.device::<Serial>(fd) {
+    if let Ok(uart) = system.device(Machine::uart, fd) {
         checks.same("no byte ran over", uart.line_errors().overruns, 0);
     }
     let counts = system.interrupt_counts();
@@ -38,7 +38,7 @@ pub(crate) fn echo(checks: &mut Checks<'_>, system: &System) {
     checks.same("the port is closed", system.close(fd), Ok(()));
 }
 
-type Outcome = Result<(), IoError<MmioError>>;
+type Outcome = Result<(), IoError<AccessError>>;
 
 fn echo_bytes(system: &System, fd: Fd) -> Outcome {
     let mut buffer = [0; 128];
@@ -70,7 +70,7 @@ fn write_all(system: &System, fd: Fd, mut from: &[u8]) -> Outcome {
 }
 
 /// Whether all is sent in time.
-fn flush(system: &System, fd: Fd) -> Result<bool, IoError<MmioError>> {
+fn flush(system: &System, fd: Fd) -> Result<bool, IoError<AccessError>> {
     let begin = time::read();
     while !system.is_flushed(fd)? {
         if time::read().wrapping_sub(begin) > PATIENCE {
@@ -81,7 +81,7 @@ fn flush(system: &System, fd: Fd) -> Result<bool, IoError<MmioError>> {
 }
 
 /// Sleeps until an interrupt has made something so. Who started the machine ends it if none comes.
-fn sleep_until(ready: impl Fn() -> Result<bool, IoError<MmioError>>) -> Outcome {
+fn sleep_until(ready: impl Fn() -> Result<bool, IoError<AccessError>>) -> Outcome {
     loop {
         // An interrupt after the question wakes up `wfi`, masked or not.
         // SAFETY: masking breaks nobody's section, and none is in progress here.

@@ -16,12 +16,13 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use checks::Checks;
 
-use condor_dev::drivers::{Adc16, Uart16550};
+use condor_dev::drivers::Uart16550;
 use condor_dev::riscv::{GuardedMmio, Plic, on_fault};
 use condor_dev::{
     Bus as _, BusErrorKind, Mode, NoInterrupts, OpenError, Place, Presence, Switch, device_switch,
 };
 use dev_exercise::{Boards, Devices, Memory};
+use example_boards::Adc16;
 use machine::{BUS, NOWHERE, UART, UART_VECTOR, VIRTIO, plic, print, switch_off};
 use riscv::register::{mie, mstatus};
 
@@ -86,7 +87,7 @@ extern "C" fn main() {
 }
 
 fn faults(checks: &mut Checks<'_>) {
-    let silent = |result: Result<(), condor_dev::MmioError>| {
+    let silent = |result: Result<(), condor_dev::AccessError>| {
         result.map_err(|error| error.kind) == Err(BusErrorKind::NoAnswer)
     };
     checks.that("a byte is not read", silent(BUS.read8(NOWHERE).map(drop)));

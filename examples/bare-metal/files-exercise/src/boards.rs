@@ -4,7 +4,8 @@ use core::cell::Cell;
 
 use checks::Checks;
 use condor_dev::{
-    Fd, FdError, IoError, Mode, NoInterrupts, OpenError, Place, Presence, Switch, device_switch,
+    BusErrorKind, Fd, FdError, IoError, Mode, NoInterrupts, OpenError, Place, Presence, Switch,
+    device_switch,
 };
 use condor_mbox::{CriticalSection, Places};
 use condor_tty::dev::{
@@ -15,7 +16,7 @@ use critical_section::Mutex;
 use static_cell::StaticCell;
 
 use crate::memory::HOST;
-use crate::nothing::{Nothing, Silence};
+use crate::nothing::Nothing;
 use crate::pair::{AHEAD, PATIENCE, Pair, RING, Tty, Window};
 use crate::post::Post;
 use crate::trouble::Trouble;
@@ -188,7 +189,7 @@ fn reading(
 ) -> Result<(), Trouble> {
     let mut bytes = [0; 8];
     let mut read = || devices.read(fd, &mut bytes);
-    let nothing: Result<usize, IoError<Silence>> = Err(IoError::WouldBlock);
+    let nothing: Result<usize, IoError<BusErrorKind>> = Err(IoError::WouldBlock);
     checks.same("nobody has typed", devices.read_ready(fd), Ok(false));
     checks.same("nobody is waited for", read(), nothing);
     for character in *b"go\n\x04" {

@@ -14,7 +14,7 @@ use embedded_io::SeekFrom;
 
 use crate::boards::{BOTH, Boards, Devices};
 use crate::files::System;
-use crate::nothing::{Nothing, Silence};
+use crate::nothing::Nothing;
 use crate::pair::{FILES, Mail, PATIENCE, Pair, SHORT, Window};
 use crate::text::Text;
 use crate::trouble::Trouble;
@@ -24,7 +24,7 @@ const BOARDS: usize = 2;
 
 type Files<'d, 'p> =
     FileSwitch<'d, 'p, Nothing, NoInterrupts, Boards, Mail<'p>, Window, BOARDS, FILES>;
-type Outcome<T> = Result<T, IoError<TransferError<Silence>>>;
+type Outcome<T> = Result<T, IoError<TransferError<BusErrorKind>>>;
 
 /// Opens files and a terminal, and uses both in the same way.
 #[inline(never)]
@@ -72,7 +72,12 @@ fn names(checks: &mut Checks<'_>, switch: &Files<'_, '_>) {
     };
     let exclusive = Mode::READ | Mode::EXCLUSIVE;
     for (name, board, mode, text) in [
-        ("toaster", 0, Mode::READ, "there is no device toaster"),
+        (
+            "toaster",
+            0,
+            Mode::READ,
+            "there is no device toaster; there are: tty",
+        ),
         (
             ":fs/none",
             0,
@@ -221,17 +226,21 @@ fn errors(checks: &mut Checks<'_>, pair: &Pair<'_>, switch: &Files<'_, '_>) -> R
     let size = switch.with_file(fd, |file| Ok(file.status()?.size));
     checks.same("it has written once", size, Ok(7));
     let refused = switch.with_file(fd, |_| -> Result<(), Error> { Err(Errno::PERM.into()) });
-    let refusal = TransferError::<Silence>::File(Errno::PERM.into());
+    let refusal = TransferError::<BusErrorKind>::File(Errno::PERM.into());
     checks.same("so has any other call", refused, Err(IoError::Bus(refusal)));
     let mut text = Text::<80>::new();
     // It takes everything.
-    let _ = write!(text, "{refusal}; {}", TransferError::Device(Silence));
+    let _ = write!(
+        text,
+        "{refusal}; {}",
+        TransferError::Device(BusErrorKind::NoAnswer)
+    );
     checks.same(
         "for people",
         text.bytes(),
-        b"Operation not permitted (EPERM); bus error: Silence",
+        b"Operation not permitted (EPERM); nothing answers",
     );
-    let kind = TransferError::Device(Silence).kind();
+    let kind = TransferError::Device(BusErrorKind::NoAnswer).kind();
     checks.same("a board's has its own", kind, BusErrorKind::NoAnswer);
     switch.close(fd)?;
     Ok(())

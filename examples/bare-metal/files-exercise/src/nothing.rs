@@ -1,44 +1,18 @@
 //! [`Nothing`]: a bus at which no board answers. Terminals and files are behind none.
 
-use condor_dev::{Bus, BusError, BusErrorKind};
+use condor_dev::{Bus, BusErrorKind, Width};
 
 #[derive(Clone, Copy)]
 pub(crate) struct Nothing;
 
-/// What every access meets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Silence;
-
-impl BusError for Silence {
-    fn kind(&self) -> BusErrorKind {
-        BusErrorKind::NoAnswer
-    }
-}
-
 impl Bus for Nothing {
-    type Error = Silence;
+    type Error = BusErrorKind;
 
-    fn read8(&self, _: usize) -> Result<u8, Silence> {
-        Err(Silence)
+    fn read(&self, _: usize, _: Width) -> Result<u32, BusErrorKind> {
+        Err(BusErrorKind::NoAnswer)
     }
 
-    fn read16(&self, _: usize) -> Result<u16, Silence> {
-        Err(Silence)
-    }
-
-    fn read32(&self, _: usize) -> Result<u32, Silence> {
-        Err(Silence)
-    }
-
-    fn write8(&self, _: usize, _: u8) -> Result<(), Silence> {
-        Err(Silence)
-    }
-
-    fn write16(&self, _: usize, _: u16) -> Result<(), Silence> {
-        Err(Silence)
-    }
-
-    fn write32(&self, _: usize, _: u32) -> Result<(), Silence> {
-        Err(Silence)
+    fn write(&self, _: usize, _: Width, _: u32) -> Result<(), BusErrorKind> {
+        Err(BusErrorKind::NoAnswer)
     }
 }

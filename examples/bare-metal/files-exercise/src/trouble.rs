@@ -1,19 +1,17 @@
 //! [`Trouble`]: what ends an exercise early.
 
-use condor_dev::IoError;
+use condor_dev::{BusErrorKind, IoError};
 use condor_fs::dev::TransferError;
 use condor_mbox::AccessError;
 use condor_tty::{ConsoleError, ReaderError, TerminalError};
-
-use crate::nothing::Silence;
 
 /// A call that must succeed did not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trouble {
     Access(AccessError),
-    Board(IoError<Silence>),
+    Board(IoError<BusErrorKind>),
     Console(ConsoleError),
-    File(IoError<TransferError<Silence>>),
+    File(IoError<TransferError<BusErrorKind>>),
     Files(condor_fs::Error),
     Mailbox(condor_mbox::Error),
     Open(condor_dev::OpenError<'static>),
@@ -36,9 +34,9 @@ macro_rules! from {
 
 from! {
     Access AccessError,
-    Board IoError<Silence>,
+    Board IoError<BusErrorKind>,
     Console ConsoleError,
-    File IoError<TransferError<Silence>>,
+    File IoError<TransferError<BusErrorKind>>,
     Files condor_fs::Error,
     Mailbox condor_mbox::Error,
     Open condor_dev::OpenError<'static>,

@@ -1,6 +1,6 @@
 //! [`Rack`]: a bus on which a processor sees its own boards.
 
-use condor_dev::{Bus, BusError, BusErrorKind};
+use condor_dev::{Bus, BusError, BusErrorKind, Width};
 use thiserror::Error;
 
 use super::{Board, address};
@@ -21,7 +21,7 @@ pub struct Rack<B> {
 
 /// An access that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum RackError<E> {
+pub enum RackError<E: BusError> {
     /// The board belongs to another processor, or there is none.
     #[error("nothing that this processor sees is at bus address {address:#x}")]
     Hidden {
@@ -29,7 +29,7 @@ pub enum RackError<E> {
         address: usize,
     },
     /// The bus.
-    #[error("bus error: {0:?}")]
+    #[error(transparent)]
     Bus(E),
 }
 
@@ -75,8 +75,9 @@ impl<B> Rack<B> {
         Self { bus, seen }
     }
 
-    fn of(&self, address: usize) -> Option<&B> {
-        self.seen.reaches(address).then_some(&self.bus)
+    fn of<E: BusError>(&self, address: usize) -> Result<&B, RackError<E>> {
+        let seen = self.seen.reaches(address).then_some(&self.bus);
+        seen.ok_or(RackError::Hidden { address })
     }
 }
 
@@ -89,28 +90,20 @@ impl<E: BusError> BusError for RackError<E> {
     }
 }
 
-macro_rules! seen {
-    ($($method:ident($($argument:ident: $kind:ty)?) -> $result:ty;)*) => {
-        $(
-            #[inline]
-            fn $method(&self, address: usize $(, $argument: $kind)?) -> Result<$result, Self::Error> {
-                let bus = self.of(address).ok_or(RackError::Hidden { address })?;
-                bus.$method(address $(, $argument)?).map_err(RackError::Bus)
-            }
-        )*
-    };
-}
-
 impl<B: Bus> Bus for Rack<B> {
     type Error = RackError<B::Error>;
 
-    seen! {
-        read8() -> u8;
-        read16() -> u16;
-        read32() -> u32;
-        write8(value: u8) -> ();
-        write16(value: u16) -> ();
-        write32(value: u32) -> ();
+    #[inline]
+    fn read(&self, address: usize, width: Width) -> Result<u32, Self::Error> {
+        self.of(address)?
+            .read(address, width)
+            .map_err(RackError::Bus)
+    }
+
+    #[inline]
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), Self::Error> {
+        let bus = self.of(address)?;
+        bus.write(address, width, value).map_err(RackError::Bus)
     }
 }
 

@@ -1,8 +1,8 @@
 //! [`Wires`]: the channels of one processor, transferred board by board.
 
-use condor_dev::drivers::{Adc16, Dac16, Encoder8};
 use condor_dev::{Bus, Device, Mode, NoInterrupts, OpenError, Switch};
 use condor_hand::config::{Channel, Hand};
+use example_boards::{Adc16, Dac16, Encoder8};
 use thiserror::Error;
 
 use super::rack::{Boards, Rack};
@@ -25,7 +25,7 @@ type Open<'s, B, D> = Option<Device<'s, Rack<B>, D, OPEN>>;
 /// outputs once; in between channels are looked up in memory. The channels that one board has of
 /// several processors are read by each of them.
 #[derive(Debug)]
-pub struct Wires<'s, B> {
+pub struct Wires<'s, B: Bus> {
     adc: [Converters<Open<'s, B, Adc16>, Option<i16>>; address::ADC.len()],
     dac: [Converters<Open<'s, B, Dac16>, (i16, u32)>; address::DAC.len()],
     encoder: Open<'s, B, Encoder8>,
@@ -50,9 +50,6 @@ pub enum WiresError {
     /// A board cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError<'static>),
-    /// What was opened is not what it was opened as.
-    #[error(transparent)]
-    Fd(#[from] condor_dev::FdError),
 }
 
 /// The switch of a processor: of all boards it sees those at which it has a wire.
@@ -121,8 +118,8 @@ impl<'s, B: Bus> Wires<'s, B> {
                 Board::Adc(number) => {
                     if let Some(adc) = wires.adc.get_mut(usize::from(number)) {
                         if adc.device.is_none() {
-                            let fd = panel.open("adc", number, Mode::READ)?;
-                            adc.device = Some(panel.device(fd)?);
+                            let open = panel.open_typed(HandBoards::adc, number, Mode::READ)?;
+                            adc.device = Some(open);
                         }
                         adc.used = adc.used.max(line + 1);
                     }
@@ -131,8 +128,8 @@ impl<'s, B: Bus> Wires<'s, B> {
                     let zero = hand.output(wire).map_or(0, zero_of);
                     if let Some(dac) = wires.dac.get_mut(usize::from(number)) {
                         if dac.device.is_none() {
-                            let fd = panel.open("dac", number, Mode::WRITE)?;
-                            dac.device = Some(panel.device(fd)?);
+                            let open = panel.open_typed(HandBoards::dac, number, Mode::WRITE)?;
+                            dac.device = Some(open);
                         }
                         if let Some(place) = dac.lines.get_mut(line) {
                             *place = (output_register(zero, rest(channel)), zero);
@@ -141,8 +138,8 @@ impl<'s, B: Bus> Wires<'s, B> {
                 }
                 Board::Encoder => {
                     if wires.encoder.is_none() {
-                        let fd = panel.open("encoder", 0, Mode::READ)?;
-                        wires.encoder = Some(panel.device(fd)?);
+                        let open = panel.open_typed(HandBoards::encoder, 0, Mode::READ)?;
+                        wires.encoder = Some(open);
                     }
                 }
             }
@@ -157,7 +154,7 @@ impl<'s, B: Bus> Wires<'s, B> {
             let Some(device) = &adc.device else { continue };
             let mut registers = [0; Adc16::CHANNELS];
             let used = registers.split_at_mut(adc.used.min(Adc16::CHANNELS)).0;
-            let is_read = device.scan(used).is_ok();
+            let is_read = device.scan(device.registers, used).is_ok();
             if !is_read {
                 self.failures = self.failures.wrapping_add(1);
             }
@@ -167,7 +164,10 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
         if let Some(device) = &self.encoder {
             let mut counters = [0; Encoder8::COUNTERS];
-            self.counters = device.scan(&mut counters).ok().map(|_| counters);
+            self.counters = device
+                .scan(device.registers, &mut counters)
+                .ok()
+                .map(|_| counters);
             if self.counters.is_none() {
                 self.failures = self.failures.wrapping_add(1);
             }
@@ -216,10 +216,8 @@ impl<'s, B: Bus> Wires<'s, B> {
     pub fn put(&mut self) {
         for dac in &self.dac {
             let Some(device) = &dac.device else { continue };
-            if device
-                .write_all(&dac.lines.map(|(register, _)| register))
-                .is_err()
-            {
+            let values = dac.lines.map(|(register, _)| register);
+            if device.write_all(device.registers, &values).is_err() {
                 self.failures = self.failures.wrapping_add(1);
             }
         }

@@ -1,13 +1,13 @@
 //! [`Robot`]: the simulated hand and table, with their sensors and actuators at the boards' lines.
 
 use condor_dev::Bus;
-use condor_dev::drivers::Dac16;
 use condor_hand::config::{Input, Output as Dac, Wire};
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
 use condor_hand::plant::{self, DriveKind, Hand, Machine, Object, ObjectParameters, Stop, Surface};
 use condor_hand::tendon::{Pair, Pairs};
+use example_boards::Dac16;
 use nalgebra::Vector3;
 
 use super::Truth;

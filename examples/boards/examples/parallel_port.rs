@@ -1,13 +1,15 @@
 //! The memo's program (A.I. Memo 977, section 3.1): a parallel port is opened, used and closed.
 //!
-//! `cargo run -p condor-dev --features sim --example parallel_port`
+//! `cargo run -p example-boards --example parallel_port`
 
 use std::error::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use condor_dev::drivers::Mpp;
-use condor_dev::sim::{Bus, Controller, MppModel, SimBusError};
+use condor_dev::AccessError;
+use condor_dev::sim::{Bus, Controller};
 use condor_dev::{Fd, IoError, Mode, Place, Switch, Vector, device_switch};
+use example_boards::Mpp;
+use example_boards::sim::MppModel;
 
 device_switch! {
     /// The system configuration file: where parallel ports may be.
@@ -25,11 +27,11 @@ fn parallel_port_startup(devices: &Devices, board_number: u8) -> Result<Fd, Box<
     let fd = devices
         .open(":mpp", board_number, Mode::READ | Mode::WRITE)
         .map_err(|error| format!("couldn't open device: {error}"))?;
-    let mpp = devices.device::<Mpp>(fd)?;
+    let mpp = devices.device(Boards::mpp, fd)?;
     // Reset the board.
-    mpp.reset()?;
+    mpp.reset(mpp.registers)?;
     // Configure the board to be in raw 16-bit mode.
-    mpp.config_16bit_raw()?;
+    mpp.config_16bit_raw(mpp.registers)?;
     // Return the fd, so that the user can use it later.
     Ok(fd)
 }
@@ -39,10 +41,10 @@ fn parallel_port_read(
     fd: Fd,
     buffer: &mut [u16],
 ) -> Result<usize, Box<dyn Error>> {
-    let mpp = devices.device::<Mpp>(fd)?;
+    let mpp = devices.device(Boards::mpp, fd)?;
     for value in &mut *buffer {
         // Perform the read 16 bits at a time.
-        *value = mpp.read_16bits()?;
+        *value = mpp.read_16bits(mpp.registers)?;
     }
     Ok(buffer.len())
 }
@@ -52,14 +54,14 @@ fn parallel_port_receive(
     devices: &Devices,
     fd: Fd,
     buffer: &mut [u8],
-) -> Result<usize, IoError<SimBusError>> {
+) -> Result<usize, IoError<AccessError>> {
     match devices.read(fd, buffer) {
         Err(IoError::WouldBlock) => Ok(0),
         result => result,
     }
 }
 
-fn parallel_port_exit(devices: &Devices, fd: Fd) -> Result<(), IoError<SimBusError>> {
+fn parallel_port_exit(devices: &Devices, fd: Fd) -> Result<(), IoError<AccessError>> {
     devices.close(fd)
 }
 
@@ -81,7 +83,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let count = parallel_port_read(&devices, fd, &mut buffer)?;
     println!("{count} words of 16 bits: {buffer:04x?}");
 
-    devices.device::<Mpp>(fd)?.config_8bit()?;
+    let mpp = devices.device(Boards::mpp, fd)?;
+    mpp.config_8bit(mpp.registers)?;
+    drop(mpp);
     outside(&|board| {
         for &byte in b"Condor" {
             board.strobe_in(byte);

@@ -1,9 +1,9 @@
-//! [`MppModel`]: the registers of [`Mpp`](crate::drivers::Mpp)'s board.
+//! [`MppModel`]: the registers of [`Mpp`](crate::Mpp)'s board.
 
 use std::collections::VecDeque;
 
-use super::Model;
-use crate::bus::Width;
+use condor_dev::Width;
+use condor_dev::sim::Model;
 
 /// Bytes that the board keeps.
 const FIFO: usize = 16;

@@ -1,7 +1,7 @@
-//! [`DacModel`]: the registers of [`Dac16`](crate::drivers::Dac16)'s board.
+//! [`DacModel`]: the registers of [`Dac16`](crate::Dac16)'s board.
 
-use super::Model;
-use crate::bus::Width;
+use condor_dev::Width;
+use condor_dev::sim::Model;
 
 /// A 16-channel digital-to-analog board, whose outputs a test looks at.
 #[derive(Debug, Default)]

@@ -1,8 +1,6 @@
 //! [`Dac16`]: a 16-channel digital-to-analog board.
 
-use crate::bus::{Bus, Registers, Width};
-use crate::device::Device;
-use crate::driver::{DeviceError, Driver};
+use condor_dev::{Bus, DeviceError, Driver, Registers, Width};
 
 /// A board with sixteen analog outputs of 16 bits, double-buffered.
 ///
@@ -58,7 +56,6 @@ impl Dac16 {
 }
 
 impl Driver for Dac16 {
-    const NAME: &'static str = "dac";
     const NEW: Self = Self(());
     const READS: bool = false;
     const WRITES: bool = true;
@@ -120,15 +117,16 @@ impl Driver for Dac16 {
     }
 }
 
-impl<B: Bus, const F: usize> Device<'_, B, Dac16, F> {
+impl Dac16 {
     /// Puts `values` out on the channels from `first` on, at the same instant.
     ///
     /// # Errors
     /// [`DeviceError::Length`] if the board has fewer channels, [`DeviceError::Bus`]: no output has
     /// changed then.
     #[inline]
-    pub fn write_channels(
+    pub fn write_channels<B: Bus>(
         &self,
+        registers: Registers<'_, B>,
         first: usize,
         values: &[i16],
     ) -> Result<(), DeviceError<B::Error>> {
@@ -138,7 +136,7 @@ impl<B: Bus, const F: usize> Device<'_, B, Dac16, F> {
                 unit: 2,
             });
         }
-        Ok(Dac16::put(self.registers, first, values.iter().copied())?)
+        Ok(Dac16::put(registers, first, values.iter().copied())?)
     }
 
     /// Puts all channels out, at the same instant.
@@ -146,7 +144,11 @@ impl<B: Bus, const F: usize> Device<'_, B, Dac16, F> {
     /// # Errors
     /// The bus's: no output has changed then.
     #[inline]
-    pub fn write_all(&self, values: &[i16; Dac16::CHANNELS]) -> Result<(), B::Error> {
-        Dac16::put(self.registers, 0, values.iter().copied())
+    pub fn write_all<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        values: &[i16; Dac16::CHANNELS],
+    ) -> Result<(), B::Error> {
+        Dac16::put(registers, 0, values.iter().copied())
     }
 }

@@ -1,9 +1,6 @@
 //! [`Encoder8`]: a board that counts the pulses of quadrature encoders.
 
-use super::register::Count;
-use crate::bus::{Bus, Registers, Width};
-use crate::device::Device;
-use crate::driver::{DeviceError, Driver};
+use condor_dev::{Bus, Count, DeviceError, Driver, Registers, Width};
 
 /// A board with eight quadrature counters of 32 bits, which wrap.
 ///
@@ -46,7 +43,7 @@ impl Encoder8 {
 
     /// Latches, and shows the first `count` counters to `see`, perhaps more than once.
     #[inline(always)]
-    fn scan<B: Bus>(
+    fn scan_each<B: Bus>(
         &self,
         registers: Registers<'_, B>,
         count: usize,
@@ -78,7 +75,6 @@ impl Encoder8 {
 }
 
 impl Driver for Encoder8 {
-    const NAME: &'static str = "encoder";
     const NEW: Self = Self {
         scans: Count::new(),
     };
@@ -114,7 +110,7 @@ impl Driver for Encoder8 {
             return Err(DeviceError::Length { bytes, unit: 4 });
         }
         let count = counts.len().min(Self::COUNTERS);
-        self.scan(registers, count, |counter, value| {
+        self.scan_each(registers, count, |counter, value| {
             if let Some(place) = counts.get_mut(counter) {
                 *place = value.to_ne_bytes();
             }
@@ -142,7 +138,7 @@ impl Driver for Encoder8 {
     }
 }
 
-impl<B: Bus, const F: usize> Device<'_, B, Encoder8, F> {
+impl Encoder8 {
     /// The counts of the first counters at one instant, as many as `into` has room for; says how
     /// many.
     ///
@@ -150,9 +146,13 @@ impl<B: Bus, const F: usize> Device<'_, B, Encoder8, F> {
     /// [`DeviceError::Bus`]; [`DeviceError::WouldBlock`] if faster loops scanned in the midst of it
     /// four times in a row. `into` may have been written in part.
     #[inline]
-    pub fn scan(&self, into: &mut [i32]) -> Result<usize, DeviceError<B::Error>> {
+    pub fn scan<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        into: &mut [i32],
+    ) -> Result<usize, DeviceError<B::Error>> {
         let count = into.len().min(Encoder8::COUNTERS);
-        self.unit.scan(self.registers, count, |counter, value| {
+        self.scan_each(registers, count, |counter, value| {
             if let Some(place) = into.get_mut(counter) {
                 *place = value;
             }
@@ -167,12 +167,13 @@ impl<B: Bus, const F: usize> Device<'_, B, Encoder8, F> {
     /// # Errors
     /// As [`scan`](Self::scan); `last` is unchanged then.
     #[inline]
-    pub fn scan_differences(
+    pub fn scan_differences<B: Bus>(
         &self,
+        registers: Registers<'_, B>,
         last: &mut [i32; Encoder8::COUNTERS],
     ) -> Result<[i32; Encoder8::COUNTERS], DeviceError<B::Error>> {
         let mut now = [0; Encoder8::COUNTERS];
-        self.scan(&mut now)?;
+        self.scan(registers, &mut now)?;
         let mut moved = [0; Encoder8::COUNTERS];
         for ((moved, now), last) in moved.iter_mut().zip(now).zip(last) {
             *moved = now.wrapping_sub(*last);
@@ -185,25 +186,28 @@ impl<B: Bus, const F: usize> Device<'_, B, Encoder8, F> {
     ///
     /// # Errors
     /// The bus's.
-    pub fn zero(&self, counters: u8) -> Result<(), B::Error> {
-        self.registers.write16(offset::ZERO, counters.into())
+    pub fn zero<B: Bus>(&self, registers: Registers<'_, B>, counters: u8) -> Result<(), B::Error> {
+        registers.write16(offset::ZERO, counters.into())
     }
 
     /// Has each of the counters named by bits, and no other, set to zero by its next index pulse.
     ///
     /// # Errors
     /// The bus's.
-    pub fn zero_at_index(&self, counters: u8) -> Result<(), B::Error> {
-        self.registers
-            .write16(offset::ZERO_AT_INDEX, counters.into())
+    pub fn zero_at_index<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        counters: u8,
+    ) -> Result<(), B::Error> {
+        registers.write16(offset::ZERO_AT_INDEX, counters.into())
     }
 
     /// The counters whose index pulse came since the last call.
     ///
     /// # Errors
     /// The bus's: the next call tells of these pulses, too.
-    pub fn take_index(&self) -> Result<u8, B::Error> {
-        Encoder8::take(self.registers, offset::INDEX)
+    pub fn take_index<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u8, B::Error> {
+        Encoder8::take(registers, offset::INDEX)
     }
 
     /// The counters that missed pulses since the last call: their counts are wrong until they are
@@ -211,7 +215,7 @@ impl<B: Bus, const F: usize> Device<'_, B, Encoder8, F> {
     ///
     /// # Errors
     /// As [`take_index`](Self::take_index).
-    pub fn take_missed(&self) -> Result<u8, B::Error> {
-        Encoder8::take(self.registers, offset::MISSED)
+    pub fn take_missed<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u8, B::Error> {
+        Encoder8::take(registers, offset::MISSED)
     }
 }

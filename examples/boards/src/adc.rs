@@ -1,9 +1,8 @@
 //! [`Adc16`]: a 16-channel analog-to-digital board.
 
-use crate::bus::{Bus, Registers, Width};
-use crate::device::Device;
-use crate::driver::{DeviceError, Driver};
-use crate::sync::{AtomicU8, Ordering::Relaxed, masked};
+use core::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
+use condor_dev::{Bus, DeviceError, Driver, Registers, Width};
 
 /// A board with sixteen analog inputs, each converted to 16 bits.
 ///
@@ -29,7 +28,7 @@ pub struct Adc16 {
 pub enum Trigger {
     /// The end of the one before.
     Continuous = 0,
-    /// [`start`](Device::start).
+    /// [`start`](Adc16::start).
     Command = 1,
     /// The board's trigger line.
     External = 2,
@@ -54,25 +53,12 @@ impl Adc16 {
         offset::CHANNELS + 2 * number
     }
 
-    fn set_trigger<B: Bus>(
-        &self,
-        registers: Registers<'_, B>,
-        trigger: Trigger,
-    ) -> Result<(), B::Error> {
-        masked(|| {
-            registers.write16(offset::CONTROL, trigger as u16)?;
-            self.trigger.store(trigger as u8, Relaxed);
-            Ok(())
-        })
-    }
-
-    fn is_ready<B: Bus>(registers: Registers<'_, B>) -> Result<bool, B::Error> {
+    fn completed<B: Bus>(registers: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(registers.read16(offset::STATUS)? & COMPLETED != 0)
     }
 }
 
 impl Driver for Adc16 {
-    const NAME: &'static str = "adc";
     const NEW: Self = Self {
         trigger: AtomicU8::new(Trigger::Continuous as u8),
     };
@@ -132,7 +118,7 @@ impl Driver for Adc16 {
         if self.trigger.load(Relaxed) == Trigger::Continuous as u8 {
             return Ok(true);
         }
-        Self::is_ready(registers)
+        Self::completed(registers)
     }
 
     fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
@@ -140,19 +126,20 @@ impl Driver for Adc16 {
     }
 }
 
-impl<B: Bus, const F: usize> Device<'_, B, Adc16, F> {
+impl Adc16 {
     /// The latest conversions of the first channels, as many as `into` has room for; says how many.
     ///
     /// # Errors
     /// The bus's.
     #[inline]
-    pub fn scan(&self, into: &mut [i16]) -> Result<usize, B::Error> {
+    pub fn scan<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        into: &mut [i16],
+    ) -> Result<usize, B::Error> {
         let mut scanned = 0;
         for (channel, value) in into.iter_mut().take(Adc16::CHANNELS).enumerate() {
-            *value = self
-                .registers
-                .read16(Adc16::channel(channel))?
-                .cast_signed();
+            *value = registers.read16(Adc16::channel(channel))?.cast_signed();
             scanned += 1;
         }
         Ok(scanned)
@@ -162,8 +149,16 @@ impl<B: Bus, const F: usize> Device<'_, B, Adc16, F> {
     ///
     /// # Errors
     /// The bus's: then what did before still does.
-    pub fn set_trigger(&self, trigger: Trigger) -> Result<(), B::Error> {
-        self.unit.set_trigger(self.registers, trigger)
+    pub fn set_trigger<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        trigger: Trigger,
+    ) -> Result<(), B::Error> {
+        critical_section::with(|_| {
+            registers.write16(offset::CONTROL, trigger as u16)?;
+            self.trigger.store(trigger as u8, Relaxed);
+            Ok(())
+        })
     }
 
     /// Starts a conversion of all channels; [`Trigger::Command`] has been chosen.
@@ -171,8 +166,8 @@ impl<B: Bus, const F: usize> Device<'_, B, Adc16, F> {
     /// # Errors
     /// The bus's.
     #[inline]
-    pub fn start(&self) -> Result<(), B::Error> {
-        self.registers.write16(offset::START, 1)
+    pub fn start<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        registers.write16(offset::START, 1)
     }
 
     /// Whether a conversion has been completed since one was last started.
@@ -180,7 +175,7 @@ impl<B: Bus, const F: usize> Device<'_, B, Adc16, F> {
     /// # Errors
     /// The bus's.
     #[inline]
-    pub fn is_ready(&self) -> Result<bool, B::Error> {
-        Adc16::is_ready(self.registers)
+    pub fn is_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        Self::completed(registers)
     }
 }

@@ -1,7 +1,7 @@
-//! [`EncoderModel`]: the registers of [`Encoder8`](crate::drivers::Encoder8)'s board.
+//! [`EncoderModel`]: the registers of [`Encoder8`](crate::Encoder8)'s board.
 
-use super::Model;
-use crate::bus::Width;
+use condor_dev::Width;
+use condor_dev::sim::Model;
 
 /// Eight quadrature counters, whose encoders a test turns.
 #[derive(Debug, Default)]

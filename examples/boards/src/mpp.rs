@@ -1,11 +1,8 @@
 //! [`Mpp`]: a parallel port board, the example of the memo (section 3.1).
 
-use super::register::{Count, Kept};
-use crate::bus::{Bus, Registers, Width};
-use crate::device::Device;
-use crate::driver::{Attention, DeviceError, Driver};
-use crate::ring::Ring;
-use crate::sync::{AtomicBool, Ordering::Relaxed, masked};
+use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Kept, Registers, Ring, Width};
 
 /// A board with sixteen input and sixteen output lines, used as handshaken bytes or as they are.
 ///
@@ -26,7 +23,7 @@ use crate::sync::{AtomicBool, Ordering::Relaxed, masked};
 /// In raw 16-bit mode `read` and `write` transfer words, two bytes each in the byte order of the
 /// processor, and always succeed at once; nothing interrupts and nothing is buffered.
 ///
-/// A board whose place does not interrupt is served by [`poll`](Device::poll).
+/// A board whose place does not interrupt is served by [`poll`](Self::poll).
 #[derive(Debug)]
 pub struct Mpp {
     input: Ring<256>,
@@ -75,8 +72,12 @@ impl Mpp {
         self.control.update(wanted, write)
     }
 
-    fn reset<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        masked(|| {
+    /// Resets the board: 8-bit mode, outputs low, input that was not read forgotten.
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn reset<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        critical_section::with(|_| {
             self.control.forget();
             registers.write16(offset::CONTROL, control::RESET)?;
             self.raw.store(false, Relaxed);
@@ -87,12 +88,8 @@ impl Mpp {
         })
     }
 
-    pub(super) fn set_raw<B: Bus>(
-        &self,
-        registers: Registers<'_, B>,
-        raw: bool,
-    ) -> Result<(), B::Error> {
-        masked(|| {
+    fn set_raw<B: Bus>(&self, registers: Registers<'_, B>, raw: bool) -> Result<(), B::Error> {
+        critical_section::with(|_| {
             let before = self.raw.load(Relaxed);
             self.raw.store(raw, Relaxed);
             let settled = self.settle(registers).map(drop);
@@ -173,7 +170,6 @@ fn each<T, E>(
 }
 
 impl Driver for Mpp {
-    const NAME: &'static str = "mpp";
     const NEW: Self = Self {
         input: Ring::new(),
         control: Kept::new(),
@@ -244,7 +240,7 @@ impl Driver for Mpp {
         }
         each(from, 1, from.len(), |byte| {
             // Another context that writes here would find the same place free.
-            masked(|| {
+            critical_section::with(|_| {
                 let ready = registers.read16(offset::STATUS)? & status::OUTPUT_READY != 0;
                 if ready {
                     registers.write8(offset::BYTE, *byte)?;
@@ -285,29 +281,21 @@ impl Driver for Mpp {
     }
 }
 
-impl<B: Bus, const F: usize> Device<'_, B, Mpp, F> {
-    /// Resets the board: 8-bit mode, outputs low, input that was not read forgotten.
-    ///
-    /// # Errors
-    /// The bus's.
-    pub fn reset(&self) -> Result<(), B::Error> {
-        self.unit.reset(self.registers)
-    }
-
+impl Mpp {
     /// Has lines transferred as handshaken bytes.
     ///
     /// # Errors
     /// The bus's: then the board stays in its mode.
-    pub fn config_8bit(&self) -> Result<(), B::Error> {
-        self.unit.set_raw(self.registers, false)
+    pub fn config_8bit<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        self.set_raw(registers, false)
     }
 
     /// Has lines transferred as they are, sixteen at once.
     ///
     /// # Errors
     /// As [`config_8bit`](Self::config_8bit).
-    pub fn config_16bit_raw(&self) -> Result<(), B::Error> {
-        self.unit.set_raw(self.registers, true)
+    pub fn config_16bit_raw<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        self.set_raw(registers, true)
     }
 
     /// The input lines at this moment, in either mode.
@@ -315,8 +303,8 @@ impl<B: Bus, const F: usize> Device<'_, B, Mpp, F> {
     /// # Errors
     /// The bus's.
     #[inline]
-    pub fn read_16bits(&self) -> Result<u16, B::Error> {
-        self.registers.read16(offset::LINES)
+    pub fn read_16bits<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
+        registers.read16(offset::LINES)
     }
 
     /// Drives the output lines; in 8-bit mode the upper eight of them.
@@ -324,21 +312,25 @@ impl<B: Bus, const F: usize> Device<'_, B, Mpp, F> {
     /// # Errors
     /// The bus's.
     #[inline]
-    pub fn write_16bits(&self, lines: u16) -> Result<(), B::Error> {
-        self.registers.write16(offset::LINES, lines)
+    pub fn write_16bits<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        lines: u16,
+    ) -> Result<(), B::Error> {
+        registers.write16(offset::LINES, lines)
     }
 
     /// How often input came that the board had no room for. Wraps.
     #[must_use]
     pub fn overruns(&self) -> u32 {
-        self.unit.overruns.get()
+        self.overruns.get()
     }
 
     /// Does what the interrupt would do, for a board that does not interrupt.
     ///
     /// # Errors
     /// The bus's.
-    pub fn poll(&self) -> Result<(), B::Error> {
-        masked(|| self.unit.serve(self.registers)).map(drop)
+    pub fn poll<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        critical_section::with(|_| self.serve(registers)).map(drop)
     }
 }

@@ -1,7 +1,7 @@
-//! [`AdcModel`]: the registers of [`Adc16`](crate::drivers::Adc16)'s board.
+//! [`AdcModel`]: the registers of [`Adc16`](crate::Adc16)'s board.
 
-use super::Model;
-use crate::bus::Width;
+use condor_dev::Width;
+use condor_dev::sim::Model;
 
 /// A 16-channel analog-to-digital board, whose voltages a test sets.
 #[derive(Debug, Default)]

@@ -1,0 +1,143 @@
+//! [`As5600`]: a magnetic angle sensor.
+
+use crate::bus::{Bus, Registers};
+use crate::driver::{DeviceError, Driver};
+
+/// An AS5600, on I2C at 0x36: the angle of a magnet above the chip, in 4096 steps of a turn.
+/// Registers are those of ams's data sheet, version 1-06 of 2018.
+///
+/// `read` reads [`angle`](Self::angle), two bytes in the byte order of the processor.
+///
+/// The driver never burns the chip's memory: what it sets is lost when the power is.
+#[derive(Debug)]
+pub struct As5600;
+
+/// What the chip says of its magnet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Magnet {
+    /// There is one, strong enough (STATUS, MD).
+    pub is_detected: bool,
+    /// It is too weak: the gain is at its maximum (STATUS, ML).
+    pub is_too_weak: bool,
+    /// It is too strong: the gain is at its minimum (STATUS, MH).
+    pub is_too_strong: bool,
+    /// The automatic gain, to 255 with a supply of 5 V and to 128 with 3.3 V; in the middle at the
+    /// best distance.
+    pub gain: u8,
+    /// The magnitude that the chip's CORDIC computes, of 12 bits.
+    pub magnitude: u16,
+}
+
+mod register {
+    pub(super) const ZMCO: usize = 0x00;
+    pub(super) const ZPOS: usize = 0x01;
+    pub(super) const MPOS: usize = 0x03;
+    pub(super) const STATUS: usize = 0x0b;
+    pub(super) const RAW_ANGLE: usize = 0x0c;
+    pub(super) const ANGLE: usize = 0x0e;
+    pub(super) const AGC: usize = 0x1a;
+    pub(super) const MAGNITUDE: usize = 0x1b;
+}
+
+/// Bits of STATUS.
+mod status {
+    pub(super) const TOO_STRONG: u8 = 1 << 3;
+    pub(super) const TOO_WEAK: u8 = 1 << 4;
+    pub(super) const DETECTED: u8 = 1 << 5;
+    pub(super) const ALL: u8 = TOO_STRONG | TOO_WEAK | DETECTED;
+}
+
+const TWELVE_BITS: u16 = 0xfff;
+
+impl As5600 {
+    /// The I2C address of every chip.
+    pub const ADDRESS: u8 = 0x36;
+    /// Steps of a turn.
+    pub const TURN: u16 = 4096;
+
+    /// Returns the angle from 0 to 4095: from the start position to the stop position, which are a
+    /// turn as long as nobody [sets](Self::set_range) them, with the chip's filter and hysteresis.
+    ///
+    /// # Errors
+    /// The bus's. A chip without a magnet returns an angle, too; see [`magnet`](Self::magnet).
+    pub fn angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
+        Self::word(registers, register::ANGLE)
+    }
+
+    /// Returns the angle in 4096ths of a turn, whatever the range is.
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn raw_angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
+        Self::word(registers, register::RAW_ANGLE)
+    }
+
+    /// Sets the positions, raw angles of 12 bits, at which [`angle`](Self::angle) begins and ends;
+    /// (0, 0) is a turn. The range must be more than 18° (data sheet, "Angle Programming"); a change
+    /// takes 1 ms.
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn set_range<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        start: u16,
+        stop: u16,
+    ) -> Result<(), B::Error> {
+        let big = |position: u16| (position & TWELVE_BITS).to_be_bytes();
+        registers.write_block(register::ZPOS, &big(start))?;
+        registers.write_block(register::MPOS, &big(stop))
+    }
+
+    /// Returns what the chip says of its magnet.
+    ///
+    /// # Errors
+    /// The bus's.
+    pub fn magnet<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Magnet, B::Error> {
+        let status = registers.read8(register::STATUS)?;
+        Ok(Magnet {
+            is_detected: status & status::DETECTED != 0,
+            is_too_weak: status & status::TOO_WEAK != 0,
+            is_too_strong: status & status::TOO_STRONG != 0,
+            gain: registers.read8(register::AGC)?,
+            magnitude: Self::word(registers, register::MAGNITUDE)?,
+        })
+    }
+
+    /// A register of 12 bits, high byte first; both bytes are of one instant in one transfer.
+    fn word<B: Bus>(registers: Registers<'_, B>, register: usize) -> Result<u16, B::Error> {
+        let mut bytes = [0; 2];
+        registers.read_block(register, &mut bytes)?;
+        Ok(u16::from_be_bytes(bytes) & TWELVE_BITS)
+    }
+}
+
+impl Driver for As5600 {
+    const NEW: Self = Self;
+    const WRITES: bool = false;
+
+    /// A chip has no other bits in ZMCO and STATUS.
+    fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
+        let within = |register, bits: u8| {
+            let read = registers.read8(register);
+            read.is_ok_and(|found| found & !bits == 0)
+        };
+        within(register::ZMCO, 3) && within(register::STATUS, status::ALL)
+    }
+
+    fn read<B: Bus>(
+        &self,
+        registers: Registers<'_, B>,
+        into: &mut [u8],
+    ) -> Result<usize, DeviceError<B::Error>> {
+        let bytes = into.len();
+        let place = into.first_chunk_mut();
+        let place = place.ok_or(DeviceError::Length { bytes, unit: 2 })?;
+        *place = self.angle(registers)?.to_ne_bytes();
+        Ok(2)
+    }
+
+    fn read_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
+        Ok(true)
+    }
+}

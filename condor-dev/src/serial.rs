@@ -1,0 +1,226 @@
+//! [`I2cBus`] and [`SpiBus`]: registers of parts on two wires or four, through embedded-hal.
+
+use embedded_hal::i2c::{self, Error as _, I2c, NoAcknowledgeSource};
+use embedded_hal::spi::{self, Error as _, Operation, SpiDevice};
+
+use crate::bus::{AccessError, Bus, BusErrorKind, Width};
+use crate::stdio::Claim;
+
+/// The registers of all parts on one I2C bus, through any [`I2c`] of embedded-hal.
+///
+/// Register `r` of the part with the 7-bit address `d` is at `d << 8 | r`; see
+/// [`Place::i2c`](crate::Place::i2c). Registers have 8 bits; a wider access moves two or four of them
+/// in one transfer, in the processor's byte order, and so does a block of up to 64. A part that
+/// does not advance its register number by itself is accessed by bytes only.
+///
+/// One context at a time uses the wires. An access of another one meanwhile, an interrupt handler
+/// for example, is refused as [`Busy`](BusErrorKind::Busy). A transfer takes about 25 µs a byte at
+/// 400 kHz, in which it masks no interrupts.
+pub struct I2cBus<I> {
+    i2c: Claim<I>,
+    first: usize,
+}
+
+/// Registers that one write to an I2C part moves at most.
+const BLOCK: usize = 64;
+
+impl<I: I2c> I2cBus<I> {
+    /// The parts at the bus addresses from 0 to 0x7fff.
+    #[must_use]
+    pub const fn new(i2c: I) -> Self {
+        Self::from(0, i2c)
+    }
+
+    /// The parts at the 0x8000 bus addresses from `first` on, a multiple of 4: for a second bus in
+    /// one [`Switch`](crate::Switch).
+    #[must_use]
+    pub const fn from(first: usize, i2c: I) -> Self {
+        let i2c = Claim::new(i2c);
+        Self { i2c, first }
+    }
+
+    /// Makes a transfer of `len` registers by `with`, which gets the part and the register.
+    fn transfer(
+        &self,
+        address: usize,
+        len: usize,
+        with: impl FnOnce(&mut I, u8, u8) -> Result<(), I::Error>,
+    ) -> Result<(), AccessError> {
+        let error = |kind| AccessError { address, kind };
+        let offset = address.wrapping_sub(self.first);
+        let (part, register) = (offset >> 8, offset as u8);
+        if part > 0x7f || usize::from(register) + len > 0x100 {
+            return Err(error(BusErrorKind::OutOfRange));
+        }
+        let mut i2c = self.i2c.claim().ok_or(error(BusErrorKind::Busy))?;
+        with(&mut i2c, part as u8, register).map_err(|failed| {
+            error(match failed.kind() {
+                i2c::ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data) => {
+                    BusErrorKind::NotAcknowledged
+                }
+                i2c::ErrorKind::NoAcknowledge(_) => BusErrorKind::NoAnswer,
+                i2c::ErrorKind::ArbitrationLoss => BusErrorKind::ArbitrationLost,
+                i2c::ErrorKind::Overrun => BusErrorKind::Overrun,
+                i2c::ErrorKind::Bus => BusErrorKind::Protocol,
+                _ => BusErrorKind::Other,
+            })
+        })
+    }
+}
+
+impl<I: I2c> Bus for I2cBus<I> {
+    type Error = AccessError;
+
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+        read_wide(self, address, width)
+    }
+
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+        write_wide(self, address, width, value)
+    }
+
+    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), AccessError> {
+        self.transfer(address, into.len(), |i2c, part, register| {
+            i2c.write_read(part, &[register], into)
+        })
+    }
+
+    fn write_block(&self, mut address: usize, from: &[u8]) -> Result<(), AccessError> {
+        for part_of in from.chunks(BLOCK) {
+            self.transfer(address, part_of.len(), |i2c, part, register| {
+                let mut bytes = [register; BLOCK + 1];
+                for (place, &byte) in bytes.iter_mut().skip(1).zip(part_of) {
+                    *place = byte;
+                }
+                let bytes = bytes.get(..=part_of.len()).unwrap_or_default();
+                i2c.write(part, bytes)
+            })?;
+            address = address.wrapping_add(part_of.len());
+        }
+        Ok(())
+    }
+}
+
+/// The registers of one part on an SPI bus, through any [`SpiDevice`] of embedded-hal.
+///
+/// A transfer begins with a byte that has the number of the register, and bits that say whether it is
+/// read or written; the data sheet tells which. As with [`I2cBus`], registers have 8 bits, wider
+/// accesses and blocks move several in one transfer, and an access while another context uses the
+/// wires is refused as [`Busy`](BusErrorKind::Busy). SPI has no acknowledgement: an absent part
+/// reads as ones or zeros, so a driver's probe must know an identification.
+pub struct SpiBus<S> {
+    spi: Claim<S>,
+    first: usize,
+    command: SpiCommand,
+}
+
+/// The bits of a command byte beside the register's number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SpiCommand {
+    /// The bits that are set for a read; 0x80 for most parts.
+    pub read: u8,
+    /// The bits that are set for a write.
+    pub write: u8,
+}
+
+impl<S: SpiDevice> SpiBus<S> {
+    /// The part's registers at the bus addresses from `first` on, a multiple of 4; as many as the
+    /// lowest bit of `command` leaves.
+    #[must_use]
+    pub const fn new(first: usize, spi: S, command: SpiCommand) -> Self {
+        let spi = Claim::new(spi);
+        Self {
+            spi,
+            first,
+            command,
+        }
+    }
+
+    fn transfer(
+        &self,
+        address: usize,
+        flags: u8,
+        len: usize,
+        data: Operation<'_, u8>,
+    ) -> Result<(), AccessError> {
+        let error = |kind| AccessError { address, kind };
+        let register = address.wrapping_sub(self.first);
+        let flag_bits = self.command.read | self.command.write;
+        let registers = match flag_bits {
+            0 => 0x100,
+            bits => 1 << bits.trailing_zeros(),
+        };
+        if register >= registers || len > registers - register {
+            return Err(error(BusErrorKind::OutOfRange));
+        }
+        let mut spi = self.spi.claim().ok_or(error(BusErrorKind::Busy))?;
+        let command = [register as u8 | flags];
+        let done = spi.transaction(&mut [Operation::Write(&command), data]);
+        done.map_err(|failed| {
+            error(match failed.kind() {
+                spi::ErrorKind::Overrun => BusErrorKind::Overrun,
+                spi::ErrorKind::ModeFault | spi::ErrorKind::FrameFormat => BusErrorKind::Protocol,
+                _ => BusErrorKind::Other,
+            })
+        })
+    }
+}
+
+impl<S: SpiDevice> Bus for SpiBus<S> {
+    type Error = AccessError;
+
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+        read_wide(self, address, width)
+    }
+
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+        write_wide(self, address, width, value)
+    }
+
+    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), AccessError> {
+        self.transfer(
+            address,
+            self.command.read,
+            into.len(),
+            Operation::Read(into),
+        )
+    }
+
+    fn write_block(&self, address: usize, from: &[u8]) -> Result<(), AccessError> {
+        self.transfer(
+            address,
+            self.command.write,
+            from.len(),
+            Operation::Write(from),
+        )
+    }
+}
+
+/// Reads a register of some bytes as the block that it is.
+fn read_wide<B>(bus: &B, address: usize, width: Width) -> Result<u32, AccessError>
+where
+    B: Bus<Error = AccessError>,
+{
+    width.check(address)?;
+    let (mut byte, mut pair, mut word) = ([0; 1], [0; 2], [0; 4]);
+    match width {
+        Width::Bits8 => bus.read_block(address, &mut byte)?,
+        Width::Bits16 => bus.read_block(address, &mut pair)?,
+        Width::Bits32 => bus.read_block(address, &mut word)?,
+    }
+    // Two of them are 0.
+    Ok(u32::from(byte[0]) | u32::from(u16::from_ne_bytes(pair)) | u32::from_ne_bytes(word))
+}
+
+/// Writes a register of some bytes as the block that it is.
+fn write_wide<B>(bus: &B, address: usize, width: Width, value: u32) -> Result<(), AccessError>
+where
+    B: Bus<Error = AccessError>,
+{
+    width.check(address)?;
+    match width {
+        Width::Bits8 => bus.write_block(address, &[value as u8]),
+        Width::Bits16 => bus.write_block(address, &(value as u16).to_ne_bytes()),
+        Width::Bits32 => bus.write_block(address, &value.to_ne_bytes()),
+    }
+}

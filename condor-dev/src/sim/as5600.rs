@@ -1,0 +1,71 @@
+//! [`As5600Model`]: the registers of an [`As5600`](crate::drivers::As5600).
+
+use super::Model;
+use crate::bus::Width;
+
+/// A chip and its magnet; registers change as its data sheet says.
+#[derive(Clone, Debug)]
+pub struct As5600Model {
+    /// The magnet's angle, in 4096ths of a turn.
+    pub angle: u16,
+    /// STATUS: 0x20 with a magnet.
+    pub status: u8,
+    /// The automatic gain.
+    pub gain: u8,
+    /// The magnitude, of 12 bits.
+    pub magnitude: u16,
+    /// ZMCO to CONF, as they were written.
+    configuration: [u8; 9],
+}
+
+impl Default for As5600Model {
+    fn default() -> Self {
+        Self {
+            angle: 0,
+            status: 0x20,
+            gain: 64,
+            magnitude: 0x800,
+            configuration: [0; 9],
+        }
+    }
+}
+
+impl As5600Model {
+    /// ANGLE: of 12 bits, from the start to the stop position.
+    fn scaled(&self) -> u16 {
+        let [_, a, b, c, d, ..] = self.configuration;
+        let (start, stop) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
+        let turned = |to: u16| u32::from(to.wrapping_sub(start) & 0xfff);
+        let range = match turned(stop) {
+            0 => 4096,
+            range => range,
+        };
+        (turned(self.angle) * 4096 / range).min(4095) as u16
+    }
+}
+
+impl Model for As5600Model {
+    fn size(&self) -> usize {
+        256
+    }
+
+    fn read(&mut self, offset: usize, width: Width) -> Option<u32> {
+        let half = |word: u16, low: bool| word.to_be_bytes()[usize::from(low)];
+        let byte = match offset {
+            0x0b => self.status,
+            0x0c | 0x0d => half(self.angle & 0xfff, offset == 0x0d),
+            0x0e | 0x0f => half(self.scaled(), offset == 0x0f),
+            0x1a => self.gain,
+            0x1b | 0x1c => half(self.magnitude & 0xfff, offset == 0x1c),
+            _ => self.configuration.get(offset).copied().unwrap_or(0),
+        };
+        (width == Width::Bits8).then_some(byte.into())
+    }
+
+    fn write(&mut self, offset: usize, width: Width, value: u32) -> Option<()> {
+        if let Some(place @ 1..) = (offset < 9).then_some(offset) {
+            self.configuration[place] = value as u8;
+        }
+        (width == Width::Bits8).then_some(())
+    }
+}
