@@ -19,7 +19,10 @@
 //! [driver]: Driver
 //!
 #![doc = include_str!("../README.md")]
-#![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
+#![cfg_attr(
+    any(target_os = "none", not(any(feature = "std", condor_loom, test))),
+    no_std
+)]
 
 // Linked, so that a program which asks it for critical sections has them.
 #[cfg(feature = "std")]
@@ -45,7 +48,7 @@ pub mod linux;
 pub mod riscv;
 #[doc(hidden)]
 pub mod set;
-#[cfg(all(feature = "sim", not(condor_loom)))]
+#[cfg(all(feature = "sim", not(condor_loom), not(target_os = "none")))]
 pub mod sim;
 pub mod stdio;
 
