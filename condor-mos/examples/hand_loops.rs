@@ -18,7 +18,7 @@ const TRAJECTORY: LoopId = LoopId(2);
 
 /// The place of a rate is the number of its loop. One entry less would not compile.
 const TABLE: EventTable<3, 8> = EventTable::new(
-    [Rate::hz(400), Rate::hz(100), Rate::hz(50)],
+    &[Rate::hz(400), Rate::hz(100), Rate::hz(50)],
     Clock::of::<u64>(MICROSECONDS),
 );
 

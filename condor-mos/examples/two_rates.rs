@@ -71,7 +71,7 @@ fn on_one_stack(length: Duration) -> Result<(), Box<dyn Error>> {
     let joint = Joint::default();
     // A loop interrupts the background without any privilege, but not other programs.
     let privileges = RealTime::default().request();
-    let table = EventTable::<2, 8>::new(RATES, CLOCK);
+    let table = EventTable::<2, 8>::new(&RATES, CLOCK);
     let scheduler = Scheduler::new(Signals::new(), table);
     let (mut servo, mut trajectory) = (|| joint.servo(), || joint.trajectory());
     let rounds = scheduler.scope(|scope| {

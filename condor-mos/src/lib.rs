@@ -4,6 +4,7 @@
 //! [rate]: Rate
 //! [table]: EventTable
 //! [scan]: Scan
+//! [entries]: entries
 //! [error]: RateError
 //! [id]: LoopId
 //! [lock]: CeilingLock
@@ -74,7 +75,7 @@ pub use latest::{Latest, Reader, Writer};
 pub use platform::Platform;
 pub use process::Overrun;
 pub use rate::Rate;
-pub use schedule::{Event, EventTable, Scan, Schedule};
+pub use schedule::{Event, EventTable, Scan, entries};
 pub use scheduler::{LoopId, Scheduler};
 pub use scope::Scope;
 pub use simple::SimpleServo;

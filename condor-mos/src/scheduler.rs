@@ -10,7 +10,7 @@ use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
 use crate::process::Overrun;
 use crate::rate::Rate;
-use crate::schedule::Schedule;
+use crate::schedule::EventTable;
 use crate::scope::{Loops, Scope};
 use crate::state::{Running, State};
 use crate::statistics::Statistics;
@@ -28,19 +28,19 @@ pub struct LoopId(pub u8);
 /// left, the background goes on. A loop has its period to finish in, and no exact moment to
 /// start at.
 ///
-/// `P` is the [`Platform`], `S` the [`Schedule`](crate::Schedule). A scheduler usually is a
+/// `P` is the [`Platform`]; the [`EventTable`] has room for `L` loops and `E` entries. A scheduler usually is a
 /// `static`, so that interrupt handlers reach it: all calls take `&self`, may come from the
 /// background, from loops and from handlers, and are short critical sections.
-pub struct Scheduler<P: Platform, S, const L: usize> {
+pub struct Scheduler<P: Platform, const L: usize, const E: usize> {
     platform: P,
-    state: Masked<State<S, P::Instant, L>>,
+    state: Masked<State<P::Instant, L, E>>,
 }
 
-impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
+impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
     const_unless_loom! {
         /// A scheduler that is not started, none of whose loops has anything to run.
         #[must_use]
-        pub const fn new(platform: P, schedule: S) -> Self {
+        pub const fn new(platform: P, schedule: EventTable<L, E>) -> Self {
             Self {
                 platform,
                 state: Masked::new(State::new(schedule)),
@@ -149,16 +149,26 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// Gives a loop another rate, while all run on.
     ///
     /// The new schedule is prepared here, in short critical sections, and takes effect as a whole
-    /// where its kind says: [`EventTable`](crate::EventTable), [`Scan`](crate::Scan).
+    /// where its kind says: [`EventTable`], [`Scan`](crate::Scan).
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`], or [`LoopError::Rate`] if there is no such schedule; then all
     /// rates stay as they are.
     pub fn set_rate(&self, id: LoopId, rate: Rate) -> Result<(), LoopError> {
-        let number = Self::number(id)?;
-        self.with_state(|state| state.schedule.begin_change(number, rate))?;
-        while !self.with_state(|state| state.schedule.continue_change())? {}
-        Ok(())
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            Ok::<_, LoopError>(state.schedule.begin_change(number, rate)?)
+        })?;
+        loop {
+            match self
+                .with_state(|state| (state.schedule.continue_change(), state.schedule.clock()))
+            {
+                (Ok(true), _) => return Ok(()),
+                (Ok(false), _) => {}
+                // Counted here, since that takes its time.
+                (Err(set), clock) => return Err(EventTable::<L, E>::too_many(&set, clock).into()),
+            }
+        }
     }
 
     /// Whether rates that were asked for have not taken effect yet.
@@ -172,18 +182,15 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// # Errors
     /// [`LoopError::NoSuchLoop`].
     pub fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
-        let number = Self::number(id)?;
-        let (snapshot, rate, clock) = self.with_state(|state| {
-            (
-                state.snapshot(number),
-                state.schedule.rates().get(number).copied(),
-                state.schedule.clock(),
-            )
-        });
-        match (snapshot, rate) {
-            (Some(snapshot), Some(rate)) => Ok(Statistics::of(&snapshot, rate, clock.frequency())),
-            _ => Err(Self::no_such(id)),
-        }
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            let rate = state.schedule.rates().get(number).copied();
+            let (Some(snapshot), Some(rate)) = (state.snapshot(number), rate) else {
+                return Err(state.no_such(id));
+            };
+            let frequency = state.schedule.clock().frequency();
+            Ok(Statistics::of(&snapshot, rate, frequency))
+        })
     }
 
     /// The timer's interrupt: releases the loops that are due, and runs them or has them run.
@@ -373,12 +380,11 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     }
 
     fn set_enabled(&self, id: LoopId, enabled: bool) -> Result<(), LoopError> {
-        let number = Self::number(id)?;
-        if self.with_state(|state| state.enable(number, enabled)) {
-            Ok(())
-        } else {
-            Err(LoopError::Unassigned { id })
-        }
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            let done = state.enable(number, enabled);
+            done.then_some(()).ok_or(LoopError::Unassigned { id })
+        })
     }
 
     /// Lets only loops run that are faster than all of `users`; see [`State::lock`].
@@ -408,11 +414,11 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
 
     /// Looks on from outside, for tests.
     #[cfg(all(test, not(condor_loom)))]
-    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<S, P::Instant, L>) -> R) -> R {
+    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<P::Instant, L, E>) -> R) -> R {
         section(|section| self.state.with(section, |state| f(state)))
     }
 
-    fn with_state<R>(&self, f: impl FnOnce(&mut State<S, P::Instant, L>) -> R) -> R {
+    fn with_state<R>(&self, f: impl FnOnce(&mut State<P::Instant, L, E>) -> R) -> R {
         section(|section| {
             if P::VECTORS {
                 self.settle(section);
@@ -425,34 +431,20 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     fn settle(&self, section: CriticalSection<'_>) {
         let now = self.platform.now();
         let overdue =
-            |state: &mut State<S, P::Instant, L>| state.runs_fastest() && state.is_overdue(now);
+            |state: &mut State<P::Instant, L, E>| state.runs_fastest() && state.is_overdue(now);
         if self.state.with(section, overdue) {
             self.catch_up_and_pend(section);
         }
     }
-
-    fn number(id: LoopId) -> Result<usize, LoopError> {
-        let number = usize::from(id.0);
-        if number < L {
-            Ok(number)
-        } else {
-            Err(Self::no_such(id))
-        }
-    }
-
-    const fn no_such(id: LoopId) -> LoopError {
-        LoopError::NoSuchLoop { id, loops: L as u8 }
-    }
 }
 
-impl<P: Platform, S: Schedule<L>, const L: usize> Loops for Scheduler<P, S, L> {
+impl<P: Platform, const L: usize, const E: usize> Loops for Scheduler<P, L, E> {
     fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body) -> Result<(), LoopError> {
-        let number = Self::number(id)?;
-        if self.with_state(|state| state.assign(number, overrun, body)) {
-            Ok(())
-        } else {
-            Err(LoopError::Taken { id })
-        }
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            let done = state.assign(number, overrun, body);
+            done.then_some(()).ok_or(LoopError::Taken { id })
+        })
     }
 
     /// Once they have finished.
@@ -466,13 +458,13 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Loops for Scheduler<P, S, L> {
 }
 
 /// Ends a loop whose body unwinds.
-struct End<'s, P: Platform, S: Schedule<L>, const L: usize> {
-    scheduler: &'s Scheduler<P, S, L>,
+struct End<'s, P: Platform, const L: usize, const E: usize> {
+    scheduler: &'s Scheduler<P, L, E>,
     rank: u32,
     running: Running<P::Instant>,
 }
 
-impl<P: Platform, S: Schedule<L>, const L: usize> Drop for End<'_, P, S, L> {
+impl<P: Platform, const L: usize, const E: usize> Drop for End<'_, P, L, E> {
     fn drop(&mut self) {
         let scheduler = self.scheduler;
         section(|section| {

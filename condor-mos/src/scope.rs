@@ -15,7 +15,7 @@ use crate::scheduler::LoopId;
 /// ```compile_fail,E0597
 /// # use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, sim::Processor};
 /// # let hertz = Rate::hz(1000);
-/// # let schedule = Scan::new([Rate::hz(1)], Clock::of::<u64>(hertz));
+/// # let schedule = Scan::<1>::new(&[Rate::hz(1)], Clock::of::<u64>(hertz));
 /// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
 /// scheduler.scope(|scope| {
 ///     let mut runs = 0;
@@ -29,7 +29,7 @@ use crate::scheduler::LoopId;
 /// ```compile_fail,E0503
 /// # use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, sim::Processor};
 /// # let hertz = Rate::hz(1000);
-/// # let schedule = Scan::new([Rate::hz(1)], Clock::of::<u64>(hertz));
+/// # let schedule = Scan::<1>::new(&[Rate::hz(1)], Clock::of::<u64>(hertz));
 /// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
 /// let mut runs = 0;
 /// let mut body = || runs += 1;

@@ -1,16 +1,18 @@
 //! [`State`]: what is due, what runs next, what was interrupted. All decisions, and no platform.
 
 use crate::body::Body;
+use crate::error::LoopError;
 use crate::instant::Instant;
 use crate::process::{Overrun, Process};
-use crate::schedule::Schedule;
+use crate::schedule::EventTable;
+use crate::scheduler::LoopId;
 
 /// The scheduler's memory: the process table, and where it is in the schedule.
 ///
 /// Sets of loops are words with a bit for each rank. Every method is one step that nothing may
 /// interrupt.
-pub(crate) struct State<S, I, const L: usize> {
-    pub(crate) schedule: S,
+pub(crate) struct State<I, const L: usize, const E: usize> {
+    pub(crate) schedule: EventTable<L, E>,
     /// When the next event is due.
     due: I,
     started: bool,
@@ -47,8 +49,8 @@ pub(crate) struct Snapshot<I> {
     pub(crate) pending: u32,
 }
 
-impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
-    pub(crate) const fn new(schedule: S) -> Self {
+impl<I: Instant, const L: usize, const E: usize> State<I, L, E> {
+    pub(crate) const fn new(schedule: EventTable<L, E>) -> Self {
         Self {
             schedule,
             due: I::ZERO,
@@ -269,7 +271,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     /// might start before, or `None` if a faster one is in progress.
     pub(crate) fn lock(&mut self, users: u32) -> Option<u32> {
         let is_user = |number: &u8| users & 1_u32.unbounded_shl(u32::from(*number)) != 0;
-        let fastest = self.schedule.ranks().iter().position(is_user);
+        let fastest = self.schedule.set().ranks().iter().position(is_user);
         // A lock that no loop uses keeps none from starting.
         let faster = fastest.map_or(u32::MAX, |rank| !u32::MAX.unbounded_shl(rank as u32));
         if self.unfinished & !self.runnable & faster != 0 {
@@ -372,10 +374,23 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         self.runnable &= !ranks;
     }
 
+    /// The number of a loop that there is.
+    pub(crate) fn number(&self, id: LoopId) -> Result<usize, LoopError> {
+        let number = usize::from(id.0);
+        if number < self.schedule.rates().len() {
+            Ok(number)
+        } else {
+            Err(self.no_such(id))
+        }
+    }
+
+    pub(crate) fn no_such(&self, id: LoopId) -> LoopError {
+        let loops = self.schedule.rates().len() as u8;
+        LoopError::NoSuchLoop { id, loops }
+    }
+
     fn rank(&self, number: usize) -> Option<u32> {
-        let same = |other: &u8| usize::from(*other) == number;
-        let rank = self.schedule.ranks().iter().position(same)?;
-        Some(rank as u32)
+        self.schedule.set().rank(number).map(|rank| rank as u32)
     }
 }
 

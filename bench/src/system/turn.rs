@@ -240,7 +240,7 @@ impl<M: Machine> Background<'_, '_, M> {
         let turn = self.turn;
         let platform = self.machine.platform();
         let clock = Clock::of::<u64>(platform.frequency());
-        let table = Scan::try_new([Rate::hz(turn.rate_hz)], clock).map_err(display)?;
+        let table = Scan::<1>::try_new(&[Rate::hz(turn.rate_hz)], clock).map_err(display)?;
         let scheduler: Scheduler<_, _, 1> = Scheduler::new(platform, table);
         let scheduler = &scheduler;
         let bell = self.machine.doorbell();

@@ -58,7 +58,7 @@ impl Program for Talker<'_> {
         mailbox.set_waiting(machine.waiting());
         mailbox.set_vector(ADD, &answer, "add").unwrap();
         mailbox.join().unwrap();
-        let table = EventTable::<2, 8>::new(RATES, Clock::of::<u64>(NANOSECONDS));
+        let table = EventTable::<2, 8>::new(&RATES, Clock::of::<u64>(NANOSECONDS));
         let scheduler = Scheduler::new(machine.platform(), table);
         let mut fast_runs = 0;
         let mut fast = || {

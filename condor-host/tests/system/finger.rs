@@ -20,7 +20,7 @@ const CAPACITY: u32 = 4096;
 const ADD: Vector = Vector(5);
 const RATE_HZ: u32 = 100;
 const TABLE: EventTable<1, 4> = EventTable::new(
-    [Rate::hz(RATE_HZ)],
+    &[Rate::hz(RATE_HZ)],
     Clock::of::<u64>(Rate::hz(1_000_000_000)),
 );
 

@@ -1,7 +1,6 @@
 //! [`Oracle`]: what may be seen at a point, given what was seen at the one before.
 
 use crate::process::Overrun;
-use crate::schedule::Schedule;
 use crate::state::State;
 
 /// Ticks per second: a multiple of all rates, so that every instant is exact.
@@ -29,7 +28,7 @@ struct Counts {
 }
 
 impl<const L: usize> Snapshot<L> {
-    pub(super) fn of<S: Schedule<L>>(state: &State<S, u64, L>) -> Self {
+    pub(super) fn of<const E: usize>(state: &State<u64, L, E>) -> Self {
         let loops = std::array::from_fn(|number| {
             let loops = state.snapshot(number).expect("a loop");
             let process = &loops.process;

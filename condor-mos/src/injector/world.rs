@@ -16,7 +16,8 @@ use crate::scheduler::{LoopId, Scheduler};
 use crate::sim::{Processor, Vectored};
 
 /// Entries for rates of 1 to 4 Hz: a hyperperiod of 12 ticks.
-type Table<const L: usize> = EventTable<L, 12>;
+const ENTRIES: usize = 12;
+type Table<const L: usize> = EventTable<L, ENTRIES>;
 
 /// Two of the hyperperiods.
 pub(super) const END: u64 = 2 * FREQUENCY as u64;
@@ -69,14 +70,14 @@ impl<const L: usize> Set<L> {
         Self {
             rates,
             overrun,
-            table: Table::new(rates.map(Rate::hz), clock),
+            table: Table::new(&rates.map(Rate::hz), clock),
         }
     }
 }
 
 pub(super) struct World<P: Simulated, const L: usize> {
     processor: P,
-    pub(super) scheduler: Scheduler<P, Table<L>, L>,
+    pub(super) scheduler: Scheduler<P, L, ENTRIES>,
     oracle: Mutex<Oracle<L>>,
 }
 

@@ -53,6 +53,11 @@ impl Grid {
         })
     }
 
+    /// Whole ticks of a period.
+    pub(super) const fn whole(&self) -> u64 {
+        self.whole
+    }
+
     /// Goes back to the instant 0.
     pub(crate) const fn restart(&mut self) {
         self.carried = self.parts / 2;

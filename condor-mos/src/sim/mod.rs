@@ -31,7 +31,7 @@ use crate::timer::{Armed, Timer};
 /// const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(50)];
 ///
 /// let processor = Processor::new(MICROSECONDS);
-/// let table = EventTable::<2, 8>::new(RATES, Clock::of::<u64>(MICROSECONDS));
+/// let table = EventTable::<2, 8>::new(&RATES, Clock::of::<u64>(MICROSECONDS));
 /// let scheduler = Scheduler::new(processor.clone(), table);
 /// let (mut fast, mut slow) = (0, 0);
 /// // Each loop computes for a while; the 50 Hz loop is interrupted by the 400 Hz loop.

@@ -35,7 +35,7 @@ impl Platform for Still {
 }
 
 struct Shared {
-    scheduler: Scheduler<Still, Scan<2>, 2>,
+    scheduler: Scheduler<Still, 2, 0>,
     lock: CeilingLock<u32>,
 }
 
@@ -43,7 +43,7 @@ impl Shared {
     fn new() -> Arc<Self> {
         let clock = Clock::of::<u64>(FREQUENCY);
         Arc::new(Self {
-            scheduler: Scheduler::new(Still, Scan::new([Rate::hz(2), Rate::hz(1)], clock)),
+            scheduler: Scheduler::new(Still, Scan::new(&[Rate::hz(2), Rate::hz(1)], clock)),
             lock: CeilingLock::new(&[LoopId(0)], 0),
         })
     }

@@ -12,11 +12,11 @@ const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
 const DEADLINE: Duration = Duration::from_secs(60);
 
-type TwoLoops = Scheduler<Signals, EventTable<2, 32>, 2>;
+type TwoLoops = Scheduler<Signals, 2, 32>;
 
 fn scheduler(fast_hz: u32, slow_hz: u32) -> TwoLoops {
     let rates = [Rate::hz(fast_hz), Rate::hz(slow_hz)];
-    Scheduler::new(Signals::new(), EventTable::new(rates, CLOCK))
+    Scheduler::new(Signals::new(), EventTable::new(&rates, CLOCK))
 }
 
 /// Has the background wait for an event.

@@ -10,13 +10,13 @@ const FREQUENCY: Rate = Rate::hz(1000);
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
 
-type Loops = Scheduler<Processor, Scan<2>, 2>;
+type Loops = Scheduler<Processor, 2, 0>;
 
 fn loops(processor: &Processor) -> Loops {
     let clock = Clock::of::<u64>(FREQUENCY);
     Scheduler::new(
         processor.clone(),
-        Scan::new([Rate::hz(10), Rate::hz(5)], clock),
+        Scan::new(&[Rate::hz(10), Rate::hz(5)], clock),
     )
 }
 
@@ -158,8 +158,8 @@ fn a_handler_of_another_thread_is_not_called() {
 fn a_platform_that_is_borrowed_for_ever_has_loops_that_borrow_for_less() {
     static PROCESSOR: std::sync::OnceLock<Processor> = std::sync::OnceLock::new();
     let processor: &'static Processor = PROCESSOR.get_or_init(|| Processor::new(FREQUENCY));
-    let schedule = Scan::new([Rate::hz(10)], Clock::of::<u64>(FREQUENCY));
-    let scheduler: Scheduler<&'static Processor, _, 1> = Scheduler::new(processor, schedule);
+    let schedule = Scan::<1>::new(&[Rate::hz(10)], Clock::of::<u64>(FREQUENCY));
+    let scheduler: Scheduler<&'static Processor, 1, 0> = Scheduler::new(processor, schedule);
     let mut runs = 0;
     let mut body = || runs += 1;
     scheduler.scope(|scope| {

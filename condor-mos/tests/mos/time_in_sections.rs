@@ -66,7 +66,7 @@ fn run<P: Platform + Sync>(
     program: &Program,
 ) -> [Statistics; LOOPS] {
     let clock = Clock::of::<P::Instant>(FREQUENCY);
-    let schedule = Scan::try_new(program.rates, clock).expect("it is slow enough");
+    let schedule = Scan::<LOOPS>::try_new(&program.rates, clock).expect("it is slow enough");
     let scheduler = Scheduler::new(platform, schedule);
     let runs = std::sync::atomic::AtomicUsize::new(0);
     let mut bodies: [_; LOOPS] = std::array::from_fn(|_| {
@@ -158,7 +158,7 @@ fn a_faster_loop_that_is_due_a_tick_after_a_slower_one_is_not_late() {
     let rates = [Rate::hz(250), Rate::fraction(1000, 7)];
     let processor = Processor::new(FREQUENCY);
     let clock = Clock::of::<Wrapping<32>>(FREQUENCY);
-    let schedule = Scan::try_new(rates, clock).expect("it is slow enough");
+    let schedule = Scan::<2>::try_new(&rates, clock).expect("it is slow enough");
     let scheduler = Scheduler::new(WrappingProcessor::<32>(processor.clone()), schedule);
     let mut starts = Vec::new();
     let (mut fast, mut slow) = (|| starts.push(processor.now()), || {});

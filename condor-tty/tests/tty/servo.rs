@@ -182,7 +182,7 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
 
     let scheduler = Scheduler::new(
         processor.clone(),
-        EventTable::<1, 1>::new([Rate::hz(400)], condor_mos::Clock::of::<u64>(TICKS)),
+        EventTable::<1, 1>::new(&[Rate::hz(400)], condor_mos::Clock::of::<u64>(TICKS)),
     );
     let offered = AtomicU32::new(0);
     let mut timed_out = 0;

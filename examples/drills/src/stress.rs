@@ -180,8 +180,8 @@ impl<M: Machine> Running<'_, '_, M> {
     ) -> Result<Verdict, Failure> {
         let (machine, tally) = (self.machine, self.tally);
         let platform = machine.platform();
-        let table = Scan::try_new(RATES, TickClock::of::<u64>(platform.frequency()))?;
-        let scheduler: Scheduler<_, Scan<2>, 2> = Scheduler::new(platform, table);
+        let table = Scan::try_new(&RATES, TickClock::of::<u64>(platform.frequency()))?;
+        let scheduler: Scheduler<_, 2, 0> = Scheduler::new(platform, table);
         let mut turn = 0_u32;
         let mut fast = || {
             turn = turn.wrapping_add(1);

@@ -16,8 +16,8 @@ const HERTZ: [Rate; LOOPS] = [Rate::hz(RATES[0]), Rate::hz(RATES[1]), Rate::hz(R
 /// Eight events of the fastest loop in a hyperperiod; the others are due with some of them.
 const EVENTS: usize = 8;
 
-static SCHEDULER: Scheduler<Board, EventTable<LOOPS, EVENTS>, LOOPS> =
-    Scheduler::new(Board, EventTable::new(HERTZ, CLOCK));
+static SCHEDULER: Scheduler<Board, LOOPS, EVENTS> =
+    Scheduler::new(Board, EventTable::new(&HERTZ, CLOCK));
 
 #[cortex_m_rt::entry]
 fn main() -> ! {

@@ -3,16 +3,16 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{LoopError, LoopId, Overrun, Platform, Rate, Schedule, Scheduler};
+use condor_mos::{LoopError, LoopId, Overrun, Platform, Rate, Scheduler};
 
 use crate::{LOOPS, RATES, await_until};
 
 /// A loop that there is not.
 const NONE: LoopId = LoopId(LOOPS as u8);
 
-pub(crate) fn changes<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+pub(crate) fn changes<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     let platform = scheduler.platform();
     let runs = AtomicU32::new(0);

@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{LoopId, Overrun, Platform, Schedule, Scheduler, StartError, Statistics};
+use condor_mos::{LoopId, Overrun, Platform, Scheduler, StartError, Statistics};
 
 use crate::trace::{Told, Trace};
 use crate::{LOOPS, await_until};
@@ -11,9 +11,9 @@ use crate::{LOOPS, await_until};
 /// How often the slowest loop runs.
 const ROUNDS: u32 = 5;
 
-pub(crate) fn nesting<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     static TRACE: Trace = Trace::new();
     let trace = &TRACE;
@@ -120,9 +120,9 @@ fn is_balanced(counts: &Statistics) -> bool {
 
 /// The table of statistics. `core` prints numbers with a fraction by code that can panic.
 #[cfg(feature = "values")]
-fn show<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+fn show<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     use core::fmt::Write as _;
 

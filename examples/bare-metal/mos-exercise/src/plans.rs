@@ -42,7 +42,7 @@ pub(crate) fn plans<P: Platform>(checks: &mut Checks<'_>, platform: &P) {
         (clock.frequency(), clock.bits()),
         (platform.frequency(), P::Instant::BITS),
     );
-    let table = EventTable::<LOOPS, 20>::try_new(RATES, clock);
+    let table = EventTable::<LOOPS, 20>::try_new(&RATES, clock);
     #[cfg(feature = "values")]
     if let Ok(table) = &table {
         use core::fmt::Write as _;
@@ -58,19 +58,19 @@ pub(crate) fn plans<P: Platform>(checks: &mut Checks<'_>, platform: &P) {
             .sum()
     });
     checks.same("a table holds all releases", events, Ok(26_u32));
-    let small = EventTable::<LOOPS, 19>::try_new(RATES, clock).err();
+    let small = EventTable::<LOOPS, 19>::try_new(&RATES, clock).err();
     checks.that(
         "one that is too small says so",
         matches!(small, Some(RateError::TooManyEvents { capacity: 19, .. })),
     );
-    let fast = Scan::try_new([Rate::hz(u32::MAX); LOOPS], clock).err();
+    let fast = Scan::<LOOPS>::try_new(&[Rate::hz(u32::MAX); LOOPS], clock).err();
     checks.that(
         "a rate can be too fast",
         matches!(fast, Some(RateError::TooFast { .. })),
     );
     let other = Clock::of::<Wrapping<16>>(Rate::fraction(12_345, 7));
     checks.same("a counter has half its range", other.longest_gap(), 0x7fff);
-    if let Ok(scan) = Scan::try_new([Rate::hz(1); LOOPS], other) {
+    if let Ok(scan) = Scan::<LOOPS>::try_new(&[Rate::hz(1); LOOPS], other) {
         let error = Scheduler::new(platform, scan).start();
         checks.same(
             "a schedule is of one clock",

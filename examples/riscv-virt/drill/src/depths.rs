@@ -101,7 +101,7 @@ impl State {
     }
 }
 
-type Loops = Scheduler<&'static Clint, Scan<2>, 2>;
+type Loops = Scheduler<&'static Clint, 2, 0>;
 
 struct Levels<'l, 'v> {
     hart: &'l Hart,
@@ -113,7 +113,7 @@ impl Levels<'_, '_> {
     fn measure(&self) -> Result<Depths, Failure> {
         let Self { hart, state, .. } = self;
         let me = hart.number();
-        let table = Scan::try_new(RATES, Clock::of::<u64>(MTIME))?;
+        let table = Scan::try_new(&RATES, Clock::of::<u64>(MTIME))?;
         let scheduler: Loops = Scheduler::new(hart.platform(), table);
         // Each sends when it begins and when it has computed: its own rings come while it runs.
         let mut fast = || {

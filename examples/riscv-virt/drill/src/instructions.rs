@@ -146,8 +146,8 @@ fn known(hart: &Hart, counts: &mut Counts) {
 
 /// What releases take from the background.
 fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Failure> {
-    let table = EventTable::<LOOPS, EVENTS>::try_new(RATES, Clock::of::<u64>(MTIME))?;
-    let scheduler: Scheduler<_, EventTable<LOOPS, EVENTS>, LOOPS> =
+    let table = EventTable::<LOOPS, EVENTS>::try_new(&RATES, Clock::of::<u64>(MTIME))?;
+    let scheduler: Scheduler<_, LOOPS, EVENTS> =
         Scheduler::new(hart.platform(), table);
     let mut fast = || body::<0>();
     let mut middle = || body::<1>();
