@@ -10,6 +10,7 @@ use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
 use crate::process::Overrun;
 use crate::rate::Rate;
+use crate::record::{Counted, Counts, Histograms, Keep};
 use crate::schedule::EventTable;
 use crate::scope::{Loops, Scope};
 use crate::state::{Running, State};
@@ -31,9 +32,9 @@ pub struct LoopId(pub u8);
 /// `P` is the [`Platform`]; the [`EventTable`] has room for `L` loops and `E` entries. A scheduler usually is a
 /// `static`, so that interrupt handlers reach it: all calls take `&self`, may come from the
 /// background, from loops and from handlers, and are short critical sections.
-pub struct Scheduler<P: Platform, const L: usize, const E: usize> {
+pub struct Scheduler<P: Platform, const L: usize, const E: usize, K: Keep = Counts> {
     platform: P,
-    state: Masked<State<P::Instant, L, E>>,
+    state: Masked<State<P::Instant, L, E, K>>,
 }
 
 impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
@@ -41,6 +42,16 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
         /// A scheduler that is not started, none of whose loops has anything to run.
         #[must_use]
         pub const fn new(platform: P, schedule: EventTable<L, E>) -> Self {
+            Self::keeping(platform, schedule)
+        }
+    }
+}
+
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K> {
+    const_unless_loom! {
+        /// As [`new`](Scheduler::new), with the statistics that `K` says.
+        #[must_use]
+        pub const fn keeping(platform: P, schedule: EventTable<L, E>) -> Self {
             Self {
                 platform,
                 state: Masked::new(State::new(schedule)),
@@ -54,7 +65,8 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
         &self.platform
     }
 
-    /// Gives a loop what it runs, for good, and enables it.
+    /// Gives a loop what it runs, for good, and enables it: `body`, which is called with `context`
+    /// and the instant at which the loop was due.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`].
@@ -62,7 +74,7 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
         &self,
         id: LoopId,
         overrun: Overrun,
-        body: fn(&mut C),
+        body: fn(&mut C, P::Instant),
         context: &'static mut C,
     ) -> Result<(), LoopError> {
         self.assign_body(id, overrun, Body::of_function(body, context))
@@ -72,7 +84,7 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
     /// are disarmed.
     pub fn scope<'env, R>(
         &self,
-        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env>) -> R,
+        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, P::Instant>) -> R,
     ) -> R {
         Scope::run(self, f)
     }
@@ -181,7 +193,10 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`].
-    pub fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
+    pub fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError>
+    where
+        K: Counted,
+    {
         self.with_state(|state| {
             let number = state.number(id)?;
             let rate = state.schedule.rates().get(number).copied();
@@ -190,6 +205,18 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
             };
             let frequency = state.schedule.clock().frequency();
             Ok(Statistics::of(&snapshot, rate, frequency))
+        })
+    }
+
+    /// Sets the counts and times of a loop to 0.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`].
+    pub fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError> {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            state.reset(number);
+            Ok(())
         })
     }
 
@@ -330,7 +357,7 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
         // SAFETY: the context is there until `withdraw` has seen that the loop is not in progress,
         // as it is since `begin`; and a loop in progress is not begun again.
         self.platform
-            .interruptible(rank, || unsafe { running.body.call() });
+            .interruptible(rank, || unsafe { running.body.call(running.due) });
         core::mem::forget(end);
     }
 
@@ -414,11 +441,11 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
 
     /// Looks on from outside, for tests.
     #[cfg(all(test, not(condor_loom)))]
-    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<P::Instant, L, E>) -> R) -> R {
+    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<P::Instant, L, E, K>) -> R) -> R {
         section(|section| self.state.with(section, |state| f(state)))
     }
 
-    fn with_state<R>(&self, f: impl FnOnce(&mut State<P::Instant, L, E>) -> R) -> R {
+    fn with_state<R>(&self, f: impl FnOnce(&mut State<P::Instant, L, E, K>) -> R) -> R {
         section(|section| {
             if P::VECTORS {
                 self.settle(section);
@@ -431,15 +458,22 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
     fn settle(&self, section: CriticalSection<'_>) {
         let now = self.platform.now();
         let overdue =
-            |state: &mut State<P::Instant, L, E>| state.runs_fastest() && state.is_overdue(now);
+            |state: &mut State<P::Instant, L, E, K>| state.runs_fastest() && state.is_overdue(now);
         if self.state.with(section, overdue) {
             self.catch_up_and_pend(section);
         }
     }
 }
 
-impl<P: Platform, const L: usize, const E: usize> Loops for Scheduler<P, L, E> {
-    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body) -> Result<(), LoopError> {
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Loops<P::Instant>
+    for Scheduler<P, L, E, K>
+{
+    fn assign_body(
+        &self,
+        id: LoopId,
+        overrun: Overrun,
+        body: Body<P::Instant>,
+    ) -> Result<(), LoopError> {
         self.with_state(|state| {
             let number = state.number(id)?;
             let done = state.assign(number, overrun, body);
@@ -457,14 +491,27 @@ impl<P: Platform, const L: usize, const E: usize> Loops for Scheduler<P, L, E> {
     }
 }
 
+impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E, Histograms> {
+    /// How lateness and run times of a loop are distributed at this moment.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`].
+    pub fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError> {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            state.record(number).ok_or(state.no_such(id))
+        })
+    }
+}
+
 /// Ends a loop whose body unwinds.
-struct End<'s, P: Platform, const L: usize, const E: usize> {
-    scheduler: &'s Scheduler<P, L, E>,
+struct End<'s, P: Platform, const L: usize, const E: usize, K: Keep> {
+    scheduler: &'s Scheduler<P, L, E, K>,
     rank: u32,
     running: Running<P::Instant>,
 }
 
-impl<P: Platform, const L: usize, const E: usize> Drop for End<'_, P, L, E> {
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Drop for End<'_, P, L, E, K> {
     fn drop(&mut self) {
         let scheduler = self.scheduler;
         section(|section| {

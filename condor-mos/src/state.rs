@@ -4,6 +4,7 @@ use crate::body::Body;
 use crate::error::LoopError;
 use crate::instant::Instant;
 use crate::process::{Overrun, Process};
+use crate::record::{Counts, Record};
 use crate::schedule::EventTable;
 use crate::scheduler::LoopId;
 
@@ -11,7 +12,7 @@ use crate::scheduler::LoopId;
 ///
 /// Sets of loops are words with a bit for each rank. Every method is one step that nothing may
 /// interrupt.
-pub(crate) struct State<I, const L: usize, const E: usize> {
+pub(crate) struct State<I, const L: usize, const E: usize, K> {
     pub(crate) schedule: EventTable<L, E>,
     /// When the next event is due.
     due: I,
@@ -28,7 +29,7 @@ pub(crate) struct State<I, const L: usize, const E: usize> {
     /// Ticks that loops have taken, each without those that interrupted it; wraps.
     busy: u32,
     /// By rank.
-    processes: [Process<I>; L],
+    processes: [Process<I, K>; L],
 }
 
 /// A loop that has started.
@@ -38,18 +39,27 @@ pub(crate) struct Running<I> {
     since: I,
     /// What loops had taken then.
     busy: u32,
-    pub(crate) body: Body,
+    pub(crate) due: I,
+    pub(crate) body: Body<I>,
 }
 
 /// A loop's counts at one moment.
-pub(crate) struct Snapshot<I> {
-    pub(crate) process: Process<I>,
+pub(crate) struct Snapshot {
+    pub(crate) counts: Counts,
     pub(crate) enabled: bool,
+    pub(crate) faulted: bool,
     pub(crate) running: bool,
     pub(crate) pending: u32,
 }
 
-impl<I: Instant, const L: usize, const E: usize> State<I, L, E> {
+impl Snapshot {
+    pub(crate) fn released(&self) -> u64 {
+        let begun = self.counts.run() + self.counts.skipped;
+        begun + u64::from(self.running) + u64::from(self.pending)
+    }
+}
+
+impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
     pub(crate) const fn new(schedule: EventTable<L, E>) -> Self {
         Self {
             schedule,
@@ -149,9 +159,21 @@ impl<I: Instant, const L: usize, const E: usize> State<I, L, E> {
     #[cold]
     fn turn(&mut self) {
         let idle = self.unfinished == 0 && self.unlocked == u32::MAX;
+        let rates = *self.schedule.set();
         let Some(former_ranks) = self.schedule.turn(idle) else {
             return;
         };
+        for (rank, former) in (0..).zip(former_ranks) {
+            if let (Some(after), Some(before)) = (
+                self.schedule.set().at_rank(rank),
+                rates.at_rank(usize::from(former)),
+            ) && after != before
+                && let Some(process) = self.processes.get_mut(usize::from(former))
+            {
+                let released = process.record.counts();
+                process.record.change(released.run() + released.skipped);
+            }
+        }
         let (before, were_enabled) = (self.processes, self.enabled);
         self.enabled = 0;
         for (rank, (process, former)) in (0..).zip(self.processes.iter_mut().zip(former_ranks)) {
@@ -243,6 +265,7 @@ impl<I: Instant, const L: usize, const E: usize> State<I, L, E> {
         Some(Running {
             since: now,
             busy: self.busy,
+            due: process.due,
             body: process.body,
         })
     }
@@ -251,13 +274,15 @@ impl<I: Instant, const L: usize, const E: usize> State<I, L, E> {
     /// it may start again at once.
     #[inline(always)]
     pub(crate) fn end(&mut self, rank: u32, running: Running<I>, now: I) -> bool {
-        let nested = self.busy.wrapping_sub(running.busy);
-        let ticks = now.since(running.since).wrapping_sub(nested);
-        self.busy = self.busy.wrapping_add(ticks);
         let Some(process) = self.processes.get_mut(rank as usize) else {
             return false;
         };
-        process.finish(ticks);
+        if K::MEASURES {
+            let nested = self.busy.wrapping_sub(running.busy);
+            let ticks = now.since(running.since).wrapping_sub(nested);
+            self.busy = self.busy.wrapping_add(ticks);
+            process.record.finish(ticks);
+        }
         if process.queued == 0 {
             self.unfinished &= !(1 << rank);
             return false;
@@ -290,7 +315,7 @@ impl<I: Instant, const L: usize, const E: usize> State<I, L, E> {
     }
 
     /// Gives a loop that has none a body, and enables it; says whether it had none.
-    pub(crate) fn assign(&mut self, number: usize, overrun: Overrun, body: Body) -> bool {
+    pub(crate) fn assign(&mut self, number: usize, overrun: Overrun, body: Body<I>) -> bool {
         let Some(rank) = self.rank(number) else {
             return false;
         };
@@ -350,23 +375,42 @@ impl<I: Instant, const L: usize, const E: usize> State<I, L, E> {
     }
 
     /// A loop's counts.
-    pub(crate) fn snapshot(&self, number: usize) -> Option<Snapshot<I>> {
-        let rank = self.rank(number)?;
-        let process = *self.processes.get(rank as usize)?;
+    pub(crate) fn snapshot(&self, number: usize) -> Option<Snapshot> {
+        self.snapshot_of(self.rank(number)?)
+    }
+
+    fn snapshot_of(&self, rank: u32) -> Option<Snapshot> {
+        let process = self.processes.get(rank as usize)?;
         let runnable = self.runnable >> rank & 1;
         Some(Snapshot {
-            process,
+            counts: process.record.counts(),
             enabled: self.enabled >> rank & 1 != 0,
+            faulted: process.faulted,
             running: (self.unfinished & !self.runnable) >> rank & 1 != 0,
             pending: runnable + process.queued,
         })
+    }
+
+    pub(crate) fn record(&self, number: usize) -> Option<K> {
+        let process = self.processes.get(self.rank(number)? as usize)?;
+        Some(process.record)
+    }
+
+    /// Counts begin anew.
+    pub(crate) fn reset(&mut self, number: usize) {
+        if let Some(rank) = self.rank(number)
+            && let Some(process) = self.processes.get_mut(rank as usize)
+        {
+            process.record = K::NEW;
+        }
     }
 
     /// Skips what has not started of `ranks`.
     fn forget(&mut self, ranks: u32) {
         for (rank, process) in (0..).zip(&mut self.processes) {
             if ranks >> rank & 1 != 0 {
-                process.skip(process.queued + (self.runnable >> rank & 1));
+                let forgotten = process.queued + (self.runnable >> rank & 1);
+                process.record.skip(forgotten);
                 process.queued = 0;
             }
         }

@@ -105,7 +105,7 @@ impl Finger {
             tension: [Pair::both(4.0); 4],
         };
         let gravity = Vector3::new(0.0, 0.0, -9.81);
-        let mut servo = || {
+        let mut servo = |_| {
             let tick = servo_loop.tick(0, &sensed, &gravity, 1.0 / f64::from(RATE_HZ));
             if let Some(tick) = tick {
                 let (sensed, ticks) = ([sensed], [tick]);

@@ -1,6 +1,7 @@
 //! [`Oracle`]: what may be seen at a point, given what was seen at the one before.
 
 use crate::process::Overrun;
+use crate::record::Counts as Kept;
 use crate::state::State;
 
 /// Ticks per second: a multiple of all rates, so that every instant is exact.
@@ -28,19 +29,17 @@ struct Counts {
 }
 
 impl<const L: usize> Snapshot<L> {
-    pub(super) fn of<const E: usize>(state: &State<u64, L, E>) -> Self {
+    pub(super) fn of<const E: usize>(state: &State<u64, L, E, Kept>) -> Self {
         let loops = std::array::from_fn(|number| {
             let loops = state.snapshot(number).expect("a loop");
-            let process = &loops.process;
-            let running = u32::from(loops.running);
             Counts {
                 rate: state.schedule.rates()[number].numerator(),
                 enabled: loops.enabled,
-                faulted: process.faulted,
-                released: process.run + process.skipped + running + loops.pending,
-                run: process.run,
-                skipped: process.skipped,
-                running,
+                faulted: loops.faulted,
+                released: loops.released() as u32,
+                run: loops.counts.run() as u32,
+                skipped: loops.counts.skipped as u32,
+                running: u32::from(loops.running),
                 pending: loops.pending,
             }
         });

@@ -101,7 +101,7 @@ impl<P: Simulated, const L: usize> World<P, L> {
         let this = &*world;
         let mut bodies: [_; L] = std::array::from_fn(|number| {
             let body = &body;
-            move || {
+            move |_| {
                 this.with_oracle(|oracle| oracle.enter(number));
                 body(this, number);
                 this.point();

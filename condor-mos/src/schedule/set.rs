@@ -105,7 +105,7 @@ impl<const L: usize> Set<L> {
     }
 
     /// The rate and the phase of the loop at a rank.
-    pub(super) const fn at_rank(&self, rank: usize) -> Option<(Rate, u32)> {
+    pub(crate) const fn at_rank(&self, rank: usize) -> Option<(Rate, u32)> {
         if rank >= L {
             return None;
         }

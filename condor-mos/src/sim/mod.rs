@@ -35,8 +35,8 @@ use crate::timer::{Armed, Timer};
 /// let scheduler = Scheduler::new(processor.clone(), table);
 /// let (mut fast, mut slow) = (0, 0);
 /// // Each loop computes for a while; the 50 Hz loop is interrupted by the 400 Hz loop.
-/// let mut fast_loop = || { processor.work(500); fast += 1; };
-/// let mut slow_loop = || { processor.work(6_000); slow += 1; };
+/// let mut fast_loop = |_| { processor.work(500); fast += 1; };
+/// let mut slow_loop = |_| { processor.work(6_000); slow += 1; };
 /// scheduler.scope(|scope| {
 ///     scope.assign(LoopId(0), Overrun::Skip, &mut fast_loop)?;
 ///     scope.assign(LoopId(1), Overrun::Skip, &mut slow_loop)?;

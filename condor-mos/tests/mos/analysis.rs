@@ -99,7 +99,7 @@ fn scheduled(frequency: Rate, rates: [Rate; L], runs: [u32; L], end: u64) -> [(u
                 u64::from(rate.denominator()) * u64::from(frequency.numerator()),
                 u64::from(rate.numerator()) * u64::from(frequency.denominator()),
             );
-            move || {
+            move |_| {
                 processor.work(run.into());
                 // The nearest tick to the instant of the release.
                 let release = responses.len() as u64;

@@ -21,7 +21,7 @@ fn with_loops(
     let scheduler = Scheduler::new(processor.clone(), Scan::new(&rates, clock));
     let mut bodies: [_; 3] = std::array::from_fn(|number| {
         let (processor, scheduler, body) = (&processor, &scheduler, &body);
-        move || body(processor, scheduler, number)
+        move |_| body(processor, scheduler, number)
     });
     scheduler.scope(|scope| {
         for (id, body) in IDS.into_iter().zip(&mut bodies) {

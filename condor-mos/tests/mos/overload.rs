@@ -54,7 +54,7 @@ fn an_overload_is_counted_and_the_background_goes_on() {
     let rates = [Rate::hz(500_000), Rate::hz(333_333)];
     let scheduler = Scheduler::new(&slow, Scan::<2>::new(&rates, Clock::of::<u64>(FREQUENCY)));
     let runs = AtomicU32::new(0);
-    let body = || {
+    let body = |_| {
         runs.fetch_add(1, Relaxed);
     };
     let (mut fast, mut other) = (body, body);

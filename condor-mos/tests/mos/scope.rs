@@ -33,7 +33,7 @@ fn a_loop_ends_with_its_scope_and_is_free_again() {
     let scheduler = loops(&processor);
     for round in 1..=2_u32 {
         let mut runs = 0;
-        let mut body = || runs += 1;
+        let mut body = |_| runs += 1;
         scheduler.scope(|scope| {
             scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
             let _ = scheduler.start();
@@ -59,8 +59,8 @@ fn a_loop_ends_with_its_scope_and_is_free_again() {
 fn a_loop_is_assigned_once() {
     let processor = Processor::new(FREQUENCY);
     let scheduler = loops(&processor);
-    let (mut one, mut other, mut nobody) = (|| {}, || {}, || {});
-    let mut inner = || {};
+    let (mut one, mut other, mut nobody) = (|_| {}, |_| {}, |_| {});
+    let mut inner = |_| {};
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut one).unwrap();
         let taken = Err(LoopError::Taken { id: FAST });
@@ -82,7 +82,7 @@ fn a_scope_that_unwinds_disarms_its_loops() {
     let scheduler = loops(&processor);
     let caught = catch_unwind(AssertUnwindSafe(|| {
         let mut runs = Box::new(0_u32);
-        let mut body = || *runs += 1;
+        let mut body = |_| *runs += 1;
         scheduler.scope(|scope| {
             scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
             scheduler.start().unwrap();
@@ -102,13 +102,13 @@ fn a_body_that_unwinds_ends_and_all_goes_on() {
     let scheduler = loops(&processor);
     let calls = AtomicU32::new(0);
     let caught = catch_unwind(AssertUnwindSafe(|| {
-        let mut fast = || {
+        let mut fast = |_| {
             if calls.fetch_add(1, Relaxed) == 1 {
                 resume_unwind(Box::new("the body"));
             }
         };
         // The second run of the fast loop interrupts it.
-        let mut slow = || processor.work(150);
+        let mut slow = |_| processor.work(150);
         scheduler.scope(|scope| {
             scope.assign(FAST, Overrun::Skip, &mut fast).unwrap();
             scope.assign(SLOW, Overrun::Skip, &mut slow).unwrap();
@@ -123,7 +123,7 @@ fn a_body_that_unwinds_ends_and_all_goes_on() {
     }
     // No level is left behind: both run again.
     let (mut fast, mut slow) = (0_u32, 0_u32);
-    let (mut fast_loop, mut slow_loop) = (|| fast += 1, || slow += 1);
+    let (mut fast_loop, mut slow_loop) = (|_| fast += 1, |_| slow += 1);
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut fast_loop).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut slow_loop).unwrap();
@@ -161,7 +161,7 @@ fn a_platform_that_is_borrowed_for_ever_has_loops_that_borrow_for_less() {
     let schedule = Scan::<1>::new(&[Rate::hz(10)], Clock::of::<u64>(FREQUENCY));
     let scheduler: Scheduler<&'static Processor, 1, 0> = Scheduler::new(processor, schedule);
     let mut runs = 0;
-    let mut body = || runs += 1;
+    let mut body = |_| runs += 1;
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
         scheduler.start().unwrap();

@@ -186,7 +186,7 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
     );
     let offered = AtomicU32::new(0);
     let mut timed_out = 0;
-    let mut servo = || {
+    let mut servo = |_| {
         processor.work(2_000);
         offered.fetch_add(LINE.len() as u32, Relaxed);
         match writer {

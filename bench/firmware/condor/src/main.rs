@@ -32,14 +32,14 @@ fn main() -> ! {
 }
 
 fn start() -> Option<()> {
-    let assign = |id, body, context: &'static mut ()| {
+    let assign = |id, body: fn(&mut (), Wrapping<32>), context: &'static mut ()| {
         SCHEDULER
             .assign(LoopId(id), Overrun::Skip, body, context)
             .ok()
     };
-    assign(0, |()| body::<0>(), singleton!(: () = ())?)?;
-    assign(1, |()| body::<1>(), singleton!(: () = ())?)?;
-    assign(2, |()| body::<2>(), singleton!(: () = ())?)?;
+    assign(0, |(), _| body::<0>(), singleton!(: () = ())?)?;
+    assign(1, |(), _| body::<1>(), singleton!(: () = ())?)?;
+    assign(2, |(), _| body::<2>(), singleton!(: () = ())?)?;
     SCHEDULER.start().ok()
 }
 

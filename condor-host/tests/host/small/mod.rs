@@ -59,7 +59,7 @@ impl Small {
 
         let scheduler = Scheduler::new(machine.platform(), TABLE);
         let (mut count, mut lost) = (0_u32, 0_u32);
-        let mut servo = || {
+        let mut servo = |_| {
             count += 1;
             if ticks_out.publish(&count).is_err() {
                 lost += 1;

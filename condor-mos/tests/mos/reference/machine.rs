@@ -98,7 +98,7 @@ impl<'p, I: Reading, const E: usize> Machine<'p, I, E> {
         let mut bodies: [_; LOOPS] = std::array::from_fn(|number| {
             let this = &this;
             let mut pieces = program.bodies[number].iter().cycle();
-            move || {
+            move |_| {
                 this.note(What::Begins(number));
                 let piece = pieces.next().expect("again and again");
                 if this.runs.fetch_add(1, Relaxed) < BUSY_RUNS {

@@ -24,13 +24,13 @@ pub(crate) fn changes<P: Platform + Sync, const E: usize>(
             runs.load(Relaxed).wrapping_sub(before) >= times
         })
     };
-    let mut body = || count();
-    let mut second = || {};
+    let mut body = |_| count();
+    let mut second = |_| {};
     let faulted = || {
         let counts = scheduler.statistics(LoopId(2));
         counts.is_ok_and(|counts| counts.faulted && !counts.enabled)
     };
-    let mut faulty = || {
+    let mut faulty = |_| {
         if waits.load(Relaxed) {
             // Longer than its period.
             let _ = await_until(platform, faulted);

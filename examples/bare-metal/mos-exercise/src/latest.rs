@@ -50,7 +50,7 @@ pub(crate) fn latest<P: Platform + Sync, const E: usize>(
             Some(number) => since.store(number, Relaxed),
             None => right.store(false, Relaxed),
         };
-    let mut servo_loop = || {
+    let mut servo_loop = |_| {
         let number = sent.load(Relaxed).wrapping_add(1);
         send(&mut to_background, number);
         sent.store(number, Relaxed);

@@ -36,7 +36,7 @@ pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
             right.store(false, Relaxed);
         }
     };
-    let mut run_fastest = || {
+    let mut run_fastest = |_| {
         trace.around(0, || {
             if compute(1.0).to_bits() != one.to_bits() {
                 right.store(false, Relaxed);
@@ -44,11 +44,11 @@ pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
         });
         count(fastest);
     };
-    let mut run_middle = || {
+    let mut run_middle = |_| {
         trace.around(1, || compute_until(2.0, two, fastest));
         count(middle);
     };
-    let mut run_slowest = || {
+    let mut run_slowest = |_| {
         trace.around(2, || compute_until(3.0, three, middle));
         count(slowest);
     };

@@ -101,7 +101,8 @@ pub(crate) type Nothing = [u8; 0];
 
 pub(crate) fn for_good<P: Platform + Sync>(checks: &mut Checks<'_>, scheduler: &Tabled<P>) {
     static RUNS: AtomicU32 = AtomicU32::new(0);
-    let body: fn(&mut Nothing) = |_| RUNS.store(RUNS.load(Relaxed).wrapping_add(1), Relaxed);
+    let body: fn(&mut Nothing, P::Instant) =
+        |_, _| RUNS.store(RUNS.load(Relaxed).wrapping_add(1), Relaxed);
     let assigned = scheduler.assign(LoopId(0), Overrun::default(), body, &mut []);
     checks.same("a function becomes a loop", assigned, Ok(()));
     let again = scheduler.assign(LoopId(0), Overrun::Skip, body, &mut []);

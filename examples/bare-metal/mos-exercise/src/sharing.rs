@@ -36,13 +36,13 @@ pub(crate) fn sharing<P: Platform + Sync, const E: usize>(
             });
         }
     };
-    let mut fastest = || {
+    let mut fastest = |_| {
         let error = shared.lock(scheduler, |_| ()).err();
         if matches!(error, Some(LockError::Undeclared | LockError::Taken)) {
             refused.store(refused.load(Relaxed).wrapping_add(1), Relaxed);
         }
     };
-    let (mut middle, mut slowest) = (|| by_loop(), || by_loop());
+    let (mut middle, mut slowest) = (|_| by_loop(), |_| by_loop());
     let mut by_background = 0_u32;
     scheduler.scope(|scope| {
         let assigned = scope
