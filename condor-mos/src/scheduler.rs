@@ -6,6 +6,7 @@ use crate::body::Body;
 use crate::clock::Clock;
 use crate::error::{LoopError, StartError};
 use crate::events::catch_up;
+use crate::instant::Instant;
 use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
 use crate::process::Overrun;
@@ -226,9 +227,10 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     #[inline(always)]
     pub fn on_timer(&self) {
         if P::VECTORS {
-            let begun = masked(&self.platform, |section| self.release_and_pend(section));
-            if let Some(running) = begun {
-                self.run_in_vector(0, running);
+            match masked(&self.platform, |section| self.release_and_pend(section)) {
+                Next::Nothing => {}
+                Next::Run(running) => self.run_in_vector::<true, true>(0, running),
+                Next::Unusual => self.look_again(),
             }
         } else {
             let begun = masked(&self.platform, |section| {
@@ -243,54 +245,57 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     #[inline(always)]
     pub fn on_vector(&self, rank: u32) {
         let begun = masked(&self.platform, |section| {
-            let now = self.platform.now();
+            let now = self.measured_now();
             self.state
                 .with(section, |state| state.begin_unlocked(rank, now))
         });
         if let Some(running) = begun {
-            self.run_in_vector(rank, running);
+            self.run_in_vector::<false, true>(rank, running);
         }
     }
 
     /// Releases what is due, pends the vectors of loops that can start, and begins the fastest.
     #[inline(always)]
-    fn release_and_pend(&self, section: CriticalSection<'_>) -> Option<Running<P::Instant>> {
+    fn release_and_pend(&self, section: CriticalSection<'_>) -> Next<P::Instant> {
         let now = self.platform.now();
-        if !self.state.with(section, |state| state.is_due(now)) {
-            let now = self.rearm(section, now);
-            return self.pend_and_begin(section, now);
+        if !self.state.with(section, |state| state.can_take_event(now)) {
+            return Next::Unusual;
         }
-        let (released, due, next) = self.state.with(section, |state| {
-            let (released, due) = state.take_event();
-            (released, due, state.next_due())
-        });
-        if self.platform.arm(next) == Armed::Past {
+        let (released, due) = self.state.with(section, State::take_event);
+        if released != 1 {
+            let others = released & !1;
             self.state
-                .with(section, |state| state.make_runnable(released, due));
-            let now = self.catch_up(section);
-            return self.pend_and_begin(section, now);
+                .with(section, |state| state.make_runnable(others, due));
+            self.platform.pend(others);
+            if released & 1 == 0 {
+                let next = self.state.with(section, |state| state.next_due());
+                if self.platform.arm(next) == Armed::Ahead {
+                    return Next::Nothing;
+                }
+                self.catch_up(section);
+                return Next::Unusual;
+            }
         }
-        if released & !1 != 0 {
-            self.state
-                .with(section, |state| state.make_runnable(released & !1, due));
-            self.platform.pend(released & !1);
-        }
-        if released & 1 == 0 {
-            return None;
-        }
-        self.state
-            .with(section, |state| state.begin_released(0, due, now))
+        // Nothing interrupts it: the timer can wait until it has run.
+        let begun = self
+            .state
+            .with(section, |state| state.begin_released(0, due, now));
+        begun.map_or(Next::Nothing, Next::Run)
     }
 
+    /// The timer's interrupt came early, without cause or late, or nothing is started.
     #[cold]
-    fn pend_and_begin(
-        &self,
-        section: CriticalSection<'_>,
-        now: P::Instant,
-    ) -> Option<Running<P::Instant>> {
-        self.pend_others(section);
-        self.state
-            .with(section, |state| state.begin_unlocked(0, now))
+    #[inline(never)]
+    fn look_again(&self) {
+        let begun = masked(&self.platform, |section| {
+            let now = self.release(section);
+            self.pend_others(section);
+            self.state
+                .with(section, |state| state.begin_unlocked(0, now))
+        });
+        if let Some(running) = begun {
+            self.run_in_vector::<true, false>(0, running);
+        }
     }
 
     /// Pends the vectors of all loops that can start but the fastest, whose vector is the caller's.
@@ -302,20 +307,61 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     }
 
     /// Runs a loop in its own vector.
+    ///
+    /// That of the fastest loop is the timer's. The copy that runs often is compiled by itself, so that
+    /// all of it is inlined.
     #[inline(always)]
-    fn run_in_vector(&self, rank: u32, running: Running<P::Instant>) {
+    fn run_in_vector<const FASTEST: bool, const OFTEN: bool>(
+        &self,
+        rank: u32,
+        running: Running<P::Instant>,
+    ) {
         self.call(rank, running);
         let again = masked(&self.platform, |section| {
-            let mut now = self.platform.now();
-            if rank == 0 && self.state.with(section, |state| state.is_overdue(now)) {
-                // The timer could not interrupt: what was due meanwhile came before the end.
-                now = self.catch_up_and_pend(section);
+            let now = self.measured_now();
+            if FASTEST {
+                let next = self.state.with(section, |state| state.plain_next());
+                if next.is_none_or(|next| self.platform.arm(next) == Armed::Past) {
+                    return self.end_overdue(section, running);
+                }
+                self.state
+                    .with(section, |state| state.end_fastest(running, now));
+                return false;
             }
             self.state
                 .with(section, |state| state.end(rank, running, now))
         });
         if again {
             self.platform.pend(1_u32.unbounded_shl(rank));
+        }
+    }
+
+    /// Ends the fastest loop, which the timer could not interrupt: what was due before came before the
+    /// end. Says whether the vector is to run again.
+    #[cold]
+    fn end_overdue(&self, section: CriticalSection<'_>, running: Running<P::Instant>) -> bool {
+        let next = self.state.with(section, |state| state.started_due());
+        let late = next.is_some_and(|next| self.platform.arm(next) == Armed::Past);
+        let now = self.platform.now();
+        if !late {
+            return self.state.with(section, |state| state.end(0, running, now));
+        }
+        if self.state.with(section, |state| state.is_overdue(now)) {
+            let now = self.catch_up_and_pend(section);
+            return self.state.with(section, |state| state.end(0, running, now));
+        }
+        // What is due just now comes after it, and its interrupt may not come by itself.
+        self.state.with(section, |state| state.end(0, running, now));
+        true
+    }
+
+    /// Now, if anybody wants to know.
+    #[inline(always)]
+    fn measured_now(&self) -> P::Instant {
+        if K::MEASURES {
+            self.platform.now()
+        } else {
+            P::Instant::ZERO
         }
     }
 
@@ -338,7 +384,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         while let Some((rank, running)) = next {
             self.call(rank, running);
             next = masked(&self.platform, |section| {
-                let now = self.platform.now();
+                let now = self.measured_now();
                 self.state.with(section, |state| {
                     state.end(rank, running, now);
                     state.begin_fastest(now)
@@ -504,6 +550,14 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E, Histograms>
     }
 }
 
+/// What the timer's interrupt is to do where ranks have vectors.
+enum Next<I> {
+    Nothing,
+    Run(Running<I>),
+    /// What happens seldom: it has more to find out.
+    Unusual,
+}
+
 /// Ends a loop whose body unwinds.
 struct End<'s, P: Platform, const L: usize, const E: usize, K: Keep> {
     scheduler: &'s Scheduler<P, L, E, K>,
@@ -514,15 +568,19 @@ struct End<'s, P: Platform, const L: usize, const E: usize, K: Keep> {
 impl<P: Platform, const L: usize, const E: usize, K: Keep> Drop for End<'_, P, L, E, K> {
     fn drop(&mut self) {
         let scheduler = self.scheduler;
-        section(|section| {
-            if P::VECTORS {
-                scheduler.settle(section);
+        let again = section(|section| {
+            if P::VECTORS && self.rank == 0 {
+                return scheduler.end_overdue(section, self.running);
             }
             // In the section: loops that interrupt before it are no part of this one's time.
             let now = scheduler.platform.now();
             scheduler.state.with(section, |state| {
                 state.end(self.rank, self.running, now);
             });
+            false
         });
+        if again {
+            scheduler.platform.pend(1);
+        }
     }
 }

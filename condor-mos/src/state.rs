@@ -26,6 +26,9 @@ pub(crate) struct State<I, const L: usize, const E: usize, K> {
     unfinished: u32,
     /// Released, and not started.
     runnable: u32,
+    /// At whose end there is more to do: those for which releases wait, and all while nothing is
+    /// started.
+    unusual: u32,
     /// Ticks that loops have taken, each without those that interrupted it; wraps.
     busy: u32,
     /// By rank.
@@ -70,6 +73,7 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
             runnable: 0,
             unlocked: u32::MAX,
             held: u32::MAX,
+            unusual: u32::MAX,
             busy: 0,
             processes: [Process::NEW; L],
         }
@@ -80,12 +84,15 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
         self.schedule.restart();
         self.due = now;
         self.started = true;
+        self.unusual = 0;
     }
 
     /// Ends it; what is in progress finishes.
     pub(crate) fn stop(&mut self) {
         self.started = false;
+        self.schedule.park();
         self.forget(u32::MAX);
+        self.unusual = u32::MAX;
     }
 
     /// When the next event is due; `None` while stopped.
@@ -99,15 +106,28 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
         now.has_reached(self.due) && self.started
     }
 
+    /// Whether the next event is due by `now`, and can be taken.
+    #[inline(always)]
+    pub(crate) fn can_take_event(&mut self, now: I) -> bool {
+        if !now.has_reached(self.due) {
+            return false;
+        }
+        // Where nothing is started, the schedule is at a turn.
+        !self.schedule.is_at_turn() || self.schedule.repeat() || self.started && self.turn()
+    }
+
+    /// When the next event is due, unless there is more to do at the end of the fastest loop.
+    #[inline(always)]
+    pub(crate) fn plain_next(&self) -> Option<I> {
+        (self.unusual & 1 == 0).then_some(self.due)
+    }
+
     /// Takes the event that is due: the loops that it releases and may start, and when it was due.
     ///
     /// They are unfinished from here on; who takes them begins them or makes them runnable.
     #[inline(always)]
     pub(crate) fn take_event(&mut self) -> (u32, I) {
         let due = self.due;
-        if self.schedule.is_at_turn() {
-            self.turn();
-        }
         let event = self.schedule.next_event();
         self.due = due.after(event.gap);
         let mut released = event.ranks;
@@ -133,6 +153,9 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
 
     /// Passes the event that is due, and gives when the next one is due.
     pub(crate) fn pass_event(&mut self) -> I {
+        if self.schedule.is_at_turn() {
+            self.turn();
+        }
         let (released, due) = self.take_event();
         self.make_runnable(released, due);
         self.due
@@ -155,9 +178,21 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
         self.due
     }
 
-    /// Lets changed rates take effect if they can.
+    /// Lets changed rates take effect if they can. `true`: the next event can be taken.
     #[cold]
-    fn turn(&mut self) {
+    #[inline(never)]
+    fn turn(&mut self) -> bool {
+        if self.schedule.is_changing() {
+            self.change();
+        } else {
+            self.schedule.turn(false);
+        }
+        true
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn change(&mut self) {
         let idle = self.unfinished == 0 && self.unlocked == u32::MAX;
         let rates = *self.schedule.set();
         let Some(former_ranks) = self.schedule.turn(idle) else {
@@ -189,10 +224,14 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
     #[cold]
     fn without_overruns(&mut self, ranks: u32, due: I) -> u32 {
         for rank in bits(ranks & self.unfinished & self.enabled) {
-            if let Some(process) = self.processes.get_mut(rank as usize)
-                && !process.overrun(due)
-            {
+            let Some(process) = self.processes.get_mut(rank as usize) else {
+                continue;
+            };
+            if !process.overrun(due) {
                 self.enabled &= !(1 << rank);
+            }
+            if process.queued > 0 {
+                self.unusual |= 1 << rank;
             }
         }
         self.hold();
@@ -263,8 +302,8 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
         let process = self.processes.get_mut(rank as usize)?;
         process.start(now);
         Some(Running {
-            since: now,
-            busy: self.busy,
+            since: if K::MEASURES { now } else { I::ZERO },
+            busy: if K::MEASURES { self.busy } else { 0 },
             due: process.due,
             body: process.body,
         })
@@ -274,22 +313,50 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
     /// it may start again at once.
     #[inline(always)]
     pub(crate) fn end(&mut self, rank: u32, running: Running<I>, now: I) -> bool {
-        let Some(process) = self.processes.get_mut(rank as usize) else {
-            return false;
-        };
         if K::MEASURES {
             let nested = self.busy.wrapping_sub(running.busy);
             let ticks = now.since(running.since).wrapping_sub(nested);
             self.busy = self.busy.wrapping_add(ticks);
-            process.record.finish(ticks);
+            if let Some(process) = self.processes.get_mut(rank as usize) {
+                process.record.finish(ticks);
+            }
         }
-        if process.queued == 0 {
-            self.unfinished &= !(1 << rank);
+        if self.unusual & 1 << rank != 0 && self.end_with_others(rank) {
+            return true;
+        }
+        self.unfinished &= !(1 << rank);
+        false
+    }
+
+    /// As [`end`](Self::end) of the fastest loop, which nothing interrupts, if there is no more to do
+    /// at its end.
+    #[inline(always)]
+    pub(crate) fn end_fastest(&mut self, running: Running<I>, now: I) {
+        if K::MEASURES {
+            let ticks = now.since(running.since);
+            self.busy = self.busy.wrapping_add(ticks);
+            if let Some(process) = self.processes.first_mut() {
+                process.record.finish(ticks);
+            }
+        }
+        self.unfinished &= !1;
+    }
+
+    /// The loop of a rank has finished: the next of the releases that wait takes its place, if any does.
+    #[cold]
+    fn end_with_others(&mut self, rank: u32) -> bool {
+        let Some(process) = self.processes.get_mut(rank as usize) else {
             return false;
+        };
+        let waits = process.queued > 0;
+        if waits {
+            process.take_queued();
+            self.runnable |= 1 << rank;
         }
-        process.take_queued();
-        self.runnable |= 1 << rank;
-        true
+        if self.started && process.queued == 0 {
+            self.unusual &= !(1 << rank);
+        }
+        waits
     }
 
     /// Lets only loops start that are faster than all in `users`, a bit for each number; gives what

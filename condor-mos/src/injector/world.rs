@@ -94,7 +94,7 @@ impl<P: Simulated, const L: usize> World<P, L> {
         let world = Rc::new(Self {
             scheduler: Scheduler::new(processor.clone(), set.table),
             processor,
-            oracle: Mutex::new(Oracle::new(set.rates, set.overrun)),
+            oracle: Mutex::new(Oracle::new(set.rates, set.overrun, P::VECTORS)),
         });
         let plan = Rc::new(plan);
         let scheduler = &world.scheduler;

@@ -68,6 +68,12 @@ impl Grid {
         self.whole + self.carry()
     }
 
+    /// Whether no tick is ever carried.
+    #[inline]
+    pub(super) const fn is_whole(&self) -> bool {
+        self.remainder == 0
+    }
+
     /// The tick, if any, that the next period has beyond the whole ones.
     #[inline]
     pub(crate) const fn carry(&mut self) -> u64 {

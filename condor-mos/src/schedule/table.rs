@@ -56,9 +56,12 @@ pub struct EventTable<const L: usize, const E: usize> {
     entries: [[Event; E]; 2],
     active: usize,
     /// The entry of the next event, counted from the first half's first, and where its hyperperiod
-    /// ends; both behind the last entry where there is no table.
+    /// ends and begins; all behind the last entry where there is no table.
     next: usize,
     end: usize,
+    begin: usize,
+    /// Whether the next turn is back to the beginning, and nothing else.
+    repeats: bool,
 }
 
 /// A schedule of up to `L` loops that computes every event when it is due, from the loops' own
@@ -226,7 +229,9 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
             entries: [[Event { ranks: 0, gap: 0 }; E]; 2],
             active: 1,
             next: 2 * E,
+            begin: 2 * E,
             end: 2 * E,
+            repeats: false,
         };
         if E > 0
             && let Some(cycle) = set.cycle(clock)
@@ -237,6 +242,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
             }
             if matches!(this.change, Change::Ready) {
                 this.active = 0;
+                this.begin = 0;
                 // The beginning of a hyperperiod carries the first tick.
                 this.next = this.halves[0].len;
                 this.end = this.next;
@@ -262,7 +268,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// Whether events are computed when they are due.
     #[must_use]
     pub const fn is_scan(&self) -> bool {
-        self.end >= 2 * E && self.halves[self.active & 1].len == 0
+        self.begin >= 2 * E
     }
 
     /// The clock whose ticks are counted.
@@ -324,6 +330,18 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
+    /// Has [`is_at_turn`](Self::is_at_turn) true until the next turn.
+    pub(crate) fn park(&mut self) {
+        self.next = self.end;
+        self.repeats = false;
+    }
+
+    /// To be called when what `repeats` depends on has changed.
+    fn note_repeats(&mut self) {
+        let cycle = &self.halves[self.active & 1].cycle;
+        self.repeats = !self.is_scan() && cycle.is_whole() && self.change == Change::None;
+    }
+
     /// Goes back to the beginning.
     pub(crate) fn restart(&mut self) {
         // Wanted rates wait for the first event: here a loop may be in progress.
@@ -333,6 +351,16 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
             self.halves[self.active & 1].cycle.restart();
             self.next = self.end;
         }
+        self.note_repeats();
+    }
+
+    /// Goes to the beginning of the next hyperperiod, if that is all that has to be done.
+    #[inline(always)]
+    pub(crate) fn repeat(&mut self) -> bool {
+        if self.repeats {
+            self.next = self.begin;
+        }
+        self.repeats
     }
 
     /// Whether [`turn`](Self::turn) must be called before the next event.
@@ -345,33 +373,39 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     ///
     /// They do if `idle`, that is if no loop is unfinished: ranks are not changed under a loop that is in
     /// progress. Then the result has, for each new rank, the one that its loop had before.
-    #[cold]
+    #[inline]
     pub(crate) fn turn(&mut self, idle: bool) -> Option<[u8; L]> {
         let changes = self.change == Change::Ready && idle;
-        let former = changes.then(|| self.set.former_ranks(&self.wanted));
-        if changes {
-            self.change = Change::None;
-        }
-        if self.is_scan() {
-            if changes && let Ok(mut grids) = Grids::new(&self.wanted, self.clock) {
-                grids.take_over(&self.wanted, &self.grids, &self.set);
-                (self.grids, self.set) = (grids, self.wanted);
-            }
+        let former = changes.then(|| self.take_effect());
+        self.next = self.begin;
+        let half = &mut self.halves[self.active & 1];
+        if half.cycle.is_whole() {
             return former;
         }
-        if changes {
-            self.set = self.wanted;
-            self.active ^= 1;
-        }
-        let half = &mut self.halves[self.active & 1];
-        self.next = (self.active & 1) * E;
-        self.end = self.next + half.len;
         // The last gap is that of the hyperperiod which begins.
         let carried = half.cycle.carry() as u32;
         let last = self.end.wrapping_sub(1);
         if let Some(last) = self.entries.as_flattened_mut().get_mut(last) {
             last.gap = half.last_gap + carried;
         }
+        former
+    }
+
+    /// Puts the wanted rates in force.
+    #[cold]
+    fn take_effect(&mut self) -> [u8; L] {
+        let former = self.set.former_ranks(&self.wanted);
+        self.change = Change::None;
+        if !self.is_scan() {
+            self.active = self.active & 1 ^ 1;
+            self.begin = self.active * E;
+            self.end = self.begin + self.halves[self.active & 1].len;
+        } else if let Ok(mut grids) = Grids::new(&self.wanted, self.clock) {
+            grids.take_over(&self.wanted, &self.grids, &self.set);
+            self.grids = grids;
+        }
+        self.set = self.wanted;
+        self.note_repeats();
         former
     }
 
@@ -383,8 +417,14 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
                 self.next += 1;
                 *event
             }
-            None => self.grids.advance(self.clock.longest_gap()),
+            None => self.scan(),
         }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn scan(&mut self) -> Event {
+        self.grids.advance(self.clock.longest_gap())
     }
 
     /// Asks for another rate of a loop. It takes effect, together with all that were asked for
@@ -405,6 +445,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         let cycle = cycle.ok_or_else(|| Self::too_many(&wanted, self.clock))?;
         (self.wanted, self.grids) = (wanted, grids);
         self.begin_half(cycle);
+        self.repeats = false;
         Ok(())
     }
 
@@ -418,7 +459,10 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
         self.add_entry();
         match self.change {
-            Change::None => Err(self.wanted),
+            Change::None => {
+                self.note_repeats();
+                Err(self.wanted)
+            }
             Change::Building => Ok(false),
             Change::Ready => Ok(true),
         }
