@@ -99,6 +99,9 @@ pub enum StartError {
         /// The schedule's.
         schedule: Clock,
     },
+    /// The platform's interrupts have nothing to call: the schedule begins inside of `with_handler`.
+    #[error("no handler is connected to the timer's interrupt")]
+    NoHandler,
     /// It has already begun.
     #[error("the scheduler has already been started")]
     Started,

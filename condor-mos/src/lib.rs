@@ -10,6 +10,7 @@
 //! [lock]: CeilingLock
 //! [overrun]: Overrun
 //! [statistics]: Statistics
+//! [counts]: Counts
 //! [analysis]: Analysis
 //! [timer]: Timer
 //! [platform]: Platform

@@ -94,6 +94,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     ///
     /// # Errors
     /// [`StartError::Clock`] if the schedule was made for another clock than the platform's,
+    /// [`StartError::NoHandler`] if the platform knows that its interrupts call nothing,
     /// [`StartError::Started`].
     pub fn start(&self) -> Result<(), StartError> {
         self.begin_schedule(None)
@@ -116,6 +117,9 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
                 let schedule = state.schedule.clock();
                 if schedule != timer {
                     return Err(StartError::Clock { timer, schedule });
+                }
+                if !self.platform.has_handler() {
+                    return Err(StartError::NoHandler);
                 }
                 if state.started_due().is_some() {
                     return Err(StartError::Started);

@@ -161,12 +161,15 @@ impl<P: Platform> SimpleServo<P> {
     ///
     /// # Errors
     /// [`StartError::Clock`] if the servo was made for another clock than the platform's,
+    /// [`StartError::NoHandler`] if the platform knows that its interrupts call nothing,
     /// [`StartError::Started`].
     pub fn start(&self) -> Result<(), StartError> {
         let timer = Clock::of::<P::Instant>(self.platform.frequency());
         section(|section| {
             let now = self.platform.now();
-            self.state.with(section, |state| state.start(timer, now))
+            let has_handler = self.platform.has_handler();
+            self.state
+                .with(section, |state| state.start(timer, has_handler, now))
         })?;
         if P::VECTORS {
             self.platform.pend(1);
@@ -331,10 +334,13 @@ impl<P: Platform> SimpleServo<P> {
 }
 
 impl<I: Instant> State<I> {
-    fn start(&mut self, timer: Clock, now: I) -> Result<(), StartError> {
+    fn start(&mut self, timer: Clock, has_handler: bool, now: I) -> Result<(), StartError> {
         let schedule = self.clock;
         if schedule != timer {
             return Err(StartError::Clock { timer, schedule });
+        }
+        if !has_handler {
+            return Err(StartError::NoHandler);
         }
         if self.started {
             return Err(StartError::Started);

@@ -64,9 +64,9 @@ fn rate(servo_loop: &Loop) -> Rate {
     Rate::fraction(1_000_000_000, servo_loop.period_ns as u32)
 }
 
-fn body(servo_loop: &'static Loop) -> impl FnMut() + Send {
+fn body(servo_loop: &'static Loop) -> impl FnMut(u64) + Send {
     let mut release = 0;
-    move || {
+    move |_| {
         servo_loop.run(release);
         release += 1;
     }

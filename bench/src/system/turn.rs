@@ -241,7 +241,7 @@ impl<M: Machine> Background<'_, '_, M> {
         let platform = self.machine.platform();
         let clock = Clock::of::<u64>(platform.frequency());
         let table = Scan::<1>::try_new(&[Rate::hz(turn.rate_hz)], clock).map_err(display)?;
-        let scheduler: Scheduler<_, _, 1> = Scheduler::new(platform, table);
+        let scheduler: Scheduler<_, 1, 0> = Scheduler::new(platform, table);
         let scheduler = &scheduler;
         let bell = self.machine.doorbell();
         let begun_ns = bell.now().as_ns();

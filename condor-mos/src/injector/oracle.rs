@@ -136,7 +136,7 @@ impl<const L: usize> Oracle<L> {
                 seen.loops.map(without_pending)
             }
             (Some(before), Some(due)) if before != due => {
-                let all = due > now || self.vectors && self.runs_fastest(snapshot);
+                let all = due > now || self.vectors && Self::runs_fastest(snapshot);
                 assert!(all, "all that is due has been released");
                 self.rates_change(&seen.loops, &snapshot.loops, before);
                 let released = self.after_events(seen.loops, before, due);
@@ -152,7 +152,7 @@ impl<const L: usize> Oracle<L> {
 
     /// Whether a loop is in progress than which none is faster: what is due meanwhile is released at
     /// its end where ranks have vectors.
-    fn runs_fastest(&self, snapshot: &Snapshot<L>) -> bool {
+    fn runs_fastest(snapshot: &Snapshot<L>) -> bool {
         let fastest = snapshot.loops.iter().map(|one| one.rate).max();
         let mut running = snapshot.loops.iter().filter(|one| one.running == 1);
         running.any(|one| Some(one.rate) == fastest)

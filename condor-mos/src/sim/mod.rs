@@ -393,6 +393,10 @@ impl Timer for Processor {
 }
 
 impl Platform for Processor {
+    fn has_handler(&self) -> bool {
+        connected(&self.machine.handler).is_some()
+    }
+
     fn interruptible(&self, _: u32, body: impl FnOnce()) {
         let _enabled = self.enable(true);
         body();
@@ -442,6 +446,10 @@ impl Timer for Vectored {
 
 impl Platform for Vectored {
     const VECTORS: bool = true;
+
+    fn has_handler(&self) -> bool {
+        self.0.has_handler()
+    }
 
     fn pend(&self, ranks: u32) {
         self.machine.pending.fetch_or(ranks & !1, Relaxed);

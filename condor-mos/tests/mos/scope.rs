@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use condor_mos::sim::Processor;
-use condor_mos::{Clock, LoopError, LoopId, Overrun, Rate, Scan, Scheduler};
+use condor_mos::{Clock, LoopError, LoopId, Overrun, Rate, Scan, Scheduler, StartError};
 
 const FREQUENCY: Rate = Rate::hz(1000);
 const FAST: LoopId = LoopId(0);
@@ -36,7 +36,7 @@ fn a_loop_ends_with_its_scope_and_is_free_again() {
         let mut body = |_| runs += 1;
         scheduler.scope(|scope| {
             scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
-            let _ = scheduler.start();
+            let _ = processor.with_handler(|| scheduler.on_timer(), || scheduler.start());
             run(&processor, &scheduler, 1000);
         });
         assert!(runs >= 10);
@@ -85,7 +85,7 @@ fn a_scope_that_unwinds_disarms_its_loops() {
         let mut body = |_| *runs += 1;
         scheduler.scope(|scope| {
             scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
-            scheduler.start().unwrap();
+            processor.with_handler(|| scheduler.on_timer(), || scheduler.start().unwrap());
             resume_unwind(Box::new("the scope"));
         });
     }));
@@ -128,7 +128,7 @@ fn a_body_that_unwinds_ends_and_all_goes_on() {
         scope.assign(FAST, Overrun::Skip, &mut fast_loop).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut slow_loop).unwrap();
         scheduler.stop();
-        scheduler.start().unwrap();
+        processor.with_handler(|| scheduler.on_timer(), || scheduler.start().unwrap());
         run(&processor, &scheduler, 1000);
     });
     assert_eq!((fast, slow), (10, 5));
@@ -164,7 +164,8 @@ fn a_platform_that_is_borrowed_for_ever_has_loops_that_borrow_for_less() {
     let mut body = |_| runs += 1;
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
-        scheduler.start().unwrap();
+        assert_eq!(scheduler.start(), Err(StartError::NoHandler));
+        processor.with_handler(|| scheduler.on_timer(), || scheduler.start().unwrap());
     });
     assert_eq!(runs, 1);
 }

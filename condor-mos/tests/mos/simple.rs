@@ -165,7 +165,9 @@ fn a_loop_that_unwinds_has_ended_and_is_disarmed() {
     let servo = SimpleServo::new(processor.clone(), Rate::hz(100), CLOCK);
     let mut body = |_| panic!("for the test");
     let unwound = catch_unwind(AssertUnwindSafe(|| {
-        servo.scope(Overrun::Skip, &mut body, || servo.start())
+        servo.scope(Overrun::Skip, &mut body, || {
+            processor.with_handler(|| servo.on_timer(), || servo.start())
+        })
     }));
     assert!(unwound.is_err());
     let counts = servo.statistics();
