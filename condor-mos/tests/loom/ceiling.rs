@@ -83,7 +83,7 @@ fn a_loop_is_not_on_two_stacks() {
         let shared = Shared::new();
         // Loom's cell tells if two have it.
         let context = Box::leak(Box::new(loom::cell::UnsafeCell::new(0)));
-        let body = |context: &mut loom::cell::UnsafeCell<u32>| {
+        let body = |context: &mut loom::cell::UnsafeCell<u32>, _| {
             // SAFETY: `&mut`: nobody else has it.
             context.with_mut(|runs| unsafe { *runs += 1 });
         };

@@ -240,7 +240,7 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
 fn assert_on_time(outcome: &Outcome) {
     let servo = outcome.servo;
     assert_eq!(servo.skipped, 0, "{servo}");
-    assert_eq!(u64::from(servo.run), outcome.took.div_ceil(PERIOD));
+    assert_eq!(servo.run, outcome.took.div_ceil(PERIOD));
     assert_eq!(servo.run, servo.released);
     assert!(u64::from(servo.worst_lateness) <= outcome.longest_masked);
     assert!(outcome.longest_masked < 100, "{}", outcome.longest_masked);
