@@ -54,7 +54,9 @@ mod body;
 mod ceiling;
 mod error;
 mod events;
+// An interrupt at every point: tests that need the inside, and the points that call them.
 #[cfg(all(test, not(condor_loom)))]
+#[path = "../tests/injector/mod.rs"]
 mod injector;
 mod latest;
 mod masked;
