@@ -142,7 +142,10 @@ const fn needed<const L: usize>(set: &Set<L>, clock: Clock) -> usize {
         return len;
     }
     // One for each release, and what bridges the time.
-    let mut most = ticks / longest as u64;
+    let mut most = match ticks.checked_div(longest as u64) {
+        Some(bridges) => bridges,
+        None => u64::MAX,
+    };
     let mut rank = 0;
     while let Some((rate, _)) = set.at_rank(rank) {
         let releases = match Grid::new(rate, clock.frequency()) {

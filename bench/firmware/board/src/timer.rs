@@ -68,6 +68,7 @@ pub fn arm(instant: u32) {
 }
 
 /// As [`arm`], but an instant that has passed raises no interrupt; says whether it is ahead.
+#[must_use]
 #[inline(always)]
 pub fn arm_ahead(instant: u32) -> bool {
     set::<0>(instant) != 0
