@@ -314,17 +314,18 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// Adds an entry for the wanted rates; gives the change up if there is no place.
     const fn add_entry(&mut self) {
         let spare = self.active & 1 ^ 1;
+        let len = self.halves[spare].len;
+        let event = self
+            .grids
+            .advance(least(self.missing, self.clock.longest_gap()));
         let half = &mut self.halves[spare];
-        if half.len >= E {
+        if len >= E {
             half.len = 0;
             self.change = Change::None;
             return;
         }
-        let event = self
-            .grids
-            .advance(least(self.missing, self.clock.longest_gap()));
-        self.entries[spare][half.len] = event;
-        half.len += 1;
+        self.entries[spare][len] = event;
+        half.len = len + 1;
         self.missing -= event.gap as u64;
         if self.missing == 0 {
             let mut first = half.cycle;
