@@ -2,9 +2,10 @@
 //!
 //! The program's background publishes them, and any process that maps the window reads them.
 //! The object has a row for each loop: its name (16 bytes), then a
-//! [`Published`] record of 16 words: rate and tick frequency as numerator and denominator, flags
-//! (bit 0 enabled, bit 1 faulted), then the counts in the order of [`Statistics`], of which the last
-//! takes two words, low one first, and zeros.
+//! [`Published`] record of 22 words: rate and tick frequency as numerator and denominator, flags
+//! (bit 0 enabled, bit 1 faulted), the worst lateness and run, then the counts in the order of
+//! [`Statistics`] (`running` and `pending` in one word each, the others in two, low one first), and
+//! a zero.
 
 use condor_mbox::published::{Publisher, ReadError};
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
@@ -12,7 +13,7 @@ use condor_mos::{Rate, Statistics};
 
 use crate::directory::{Directory, DirectoryError, Entry, Kind, Name};
 
-type Row = [u32; 16];
+type Row = [u32; 22];
 
 const NAME_BYTES: u32 = 16;
 const ROW_BYTES: u32 = NAME_BYTES + Published::<Row>::BYTES;
@@ -95,6 +96,8 @@ pub const fn count(entry: &Entry) -> u32 {
 }
 
 fn words(counts: &Statistics) -> Row {
+    let low = |count: u64| count as u32;
+    let high = |count: u64| (count >> 32) as u32;
     let flags = if counts.enabled { ENABLED } else { 0 } | if counts.faulted { FAULTED } else { 0 };
     [
         counts.rate.numerator(),
@@ -102,16 +105,22 @@ fn words(counts: &Statistics) -> Row {
         counts.frequency.numerator(),
         counts.frequency.denominator(),
         flags,
-        counts.released,
-        counts.run,
-        counts.skipped,
-        counts.running,
-        counts.pending,
         counts.worst_lateness,
         counts.worst_run,
-        counts.total_run as u32,
-        (counts.total_run >> 32) as u32,
-        0,
+        low(counts.released),
+        high(counts.released),
+        low(counts.run),
+        high(counts.run),
+        low(counts.skipped),
+        high(counts.skipped),
+        low(counts.running),
+        low(counts.pending),
+        low(counts.total_run),
+        high(counts.total_run),
+        low(counts.released_before),
+        high(counts.released_before),
+        low(counts.total_before),
+        high(counts.total_before),
         0,
     ]
 }
@@ -124,29 +133,46 @@ fn counts(row: &Row) -> Option<Statistics> {
         frequency,
         in_,
         flags,
-        released,
-        run,
-        skipped,
-        running,
-        pending,
         worst_lateness,
         worst_run,
-        low,
-        high,
-        ..,
+        ref counts @ ..,
     ] = row;
+    let &[
+        released,
+        released_high,
+        run,
+        run_high,
+        skipped,
+        skipped_high,
+        ..,
+    ] = counts;
+    let &[
+        ..,
+        running,
+        pending,
+        total,
+        total_high,
+        former,
+        former_high,
+        before,
+        before_high,
+        _,
+    ] = counts;
+    let wide = |low: u32, high: u32| u64::from(high) << 32 | u64::from(low);
     Some(Statistics {
         rate: Rate::new(rate, per)?,
         frequency: Rate::new(frequency, in_)?,
         enabled: flags & ENABLED != 0,
         faulted: flags & FAULTED != 0,
-        released,
-        run,
-        skipped,
-        running,
-        pending,
+        released: wide(released, released_high),
+        run: wide(run, run_high),
+        skipped: wide(skipped, skipped_high),
+        running: running.into(),
+        pending: pending.into(),
         worst_lateness,
         worst_run,
-        total_run: u64::from(high) << 32 | u64::from(low),
+        total_run: wide(total, total_high),
+        released_before: wide(former, former_high),
+        total_before: wide(before, before_high),
     })
 }

@@ -18,7 +18,7 @@ const TRAJECTORY: LoopId = LoopId(2);
 
 /// The place of a rate is the number of its loop. One entry less would not compile.
 const TABLE: EventTable<3, 8> = EventTable::new(
-    [Rate::hz(400), Rate::hz(100), Rate::hz(50)],
+    &[Rate::hz(400), Rate::hz(100), Rate::hz(50)],
     Clock::of::<u64>(MICROSECONDS),
 );
 
@@ -32,15 +32,15 @@ fn main() -> Result<(), LoopError> {
     let mut position = 0.0;
 
     // In virtual time a loop says how long it computes: here a little longer now and then.
-    let mut torque = || {
+    let mut torque = |_| {
         let goal = goal
             .lock(&scheduler, |goal| *goal)
             .expect("a declared user");
         position += 0.1 * (goal - position);
         hand.work(700 + hand.now() % 90);
     };
-    let mut tendons = || hand.work(1_500 + hand.now() % 300);
-    let mut trajectory = || {
+    let mut tendons = |_| hand.work(1_500 + hand.now() % 300);
+    let mut trajectory = |_| {
         hand.work(4_000 + hand.now() % 700);
         // To 1 rad, in steps of 5 mrad.
         goal.lock(&scheduler, |goal| *goal = f64::min(*goal + 0.005, 1.0))

@@ -52,7 +52,7 @@ fn background(length: Duration) -> u64 {
 fn in_threads(length: Duration) -> Result<(), Box<dyn Error>> {
     let joint = Joint::default();
     let threads = Threads::new(RATES, RealTime::default())?;
-    let (mut servo, mut trajectory) = (|| joint.servo(), || joint.trajectory());
+    let (mut servo, mut trajectory) = (|_| joint.servo(), |_| joint.trajectory());
     let rounds = threads.scope(|scope| {
         scope.assign(SERVO, Overrun::Skip, &mut servo)?;
         scope.assign(TRAJECTORY, Overrun::Skip, &mut trajectory)?;
@@ -71,9 +71,9 @@ fn on_one_stack(length: Duration) -> Result<(), Box<dyn Error>> {
     let joint = Joint::default();
     // A loop interrupts the background without any privilege, but not other programs.
     let privileges = RealTime::default().request();
-    let table = EventTable::<2, 8>::new(RATES, CLOCK);
+    let table = EventTable::<2, 8>::new(&RATES, CLOCK);
     let scheduler = Scheduler::new(Signals::new(), table);
-    let (mut servo, mut trajectory) = (|| joint.servo(), || joint.trajectory());
+    let (mut servo, mut trajectory) = (|_| joint.servo(), |_| joint.trajectory());
     let rounds = scheduler.scope(|scope| {
         scope.assign(SERVO, Overrun::Skip, &mut servo)?;
         scope.assign(TRAJECTORY, Overrun::Skip, &mut trajectory)?;

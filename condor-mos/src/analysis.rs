@@ -21,6 +21,8 @@ pub struct Load {
     /// has a [`CeilingLock`](crate::CeilingLock) of which this loop, or a faster one, is a user, or
     /// masks interrupts. At most one of them does so, once.
     pub blocking: u32,
+    /// How long after its release it has to end, if that is less than its period.
+    pub deadline: u32,
 }
 
 impl Load {
@@ -31,6 +33,7 @@ impl Load {
             rate,
             worst_run,
             blocking: 0,
+            deadline: u32::MAX,
         }
     }
 
@@ -38,6 +41,15 @@ impl Load {
     #[must_use]
     pub const fn blocked(self, blocking: u32) -> Self {
         Self { blocking, ..self }
+    }
+
+    /// The same, to end within `deadline` ticks; a deadline beyond the period is that of the period.
+    ///
+    /// Loops are ranked by their rates all the same: a loop with a short deadline and a low rate may
+    /// need a higher one.
+    #[must_use]
+    pub const fn within(self, deadline: u32) -> Self {
+        Self { deadline, ..self }
     }
 
     /// What a loop was seen to ask for: its worst run so far. Nothing is known of blocking.
@@ -50,9 +62,9 @@ impl Load {
 /// How long after its release a loop ends, at worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Response {
-    /// After so many ticks, which are not more than its period.
+    /// After so many ticks, which are not more than its deadline.
     Within(u64),
-    /// Later than its next release, at least when all loops are due at once.
+    /// Later than its deadline, at least when all loops are due at once.
     Late,
     /// Not found in 2^20 steps: the rates differ by more than that, and the processor is as good as
     /// full.
@@ -149,13 +161,13 @@ impl<const L: usize> Analysis<L> {
         Self::new(frequency, loops.each_ref().map(Load::measured))
     }
 
-    /// Whether every loop ends within its period, always.
+    /// Whether every loop ends within its period and its deadline, always.
     #[must_use]
     pub const fn is_schedulable(&self) -> bool {
         self.first_late().is_none()
     }
 
-    /// The fastest loop that is not known to end within its period.
+    /// The fastest loop that is not known to end in time.
     #[must_use]
     pub const fn first_late(&self) -> Option<LoopId> {
         let mut rank = 0;
@@ -207,7 +219,9 @@ impl<const L: usize> Analysis<L> {
                 needed = needed.saturating_add(time);
                 other += 1;
             }
-            if !self.is_within_period(own.rate, needed) {
+            if needed > own.deadline as u64 && own.deadline != u32::MAX
+                || !self.is_within_period(own.rate, needed)
+            {
                 return Response::Late;
             }
             if needed == response {
@@ -312,6 +326,18 @@ mod tests {
             responses([(50, 12), (40, 10), (30, 10)]),
             [Some(Response::Late), within(20), within(10)],
         );
+    }
+
+    #[test]
+    fn a_deadline_can_be_shorter_than_the_period() {
+        let loads = |deadline| {
+            let slow = Load::new(Rate::every_seconds(12), 3).within(deadline);
+            [Load::new(Rate::every_seconds(7), 3), slow]
+        };
+        let analysis = |deadline| Analysis::new(Rate::hz(1), loads(deadline));
+        assert!(analysis(6).is_schedulable());
+        assert_eq!(analysis(5).first_late(), Some(LoopId(1)));
+        assert!(analysis(100).is_schedulable());
     }
 
     #[test]

@@ -1,22 +1,26 @@
 //! [`Body`]: what a loop runs, without its type.
 
+use crate::instant::Instant;
+
 /// A function and what it is given, by pointer.
+///
+/// It is given the instant, an `I`, at which it was due.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Body {
-    call: unsafe fn(*mut ()),
+pub(crate) struct Body<I> {
+    call: unsafe fn(*mut (), I),
     context: *mut (),
 }
 
 // SAFETY: both ways to make one ask for a context that is `Send`, and it is used by one context of
 // the processor at a time.
-unsafe impl Send for Body {}
+unsafe impl<I> Send for Body<I> {}
 
-impl Body {
+impl<I: Instant> Body<I> {
     /// Of a loop that has none yet: does nothing.
     pub(crate) const NOTHING: Self = {
-        unsafe fn nothing(_: *mut ()) {}
+        unsafe fn nothing<I>(_: *mut (), _: I) {}
         Self {
-            call: nothing,
+            call: nothing::<I>,
             context: core::ptr::null_mut(),
         }
     };
@@ -27,10 +31,11 @@ impl Body {
     }
 
     /// A function that is given `context` for as long as it is called.
-    pub(crate) fn of_function<C: Send>(function: fn(&mut C), context: &mut C) -> Self {
+    pub(crate) fn of_function<C: Send>(function: fn(&mut C, I), context: &mut C) -> Self {
         // SAFETY: `&mut C` and `*mut ()` are ABI-compatible, as `C` is `Sized`; whoever calls
         // gives a pointer to a `C`, and calls an unsafe function.
-        let call = unsafe { core::mem::transmute::<fn(&mut C), unsafe fn(*mut ())>(function) };
+        let call =
+            unsafe { core::mem::transmute::<fn(&mut C, I), unsafe fn(*mut (), I)>(function) };
         Self {
             call,
             context: core::ptr::from_mut(context).cast(),
@@ -38,15 +43,15 @@ impl Body {
     }
 
     /// A closure.
-    pub(crate) fn of_closure<F: FnMut() + Send>(closure: &mut F) -> Self {
+    pub(crate) fn of_closure<F: FnMut(I) + Send>(closure: &mut F) -> Self {
         /// # Safety
         /// `closure` points to an `F` that nobody else uses.
-        unsafe fn call<F: FnMut()>(closure: *mut ()) {
+        unsafe fn call<I, F: FnMut(I)>(closure: *mut (), due: I) {
             // SAFETY: as the caller promises.
-            unsafe { (*closure.cast::<F>())() }
+            unsafe { (*closure.cast::<F>())(due) }
         }
         Self {
-            call: call::<F>,
+            call: call::<I, F>,
             context: core::ptr::from_mut(closure).cast(),
         }
     }
@@ -56,9 +61,9 @@ impl Body {
     /// # Safety
     /// The context that was given still exists, and nobody else uses it during the call.
     #[inline]
-    pub(crate) unsafe fn call(self) {
+    pub(crate) unsafe fn call(self, due: I) {
         // SAFETY: `context` points to what `call` expects, by construction, and is alive and not
         // shared, as the caller promises.
-        unsafe { (self.call)(self.context) }
+        unsafe { (self.call)(self.context, due) }
     }
 }

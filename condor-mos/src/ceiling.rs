@@ -3,7 +3,7 @@
 use crate::error::LockError;
 use crate::masked::{Masked, section};
 use crate::platform::Platform;
-use crate::schedule::Schedule;
+use crate::record::Keep;
 use crate::scheduler::{LoopId, Scheduler};
 use crate::sync::{UnsafeCell, const_unless_loom};
 
@@ -47,9 +47,9 @@ impl<T> CeilingLock<T> {
     /// # Errors
     /// [`LockError::Undeclared`] from a loop that is faster than all users;
     /// [`LockError::Taken`] if the lock is taken, which correct use does not meet.
-    pub fn lock<P: Platform, S: Schedule<L>, const L: usize, R>(
+    pub fn lock<P: Platform, const L: usize, const E: usize, K: Keep, R>(
         &self,
-        scheduler: &Scheduler<P, S, L>,
+        scheduler: &Scheduler<P, L, E, K>,
         f: impl FnOnce(&mut T) -> R,
     ) -> Result<R, LockError> {
         let former = section(|section| {
@@ -79,13 +79,13 @@ impl<T> CeilingLock<T> {
 }
 
 /// Gives the lock back, also when its user unwinds.
-struct Unlock<'l, P: Platform, S: Schedule<L>, const L: usize> {
-    scheduler: &'l Scheduler<P, S, L>,
+struct Unlock<'l, P: Platform, const L: usize, const E: usize, K: Keep> {
+    scheduler: &'l Scheduler<P, L, E, K>,
     taken: &'l Masked<bool>,
     former: u32,
 }
 
-impl<P: Platform, S: Schedule<L>, const L: usize> Drop for Unlock<'_, P, S, L> {
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Drop for Unlock<'_, P, L, E, K> {
     fn drop(&mut self) {
         section(|section| self.taken.with(section, |taken| *taken = false));
         // Loops that became due meanwhile start here.

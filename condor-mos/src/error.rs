@@ -19,15 +19,29 @@ pub enum RateError {
     },
     /// The set repeats so seldom that its events do not fit the table.
     #[error(
-        "with {rate} beside {fastest}, the event table has more than its {capacity} entries: \
-         use a larger one, or a scan"
+        "the rates take {needed} entries, the event table has {capacity}: use a larger one, or a \
+         scan"
     )]
     TooManyEvents {
-        /// The first rate, in their own order, with which the table is too small.
-        rate: Rate,
-        /// The fastest rate.
-        fastest: Rate,
+        /// What [`entries`](crate::entries) returns for the rates and their phases.
+        needed: usize,
         /// Entries that the table has.
+        capacity: usize,
+    },
+    /// A loop's first release is not within its first period.
+    #[error("a phase of {phase} ticks is not less than the period of {rate}")]
+    Phase {
+        /// The loop's rate.
+        rate: Rate,
+        /// Ticks from the start to its first release.
+        phase: u32,
+    },
+    /// There are too many rates, or none.
+    #[error("a schedule of 1 to {capacity} loops cannot have {loops}")]
+    Loops {
+        /// How many rates there are.
+        loops: usize,
+        /// How many the schedule has room for.
         capacity: usize,
     },
 }
@@ -40,6 +54,8 @@ impl RateError {
             Self::TooManyEvents { .. } => {
                 "the event table is too small for these rates: use a larger one, or a scan"
             }
+            Self::Phase { .. } => "a phase is not less than the period",
+            Self::Loops { .. } => "there are too many rates, or none",
         }
     }
 }
@@ -83,6 +99,9 @@ pub enum StartError {
         /// The schedule's.
         schedule: Clock,
     },
+    /// The platform's interrupts have nothing to call: the schedule begins inside of `with_handler`.
+    #[error("no handler is connected to the timer's interrupt")]
+    NoHandler,
     /// It has already begun.
     #[error("the scheduler has already been started")]
     Started,

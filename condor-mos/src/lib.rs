@@ -4,11 +4,13 @@
 //! [rate]: Rate
 //! [table]: EventTable
 //! [scan]: Scan
+//! [entries]: entries
 //! [error]: RateError
 //! [id]: LoopId
 //! [lock]: CeilingLock
 //! [overrun]: Overrun
 //! [statistics]: Statistics
+//! [counts]: Counts
 //! [analysis]: Analysis
 //! [timer]: Timer
 //! [platform]: Platform
@@ -52,11 +54,14 @@ mod body;
 mod ceiling;
 mod error;
 mod events;
+// An interrupt at every point: tests that need the inside, and the points that call them.
 #[cfg(all(test, not(condor_loom)))]
+#[path = "../tests/injector/mod.rs"]
 mod injector;
 mod latest;
 mod masked;
 mod process;
+mod record;
 mod scheduler;
 mod scope;
 mod simple;
@@ -74,7 +79,8 @@ pub use latest::{Latest, Reader, Writer};
 pub use platform::Platform;
 pub use process::Overrun;
 pub use rate::Rate;
-pub use schedule::{Event, EventTable, Scan, Schedule};
+pub use record::{Counted, Counts, Histogram, Histograms, Keep, NoStatistics};
+pub use schedule::{Event, EventTable, Scan, entries};
 pub use scheduler::{LoopId, Scheduler};
 pub use scope::Scope;
 pub use simple::SimpleServo;

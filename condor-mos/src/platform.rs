@@ -35,6 +35,12 @@ pub trait Platform: Timer {
         true
     }
 
+    /// Whether interrupts have something to call, as far as that can be known: without it nothing
+    /// would ever be released, and a schedule cannot begin.
+    fn has_handler(&self) -> bool {
+        true
+    }
+
     /// Runs the body of the loop of a rank so that the timer, and vectors, can interrupt it.
     ///
     /// Where ranks have vectors, the call is all.
@@ -59,6 +65,11 @@ impl<P: Platform + ?Sized> Platform for &P {
     #[inline]
     fn is_loops_stack(&self) -> bool {
         P::is_loops_stack(self)
+    }
+
+    #[inline]
+    fn has_handler(&self) -> bool {
+        P::has_handler(self)
     }
 
     #[inline]

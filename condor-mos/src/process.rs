@@ -2,6 +2,7 @@
 
 use crate::body::Body;
 use crate::instant::Instant;
+use crate::record::Record;
 
 /// What happens when a loop is due again before it has finished.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,38 +18,30 @@ pub enum Overrun {
     Fault,
 }
 
-/// One loop. Times are in ticks; counts wrap.
+/// One loop.
 ///
 /// Releases are not counted: each is counted where it ends up, as run or as skipped, or still
 /// waits or runs.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Process<I> {
-    pub(crate) body: Body,
+pub(crate) struct Process<I, K> {
+    pub(crate) body: Body<I>,
     /// When the release that runs, or runs next, was due.
     pub(crate) due: I,
-    pub(crate) worst_lateness: u32,
-    pub(crate) worst_run: u32,
-    pub(crate) run: u32,
-    pub(crate) total_run: u64,
+    pub(crate) record: K,
     /// Releases that wait for the loop to finish an earlier one, and when the latest was due.
     pub(crate) queued: u32,
     latest: I,
-    pub(crate) skipped: u32,
     pub(crate) overrun: Overrun,
     pub(crate) faulted: bool,
 }
 
-impl<I: Instant> Process<I> {
+impl<I: Instant, K: Record> Process<I, K> {
     pub(crate) const NEW: Self = Self {
         body: Body::NOTHING,
         due: I::ZERO,
-        worst_lateness: 0,
-        worst_run: 0,
-        run: 0,
-        total_run: 0,
+        record: K::NEW,
         queued: 0,
         latest: I::ZERO,
-        skipped: 0,
         overrun: Overrun::Skip,
         faulted: false,
     };
@@ -61,19 +54,14 @@ impl<I: Instant> Process<I> {
                 self.queued += 1;
                 self.latest = due;
             }
-            Overrun::Skip | Overrun::CatchUp(_) => self.skip(1),
+            Overrun::Skip | Overrun::CatchUp(_) => self.record.skip(1),
             Overrun::Fault => {
-                self.skip(1);
+                self.record.skip(1);
                 self.faulted = true;
                 return false;
             }
         }
         true
-    }
-
-    /// Counts releases that will not run.
-    pub(crate) fn skip(&mut self, releases: u32) {
-        self.skipped = self.skipped.wrapping_add(releases);
     }
 
     /// The next of the releases that wait takes the place of the one that has finished.
@@ -88,19 +76,8 @@ impl<I: Instant> Process<I> {
     /// The loop starts.
     #[inline(always)]
     pub(crate) fn start(&mut self, now: I) {
-        let lateness = now.since(self.due);
-        if lateness > self.worst_lateness {
-            self.worst_lateness = lateness;
-        }
-    }
-
-    /// The loop has finished, after `ticks` of its own.
-    #[inline(always)]
-    pub(crate) fn finish(&mut self, ticks: u32) {
-        self.run = self.run.wrapping_add(1);
-        self.total_run = self.total_run.wrapping_add(u64::from(ticks));
-        if ticks > self.worst_run {
-            self.worst_run = ticks;
+        if K::MEASURES {
+            self.record.start(now.since(self.due));
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```ignore
 //! // SAFETY: the board has a CLINT there; this is hart 0, in machine mode.
-//! static SCHEDULER: Scheduler<Clint, EventTable<2, 8>, 2> =
+//! static SCHEDULER: Scheduler<Clint, 2, 8> =
 //!     Scheduler::new(unsafe { Clint::new(0x0200_0000, 0, MTIME) }, TABLE);
 //!
 //! #[riscv_rt::core_interrupt(Interrupt::MachineTimer)]

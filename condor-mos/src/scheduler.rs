@@ -6,11 +6,13 @@ use crate::body::Body;
 use crate::clock::Clock;
 use crate::error::{LoopError, StartError};
 use crate::events::catch_up;
+use crate::instant::Instant;
 use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
 use crate::process::Overrun;
 use crate::rate::Rate;
-use crate::schedule::Schedule;
+use crate::record::{Counted, Counts, Histograms, Keep};
+use crate::schedule::EventTable;
 use crate::scope::{Loops, Scope};
 use crate::state::{Running, State};
 use crate::statistics::Statistics;
@@ -28,19 +30,29 @@ pub struct LoopId(pub u8);
 /// left, the background goes on. A loop has its period to finish in, and no exact moment to
 /// start at.
 ///
-/// `P` is the [`Platform`], `S` the [`Schedule`](crate::Schedule). A scheduler usually is a
+/// `P` is the [`Platform`]; the [`EventTable`] has room for `L` loops and `E` entries. A scheduler usually is a
 /// `static`, so that interrupt handlers reach it: all calls take `&self`, may come from the
 /// background, from loops and from handlers, and are short critical sections.
-pub struct Scheduler<P: Platform, S, const L: usize> {
+pub struct Scheduler<P: Platform, const L: usize, const E: usize, K: Keep = Counts> {
     platform: P,
-    state: Masked<State<S, P::Instant, L>>,
+    state: Masked<State<P::Instant, L, E, K>>,
 }
 
-impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
+impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
     const_unless_loom! {
         /// A scheduler that is not started, none of whose loops has anything to run.
         #[must_use]
-        pub const fn new(platform: P, schedule: S) -> Self {
+        pub const fn new(platform: P, schedule: EventTable<L, E>) -> Self {
+            Self::keeping(platform, schedule)
+        }
+    }
+}
+
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K> {
+    const_unless_loom! {
+        /// As [`new`](Scheduler::new), with the statistics that `K` says.
+        #[must_use]
+        pub const fn keeping(platform: P, schedule: EventTable<L, E>) -> Self {
             Self {
                 platform,
                 state: Masked::new(State::new(schedule)),
@@ -54,7 +66,8 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         &self.platform
     }
 
-    /// Gives a loop what it runs, for good, and enables it.
+    /// Gives a loop what it runs, for good, and enables it: `body`, which is called with `context`
+    /// and the instant at which the loop was due.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`].
@@ -62,7 +75,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         &self,
         id: LoopId,
         overrun: Overrun,
-        body: fn(&mut C),
+        body: fn(&mut C, P::Instant),
         context: &'static mut C,
     ) -> Result<(), LoopError> {
         self.assign_body(id, overrun, Body::of_function(body, context))
@@ -72,7 +85,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// are disarmed.
     pub fn scope<'env, R>(
         &self,
-        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env>) -> R,
+        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, P::Instant>) -> R,
     ) -> R {
         Scope::run(self, f)
     }
@@ -81,6 +94,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     ///
     /// # Errors
     /// [`StartError::Clock`] if the schedule was made for another clock than the platform's,
+    /// [`StartError::NoHandler`] if the platform knows that its interrupts call nothing,
     /// [`StartError::Started`].
     pub fn start(&self) -> Result<(), StartError> {
         self.begin_schedule(None)
@@ -103,6 +117,9 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
                 let schedule = state.schedule.clock();
                 if schedule != timer {
                     return Err(StartError::Clock { timer, schedule });
+                }
+                if !self.platform.has_handler() {
+                    return Err(StartError::NoHandler);
                 }
                 if state.started_due().is_some() {
                     return Err(StartError::Started);
@@ -149,16 +166,26 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     /// Gives a loop another rate, while all run on.
     ///
     /// The new schedule is prepared here, in short critical sections, and takes effect as a whole
-    /// where its kind says: [`EventTable`](crate::EventTable), [`Scan`](crate::Scan).
+    /// where its kind says: [`EventTable`], [`Scan`](crate::Scan).
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`], or [`LoopError::Rate`] if there is no such schedule; then all
     /// rates stay as they are.
     pub fn set_rate(&self, id: LoopId, rate: Rate) -> Result<(), LoopError> {
-        let number = Self::number(id)?;
-        self.with_state(|state| state.schedule.begin_change(number, rate))?;
-        while !self.with_state(|state| state.schedule.continue_change())? {}
-        Ok(())
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            Ok::<_, LoopError>(state.schedule.begin_change(number, rate)?)
+        })?;
+        loop {
+            match self
+                .with_state(|state| (state.schedule.continue_change(), state.schedule.clock()))
+            {
+                (Ok(true), _) => return Ok(()),
+                (Ok(false), _) => {}
+                // Counted here, since that takes its time.
+                (Err(set), clock) => return Err(EventTable::<L, E>::too_many(&set, clock).into()),
+            }
+        }
     }
 
     /// Whether rates that were asked for have not taken effect yet.
@@ -171,19 +198,31 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`].
-    pub fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
-        let number = Self::number(id)?;
-        let (snapshot, rate, clock) = self.with_state(|state| {
-            (
-                state.snapshot(number),
-                state.schedule.rates().get(number).copied(),
-                state.schedule.clock(),
-            )
-        });
-        match (snapshot, rate) {
-            (Some(snapshot), Some(rate)) => Ok(Statistics::of(&snapshot, rate, clock.frequency())),
-            _ => Err(Self::no_such(id)),
-        }
+    pub fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError>
+    where
+        K: Counted,
+    {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            let rate = state.schedule.rates().get(number).copied();
+            let (Some(snapshot), Some(rate)) = (state.snapshot(number), rate) else {
+                return Err(state.no_such(id));
+            };
+            let frequency = state.schedule.clock().frequency();
+            Ok(Statistics::of(&snapshot, rate, frequency))
+        })
+    }
+
+    /// Sets the counts and times of a loop to 0.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`].
+    pub fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError> {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            state.reset(number);
+            Ok(())
+        })
     }
 
     /// The timer's interrupt: releases the loops that are due, and runs them or has them run.
@@ -192,9 +231,10 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     #[inline(always)]
     pub fn on_timer(&self) {
         if P::VECTORS {
-            let begun = masked(&self.platform, |section| self.release_and_pend(section));
-            if let Some(running) = begun {
-                self.run_in_vector(0, running);
+            match masked(&self.platform, |section| self.release_and_pend(section)) {
+                Next::Nothing => {}
+                Next::Run(running) => self.run_in_vector::<true, true>(0, running),
+                Next::Unusual => self.look_again(),
             }
         } else {
             let begun = masked(&self.platform, |section| {
@@ -209,54 +249,57 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     #[inline(always)]
     pub fn on_vector(&self, rank: u32) {
         let begun = masked(&self.platform, |section| {
-            let now = self.platform.now();
+            let now = self.measured_now();
             self.state
                 .with(section, |state| state.begin_unlocked(rank, now))
         });
         if let Some(running) = begun {
-            self.run_in_vector(rank, running);
+            self.run_in_vector::<false, true>(rank, running);
         }
     }
 
     /// Releases what is due, pends the vectors of loops that can start, and begins the fastest.
     #[inline(always)]
-    fn release_and_pend(&self, section: CriticalSection<'_>) -> Option<Running<P::Instant>> {
+    fn release_and_pend(&self, section: CriticalSection<'_>) -> Next<P::Instant> {
         let now = self.platform.now();
-        if !self.state.with(section, |state| state.is_due(now)) {
-            let now = self.rearm(section, now);
-            return self.pend_and_begin(section, now);
+        if !self.state.with(section, |state| state.can_take_event(now)) {
+            return Next::Unusual;
         }
-        let (released, due, next) = self.state.with(section, |state| {
-            let (released, due) = state.take_event();
-            (released, due, state.next_due())
-        });
-        if self.platform.arm(next) == Armed::Past {
+        let (released, due) = self.state.with(section, State::take_event);
+        if released != 1 {
+            let others = released & !1;
             self.state
-                .with(section, |state| state.make_runnable(released, due));
-            let now = self.catch_up(section);
-            return self.pend_and_begin(section, now);
+                .with(section, |state| state.make_runnable(others, due));
+            self.platform.pend(others);
+            if released & 1 == 0 {
+                let next = self.state.with(section, |state| state.next_due());
+                if self.platform.arm(next) == Armed::Ahead {
+                    return Next::Nothing;
+                }
+                self.catch_up(section);
+                return Next::Unusual;
+            }
         }
-        if released & !1 != 0 {
-            self.state
-                .with(section, |state| state.make_runnable(released & !1, due));
-            self.platform.pend(released & !1);
-        }
-        if released & 1 == 0 {
-            return None;
-        }
-        self.state
-            .with(section, |state| state.begin_released(0, due, now))
+        // Nothing interrupts it: the timer can wait until it has run.
+        let begun = self
+            .state
+            .with(section, |state| state.begin_released(0, due, now));
+        begun.map_or(Next::Nothing, Next::Run)
     }
 
+    /// The timer's interrupt came early, without cause or late, or nothing is started.
     #[cold]
-    fn pend_and_begin(
-        &self,
-        section: CriticalSection<'_>,
-        now: P::Instant,
-    ) -> Option<Running<P::Instant>> {
-        self.pend_others(section);
-        self.state
-            .with(section, |state| state.begin_unlocked(0, now))
+    #[inline(never)]
+    fn look_again(&self) {
+        let begun = masked(&self.platform, |section| {
+            let now = self.release(section);
+            self.pend_others(section);
+            self.state
+                .with(section, |state| state.begin_unlocked(0, now))
+        });
+        if let Some(running) = begun {
+            self.run_in_vector::<true, false>(0, running);
+        }
     }
 
     /// Pends the vectors of all loops that can start but the fastest, whose vector is the caller's.
@@ -268,20 +311,61 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     }
 
     /// Runs a loop in its own vector.
+    ///
+    /// That of the fastest loop is the timer's. The copy that runs often is compiled by itself, so that
+    /// all of it is inlined.
     #[inline(always)]
-    fn run_in_vector(&self, rank: u32, running: Running<P::Instant>) {
+    fn run_in_vector<const FASTEST: bool, const OFTEN: bool>(
+        &self,
+        rank: u32,
+        running: Running<P::Instant>,
+    ) {
         self.call(rank, running);
         let again = masked(&self.platform, |section| {
-            let mut now = self.platform.now();
-            if rank == 0 && self.state.with(section, |state| state.is_overdue(now)) {
-                // The timer could not interrupt: what was due meanwhile came before the end.
-                now = self.catch_up_and_pend(section);
+            let now = self.measured_now();
+            if FASTEST {
+                let next = self.state.with(section, |state| state.plain_next());
+                if next.is_none_or(|next| self.platform.arm(next) == Armed::Past) {
+                    return self.end_overdue(section, running);
+                }
+                self.state
+                    .with(section, |state| state.end_fastest(running, now));
+                return false;
             }
             self.state
                 .with(section, |state| state.end(rank, running, now))
         });
         if again {
             self.platform.pend(1_u32.unbounded_shl(rank));
+        }
+    }
+
+    /// Ends the fastest loop, which the timer could not interrupt: what was due before came before the
+    /// end. Says whether the vector is to run again.
+    #[cold]
+    fn end_overdue(&self, section: CriticalSection<'_>, running: Running<P::Instant>) -> bool {
+        let next = self.state.with(section, |state| state.started_due());
+        let late = next.is_some_and(|next| self.platform.arm(next) == Armed::Past);
+        let now = self.platform.now();
+        if !late {
+            return self.state.with(section, |state| state.end(0, running, now));
+        }
+        if self.state.with(section, |state| state.is_overdue(now)) {
+            let now = self.catch_up_and_pend(section);
+            return self.state.with(section, |state| state.end(0, running, now));
+        }
+        // What is due just now comes after it, and its interrupt may not come by itself.
+        self.state.with(section, |state| state.end(0, running, now));
+        true
+    }
+
+    /// Now, if anybody wants to know.
+    #[inline(always)]
+    fn measured_now(&self) -> P::Instant {
+        if K::MEASURES {
+            self.platform.now()
+        } else {
+            P::Instant::ZERO
         }
     }
 
@@ -304,7 +388,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         while let Some((rank, running)) = next {
             self.call(rank, running);
             next = masked(&self.platform, |section| {
-                let now = self.platform.now();
+                let now = self.measured_now();
                 self.state.with(section, |state| {
                     state.end(rank, running, now);
                     state.begin_fastest(now)
@@ -323,7 +407,7 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
         // SAFETY: the context is there until `withdraw` has seen that the loop is not in progress,
         // as it is since `begin`; and a loop in progress is not begun again.
         self.platform
-            .interruptible(rank, || unsafe { running.body.call() });
+            .interruptible(rank, || unsafe { running.body.call(running.due) });
         core::mem::forget(end);
     }
 
@@ -373,12 +457,11 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     }
 
     fn set_enabled(&self, id: LoopId, enabled: bool) -> Result<(), LoopError> {
-        let number = Self::number(id)?;
-        if self.with_state(|state| state.enable(number, enabled)) {
-            Ok(())
-        } else {
-            Err(LoopError::Unassigned { id })
-        }
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            let done = state.enable(number, enabled);
+            done.then_some(()).ok_or(LoopError::Unassigned { id })
+        })
     }
 
     /// Lets only loops run that are faster than all of `users`; see [`State::lock`].
@@ -408,11 +491,11 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
 
     /// Looks on from outside, for tests.
     #[cfg(all(test, not(condor_loom)))]
-    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<S, P::Instant, L>) -> R) -> R {
+    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<P::Instant, L, E, K>) -> R) -> R {
         section(|section| self.state.with(section, |state| f(state)))
     }
 
-    fn with_state<R>(&self, f: impl FnOnce(&mut State<S, P::Instant, L>) -> R) -> R {
+    fn with_state<R>(&self, f: impl FnOnce(&mut State<P::Instant, L, E, K>) -> R) -> R {
         section(|section| {
             if P::VECTORS {
                 self.settle(section);
@@ -425,34 +508,27 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Scheduler<P, S, L> {
     fn settle(&self, section: CriticalSection<'_>) {
         let now = self.platform.now();
         let overdue =
-            |state: &mut State<S, P::Instant, L>| state.runs_fastest() && state.is_overdue(now);
+            |state: &mut State<P::Instant, L, E, K>| state.runs_fastest() && state.is_overdue(now);
         if self.state.with(section, overdue) {
             self.catch_up_and_pend(section);
         }
     }
-
-    fn number(id: LoopId) -> Result<usize, LoopError> {
-        let number = usize::from(id.0);
-        if number < L {
-            Ok(number)
-        } else {
-            Err(Self::no_such(id))
-        }
-    }
-
-    const fn no_such(id: LoopId) -> LoopError {
-        LoopError::NoSuchLoop { id, loops: L as u8 }
-    }
 }
 
-impl<P: Platform, S: Schedule<L>, const L: usize> Loops for Scheduler<P, S, L> {
-    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body) -> Result<(), LoopError> {
-        let number = Self::number(id)?;
-        if self.with_state(|state| state.assign(number, overrun, body)) {
-            Ok(())
-        } else {
-            Err(LoopError::Taken { id })
-        }
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Loops<P::Instant>
+    for Scheduler<P, L, E, K>
+{
+    fn assign_body(
+        &self,
+        id: LoopId,
+        overrun: Overrun,
+        body: Body<P::Instant>,
+    ) -> Result<(), LoopError> {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            let done = state.assign(number, overrun, body);
+            done.then_some(()).ok_or(LoopError::Taken { id })
+        })
     }
 
     /// Once they have finished.
@@ -465,25 +541,50 @@ impl<P: Platform, S: Schedule<L>, const L: usize> Loops for Scheduler<P, S, L> {
     }
 }
 
+impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E, Histograms> {
+    /// How lateness and run times of a loop are distributed at this moment.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`].
+    pub fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError> {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            state.record(number).ok_or(state.no_such(id))
+        })
+    }
+}
+
+/// What the timer's interrupt is to do where ranks have vectors.
+enum Next<I> {
+    Nothing,
+    Run(Running<I>),
+    /// What happens seldom: it has more to find out.
+    Unusual,
+}
+
 /// Ends a loop whose body unwinds.
-struct End<'s, P: Platform, S: Schedule<L>, const L: usize> {
-    scheduler: &'s Scheduler<P, S, L>,
+struct End<'s, P: Platform, const L: usize, const E: usize, K: Keep> {
+    scheduler: &'s Scheduler<P, L, E, K>,
     rank: u32,
     running: Running<P::Instant>,
 }
 
-impl<P: Platform, S: Schedule<L>, const L: usize> Drop for End<'_, P, S, L> {
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Drop for End<'_, P, L, E, K> {
     fn drop(&mut self) {
         let scheduler = self.scheduler;
-        section(|section| {
-            if P::VECTORS {
-                scheduler.settle(section);
+        let again = section(|section| {
+            if P::VECTORS && self.rank == 0 {
+                return scheduler.end_overdue(section, self.running);
             }
             // In the section: loops that interrupt before it are no part of this one's time.
             let now = scheduler.platform.now();
             scheduler.state.with(section, |state| {
                 state.end(self.rank, self.running, now);
             });
+            false
         });
+        if again {
+            scheduler.platform.pend(1);
+        }
     }
 }

@@ -5,6 +5,7 @@ use core::marker::PhantomData;
 
 use crate::body::Body;
 use crate::error::LoopError;
+use crate::instant::Instant;
 use crate::process::Overrun;
 use crate::scheduler::LoopId;
 
@@ -15,11 +16,11 @@ use crate::scheduler::LoopId;
 /// ```compile_fail,E0597
 /// # use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, sim::Processor};
 /// # let hertz = Rate::hz(1000);
-/// # let schedule = Scan::new([Rate::hz(1)], Clock::of::<u64>(hertz));
+/// # let schedule = Scan::<1>::new(&[Rate::hz(1)], Clock::of::<u64>(hertz));
 /// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
 /// scheduler.scope(|scope| {
 ///     let mut runs = 0;
-///     let mut body = || runs += 1;
+///     let mut body = |_| runs += 1;
 ///     scope.assign(LoopId(0), Overrun::Skip, &mut body)
 /// });
 /// ```
@@ -29,18 +30,18 @@ use crate::scheduler::LoopId;
 /// ```compile_fail,E0503
 /// # use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, sim::Processor};
 /// # let hertz = Rate::hz(1000);
-/// # let schedule = Scan::new([Rate::hz(1)], Clock::of::<u64>(hertz));
+/// # let schedule = Scan::<1>::new(&[Rate::hz(1)], Clock::of::<u64>(hertz));
 /// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
 /// let mut runs = 0;
-/// let mut body = || runs += 1;
+/// let mut body = |_| runs += 1;
 /// scheduler.scope(|scope| {
 ///     scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
 ///     assert_eq!(runs, 0);
 ///     Ok::<_, condor_mos::LoopError>(())
 /// });
 /// ```
-pub struct Scope<'scope, 'env: 'scope> {
-    scheduler: &'scope (dyn Loops + 'scope),
+pub struct Scope<'scope, 'env: 'scope, I> {
+    scheduler: &'scope (dyn Loops<I> + 'scope),
     /// A bit for each loop that was assigned here.
     assigned: Cell<u32>,
     /// `'scope` neither grows nor shrinks: a closure's borrows live until the scope has ended.
@@ -50,19 +51,19 @@ pub struct Scope<'scope, 'env: 'scope> {
 
 /// What a scope asks of its scheduler, whose type it does not name: with it, a platform that is
 /// borrowed for ever would have closures borrow for as long.
-pub(crate) trait Loops {
-    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body) -> Result<(), LoopError>;
+pub(crate) trait Loops<I> {
+    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body<I>) -> Result<(), LoopError>;
 
     /// Disarms these loops, a bit for each.
     fn withdraw(&self, numbers: u32);
 }
 
-impl<'scope> Scope<'scope, '_> {
-    /// Has a loop run `closure`, and enables it.
+impl<'scope, I: Instant> Scope<'scope, '_, I> {
+    /// Has a loop run `closure`, which is given the instant at which it was due, and enables it.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`].
-    pub fn assign<F: FnMut() + Send>(
+    pub fn assign<F: FnMut(I) + Send>(
         &'scope self,
         id: LoopId,
         overrun: Overrun,
@@ -76,10 +77,10 @@ impl<'scope> Scope<'scope, '_> {
     }
 }
 
-impl Scope<'_, '_> {
+impl<I> Scope<'_, '_, I> {
     pub(crate) fn run<'env, R>(
-        scheduler: &dyn Loops,
-        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env>) -> R,
+        scheduler: &dyn Loops<I>,
+        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, I>) -> R,
     ) -> R {
         let scope = Scope {
             scheduler,
@@ -96,12 +97,12 @@ impl Scope<'_, '_> {
 }
 
 /// Disarms a scope's loops, also when it unwinds.
-struct Withdraw<'w> {
-    scheduler: &'w dyn Loops,
+struct Withdraw<'w, I> {
+    scheduler: &'w dyn Loops<I>,
     assigned: &'w Cell<u32>,
 }
 
-impl Drop for Withdraw<'_> {
+impl<I> Drop for Withdraw<'_, I> {
     fn drop(&mut self) {
         self.scheduler.withdraw(self.assigned.get());
     }

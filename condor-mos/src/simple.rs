@@ -37,7 +37,7 @@ use crate::timer::Armed;
 /// let servo = SimpleServo::new(processor.clone(), Rate::hz(400), clock);
 ///
 /// let mut runs = 0;
-/// let mut servo_loop = || { processor.work(300); runs += 1; };
+/// let mut servo_loop = |_| { processor.work(300); runs += 1; };
 /// servo.scope(Overrun::Skip, &mut servo_loop, || {
 ///     processor.with_handler(|| servo.on_timer(), || {
 ///         servo.start()?;
@@ -72,7 +72,8 @@ struct State<I> {
 /// The loop, once it has started.
 #[must_use]
 struct Running<I> {
-    body: Body,
+    body: Body<I>,
+    due: I,
     since: I,
 }
 
@@ -134,7 +135,7 @@ impl<P: Platform> SimpleServo<P> {
     pub fn assign<C: Send>(
         &self,
         overrun: Overrun,
-        body: fn(&mut C),
+        body: fn(&mut C, P::Instant),
         context: &'static mut C,
     ) -> Result<(), LoopError> {
         self.assign_body(overrun, Body::of_function(body, context))
@@ -145,7 +146,7 @@ impl<P: Platform> SimpleServo<P> {
     ///
     /// # Errors
     /// [`LoopError::Taken`]; then `program` is not run.
-    pub fn scope<F: FnMut() + Send, R>(
+    pub fn scope<F: FnMut(P::Instant) + Send, R>(
         &self,
         overrun: Overrun,
         closure: &mut F,
@@ -160,12 +161,15 @@ impl<P: Platform> SimpleServo<P> {
     ///
     /// # Errors
     /// [`StartError::Clock`] if the servo was made for another clock than the platform's,
+    /// [`StartError::NoHandler`] if the platform knows that its interrupts call nothing,
     /// [`StartError::Started`].
     pub fn start(&self) -> Result<(), StartError> {
         let timer = Clock::of::<P::Instant>(self.platform.frequency());
         section(|section| {
             let now = self.platform.now();
-            self.state.with(section, |state| state.start(timer, now))
+            let has_handler = self.platform.has_handler();
+            self.state
+                .with(section, |state| state.start(timer, has_handler, now))
         })?;
         if P::VECTORS {
             self.platform.pend(1);
@@ -210,6 +214,7 @@ impl<P: Platform> SimpleServo<P> {
         let clock = self.with_state(|state| state.clock);
         let grid = Grid::new(rate, clock.frequency()).ok_or(too_fast(rate, clock))?;
         self.with_state(|state| {
+            state.servo_loop.change();
             state.rate = rate;
             state.grid = grid;
         });
@@ -222,6 +227,11 @@ impl<P: Platform> SimpleServo<P> {
         let (snapshot, rate, clock) =
             self.with_state(|state| (state.servo_loop.snapshot(), state.rate, state.clock));
         Statistics::of(&snapshot, rate, clock.frequency())
+    }
+
+    /// Sets the counts and times of the loop to 0.
+    pub fn reset_statistics(&self) {
+        self.with_state(|state| state.servo_loop.reset());
     }
 
     /// The timer's interrupt: runs the loop if it is due.
@@ -265,10 +275,11 @@ impl<P: Platform> SimpleServo<P> {
         if !self.platform.is_loops_stack() {
             return None;
         }
-        let body = self
+        let (body, due) = self
             .state
             .with(section, |state| state.servo_loop.begin(now))?;
-        Some(Running { body, since: now })
+        let since = now;
+        Some(Running { body, due, since })
     }
 
     /// Runs the loop once; gives its next run, if that has waited.
@@ -281,7 +292,7 @@ impl<P: Platform> SimpleServo<P> {
         // SAFETY: the context is there until `Withdraw` has seen that the loop is not in progress,
         // as it is since `begin`; and a loop in progress is not begun again.
         self.platform
-            .interruptible(0, || unsafe { running.body.call() });
+            .interruptible(0, || unsafe { running.body.call(running.due) });
         core::mem::forget(unwound);
         masked(&self.platform, |section| {
             let mut now = self.platform.now();
@@ -295,7 +306,7 @@ impl<P: Platform> SimpleServo<P> {
         })
     }
 
-    fn assign_body(&self, overrun: Overrun, body: Body) -> Result<(), LoopError> {
+    fn assign_body(&self, overrun: Overrun, body: Body<P::Instant>) -> Result<(), LoopError> {
         if self.with_state(|state| state.servo_loop.assign(overrun, body)) {
             Ok(())
         } else {
@@ -323,10 +334,13 @@ impl<P: Platform> SimpleServo<P> {
 }
 
 impl<I: Instant> State<I> {
-    fn start(&mut self, timer: Clock, now: I) -> Result<(), StartError> {
+    fn start(&mut self, timer: Clock, has_handler: bool, now: I) -> Result<(), StartError> {
         let schedule = self.clock;
         if schedule != timer {
             return Err(StartError::Clock { timer, schedule });
+        }
+        if !has_handler {
+            return Err(StartError::NoHandler);
         }
         if self.started {
             return Err(StartError::Started);

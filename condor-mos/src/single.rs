@@ -3,12 +3,13 @@
 use crate::body::Body;
 use crate::instant::Instant;
 use crate::process::{Overrun, Process};
+use crate::record::{Counts, Record};
 use crate::state::Snapshot;
 
 /// A process, and what a scheduler of several keeps of it in its sets of loops.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Single<I> {
-    process: Process<I>,
+    process: Process<I, Counts>,
     enabled: bool,
     /// Released, and not finished.
     unfinished: bool,
@@ -25,7 +26,7 @@ impl<I: Instant> Single<I> {
     };
 
     /// Gives the loop what it runs and enables it, if it has nothing yet; says whether it had not.
-    pub(crate) fn assign(&mut self, overrun: Overrun, body: Body) -> bool {
+    pub(crate) fn assign(&mut self, overrun: Overrun, body: Body<I>) -> bool {
         if self.is_assigned() {
             return false;
         }
@@ -93,19 +94,19 @@ impl<I: Instant> Single<I> {
 
     /// Starts the loop if it is released; gives what it runs.
     #[inline]
-    pub(crate) fn begin(&mut self, now: I) -> Option<Body> {
+    pub(crate) fn begin(&mut self, now: I) -> Option<(Body<I>, I)> {
         if !self.runnable {
             return None;
         }
         self.runnable = false;
         self.process.start(now);
-        Some(self.process.body)
+        Some((self.process.body, self.process.due))
     }
 
     /// The loop has finished, after `ticks`.
     #[inline]
     pub(crate) fn end(&mut self, ticks: u32) {
-        self.process.finish(ticks);
+        self.process.record.finish(ticks);
         self.unfinished = self.process.queued > 0;
         if self.unfinished {
             self.process.take_queued();
@@ -115,17 +116,29 @@ impl<I: Instant> Single<I> {
 
     /// Skips what has not started.
     pub(crate) fn forget(&mut self) {
-        self.process
-            .skip(self.process.queued + u32::from(self.runnable));
+        let forgotten = self.process.queued + u32::from(self.runnable);
+        self.process.record.skip(forgotten);
         self.process.queued = 0;
         self.unfinished &= !self.runnable;
         self.runnable = false;
     }
 
-    pub(crate) fn snapshot(&self) -> Snapshot<I> {
+    /// The loop has another rate from here on.
+    pub(crate) fn change(&mut self) {
+        let released = self.snapshot().released();
+        self.process.record.change(released);
+    }
+
+    /// Counts begin anew.
+    pub(crate) fn reset(&mut self) {
+        self.process.record = Counts::NEW;
+    }
+
+    pub(crate) fn snapshot(&self) -> Snapshot {
         Snapshot {
-            process: self.process,
+            counts: self.process.record,
             enabled: self.enabled,
+            faulted: self.process.faulted,
             running: self.unfinished && !self.runnable,
             pending: self.process.queued + u32::from(self.runnable),
         }

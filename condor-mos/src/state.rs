@@ -1,16 +1,19 @@
 //! [`State`]: what is due, what runs next, what was interrupted. All decisions, and no platform.
 
 use crate::body::Body;
+use crate::error::LoopError;
 use crate::instant::Instant;
 use crate::process::{Overrun, Process};
-use crate::schedule::Schedule;
+use crate::record::{Counts, Record};
+use crate::schedule::EventTable;
+use crate::scheduler::LoopId;
 
 /// The scheduler's memory: the process table, and where it is in the schedule.
 ///
 /// Sets of loops are words with a bit for each rank. Every method is one step that nothing may
 /// interrupt.
-pub(crate) struct State<S, I, const L: usize> {
-    pub(crate) schedule: S,
+pub(crate) struct State<I, const L: usize, const E: usize, K> {
+    pub(crate) schedule: EventTable<L, E>,
     /// When the next event is due.
     due: I,
     started: bool,
@@ -23,10 +26,13 @@ pub(crate) struct State<S, I, const L: usize> {
     unfinished: u32,
     /// Released, and not started.
     runnable: u32,
+    /// At whose end there is more to do: those for which releases wait, and all while nothing is
+    /// started.
+    unusual: u32,
     /// Ticks that loops have taken, each without those that interrupted it; wraps.
     busy: u32,
     /// By rank.
-    processes: [Process<I>; L],
+    processes: [Process<I, K>; L],
 }
 
 /// A loop that has started.
@@ -36,19 +42,28 @@ pub(crate) struct Running<I> {
     since: I,
     /// What loops had taken then.
     busy: u32,
-    pub(crate) body: Body,
+    pub(crate) due: I,
+    pub(crate) body: Body<I>,
 }
 
 /// A loop's counts at one moment.
-pub(crate) struct Snapshot<I> {
-    pub(crate) process: Process<I>,
+pub(crate) struct Snapshot {
+    pub(crate) counts: Counts,
     pub(crate) enabled: bool,
+    pub(crate) faulted: bool,
     pub(crate) running: bool,
     pub(crate) pending: u32,
 }
 
-impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
-    pub(crate) const fn new(schedule: S) -> Self {
+impl Snapshot {
+    pub(crate) fn released(&self) -> u64 {
+        let begun = self.counts.run() + self.counts.skipped;
+        begun + u64::from(self.running) + u64::from(self.pending)
+    }
+}
+
+impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
+    pub(crate) const fn new(schedule: EventTable<L, E>) -> Self {
         Self {
             schedule,
             due: I::ZERO,
@@ -58,6 +73,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
             runnable: 0,
             unlocked: u32::MAX,
             held: u32::MAX,
+            unusual: u32::MAX,
             busy: 0,
             processes: [Process::NEW; L],
         }
@@ -68,12 +84,15 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         self.schedule.restart();
         self.due = now;
         self.started = true;
+        self.unusual = 0;
     }
 
     /// Ends it; what is in progress finishes.
     pub(crate) fn stop(&mut self) {
         self.started = false;
+        self.schedule.park();
         self.forget(u32::MAX);
+        self.unusual = u32::MAX;
     }
 
     /// When the next event is due; `None` while stopped.
@@ -87,15 +106,28 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         now.has_reached(self.due) && self.started
     }
 
+    /// Whether the next event is due by `now`, and can be taken.
+    #[inline(always)]
+    pub(crate) fn can_take_event(&mut self, now: I) -> bool {
+        if !now.has_reached(self.due) {
+            return false;
+        }
+        // Where nothing is started, the schedule is at a turn.
+        !self.schedule.is_at_turn() || self.schedule.repeat() || self.started && self.turn()
+    }
+
+    /// When the next event is due, unless there is more to do at the end of the fastest loop.
+    #[inline(always)]
+    pub(crate) fn plain_next(&self) -> Option<I> {
+        (self.unusual & 1 == 0).then_some(self.due)
+    }
+
     /// Takes the event that is due: the loops that it releases and may start, and when it was due.
     ///
     /// They are unfinished from here on; who takes them begins them or makes them runnable.
     #[inline(always)]
     pub(crate) fn take_event(&mut self) -> (u32, I) {
         let due = self.due;
-        if self.schedule.is_at_turn() {
-            self.turn();
-        }
         let event = self.schedule.next_event();
         self.due = due.after(event.gap);
         let mut released = event.ranks;
@@ -121,6 +153,9 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
 
     /// Passes the event that is due, and gives when the next one is due.
     pub(crate) fn pass_event(&mut self) -> I {
+        if self.schedule.is_at_turn() {
+            self.turn();
+        }
         let (released, due) = self.take_event();
         self.make_runnable(released, due);
         self.due
@@ -143,13 +178,37 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         self.due
     }
 
-    /// Lets changed rates take effect if they can.
+    /// Lets changed rates take effect if they can. `true`: the next event can be taken.
     #[cold]
-    fn turn(&mut self) {
+    #[inline(never)]
+    fn turn(&mut self) -> bool {
+        if self.schedule.is_changing() {
+            self.change();
+        } else {
+            self.schedule.turn(false);
+        }
+        true
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn change(&mut self) {
         let idle = self.unfinished == 0 && self.unlocked == u32::MAX;
+        let rates = *self.schedule.set();
         let Some(former_ranks) = self.schedule.turn(idle) else {
             return;
         };
+        for (rank, former) in (0..).zip(former_ranks) {
+            if let (Some(after), Some(before)) = (
+                self.schedule.set().at_rank(rank),
+                rates.at_rank(usize::from(former)),
+            ) && after != before
+                && let Some(process) = self.processes.get_mut(usize::from(former))
+            {
+                let released = process.record.counts();
+                process.record.change(released.run() + released.skipped);
+            }
+        }
         let (before, were_enabled) = (self.processes, self.enabled);
         self.enabled = 0;
         for (rank, (process, former)) in (0..).zip(self.processes.iter_mut().zip(former_ranks)) {
@@ -165,10 +224,14 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     #[cold]
     fn without_overruns(&mut self, ranks: u32, due: I) -> u32 {
         for rank in bits(ranks & self.unfinished & self.enabled) {
-            if let Some(process) = self.processes.get_mut(rank as usize)
-                && !process.overrun(due)
-            {
+            let Some(process) = self.processes.get_mut(rank as usize) else {
+                continue;
+            };
+            if !process.overrun(due) {
                 self.enabled &= !(1 << rank);
+            }
+            if process.queued > 0 {
+                self.unusual |= 1 << rank;
             }
         }
         self.hold();
@@ -239,8 +302,9 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         let process = self.processes.get_mut(rank as usize)?;
         process.start(now);
         Some(Running {
-            since: now,
-            busy: self.busy,
+            since: if K::MEASURES { now } else { I::ZERO },
+            busy: if K::MEASURES { self.busy } else { 0 },
+            due: process.due,
             body: process.body,
         })
     }
@@ -249,27 +313,57 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     /// it may start again at once.
     #[inline(always)]
     pub(crate) fn end(&mut self, rank: u32, running: Running<I>, now: I) -> bool {
-        let nested = self.busy.wrapping_sub(running.busy);
-        let ticks = now.since(running.since).wrapping_sub(nested);
-        self.busy = self.busy.wrapping_add(ticks);
+        if K::MEASURES {
+            let nested = self.busy.wrapping_sub(running.busy);
+            let ticks = now.since(running.since).wrapping_sub(nested);
+            self.busy = self.busy.wrapping_add(ticks);
+            if let Some(process) = self.processes.get_mut(rank as usize) {
+                process.record.finish(ticks);
+            }
+        }
+        if self.unusual & 1 << rank != 0 && self.end_with_others(rank) {
+            return true;
+        }
+        self.unfinished &= !(1 << rank);
+        false
+    }
+
+    /// As [`end`](Self::end) of the fastest loop, which nothing interrupts, if there is no more to do
+    /// at its end.
+    #[inline(always)]
+    pub(crate) fn end_fastest(&mut self, running: Running<I>, now: I) {
+        if K::MEASURES {
+            let ticks = now.since(running.since);
+            self.busy = self.busy.wrapping_add(ticks);
+            if let Some(process) = self.processes.first_mut() {
+                process.record.finish(ticks);
+            }
+        }
+        self.unfinished &= !1;
+    }
+
+    /// The loop of a rank has finished: the next of the releases that wait takes its place, if any does.
+    #[cold]
+    fn end_with_others(&mut self, rank: u32) -> bool {
         let Some(process) = self.processes.get_mut(rank as usize) else {
             return false;
         };
-        process.finish(ticks);
-        if process.queued == 0 {
-            self.unfinished &= !(1 << rank);
-            return false;
+        let waits = process.queued > 0;
+        if waits {
+            process.take_queued();
+            self.runnable |= 1 << rank;
         }
-        process.take_queued();
-        self.runnable |= 1 << rank;
-        true
+        if self.started && process.queued == 0 {
+            self.unusual &= !(1 << rank);
+        }
+        waits
     }
 
     /// Lets only loops start that are faster than all in `users`, a bit for each number; gives what
     /// might start before, or `None` if a faster one is in progress.
     pub(crate) fn lock(&mut self, users: u32) -> Option<u32> {
         let is_user = |number: &u8| users & 1_u32.unbounded_shl(u32::from(*number)) != 0;
-        let fastest = self.schedule.ranks().iter().position(is_user);
+        let fastest = self.schedule.set().ranks().iter().position(is_user);
         // A lock that no loop uses keeps none from starting.
         let faster = fastest.map_or(u32::MAX, |rank| !u32::MAX.unbounded_shl(rank as u32));
         if self.unfinished & !self.runnable & faster != 0 {
@@ -288,7 +382,7 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     }
 
     /// Gives a loop that has none a body, and enables it; says whether it had none.
-    pub(crate) fn assign(&mut self, number: usize, overrun: Overrun, body: Body) -> bool {
+    pub(crate) fn assign(&mut self, number: usize, overrun: Overrun, body: Body<I>) -> bool {
         let Some(rank) = self.rank(number) else {
             return false;
         };
@@ -348,23 +442,42 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
     }
 
     /// A loop's counts.
-    pub(crate) fn snapshot(&self, number: usize) -> Option<Snapshot<I>> {
-        let rank = self.rank(number)?;
-        let process = *self.processes.get(rank as usize)?;
+    pub(crate) fn snapshot(&self, number: usize) -> Option<Snapshot> {
+        self.snapshot_of(self.rank(number)?)
+    }
+
+    fn snapshot_of(&self, rank: u32) -> Option<Snapshot> {
+        let process = self.processes.get(rank as usize)?;
         let runnable = self.runnable >> rank & 1;
         Some(Snapshot {
-            process,
+            counts: process.record.counts(),
             enabled: self.enabled >> rank & 1 != 0,
+            faulted: process.faulted,
             running: (self.unfinished & !self.runnable) >> rank & 1 != 0,
             pending: runnable + process.queued,
         })
+    }
+
+    pub(crate) fn record(&self, number: usize) -> Option<K> {
+        let process = self.processes.get(self.rank(number)? as usize)?;
+        Some(process.record)
+    }
+
+    /// Counts begin anew.
+    pub(crate) fn reset(&mut self, number: usize) {
+        if let Some(rank) = self.rank(number)
+            && let Some(process) = self.processes.get_mut(rank as usize)
+        {
+            process.record = K::NEW;
+        }
     }
 
     /// Skips what has not started of `ranks`.
     fn forget(&mut self, ranks: u32) {
         for (rank, process) in (0..).zip(&mut self.processes) {
             if ranks >> rank & 1 != 0 {
-                process.skip(process.queued + (self.runnable >> rank & 1));
+                let forgotten = process.queued + (self.runnable >> rank & 1);
+                process.record.skip(forgotten);
                 process.queued = 0;
             }
         }
@@ -372,10 +485,23 @@ impl<S: Schedule<L>, I: Instant, const L: usize> State<S, I, L> {
         self.runnable &= !ranks;
     }
 
+    /// The number of a loop that there is.
+    pub(crate) fn number(&self, id: LoopId) -> Result<usize, LoopError> {
+        let number = usize::from(id.0);
+        if number < self.schedule.rates().len() {
+            Ok(number)
+        } else {
+            Err(self.no_such(id))
+        }
+    }
+
+    pub(crate) fn no_such(&self, id: LoopId) -> LoopError {
+        let loops = self.schedule.rates().len() as u8;
+        LoopError::NoSuchLoop { id, loops }
+    }
+
     fn rank(&self, number: usize) -> Option<u32> {
-        let same = |other: &u8| usize::from(*other) == number;
-        let rank = self.schedule.ranks().iter().position(same)?;
-        Some(rank as u32)
+        self.schedule.set().rank(number).map(|rank| rank as u32)
     }
 }
 

@@ -2,13 +2,12 @@
 
 use core::fmt;
 
-use crate::instant::Instant;
 use crate::rate::Rate;
 use crate::state::Snapshot;
 
 /// The counts of a loop at one moment: `released = run + skipped + running + pending`.
 ///
-/// Counts wrap after 2^32 releases: 124 days at 400 Hz.
+/// Counts begin with the loop, or where they were reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Statistics {
     /// Its rate.
@@ -20,67 +19,68 @@ pub struct Statistics {
     /// Whether an overrun has disabled it.
     pub faulted: bool,
     /// How often it was due.
-    pub released: u32,
+    pub released: u64,
     /// How often it has finished.
-    pub run: u32,
+    pub run: u64,
     /// Releases that never ran, because of an overrun or because it was disabled.
-    pub skipped: u32,
+    pub skipped: u64,
     /// 1 while it is in progress, else 0.
-    pub running: u32,
+    pub running: u64,
     /// Releases that have not started.
-    pub pending: u32,
+    pub pending: u64,
     /// The longest time from a release to its start, in ticks.
     pub worst_lateness: u32,
     /// The longest run, in ticks, without the loops that interrupted it.
     pub worst_run: u32,
     /// All runs together, in ticks, without the loops that interrupted them.
     pub total_run: u64,
+    /// Of `released`, those before its rate was changed last.
+    pub released_before: u64,
+    /// Of `total_run`, what was before its rate was changed last, in ticks.
+    pub total_before: u64,
 }
 
 impl Statistics {
-    pub(crate) fn of<I: Instant>(snapshot: &Snapshot<I>, rate: Rate, frequency: Rate) -> Self {
-        let Snapshot {
-            process,
-            enabled,
-            running,
-            pending,
-        } = snapshot;
-        let running = u32::from(*running);
-        let released = [process.run, process.skipped, running, *pending];
+    pub(crate) fn of(snapshot: &Snapshot, rate: Rate, frequency: Rate) -> Self {
+        let counts = &snapshot.counts;
         Self {
             rate,
             frequency,
-            enabled: *enabled,
-            faulted: process.faulted,
-            released: released.into_iter().fold(0, u32::wrapping_add),
-            run: process.run,
-            skipped: process.skipped,
-            running,
-            pending: *pending,
-            worst_lateness: process.worst_lateness,
-            worst_run: process.worst_run,
-            total_run: process.total_run,
+            enabled: snapshot.enabled,
+            faulted: snapshot.faulted,
+            released: snapshot.released(),
+            run: counts.run(),
+            skipped: counts.skipped,
+            running: u64::from(snapshot.running),
+            pending: u64::from(snapshot.pending),
+            worst_lateness: counts.worst_lateness,
+            worst_run: counts.worst_run,
+            total_run: counts.total_run,
+            released_before: counts.released_before,
+            total_before: counts.total_before,
         }
     }
 
     /// The mean time of a run, in ticks; 0 before the first one has finished.
     #[must_use]
     pub fn mean_run(&self) -> u32 {
-        let mean = self.total_run.checked_div(u64::from(self.run));
+        let mean = self.total_run.checked_div(self.run);
         u32::try_from(mean.unwrap_or(0)).unwrap_or(u32::MAX)
     }
 
-    /// The part of the processor that the loop has taken since it was enabled first: 1 is all of it.
+    /// The part of the processor that the loop has taken since it has its rate: 1 is all of it.
     #[must_use]
     pub fn utilisation(&self) -> f64 {
-        if self.released == 0 {
+        let released = self.released.saturating_sub(self.released_before);
+        if released == 0 {
             return 0.0;
         }
         let period = self.frequency.as_hz() / self.rate.as_hz();
+        let ticks = self.total_run.saturating_sub(self.total_before);
         // Below 2^53 ticks, months of nanoseconds, nothing is lost.
         #[allow(clippy::cast_precision_loss)]
-        let total = self.total_run as f64;
-        total / (f64::from(self.released) * period)
+        let share = ticks as f64 / (released as f64 * period);
+        share
     }
 
     /// `ticks` in microseconds.

@@ -40,7 +40,7 @@ fn threads<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Re
 }
 
 fn signals<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Result<()> {
-    let table = EventTable::<L, 16>::try_new(loops.map(rate), CLOCK)?;
+    let table = EventTable::<L, 16>::try_new(&loops.map(rate), CLOCK)?;
     let scheduler = Scheduler::new(Signals::new(), table);
     let mut bodies = loops.map(body);
     scheduler.scope(|scope| {
@@ -64,9 +64,9 @@ fn rate(servo_loop: &Loop) -> Rate {
     Rate::fraction(1_000_000_000, servo_loop.period_ns as u32)
 }
 
-fn body(servo_loop: &'static Loop) -> impl FnMut() + Send {
+fn body(servo_loop: &'static Loop) -> impl FnMut(u64) + Send {
     let mut release = 0;
-    move || {
+    move |_| {
         servo_loop.run(release);
         release += 1;
     }
@@ -77,6 +77,6 @@ fn body(servo_loop: &'static Loop) -> impl FnMut() + Send {
 pub(super) fn drift_ticks() -> Result<f64> {
     let clock = Clock::of::<u64>(Rate::fraction(14_318_180, 12));
     let rates = [Rate::hz(400), Rate::hz(60), Rate::hz(7)];
-    let mut table = EventTable::<3, 512>::try_new(rates, clock)?;
+    let mut table = EventTable::<3, 512>::try_new(&rates, clock)?;
     Ok(worst_release_error(&mut table, 1_000_000))
 }

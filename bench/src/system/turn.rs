@@ -97,7 +97,7 @@ impl Counts {
     ///
     /// What a schedule was too late even to release has not run either.
     fn between(before: &Statistics, after: &Statistics, asked: u32) -> Self {
-        let since = |of: fn(&Statistics) -> u32| of(after).wrapping_sub(of(before));
+        let since = |of: fn(&Statistics) -> u64| of(after).wrapping_sub(of(before)) as u32;
         let released = since(|statistics| statistics.released);
         // One more or less is on the edge of the time.
         let never = asked.saturating_sub(released).saturating_sub(1);
@@ -221,8 +221,8 @@ impl<M: Machine> Background<'_, '_, M> {
         let turn = self.turn;
         let platform = self.machine.platform();
         let clock = Clock::of::<u64>(platform.frequency());
-        let table = Scan::try_new([Rate::hz(turn.rate_hz)], clock).map_err(display)?;
-        let scheduler: Scheduler<_, _, 1> = Scheduler::new(platform, table);
+        let table = Scan::<1>::try_new(&[Rate::hz(turn.rate_hz)], clock).map_err(display)?;
+        let scheduler: Scheduler<_, 1, 0> = Scheduler::new(platform, table);
         let scheduler = &scheduler;
         let bell = self.machine.doorbell();
         let begun_ns = bell.now().as_ns();
@@ -231,7 +231,7 @@ impl<M: Machine> Background<'_, '_, M> {
         // A loop that takes all of the processor would keep the background from ever ending it.
         let limit_ns = AtomicU64::new(end_ns + turn.length_ns() / 4);
         let loops_bell = &bell;
-        let mut body = || {
+        let mut body = |_| {
             tick();
             // Relaxed: written before the loop began.
             if loops_bell.now().as_ns() > limit_ns.load(Ordering::Relaxed) {
@@ -283,7 +283,7 @@ impl<M: Machine> Background<'_, '_, M> {
 mod tests {
     use super::*;
 
-    fn statistics(released: u32, run: u32, skipped: u32) -> Statistics {
+    fn statistics(released: u64, run: u64, skipped: u64) -> Statistics {
         Statistics {
             rate: Rate::hz(1000),
             frequency: Rate::hz(1_000_000_000),
@@ -296,13 +296,15 @@ mod tests {
             pending: 0,
             worst_lateness: 0,
             worst_run: 0,
-            total_run: u64::from(run) * 5000,
+            total_run: run * 5000,
+            released_before: 0,
+            total_before: 0,
         }
     }
 
     #[test]
     fn what_was_never_released_is_skipped_too() {
-        let before = statistics(u32::MAX - 9, 80, 10);
+        let before = statistics(u64::MAX - 9, 80, 10);
         let on_time = Counts::between(&before, &statistics(90, 178, 12), 100);
         assert_eq!((on_time.skipped, on_time.mean_run_ns), (2, 5000));
         let edge = Counts::between(&before, &statistics(89, 179, 10), 100);

@@ -36,9 +36,9 @@ pub struct LoopRates {
     /// The longest time from a release to its start, µs.
     pub worst_lateness_us: f64,
     /// How often it has run; wraps.
-    pub runs: u32,
+    pub runs: u64,
     /// Releases that never ran: overruns; wraps.
-    pub overruns: u32,
+    pub overruns: u64,
     /// Whether it is released when it is due.
     pub enabled: bool,
     /// Whether an overrun has disabled it.
@@ -83,7 +83,7 @@ impl LoopSample {
                 let releases = now.released.wrapping_sub(same.1.released);
                 let seconds = match releases {
                     0 => self.at.duration_since(before.at).as_secs_f64(),
-                    _ => f64::from(releases) / now.rate.as_hz(),
+                    _ => float(releases) / now.rate.as_hz(),
                 };
                 Some((&same.1, seconds))
             });
@@ -96,7 +96,7 @@ impl LoopSample {
     #[must_use]
     pub fn overall(&self) -> Vec<LoopRates> {
         let overall = |(name, counts): &(String, Statistics)| {
-            let seconds = f64::from(counts.released) / counts.rate.as_hz();
+            let seconds = float(counts.released) / counts.rate.as_hz();
             rates(name, counts, Some((&beginning(counts), seconds)))
         };
         self.loops.iter().map(overall).collect()
@@ -112,18 +112,22 @@ const fn beginning(counts: &Statistics) -> Statistics {
     }
 }
 
+#[allow(
+    clippy::cast_precision_loss,
+    reason = "2^53 ticks of a nanosecond are a hundred days of running"
+)]
+const fn float(count: u64) -> f64 {
+    count as f64
+}
+
 fn rates(name: &str, now: &Statistics, before: Option<(&Statistics, f64)>) -> LoopRates {
     let ticks_per_us = now.frequency.as_hz() / 1e6;
-    #[allow(
-        clippy::cast_precision_loss,
-        reason = "2^53 ticks of a nanosecond are a hundred days of running"
-    )]
-    let us = |ticks: u64| ticks as f64 / ticks_per_us;
-    let mean = |total: u64, runs: u32| {
+    let us = |ticks: u64| float(ticks) / ticks_per_us;
+    let mean = |total: u64, runs: u64| {
         if runs == 0 {
             0.0
         } else {
-            us(total) / f64::from(runs)
+            us(total) / float(runs)
         }
     };
     let since = before.filter(|(_, seconds)| *seconds > 0.0);
@@ -135,7 +139,7 @@ fn rates(name: &str, now: &Statistics, before: Option<(&Statistics, f64)>) -> Lo
     LoopRates {
         name: name.into(),
         rate_hz: now.rate.as_hz(),
-        reached_hz: since.map(|(runs, _, seconds)| f64::from(runs) / seconds),
+        reached_hz: since.map(|(runs, _, seconds)| float(runs) / seconds),
         run_us: match since {
             Some((runs, total, _)) if runs > 0 => mean(total, runs),
             _ => mean(now.total_run, now.run),
@@ -156,7 +160,7 @@ mod tests {
 
     use super::*;
 
-    fn counts(run: u32, total_run: u64) -> Statistics {
+    fn counts(run: u64, total_run: u64) -> Statistics {
         Statistics {
             rate: Rate::hz(400),
             frequency: Rate::hz(1_000_000_000),
@@ -170,12 +174,14 @@ mod tests {
             worst_lateness: 52_000,
             worst_run: 80_000,
             total_run,
+            released_before: 0,
+            total_before: 0,
         }
     }
 
     #[test]
     fn rates_are_those_between_two_samples_also_where_counts_wrap() {
-        let before = counts(u32::MAX - 99, 1_000_000);
+        let before = counts(u64::MAX - 99, 1_000_000);
         let now = counts(300, 21_000_000);
         let rates = rates("servo", &now, Some((&before, 1.0)));
         assert_eq!(rates.reached_hz, Some(400.0));
@@ -209,14 +215,14 @@ mod tests {
                 loops: vec![("servo".into(), counts)],
             }
         };
-        let before = sample(u32::MAX - 99, 900);
+        let before = sample(u64::MAX - 99, 900);
         let rates = sample(100, 1090).since(Some(&before));
         assert_eq!(rates[0].reached_hz, Some(380.0));
         // Nothing ran, and nothing was due.
         let rates = before.clone().since(Some(&before));
         assert_eq!(rates[0].reached_hz, None);
         std::thread::sleep(std::time::Duration::from_millis(1));
-        let rates = sample(u32::MAX - 99, 900).since(Some(&before));
+        let rates = sample(u64::MAX - 99, 900).since(Some(&before));
         assert_eq!(rates[0].reached_hz, Some(0.0));
     }
 

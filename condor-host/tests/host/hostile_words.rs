@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 const WORDS: usize = 512;
 
-fn counts(released: u32) -> Statistics {
+fn counts(released: u64) -> Statistics {
     Statistics {
         rate: Rate::new(5994, 100).unwrap(),
         frequency: Rate::hz(1_000_000_000),
@@ -22,6 +22,8 @@ fn counts(released: u32) -> Statistics {
         worst_lateness: 5,
         worst_run: 600,
         total_run: u64::from(u32::MAX) * 3,
+        released_before: 7 << 40,
+        total_before: 9 << 50,
     }
 }
 

@@ -83,7 +83,10 @@ fn as_process(loops: Loops) {
     let counts = seen.counts;
     let accounted = counts.run + counts.skipped + counts.running + counts.pending;
     assert_eq!(counts.released, accounted);
-    assert!(counts.run >= 80 && seen.ticks >= counts.run, "{seen:?}");
+    assert!(
+        counts.run >= 80 && u64::from(seen.ticks) >= counts.run,
+        "{seen:?}"
+    );
     let kill = Command::new("kill").arg(child.id().to_string()).status();
     assert!(kill.unwrap().success());
     let Output { status, stderr, .. } = child.wait_with_output().unwrap();

@@ -51,15 +51,15 @@ impl Program for Talker<'_> {
         let mut mailbox = machine.mailbox().map_err(|error| error.to_string())?;
         mailbox.set_vector(ADD, &answer, "add").unwrap();
         mailbox.join().unwrap();
-        let table = EventTable::<2, 8>::new(RATES, Clock::of::<u64>(NANOSECONDS));
+        let table = EventTable::<2, 8>::new(&RATES, Clock::of::<u64>(NANOSECONDS));
         let scheduler = Scheduler::new(machine.platform(), table);
         let mut fast_runs = 0;
-        let mut fast = || {
+        let mut fast = |_| {
             fast_runs += 1;
             self.note((number.0, scheduler.platform().now(), "fast", fast_runs));
         };
         let mut slow_runs = 0;
-        let mut slow = || {
+        let mut slow = |_| {
             slow_runs += 1;
             self.note((number.0, scheduler.platform().now(), "slow", slow_runs));
         };
@@ -92,7 +92,7 @@ impl Program for Talker<'_> {
         for id in 0..2 {
             let counts = scheduler.statistics(LoopId(id)).unwrap();
             let now = scheduler.platform().now();
-            self.note((number.0, now, "skipped", counts.skipped));
+            self.note((number.0, now, "skipped", counts.skipped as u32));
             self.note((number.0, now, "late", counts.worst_lateness));
         }
         Ok(())

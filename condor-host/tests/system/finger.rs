@@ -20,7 +20,7 @@ const CAPACITY: u32 = 4096;
 const ADD: Vector = Vector(5);
 const RATE_HZ: u32 = 100;
 const TABLE: EventTable<1, 4> = EventTable::new(
-    [Rate::hz(RATE_HZ)],
+    &[Rate::hz(RATE_HZ)],
     Clock::of::<u64>(Rate::hz(1_000_000_000)),
 );
 
@@ -100,7 +100,7 @@ impl Finger {
             tension: [Pair::both(4.0); 4],
         };
         let gravity = Vector3::new(0.0, 0.0, -9.81);
-        let mut servo = || {
+        let mut servo = |_| {
             let tick = servo_loop.tick(0, &sensed, &gravity, 1.0 / f64::from(RATE_HZ));
             if let Some(tick) = tick {
                 let (sensed, ticks) = ([sensed], [tick]);

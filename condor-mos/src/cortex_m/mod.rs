@@ -12,9 +12,9 @@
 //!
 //! ```ignore
 //! // 16 MHz, of which SysTick makes 2 kHz; four levels of priority; two interrupts to spare.
-//! static SCHEDULER: Scheduler<Vectors<Ticks, 2>, EventTable<3, 8>, 3> = Scheduler::new(
+//! static SCHEDULER: Scheduler<Vectors<Ticks, 2>, 3, 8> = Scheduler::new(
 //!     Vectors::new(Ticks::new(16_000_000, 8_000), [20, 21], 2),
-//!     EventTable::new([Rate::hz(400), Rate::hz(100), Rate::hz(50)], Ticks::clock(16_000_000, 8_000)),
+//!     EventTable::new(&[Rate::hz(400), Rate::hz(100), Rate::hz(50)], Ticks::clock(16_000_000, 8_000)),
 //! );
 //!
 //! #[exception]

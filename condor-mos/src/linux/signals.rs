@@ -225,6 +225,10 @@ impl Platform for Signals {
         mine
     }
 
+    fn has_handler(&self) -> bool {
+        self.with_port(|port| port.owner != 0)
+    }
+
     #[inline]
     fn interruptible(&self, rank: u32, body: impl FnOnce()) {
         if !context::with(context::Context::is_closed) {

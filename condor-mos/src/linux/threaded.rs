@@ -78,10 +78,10 @@ impl Threaded {
         }
     }
 
-    /// Starts the oldest release, if there is one.
+    /// Starts the oldest release, if there is one; gives the instant at which it was due.
     #[inline]
-    pub(super) fn start(&mut self, now: u64) -> bool {
-        self.servo_loop.begin(now).is_some()
+    pub(super) fn start(&mut self, now: u64) -> Option<u64> {
+        self.servo_loop.begin(now).map(|(_, due)| due)
     }
 
     /// The run that was started has taken `ticks`.
@@ -103,6 +103,7 @@ impl Threaded {
 
     pub(super) fn set_rate(&mut self, rate: Rate, grid: Grid, now: u64) {
         self.advance(now);
+        self.servo_loop.change();
         self.rate = rate;
         self.grid = grid;
     }
@@ -115,6 +116,10 @@ impl Threaded {
         self.advance(now);
         self.servo_loop.enable(enabled);
         Some(())
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.servo_loop.reset();
     }
 
     /// The thread has ended.
@@ -151,9 +156,9 @@ mod tests {
         state.assign(Overrun::Skip);
         state.begin(0);
         state.advance(0);
-        assert!(state.start(0));
+        assert_eq!(state.start(0), Some(0));
         state.finish(2_500_000, 2_500_000);
-        assert!(!state.start(2_500_000));
+        assert_eq!(state.start(2_500_000), None);
         assert_eq!(state.next_due(), Some(3_000_000));
         let statistics = state.statistics();
         assert_eq!((statistics.released, statistics.skipped), (3, 2));

@@ -41,7 +41,7 @@ use crate::statistics::Statistics;
 /// let threads = Threads::new([Rate::hz(400), Rate::hz(50)], RealTime::default())?;
 /// let (done, background) = mpsc::channel();
 /// let mut runs = 0;
-/// let mut servo = || {
+/// let mut servo = |_| {
 ///     runs += 1;
 ///     if runs == 20 {
 ///         let _ = done.send(());
@@ -88,20 +88,20 @@ impl Slot {
     }
 
     /// The loop's thread until [`Threaded::quit`].
-    fn run(&self, body: &mut dyn FnMut()) {
+    fn run(&self, body: &mut dyn FnMut(u64)) {
         let mut spent = cpu_time();
         let mut now = time::now();
         let mut state = self.state.lock();
         while !state.quit {
             state.advance(now);
-            if !state.start(now) {
+            let Some(due) = state.start(now) else {
                 state = self.sleep(state);
                 now = time::now();
                 continue;
-            }
+            };
             drop(state);
             // A loop whose body unwound runs no more unless its user enables it.
-            let result = catch_unwind(AssertUnwindSafe(&mut *body));
+            let result = catch_unwind(AssertUnwindSafe(|| body(due)));
             now = time::now();
             let spent_before = core::mem::replace(&mut spent, cpu_time());
             let ticks = spent.saturating_sub(spent_before);
@@ -242,6 +242,15 @@ impl<const L: usize> Threads<L> {
         Ok(state.statistics())
     }
 
+    /// Sets the counts and times of a loop to 0.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`].
+    pub fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError> {
+        self.slot(id)?.state.lock().reset();
+        Ok(())
+    }
+
     /// What was asked of the kernel so far, and what it said.
     #[must_use]
     pub fn privileges(&self) -> Privileges {
@@ -298,7 +307,7 @@ impl<const L: usize> Threads<L> {
     }
 
     /// What a loop's thread does: asks for its privileges, tells of that, and runs.
-    fn run(&self, number: usize, body: &mut dyn FnMut(), ready: &mpsc::Sender<()>) {
+    fn run(&self, number: usize, body: &mut dyn FnMut(u64), ready: &mpsc::Sender<()>) {
         let rates = self.rates();
         let rank = Self::rank(&rates, number);
         let who = format!("loop {number} ({})", rates[number]);
@@ -325,11 +334,11 @@ pub struct ThreadScope<'scope, 'env: 'scope, const L: usize> {
 }
 
 impl<'scope, const L: usize> ThreadScope<'scope, '_, L> {
-    /// Has a loop run `closure`, and enables it.
+    /// Has a loop run `closure`, which is given the instant at which it was due, and enables it.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`], [`ThreadError::Spawn`].
-    pub fn assign<F: FnMut() + Send>(
+    pub fn assign<F: FnMut(u64) + Send>(
         &self,
         id: LoopId,
         overrun: Overrun,

@@ -53,6 +53,11 @@ impl Grid {
         })
     }
 
+    /// Whole ticks of a period.
+    pub(super) const fn whole(&self) -> u64 {
+        self.whole
+    }
+
     /// Goes back to the instant 0.
     pub(crate) const fn restart(&mut self) {
         self.carried = self.parts / 2;
@@ -61,6 +66,12 @@ impl Grid {
     /// Ticks until the next instant.
     pub(crate) const fn step(&mut self) -> u64 {
         self.whole + self.carry()
+    }
+
+    /// Whether no tick is ever carried.
+    #[inline]
+    pub(super) const fn is_whole(&self) -> bool {
+        self.remainder == 0
     }
 
     /// The tick, if any, that the next period has beyond the whole ones.

@@ -2,15 +2,15 @@
 
 use core::fmt;
 
-use super::{EventTable, Schedule};
+use super::EventTable;
 
 /// The events of one hyperperiod, with a mark under each rate that is due.
 impl<const L: usize, const E: usize> fmt::Display for EventTable<L, E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let frequency = self.clock().frequency().as_hz();
         write!(f, "{:>12} {:>12}", "at µs", "gap µs")?;
-        for &number in self.ranks() {
-            if let Some(rate) = self.rates().get(usize::from(number)) {
+        for number in self.set().ranks() {
+            if let Some(rate) = self.rates().get(usize::from(*number)) {
                 write!(f, " {rate:>10}")?;
             }
         }

@@ -1,27 +1,33 @@
 //! [`EventTable`]: every event until the rates repeat, computed beforehand.
 
-use super::{Event, Grid, Scan, Schedule, former_ranks};
+use super::scan::Grids;
+use super::set::Set;
+use super::{Event, Grid};
 use crate::clock::Clock;
 use crate::error::RateError;
-use crate::rate::{Rate, greatest_common_divisor};
+use crate::rate::Rate;
 
-/// The events of one hyperperiod, after which a set of `L` rates repeats, in at most `E` entries
-/// (memo, section 3.2.2).
+/// How many entries are counted one by one, for an error or a constant.
+const MOST_COUNTED: usize = 1 << 15;
+
+/// The events of one hyperperiod, after which the rates of up to `L` loops repeat, in at most `E`
+/// entries (memo, section 3.2.2); without entries, a [`Scan`].
 ///
 /// The hyperperiod is the inverse of the rates' greatest common divisor. Its fraction of a tick is
 /// carried from one to the next, so a release is never more than one tick from its exact instant.
 /// Equal instants are one event. A time too long for the timer's counter is bridged by entries at
 /// which nothing is due.
 ///
-/// A changed rate takes effect at the beginning of a hyperperiod: all loops are due there, so all
-/// that are in time are finished. If one is not, it is tried again at the next.
+/// A changed rate takes effect at the beginning of a hyperperiod, or at a later one if a loop is
+/// unfinished there.
 ///
 /// ```
 /// use condor_mos::{Clock, EventTable, Rate};
 ///
 /// const MICROSECONDS: Clock = Clock::of::<u64>(Rate::hz(1_000_000));
-/// const SLOW: EventTable<2, 2> =
-///     EventTable::new([Rate::every_seconds(10), Rate::every_seconds(5)], MICROSECONDS);
+/// const RATES: [Rate; 2] = [Rate::every_seconds(10), Rate::every_seconds(5)];
+/// const ENTRIES: usize = condor_mos::entries(&RATES, MICROSECONDS);
+/// const SLOW: EventTable<2, ENTRIES> = EventTable::new(&RATES, MICROSECONDS);
 /// let gaps: Vec<u32> = SLOW.events().iter().map(|event| event.gap).collect();
 /// assert_eq!(gaps, [5_000_000, 5_000_000]);
 /// ```
@@ -32,57 +38,147 @@ use crate::rate::{Rate, greatest_common_divisor};
 /// # use condor_mos::{Clock, EventTable, Rate};
 /// # const MICROSECONDS: Clock = Clock::of::<u64>(Rate::hz(1_000_000));
 /// const TOO_SMALL: EventTable<3, 43> =
-///     EventTable::new([Rate::hz(400), Rate::hz(60), Rate::hz(50)], MICROSECONDS);
+///     EventTable::new(&[Rate::hz(400), Rate::hz(60), Rate::hz(50)], MICROSECONDS);
 /// # let _ = TOO_SMALL;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct EventTable<const L: usize, const E: usize> {
+    clock: Clock,
+    set: Set<L>,
+    wanted: Set<L>,
+    change: Change,
+    /// Computes the events of `set` where there is no table, else entries for `wanted`.
+    grids: Grids<L>,
+    /// Ticks that the entries for `wanted` lack.
+    missing: u64,
     /// The one in use, and the one that is built for other rates.
-    halves: [Half<L>; 2],
+    halves: [Half; 2],
     entries: [[Event; E]; 2],
     active: usize,
-    /// The entry of the next event, counted from the first half's first, and where its hyperperiod ends.
+    /// The entry of the next event, counted from the first half's first, and where its hyperperiod
+    /// ends and begins; all behind the last entry where there is no table.
     next: usize,
     end: usize,
-    change: Progress,
+    begin: usize,
+    /// Whether the next turn is back to the beginning, and nothing else.
+    repeats: bool,
 }
+
+/// A schedule of up to `L` loops that computes every event when it is due, from the loops' own
+/// grids: for sets of rates whose table would not fit, such as 400, 60 and 59.94 Hz.
+///
+/// An event costs a pass over the loops, with divisions nowhere. A changed rate takes effect at the
+/// first event at which no loop is unfinished; the loop is due there when it was due anyway.
+///
+/// ```
+/// use condor_mos::{Clock, Rate, Scan};
+///
+/// const NANOSECONDS: Clock = Clock::of::<u64>(Rate::hz(1_000_000_000));
+/// const VIDEO: Scan<3> = Scan::new(
+///     &[Rate::hz(400), Rate::hz(60), Rate::fraction(60_000, 1001)],
+///     NANOSECONDS,
+/// );
+/// # let _ = VIDEO;
+/// ```
+pub type Scan<const L: usize> = EventTable<L, 0>;
 
 /// How far a change of rates is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Progress {
+enum Change {
     None,
     /// Entries are being added to the half that is not active.
     Building,
-    /// That half may become the active one.
+    /// The wanted rates may take effect.
     Ready,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Half<const L: usize> {
-    plan: Plan<L>,
+struct Half {
     len: usize,
+    /// The beginnings of the hyperperiods.
+    cycle: Grid,
     /// The gap of the last entry, if the hyperperiod has no tick carried.
     last_gap: u32,
 }
 
-/// What is known before the first entry.
-#[derive(Clone, Copy, Debug)]
-struct Plan<const L: usize> {
-    /// Gives the entries while they are added.
-    scan: Scan<L>,
-    /// Releases that are not in the entries yet.
-    missing: u64,
-    /// The beginnings of the hyperperiods.
-    cycle: Grid,
+impl Half {
+    const NONE: Self = Self {
+        len: 0,
+        cycle: Grid::NONE,
+        last_gap: 0,
+    };
+}
+
+/// How many entries the table of these rates takes; more than a table can have if it cannot be
+/// counted. Above 32 768 it is a number that suffices.
+///
+/// # Panics
+/// If a rate has a period of less than one tick of the clock, or if there are not 1 to 32 rates; in
+/// a constant, that is an error of compilation.
+#[must_use]
+pub const fn entries(rates: &[Rate], clock: Clock) -> usize {
+    match Set::<32>::new(rates, &[]) {
+        Ok(set) => match Grids::new(&set, clock) {
+            Ok(_) => needed(&set, clock),
+            Err(error) => panic!("{}", error.message()),
+        },
+        Err(error) => panic!("{}", error.message()),
+    }
+}
+
+/// As [`entries`], of any set.
+const fn needed<const L: usize>(set: &Set<L>, clock: Clock) -> usize {
+    let (Some(mut cycle), Ok(mut grids)) = (set.cycle(clock), Grids::new(set, clock)) else {
+        return usize::MAX;
+    };
+    let longest = clock.longest_gap();
+    let ticks = cycle.step();
+    let (mut missing, mut len) = (ticks, 0);
+    while missing > 0 && len < MOST_COUNTED {
+        missing -= grids.advance(least(missing, longest)).gap as u64;
+        len += 1;
+    }
+    if missing == 0 {
+        return len;
+    }
+    // One for each release, and what bridges the time.
+    let mut most = match ticks.checked_div(longest as u64) {
+        Some(bridges) => bridges,
+        None => u64::MAX,
+    };
+    let mut rank = 0;
+    while let Some((rate, _)) = set.at_rank(rank) {
+        let releases = match Grid::new(rate, clock.frequency()) {
+            Some(grid) => ticks / if grid.whole() == 0 { 1 } else { grid.whole() },
+            None => 0,
+        };
+        most = most.saturating_add(releases).saturating_add(1);
+        rank += 1;
+    }
+    if most > usize::MAX as u64 {
+        usize::MAX
+    } else {
+        most as usize
+    }
+}
+
+/// The lesser of both.
+const fn least(ticks: u64, longest: u32) -> u32 {
+    if ticks < longest as u64 {
+        ticks as u32
+    } else {
+        longest
+    }
 }
 
 impl<const L: usize, const E: usize> EventTable<L, E> {
-    /// The table of loops with these rates, which may stand in any order.
+    /// The table of loops with these rates, which may stand in any order. A loop's place is its
+    /// [`LoopId`](crate::LoopId).
     ///
     /// # Panics
     /// As [`try_new`](Self::try_new) has errors; in a constant, that is an error of compilation.
     #[must_use]
-    pub const fn new(rates: [Rate; L], clock: Clock) -> Self {
+    pub const fn new(rates: &[Rate], clock: Clock) -> Self {
         match Self::try_new(rates, clock) {
             Ok(table) => table,
             Err(error) => panic!("{}", error.message()),
@@ -92,37 +188,76 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// The table of loops with these rates.
     ///
     /// # Errors
-    /// [`RateError::TooFast`], [`RateError::TooManyEvents`].
-    pub const fn try_new(rates: [Rate; L], clock: Clock) -> Result<Self, RateError> {
-        let plan = match Plan::new(rates, clock, E) {
-            Ok(plan) => plan,
-            Err(error) => return Err(error),
-        };
-        let mut half = Half {
-            plan,
-            len: 0,
-            last_gap: 0,
-        };
-        let mut entries = [Event { ranks: 0, gap: 0 }; E];
-        loop {
-            match half.add_event(&mut entries) {
-                Ok(true) => break,
-                Ok(false) => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(Self {
-            halves: [half; 2],
-            entries: [entries; 2],
-            active: 0,
-            // The beginning of a hyperperiod carries the first tick.
-            next: half.len,
-            end: half.len,
-            change: Progress::None,
-        })
+    /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`],
+    /// [`RateError::TooManyEvents`].
+    pub const fn try_new(rates: &[Rate], clock: Clock) -> Result<Self, RateError> {
+        Self::phased(rates, &[], clock)
     }
 
-    /// The events of one hyperperiod.
+    /// The table of loops each of which is due first so many ticks after the start as `phases` has
+    /// at its place, or at the start if there is no such place. So loops of one rate take turns, and
+    /// fewer are due at once.
+    ///
+    /// # Errors
+    /// As [`try_new`](Self::try_new), and [`RateError::Phase`].
+    pub const fn phased(rates: &[Rate], phases: &[u32], clock: Clock) -> Result<Self, RateError> {
+        match Self::or_scan(rates, phases, clock) {
+            Ok(this) if E > 0 && this.is_scan() => Err(Self::too_many(&this.set, clock)),
+            result => result,
+        }
+    }
+
+    /// As [`phased`](Self::phased), but a set that does not fit the table is computed event by
+    /// event, as in a [`Scan`], and remains so when rates change.
+    ///
+    /// # Errors
+    /// [`RateError::Loops`], [`RateError::TooFast`], [`RateError::Phase`].
+    pub const fn or_scan(rates: &[Rate], phases: &[u32], clock: Clock) -> Result<Self, RateError> {
+        let set = match Set::new(rates, phases) {
+            Ok(set) => set,
+            Err(error) => return Err(error),
+        };
+        let grids = match Grids::new(&set, clock) {
+            Ok(grids) => grids,
+            Err(error) => return Err(error),
+        };
+        let mut this = Self {
+            clock,
+            set,
+            wanted: set,
+            change: Change::None,
+            grids,
+            missing: 0,
+            halves: [Half::NONE; 2],
+            entries: [[Event { ranks: 0, gap: 0 }; E]; 2],
+            active: 1,
+            next: 2 * E,
+            begin: 2 * E,
+            end: 2 * E,
+            repeats: false,
+        };
+        if E > 0
+            && let Some(cycle) = set.cycle(clock)
+        {
+            this.begin_half(cycle);
+            while matches!(this.change, Change::Building) {
+                this.add_entry();
+            }
+            if matches!(this.change, Change::Ready) {
+                this.active = 0;
+                this.begin = 0;
+                // The beginning of a hyperperiod carries the first tick.
+                this.next = this.halves[0].len;
+                this.end = this.next;
+            } else {
+                this.grids = grids;
+            }
+            this.change = Change::None;
+        }
+        Ok(this)
+    }
+
+    /// The events of one hyperperiod; none if they are computed when they are due.
     #[must_use]
     pub const fn events(&self) -> &[Event] {
         let active = self.active & 1;
@@ -133,207 +268,212 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
+    /// Whether events are computed when they are due.
+    #[must_use]
+    pub const fn is_scan(&self) -> bool {
+        self.begin >= 2 * E
+    }
+
+    /// The clock whose ticks are counted.
+    #[must_use]
+    pub const fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    /// The rates in force, by the numbers of the loops.
+    #[must_use]
+    pub const fn rates(&self) -> &[Rate] {
+        self.set.rates()
+    }
+
     #[inline]
-    fn half(&self) -> &Half<L> {
-        &self.halves[self.active & 1]
+    pub(crate) const fn set(&self) -> &Set<L> {
+        &self.set
     }
 
-    fn spare(&mut self) -> &mut Half<L> {
-        &mut self.halves[self.active & 1 ^ 1]
+    /// Why there is no table for a set.
+    pub(crate) const fn too_many(set: &Set<L>, clock: Clock) -> RateError {
+        RateError::TooManyEvents {
+            needed: needed(set, clock),
+            capacity: E,
+        }
     }
-}
 
-impl<const L: usize> Plan<L> {
-    const fn new(rates: [Rate; L], clock: Clock, capacity: usize) -> Result<Self, RateError> {
-        let scan = match Scan::try_new(rates, clock) {
-            Ok(scan) => scan,
-            Err(error) => return Err(error),
-        };
-        let [fastest, _] = scan.extremes();
-        // The greatest common divisor, as a fraction.
-        let (mut numerator, mut denominator) = (0, 1);
-        let mut number = 0;
-        while number < L {
-            let rate = rates[number];
-            let too_many = RateError::TooManyEvents {
-                rate,
-                fastest,
-                capacity,
-            };
-            let divisor = greatest_common_divisor(denominator, rate.denominator() as u64);
-            numerator = greatest_common_divisor(numerator, rate.numerator() as u64);
-            let product = match denominator.checked_div(divisor) {
-                Some(quotient) => quotient.checked_mul(rate.denominator() as u64),
-                None => None,
-            };
-            denominator = match product {
-                Some(product) => product,
-                None => return Err(too_many),
-            };
-            // A loop's releases are at as many events.
-            match Self::releases(fastest, numerator, denominator) {
-                Some(releases) if releases <= capacity as u64 => {}
-                _ => return Err(too_many),
-            }
-            number += 1;
-        }
-        let mut missing = 0;
-        let mut number = 0;
-        while number < L {
-            // At most `capacity` for each loop.
-            if let Some(releases) = Self::releases(rates[number], numerator, denominator) {
-                missing += releases;
-            }
-            number += 1;
-        }
-        let frequency = clock.frequency();
-        let ticks = (frequency.numerator() as u64).checked_mul(denominator);
-        let parts = numerator * frequency.denominator() as u64;
-        let cycle = match ticks {
-            Some(ticks) => Grid::of_fraction(ticks, parts),
-            None => None,
-        };
-        let Some(cycle) = cycle else {
-            return Err(RateError::TooFast {
-                rate: fastest,
-                frequency,
-            });
-        };
-        Ok(Self {
-            scan,
-            missing,
+    /// Begins entries for the wanted rates, which repeat after `cycle`.
+    const fn begin_half(&mut self, cycle: Grid) {
+        let mut first = cycle;
+        self.missing = first.step();
+        self.halves[self.active & 1 ^ 1] = Half {
+            len: 0,
             cycle,
-        })
-    }
-
-    /// How often a loop of `rate` is due while one of `numerator` / `denominator` is due once.
-    const fn releases(rate: Rate, numerator: u64, denominator: u64) -> Option<u64> {
-        let product = match denominator.checked_div(rate.denominator() as u64) {
-            Some(quotient) => quotient.checked_mul(rate.numerator() as u64),
-            None => None,
+            last_gap: 0,
         };
-        match product {
-            Some(product) => product.checked_div(numerator),
-            None => None,
+        self.change = Change::Building;
+    }
+
+    /// Adds an entry for the wanted rates; gives the change up if there is no place.
+    const fn add_entry(&mut self) {
+        let spare = self.active & 1 ^ 1;
+        let len = self.halves[spare].len;
+        let event = self
+            .grids
+            .advance(least(self.missing, self.clock.longest_gap()));
+        let half = &mut self.halves[spare];
+        if len >= E {
+            half.len = 0;
+            self.change = Change::None;
+            return;
+        }
+        self.entries[spare][len] = event;
+        half.len = len + 1;
+        self.missing -= event.gap as u64;
+        if self.missing == 0 {
+            let mut first = half.cycle;
+            half.last_gap = event.gap - first.carry() as u32;
+            self.change = Change::Ready;
         }
     }
-}
 
-impl<const L: usize> Half<L> {
-    /// Adds an entry and says whether it was the last.
-    const fn add_event<const E: usize>(
-        &mut self,
-        entries: &mut [Event; E],
-    ) -> Result<bool, RateError> {
-        let event = self.plan.scan.advance();
-        self.plan.missing -= event.ranks.count_ones() as u64;
-        if self.len >= E {
-            let [fastest, rate] = self.plan.scan.extremes();
-            return Err(RateError::TooManyEvents {
-                rate,
-                fastest,
-                capacity: E,
-            });
-        }
-        entries[self.len] = event;
-        self.len += 1;
-        // What remains after the last release may be too long for one entry.
-        if self.plan.missing > 0 || !self.plan.scan.is_at_beginning() {
-            return Ok(false);
-        }
-        let mut first = self.plan.cycle;
-        self.last_gap = event.gap - first.carry() as u32;
-        Ok(true)
-    }
-}
-
-impl<const L: usize, const E: usize> Schedule<L> for EventTable<L, E> {
-    fn clock(&self) -> Clock {
-        self.half().plan.scan.clock()
-    }
-
-    #[inline]
-    fn ranks(&self) -> &[u8; L] {
-        self.half().plan.scan.ranks()
-    }
-
-    fn rates(&self) -> &[Rate; L] {
-        self.half().plan.scan.rates()
-    }
-
-    fn restart(&mut self) {
-        self.halves[self.active & 1].plan.cycle.restart();
+    /// Has [`is_at_turn`](Self::is_at_turn) true until the next turn.
+    pub(crate) fn park(&mut self) {
         self.next = self.end;
+        self.repeats = false;
     }
 
+    /// To be called when what `repeats` depends on has changed.
+    fn note_repeats(&mut self) {
+        let cycle = &self.halves[self.active & 1].cycle;
+        self.repeats = !self.is_scan() && cycle.is_whole() && self.change == Change::None;
+    }
+
+    /// Goes back to the beginning.
+    pub(crate) fn restart(&mut self) {
+        // Wanted rates wait for the first event: here a loop may be in progress.
+        if self.is_scan() {
+            self.grids.restart(&self.set);
+        } else {
+            self.halves[self.active & 1].cycle.restart();
+            self.next = self.end;
+        }
+        self.note_repeats();
+    }
+
+    /// Goes to the beginning of the next hyperperiod, if that is all that has to be done.
     #[inline(always)]
-    fn is_at_turn(&self) -> bool {
+    pub(crate) fn repeat(&mut self) -> bool {
+        if self.repeats {
+            self.next = self.begin;
+        }
+        self.repeats
+    }
+
+    /// Whether [`turn`](Self::turn) must be called before the next event.
+    #[inline(always)]
+    pub(crate) fn is_at_turn(&self) -> bool {
         self.next >= self.end
     }
 
-    #[cold]
-    fn turn(&mut self, idle: bool) -> Option<[u8; L]> {
-        let former = *self.ranks();
-        let changes = self.change == Progress::Ready && idle;
-        if changes {
-            self.active ^= 1;
-            self.change = Progress::None;
-        }
+    /// Goes to a place where changed rates may take effect.
+    ///
+    /// They do if `idle`, that is if no loop is unfinished: ranks are not changed under a loop that is in
+    /// progress. Then the result has, for each new rank, the one that its loop had before.
+    #[inline]
+    pub(crate) fn turn(&mut self, idle: bool) -> Option<[u8; L]> {
+        let changes = self.change == Change::Ready && idle;
+        let former = changes.then(|| self.take_effect());
+        self.next = self.begin;
         let half = &mut self.halves[self.active & 1];
-        self.next = (self.active & 1) * E;
-        self.end = self.next + half.len;
+        if half.cycle.is_whole() {
+            return former;
+        }
         // The last gap is that of the hyperperiod which begins.
-        let carried = half.plan.cycle.carry() as u32;
+        let carried = half.cycle.carry() as u32;
         let last = self.end.wrapping_sub(1);
         if let Some(last) = self.entries.as_flattened_mut().get_mut(last) {
             last.gap = half.last_gap + carried;
         }
-        changes.then(|| former_ranks(&former, self.ranks()))
+        former
     }
 
-    #[inline(always)]
-    fn next_event(&mut self) -> Event {
-        let event = self.entries.as_flattened().get(self.next).copied();
-        self.next += 1;
-        event.unwrap_or_default()
-    }
-
-    fn begin_change(&mut self, number: usize, rate: Rate) -> Result<(), RateError> {
-        let mut wanted = *match self.change {
-            Progress::None => self.half().plan.scan.rates(),
-            Progress::Building | Progress::Ready => self.spare().plan.scan.rates(),
-        };
-        if let Some(place) = wanted.get_mut(number) {
-            *place = rate;
+    /// Puts the wanted rates in force.
+    #[cold]
+    fn take_effect(&mut self) -> [u8; L] {
+        let former = self.set.former_ranks(&self.wanted);
+        self.change = Change::None;
+        if !self.is_scan() {
+            self.active = self.active & 1 ^ 1;
+            self.begin = self.active * E;
+            self.end = self.begin + self.halves[self.active & 1].len;
+        } else if let Ok(mut grids) = Grids::new(&self.wanted, self.clock) {
+            grids.take_over(&self.wanted, &self.grids, &self.set);
+            self.grids = grids;
         }
-        let clock = self.half().plan.scan.clock();
-        let plan = Plan::new(wanted, clock, E)?;
-        let spare = self.spare();
-        spare.plan = plan;
-        spare.len = 0;
-        self.change = Progress::Building;
+        self.set = self.wanted;
+        self.note_repeats();
+        former
+    }
+
+    /// The next event.
+    #[inline(always)]
+    pub(crate) fn next_event(&mut self) -> Event {
+        match self.entries.as_flattened().get(self.next) {
+            Some(event) => {
+                self.next += 1;
+                *event
+            }
+            None => self.scan(),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn scan(&mut self) -> Event {
+        self.grids.advance(self.clock.longest_gap())
+    }
+
+    /// Asks for another rate of a loop. It takes effect, together with all that were asked for
+    /// since, after [`continue_change`](Self::continue_change) has said that everything is ready.
+    pub(crate) fn begin_change(&mut self, number: usize, rate: Rate) -> Result<(), RateError> {
+        let before = match self.change {
+            Change::None => self.set,
+            Change::Building | Change::Ready => self.wanted,
+        };
+        let wanted = before.with_rate(number, rate);
+        let grids = Grids::new(&wanted, self.clock)?;
+        if self.is_scan() {
+            self.wanted = wanted;
+            self.change = Change::Ready;
+            return Ok(());
+        }
+        let cycle = wanted.cycle(self.clock);
+        let cycle = cycle.ok_or_else(|| Self::too_many(&wanted, self.clock))?;
+        (self.wanted, self.grids) = (wanted, grids);
+        self.begin_half(cycle);
+        self.repeats = false;
         Ok(())
     }
 
-    fn continue_change(&mut self) -> Result<bool, RateError> {
-        if self.change != Progress::Building {
+    /// Does a short piece of what a change needs, and says whether everything is ready.
+    ///
+    /// # Errors
+    /// The set that does not fit; then all that was asked for is forgotten.
+    pub(crate) fn continue_change(&mut self) -> Result<bool, Set<L>> {
+        if self.change != Change::Building {
             return Ok(true);
         }
-        let spare = self.active & 1 ^ 1;
-        match self.halves[spare].add_event(&mut self.entries[spare]) {
-            Ok(false) => Ok(false),
-            Ok(true) => {
-                self.change = Progress::Ready;
-                Ok(true)
+        self.add_entry();
+        match self.change {
+            Change::None => {
+                self.note_repeats();
+                Err(self.wanted)
             }
-            Err(error) => {
-                self.change = Progress::None;
-                Err(error)
-            }
+            Change::Building => Ok(false),
+            Change::Ready => Ok(true),
         }
     }
 
-    fn is_changing(&self) -> bool {
-        self.change != Progress::None
+    /// Whether rates that were asked for have not taken effect yet.
+    pub(crate) fn is_changing(&self) -> bool {
+        self.change != Change::None
     }
 }

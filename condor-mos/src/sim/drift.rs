@@ -1,7 +1,7 @@
 //! Whether a schedule drifts.
 
 use crate::rate::{Rate, greatest_common_divisor};
-use crate::schedule::Schedule;
+use crate::schedule::EventTable;
 
 /// Drives `schedule` from its beginning through `hyperperiods` of its rates, and gives the largest
 /// distance between a release and its exact instant, in ticks; any loop, any time.
@@ -15,24 +15,25 @@ use crate::schedule::Schedule;
 ///
 /// // 3 Hz is no whole number of ticks.
 /// let clock = Clock::of::<u64>(Rate::hz(1000));
-/// let mut table = EventTable::<2, 8>::new([Rate::hz(3), Rate::hz(2)], clock);
+/// let mut table = EventTable::<2, 8>::new(&[Rate::hz(3), Rate::hz(2)], clock);
 /// assert!(worst_release_error(&mut table, 1000) <= 0.5);
 /// ```
-pub fn worst_release_error<S: Schedule<L>, const L: usize>(
-    schedule: &mut S,
+pub fn worst_release_error<const L: usize, const E: usize>(
+    schedule: &mut EventTable<L, E>,
     hyperperiods: u64,
 ) -> f64 {
     schedule.restart();
     let frequency = schedule.clock().frequency();
     // Releases since the beginning, and ticks between two of them as a fraction.
     let mut releases = [0_u64; L];
-    let periods = schedule.rates().map(|rate| {
+    let period = |rate: &Rate| {
         let product = |a: u32, b: u32| u128::from(a) * u128::from(b);
         (
             product(rate.denominator(), frequency.numerator()),
             product(rate.numerator(), frequency.denominator()),
         )
-    });
+    };
+    let periods: Vec<_> = schedule.rates().iter().map(period).collect();
     let end = hyperperiods * releases_of_first(schedule.rates());
     let (mut now, mut worst) = (0_u64, 0.0_f64);
     while releases[0] <= end {
@@ -41,8 +42,8 @@ pub fn worst_release_error<S: Schedule<L>, const L: usize>(
             schedule.turn(false);
         }
         let event = schedule.next_event();
-        for (rank, &number) in schedule.ranks().iter().enumerate() {
-            if event.ranks & (1 << rank) == 0 {
+        for (rank, &number) in schedule.set().ranks().iter().enumerate() {
+            if event.ranks >> rank & 1 == 0 {
                 continue;
             }
             let number = usize::from(number);
@@ -62,7 +63,7 @@ pub fn worst_release_error<S: Schedule<L>, const L: usize>(
 
 /// How often the first loop is due in a hyperperiod, the inverse of the rates' greatest common
 /// divisor.
-fn releases_of_first<const L: usize>(rates: &[Rate; L]) -> u64 {
+fn releases_of_first(rates: &[Rate]) -> u64 {
     let (mut numerator, mut denominator) = (0, 1);
     for rate in rates {
         let divisor = greatest_common_divisor(denominator, u64::from(rate.denominator()));

@@ -31,12 +31,12 @@ use crate::timer::{Armed, Timer};
 /// const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(50)];
 ///
 /// let processor = Processor::new(MICROSECONDS);
-/// let table = EventTable::<2, 8>::new(RATES, Clock::of::<u64>(MICROSECONDS));
+/// let table = EventTable::<2, 8>::new(&RATES, Clock::of::<u64>(MICROSECONDS));
 /// let scheduler = Scheduler::new(processor.clone(), table);
 /// let (mut fast, mut slow) = (0, 0);
 /// // Each loop computes for a while; the 50 Hz loop is interrupted by the 400 Hz loop.
-/// let mut fast_loop = || { processor.work(500); fast += 1; };
-/// let mut slow_loop = || { processor.work(6_000); slow += 1; };
+/// let mut fast_loop = |_| { processor.work(500); fast += 1; };
+/// let mut slow_loop = |_| { processor.work(6_000); slow += 1; };
 /// scheduler.scope(|scope| {
 ///     scope.assign(LoopId(0), Overrun::Skip, &mut fast_loop)?;
 ///     scope.assign(LoopId(1), Overrun::Skip, &mut slow_loop)?;
@@ -393,6 +393,10 @@ impl Timer for Processor {
 }
 
 impl Platform for Processor {
+    fn has_handler(&self) -> bool {
+        connected(&self.machine.handler).is_some()
+    }
+
     fn interruptible(&self, _: u32, body: impl FnOnce()) {
         let _enabled = self.enable(true);
         body();
@@ -442,6 +446,10 @@ impl Timer for Vectored {
 
 impl Platform for Vectored {
     const VECTORS: bool = true;
+
+    fn has_handler(&self) -> bool {
+        self.0.has_handler()
+    }
 
     fn pend(&self, ranks: u32) {
         self.machine.pending.fetch_or(ranks & !1, Relaxed);

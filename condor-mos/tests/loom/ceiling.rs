@@ -35,7 +35,7 @@ impl Platform for Still {
 }
 
 struct Shared {
-    scheduler: Scheduler<Still, Scan<2>, 2>,
+    scheduler: Scheduler<Still, 2, 0>,
     lock: CeilingLock<u32>,
 }
 
@@ -43,7 +43,7 @@ impl Shared {
     fn new() -> Arc<Self> {
         let clock = Clock::of::<u64>(FREQUENCY);
         Arc::new(Self {
-            scheduler: Scheduler::new(Still, Scan::new([Rate::hz(2), Rate::hz(1)], clock)),
+            scheduler: Scheduler::new(Still, Scan::new(&[Rate::hz(2), Rate::hz(1)], clock)),
             lock: CeilingLock::new(&[LoopId(0)], 0),
         })
     }
@@ -83,7 +83,7 @@ fn a_loop_is_not_on_two_stacks() {
         let shared = Shared::new();
         // Loom's cell tells if two have it.
         let context = Box::leak(Box::new(loom::cell::UnsafeCell::new(0)));
-        let body = |context: &mut loom::cell::UnsafeCell<u32>| {
+        let body = |context: &mut loom::cell::UnsafeCell<u32>, _| {
             // SAFETY: `&mut`: nobody else has it.
             context.with_mut(|runs| unsafe { *runs += 1 });
         };

@@ -86,7 +86,7 @@ proptest! {
 /// The first and the worst response of each loop, as the scheduler runs them until `end`.
 fn scheduled(frequency: Rate, rates: [Rate; L], runs: [u32; L], end: u64) -> [(u64, u64); L] {
     let processor = Processor::new(frequency);
-    let scan = Scan::new(rates, Clock::of::<u64>(frequency));
+    let scan = Scan::<L>::new(&rates, Clock::of::<u64>(frequency));
     let scheduler = Scheduler::new(processor.clone(), scan);
     let mut responses: [Vec<u64>; L] = Default::default();
     {
@@ -99,7 +99,7 @@ fn scheduled(frequency: Rate, rates: [Rate; L], runs: [u32; L], end: u64) -> [(u
                 u64::from(rate.denominator()) * u64::from(frequency.numerator()),
                 u64::from(rate.numerator()) * u64::from(frequency.denominator()),
             );
-            move || {
+            move |_| {
                 processor.work(run.into());
                 // The nearest tick to the instant of the release.
                 let release = responses.len() as u64;

@@ -8,7 +8,7 @@ use condor_mos::{CeilingLock, Clock, LockError, LoopId, Overrun, Rate, Scan, Sch
 const FREQUENCY: Rate = Rate::hz(1000);
 const IDS: [LoopId; 3] = [LoopId(0), LoopId(1), LoopId(2)];
 
-type Loops = Scheduler<Processor, Scan<3>, 3>;
+type Loops = Scheduler<Processor, 3, 0>;
 
 /// Runs `background` while the loops of 10, 5 and 2 Hz do `body`.
 fn with_loops(
@@ -18,10 +18,10 @@ fn with_loops(
     let processor = Processor::new(FREQUENCY);
     let clock = Clock::of::<u64>(FREQUENCY);
     let rates = [Rate::hz(10), Rate::hz(5), Rate::hz(2)];
-    let scheduler = Scheduler::new(processor.clone(), Scan::new(rates, clock));
+    let scheduler = Scheduler::new(processor.clone(), Scan::new(&rates, clock));
     let mut bodies: [_; 3] = std::array::from_fn(|number| {
         let (processor, scheduler, body) = (&processor, &scheduler, &body);
-        move || body(processor, scheduler, number)
+        move |_| body(processor, scheduler, number)
     });
     scheduler.scope(|scope| {
         for (id, body) in IDS.into_iter().zip(&mut bodies) {

@@ -16,10 +16,10 @@ const CLOCKS: [Clock; 5] = [
 fn check<const L: usize>(rates: [u32; L], hyperperiods: u64) {
     let rates = rates.map(Rate::hz);
     for clock in CLOCKS {
-        let mut table = EventTable::<L, 64>::try_new(rates, clock).unwrap();
+        let mut table = EventTable::<L, 64>::try_new(&rates, clock).unwrap();
         let error = worst_release_error(&mut table, hyperperiods);
         assert!(error <= 1.0, "table of {rates:?} at {clock}: {error}");
-        let mut scan = Scan::try_new(rates, clock).unwrap();
+        let mut scan = Scan::<L>::try_new(&rates, clock).unwrap();
         let error = worst_release_error(&mut scan, hyperperiods);
         // Each loop has its own grid.
         assert!(error <= 0.5, "scan of {rates:?} at {clock}: {error}");
@@ -45,7 +45,7 @@ fn rates_of_400_60_and_50_hz() {
 fn video_beside_servo_loops() {
     let rates = [Rate::hz(400), Rate::hz(60), Rate::fraction(60_000, 1001)];
     for clock in CLOCKS {
-        let mut scan = Scan::try_new(rates, clock).unwrap();
+        let mut scan = Scan::<3>::try_new(&rates, clock).unwrap();
         // A hyperperiod is 50.05 s.
         let error = worst_release_error(&mut scan, 100);
         assert!(error <= 0.5, "{clock}: {error}");

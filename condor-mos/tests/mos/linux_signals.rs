@@ -12,11 +12,11 @@ const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
 const DEADLINE: Duration = Duration::from_secs(60);
 
-type TwoLoops = Scheduler<Signals, EventTable<2, 32>, 2>;
+type TwoLoops = Scheduler<Signals, 2, 32>;
 
 fn scheduler(fast_hz: u32, slow_hz: u32) -> TwoLoops {
     let rates = [Rate::hz(fast_hz), Rate::hz(slow_hz)];
-    Scheduler::new(Signals::new(), EventTable::new(rates, CLOCK))
+    Scheduler::new(Signals::new(), EventTable::new(&rates, CLOCK))
 }
 
 /// Has the background wait for an event.
@@ -50,13 +50,13 @@ fn a_slow_loop_waits_for_the_fast_one_that_interrupts_it() {
     let scheduler = scheduler(1000, 50);
     let (fast, nested, slow) = (AtomicU32::new(0), AtomicU32::new(0), AtomicU32::new(0));
     let inside = AtomicBool::new(false);
-    let mut fast_loop = || {
+    let mut fast_loop = |_| {
         fast.fetch_add(1, Relaxed);
         if inside.load(Relaxed) {
             nested.fetch_add(1, Relaxed);
         }
     };
-    let mut slow_loop = || {
+    let mut slow_loop = |_| {
         inside.store(true, Relaxed);
         let before = fast.load(Relaxed);
         // Ends only because the other loop interrupts it.
@@ -79,11 +79,11 @@ fn a_slow_loop_waits_for_the_fast_one_that_interrupts_it() {
 fn a_loop_never_sees_the_inside_of_a_critical_section() {
     let scheduler = scheduler(4000, 2000);
     let (one, other, runs) = (AtomicU64::new(0), AtomicU64::new(0), AtomicU32::new(0));
-    let mut look = || {
+    let mut look = |_| {
         critical_section::with(|_| assert_eq!(one.load(Relaxed), other.load(Relaxed)));
         runs.fetch_add(1, Relaxed);
     };
-    let mut change = || {
+    let mut change = |_| {
         critical_section::with(|_| {
             one.fetch_add(1, Relaxed);
             other.fetch_add(1, Relaxed);
@@ -112,7 +112,7 @@ fn a_loop_never_sees_the_inside_of_a_critical_section() {
 fn what_came_in_a_section_is_done_when_it_is_left() {
     let scheduler = scheduler(1000, 100);
     let runs = AtomicU32::new(0);
-    let mut count = || {
+    let mut count = |_| {
         runs.fetch_add(1, Relaxed);
     };
     scheduler.scope(|scope| {
@@ -144,7 +144,7 @@ fn threads_and_loops_exclude_each_other() {
         });
     };
     let (by_loop, by_others, done) = (AtomicU64::new(0), AtomicU64::new(0), AtomicBool::new(false));
-    let mut in_loop = || {
+    let mut in_loop = |_| {
         add();
         by_loop.fetch_add(1, Relaxed);
     };
@@ -174,10 +174,10 @@ fn threads_and_loops_exclude_each_other() {
 fn other_threads_start_stop_and_change_loops() {
     let scheduler = scheduler(500, 100);
     let (fast, slow) = (AtomicU32::new(0), AtomicU32::new(0));
-    let mut fast_loop = || {
+    let mut fast_loop = |_| {
         fast.fetch_add(1, Relaxed);
     };
-    let mut slow_loop = || {
+    let mut slow_loop = |_| {
         slow.fetch_add(1, Relaxed);
     };
     scheduler.scope(|scope| {
@@ -217,7 +217,7 @@ fn other_threads_start_stop_and_change_loops() {
 fn an_overrun_of_the_fastest_loop_skips_what_it_missed() {
     let scheduler = scheduler(1000, 100);
     let runs = AtomicU32::new(0);
-    let mut long = || {
+    let mut long = |_| {
         let end = Instant::now() + Duration::from_micros(3500);
         while Instant::now() < end {}
         runs.fetch_add(1, Relaxed);
@@ -240,10 +240,10 @@ fn a_ceiling_lock_delays_its_users_and_nobody_else() {
     let scheduler = scheduler(1000, 500);
     let shared = CeilingLock::new(&[SLOW], (0_u32, 0_u32));
     let (fast, slow) = (AtomicU32::new(0), AtomicU32::new(0));
-    let mut fast_loop = || {
+    let mut fast_loop = |_| {
         fast.fetch_add(1, Relaxed);
     };
-    let mut slow_loop = || {
+    let mut slow_loop = |_| {
         shared
             .lock(&scheduler, |(one, other)| {
                 assert_eq!(one, other);
@@ -277,7 +277,7 @@ fn a_ceiling_lock_delays_its_users_and_nobody_else() {
 fn errno_is_as_before_a_loop() {
     let scheduler = scheduler(2000, 100);
     let runs = AtomicU32::new(0);
-    let mut spoil = || {
+    let mut spoil = |_| {
         // SAFETY: closing no descriptor has no effect but an error.
         unsafe { libc::close(-1) };
         runs.fetch_add(1, Relaxed);

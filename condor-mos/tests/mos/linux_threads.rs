@@ -32,8 +32,8 @@ fn assert_sums_up(statistics: &Statistics) {
 fn loops_that_borrow_run_until_the_scope_ends() {
     let threads = threads(1000, 200);
     let (mut fast, slow) = (0, AtomicU32::new(0));
-    let mut fast_loop = || fast += 1;
-    let mut slow_loop = || {
+    let mut fast_loop = |_| fast += 1;
+    let mut slow_loop = |_| {
         slow.fetch_add(1, Relaxed);
     };
     threads.scope(|scope| {
@@ -54,7 +54,7 @@ fn loops_that_borrow_run_until_the_scope_ends() {
 fn every_snapshot_sums_up_under_all_changes() {
     let threads = threads(4000, 1000);
     let runs = AtomicU32::new(0);
-    let mut busy = || {
+    let mut busy = |_| {
         let count = runs.fetch_add(1, Relaxed);
         if count.is_multiple_of(7) {
             // Longer than a period: an overrun.
@@ -62,7 +62,7 @@ fn every_snapshot_sums_up_under_all_changes() {
             while Instant::now() < end {}
         }
     };
-    let mut slow = || ();
+    let mut slow = |_| ();
     threads.scope(|scope| {
         scope.assign(FAST, Overrun::CatchUp(2), &mut busy).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut slow).unwrap();
@@ -99,8 +99,8 @@ fn every_snapshot_sums_up_under_all_changes() {
 fn a_loop_that_panics_is_faulted_and_others_go_on() {
     let threads = threads(500, 100);
     let slow = AtomicU32::new(0);
-    let mut fails = || panic!("on purpose");
-    let mut slow_loop = || {
+    let mut fails = |_| panic!("on purpose");
+    let mut slow_loop = |_| {
         slow.fetch_add(1, Relaxed);
     };
     threads.scope(|scope| {
@@ -123,7 +123,7 @@ fn a_loop_that_panics_is_faulted_and_others_go_on() {
 fn an_overrun_can_fault() {
     let threads = threads(1000, 100);
     let late = AtomicBool::new(true);
-    let mut long = || {
+    let mut long = |_| {
         if late.load(Relaxed) {
             let end = Instant::now() + Duration::from_millis(3);
             while Instant::now() < end {}
@@ -142,7 +142,7 @@ fn an_unwinding_scope_ends_its_loops() {
     let threads = threads(500, 100);
     let runs = AtomicU32::new(0);
     let unwound = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-        let mut count = || {
+        let mut count = |_| {
             runs.fetch_add(1, Relaxed);
         };
         threads.scope(|scope| {
@@ -164,7 +164,7 @@ fn an_unwinding_scope_ends_its_loops() {
 fn what_makes_no_sense_is_refused() {
     let threads = threads(500, 100);
     let none = LoopId(2);
-    let (mut one, mut other, mut third) = (|| (), || (), || ());
+    let (mut one, mut other, mut third) = (|_| (), |_| (), |_| ());
     threads.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut one).unwrap();
         let taken = scope.assign(FAST, Overrun::Skip, &mut other);
@@ -194,8 +194,8 @@ fn an_inheritance_lock_excludes() {
         *other += 1;
         *one
     };
-    let mut fast = || assert!(shared.lock(&threads, add).is_ok());
-    let mut slow = || assert!(shared.lock(&threads, add).is_ok());
+    let mut fast = |_| assert!(shared.lock(&threads, add).is_ok());
+    let mut slow = |_| assert!(shared.lock(&threads, add).is_ok());
     threads.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut fast).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut slow).unwrap();
@@ -212,7 +212,7 @@ fn an_inheritance_lock_excludes() {
 fn every_wish_has_an_answer() {
     let wishes = RealTime::default().pinned_to(0);
     let threads = Threads::new([Rate::hz(400), Rate::hz(50)], wishes).unwrap();
-    let (mut fast, mut slow) = (|| (), || ());
+    let (mut fast, mut slow) = (|_| (), |_| ());
     threads.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut fast).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut slow).unwrap();

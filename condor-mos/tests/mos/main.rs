@@ -13,6 +13,7 @@ mod scope;
 mod simple;
 mod simple_reference;
 mod start_at;
+mod statistics;
 mod tables;
 mod time_in_sections;
 mod timers_conform;

@@ -24,12 +24,12 @@ fn check<I: Reading>(program: &Program) {
     let known = |log| log::known(log, <I as Instant>::BITS, &program.overruns);
     let gap = u64::from(clock.longest_gap());
     let processor = || Processor::new(program.frequency);
-    let scan = Scan::try_new(program.rates, clock).expect("slow rates");
+    let scan = Scan::<LOOPS>::try_new(&program.rates, clock).expect("slow rates");
     same(
         &known(Model::new(program, Kind::Scan, gap).run()),
         &known(Machine::<I, _>::run(program, processor(), scan)),
     );
-    let table = Table::try_new(program.rates, clock).expect("it fits");
+    let table = Table::try_new(&program.rates, clock).expect("it fits");
     same(
         &known(Model::new(program, Kind::Table, gap).run()),
         &known(Machine::<I, _>::run(program, processor(), table)),

@@ -4,19 +4,19 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use condor_mos::sim::Processor;
-use condor_mos::{Clock, LoopError, LoopId, Overrun, Rate, Scan, Scheduler};
+use condor_mos::{Clock, LoopError, LoopId, Overrun, Rate, Scan, Scheduler, StartError};
 
 const FREQUENCY: Rate = Rate::hz(1000);
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
 
-type Loops = Scheduler<Processor, Scan<2>, 2>;
+type Loops = Scheduler<Processor, 2, 0>;
 
 fn loops(processor: &Processor) -> Loops {
     let clock = Clock::of::<u64>(FREQUENCY);
     Scheduler::new(
         processor.clone(),
-        Scan::new([Rate::hz(10), Rate::hz(5)], clock),
+        Scan::new(&[Rate::hz(10), Rate::hz(5)], clock),
     )
 }
 
@@ -33,10 +33,10 @@ fn a_loop_ends_with_its_scope_and_is_free_again() {
     let scheduler = loops(&processor);
     for round in 1..=2_u32 {
         let mut runs = 0;
-        let mut body = || runs += 1;
+        let mut body = |_| runs += 1;
         scheduler.scope(|scope| {
             scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
-            let _ = scheduler.start();
+            let _ = processor.with_handler(|| scheduler.on_timer(), || scheduler.start());
             run(&processor, &scheduler, 1000);
         });
         assert!(runs >= 10);
@@ -59,8 +59,8 @@ fn a_loop_ends_with_its_scope_and_is_free_again() {
 fn a_loop_is_assigned_once() {
     let processor = Processor::new(FREQUENCY);
     let scheduler = loops(&processor);
-    let (mut one, mut other, mut nobody) = (|| {}, || {}, || {});
-    let mut inner = || {};
+    let (mut one, mut other, mut nobody) = (|_| {}, |_| {}, |_| {});
+    let mut inner = |_| {};
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut one).unwrap();
         let taken = Err(LoopError::Taken { id: FAST });
@@ -82,10 +82,10 @@ fn a_scope_that_unwinds_disarms_its_loops() {
     let scheduler = loops(&processor);
     let caught = catch_unwind(AssertUnwindSafe(|| {
         let mut runs = Box::new(0_u32);
-        let mut body = || *runs += 1;
+        let mut body = |_| *runs += 1;
         scheduler.scope(|scope| {
             scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
-            scheduler.start().unwrap();
+            processor.with_handler(|| scheduler.on_timer(), || scheduler.start().unwrap());
             resume_unwind(Box::new("the scope"));
         });
     }));
@@ -102,13 +102,13 @@ fn a_body_that_unwinds_ends_and_all_goes_on() {
     let scheduler = loops(&processor);
     let calls = AtomicU32::new(0);
     let caught = catch_unwind(AssertUnwindSafe(|| {
-        let mut fast = || {
+        let mut fast = |_| {
             if calls.fetch_add(1, Relaxed) == 1 {
                 resume_unwind(Box::new("the body"));
             }
         };
         // The second run of the fast loop interrupts it.
-        let mut slow = || processor.work(150);
+        let mut slow = |_| processor.work(150);
         scheduler.scope(|scope| {
             scope.assign(FAST, Overrun::Skip, &mut fast).unwrap();
             scope.assign(SLOW, Overrun::Skip, &mut slow).unwrap();
@@ -123,12 +123,12 @@ fn a_body_that_unwinds_ends_and_all_goes_on() {
     }
     // No level is left behind: both run again.
     let (mut fast, mut slow) = (0_u32, 0_u32);
-    let (mut fast_loop, mut slow_loop) = (|| fast += 1, || slow += 1);
+    let (mut fast_loop, mut slow_loop) = (|_| fast += 1, |_| slow += 1);
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut fast_loop).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut slow_loop).unwrap();
         scheduler.stop();
-        scheduler.start().unwrap();
+        processor.with_handler(|| scheduler.on_timer(), || scheduler.start().unwrap());
         run(&processor, &scheduler, 1000);
     });
     assert_eq!((fast, slow), (10, 5));
@@ -158,13 +158,14 @@ fn a_handler_of_another_thread_is_not_called() {
 fn a_platform_that_is_borrowed_for_ever_has_loops_that_borrow_for_less() {
     static PROCESSOR: std::sync::OnceLock<Processor> = std::sync::OnceLock::new();
     let processor: &'static Processor = PROCESSOR.get_or_init(|| Processor::new(FREQUENCY));
-    let schedule = Scan::new([Rate::hz(10)], Clock::of::<u64>(FREQUENCY));
-    let scheduler: Scheduler<&'static Processor, _, 1> = Scheduler::new(processor, schedule);
+    let schedule = Scan::<1>::new(&[Rate::hz(10)], Clock::of::<u64>(FREQUENCY));
+    let scheduler: Scheduler<&'static Processor, 1, 0> = Scheduler::new(processor, schedule);
     let mut runs = 0;
-    let mut body = || runs += 1;
+    let mut body = |_| runs += 1;
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut body).unwrap();
-        scheduler.start().unwrap();
+        assert_eq!(scheduler.start(), Err(StartError::NoHandler));
+        processor.with_handler(|| scheduler.on_timer(), || scheduler.start().unwrap());
     });
     assert_eq!(runs, 1);
 }

@@ -50,7 +50,7 @@ fn a_counter_shorter_than_the_period_changes_nothing() {
     let clock = Clock::of::<Wrapping<16>>(Rate::hz(1_000_000));
     let servo = SimpleServo::new(Narrow(processor.clone()), rate, clock);
     let mut starts = Vec::new();
-    let mut body = || {
+    let mut body = |_| {
         starts.push(processor.now());
         processor.work(100);
     };
@@ -81,7 +81,7 @@ fn a_servo_does_not_drift_in_a_million_releases() {
     let rate = Rate::hz(60);
     let servo = SimpleServo::new(processor.clone(), rate, Clock::of::<u64>(Rate::hz(32_768)));
     let (mut runs, mut worst) = (0_u64, 0);
-    let mut body = || {
+    let mut body = |_| {
         worst = worst.max((60 * processor.now()).abs_diff(32_768 * runs));
         runs += 1;
     };
@@ -106,7 +106,7 @@ fn a_static_servo_is_commanded_from_its_loop_and_the_background() {
         std::sync::LazyLock::new(|| Processor::new(FREQUENCY));
     static SERVO: std::sync::LazyLock<SimpleServo<Processor>> =
         std::sync::LazyLock::new(|| SimpleServo::new(PROCESSOR.clone(), Rate::hz(100), CLOCK));
-    fn body(runs: &mut u32) {
+    fn body(runs: &mut u32, _: u64) {
         *runs += 1;
         match *runs {
             3 => SERVO.disable().unwrap(),
@@ -163,16 +163,18 @@ fn what_cannot_be_is_refused() {
 fn a_loop_that_unwinds_has_ended_and_is_disarmed() {
     let processor = Processor::new(FREQUENCY);
     let servo = SimpleServo::new(processor.clone(), Rate::hz(100), CLOCK);
-    let mut body = || panic!("for the test");
+    let mut body = |_| panic!("for the test");
     let unwound = catch_unwind(AssertUnwindSafe(|| {
-        servo.scope(Overrun::Skip, &mut body, || servo.start())
+        servo.scope(Overrun::Skip, &mut body, || {
+            processor.with_handler(|| servo.on_timer(), || servo.start())
+        })
     }));
     assert!(unwound.is_err());
     let counts = servo.statistics();
     assert_eq!((counts.run, counts.running, counts.enabled), (1, 0, false));
     // Free for another one, at whose next instant the loop runs.
     let mut runs = 0;
-    let mut body = || runs += 1;
+    let mut body = |_| runs += 1;
     servo
         .scope(Overrun::Skip, &mut body, || {
             processor.with_handler(|| servo.on_timer(), || processor.run_until(101));
@@ -186,7 +188,7 @@ fn a_loop_that_runs_in_the_timers_own_vector_overruns_all_the_same() {
     let processor = Vectored::new(FREQUENCY);
     let servo = SimpleServo::new(processor.clone(), Rate::hz(100), CLOCK);
     let mut starts = Vec::new();
-    let mut body = || {
+    let mut body = |_| {
         starts.push(processor.now());
         // During the second run the loop is due twice.
         processor.work(if starts.len() == 2 { 25 } else { 3 });

@@ -74,9 +74,11 @@ struct Reference {
     running: Option<(u64, u64)>,
     durations: Vec<u64>,
     starts: Vec<u64>,
-    released: u32,
-    skipped: u32,
-    run: u32,
+    released: u64,
+    skipped: u64,
+    run: u64,
+    /// Releases, and ticks of runs, before the last change of the rate.
+    before: (u64, u64),
     worst_lateness: u64,
     worst_run: u64,
     total_run: u64,
@@ -153,7 +155,7 @@ impl Reference {
     }
 
     fn forget(&mut self) {
-        self.skipped += self.pending.len() as u32;
+        self.skipped += self.pending.len() as u64;
         self.pending.clear();
     }
 
@@ -163,6 +165,7 @@ impl Reference {
             Command::Hold(ticks) => self.held_until = self.now + ticks,
             Command::SetRate(rate) => {
                 (self.origin, self.passed) = (self.due(), 0);
+                self.before = (self.released, self.total_run);
                 self.rate = rate;
             }
             Command::Enable => (self.enabled, self.faulted) = (true, false),
@@ -196,11 +199,13 @@ impl Reference {
             released: self.released,
             run: self.run,
             skipped: self.skipped,
-            running: u32::from(self.running.is_some()),
-            pending: self.pending.len() as u32,
+            running: u64::from(self.running.is_some()),
+            pending: self.pending.len() as u64,
             worst_lateness: self.worst_lateness as u32,
             worst_run: self.worst_run as u32,
             total_run: self.total_run,
+            released_before: self.before.0,
+            total_before: self.before.1,
         }
     }
 }
@@ -219,12 +224,13 @@ proptest! {
             now: 0, held_until: 0, started: false, enabled: true, faulted: false, overrun,
             rate: first, origin: 0, passed: 0, pending: Vec::new(), running: None,
             durations: durations.clone(), starts: Vec::new(),
+            before: (0, 0),
             released: 0, skipped: 0, run: 0, worst_lateness: 0, worst_run: 0, total_run: 0,
         };
         let processor = Processor::new(FREQUENCY);
         let servo = SimpleServo::try_new(processor.clone(), first, CLOCK).unwrap();
         let mut starts = Vec::new();
-        let mut body = || {
+        let mut body = |_| {
             let duration = duration(&durations, starts.len());
             starts.push(processor.now());
             let seen = servo.statistics();

@@ -8,10 +8,10 @@ const MICROSECONDS: Rate = Rate::hz(1_000_000);
 #[test]
 fn loops_are_due_first_at_the_instant_that_was_given() {
     let processor = Processor::new(MICROSECONDS);
-    let table = EventTable::<1, 1>::new([Rate::hz(100)], Clock::of::<u64>(MICROSECONDS));
+    let table = EventTable::<1, 1>::new(&[Rate::hz(100)], Clock::of::<u64>(MICROSECONDS));
     let scheduler = Scheduler::new(processor.clone(), table);
     let mut instants = Vec::new();
-    let mut note = || instants.push(Timer::now(&processor));
+    let mut note = |_| instants.push(Timer::now(&processor));
     scheduler.scope(|scope| {
         scope.assign(LoopId(0), Overrun::Skip, &mut note).unwrap();
         processor.with_handler(

@@ -66,11 +66,11 @@ fn run<P: Platform + Sync>(
     program: &Program,
 ) -> [Statistics; LOOPS] {
     let clock = Clock::of::<P::Instant>(FREQUENCY);
-    let schedule = Scan::try_new(program.rates, clock).expect("it is slow enough");
+    let schedule = Scan::<LOOPS>::try_new(&program.rates, clock).expect("it is slow enough");
     let scheduler = Scheduler::new(platform, schedule);
     let runs = std::sync::atomic::AtomicUsize::new(0);
     let mut bodies: [_; LOOPS] = std::array::from_fn(|_| {
-        || {
+        |_| {
             let run = runs.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             if run < BUSY_RUNS {
                 processor.work(program.work[run % program.work.len()]);
@@ -158,10 +158,10 @@ fn a_faster_loop_that_is_due_a_tick_after_a_slower_one_is_not_late() {
     let rates = [Rate::hz(250), Rate::fraction(1000, 7)];
     let processor = Processor::new(FREQUENCY);
     let clock = Clock::of::<Wrapping<32>>(FREQUENCY);
-    let schedule = Scan::try_new(rates, clock).expect("it is slow enough");
+    let schedule = Scan::<2>::try_new(&rates, clock).expect("it is slow enough");
     let scheduler = Scheduler::new(WrappingProcessor::<32>(processor.clone()), schedule);
     let mut starts = Vec::new();
-    let (mut fast, mut slow) = (|| starts.push(processor.now()), || {});
+    let (mut fast, mut slow) = (|_| starts.push(processor.now()), |_| {});
     scheduler.scope(|scope| {
         scope.assign(LoopId(0), Overrun::Skip, &mut fast).unwrap();
         scope.assign(LoopId(1), Overrun::Skip, &mut slow).unwrap();
@@ -189,7 +189,7 @@ fn an_interrupt_a_tick_before_the_instant_begins_a_servo_in_time() {
     let clock = Clock::of::<Wrapping<32>>(FREQUENCY);
     let platform = WrappingProcessor::<32>(processor.clone());
     let servo = SimpleServo::new(platform, Rate::hz(100), clock);
-    let mut body = || {};
+    let mut body = |_| {};
     servo
         .scope(Overrun::Skip, &mut body, || {
             processor.with_handler(

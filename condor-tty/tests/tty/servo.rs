@@ -182,11 +182,11 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
 
     let scheduler = Scheduler::new(
         processor.clone(),
-        EventTable::<1, 1>::new([Rate::hz(400)], condor_mos::Clock::of::<u64>(TICKS)),
+        EventTable::<1, 1>::new(&[Rate::hz(400)], condor_mos::Clock::of::<u64>(TICKS)),
     );
     let offered = AtomicU32::new(0);
     let mut timed_out = 0;
-    let mut servo = || {
+    let mut servo = |_| {
         processor.work(2_000);
         offered.fetch_add(LINE.len() as u32, Relaxed);
         match writer {
@@ -240,7 +240,7 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
 fn assert_on_time(outcome: &Outcome) {
     let servo = outcome.servo;
     assert_eq!(servo.skipped, 0, "{servo}");
-    assert_eq!(u64::from(servo.run), outcome.took.div_ceil(PERIOD));
+    assert_eq!(servo.run, outcome.took.div_ceil(PERIOD));
     assert_eq!(servo.run, servo.released);
     assert!(u64::from(servo.worst_lateness) <= outcome.longest_masked);
     assert!(outcome.longest_masked < 100, "{}", outcome.longest_masked);

@@ -180,10 +180,10 @@ impl<M: Machine> Running<'_, '_, M> {
     ) -> Result<Verdict, Failure> {
         let (machine, tally) = (self.machine, self.tally);
         let platform = machine.platform();
-        let table = Scan::try_new(RATES, TickClock::of::<u64>(platform.frequency()))?;
-        let scheduler: Scheduler<_, Scan<2>, 2> = Scheduler::new(platform, table);
+        let table = Scan::try_new(&RATES, TickClock::of::<u64>(platform.frequency()))?;
+        let scheduler: Scheduler<_, 2, 0> = Scheduler::new(platform, table);
         let mut turn = 0_u32;
-        let mut fast = || {
+        let mut fast = |_| {
             turn = turn.wrapping_add(1);
             if let Some(peer) = self.peers.nth(turn) {
                 let number = tally.next_tick(peer);
@@ -198,7 +198,7 @@ impl<M: Machine> Running<'_, '_, M> {
             }
         };
         let sum = compute();
-        let mut slow = || tally.check(compute() == sum);
+        let mut slow = |_| tally.check(compute() == sum);
         let clock = machine.doorbell();
         scheduler.scope(|scope| {
             scope.assign(LoopId(0), Overrun::Skip, &mut fast)?;
@@ -229,7 +229,7 @@ impl<M: Machine> Running<'_, '_, M> {
                     // The first release is that of the start.
                     let due = |since: Instant| {
                         let passed = clock.now().ns_since(since);
-                        1 + (passed * u64::from(rate.numerator()) / 1_000_000_000) as u32
+                        1 + passed * u64::from(rate.numerator()) / 1_000_000_000
                     };
                     // A release that is only late is made up for now.
                     let (first, deadline) = (due(begun), clock.now().after(PATIENCE));
@@ -240,7 +240,7 @@ impl<M: Machine> Running<'_, '_, M> {
                     let ahead = counts.released.saturating_sub(due(before));
                     let behind = first.saturating_sub(counts.released);
                     reports.publish(number, &counts)?;
-                    verdict.set_loop(number, &counts, ahead.max(behind));
+                    verdict.set_loop(number, &counts, ahead.max(behind) as u32);
                 }
                 scheduler.stop();
                 if arguments::is_there(machine, "exact") {
@@ -373,8 +373,8 @@ impl Verdict {
                 *one = value;
             }
         };
-        set(&mut self.released, counts.released);
-        set(&mut self.skipped, counts.skipped);
+        set(&mut self.released, counts.released as u32);
+        set(&mut self.skipped, counts.skipped as u32);
         set(&mut self.lateness, counts.worst_lateness);
         set(&mut self.drift, drift);
     }

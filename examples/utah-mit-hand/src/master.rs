@@ -157,7 +157,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         };
 
         let scheduler = start::scheduler(machine, Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1)))?;
-        let mut body = || {
+        let mut body = |_| {
             drive::with(&shared, Drive::tick);
         };
         self.say(format_args!(

@@ -172,7 +172,7 @@ impl<M: Machine> Running<'_, '_, M> {
         let (machine, arguments) = (self.machine, &self.arguments);
         let rate = Rate::new(arguments.rate_hz, 1).unwrap_or(Rate::hz(1));
         let scheduler = start::scheduler(machine, rate)?;
-        let mut body = || {
+        let mut body = |_| {
             if let Some(truth) = with(self.shared, |robot| robot.tick(self.registers)) {
                 // Who reads finds the former one.
                 let _ = publisher.publish(&truth);

@@ -329,7 +329,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
             news: News::NOTHING,
         };
         let scheduler = start::scheduler(machine, Rate::new(rate, 1).unwrap_or(Rate::hz(1)))?;
-        let mut body = || fingers.tick();
+        let mut body = |_| fingers.tick();
         let mut heard = News::NOTHING;
         let names = names(hand, self.served);
         partner.look()?;

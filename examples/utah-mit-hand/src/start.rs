@@ -9,7 +9,7 @@ use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, MailboxOf, numbers};
 use condor_mbox::{Call, Clock, MemoryWindow, Messenger, Places, Region, Windows};
-use condor_mos::{Clock as TickClock, LoopId, Rate, Scan, Schedule, Scheduler, Timer};
+use condor_mos::{Clock as TickClock, LoopId, Rate, Scan, Scheduler, Timer};
 use condor_tty::{Terminal, Vectors};
 
 use crate::boards::{Panel, Wires};
@@ -159,18 +159,18 @@ fn at_rest(hand: &UtahMit, channel: Channel) -> u32 {
 pub(crate) fn scheduler<M: Machine>(
     machine: &M,
     rate: Rate,
-) -> Result<Scheduler<M::Platform, Scan<1>, 1>, Failure> {
+) -> Result<Scheduler<M::Platform, 1, 0>, Failure> {
     let platform = machine.platform();
     let clock = TickClock::of::<u64>(platform.frequency());
-    Ok(Scheduler::new(platform, Scan::try_new([rate], clock)?))
+    Ok(Scheduler::new(platform, Scan::try_new(&[rate], clock)?))
 }
 
 /// The background: serves messages, shows the counts of the loop, and calls `look` each time, until
 /// the program is to end.
-pub(crate) fn attend<M: Machine, S: Schedule<1>>(
+pub(crate) fn attend<M: Machine, const E: usize>(
     machine: &M,
     mailbox: &MailboxOf<'_, M>,
-    scheduler: &Scheduler<M::Platform, S, 1>,
+    scheduler: &Scheduler<M::Platform, 1, E>,
     reports: &mut LoopReports<M::Window, 1>,
     mut look: impl FnMut() -> Result<(), Failure>,
 ) -> Result<(), Failure> {

@@ -275,7 +275,7 @@ impl<M: Machine> Running<'_, '_, M> {
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
         };
-        let mut body = || axes.tick();
+        let mut body = |_| axes.tick();
         let mut before = State::Off;
         say::<M>(
             terminal,

@@ -64,6 +64,20 @@ pub fn now() -> u32 {
 /// instructions since the interrupt.
 #[inline(always)]
 pub fn arm(instant: u32) {
+    let _ = set::<1>(instant);
+}
+
+/// As [`arm`], but an instant that has passed raises no interrupt; says whether it is ahead.
+#[must_use]
+#[inline(always)]
+pub fn arm_ahead(instant: u32) -> bool {
+    set::<0>(instant) != 0
+}
+
+/// Arms the alarm with the ticks that are left, or with `LEAST` if there are none; gives them.
+#[inline(always)]
+fn set<const LEAST: u32>(instant: u32) -> u32 {
+    let left: u32;
     // SAFETY: the board has these registers, and nothing else writes the alarm's.
     unsafe {
         asm!(
@@ -73,15 +87,17 @@ pub fn arm(instant: u32) {
             "adds {left}, {left}, #1",
             "cmp {left}, #1",
             "it lt",
-            "movlt {left}, #1",
+            "movlt {left}, #{least}",
             "str {left}, [{alarm}]",
-            left = out(reg) _,
+            left = out(reg) left,
+            least = const LEAST,
             instant = in(reg) instant,
             counter = in(reg) COUNTER_VALUE,
             alarm = in(reg) ALARM_VALUE,
             options(nostack),
         );
     }
+    left
 }
 
 /// Withdraws the interrupt of the alarm.

@@ -1,66 +1,8 @@
-//! The three loops of condor-mos, with one vector for each.
+//! The three loops of condor-mos, with one vector for each, and counts of each.
 #![no_std]
 #![no_main]
 
+mod loops;
 mod platform;
 
-use board::body::body;
-use board::{LOOPS, RATES, report, switch_off, timer};
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Wrapping};
-use cortex_m::singleton;
-use platform::Board;
-
-const CLOCK: Clock = Clock::of::<Wrapping<32>>(Rate::hz(timer::HERTZ));
-const HERTZ: [Rate; LOOPS] = [Rate::hz(RATES[0]), Rate::hz(RATES[1]), Rate::hz(RATES[2])];
-
-/// Eight events of the fastest loop in a hyperperiod; the others are due with some of them.
-const EVENTS: usize = 8;
-
-static SCHEDULER: Scheduler<Board, EventTable<LOOPS, EVENTS>, LOOPS> =
-    Scheduler::new(Board, EventTable::new(HERTZ, CLOCK));
-
-#[cortex_m_rt::entry]
-fn main() -> ! {
-    let started = cortex_m::Peripherals::take().is_some_and(|mut core| {
-        Board::prepare(&mut core.NVIC);
-        start().is_some()
-    });
-    if !started {
-        switch_off(false);
-    }
-    report::loops()
-}
-
-fn start() -> Option<()> {
-    let assign = |id, body, context: &'static mut ()| {
-        SCHEDULER
-            .assign(LoopId(id), Overrun::Skip, body, context)
-            .ok()
-    };
-    assign(0, |()| body::<0>(), singleton!(: () = ())?)?;
-    assign(1, |()| body::<1>(), singleton!(: () = ())?)?;
-    assign(2, |()| body::<2>(), singleton!(: () = ())?)?;
-    SCHEDULER.start().ok()
-}
-
-/// The alarm, and the vector of rank 0.
-// SAFETY: the name is that of the interrupt in the vector table, and only the hardware calls it.
-#[unsafe(no_mangle)]
-extern "C" fn TIMER0() {
-    timer::acknowledge();
-    SCHEDULER.on_timer();
-}
-
-/// The vector of rank 1.
-// SAFETY: as above.
-#[unsafe(no_mangle)]
-extern "C" fn SPARE1() {
-    SCHEDULER.on_vector(1);
-}
-
-/// The vector of rank 2.
-// SAFETY: as above.
-#[unsafe(no_mangle)]
-extern "C" fn SPARE2() {
-    SCHEDULER.on_vector(2);
-}
+pub(crate) use condor_mos::Counts as Kept;

@@ -47,9 +47,11 @@ impl Timer for Board {
 
     #[inline(always)]
     fn arm(&self, at: Wrapping<32>) -> Armed {
-        timer::arm(at.count());
-        // An instant that has passed is not lost: the alarm goes off at the next tick.
-        Armed::Ahead
+        if timer::arm_ahead(at.count()) {
+            Armed::Ahead
+        } else {
+            Armed::Past
+        }
     }
 
     fn disarm(&self) {

@@ -15,7 +15,7 @@ pub(crate) const SMALL: Processor = Processor(1);
 pub(crate) const VISITOR: Processor = Processor(11);
 const ADD: Vector = Vector(5);
 const TABLE: EventTable<1, 4> =
-    EventTable::new([Rate::hz(400)], Clock::of::<u64>(Rate::hz(1_000_000_000)));
+    EventTable::new(&[Rate::hz(400)], Clock::of::<u64>(Rate::hz(1_000_000_000)));
 
 /// A loop of 400 Hz that publishes its count, and a handler that adds its argument.
 pub(crate) struct Small;
@@ -53,7 +53,7 @@ impl Small {
 
         let scheduler = Scheduler::new(machine.platform(), TABLE);
         let (mut count, mut lost) = (0_u32, 0_u32);
-        let mut servo = || {
+        let mut servo = |_| {
             count += 1;
             if ticks_out.publish(&count).is_err() {
                 lost += 1;

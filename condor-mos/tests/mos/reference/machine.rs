@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use condor_mos::sim::Processor;
 use condor_mos::{
-    Armed, CeilingLock, Instant, LockError, LoopId, Platform, Rate, Schedule, Scheduler,
+    Armed, CeilingLock, EventTable, Instant, LockError, LoopId, Platform, Rate, Scheduler,
     StartError, Timer, Wrapping,
 };
 
@@ -68,17 +68,21 @@ impl<I: Reading> Platform for Narrow<I> {
     }
 }
 
-pub(crate) struct Machine<'p, I: Reading, S> {
+pub(crate) struct Machine<'p, I: Reading, const E: usize> {
     program: &'p Program,
     processor: Processor,
-    scheduler: Scheduler<Narrow<I>, S, LOOPS>,
+    scheduler: Scheduler<Narrow<I>, LOOPS, E>,
     held_until: AtomicU64,
     runs: AtomicU32,
     log: Mutex<Vec<Entry>>,
 }
 
-impl<'p, I: Reading, S: Schedule<LOOPS> + Send> Machine<'p, I, S> {
-    pub(crate) fn run(program: &'p Program, processor: Processor, schedule: S) -> Vec<Entry> {
+impl<'p, I: Reading, const E: usize> Machine<'p, I, E> {
+    pub(crate) fn run(
+        program: &'p Program,
+        processor: Processor,
+        schedule: EventTable<LOOPS, E>,
+    ) -> Vec<Entry> {
         let platform = Narrow {
             processor: processor.clone(),
             reading: PhantomData,
@@ -94,7 +98,7 @@ impl<'p, I: Reading, S: Schedule<LOOPS> + Send> Machine<'p, I, S> {
         let mut bodies: [_; LOOPS] = std::array::from_fn(|number| {
             let this = &this;
             let mut pieces = program.bodies[number].iter().cycle();
-            move || {
+            move |_| {
                 this.note(What::Begins(number));
                 let piece = pieces.next().expect("again and again");
                 if this.runs.fetch_add(1, Relaxed) < BUSY_RUNS {

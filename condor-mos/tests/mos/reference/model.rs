@@ -24,9 +24,9 @@ struct Loop {
     /// Instants of releases that wait.
     waiting: VecDeque<u64>,
     running: bool,
-    released: u32,
-    skipped: u32,
-    run: u32,
+    released: u64,
+    skipped: u64,
+    run: u64,
     worst_run: u64,
     total_run: u64,
     worst_lateness: u64,
@@ -133,8 +133,8 @@ impl<'p> Model<'p> {
             released: one.released,
             run: one.run,
             skipped: one.skipped,
-            running: u32::from(one.running),
-            pending: one.waiting.len() as u32,
+            running: u64::from(one.running),
+            pending: one.waiting.len() as u64,
             worst_run: one.worst_run,
             total_run: one.total_run,
             worst_lateness: one.worst_lateness,
@@ -387,7 +387,7 @@ impl<'p> Model<'p> {
 
     fn forget(&mut self, number: usize) {
         let one = &mut self.loops[number];
-        one.skipped += one.waiting.len() as u32;
+        one.skipped += one.waiting.len() as u64;
         one.waiting.clear();
     }
 

@@ -1,7 +1,7 @@
 //! How late loops may end.
 
 use checks::Checks;
-use condor_mos::{Analysis, Load, LoopId, Platform, Rate, Response, Schedule, Scheduler};
+use condor_mos::{Analysis, Load, LoopId, Platform, Rate, Response, Scheduler};
 
 use crate::LOOPS;
 
@@ -54,9 +54,9 @@ pub(crate) fn declared(checks: &mut Checks<'_>) {
 }
 
 /// What was measured, of loops that have run.
-pub(crate) fn measured<P: Platform, S: Schedule<LOOPS>>(
+pub(crate) fn measured<P: Platform, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     let counts = [0, 1, 2].map(|number| scheduler.statistics(LoopId(number)));
     let [Ok(fastest), Ok(middle), Ok(slowest)] = counts else {

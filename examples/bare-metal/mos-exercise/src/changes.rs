@@ -3,16 +3,16 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{LoopError, LoopId, Overrun, Platform, Rate, Schedule, Scheduler};
+use condor_mos::{LoopError, LoopId, Overrun, Platform, Rate, Scheduler};
 
 use crate::{LOOPS, RATES, await_until};
 
 /// A loop that there is not.
 const NONE: LoopId = LoopId(LOOPS as u8);
 
-pub(crate) fn changes<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+pub(crate) fn changes<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     let platform = scheduler.platform();
     let runs = AtomicU32::new(0);
@@ -24,13 +24,13 @@ pub(crate) fn changes<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
             runs.load(Relaxed).wrapping_sub(before) >= times
         })
     };
-    let mut body = || count();
-    let mut second = || {};
+    let mut body = |_| count();
+    let mut second = |_| {};
     let faulted = || {
         let counts = scheduler.statistics(LoopId(2));
         counts.is_ok_and(|counts| counts.faulted && !counts.enabled)
     };
-    let mut faulty = || {
+    let mut faulty = |_| {
         if waits.load(Relaxed) {
             // Longer than its period.
             let _ = await_until(platform, faulted);

@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{Latest, LoopId, Overrun, Platform, Reader, Schedule, Scheduler, Writer};
+use condor_mos::{Latest, LoopId, Overrun, Platform, Reader, Scheduler, Writer};
 
 use crate::{LOOPS, await_until};
 
@@ -34,9 +34,9 @@ pub(crate) fn calls(checks: &mut Checks<'_>) {
 }
 
 /// A loop writes what the background reads, and reads what the background writes.
-pub(crate) fn latest<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+pub(crate) fn latest<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     let mut up = Latest::new(words(0));
     // As for values that cannot be copied.
@@ -50,7 +50,7 @@ pub(crate) fn latest<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
             Some(number) => since.store(number, Relaxed),
             None => right.store(false, Relaxed),
         };
-    let mut servo_loop = || {
+    let mut servo_loop = |_| {
         let number = sent.load(Relaxed).wrapping_add(1);
         send(&mut to_background, number);
         sent.store(number, Relaxed);

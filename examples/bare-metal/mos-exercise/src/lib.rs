@@ -19,9 +19,7 @@ mod texts;
 mod trace;
 
 use checks::Checks;
-use condor_mos::{
-    Clock, EventTable, Instant, Platform, Rate, Scan, Schedule, Scheduler, SimpleServo,
-};
+use condor_mos::{Clock, EventTable, Instant, Platform, Rate, Scan, Scheduler, SimpleServo};
 
 /// How many loops there are.
 pub const LOOPS: usize = 3;
@@ -31,21 +29,21 @@ pub const RATES: [Rate; LOOPS] = [Rate::hz(200), Rate::hz(50), Rate::hz(10)];
 pub const EVENTS: usize = 24;
 
 /// A scheduler with an event table.
-pub type Tabled<P> = Scheduler<P, EventTable<LOOPS, EVENTS>, LOOPS>;
+pub type Tabled<P> = Scheduler<P, LOOPS, EVENTS>;
 /// A scheduler with a scan.
-pub type Scanned<P> = Scheduler<P, Scan<LOOPS>, LOOPS>;
+pub type Scanned<P> = Scheduler<P, LOOPS, 0>;
 
 /// A servo of one loop.
 pub type Simple<P> = SimpleServo<P>;
 
 /// A scheduler of the loops for a platform with this clock.
 pub const fn tabled<P: Platform>(platform: P, clock: Clock) -> Tabled<P> {
-    Scheduler::new(platform, EventTable::new(RATES, clock))
+    Scheduler::new(platform, EventTable::new(&RATES, clock))
 }
 
 /// The same without a table.
 pub const fn scanned<P: Platform>(platform: P, clock: Clock) -> Scanned<P> {
-    Scheduler::new(platform, Scan::new(RATES, clock))
+    Scheduler::new(platform, Scan::new(&RATES, clock))
 }
 
 /// A servo of the fastest loop.
@@ -86,9 +84,9 @@ pub fn loops<P: Platform + Sync>(
     simple::simple(checks, simple);
 }
 
-fn each<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+fn each<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     nesting::nesting(checks, scheduler);
     analysis::measured(checks, scheduler);

@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{LoopId, Overrun, Platform, Schedule, Scheduler, StartError, Statistics};
+use condor_mos::{LoopId, Overrun, Platform, Scheduler, StartError, Statistics};
 
 use crate::trace::{Told, Trace};
 use crate::{LOOPS, await_until};
@@ -11,9 +11,9 @@ use crate::{LOOPS, await_until};
 /// How often the slowest loop runs.
 const ROUNDS: u32 = 5;
 
-pub(crate) fn nesting<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     static TRACE: Trace = Trace::new();
     let trace = &TRACE;
@@ -36,7 +36,7 @@ pub(crate) fn nesting<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
             right.store(false, Relaxed);
         }
     };
-    let mut run_fastest = || {
+    let mut run_fastest = |_| {
         trace.around(0, || {
             if compute(1.0).to_bits() != one.to_bits() {
                 right.store(false, Relaxed);
@@ -44,11 +44,11 @@ pub(crate) fn nesting<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
         });
         count(fastest);
     };
-    let mut run_middle = || {
+    let mut run_middle = |_| {
         trace.around(1, || compute_until(2.0, two, fastest));
         count(middle);
     };
-    let mut run_slowest = || {
+    let mut run_slowest = |_| {
         trace.around(2, || compute_until(3.0, three, middle));
         count(slowest);
     };
@@ -120,9 +120,9 @@ fn is_balanced(counts: &Statistics) -> bool {
 
 /// The table of statistics. `core` prints numbers with a fraction by code that can panic.
 #[cfg(feature = "values")]
-fn show<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+fn show<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     use core::fmt::Write as _;
 

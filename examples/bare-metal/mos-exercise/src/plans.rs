@@ -42,7 +42,7 @@ pub(crate) fn plans<P: Platform>(checks: &mut Checks<'_>, platform: &P) {
         (clock.frequency(), clock.bits()),
         (platform.frequency(), P::Instant::BITS),
     );
-    let table = EventTable::<LOOPS, 20>::try_new(RATES, clock);
+    let table = EventTable::<LOOPS, 20>::try_new(&RATES, clock);
     #[cfg(feature = "values")]
     if let Ok(table) = &table {
         use core::fmt::Write as _;
@@ -58,19 +58,19 @@ pub(crate) fn plans<P: Platform>(checks: &mut Checks<'_>, platform: &P) {
             .sum()
     });
     checks.same("a table holds all releases", events, Ok(26_u32));
-    let small = EventTable::<LOOPS, 19>::try_new(RATES, clock).err();
+    let small = EventTable::<LOOPS, 19>::try_new(&RATES, clock).err();
     checks.that(
         "one that is too small says so",
         matches!(small, Some(RateError::TooManyEvents { capacity: 19, .. })),
     );
-    let fast = Scan::try_new([Rate::hz(u32::MAX); LOOPS], clock).err();
+    let fast = Scan::<LOOPS>::try_new(&[Rate::hz(u32::MAX); LOOPS], clock).err();
     checks.that(
         "a rate can be too fast",
         matches!(fast, Some(RateError::TooFast { .. })),
     );
     let other = Clock::of::<Wrapping<16>>(Rate::fraction(12_345, 7));
     checks.same("a counter has half its range", other.longest_gap(), 0x7fff);
-    if let Ok(scan) = Scan::try_new([Rate::hz(1); LOOPS], other) {
+    if let Ok(scan) = Scan::<LOOPS>::try_new(&[Rate::hz(1); LOOPS], other) {
         let error = Scheduler::new(platform, scan).start();
         checks.same(
             "a schedule is of one clock",
@@ -101,7 +101,8 @@ pub(crate) type Nothing = [u8; 0];
 
 pub(crate) fn for_good<P: Platform + Sync>(checks: &mut Checks<'_>, scheduler: &Tabled<P>) {
     static RUNS: AtomicU32 = AtomicU32::new(0);
-    let body: fn(&mut Nothing) = |_| RUNS.store(RUNS.load(Relaxed).wrapping_add(1), Relaxed);
+    let body: fn(&mut Nothing, P::Instant) =
+        |_, _| RUNS.store(RUNS.load(Relaxed).wrapping_add(1), Relaxed);
     let assigned = scheduler.assign(LoopId(0), Overrun::default(), body, &mut []);
     checks.same("a function becomes a loop", assigned, Ok(()));
     let again = scheduler.assign(LoopId(0), Overrun::Skip, body, &mut []);

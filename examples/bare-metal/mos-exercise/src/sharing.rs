@@ -3,15 +3,15 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{CeilingLock, Instant, LockError, LoopId, Overrun, Platform, Schedule, Scheduler};
+use condor_mos::{CeilingLock, Instant, LockError, LoopId, Overrun, Platform, Scheduler};
 
 use crate::{LOOPS, await_until};
 
 const ROUNDS: u32 = 2000;
 
-pub(crate) fn sharing<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
+pub(crate) fn sharing<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
-    scheduler: &Scheduler<P, S, LOOPS>,
+    scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     let platform = scheduler.platform();
     let mut shared = CeilingLock::new(&[LoopId(1), LoopId(2)], [0_u32; 2]);
@@ -36,13 +36,13 @@ pub(crate) fn sharing<P: Platform + Sync, S: Schedule<LOOPS> + Send>(
             });
         }
     };
-    let mut fastest = || {
+    let mut fastest = |_| {
         let error = shared.lock(scheduler, |_| ()).err();
         if matches!(error, Some(LockError::Undeclared | LockError::Taken)) {
             refused.store(refused.load(Relaxed).wrapping_add(1), Relaxed);
         }
     };
-    let (mut middle, mut slowest) = (|| by_loop(), || by_loop());
+    let (mut middle, mut slowest) = (|_| by_loop(), |_| by_loop());
     let mut by_background = 0_u32;
     scheduler.scope(|scope| {
         let assigned = scope

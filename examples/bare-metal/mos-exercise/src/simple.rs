@@ -23,13 +23,13 @@ pub(crate) fn simple<P: Platform + Sync>(
     refusals(checks, servo);
     let runs = AtomicU32::new(0);
     let is_late = AtomicBool::new(false);
-    let mut body = || {
+    let mut body = |_| {
         runs.store(runs.load(Relaxed).wrapping_add(1), Relaxed);
         if is_late.load(Relaxed) {
             wait_for_periods(platform, SLOWER, 3);
         }
     };
-    let mut second = || {};
+    let mut second = |_| {};
     let has_run = |times: u32| {
         let before = runs.load(Relaxed);
         await_until(platform, || {
@@ -80,7 +80,7 @@ pub(crate) fn simple<P: Platform + Sync>(
         counts.released,
         counts.run.wrapping_add(counts.skipped),
     );
-    checks.same("each run is counted", counts.run, runs.load(Relaxed));
+    checks.same("each run is counted", counts.run, runs.load(Relaxed).into());
     for_good(checks, servo);
 }
 
@@ -110,7 +110,8 @@ fn refusals<P: Platform>(checks: &mut Checks<'_>, servo: &SimpleServo<&'static P
 
 fn for_good<P: Platform>(checks: &mut Checks<'_>, servo: &SimpleServo<&'static P>) {
     static RUNS: AtomicU32 = AtomicU32::new(0);
-    let body: fn(&mut Nothing) = |_| RUNS.store(RUNS.load(Relaxed).wrapping_add(1), Relaxed);
+    let body: fn(&mut Nothing, P::Instant) =
+        |_, _| RUNS.store(RUNS.load(Relaxed).wrapping_add(1), Relaxed);
     let assigned = servo.assign(Overrun::CatchUp(1), body, &mut []);
     checks.same("a function becomes the loop", assigned, Ok(()));
     let again = servo.assign(Overrun::Skip, body, &mut []);

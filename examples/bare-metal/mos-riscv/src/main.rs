@@ -69,7 +69,7 @@ extern "C" fn main(hart: usize) {
 /// A loop rings its own hart: the interrupt comes in its middle.
 fn other_interrupt(checks: &mut Checks<'_>) {
     let (runs, interrupted) = (AtomicU32::new(0), AtomicU32::new(0));
-    let mut body = || {
+    let mut body = |_| {
         let before = RUNG.load(Relaxed);
         ring(true);
         // It comes within some instructions, or when no loop is left.

@@ -101,7 +101,7 @@ impl State {
     }
 }
 
-type Loops = Scheduler<&'static Clint, Scan<2>, 2>;
+type Loops = Scheduler<&'static Clint, 2, 0>;
 
 struct Levels<'l, 'v> {
     hart: &'l Hart,
@@ -113,14 +113,14 @@ impl Levels<'_, '_> {
     fn measure(&self) -> Result<Depths, Failure> {
         let Self { hart, state, .. } = self;
         let me = hart.number();
-        let table = Scan::try_new(RATES, Clock::of::<u64>(MTIME))?;
+        let table = Scan::try_new(&RATES, Clock::of::<u64>(MTIME))?;
         let scheduler: Loops = Scheduler::new(hart.platform(), table);
         // Each sends when it begins and when it has computed: its own rings come while it runs.
-        let mut fast = || {
+        let mut fast = |_| {
             state.fast();
             self.tick(me);
         };
-        let mut slow = || {
+        let mut slow = |_| {
             self.tick(me);
             state.slow(hart);
             self.tick(me);
@@ -157,7 +157,7 @@ impl Levels<'_, '_> {
                 stack::paint(hart);
                 let skipped = || -> Result<u32, Failure> {
                     let (fast, slow) = (scheduler.statistics(FAST)?, scheduler.statistics(SLOW)?);
-                    Ok(fast.skipped.wrapping_add(slow.skipped))
+                    Ok(fast.skipped.wrapping_add(slow.skipped) as u32)
                 };
                 depths.skipped = self.timed(&scheduler, || {
                     let before = skipped()?;

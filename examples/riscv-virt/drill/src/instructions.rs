@@ -146,12 +146,11 @@ fn known(hart: &Hart, counts: &mut Counts) {
 
 /// What releases take from the background.
 fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Failure> {
-    let table = EventTable::<LOOPS, EVENTS>::try_new(RATES, Clock::of::<u64>(MTIME))?;
-    let scheduler: Scheduler<_, EventTable<LOOPS, EVENTS>, LOOPS> =
-        Scheduler::new(hart.platform(), table);
-    let mut fast = || body::<0>();
-    let mut middle = || body::<1>();
-    let mut slow = || body::<2>();
+    let table = EventTable::<LOOPS, EVENTS>::try_new(&RATES, Clock::of::<u64>(MTIME))?;
+    let scheduler: Scheduler<_, LOOPS, EVENTS> = Scheduler::new(hart.platform(), table);
+    let mut fast = |_| body::<0>();
+    let mut middle = |_| body::<1>();
+    let mut slow = |_| body::<2>();
     scheduler.scope(|scope| {
         scope.assign(LoopId(0), Overrun::Skip, &mut fast)?;
         scope.assign(LoopId(1), Overrun::Skip, &mut middle)?;

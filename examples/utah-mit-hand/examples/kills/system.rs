@@ -38,8 +38,8 @@ arguments = ["teller", "PARTNER"]
 /// The runs, overruns and worst lateness in us of a loop.
 pub(crate) struct Counts {
     pub(crate) loop_name: String,
-    pub(crate) runs: u32,
-    pub(crate) overruns: u32,
+    pub(crate) runs: u64,
+    pub(crate) overruns: u64,
     pub(crate) worst_us: f64,
 }
 

@@ -8,7 +8,7 @@ struct Seen {
     peaks: Vec<(&'static str, f64)>,
     wanted: Vec<[[u64; 4]; 4]>,
     is: Vec<[[u64; 4]; 4]>,
-    counts: Vec<(u8, u32, u32)>,
+    counts: Vec<(u8, u64, u64)>,
     shown: String,
 }
 
@@ -78,7 +78,7 @@ struct Left {
     /// How often each line of an end was said.
     said: Vec<usize>,
     saved: Vec<u8>,
-    skips: Vec<(u8, u32)>,
+    skips: Vec<(u8, u64)>,
 }
 
 fn worked(typist: &mut Typist<'_>, kills: bool) -> Left {

@@ -52,7 +52,7 @@ pub(crate) struct Run {
     /// The largest distance of a joint from where it was to be, rad.
     pub(crate) peak_rad: f64,
     /// Processor, runs and skips of each loop.
-    pub(crate) counts: Vec<(u8, u32, u32)>,
+    pub(crate) counts: Vec<(u8, u64, u64)>,
     /// What the terminals of the processors show.
     pub(crate) said: Vec<String>,
 }

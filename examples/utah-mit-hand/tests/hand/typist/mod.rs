@@ -392,7 +392,7 @@ impl Typist<'_> {
     }
 
     /// Processor, runs and skips of each loop.
-    pub(crate) fn counts(&self) -> Vec<(u8, u32, u32)> {
+    pub(crate) fn counts(&self) -> Vec<(u8, u64, u64)> {
         let mut all = Vec::new();
         for number in ALL {
             let region = self.region(number);

@@ -21,13 +21,13 @@ fn a_loop_that_unwinds_is_not_charged_for_loops_that_interrupt_its_end() {
     static UNWINDS: AtomicBool = AtomicBool::new(false);
     let processor = Processor::new(FREQUENCY);
     let clock = Clock::of::<u64>(FREQUENCY);
-    let table = EventTable::<2, 4>::new([Rate::hz(1), Rate::hz(4)], clock);
+    let table = EventTable::<2, 4>::new(&[Rate::hz(1), Rate::hz(4)], clock);
     let scheduler = Scheduler::new(processor.clone(), table);
-    let mut slow = || {
+    let mut slow = |_| {
         UNWINDS.store(true, Relaxed);
         panic!("for the test");
     };
-    let mut fast = || processor.work(1);
+    let mut fast = |_| processor.work(1);
     let on_point = {
         let processor = processor.clone();
         Rc::new(move || {

@@ -16,7 +16,8 @@ use crate::scheduler::{LoopId, Scheduler};
 use crate::sim::{Processor, Vectored};
 
 /// Entries for rates of 1 to 4 Hz: a hyperperiod of 12 ticks.
-type Table<const L: usize> = EventTable<L, 12>;
+const ENTRIES: usize = 12;
+type Table<const L: usize> = EventTable<L, ENTRIES>;
 
 /// Two of the hyperperiods.
 pub(super) const END: u64 = 2 * FREQUENCY as u64;
@@ -69,14 +70,14 @@ impl<const L: usize> Set<L> {
         Self {
             rates,
             overrun,
-            table: Table::new(rates.map(Rate::hz), clock),
+            table: Table::new(&rates.map(Rate::hz), clock),
         }
     }
 }
 
 pub(super) struct World<P: Simulated, const L: usize> {
     processor: P,
-    pub(super) scheduler: Scheduler<P, Table<L>, L>,
+    pub(super) scheduler: Scheduler<P, L, ENTRIES>,
     oracle: Mutex<Oracle<L>>,
 }
 
@@ -93,14 +94,14 @@ impl<P: Simulated, const L: usize> World<P, L> {
         let world = Rc::new(Self {
             scheduler: Scheduler::new(processor.clone(), set.table),
             processor,
-            oracle: Mutex::new(Oracle::new(set.rates, set.overrun)),
+            oracle: Mutex::new(Oracle::new(set.rates, set.overrun, P::VECTORS)),
         });
         let plan = Rc::new(plan);
         let scheduler = &world.scheduler;
         let this = &*world;
         let mut bodies: [_; L] = std::array::from_fn(|number| {
             let body = &body;
-            move || {
+            move |_| {
                 this.with_oracle(|oracle| oracle.enter(number));
                 body(this, number);
                 this.point();

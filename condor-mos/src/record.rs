@@ -1,0 +1,299 @@
+//! What a scheduler keeps of its loops' past, which is a choice by type.
+
+/// What a [`Scheduler`](crate::Scheduler) counts and measures: [`NoStatistics`], [`Counts`] or
+/// [`Histograms`].
+#[allow(private_bounds, reason = "nobody else implements it")]
+pub trait Keep: Record {}
+
+/// A [`Keep`] of which there are [`Statistics`](crate::Statistics).
+pub trait Counted: Keep {}
+
+pub(crate) trait Record: Copy + Send + 'static {
+    const NEW: Self;
+
+    /// Whether it wants to know about starts and ends, which takes a reading of the counter.
+    const MEASURES: bool;
+
+    /// The loop starts, so many ticks after it was due.
+    fn start(&mut self, lateness: u32);
+
+    /// The loop has finished, after `ticks` of its own.
+    fn finish(&mut self, ticks: u32);
+
+    /// Releases that will not run.
+    fn skip(&mut self, releases: u32);
+
+    /// The loop has another rate from here on; `released` releases had the former ones.
+    fn change(&mut self, released: u64);
+
+    fn counts(&self) -> Counts;
+}
+
+/// Nothing is counted or measured, and no instant is read for it.
+#[derive(Clone, Copy, Debug)]
+pub struct NoStatistics;
+
+impl Keep for NoStatistics {}
+
+impl Record for NoStatistics {
+    const NEW: Self = Self;
+    const MEASURES: bool = false;
+
+    #[inline(always)]
+    fn start(&mut self, _: u32) {}
+
+    #[inline(always)]
+    fn finish(&mut self, _: u32) {}
+
+    #[inline(always)]
+    fn skip(&mut self, _: u32) {}
+
+    fn change(&mut self, _: u64) {}
+
+    fn counts(&self) -> Counts {
+        Counts::NEW
+    }
+}
+
+/// Runs and skipped releases are counted; of run times there are the sum and the longest, of
+/// lateness the longest.
+#[derive(Clone, Copy, Debug)]
+pub struct Counts {
+    pub(crate) worst_lateness: u32,
+    pub(crate) worst_run: u32,
+    pub(crate) total_run: u64,
+    /// The low word of the runs that have finished, and the high one.
+    run: u32,
+    run_high: u32,
+    pub(crate) skipped: u64,
+    /// Releases, and ticks of all runs, before the rate was changed last.
+    pub(crate) released_before: u64,
+    pub(crate) total_before: u64,
+}
+
+impl Keep for Counts {}
+impl Counted for Counts {}
+
+impl Counts {
+    pub(crate) fn run(&self) -> u64 {
+        u64::from(self.run_high) << 32 | u64::from(self.run)
+    }
+
+    /// 2^32 runs.
+    #[cold]
+    fn carry(&mut self) {
+        self.run_high = self.run_high.wrapping_add(1);
+    }
+}
+
+impl Record for Counts {
+    const NEW: Self = Self {
+        worst_lateness: 0,
+        worst_run: 0,
+        total_run: 0,
+        run: 0,
+        run_high: 0,
+        skipped: 0,
+        released_before: 0,
+        total_before: 0,
+    };
+    const MEASURES: bool = true;
+
+    #[inline(always)]
+    fn start(&mut self, lateness: u32) {
+        if lateness > self.worst_lateness {
+            self.worst_lateness = lateness;
+        }
+    }
+
+    #[inline(always)]
+    fn finish(&mut self, ticks: u32) {
+        self.run = self.run.wrapping_add(1);
+        if self.run == 0 {
+            self.carry();
+        }
+        self.total_run = self.total_run.wrapping_add(u64::from(ticks));
+        if ticks > self.worst_run {
+            self.worst_run = ticks;
+        }
+    }
+
+    fn skip(&mut self, releases: u32) {
+        self.skipped += u64::from(releases);
+    }
+
+    fn change(&mut self, released: u64) {
+        self.released_before = released;
+        self.total_before = self.total_run;
+    }
+
+    fn counts(&self) -> Counts {
+        *self
+    }
+}
+
+/// [`Counts`], and how lateness and run times are distributed.
+#[derive(Clone, Copy, Debug)]
+pub struct Histograms {
+    counts: Counts,
+    lateness: Histogram,
+    run: Histogram,
+}
+
+impl Keep for Histograms {}
+impl Counted for Histograms {}
+
+impl Histograms {
+    /// From releases to starts.
+    #[must_use]
+    pub const fn lateness(&self) -> &Histogram {
+        &self.lateness
+    }
+
+    /// Of runs, without the loops that interrupted them.
+    #[must_use]
+    pub const fn run(&self) -> &Histogram {
+        &self.run
+    }
+}
+
+impl Record for Histograms {
+    const NEW: Self = Self {
+        counts: Counts::NEW,
+        lateness: Histogram::NEW,
+        run: Histogram::NEW,
+    };
+    const MEASURES: bool = true;
+
+    #[inline]
+    fn start(&mut self, lateness: u32) {
+        self.counts.start(lateness);
+        self.lateness.count(lateness);
+    }
+
+    #[inline]
+    fn finish(&mut self, ticks: u32) {
+        self.counts.finish(ticks);
+        self.run.count(ticks);
+    }
+
+    fn skip(&mut self, releases: u32) {
+        self.counts.skip(releases);
+    }
+
+    fn change(&mut self, released: u64) {
+        self.counts.change(released);
+    }
+
+    fn counts(&self) -> Counts {
+        self.counts
+    }
+}
+
+/// How often times of each size were seen, in 64 classes: two for each power of two, so a time is
+/// known to within half of it. Counts stay at 2^32 - 1 when they come there.
+#[derive(Clone, Copy, Debug)]
+pub struct Histogram {
+    classes: [u32; 64],
+}
+
+impl Histogram {
+    const NEW: Self = Self { classes: [0; 64] };
+
+    /// The class of a time: its highest bit, and the bit behind that.
+    #[inline]
+    fn class(ticks: u32) -> usize {
+        match ticks.checked_ilog2() {
+            None => 0,
+            Some(0) => 1,
+            Some(high) => (2 * high + (ticks >> (high - 1) & 1)) as usize,
+        }
+    }
+
+    /// The longest time of a class.
+    fn longest(class: usize) -> u32 {
+        match class {
+            0 | 1 => class as u32,
+            _ => {
+                let half = 1_u64 << (class / 2 - 1);
+                let end = half * (class % 2 + 3) as u64;
+                (end - 1) as u32
+            }
+        }
+    }
+
+    #[inline]
+    fn count(&mut self, ticks: u32) {
+        if let Some(class) = self.classes.get_mut(Self::class(ticks)) {
+            *class = class.saturating_add(1);
+        }
+    }
+
+    /// How many times were counted.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.classes.iter().map(|&class| u64::from(class)).sum()
+    }
+
+    /// A time in ticks that `percent` of all times do not exceed: the end of its class, at most half
+    /// again as long as the exact percentile. 0 if nothing was counted.
+    #[must_use]
+    pub fn percentile(&self, percent: f64) -> u32 {
+        // Below 2^53 nothing is lost.
+        #[allow(clippy::cast_precision_loss)]
+        let wanted = self.total() as f64 * percent / 100.0;
+        let (mut seen, mut longest) = (0.0, 0);
+        for (class, &count) in self.classes.iter().enumerate() {
+            if count > 0 && (seen < wanted || seen == 0.0) {
+                longest = Self::longest(class);
+            }
+            seen += f64::from(count);
+        }
+        longest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Counts, Histogram, Record};
+
+    #[test]
+    fn every_time_is_in_the_first_class_that_ends_at_it_or_later() {
+        for exponent in 0..32 {
+            let ticks = 1_u32 << exponent;
+            for ticks in [ticks - 1, ticks, ticks + ticks / 2, ticks + (ticks - 1)] {
+                let class = Histogram::class(ticks);
+                assert!(ticks <= Histogram::longest(class), "{ticks}");
+                assert!(
+                    class == 0 || Histogram::longest(class - 1) < ticks,
+                    "{ticks}"
+                );
+            }
+        }
+        assert_eq!(Histogram::longest(63), u32::MAX);
+    }
+
+    #[test]
+    fn percentiles_are_the_ends_of_classes() {
+        let mut times = Histogram::NEW;
+        assert_eq!(times.percentile(50.0), 0);
+        for ticks in 1..=1000 {
+            times.count(ticks);
+        }
+        assert_eq!(times.total(), 1000);
+        assert_eq!(times.percentile(0.0), 1);
+        assert_eq!(times.percentile(50.0), 511);
+        assert_eq!(times.percentile(99.0), 1023);
+    }
+
+    #[test]
+    fn the_mean_is_right_beyond_32_bits() {
+        let mut counts = Counts {
+            run: u32::MAX,
+            total_run: 5 * u64::from(u32::MAX),
+            ..Counts::NEW
+        };
+        counts.finish(5);
+        assert_eq!((counts.run(), counts.total_run), (1 << 32, 5 << 32));
+    }
+}
