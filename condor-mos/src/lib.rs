@@ -14,10 +14,16 @@
 //! [analysis]: Analysis
 //! [timer]: Timer
 //! [platform]: Platform
-#![cfg_attr(feature = "sim", doc = "[sim]: sim::Processor")]
+#![cfg_attr(
+    all(feature = "sim", not(target_os = "none")),
+    doc = "[sim]: sim::Processor"
+)]
 //!
 #![doc = include_str!("../README.md")]
-#![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
+#![cfg_attr(
+    any(target_os = "none", not(any(feature = "std", condor_loom, test))),
+    no_std
+)]
 
 // Linked, so that a program which asks it for critical sections has them.
 #[cfg(feature = "std")]
@@ -35,7 +41,7 @@ pub mod linux;
     any(target_arch = "riscv32", target_arch = "riscv64")
 ))]
 pub mod riscv;
-#[cfg(feature = "sim")]
+#[cfg(all(feature = "sim", not(target_os = "none")))]
 pub mod sim;
 
 // How often.
