@@ -307,7 +307,8 @@ impl Program {
         }
     }
 
-    /// Whether there was no slot because the own handlers took each one for what they send on.
+    /// Whether there was no slot, or too late, because the own handlers took each one for what they send
+    /// on.
     ///
     /// A sender may have that much done for it; but when it pauses, there are slots again.
     fn is_starved<T>(&self, outcome: &Result<T, Error>, to: usize, before: usize) -> bool {
@@ -315,7 +316,8 @@ impl Program {
             let model = self.world.model.borrow();
             model.has_sent(before, self.number, to)
         };
-        if !matches!(outcome, Err(Error::NoSlot { .. })) || !competed() {
+        let late = matches!(outcome, Err(Error::NoSlot { .. } | Error::TimedOut { .. }));
+        if !late || !competed() {
             return false;
         }
         self.world.pause_attack(true);
