@@ -26,6 +26,8 @@ pub(super) const USER_BYTES: u32 = 512;
 const TICK_NS: u64 = 100;
 /// After so many readings of the clock without a sleep the others get a turn.
 const MOST_BUSY_TICKS: u32 = 64;
+/// How many programs run inside of each other at most.
+const MOST_NESTED: u32 = 3;
 /// No look may take more accesses than this between two readings of the clock.
 const MOST_ACCESSES_PER_TICK: u64 = 10_000;
 /// How late a call may return, beyond what the others ran on the same thread: its own last look,
@@ -48,6 +50,7 @@ pub(super) struct World {
     /// Readings of the clock since somebody slept, and whether others run because of them.
     busy_ticks: Cell<u32>,
     in_background: Cell<bool>,
+    nested: Cell<u32>,
     rings: [Cell<u64>; N],
     accesses: Cell<u64>,
     accesses_at_tick: Cell<u64>,
@@ -74,6 +77,7 @@ impl World {
             overrun_ns: Cell::new(0),
             busy_ticks: Cell::new(0),
             in_background: Cell::new(false),
+            nested: Cell::new(0),
             rings: core::array::from_fn(|_| Cell::new(0)),
             accesses: Cell::new(0),
             accesses_at_tick: Cell::new(0),
@@ -137,9 +141,17 @@ impl World {
         let Ok(mailbox) = seated.try_borrow() else {
             return 0;
         };
-        mailbox
+        // Each may run while the other one sleeps, and a ringful of handlers sleeps each time.
+        let nested = self.nested.get();
+        if nested >= MOST_NESTED {
+            return 0;
+        }
+        self.nested.set(nested + 1);
+        let served = mailbox
             .serve(Duration::ZERO)
-            .expect("who serves is not harmed by others")
+            .expect("who serves is not harmed by others");
+        self.nested.set(nested);
+        served
     }
 
     // What the hostile processor can reach.
