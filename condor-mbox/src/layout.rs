@@ -113,6 +113,7 @@ pub const fn taken(processors: u32, peer: u32) -> u32 {
     taken_in(acknowledged(processors, peer))
 }
 
+/// Offset of the count of taken requests in the pair that begins at offset `pair`.
 #[inline(always)]
 pub(crate) const fn taken_in(pair: u32) -> u32 {
     pair + 4
@@ -150,13 +151,13 @@ pub const fn slot(processors: u32, peer: u32, sequence: u32) -> u32 {
     slot_in(acknowledged(processors, peer), sequence)
 }
 
-/// The same in the pair at `pair`.
+/// Offset of the slot for request `sequence` in the pair that begins at offset `pair`.
 #[inline(always)]
 pub(crate) const fn slot_in(pair: u32, sequence: u32) -> u32 {
     pair + LINE + (sequence % SLOTS) * SLOT_BYTES
 }
 
-/// The reply cell in the pair at `pair`.
+/// Offset of reply cell `cell` in the pair that begins at offset `pair`.
 #[inline(always)]
 pub(crate) const fn cell_in(pair: u32, cell: u32) -> u32 {
     pair + LINE + RING_BYTES + (cell % SLOTS) * SLOT_BYTES

@@ -199,7 +199,7 @@ pub trait MemoryWindow {
 pub struct Words<'w>(&'w [AtomicU32]);
 
 impl<'w> Words<'w> {
-    /// Those of a window.
+    /// Wraps the words of a window.
     ///
     /// # Safety
     /// They are all of the memory of the window that returns them, which returns as many whenever it is

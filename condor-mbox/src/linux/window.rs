@@ -133,8 +133,6 @@ impl MapError {
 pub struct LinuxWindow {
     base: NonNull<u8>,
     size: u32,
-    /// How many words those are.
-    words: usize,
     access: Access,
     lost: &'static AtomicBool,
     /// Keeps `base` and `lost` valid.
@@ -284,7 +282,6 @@ impl LinuxWindow {
         Ok(Self {
             base,
             size,
-            words: (size / 4) as usize,
             access,
             lost,
             _mapping: Arc::new(mapping),
@@ -406,7 +403,7 @@ impl MemoryWindow for LinuxWindow {
         // are all of the window, which never changes.
         cfg!(target_endian = "little").then(|| unsafe {
             let first = self.base.cast::<AtomicU32>().as_ptr();
-            Words::new(core::slice::from_raw_parts(first, self.words))
+            Words::new(core::slice::from_raw_parts(first, (self.size / 4) as usize))
         })
     }
 

@@ -61,7 +61,7 @@ impl Default for Waiting {
     }
 }
 
-/// Whom a wait is for.
+/// The peer on which a wait depends, and what ends it early.
 #[derive(Clone, Copy)]
 pub(super) struct Watch {
     pub(super) peer: Processor,

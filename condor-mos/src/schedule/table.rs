@@ -55,8 +55,8 @@ pub struct EventTable<const L: usize, const E: usize> {
     halves: [Half; 2],
     entries: [[Event; E]; 2],
     active: usize,
-    /// The entry of the next event, counted from the first half's first, and where its hyperperiod
-    /// ends and begins; all behind the last entry where there is no table.
+    /// The index of the next event's entry, counted through both halves, and the indices at which its
+    /// hyperperiod ends and begins. All three lie behind the last entry where there is no table.
     next: usize,
     end: usize,
     begin: usize,
