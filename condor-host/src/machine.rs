@@ -36,8 +36,6 @@ pub trait Machine: Sync {
     type Platform: Platform<Instant = u64> + Sync;
     /// The bus on which the boards are.
     type Bus: Bus + Clone + Sync;
-    /// What cannot be had of this machine.
-    type Error: fmt::Debug + fmt::Display;
 
     /// Whether messages come with an interrupt, which [`with_mail`](Self::with_mail) has serve them.
     const MAIL_INTERRUPTS: bool = false;
@@ -95,24 +93,12 @@ pub trait Machine: Sync {
         let _ = serve;
         background()
     }
-
-    /// Runs `background`, while the timer's interrupt calls `handler`, which is to call
-    /// [`Scheduler::on_timer`](condor_mos::Scheduler::on_timer).
-    ///
-    /// # Errors
-    /// The timer cannot be had; `background` has not run then.
-    fn with_timer<R>(
-        &self,
-        platform: &Self::Platform,
-        handler: impl Fn() + Sync,
-        background: impl FnOnce() -> R,
-    ) -> Result<R, Self::Error>;
 }
 
 /// A program for any [`Machine`].
 ///
 /// Its loops neither wait, nor allocate, print or lock: on most machines they are interrupts. What they
-/// and the background share lies in the windows, in a [`CeilingLock`](condor_mos::CeilingLock) or in a
+/// and the background share lies in the windows, in a [`LoopLock`](condor_mos::LoopLock) or in a
 /// [`Latest`](condor_mos::Latest).
 pub trait Program {
     /// Why it ended before it was told to.

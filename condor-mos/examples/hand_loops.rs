@@ -6,7 +6,8 @@
 
 use condor_mos::sim::Processor;
 use condor_mos::{
-    Analysis, CeilingLock, Clock, EventTable, LoopError, LoopId, Overrun, Rate, Scheduler, Timer,
+    Analysis, Clock, EventTable, LoopError, LoopId, LoopLock, Loops, Overrun, Rate, Scheduler,
+    Timer,
 };
 
 const MICROSECONDS: Rate = Rate::hz(1_000_000);
@@ -28,7 +29,7 @@ fn main() -> Result<(), LoopError> {
     let scheduler = Scheduler::new(hand.clone(), TABLE);
 
     // Where the joint is to be, of which the trajectory loop tells the torque loop.
-    let goal = CeilingLock::new(&[TORQUE, TRAJECTORY], 0.0);
+    let goal = LoopLock::new(&[TORQUE, TRAJECTORY], 0.0);
     let mut position = 0.0;
 
     // In virtual time a loop says how long it computes: here a little longer now and then.

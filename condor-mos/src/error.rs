@@ -86,6 +86,20 @@ pub enum LoopError {
     /// There is no schedule for the rate that it was to have.
     #[error(transparent)]
     Rate(#[from] RateError),
+    /// What runs the loop keeps no statistics: [`NoStatistics`](crate::NoStatistics).
+    #[error("there are no statistics of loop {}: its scheduler keeps none", id.0)]
+    NoStatistics {
+        /// The loop.
+        id: LoopId,
+    },
+    /// The operating system has no thread for the loop.
+    #[error("no thread for loop {}: error {os_error} of the operating system", id.0)]
+    NoThread {
+        /// The loop.
+        id: LoopId,
+        /// The system's number of the error.
+        os_error: i32,
+    },
 }
 
 /// Why a schedule cannot begin.
@@ -99,21 +113,59 @@ pub enum StartError {
         /// The schedule's.
         schedule: Clock,
     },
-    /// The platform's interrupts have nothing to call: the schedule begins inside of `with_handler`.
+    /// The platform's interrupts have nothing to call: [`Loops::run`](crate::Loops::run) connects them.
     #[error("no handler is connected to the timer's interrupt")]
     NoHandler,
+    /// The handler cannot be connected to the timer's interrupt.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
     /// It has already begun.
-    #[error("the scheduler has already been started")]
+    #[error("the schedule has already been started")]
     Started,
 }
 
-/// Why a [`CeilingLock`](crate::CeilingLock) cannot be taken.
+/// Why a handler cannot be connected to a timer's interrupt, see
+/// [`Platform::connect`](crate::Platform::connect). On a processor whose interrupts are connected when
+/// its program is linked, there is no such error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum ConnectError {
+    /// The platform is connected already, or the thread is with another one.
+    #[error("the thread or the platform is connected already")]
+    Connected,
+    /// There are not so many real-time signals.
+    #[error("there is no signal {signal}")]
+    NoSuchSignal {
+        /// Its number.
+        signal: i32,
+    },
+    /// The program has a handler of its own for the signal.
+    #[error("signal {signal} has a handler already: choose another by `Signals::with_signal`")]
+    SignalTaken {
+        /// Its number.
+        signal: i32,
+    },
+    /// Critical sections of this program do not keep signals out.
+    #[error(
+        "critical sections of this program do not keep signals out: \
+         enable `critical-section` of condor-platform, and no other implementation"
+    )]
+    OtherSection,
+    /// The operating system refuses a timer or its signal.
+    #[error("no timer with a signal: error {os_error} of the operating system")]
+    Timer {
+        /// The system's number of the error.
+        os_error: i32,
+    },
+}
+
+/// Why a [`LoopLock`](crate::LoopLock) cannot be taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LockError {
     /// Someone faster than all declared users asked for it.
     #[error("a loop that is faster than all declared users of the lock asked for it")]
     Undeclared,
-    /// It is taken: asked for twice, or by an interrupt handler, or through another scheduler.
-    #[error("the lock is already taken on this processor")]
+    /// It is taken: asked for twice, or by an interrupt handler, or by what runs other loops.
+    #[error("the lock is already taken")]
     Taken,
 }

@@ -1,13 +1,12 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
 //! [scheduler]: Scheduler
-//! [simple]: SimpleServo
 //! [rate]: Rate
 //! [table]: EventTable
 //! [scan]: Scan
 //! [entries]: entries
 //! [error]: RateError
 //! [id]: LoopId
-//! [lock]: CeilingLock
+//! [lock]: LoopLock
 //! [overrun]: Overrun
 //! [statistics]: Statistics
 //! [counts]: Counts
@@ -57,7 +56,6 @@ mod timer;
 // The scheduler.
 mod analysis;
 mod body;
-mod ceiling;
 mod error;
 mod events;
 // An interrupt at every point: tests that need the inside, and the points that call them.
@@ -65,30 +63,30 @@ mod events;
 #[path = "../tests/injector/mod.rs"]
 mod injector;
 mod latest;
+mod lock;
+mod loops;
 mod masked;
 mod process;
 mod record;
 mod scheduler;
 mod scope;
-mod simple;
-mod single;
 mod state;
 mod statistics;
 mod sync;
 
 pub use analysis::{Analysis, Load, Response};
-pub use ceiling::CeilingLock;
 pub use clock::Clock;
-pub use error::{LockError, LoopError, RateError, StartError};
+pub use error::{ConnectError, LockError, LoopError, RateError, StartError};
 pub use instant::{Instant, Wrapping};
 pub use latest::{Latest, Reader, Writer};
+pub use lock::LoopLock;
+pub use loops::Loops;
 pub use platform::Platform;
 pub use process::Overrun;
 pub use rate::Rate;
-pub use record::{Counted, Counts, Histogram, Histograms, Keep, NoStatistics};
+pub use record::{Counts, Histogram, Histograms, Keep, NoStatistics};
 pub use schedule::{Event, EventTable, Scan, entries};
 pub use scheduler::{LoopId, Scheduler};
 pub use scope::Scope;
-pub use simple::SimpleServo;
 pub use statistics::Statistics;
 pub use timer::{Armed, Timer};

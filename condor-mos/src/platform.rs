@@ -2,6 +2,7 @@
 
 use critical_section::CriticalSection;
 
+use crate::error::ConnectError;
 use crate::timer::Timer;
 
 /// A [`Timer`], and the way in which its processor nests loops.
@@ -41,6 +42,23 @@ pub trait Platform: Timer {
         true
     }
 
+    /// Runs `program`, while the timer's interrupt calls `handler`, which calls
+    /// [`Scheduler::on_timer`](crate::Scheduler::on_timer).
+    ///
+    /// A processor whose interrupts are connected when its program is linked does no more than that
+    /// call.
+    ///
+    /// # Errors
+    /// [`ConnectError`]; `program` has not run then.
+    fn connect<R>(
+        &self,
+        handler: impl Fn() + Sync,
+        program: impl FnOnce() -> R,
+    ) -> Result<R, ConnectError> {
+        let _ = handler;
+        Ok(program())
+    }
+
     /// Runs the body of the loop of a rank so that the timer, and vectors, can interrupt it.
     ///
     /// Where ranks have vectors, the call is all.
@@ -70,6 +88,14 @@ impl<P: Platform + ?Sized> Platform for &P {
     #[inline]
     fn has_handler(&self) -> bool {
         P::has_handler(self)
+    }
+
+    fn connect<R>(
+        &self,
+        handler: impl Fn() + Sync,
+        program: impl FnOnce() -> R,
+    ) -> Result<R, ConnectError> {
+        P::connect(self, handler, program)
     }
 
     #[inline]

@@ -5,9 +5,6 @@
 #[allow(private_bounds, reason = "nobody else implements it")]
 pub trait Keep: Record {}
 
-/// A [`Keep`] of which there are [`Statistics`](crate::Statistics).
-pub trait Counted: Keep {}
-
 pub(crate) trait Record: Copy + Send + 'static {
     const NEW: Self;
 
@@ -72,7 +69,6 @@ pub struct Counts {
 }
 
 impl Keep for Counts {}
-impl Counted for Counts {}
 
 impl Counts {
     pub(crate) fn run(&self) -> u64 {
@@ -141,7 +137,6 @@ pub struct Histograms {
 }
 
 impl Keep for Histograms {}
-impl Counted for Histograms {}
 
 impl Histograms {
     /// From releases to starts.

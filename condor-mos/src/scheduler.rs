@@ -4,19 +4,20 @@ use critical_section::CriticalSection;
 
 use crate::body::Body;
 use crate::clock::Clock;
-use crate::error::{LoopError, StartError};
+use crate::error::{LockError, LoopError, StartError};
 use crate::events::catch_up;
 use crate::instant::Instant;
+use crate::lock::Gate;
+use crate::loops::{Inside, Loops, Stop};
 use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
 use crate::process::Overrun;
 use crate::rate::Rate;
-use crate::record::{Counted, Counts, Histograms, Keep};
+use crate::record::{Counts, Histograms, Keep};
 use crate::schedule::EventTable;
-use crate::scope::{Loops, Scope};
 use crate::state::{Running, State};
 use crate::statistics::Statistics;
-use crate::sync::const_unless_loom;
+use crate::sync::{Ordering, const_unless_loom};
 use crate::timer::Armed;
 
 /// A loop of a scheduler: the place of its rate in the schedule that the scheduler was given.
@@ -81,34 +82,6 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         self.assign_body(id, overrun, Body::of_function(body, context))
     }
 
-    /// Runs `f`, in which closures that borrow can become loops; when it returns or unwinds, they
-    /// are disarmed.
-    pub fn scope<'env, R>(
-        &self,
-        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, P::Instant>) -> R,
-    ) -> R {
-        Scope::run(self, f)
-    }
-
-    /// Begins the schedule: all enabled loops are due now.
-    ///
-    /// # Errors
-    /// [`StartError::Clock`] if the schedule was made for another clock than the platform's,
-    /// [`StartError::NoHandler`] if the platform knows that its interrupts call nothing,
-    /// [`StartError::Started`].
-    pub fn start(&self) -> Result<(), StartError> {
-        self.begin_schedule(None)
-    }
-
-    /// Begins the schedule at an instant, less than half of the counter's range away: all enabled
-    /// loops are due then. So several processors begin together.
-    ///
-    /// # Errors
-    /// As [`start`](Self::start).
-    pub fn start_at(&self, instant: P::Instant) -> Result<(), StartError> {
-        self.begin_schedule(Some(instant))
-    }
-
     fn begin_schedule(&self, at: Option<P::Instant>) -> Result<(), StartError> {
         let timer = Clock::of::<P::Instant>(self.platform.frequency());
         section(|section| {
@@ -136,93 +109,10 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         Ok(())
     }
 
-    /// Ends the schedule: what is in progress finishes, what has not started is skipped.
-    pub fn stop(&self) {
-        section(|section| {
-            if P::VECTORS {
-                self.settle(section);
-            }
-            self.state.with(section, State::stop);
-            self.platform.disarm();
-        });
-    }
-
-    /// Has a loop run from its next instant on.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`], [`LoopError::Unassigned`].
-    pub fn enable(&self, id: LoopId) -> Result<(), LoopError> {
-        self.set_enabled(id, true)
-    }
-
-    /// Has a loop run no more; if it is in progress, it finishes.
-    ///
-    /// # Errors
-    /// As [`enable`](Self::enable).
-    pub fn disable(&self, id: LoopId) -> Result<(), LoopError> {
-        self.set_enabled(id, false)
-    }
-
-    /// Gives a loop another rate, while all run on.
-    ///
-    /// The new schedule is prepared here, in short critical sections, and takes effect as a whole
-    /// where its kind says: [`EventTable`], [`Scan`](crate::Scan).
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`], or [`LoopError::Rate`] if there is no such schedule; then all
-    /// rates stay as they are.
-    pub fn set_rate(&self, id: LoopId, rate: Rate) -> Result<(), LoopError> {
-        self.with_state(|state| {
-            let number = state.number(id)?;
-            Ok::<_, LoopError>(state.schedule.begin_change(number, rate)?)
-        })?;
-        loop {
-            match self
-                .with_state(|state| (state.schedule.continue_change(), state.schedule.clock()))
-            {
-                (Ok(true), _) => return Ok(()),
-                (Ok(false), _) => {}
-                // Counted here, since that takes its time.
-                (Err(set), clock) => return Err(EventTable::<L, E>::too_many(&set, clock).into()),
-            }
-        }
-    }
-
     /// Whether rates that were asked for have not taken effect yet.
     #[must_use]
     pub fn is_changing(&self) -> bool {
         self.with_state(|state| state.schedule.is_changing())
-    }
-
-    /// The counts of a loop at this moment.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`].
-    pub fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError>
-    where
-        K: Counted,
-    {
-        self.with_state(|state| {
-            let number = state.number(id)?;
-            let rate = state.schedule.rates().get(number).copied();
-            let (Some(snapshot), Some(rate)) = (state.snapshot(number), rate) else {
-                return Err(state.no_such(id));
-            };
-            let frequency = state.schedule.clock().frequency();
-            Ok(Statistics::of(&snapshot, rate, frequency))
-        })
-    }
-
-    /// Sets the counts and times of a loop to 0.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`].
-    pub fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError> {
-        self.with_state(|state| {
-            let number = state.number(id)?;
-            state.reset(number);
-            Ok(())
-        })
     }
 
     /// The timer's interrupt: releases the loops that are due, and runs them or has them run.
@@ -464,31 +354,6 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         })
     }
 
-    /// Lets only loops run that are faster than all of `users`; see [`State::lock`].
-    pub(crate) fn lock(&self, section: CriticalSection<'_>, users: u32) -> Option<u32> {
-        self.state.with(section, |state| state.lock(users))
-    }
-
-    /// Undoes it, and has those run that were kept waiting.
-    pub(crate) fn unlock(&self, former: u32) {
-        if P::VECTORS {
-            let ranks = self.with_state(|state| {
-                state.unlock(former);
-                state.unlocked()
-            });
-            if ranks != 0 {
-                self.platform.pend(ranks);
-            }
-            return;
-        }
-        let begun = section(|section| {
-            let now = self.platform.now();
-            self.state.with(section, |state| state.unlock(former));
-            self.begin_fastest(section, now)
-        });
-        self.run_nested(begun);
-    }
-
     /// Looks on from outside, for tests.
     #[cfg(all(test, not(condor_loom)))]
     pub(crate) fn look<R>(&self, f: impl FnOnce(&State<P::Instant, L, E, K>) -> R) -> R {
@@ -515,7 +380,79 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     }
 }
 
-impl<P: Platform, const L: usize, const E: usize, K: Keep> Loops<P::Instant>
+impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Loops for Scheduler<P, L, E, K> {
+    type Instant = P::Instant;
+
+    fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError> {
+        let program = || {
+            self.start()?;
+            let _stop = Stop(self);
+            Ok(background())
+        };
+        self.platform.connect(|| self.on_timer(), program)?
+    }
+
+    fn start(&self) -> Result<(), StartError> {
+        self.begin_schedule(None)
+    }
+
+    fn start_at(&self, instant: P::Instant) -> Result<(), StartError> {
+        self.begin_schedule(Some(instant))
+    }
+
+    fn stop(&self) {
+        section(|section| {
+            if P::VECTORS {
+                self.settle(section);
+            }
+            self.state.with(section, State::stop);
+            self.platform.disarm();
+        });
+    }
+
+    fn enable(&self, id: LoopId) -> Result<(), LoopError> {
+        self.set_enabled(id, true)
+    }
+
+    fn disable(&self, id: LoopId) -> Result<(), LoopError> {
+        self.set_enabled(id, false)
+    }
+
+    fn set_rate(&self, id: LoopId, rate: Rate) -> Result<(), LoopError> {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            Ok::<_, LoopError>(state.schedule.begin_change(number, rate)?)
+        })?;
+        loop {
+            match self
+                .with_state(|state| (state.schedule.continue_change(), state.schedule.clock()))
+            {
+                (Ok(true), _) => return Ok(()),
+                (Ok(false), _) => {}
+                // Counted here, since that takes its time.
+                (Err(set), clock) => return Err(EventTable::<L, E>::too_many(&set, clock).into()),
+            }
+        }
+    }
+
+    fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            let statistics = state.statistics(number);
+            statistics.ok_or(LoopError::NoStatistics { id })
+        })
+    }
+
+    fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError> {
+        self.with_state(|state| {
+            let number = state.number(id)?;
+            state.reset(number);
+            Ok(())
+        })
+    }
+}
+
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Inside<P::Instant>
     for Scheduler<P, L, E, K>
 {
     fn assign_body(
@@ -538,6 +475,42 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Loops<P::Instant>
         while !self.with_state(|state| state.withdraw(numbers)) {
             core::hint::spin_loop();
         }
+    }
+
+    fn enter(&self, gate: &Gate) -> Result<u32, LockError> {
+        section(|section| {
+            // Pairs with the store of whoever had it.
+            if gate.taken.swap(true, Ordering::Acquire) {
+                return Err(LockError::Taken);
+            }
+            let former = self.state.with(section, |state| state.lock(gate.users));
+            if former.is_none() {
+                gate.taken.store(false, Ordering::Release);
+            }
+            former.ok_or(LockError::Undeclared)
+        })
+    }
+
+    /// Has those run that were kept waiting.
+    fn leave(&self, gate: &Gate, former: u32) {
+        // Pairs with the swap of whoever takes it next.
+        gate.taken.store(false, Ordering::Release);
+        if P::VECTORS {
+            let ranks = self.with_state(|state| {
+                state.unlock(former);
+                state.unlocked()
+            });
+            if ranks != 0 {
+                self.platform.pend(ranks);
+            }
+            return;
+        }
+        let begun = section(|section| {
+            let now = self.platform.now();
+            self.state.with(section, |state| state.unlock(former));
+            self.begin_fastest(section, now)
+        });
+        self.run_nested(begun);
     }
 }
 

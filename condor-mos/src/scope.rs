@@ -6,15 +6,16 @@ use core::marker::PhantomData;
 use crate::body::Body;
 use crate::error::LoopError;
 use crate::instant::Instant;
+use crate::loops::Inside;
 use crate::process::Overrun;
 use crate::scheduler::LoopId;
 
-/// Where closures become loops until the end of [`Scheduler::scope`](crate::Scheduler::scope).
+/// Where closures become loops until the end of [`Loops::scope`](crate::Loops::scope).
 ///
 /// A closure, and what it borrows, outlives the scope:
 ///
 /// ```compile_fail,E0597
-/// # use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, sim::Processor};
+/// # use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler, sim::Processor};
 /// # let hertz = Rate::hz(1000);
 /// # let schedule = Scan::<1>::new(&[Rate::hz(1)], Clock::of::<u64>(hertz));
 /// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
@@ -28,7 +29,7 @@ use crate::scheduler::LoopId;
 /// It is the loop's alone until then:
 ///
 /// ```compile_fail,E0503
-/// # use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, sim::Processor};
+/// # use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler, sim::Processor};
 /// # let hertz = Rate::hz(1000);
 /// # let schedule = Scan::<1>::new(&[Rate::hz(1)], Clock::of::<u64>(hertz));
 /// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
@@ -41,7 +42,9 @@ use crate::scheduler::LoopId;
 /// });
 /// ```
 pub struct Scope<'scope, 'env: 'scope, I> {
-    scheduler: &'scope (dyn Loops<I> + 'scope),
+    /// Its type is not named: with it, a platform that is borrowed for ever would have closures borrow
+    /// for as long.
+    loops: &'scope (dyn Inside<I> + 'scope),
     /// A bit for each loop that was assigned here.
     assigned: Cell<u32>,
     /// `'scope` neither grows nor shrinks: a closure's borrows live until the scope has ended.
@@ -49,27 +52,18 @@ pub struct Scope<'scope, 'env: 'scope, I> {
     env: PhantomData<&'env mut &'env ()>,
 }
 
-/// What a scope asks of its scheduler, whose type it does not name: with it, a platform that is
-/// borrowed for ever would have closures borrow for as long.
-pub(crate) trait Loops<I> {
-    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body<I>) -> Result<(), LoopError>;
-
-    /// Disarms these loops, a bit for each.
-    fn withdraw(&self, numbers: u32);
-}
-
 impl<'scope, I: Instant> Scope<'scope, '_, I> {
     /// Has a loop run `closure`, which is given the instant at which it was due, and enables it.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`].
+    /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`], [`LoopError::NoThread`].
     pub fn assign<F: FnMut(I) + Send>(
         &'scope self,
         id: LoopId,
         overrun: Overrun,
         closure: &'scope mut F,
     ) -> Result<(), LoopError> {
-        self.scheduler
+        self.loops
             .assign_body(id, overrun, Body::of_closure(closure))?;
         self.assigned
             .set(self.assigned.get() | 1_u32.unbounded_shl(u32::from(id.0)));
@@ -79,17 +73,17 @@ impl<'scope, I: Instant> Scope<'scope, '_, I> {
 
 impl<I> Scope<'_, '_, I> {
     pub(crate) fn run<'env, R>(
-        scheduler: &dyn Loops<I>,
+        loops: &dyn Inside<I>,
         f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, I>) -> R,
     ) -> R {
         let scope = Scope {
-            scheduler,
+            loops,
             assigned: Cell::new(0),
             invariant: PhantomData,
             env: PhantomData,
         };
         let _withdraw = Withdraw {
-            scheduler,
+            loops,
             assigned: &scope.assigned,
         };
         f(&scope)
@@ -98,12 +92,12 @@ impl<I> Scope<'_, '_, I> {
 
 /// Disarms a scope's loops, also when it unwinds.
 struct Withdraw<'w, I> {
-    scheduler: &'w dyn Loops<I>,
+    loops: &'w dyn Inside<I>,
     assigned: &'w Cell<u32>,
 }
 
 impl<I> Drop for Withdraw<'_, I> {
     fn drop(&mut self) {
-        self.scheduler.withdraw(self.assigned.get());
+        self.loops.withdraw(self.assigned.get());
     }
 }

@@ -7,6 +7,7 @@ use crate::process::{Overrun, Process};
 use crate::record::{Counts, Record};
 use crate::schedule::EventTable;
 use crate::scheduler::LoopId;
+use crate::statistics::Statistics;
 
 /// The scheduler's memory: the process table, and where it is in the schedule.
 ///
@@ -39,7 +40,7 @@ pub(crate) struct State<I, const L: usize, const E: usize, K> {
 #[derive(Clone, Copy)]
 #[must_use]
 pub(crate) struct Running<I> {
-    since: I,
+    pub(crate) since: I,
     /// What loops had taken then.
     busy: u32,
     pub(crate) due: I,
@@ -98,6 +99,12 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
     /// When the next event is due; `None` while stopped.
     pub(crate) fn started_due(&self) -> Option<I> {
         self.started.then_some(self.due)
+    }
+
+    /// As [`started_due`](Self::started_due); `None` also if no loop is released then.
+    #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
+    pub(crate) fn next_release(&self) -> Option<I> {
+        self.started_due().filter(|_| self.enabled != 0)
     }
 
     /// Whether the next event is due by `now`.
@@ -193,7 +200,8 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
     #[cold]
     #[inline(never)]
     fn change(&mut self) {
-        let idle = self.unfinished == 0 && self.unlocked == u32::MAX;
+        // One loop keeps its rank.
+        let idle = L == 1 || self.unfinished == 0 && self.unlocked == u32::MAX;
         let rates = *self.schedule.set();
         let Some(former_ranks) = self.schedule.turn(idle) else {
             return;
@@ -441,8 +449,15 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
         true
     }
 
-    /// A loop's counts.
-    pub(crate) fn snapshot(&self, number: usize) -> Option<Snapshot> {
+    /// A loop's counts; `None` if none are kept.
+    pub(crate) fn statistics(&self, number: usize) -> Option<Statistics> {
+        let rate = *self.schedule.rates().get(number).filter(|_| K::MEASURES)?;
+        let snapshot = self.snapshot(number)?;
+        let frequency = self.schedule.clock().frequency();
+        Some(Statistics::of(&snapshot, rate, frequency))
+    }
+
+    fn snapshot(&self, number: usize) -> Option<Snapshot> {
         self.snapshot_of(self.rank(number)?)
     }
 
@@ -456,6 +471,17 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
             running: (self.unfinished & !self.runnable) >> rank & 1 != 0,
             pending: runnable + process.queued,
         })
+    }
+
+    /// Disables a loop because of what it did.
+    #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
+    pub(crate) fn fault(&mut self, number: usize) {
+        self.enable(number, false);
+        if let Some(rank) = self.rank(number)
+            && let Some(process) = self.processes.get_mut(rank as usize)
+        {
+            process.faulted = true;
+        }
     }
 
     pub(crate) fn record(&self, number: usize) -> Option<K> {

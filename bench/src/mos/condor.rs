@@ -2,7 +2,7 @@
 
 use condor_mos::linux::{CLOCK, RealTime, Signals, Threads};
 use condor_mos::sim::worst_release_error;
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler};
+use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Loops};
 
 use super::turn::{Loop, Turn};
 use crate::Result;

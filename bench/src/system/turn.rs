@@ -11,7 +11,7 @@ use condor_host::linux::{Environment, Loops, Process};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, MailboxOf, PROCESSORS};
 use condor_mbox::{Clock as _, MemoryWindow, Messenger, Places, Processor, Region, Windows};
-use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, Statistics, Timer as _};
+use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, Statistics, Timer as _, Loops};
 
 use super::servo::{Bench, Fingers};
 use crate::Result;
@@ -244,21 +244,15 @@ impl<M: Machine> Background<'_, '_, M> {
                 .assign(LoopId(0), Overrun::Skip, &mut body)
                 .map_err(display)?;
             let background = || {
-                scheduler.start().map_err(display)?;
                 self.serve_until(counted_ns, || Ok(()))?;
                 let before = statistics()?;
                 self.serve_until(end_ns, || {
                     reports.publish(0, &statistics()?).map_err(display)?;
                     Ok(())
                 })?;
-                let after = statistics()?;
-                scheduler.stop();
-                Ok(Counts::between(&before, &after, turn.releases))
+                Ok(Counts::between(&before, &statistics()?, turn.releases))
             };
-            let timer = scheduler.platform();
-            self.machine
-                .with_timer(timer, || scheduler.on_timer(), background)
-                .map_err(display)?
+            scheduler.run(background).map_err(display)?
         })
     }
 

@@ -6,7 +6,6 @@ use std::path::PathBuf;
 
 use condor_dev::linux::MapError;
 use condor_mbox::linux::SystemError;
-use condor_mos::linux::SignalError;
 
 /// Why a process cannot be a processor.
 #[derive(Debug, thiserror::Error)]
@@ -52,13 +51,4 @@ pub enum ProcessError {
     /// SIGTERM and SIGINT cannot be handled.
     #[error("cannot handle SIGTERM and SIGINT: {0}")]
     Stopping(io::Error),
-    /// The timer's signals.
-    #[error(transparent)]
-    Signals(#[from] SignalError),
-    /// This thread has another handler of a timer.
-    #[error("this thread runs a scheduler already")]
-    Connected,
-    /// The platform is that of another machine.
-    #[error("the platform is one of another machine: take that of `Machine::platform`")]
-    OtherPlatform,
 }

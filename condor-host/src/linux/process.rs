@@ -50,9 +50,8 @@ impl Process {
     /// for core and priority, which count for the calling thread; and handles SIGTERM and SIGINT.
     ///
     /// # Safety
-    /// If `environment` has loops run in signals: whatever is given to
-    /// [`with_timer`](Machine::with_timer) of this machine keeps the contract of
-    /// [`Signals::with_handler`]. In short: loops neither allocate, print, lock nor wait; all of them
+    /// If `environment` has loops run in signals: whatever is connected to the
+    /// [platform](Machine::platform) of this machine keeps the contract of [`Signals::new`]. In short: loops neither allocate, print, lock nor wait; all of them
     /// fit on the stack of the thread; and the background stays on that stack.
     ///
     /// # Errors
@@ -165,7 +164,6 @@ impl Machine for Process {
     type Exclusion = CriticalSection;
     type Platform = ProcessTimer;
     type Bus = ProcessBus;
-    type Error = ProcessError;
 
     fn number(&self) -> Processor {
         self.number
@@ -188,7 +186,8 @@ impl Machine for Process {
 
     fn platform(&self) -> ProcessTimer {
         ProcessTimer(match &self.spinner {
-            None => Kind::Signals(Signals::new()),
+            // SAFETY: whoever made this machine with loops in signals has promised what is asked for.
+            None => Kind::Signals(unsafe { Signals::new() }),
             Some(spinner) => Kind::Spin {
                 spinner: spinner.clone(),
                 clock: self.doorbell.clone(),
@@ -214,24 +213,5 @@ impl Machine for Process {
 
     fn is_stopping(&self) -> bool {
         self.stopping.load(Ordering::Relaxed)
-    }
-
-    fn with_timer<R>(
-        &self,
-        platform: &ProcessTimer,
-        handler: impl Fn() + Sync,
-        background: impl FnOnce() -> R,
-    ) -> Result<R, ProcessError> {
-        match (&platform.0, &self.spinner) {
-            (Kind::Signals(signals), None) => {
-                // SAFETY: whoever made this machine with loops in signals has promised what is
-                // asked for.
-                Ok(unsafe { signals.with_handler(handler, background) }?)
-            }
-            (Kind::Spin { spinner, .. }, Some(own)) if Arc::ptr_eq(spinner, own) => {
-                spinner.with_handler(handler, background)
-            }
-            _ => Err(ProcessError::OtherPlatform),
-        }
     }
 }

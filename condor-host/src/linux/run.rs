@@ -14,7 +14,7 @@ use crate::machine::{Machine as _, Program};
 ///
 /// # Safety
 /// The loops of `program` keep the contract of
-/// [`Signals::with_handler`](condor_mos::linux::Signals::with_handler), as for [`Process::new`].
+/// [`Signals::new`](condor_mos::linux::Signals::new), as for [`Process::new`].
 #[must_use]
 pub unsafe fn run<P: Program>(
     program: &P,

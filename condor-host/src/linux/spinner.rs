@@ -4,7 +4,7 @@ use core::cell::Cell;
 use core::ptr;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use super::error::ProcessError;
+use condor_mos::ConnectError;
 
 const NEVER: u64 = u64::MAX;
 
@@ -84,9 +84,9 @@ impl Spinner {
         &self,
         handler: impl Fn() + Sync,
         background: impl FnOnce() -> R,
-    ) -> Result<R, ProcessError> {
+    ) -> Result<R, ConnectError> {
         if CONNECTED.get().is_some() {
-            return Err(ProcessError::Connected);
+            return Err(ConnectError::Connected);
         }
         let handler: &(dyn Fn() + Sync) = &handler;
         // SAFETY: only the lifetime differs. Nobody but this thread finds it, and `_disconnect`

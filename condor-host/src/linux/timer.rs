@@ -5,7 +5,7 @@ use std::sync::Arc;
 use condor_mbox::Clock as _;
 use condor_mbox::linux::LinuxDoorbell;
 use condor_mos::linux::Signals;
-use condor_mos::{Armed, Platform, Rate, Timer};
+use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
 
 use super::spinner::Spinner;
 use crate::numbers::PROCESSORS;
@@ -65,6 +65,17 @@ impl Platform for ProcessTimer {
         match &self.0 {
             Kind::Signals(signals) => signals.is_loops_stack(),
             Kind::Spin { spinner, .. } => spinner.is_loops_stack(),
+        }
+    }
+
+    fn connect<R>(
+        &self,
+        handler: impl Fn() + Sync,
+        program: impl FnOnce() -> R,
+    ) -> Result<R, ConnectError> {
+        match &self.0 {
+            Kind::Signals(signals) => signals.connect(handler, program),
+            Kind::Spin { spinner, .. } => spinner.with_handler(handler, program),
         }
     }
 

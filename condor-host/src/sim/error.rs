@@ -28,12 +28,6 @@ pub enum SimError {
         /// Which.
         number: Processor,
     },
-    /// The timer is in use.
-    #[error("the timer of {number} is in use: one scheduler at a time has it")]
-    Connected {
-        /// Whose.
-        number: Processor,
-    },
     /// A thread could not be started.
     #[error("cannot start a thread for {number}: {source}")]
     Thread {

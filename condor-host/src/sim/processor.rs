@@ -7,11 +7,11 @@ use condor_dev::Bus;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{self as mbox, Windows};
 use condor_mos::sim::Processor as LocalTime;
-use condor_mos::{Armed, Platform as _, Rate, Timer as _};
+use condor_mos::{Armed, ConnectError, Platform as _, Rate, Timer as _};
 
 use super::baton::{Baton, LEAD_NS, NEVER, Until};
 use super::doorbell::Bell;
-use super::error::{Cause, SimError};
+use super::error::Cause;
 use super::exclusion::Uninterrupted;
 use super::timer::VirtualTimer;
 use crate::machine::Machine;
@@ -236,15 +236,13 @@ impl Core {
         self.now() >= self.baton.stop_at()
     }
 
-    fn with_handler<R>(
+    pub(super) fn with_handler<R>(
         &self,
         handler: impl Fn() + Sync,
         background: impl FnOnce() -> R,
-    ) -> Result<R, SimError> {
+    ) -> Result<R, ConnectError> {
         if self.connected.swap(true, Relaxed) {
-            return Err(SimError::Connected {
-                number: self.number,
-            });
+            return Err(ConnectError::Connected);
         }
         let _disconnect = Disconnect(&self.connected);
         let handler = || {
@@ -285,7 +283,6 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
     type Exclusion = Uninterrupted;
     type Platform = VirtualTimer;
     type Bus = B;
-    type Error = SimError;
 
     fn number(&self) -> mbox::Processor {
         self.core.number
@@ -321,14 +318,5 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
 
     fn is_stopping(&self) -> bool {
         self.core.is_stopping()
-    }
-
-    fn with_timer<R>(
-        &self,
-        _: &VirtualTimer,
-        handler: impl Fn() + Sync,
-        background: impl FnOnce() -> R,
-    ) -> Result<R, SimError> {
-        self.core.with_handler(handler, background)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use condor_mos::{Armed, Platform, Rate, Timer};
+use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
 
 use super::processor::Core;
 
@@ -32,6 +32,14 @@ impl Timer for VirtualTimer {
 }
 
 impl Platform for VirtualTimer {
+    fn connect<R>(
+        &self,
+        handler: impl Fn() + Sync,
+        program: impl FnOnce() -> R,
+    ) -> Result<R, ConnectError> {
+        self.0.with_handler(handler, program)
+    }
+
     fn interruptible(&self, rank: u32, body: impl FnOnce()) {
         self.0.run_loop(rank, body);
     }

@@ -5,11 +5,11 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use condor_dev::{Bus as _, BusErrorKind};
-use condor_host::linux::{BusFile, Environment, Loops, Process, ProcessError};
+use condor_host::linux::{BusFile, Environment, Loops, Process};
 use condor_host::{Machine, PROCESSORS};
 use condor_mbox::linux::System;
 use condor_mbox::{Clock as _, Doorbell as _, Instant, Processor, conformance};
-use condor_mos::{Armed, Timer as _};
+use condor_mos::{Armed, ConnectError, Platform, Timer as _};
 
 const ME: Processor = Processor(3);
 const OTHER: Processor = Processor(4);
@@ -51,7 +51,7 @@ fn the_timer() {
         let count = || {
             interrupts.fetch_add(1, Ordering::Relaxed);
         };
-        let verdict = machine.with_timer(&timer, count, || {
+        let verdict = timer.connect(count, || {
             condor_mos::conformance::timer(
                 &timer,
                 || interrupts.load(Ordering::Relaxed),
@@ -80,7 +80,7 @@ fn a_wait_calls_the_handler_and_goes_on() {
         let begun = timer.now();
         assert_eq!(timer.arm(begun), Armed::Past);
         let background = || bell.wait(bell.prepare(), Instant::from_ns(begun + 50_000_000), None);
-        machine.with_timer(&timer, handler, background).unwrap();
+        timer.connect(handler, background).unwrap();
         assert_eq!(interrupts.load(Ordering::Relaxed), 5);
         assert!(timer.now() >= begun + 50_000_000);
         // What was connected is gone.
@@ -94,14 +94,10 @@ fn a_wait_calls_the_handler_and_goes_on() {
 fn one_scheduler_at_a_time() {
     with_machine(|machine, _| {
         let timer = machine.platform();
-        let inner = machine.with_timer(
-            &timer,
-            || (),
-            || machine.with_timer(&machine.platform(), || (), || ()),
-        );
-        let error = inner.unwrap().unwrap_err();
-        assert!(matches!(error, ProcessError::Connected), "{error}");
-        machine.with_timer(&timer, || (), || ()).unwrap();
+        let inner = || machine.platform().connect(|| (), || ());
+        let outer = timer.connect(|| (), inner);
+        assert_eq!(outer, Ok(Err(ConnectError::Connected)));
+        assert_eq!(timer.connect(|| (), || ()), Ok(()));
     });
 }
 

@@ -11,7 +11,9 @@ use condor_host::{Machine, Program};
 use condor_mbox::{
     Call, Clock as _, Doorbell as _, Evidence, Instant, Messenger, Processor, Vector,
 };
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _};
+use condor_mos::{
+    Clock, EventTable, LoopId, Loops, Overrun, Platform, Rate, Scheduler, Timer as _,
+};
 
 const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
@@ -67,7 +69,6 @@ impl Program for Talker<'_> {
             scope.assign(LoopId(0), Overrun::Skip, &mut fast).unwrap();
             scope.assign(LoopId(1), Overrun::Skip, &mut slow).unwrap();
             let background = || {
-                scheduler.start().unwrap();
                 let mut count = u32::from(number.0) * 1000;
                 while !machine.is_stopping() {
                     for to in (0..PROGRAMS).filter(|&to| to != number.0) {
@@ -85,9 +86,7 @@ impl Program for Talker<'_> {
                     }
                 }
             };
-            machine
-                .with_timer(scheduler.platform(), || scheduler.on_timer(), background)
-                .map_err(|error| error.to_string())
+            scheduler.run(background).map_err(|error| error.to_string())
         })?;
         for id in 0..2 {
             let counts = scheduler.statistics(LoopId(id)).unwrap();
@@ -285,7 +284,7 @@ fn a_handler_that_polls_is_ended() {
         .host(Processor(0), |machine| {
             let (timer, bell) = (machine.platform(), machine.doorbell());
             let handler = || while bell.now() < Instant::from_ns(2000) {};
-            machine.with_timer(&timer, handler, || {
+            timer.connect(handler, || {
                 let _ = timer.arm(1000);
                 bell.wait(bell.prepare(), Instant::from_ns(5000), None);
             })

@@ -1,6 +1,7 @@
 //! The parts of a processor in virtual time keep the promises of their traits.
 #![cfg(feature = "sim")]
 
+use condor_mos::Platform as _;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
@@ -41,7 +42,7 @@ fn the_timer() {
             let count = || {
                 interrupts.fetch_add(1, Ordering::Relaxed);
             };
-            let verdict = machine.with_timer(&timer, count, || {
+            let verdict = timer.connect(count, || {
                 condor_mos::conformance::timer(
                     &timer,
                     || interrupts.load(Ordering::Relaxed),

@@ -12,7 +12,7 @@ use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, PROCESSORS, Program};
 use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region, Vector};
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler};
+use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler};
 use condor_tty::{Policy, Terminal, Vectors};
 use nalgebra::{Vector3, Vector4};
 
@@ -111,7 +111,6 @@ impl Finger {
         scheduler.scope(|scope| {
             scope.assign(LoopId(0), Overrun::Skip, &mut servo)?;
             let background = || {
-                scheduler.start()?;
                 let mut console = terminal
                     .console(&mailbox)
                     .with_read_timeout(Duration::from_millis(1));
@@ -126,12 +125,9 @@ impl Finger {
                         embedded_io::Write::write_all(&mut console, answer.as_bytes())?;
                     }
                 }
-                scheduler.stop();
                 Ok::<_, Box<dyn std::error::Error>>(())
             };
-            let ended =
-                machine.with_timer(scheduler.platform(), || scheduler.on_timer(), background);
-            ended.map_err(|error| error.to_string())?
+            scheduler.run(background)?
         })
     }
 }

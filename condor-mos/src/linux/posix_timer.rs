@@ -5,7 +5,7 @@ use core::ptr;
 use std::io;
 use std::sync::{Mutex, PoisonError};
 
-use super::error::SignalError;
+use crate::error::ConnectError;
 
 /// A timer that sends its signal to the thread that made it.
 #[derive(Debug)]
@@ -15,7 +15,7 @@ pub(super) struct PosixTimer(libc::timer_t);
 unsafe impl Send for PosixTimer {}
 
 impl PosixTimer {
-    pub(super) fn new(signal: i32) -> io::Result<Self> {
+    pub(super) fn new(signal: i32) -> Result<Self, ConnectError> {
         // SAFETY: all-zero bytes are a valid value of this structure of integers and pointers.
         let mut event: libc::sigevent = unsafe { mem::zeroed() };
         event.sigev_notify = libc::SIGEV_THREAD_ID;
@@ -69,7 +69,7 @@ impl Drop for PosixTimer {
 
 /// Has `handler` called on `signal`, for good: a signal that is on its way when a timer is deleted
 /// must not find the default action, which ends the program.
-pub(super) fn install(signal: i32, handler: extern "C" fn(i32)) -> Result<(), SignalError> {
+pub(super) fn install(signal: i32, handler: extern "C" fn(i32)) -> Result<(), ConnectError> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let _one = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     // SAFETY: all-zero bytes are a valid value: the default action, an empty mask and no flags.
@@ -81,19 +81,19 @@ pub(super) fn install(signal: i32, handler: extern "C" fn(i32)) -> Result<(), Si
         return Ok(());
     }
     if action.sa_sigaction != libc::SIG_DFL {
-        return Err(SignalError::SignalTaken { signal });
+        return Err(ConnectError::SignalTaken { signal });
     }
     action.sa_sigaction = handler;
     // Not blocked in its handler: a word of the thread does that, without a system call.
     action.sa_flags = libc::SA_RESTART | libc::SA_NODEFER;
     // SAFETY: the handler has the type that goes with these flags, and does nothing but what
-    // `Signals::with_handler` was promised that handlers may do.
+    // `Signals::new` was promised that handlers may do.
     check(unsafe { libc::sigaction(signal, &raw const action, ptr::null_mut()) })?;
     Ok(())
 }
 
 /// Blocks or unblocks a signal for the calling thread; says whether it was blocked.
-pub(super) fn set_blocked(signal: i32, blocked: bool) -> io::Result<bool> {
+pub(super) fn set_blocked(signal: i32, blocked: bool) -> Result<bool, ConnectError> {
     let how = if blocked {
         libc::SIG_BLOCK
     } else {
@@ -107,15 +107,17 @@ pub(super) fn set_blocked(signal: i32, blocked: bool) -> io::Result<bool> {
         libc::sigaddset(&raw mut set, signal);
         match libc::pthread_sigmask(how, &raw const set, &raw mut former) {
             0 => Ok(libc::sigismember(&raw const former, signal) == 1),
-            error => Err(io::Error::from_raw_os_error(error)),
+            os_error => Err(ConnectError::Timer { os_error }),
         }
     }
 }
 
-fn check(result: libc::c_int) -> io::Result<()> {
+fn check(result: libc::c_int) -> Result<(), ConnectError> {
     if result == 0 {
         Ok(())
     } else {
-        Err(io::Error::last_os_error())
+        Err(ConnectError::Timer {
+            os_error: io::Error::last_os_error().raw_os_error().unwrap_or(0),
+        })
     }
 }

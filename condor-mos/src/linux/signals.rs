@@ -5,9 +5,9 @@ use core::ptr;
 use condor_platform::linux::{is_held, thread_number};
 
 use super::context::{self, Service};
-use super::error::SignalError;
 use super::posix_timer::{self, PosixTimer};
 use super::time::{self, NANOSECONDS};
+use crate::error::ConnectError;
 use crate::masked::{Masked, section};
 use crate::platform::Platform;
 use crate::rate::Rate;
@@ -22,8 +22,17 @@ const ANOTHER: u64 = u64::MAX;
 /// A platform of Linux on which loops run in signal handlers, on one stack, as in interrupts of a
 /// bare processor. A release costs a signal and one system call, and no change of threads.
 ///
-/// [`with_handler`](Self::with_handler) says what a program has to promise for it.
-/// [`Threads`](super::Threads) ask for no promise.
+/// [`new`](Self::new) says what a program has to promise for it; [`Threads`](super::Threads) ask for
+/// no promise.
+///
+/// [`connect`](Platform::connect) runs the background on the calling thread, which signals interrupt.
+/// One thread at a time is connected with a platform, and one platform with a thread; other threads
+/// have other platforms. Other threads may call a scheduler, too, but for its locks, which are for
+/// its loops and their background. What they set off runs on the connected thread.
+///
+/// A loop that panics ends the program: there is no way to unwind out of an interrupt.
+/// System calls of the background that the kernel does not restart, such as `nanosleep` and
+/// `poll`, end early with `EINTR`. `errno` is as it was after a loop.
 ///
 /// The timer counts `CLOCK_MONOTONIC`, in nanoseconds. It is armed after the fastest loop has run,
 /// which nothing may interrupt anyway, so that loop starts without a system call before it.
@@ -50,14 +59,29 @@ struct Port {
 
 impl Signals {
     /// A platform that uses the signal `SIGRTMIN`.
+    ///
+    /// # Safety
+    /// While a thread is [connected](Platform::connect):
+    /// * What its handler and the loops call is async-signal-safe: arithmetic, atomics, this
+    ///   crate's calls, system calls that POSIX lists as such. They do not allocate or print, nor
+    ///   wait for a lock that a thread may hold which they have interrupted, as that of `malloc`,
+    ///   of standard output, and any [`std::sync::Mutex`] of the background.
+    /// * The stack of that thread has room for all loops at a time: for each, what it needs
+    ///   itself, and 3.5 kB of a signal's frame on `x86_64`, as far as its processor state goes
+    ///   (with AMX 11 kB).
+    /// * That thread switches to no other stack, and does not leave through `longjmp`.
     #[must_use]
-    pub const fn new() -> Self {
-        Self::with_signal(0)
+    pub const unsafe fn new() -> Self {
+        // SAFETY: the caller vouches for it.
+        unsafe { Self::with_signal(0) }
     }
 
     /// A platform that uses the signal `SIGRTMIN + offset`, where something else uses others.
+    ///
+    /// # Safety
+    /// As for [`new`](Self::new).
     #[must_use]
-    pub const fn with_signal(offset: u8) -> Self {
+    pub const unsafe fn with_signal(offset: u8) -> Self {
         let port = Port {
             timers: None,
             owner: 0,
@@ -69,41 +93,6 @@ impl Signals {
             signal: offset,
             port: Masked::new(port),
         }
-    }
-
-    /// Runs `program`, the background, on the calling thread, while the timer's signals interrupt
-    /// it with `handler`, which is to call [`Scheduler::on_timer`](crate::Scheduler::on_timer).
-    ///
-    /// One thread at a time is connected with a platform, and one platform with a thread; other
-    /// threads have other platforms. Other threads may call a scheduler, too, but for its locks,
-    /// which are for its loops and their background. What they set off runs on the connected thread.
-    ///
-    /// A loop that panics ends the program: there is no way to unwind out of an interrupt.
-    /// System calls of the background that the kernel does not restart, such as `nanosleep` and
-    /// `poll`, end early with `EINTR`. `errno` is as it was after a loop.
-    ///
-    /// # Safety
-    /// * What `handler` and the loops call is async-signal-safe: arithmetic, atomics, this
-    ///   crate's calls, system calls that POSIX lists as such. They do not allocate or print, nor
-    ///   wait for a lock that a thread may hold which they have interrupted, as that of `malloc`,
-    ///   of standard output, and any [`std::sync::Mutex`] of the background.
-    /// * The stack of the calling thread has room for all loops at a time: for each, what it needs
-    ///   itself, and 3.5 kB of a signal's frame on `x86_64`, as far as its processor state goes
-    ///   (with AMX 11 kB).
-    /// * Until this returns, the thread switches to no other stack, and does not leave through
-    ///   `longjmp`.
-    ///
-    /// # Errors
-    /// [`SignalError`]; `program` has not run then.
-    pub unsafe fn with_handler<H: Fn() + Sync, R>(
-        &self,
-        handler: H,
-        program: impl FnOnce() -> R,
-    ) -> Result<R, SignalError> {
-        let connected = Connected::new(self, &handler)?;
-        let result = program();
-        drop(connected);
-        Ok(result)
     }
 
     fn with_port<R>(&self, f: impl FnOnce(&mut Port) -> R) -> R {
@@ -127,12 +116,6 @@ impl Signals {
         if wanted != NEVER && self.now() >= wanted {
             context::with(context::Context::call_service);
         }
-    }
-}
-
-impl Default for Signals {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -229,6 +212,17 @@ impl Platform for Signals {
         self.with_port(|port| port.owner != 0)
     }
 
+    fn connect<R>(
+        &self,
+        handler: impl Fn() + Sync,
+        program: impl FnOnce() -> R,
+    ) -> Result<R, ConnectError> {
+        let connected = Connected::new(self, &handler)?;
+        let result = program();
+        drop(connected);
+        Ok(result)
+    }
+
     #[inline]
     fn interruptible(&self, rank: u32, body: impl FnOnce()) {
         if !context::with(context::Context::is_closed) {
@@ -274,17 +268,17 @@ struct Connected<'h, H> {
 }
 
 impl<'h, H: Fn() + Sync> Connected<'h, H> {
-    fn new(signals: &'h Signals, handler: &'h H) -> Result<Self, SignalError> {
+    fn new(signals: &'h Signals, handler: &'h H) -> Result<Self, ConnectError> {
         let signal = libc::SIGRTMIN() + i32::from(signals.signal);
         if signal > libc::SIGRTMAX() {
-            return Err(SignalError::NoSuchSignal { signal });
+            return Err(ConnectError::NoSuchSignal { signal });
         }
         if !section(|_| is_held()) {
-            return Err(SignalError::OtherSection);
+            return Err(ConnectError::OtherSection);
         }
         if context::with(context::Context::has_service) || signals.with_port(|port| port.owner != 0)
         {
-            return Err(SignalError::Connected);
+            return Err(ConnectError::Connected);
         }
         posix_timer::install(signal, on_signal)?;
         let timers = [PosixTimer::new(signal)?, PosixTimer::new(signal)?];

@@ -1,44 +1,48 @@
 //! [`Threads`]: a thread for each loop, the safe default on Linux.
 
-use core::cell::Cell;
 use core::num::NonZeroU32;
 use core::sync::atomic::{AtomicU32, Ordering};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc;
-use std::thread;
+use std::sync::{Arc, mpsc};
+use std::thread::{Builder, JoinHandle};
 
 use rustix::thread::futex;
 use rustix::time::{ClockId, clock_gettime};
 
 use condor_platform::linux::thread_number;
 
-use super::error::ThreadError;
 use super::pi_mutex::{PiGuard, PiMutex};
 use super::real_time::{Privileges, RealTime, set_priority};
-use super::threaded::Threaded;
-use super::time;
-use crate::error::{LoopError, RateError, StartError};
+use super::time::{self, CLOCK};
+use crate::body::Body;
+use crate::error::{LockError, LoopError, RateError, StartError};
+use crate::lock::Gate;
+use crate::loops::{Inside, Loops, Stop};
 use crate::process::Overrun;
 use crate::rate::Rate;
+use crate::record::{Counts, Histograms, Keep};
+use crate::schedule::EventTable;
 use crate::scheduler::LoopId;
+use crate::state::{Running, State};
 use crate::statistics::Statistics;
 
-/// Runs `L` servo loops at their rates, each in a thread of its own.
+/// Runs servo loops at their rates, each in a thread of its own.
 ///
 /// A loop sleeps until an absolute instant of its own exact grid, in nanoseconds of
 /// `CLOCK_MONOTONIC`, so it never drifts, whatever it does. The kernel lets faster loops interrupt
 /// slower ones if it grants `SCHED_FIFO`, see [`RealTime`]; otherwise they take turns as it likes.
-/// The calls, the overrun policies and the counts are those of a
-/// [`Scheduler`](crate::Scheduler), and may come from any thread, the loops' own included.
+/// The calls, the overrun policies and the statistics are those of a
+/// [`Scheduler`](crate::Scheduler), and may come from any thread, the loops' own included. Run times
+/// are what the kernel charges the loop's thread, its waking included.
 ///
 /// A loop that panics is disabled and [`faulted`](Statistics::faulted); the others go on.
 ///
 /// ```
 /// use condor_mos::linux::{RealTime, Threads};
-/// use condor_mos::{LoopId, Overrun, Rate};
+/// use condor_mos::{LoopId, Loops, Overrun, Rate};
 /// use std::sync::mpsc;
 ///
-/// let threads = Threads::new([Rate::hz(400), Rate::hz(50)], RealTime::default())?;
+/// let threads = Threads::new(&[Rate::hz(400), Rate::hz(50)], RealTime::default())?;
 /// let (done, background) = mpsc::channel();
 /// let mut runs = 0;
 /// let mut servo = |_| {
@@ -49,8 +53,7 @@ use crate::statistics::Statistics;
 /// };
 /// threads.scope(|scope| {
 ///     scope.assign(LoopId(0), Overrun::Skip, &mut servo)?;
-///     threads.start()?;
-///     background.recv()?;
+///     threads.run(|| background.recv())??;
 ///     Ok::<_, Box<dyn std::error::Error>>(())
 /// })?;
 /// assert!(runs >= 20);
@@ -58,26 +61,66 @@ use crate::statistics::Statistics;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct Threads<const L: usize> {
+pub struct Threads<K: Keep = Counts>(Arc<Shared<K>>);
+
+/// What the loops' threads and their callers share.
+#[derive(Debug)]
+struct Shared<K> {
     wishes: RealTime,
-    loops: [Slot; L],
+    loops: Vec<Slot<K>>,
     started: PiMutex<bool>,
     privileges: PiMutex<Privileges>,
 }
 
 #[derive(Debug)]
-struct Slot {
-    state: PiMutex<Threaded>,
+struct Slot<K> {
+    thread: PiMutex<LoopThread<K>>,
     /// Counts changes for which the loop's thread must not sleep on.
     changes: AtomicU32,
 }
 
-impl Slot {
-    /// Changes the state, and has the thread look at it.
-    fn change<R>(&self, f: impl FnOnce(&mut Threaded) -> R) -> R {
+/// One loop: a scheduler's memory with a single loop, and its thread.
+struct LoopThread<K> {
+    rate: Rate,
+    state: State<u64, 1, 0, K>,
+    /// The thread is to end.
+    quit: bool,
+    /// Its number and priority, while it runs.
+    number: Option<u32>,
+    priority: Option<i32>,
+    handle: Option<JoinHandle<()>>,
+}
+
+impl<K> core::fmt::Debug for LoopThread<K> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} in thread {:?}", self.rate, self.number)
+    }
+}
+
+impl<K: Keep> LoopThread<K> {
+    /// The loop is released at all instants until `now`.
+    fn advance(&mut self, now: u64) {
+        while self.state.is_due(now) {
+            self.state.pass_event();
+        }
+    }
+
+    /// The run that was started has taken `ticks`.
+    fn finish(&mut self, running: Running<u64>, now: u64, ticks: u64) {
+        // What has become due meanwhile finds the loop unfinished.
+        self.advance(now);
+        let ended = running.since.saturating_add(ticks);
+        self.state.end(0, running, ended);
+    }
+}
+
+impl<K: Keep> Slot<K> {
+    /// Changes the state as it is now, and has the thread look at it.
+    fn change<R>(&self, f: impl FnOnce(&mut LoopThread<K>) -> R) -> R {
         let result = {
-            let mut state = self.state.lock();
-            let result = f(&mut state);
+            let mut thread = self.thread.lock();
+            thread.advance(time::now());
+            let result = f(&mut thread);
             // Relaxed: the thread reads it under the same lock; if it has slept since, the kernel
             // orders this before the wake.
             self.changes.fetch_add(1, Ordering::Relaxed);
@@ -87,38 +130,41 @@ impl Slot {
         result
     }
 
-    /// The loop's thread until [`Threaded::quit`].
-    fn run(&self, body: &mut dyn FnMut(u64)) {
+    /// The loop's thread until [`LoopThread::quit`].
+    fn run(&self) {
         let mut spent = cpu_time();
         let mut now = time::now();
-        let mut state = self.state.lock();
-        while !state.quit {
-            state.advance(now);
-            let Some(due) = state.start(now) else {
-                state = self.sleep(state);
+        let mut thread = self.thread.lock();
+        while !thread.quit {
+            thread.advance(now);
+            let Some((_, running)) = thread.state.begin_fastest(now) else {
+                thread = self.sleep(thread);
                 now = time::now();
                 continue;
             };
-            drop(state);
-            // A loop whose body unwound runs no more unless its user enables it.
-            let result = catch_unwind(AssertUnwindSafe(|| body(due)));
+            drop(thread);
+            // SAFETY: the context is there until `withdraw` has joined this thread, and no other
+            // calls the body. A loop whose body unwound runs no more unless its user enables it.
+            let call = AssertUnwindSafe(|| unsafe { running.body.call(running.due) });
+            let result = catch_unwind(call);
             now = time::now();
-            let spent_before = core::mem::replace(&mut spent, cpu_time());
-            let ticks = spent.saturating_sub(spent_before);
-            state = self.state.lock();
-            state.finish(now, u32::try_from(ticks).unwrap_or(u32::MAX));
+            let before = core::mem::replace(&mut spent, cpu_time());
+            thread = self.thread.lock();
+            thread.finish(running, now, spent.saturating_sub(before));
             if result.is_err() {
-                state.fault();
+                thread.state.fault(0);
             }
         }
-        state.end();
+        thread.number = None;
+        // It is not in progress.
+        let _ = thread.state.withdraw(1);
     }
 
     /// Lets the state go until the loop is due or the state has changed.
-    fn sleep<'s>(&'s self, state: PiGuard<'s, Threaded>) -> PiGuard<'s, Threaded> {
+    fn sleep<'s>(&'s self, thread: PiGuard<'s, LoopThread<K>>) -> PiGuard<'s, LoopThread<K>> {
         let seen = self.changes.load(Ordering::Relaxed);
-        let until = state.next_due().map(time::timespec);
-        drop(state);
+        let until = thread.state.next_release().map(time::timespec);
+        drop(thread);
         // Due, changed, or interrupted: the caller looks again in each case.
         let _ = futex::wait_bitset(
             &self.changes,
@@ -127,7 +173,7 @@ impl Slot {
             until.as_ref(),
             NonZeroU32::MAX,
         );
-        self.state.lock()
+        self.thread.lock()
     }
 }
 
@@ -136,244 +182,294 @@ fn cpu_time() -> u64 {
     time::nanoseconds(clock_gettime(ClockId::ThreadCPUTime))
 }
 
-impl<const L: usize> Threads<L> {
-    /// Loops with these rates, none of which has anything to run. Asks for `wishes` when they
+impl Threads {
+    /// Loops with 1 to 32 rates, none of which has anything to run. Asks for `wishes` when they
     /// begin.
     ///
     /// # Errors
-    /// [`RateError::TooFast`] if a period is shorter than a nanosecond.
-    pub fn new(rates: [Rate; L], wishes: RealTime) -> Result<Self, RateError> {
-        const { assert!(L >= 1 && L <= 32, "there are 1 to 32 loops") };
-        for rate in rates {
-            Threaded::grid(rate)?;
+    /// [`RateError::TooFast`] if a period is shorter than a nanosecond, [`RateError::Loops`].
+    pub fn new(rates: &[Rate], wishes: RealTime) -> Result<Self, RateError> {
+        Self::keeping(rates, &[], wishes)
+    }
+}
+
+impl<K: Keep> Threads<K> {
+    /// As [`new`](Threads::new), with the statistics that `K` says, and with `phases`, in nanoseconds,
+    /// as [`EventTable::phased`] has them.
+    ///
+    /// # Errors
+    /// As [`new`](Threads::new), and [`RateError::Phase`].
+    pub fn keeping(rates: &[Rate], phases: &[u32], wishes: RealTime) -> Result<Self, RateError> {
+        let (loops, capacity) = (rates.len(), 32);
+        if !(1..=capacity).contains(&loops) {
+            return Err(RateError::Loops { loops, capacity });
         }
-        let slot = |rate| Slot {
-            state: PiMutex::new(Threaded::new(rate)),
-            changes: AtomicU32::new(0),
-        };
-        Ok(Self {
+        let phases = phases.iter().copied().chain(core::iter::repeat(0));
+        let loops = rates.iter().zip(phases).map(|(&rate, phase)| {
+            let thread = LoopThread {
+                rate,
+                state: State::new(EventTable::phased(&[rate], &[phase], CLOCK)?),
+                quit: false,
+                number: None,
+                priority: None,
+                handle: None,
+            };
+            Ok(Slot {
+                thread: PiMutex::new(thread),
+                changes: AtomicU32::new(0),
+            })
+        });
+        Ok(Self(Arc::new(Shared {
             wishes,
-            loops: rates.map(slot),
+            loops: loops.collect::<Result<_, _>>()?,
             started: PiMutex::new(false),
             privileges: PiMutex::new(wishes.request_for_process()),
-        })
+        })))
     }
 
-    /// Runs `f`, in which closures that borrow can become loops; when it returns or unwinds, they
-    /// finish their last run and their threads end.
-    pub fn scope<'env, R>(
-        &'env self,
-        f: impl for<'scope> FnOnce(&ThreadScope<'scope, 'env, L>) -> R,
-    ) -> R {
-        thread::scope(|scope| {
-            f(&ThreadScope {
-                threads: self,
-                scope,
-                assigned: Cell::new(0),
-            })
-        })
-    }
-
-    /// Begins: all enabled loops are due now.
+    /// Gives a loop what it runs, for good, as
+    /// [`Scheduler::assign`](crate::Scheduler::assign) does.
     ///
     /// # Errors
-    /// [`StartError::Started`].
-    pub fn start(&self) -> Result<(), StartError> {
-        self.start_at(time::now())
-    }
-
-    /// Begins at an instant of `CLOCK_MONOTONIC`, in nanoseconds: all enabled loops are due then.
-    ///
-    /// # Errors
-    /// As [`start`](Self::start).
-    pub fn start_at(&self, instant: u64) -> Result<(), StartError> {
-        let mut started = self.started.lock();
-        if core::mem::replace(&mut *started, true) {
-            return Err(StartError::Started);
-        }
-        self.each(|state| state.begin(instant));
-        Ok(())
-    }
-
-    /// Ends: what is in progress finishes, what has not started is skipped.
-    pub fn stop(&self) {
-        let mut started = self.started.lock();
-        *started = false;
-        self.each(Threaded::stop);
-    }
-
-    /// Has a loop run from its next instant on.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`], [`LoopError::Unassigned`].
-    pub fn enable(&self, id: LoopId) -> Result<(), LoopError> {
-        self.set_enabled(id, true)
-    }
-
-    /// Has a loop run no more; if it is in progress, it finishes.
-    ///
-    /// # Errors
-    /// As [`enable`](Self::enable).
-    pub fn disable(&self, id: LoopId) -> Result<(), LoopError> {
-        self.set_enabled(id, false)
-    }
-
-    /// Gives a loop another rate, while all run on: it is due when it was due anyway, and then at
-    /// the new rate. Priorities follow.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`], or [`LoopError::Rate`] if the period is shorter than a nanosecond.
-    pub fn set_rate(&self, id: LoopId, rate: Rate) -> Result<(), LoopError> {
-        let grid = Threaded::grid(rate)?;
-        self.slot(id)?
-            .change(|state| state.set_rate(rate, grid, time::now()));
-        self.set_priorities();
-        Ok(())
-    }
-
-    /// The counts of a loop at this moment. Run times are what the kernel charges the loop's
-    /// thread, its waking included.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`].
-    pub fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
-        let mut state = self.slot(id)?.state.lock();
-        state.advance(time::now());
-        Ok(state.statistics())
-    }
-
-    /// Sets the counts and times of a loop to 0.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`].
-    pub fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError> {
-        self.slot(id)?.state.lock().reset();
-        Ok(())
+    /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`], [`LoopError::NoThread`].
+    pub fn assign<C: Send>(
+        &self,
+        id: LoopId,
+        overrun: Overrun,
+        body: fn(&mut C, u64),
+        context: &'static mut C,
+    ) -> Result<(), LoopError> {
+        self.assign_body(id, overrun, Body::of_function(body, context))
     }
 
     /// What was asked of the kernel so far, and what it said.
     #[must_use]
     pub fn privileges(&self) -> Privileges {
-        self.privileges.lock().clone()
-    }
-
-    fn each(&self, f: impl Fn(&mut Threaded)) {
-        self.loops.iter().for_each(|slot| slot.change(&f));
-    }
-
-    fn slot(&self, id: LoopId) -> Result<&Slot, LoopError> {
-        let slot = self.loops.get(usize::from(id.0));
-        slot.ok_or(LoopError::NoSuchLoop { id, loops: L as u8 })
+        self.0.privileges.lock().clone()
     }
 
     fn set_enabled(&self, id: LoopId, enabled: bool) -> Result<(), LoopError> {
-        self.slot(id)?
-            .change(|state| state.set_enabled(enabled, time::now()))
-            .ok_or(LoopError::Unassigned { id })
+        let slot = self.0.slot(id)?;
+        let done = slot.change(|thread| thread.state.enable(0, enabled));
+        done.then_some(()).ok_or(LoopError::Unassigned { id })
+    }
+}
+
+impl Threads<Histograms> {
+    /// How lateness and run times of a loop are distributed at this moment.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`].
+    pub fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError> {
+        let record = self.0.slot(id)?.thread.lock().state.record(0);
+        record.ok_or(LoopError::NoStatistics { id })
+    }
+}
+
+impl<K: Keep> Shared<K> {
+    fn slot(&self, id: LoopId) -> Result<&Slot<K>, LoopError> {
+        let loops = self.loops.len() as u8;
+        let slot = self.loops.get(usize::from(id.0));
+        slot.ok_or(LoopError::NoSuchLoop { id, loops })
     }
 
-    fn rates(&self) -> [Rate; L] {
-        core::array::from_fn(|number| self.loops[number].state.lock().rate)
-    }
-
-    /// How many loops are faster.
-    fn rank(rates: &[Rate; L], number: usize) -> usize {
-        let is_before = |&other: &usize| {
-            rates[other] > rates[number] || rates[other] == rates[number] && other < number
-        };
-        (0..L).filter(is_before).count()
+    fn rates(&self) -> Vec<Rate> {
+        let rate = |slot: &Slot<K>| slot.thread.lock().rate;
+        self.loops.iter().map(rate).collect()
     }
 
     /// Puts the priorities of all threads in the order of their rates.
     fn set_priorities(&self) {
         let rates = self.rates();
         for (number, slot) in self.loops.iter().enumerate() {
-            let Some(priority) = self.wishes.priority_of(Self::rank(&rates, number)) else {
+            let Some(priority) = self.wishes.priority_of(rank(&rates, number)) else {
                 return;
             };
             // Under the lock of its state, a thread does not end and leave its number to another.
-            let state = slot.state.lock();
-            let Some(thread) = state.thread else { continue };
-            if state.priority == Some(priority) {
+            let mut thread = slot.thread.lock();
+            let Some(number_of_thread) = thread.number else {
+                continue;
+            };
+            if thread.priority == Some(priority) {
                 continue;
             }
-            let result = set_priority(thread.cast_signed(), priority);
-            let mut state = state;
-            state.priority = Some(priority);
-            drop(state);
+            let result = set_priority(number_of_thread.cast_signed(), priority);
+            thread.priority = Some(priority);
+            drop(thread);
             let what = format!("SCHED_FIFO {priority} for loop {number}");
             self.privileges.lock().note_priority(what, result);
         }
     }
 
     /// What a loop's thread does: asks for its privileges, tells of that, and runs.
-    fn run(&self, number: usize, body: &mut dyn FnMut(u64), ready: &mpsc::Sender<()>) {
+    fn run(&self, number: usize, ready: &mpsc::Sender<()>) {
         let rates = self.rates();
-        let rank = Self::rank(&rates, number);
-        let who = format!("loop {number} ({})", rates[number]);
+        let rank = rank(&rates, number);
+        let (Some(slot), Some(rate)) = (self.loops.get(number), rates.get(number)) else {
+            return;
+        };
+        let who = format!("loop {number} ({rate})");
         let answers = self.wishes.request_for_thread(rank, &who);
         self.privileges.lock().add(answers);
-        let slot = &self.loops[number];
         {
-            let mut state = slot.state.lock();
-            state.thread = Some(thread_number());
-            state.priority = self.wishes.priority_of(rank);
+            let mut thread = slot.thread.lock();
+            thread.number = Some(thread_number());
+            thread.priority = self.wishes.priority_of(rank);
         }
         let _ = ready.send(());
-        slot.run(body);
+        slot.run();
     }
 }
 
-/// Where closures become loops until the end of [`Threads::scope`].
-#[derive(Debug)]
-pub struct ThreadScope<'scope, 'env: 'scope, const L: usize> {
-    threads: &'env Threads<L>,
-    scope: &'scope thread::Scope<'scope, 'env>,
-    /// A bit for each loop that was assigned here.
-    assigned: Cell<u32>,
+/// How many loops are faster.
+fn rank(rates: &[Rate], number: usize) -> usize {
+    let before = |(other, rate): &(usize, &Rate)| {
+        rates
+            .get(number)
+            .is_some_and(|own| *rate > own || *rate == own && *other < number)
+    };
+    rates.iter().enumerate().filter(before).count()
 }
 
-impl<'scope, const L: usize> ThreadScope<'scope, '_, L> {
-    /// Has a loop run `closure`, which is given the instant at which it was due, and enables it.
-    ///
-    /// # Errors
-    /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`], [`ThreadError::Spawn`].
-    pub fn assign<F: FnMut(u64) + Send>(
-        &self,
-        id: LoopId,
-        overrun: Overrun,
-        closure: &'scope mut F,
-    ) -> Result<(), ThreadError> {
-        let threads = self.threads;
-        let slot = threads.slot(id)?;
-        let rate = {
-            let mut state = slot.state.lock();
-            state.assign(overrun).ok_or(LoopError::Taken { id })?;
-            state.rate
-        };
-        let (ready, is_ready) = mpsc::channel();
-        let number = usize::from(id.0);
-        let spawned = thread::Builder::new()
-            .name(rate.to_string())
-            .spawn_scoped(self.scope, move || threads.run(number, closure, &ready));
-        if let Err(error) = spawned {
-            slot.state.lock().end();
-            return Err(ThreadError::Spawn(error));
+impl<K: Keep> Loops for Threads<K> {
+    type Instant = u64;
+
+    fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError> {
+        self.start()?;
+        let _stop = Stop(self);
+        Ok(background())
+    }
+
+    fn start(&self) -> Result<(), StartError> {
+        self.start_at(time::now())
+    }
+
+    /// `instant` is of `CLOCK_MONOTONIC`, in nanoseconds.
+    fn start_at(&self, instant: u64) -> Result<(), StartError> {
+        let mut started = self.0.started.lock();
+        if core::mem::replace(&mut *started, true) {
+            return Err(StartError::Started);
         }
-        self.assigned.set(self.assigned.get() | 1 << number);
-        // The report is complete, and the loop ready, when this returns.
-        let _ = is_ready.recv();
+        for slot in &self.0.loops {
+            slot.change(|thread| thread.state.start(instant));
+        }
+        Ok(())
+    }
+
+    fn stop(&self) {
+        let mut started = self.0.started.lock();
+        *started = false;
+        for slot in &self.0.loops {
+            slot.change(|thread| thread.state.stop());
+        }
+    }
+
+    fn enable(&self, id: LoopId) -> Result<(), LoopError> {
+        self.set_enabled(id, true)
+    }
+
+    fn disable(&self, id: LoopId) -> Result<(), LoopError> {
+        self.set_enabled(id, false)
+    }
+
+    fn set_rate(&self, id: LoopId, rate: Rate) -> Result<(), LoopError> {
+        self.0.slot(id)?.change(|thread| {
+            // A loop alone is ready at once.
+            thread.state.schedule.begin_change(0, rate)?;
+            thread.rate = rate;
+            Ok::<_, LoopError>(())
+        })?;
+        self.0.set_priorities();
+        Ok(())
+    }
+
+    fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
+        let mut thread = self.0.slot(id)?.thread.lock();
+        thread.advance(time::now());
+        if !K::MEASURES {
+            return Err(LoopError::NoStatistics { id });
+        }
+        thread
+            .state
+            .statistics(0)
+            .ok_or(LoopError::NoStatistics { id })
+    }
+
+    fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError> {
+        self.0.slot(id)?.thread.lock().state.reset(0);
         Ok(())
     }
 }
 
-/// Has the threads end; the scope of std then waits for them.
-impl<const L: usize> Drop for ThreadScope<'_, '_, L> {
-    fn drop(&mut self) {
-        for (number, slot) in self.threads.loops.iter().enumerate() {
-            if self.assigned.get() & (1 << number) != 0 {
-                slot.change(|state| state.quit = true);
+impl<K: Keep> Inside<u64> for Threads<K> {
+    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body<u64>) -> Result<(), LoopError> {
+        let slot = self.0.slot(id)?;
+        let rate = {
+            let mut thread = slot.thread.lock();
+            if !thread.state.assign(0, overrun, body) {
+                return Err(LoopError::Taken { id });
+            }
+            thread.quit = false;
+            thread.rate
+        };
+        let (ready, is_ready) = mpsc::channel();
+        let shared = Arc::clone(&self.0);
+        let spawned = Builder::new()
+            .name(rate.to_string())
+            .spawn(move || shared.run(id.0.into(), &ready));
+        let mut thread = slot.thread.lock();
+        match spawned {
+            Ok(handle) => thread.handle = Some(handle),
+            Err(error) => {
+                // It has not begun.
+                let _ = thread.state.withdraw(1);
+                let os_error = error.raw_os_error().unwrap_or(0);
+                return Err(LoopError::NoThread { id, os_error });
             }
         }
+        drop(thread);
+        // The report is complete, and the loop ready, when this returns.
+        let _ = is_ready.recv();
+        Ok(())
+    }
+
+    fn withdraw(&self, numbers: u32) {
+        let ended = |number: &usize| numbers & 1_u32.unbounded_shl(*number as u32) != 0;
+        let slots = || (0..self.0.loops.len()).filter(ended);
+        let slots = || slots().filter_map(|number| self.0.loops.get(number));
+        for slot in slots() {
+            slot.change(|thread| thread.quit = true);
+        }
+        for slot in slots() {
+            let handle = slot.thread.lock().handle.take();
+            // What a body panics with was caught.
+            let _ = handle.map(JoinHandle::join);
+        }
+    }
+
+    fn enter(&self, gate: &Gate) -> Result<u32, LockError> {
+        if gate.threads.is_mine() {
+            return Err(LockError::Taken);
+        }
+        gate.threads.lock();
+        // Taken by a scheduler on one stack, which does not wait. Pairs with the store in `leave`.
+        if gate.taken.swap(true, Ordering::Acquire) {
+            gate.threads.unlock();
+            return Err(LockError::Taken);
+        }
+        Ok(0)
+    }
+
+    fn leave(&self, gate: &Gate, _: u32) {
+        // Pairs with the swap of a scheduler; threads are ordered by the lock.
+        gate.taken.store(false, Ordering::Release);
+        gate.threads.unlock();
+    }
+}
+
+/// Loops that were assigned for good end with them.
+impl<K: Keep> Drop for Threads<K> {
+    fn drop(&mut self) {
+        self.withdraw(u32::MAX);
     }
 }

@@ -16,6 +16,7 @@ use std::thread::ThreadId;
 pub use drift::worst_release_error;
 pub use wrapping::WrappingProcessor;
 
+use crate::error::ConnectError;
 use crate::platform::Platform;
 use crate::rate::Rate;
 use crate::timer::{Armed, Timer};
@@ -393,6 +394,14 @@ impl Timer for Processor {
 }
 
 impl Platform for Processor {
+    fn connect<R>(
+        &self,
+        handler: impl Fn() + Sync,
+        program: impl FnOnce() -> R,
+    ) -> Result<R, ConnectError> {
+        Ok(self.with_handler(handler, program))
+    }
+
     fn has_handler(&self) -> bool {
         connected(&self.machine.handler).is_some()
     }

@@ -3,7 +3,7 @@
 use super::oracle::Asked;
 use super::plan::{Kind, for_all_points};
 use super::world::{END, Set, Simulated, World};
-use crate::ceiling::CeilingLock;
+use crate::ceiling::LoopLock;
 use crate::process::Overrun;
 use crate::rate::{Rate, greatest_common_divisor};
 use crate::scheduler::LoopId;
@@ -158,8 +158,8 @@ impl Program for Locked {
         let (wide_users, narrow_users) = ([slowest, fastest], [slowest]);
         let id = |number: usize| LoopId(number as u8);
         for_all_points(kind, |plan| {
-            let wide = CeilingLock::new(&wide_users.map(id), 0);
-            let narrow = CeilingLock::new(&narrow_users.map(id), 0);
+            let wide = LoopLock::new(&wide_users.map(id), 0);
+            let narrow = LoopLock::new(&narrow_users.map(id), 0);
             let taken = std::sync::atomic::AtomicU32::new(0);
             let count = || taken.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             let done = World::<P, L>::run(

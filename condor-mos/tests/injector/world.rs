@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use super::hook;
 use super::oracle::{Asked, FREQUENCY, Oracle, Snapshot};
 use super::plan::{Kind, Plan};
-use crate::ceiling::CeilingLock;
+use crate::ceiling::LoopLock;
 use crate::clock::Clock;
 use crate::platform::Platform;
 use crate::process::Overrun;
@@ -183,12 +183,7 @@ impl<P: Simulated, const L: usize> World<P, L> {
     }
 
     /// Increments what a lock of `users` holds, with a point before it is written.
-    pub(super) fn increment(
-        &self,
-        lock: &CeilingLock<u32>,
-        users: &[usize],
-        inside: impl FnOnce(),
-    ) {
+    pub(super) fn increment(&self, lock: &LoopLock<u32>, users: &[usize], inside: impl FnOnce()) {
         let locked = lock.lock(&self.scheduler, |value| {
             self.with_oracle(|oracle| oracle.lock(users));
             let before = *value;

@@ -1,7 +1,8 @@
 //! Loom on the ceiling lock: what it holds is reached by one thread at a time, or not at all.
 
 use condor_mos::{
-    Armed, CeilingLock, Clock, LockError, LoopId, Overrun, Platform, Rate, Scan, Scheduler, Timer,
+    Armed, Clock, LockError, LoopId, LoopLock, Loops, Overrun, Platform, Rate, Scan, Scheduler,
+    Timer,
 };
 use loom::sync::Arc;
 
@@ -36,7 +37,7 @@ impl Platform for Still {
 
 struct Shared {
     scheduler: Scheduler<Still, 2, 0>,
-    lock: CeilingLock<u32>,
+    lock: LoopLock<u32>,
 }
 
 impl Shared {
@@ -44,7 +45,7 @@ impl Shared {
         let clock = Clock::of::<u64>(FREQUENCY);
         Arc::new(Self {
             scheduler: Scheduler::new(Still, Scan::new(&[Rate::hz(2), Rate::hz(1)], clock)),
-            lock: CeilingLock::new(&[LoopId(0)], 0),
+            lock: LoopLock::new(&[LoopId(0)], 0),
         })
     }
 

@@ -2,7 +2,8 @@
 
 use condor_mos::sim::Processor;
 use condor_mos::{
-    Analysis, Clock, Load, LoopError, LoopId, Overrun, Rate, Response, Scan, Scheduler, Timer,
+    Analysis, Clock, Load, LoopError, LoopId, Loops, Overrun, Rate, Response, Scan, Scheduler,
+    Timer,
 };
 use proptest::prelude::*;
 

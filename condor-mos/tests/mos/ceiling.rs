@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use condor_mos::sim::Processor;
-use condor_mos::{CeilingLock, Clock, LockError, LoopId, Overrun, Rate, Scan, Scheduler};
+use condor_mos::{Clock, LockError, LoopId, LoopLock, Loops, Overrun, Rate, Scan, Scheduler};
 
 const FREQUENCY: Rate = Rate::hz(1000);
 const IDS: [LoopId; 3] = [LoopId(0), LoopId(1), LoopId(2)];
@@ -39,7 +39,7 @@ fn with_loops(
 
 #[test]
 fn a_faster_loop_is_undeclared() {
-    let lock = CeilingLock::new(&IDS[1..], 0);
+    let lock = LoopLock::new(&IDS[1..], 0);
     with_loops(
         |_, scheduler, number| {
             let locked = lock.lock(scheduler, |runs| *runs += 1);
@@ -58,7 +58,7 @@ fn a_faster_loop_is_undeclared() {
 
 #[test]
 fn a_lock_inside_itself_is_taken() {
-    let lock = CeilingLock::new(&IDS, ());
+    let lock = LoopLock::new(&IDS, ());
     with_loops(
         |_, _, _| {},
         |_, scheduler| {
@@ -71,14 +71,14 @@ fn a_lock_inside_itself_is_taken() {
 
 #[test]
 fn users_wait_and_faster_loops_do_not() {
-    let lock = CeilingLock::new(&IDS[1..], ());
+    let lock = LoopLock::new(&IDS[1..], ());
     with_loops(
         |_, _, _| {},
         |processor, scheduler| {
             let runs = || IDS.map(|id| scheduler.statistics(id).unwrap().run);
             assert_eq!(runs(), [1, 1, 1]);
             // A lock inside with a lower ceiling does not let the users of the outer one go.
-            let inner = CeilingLock::new(&IDS[2..], ());
+            let inner = LoopLock::new(&IDS[2..], ());
             let locked = lock.lock(scheduler, |()| {
                 inner
                     .lock(scheduler, |()| processor.run_until(501))
@@ -92,7 +92,7 @@ fn users_wait_and_faster_loops_do_not() {
 
 #[test]
 fn the_ceiling_follows_a_change_of_rates() {
-    let lock = CeilingLock::new(&IDS[2..], ());
+    let lock = LoopLock::new(&IDS[2..], ());
     with_loops(
         |_, _, _| {},
         |processor, scheduler| {
@@ -115,7 +115,7 @@ fn the_ceiling_follows_a_change_of_rates() {
 
 #[test]
 fn a_user_that_unwinds_gives_it_back() {
-    let lock = CeilingLock::new(&IDS, ());
+    let lock = LoopLock::new(&IDS, ());
     with_loops(
         |_, _, _| {},
         |processor, scheduler| {

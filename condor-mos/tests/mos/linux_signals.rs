@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use condor_mos::linux::{CLOCK, SignalError, Signals};
-use condor_mos::{CeilingLock, EventTable, LoopId, Overrun, Rate, Scheduler, Statistics};
+use condor_mos::{EventTable, LoopId, LoopLock, Loops, Overrun, Rate, Scheduler, Statistics};
 
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
@@ -238,7 +238,7 @@ fn an_overrun_of_the_fastest_loop_skips_what_it_missed() {
 #[test]
 fn a_ceiling_lock_delays_its_users_and_nobody_else() {
     let scheduler = scheduler(1000, 500);
-    let shared = CeilingLock::new(&[SLOW], (0_u32, 0_u32));
+    let shared = LoopLock::new(&[SLOW], (0_u32, 0_u32));
     let (fast, slow) = (AtomicU32::new(0), AtomicU32::new(0));
     let mut fast_loop = |_| {
         fast.fetch_add(1, Relaxed);

@@ -4,8 +4,10 @@
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use condor_mos::linux::{InheritanceLock, RealTime, ThreadError, Threads};
-use condor_mos::{LockError, LoopError, LoopId, Overrun, Rate, RateError, StartError, Statistics};
+use condor_mos::linux::{RealTime, ThreadError, Threads};
+use condor_mos::{
+    LockError, LoopError, LoopId, Loops, Overrun, Rate, RateError, StartError, Statistics,
+};
 
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
@@ -186,7 +188,7 @@ fn what_makes_no_sense_is_refused() {
 #[test]
 fn an_inheritance_lock_excludes() {
     let threads = threads(2000, 1000);
-    let shared = InheritanceLock::new(&[FAST, SLOW], (0_u32, 0_u32));
+    let shared = LoopLock::new(&[FAST, SLOW], (0_u32, 0_u32));
     let add = |(one, other): &mut (u32, u32)| {
         assert_eq!(one, other);
         *one += 1;

@@ -10,8 +10,6 @@ mod linux_threads;
 mod overload;
 mod reference;
 mod scope;
-mod simple;
-mod simple_reference;
 mod start_at;
 mod statistics;
 mod tables;

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
-use condor_mos::{Armed, Clock, LoopId, Overrun, Platform, Rate, Scan, Scheduler, Timer};
+use condor_mos::{Armed, Clock, LoopId, Loops, Overrun, Platform, Rate, Scan, Scheduler, Timer};
 
 const FREQUENCY: Rate = Rate::hz(1_000_000);
 const NEVER: u64 = u64::MAX;

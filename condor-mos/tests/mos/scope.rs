@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use condor_mos::sim::Processor;
-use condor_mos::{Clock, LoopError, LoopId, Overrun, Rate, Scan, Scheduler, StartError};
+use condor_mos::{Clock, LoopError, LoopId, Loops, Overrun, Rate, Scan, Scheduler, StartError};
 
 const FREQUENCY: Rate = Rate::hz(1000);
 const FAST: LoopId = LoopId(0);

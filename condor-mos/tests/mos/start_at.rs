@@ -1,7 +1,7 @@
 //! A schedule that begins at an instant.
 
 use condor_mos::sim::Processor;
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, StartError, Timer};
+use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, StartError, Timer};
 
 const MICROSECONDS: Rate = Rate::hz(1_000_000);
 

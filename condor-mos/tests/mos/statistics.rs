@@ -2,8 +2,8 @@
 
 use condor_mos::sim::{Processor, Vectored};
 use condor_mos::{
-    Clock, Counts, EventTable, Histograms, Keep, LoopId, NoStatistics, Overrun, Platform, Rate,
-    Scheduler, Timer,
+    Clock, Counts, EventTable, Histograms, Keep, LoopId, Loops, NoStatistics, Overrun, Platform,
+    Rate, Scheduler, Timer,
 };
 
 const FREQUENCY: Rate = Rate::hz(1000);

@@ -2,8 +2,8 @@
 
 use condor_mos::sim::{Processor, Vectored, WrappingProcessor};
 use condor_mos::{
-    Armed, Clock, LoopId, Overrun, Platform, Rate, Scan, Scheduler, SimpleServo, Statistics, Timer,
-    Wrapping,
+    Armed, Clock, LoopId, Loops, Overrun, Platform, Rate, Scan, Scheduler, SimpleServo, Statistics,
+    Timer, Wrapping,
 };
 use proptest::prelude::*;
 

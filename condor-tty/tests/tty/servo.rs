@@ -12,7 +12,7 @@ use condor_mbox::{
     Region, StoreOrder, Waiting, Windows,
 };
 use condor_mos::sim::Processor;
-use condor_mos::{EventTable, LoopId, Overrun, Rate, Scheduler, Statistics, Timer};
+use condor_mos::{EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Statistics, Timer};
 use condor_tty::{ConsoleError, Policy, Reader, Settings, Terminal, Vectors};
 use embedded_io::Write;
 

@@ -36,9 +36,6 @@ pub enum Failure {
     /// Their start.
     #[error(transparent)]
     Start(#[from] StartError),
-    /// The timer.
-    #[error("the timer cannot be had")]
-    Timer,
     /// Somebody is not ready in time.
     #[error("processor {processor} is not ready in time")]
     Late {

@@ -18,7 +18,7 @@ use condor_mbox::published::Publisher;
 use condor_mbox::{
     Call, Clock as _, Doorbell as _, Error, Instant, Messenger, Processor, Region, Ticket,
 };
-use condor_mos::{Clock as TickClock, LoopId, Overrun, Rate, Scan, Scheduler, Timer as _};
+use condor_mos::{Clock as TickClock, LoopId, Loops, Overrun, Rate, Scan, Scheduler, Timer as _};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
@@ -248,9 +248,7 @@ impl<M: Machine> Running<'_, '_, M> {
                 }
                 Ok(verdict)
             };
-            machine
-                .with_timer(scheduler.platform(), || scheduler.on_timer(), background)
-                .map_err(|_| Failure::Timer)?
+            scheduler.run(background)?
         })
     }
 

@@ -157,20 +157,6 @@ pub enum Failure {
         /// What is wrong.
         error: RecordingError,
     },
-    /// What the machine says of its timer.
-    #[error("the timer: {error}")]
-    Timer {
-        /// Its words.
-        error: Words,
-    },
-}
-
-impl Failure {
-    pub(crate) fn timer(error: &impl Display) -> Self {
-        Self::Timer {
-            error: words(error),
-        }
-    }
 }
 
 /// As much of what something prints as fits.

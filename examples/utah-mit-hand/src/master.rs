@@ -26,7 +26,7 @@ use condor_host::loops::LoopReports;
 use condor_host::{Machine, MailboxOf, Program, numbers};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Messenger, Published, Region};
-use condor_mos::{LoopId, Overrun, Rate};
+use condor_mos::{LoopId, Loops, Overrun, Rate};
 use condor_tty::ConsoleError;
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
@@ -167,7 +167,6 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         scheduler.scope(|scope| {
             scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
             let background = || {
-                scheduler.start()?;
                 let clock = machine.doorbell();
                 let mut shown = clock.now();
                 let mut watched = None;
@@ -197,13 +196,9 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
                     }
                     Ok(())
                 };
-                let outcome = attend();
-                scheduler.stop();
-                outcome
+                attend()
             };
-            machine
-                .with_timer(scheduler.platform(), || scheduler.on_timer(), background)
-                .map_err(|error| Failure::timer(&error))?
+            scheduler.run(background)?
         })
     }
 

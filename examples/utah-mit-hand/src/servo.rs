@@ -46,7 +46,7 @@ use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, MailboxOf, PROCESSORS, Program, numbers};
 use condor_mbox::{Call, MemoryWindow, Places, Processor, Published, Region};
-use condor_mos::{Latest, LoopId, Overrun, Rate};
+use condor_mos::{Latest, LoopId, Loops, Overrun, Rate};
 
 use crate::failure::{Failure, words};
 use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, Joints, NAME, Partner};
@@ -343,7 +343,6 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         scheduler.scope(|scope| {
             scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
             let background = || {
-                scheduler.start()?;
                 let look = || {
                     partner.look()?;
                     palm.look()?;
@@ -353,14 +352,11 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
                     self.wind(&mut tape, terminal, false);
                     Ok(())
                 };
-                let outcome = start::attend(machine, self.mailbox, &scheduler, &mut reports, look);
-                scheduler.stop();
-                self.wind(&mut tape, terminal, true);
-                outcome
+                start::attend(machine, self.mailbox, &scheduler, &mut reports, look)
             };
-            machine
-                .with_timer(scheduler.platform(), || scheduler.on_timer(), background)
-                .map_err(|error| Failure::timer(&error))?
+            let outcome = scheduler.run(background)?;
+            self.wind(&mut tape, terminal, true);
+            outcome
         })
     }
 

@@ -9,7 +9,7 @@ use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, MailboxOf, numbers};
 use condor_mbox::{Call, Clock, MemoryWindow, Messenger, Places, Region, Windows};
-use condor_mos::{Clock as TickClock, LoopId, Rate, Scan, Scheduler, Timer};
+use condor_mos::{Clock as TickClock, LoopId, Loops, Rate, Scan, Scheduler, Timer};
 use condor_tty::{Terminal, Vectors};
 
 use crate::boards::{Panel, Wires};

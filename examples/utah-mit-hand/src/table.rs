@@ -23,7 +23,7 @@ use condor_host::loops::LoopReports;
 use condor_host::{Machine, MailboxOf, Program};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Instant, Published, Region, Vector};
-use condor_mos::{LoopId, Overrun, Rate};
+use condor_mos::{LoopId, Loops, Overrun, Rate};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -285,7 +285,6 @@ impl<M: Machine> Running<'_, '_, M> {
         scheduler.scope(|scope| {
             scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
             let background = || {
-                scheduler.start()?;
                 let look = || {
                     let state = with(self.shared, |table| table.controller.state());
                     let state = state.map_or(before, State::of);
@@ -295,13 +294,9 @@ impl<M: Machine> Running<'_, '_, M> {
                     }
                     Ok(())
                 };
-                let outcome = start::attend(machine, self.mailbox, &scheduler, &mut reports, look);
-                scheduler.stop();
-                outcome
+                start::attend(machine, self.mailbox, &scheduler, &mut reports, look)
             };
-            machine
-                .with_timer(scheduler.platform(), || scheduler.on_timer(), background)
-                .map_err(|error| Failure::timer(&error))?
+            scheduler.run(background)?
         })
     }
 }

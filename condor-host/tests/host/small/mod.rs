@@ -9,7 +9,9 @@ use condor_mbox::{
     Backend, Call, Clock as _, Mailbox, MemoryWindow, Messenger, Places, Processor, Published,
     Region, Vector,
 };
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Statistics, Timer as _};
+use condor_mos::{
+    Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Statistics, Timer as _,
+};
 
 pub(crate) const SMALL: Processor = Processor(1);
 pub(crate) const VISITOR: Processor = Processor(11);
@@ -62,16 +64,13 @@ impl Small {
         scheduler.scope(|scope| {
             scope.assign(LoopId(0), Overrun::Skip, &mut servo)?;
             let background = || {
-                scheduler.start()?;
                 while !machine.is_stopping() {
                     mailbox.serve(Duration::from_millis(20))?;
                     reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
                 }
                 Ok::<_, Box<dyn std::error::Error>>(())
             };
-            let ended =
-                machine.with_timer(scheduler.platform(), || scheduler.on_timer(), background);
-            ended.map_err(|error| error.to_string())?
+            scheduler.run(background)?
         })?;
         scheduler.platform().disarm();
         if lost > 0 {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use condor_mos::sim::Processor;
 use condor_mos::{
-    Armed, CeilingLock, EventTable, Instant, LockError, LoopId, Platform, Rate, Scheduler,
+    Armed, EventTable, Instant, LockError, LoopId, LoopLock, Loops, Platform, Rate, Scheduler,
     StartError, Timer, Wrapping,
 };
 
@@ -164,7 +164,7 @@ impl<'p, I: Reading, const E: usize> Machine<'p, I, E> {
 
     fn lock(&self, users: u32, ticks: u64) {
         let users = (0..LOOPS).filter(|number| users & (1 << number) != 0);
-        let lock = CeilingLock::new(&users.map(id).collect::<Vec<_>>(), ());
+        let lock = LoopLock::new(&users.map(id).collect::<Vec<_>>(), ());
         match lock.lock(&self.scheduler, |()| self.processor.work(ticks)) {
             Ok(()) => {}
             Err(LockError::Undeclared) => self.note(What::Refused),

@@ -15,7 +15,7 @@ use condor_mos::cortex_m::{Ticks, Vectors};
 use cortex_m::Peripherals;
 use cortex_m_rt::exception;
 use machine::{CORE_HZ, SPARE, TICK_HZ, print, switch_off};
-use mos_exercise::{LOOPS, Scanned, Simple, Tabled};
+use mos_exercise::{LOOPS, Scanned, Tabled};
 
 type Core = Vectors<Ticks, { LOOPS - 1 }>;
 
@@ -31,7 +31,6 @@ static PLATFORM: Core = Vectors::new(
 static TABLED: Tabled<&Core> = mos_exercise::tabled(&PLATFORM, Ticks::clock(CORE_HZ, TICK_CYCLES));
 static SCANNED: Scanned<&Core> =
     mos_exercise::scanned(&PLATFORM, Ticks::clock(CORE_HZ, TICK_CYCLES));
-static SIMPLE: Simple<&Core> = mos_exercise::simple(&PLATFORM, Ticks::clock(CORE_HZ, TICK_CYCLES));
 
 /// The timer's interrupts that have come.
 static TIMED: AtomicU32 = AtomicU32::new(0);
@@ -51,7 +50,7 @@ fn main() -> ! {
         let interrupts = || TIMED.load(Relaxed);
         mos_exercise::conformance::timer(&mut checks, &PLATFORM, interrupts);
     }
-    mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED, &SIMPLE);
+    mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED);
     may_panic(TICK_CYCLES as usize);
     switch_off(checks.conclude());
 }
@@ -67,7 +66,6 @@ fn PendSV() {
     // Those that are not started ignore it.
     TABLED.on_timer();
     SCANNED.on_timer();
-    SIMPLE.on_timer();
 }
 
 /// The vectors of the ranks behind the fastest.

@@ -1,7 +1,7 @@
 //! How late loops may end.
 
 use checks::Checks;
-use condor_mos::{Analysis, Load, LoopId, Platform, Rate, Response, Scheduler};
+use condor_mos::{Analysis, Load, LoopId, Loops, Platform, Rate, Response, Scheduler};
 
 use crate::LOOPS;
 

@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{LoopError, LoopId, Overrun, Platform, Rate, Scheduler};
+use condor_mos::{LoopError, LoopId, Loops, Overrun, Platform, Rate, Scheduler};
 
 use crate::{LOOPS, RATES, await_until};
 

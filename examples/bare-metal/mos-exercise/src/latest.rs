@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{Latest, LoopId, Overrun, Platform, Reader, Scheduler, Writer};
+use condor_mos::{Latest, LoopId, Loops, Overrun, Platform, Reader, Scheduler, Writer};
 
 use crate::{LOOPS, await_until};
 

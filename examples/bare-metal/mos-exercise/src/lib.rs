@@ -1,7 +1,6 @@
 //! Uses every call of `condor-mos` that runs without an operating system, over any platform.
 //!
-//! The firmware has a [`Tabled`] and a [`Scanned`] scheduler and a [`Simple`] servo of one platform as
-//! statics, calls them from its interrupts (those that are not started ignore them), and then
+//! The firmware has a [`Tabled`] and a [`Scanned`] scheduler of one platform as statics, calls them from its interrupts (those that are not started ignore them), and then
 //! [`loops`].
 #![no_std]
 
@@ -14,12 +13,11 @@ mod nesting;
 mod plans;
 mod schedules;
 mod sharing;
-mod simple;
 mod texts;
 mod trace;
 
 use checks::Checks;
-use condor_mos::{Clock, EventTable, Instant, Platform, Rate, Scan, Scheduler, SimpleServo};
+use condor_mos::{Clock, EventTable, Instant, Platform, Rate, Scan, Scheduler};
 
 /// How many loops there are.
 pub const LOOPS: usize = 3;
@@ -33,9 +31,6 @@ pub type Tabled<P> = Scheduler<P, LOOPS, EVENTS>;
 /// A scheduler with a scan.
 pub type Scanned<P> = Scheduler<P, LOOPS, 0>;
 
-/// A servo of one loop.
-pub type Simple<P> = SimpleServo<P>;
-
 /// A scheduler of the loops for a platform with this clock.
 pub const fn tabled<P: Platform>(platform: P, clock: Clock) -> Tabled<P> {
     Scheduler::new(platform, EventTable::new(&RATES, clock))
@@ -44,12 +39,6 @@ pub const fn tabled<P: Platform>(platform: P, clock: Clock) -> Tabled<P> {
 /// The same without a table.
 pub const fn scanned<P: Platform>(platform: P, clock: Clock) -> Scanned<P> {
     Scheduler::new(platform, Scan::new(&RATES, clock))
-}
-
-/// A servo of the fastest loop.
-pub const fn simple<P: Platform>(platform: P, clock: Clock) -> Simple<P> {
-    let [fastest, ..] = RATES;
-    SimpleServo::new(platform, fastest, clock)
 }
 
 /// Seconds. Nothing here takes as long, unless something is broken.
@@ -61,7 +50,6 @@ pub fn loops<P: Platform + Sync>(
     platform: &P,
     tabled: &'static Tabled<&'static P>,
     scanned: &'static Scanned<&'static P>,
-    simple: &'static Simple<&'static P>,
 ) {
     checks.group("plans");
     plans::plans(checks, platform);
@@ -80,8 +68,6 @@ pub fn loops<P: Platform + Sync>(
     each(checks, scanned);
     checks.group("loops for good");
     plans::for_good(checks, tabled);
-    checks.group("one loop");
-    simple::simple(checks, simple);
 }
 
 fn each<P: Platform + Sync, const E: usize>(

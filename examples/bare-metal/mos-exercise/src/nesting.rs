@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{LoopId, Overrun, Platform, Scheduler, StartError, Statistics};
+use condor_mos::{LoopId, Loops, Overrun, Platform, Scheduler, StartError, Statistics};
 
 use crate::trace::{Told, Trace};
 use crate::{LOOPS, await_until};

@@ -4,8 +4,8 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
 use condor_mos::{
-    Armed, Clock, EventTable, Instant, LoopError, LoopId, Overrun, Platform, Rate, RateError, Scan,
-    Scheduler, StartError, Wrapping,
+    Armed, Clock, EventTable, Instant, LoopError, LoopId, Loops, Overrun, Platform, Rate,
+    RateError, Scan, Scheduler, StartError, Wrapping,
 };
 
 use crate::{LOOPS, RATES, Tabled, await_until};

@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{CeilingLock, Instant, LockError, LoopId, Overrun, Platform, Scheduler};
+use condor_mos::{Instant, LockError, LoopId, LoopLock, Loops, Overrun, Platform, Scheduler};
 
 use crate::{LOOPS, await_until};
 
@@ -14,7 +14,7 @@ pub(crate) fn sharing<P: Platform + Sync, const E: usize>(
     scheduler: &Scheduler<P, LOOPS, E>,
 ) {
     let platform = scheduler.platform();
-    let mut shared = CeilingLock::new(&[LoopId(1), LoopId(2)], [0_u32; 2]);
+    let mut shared = LoopLock::new(&[LoopId(1), LoopId(2)], [0_u32; 2]);
     *shared.get_mut() = [1; 2];
     let shared = &shared;
     let (by_loops, refused, whole) = (AtomicU32::new(0), AtomicU32::new(0), AtomicBool::new(true));

@@ -12,9 +12,9 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
 use condor_mos::riscv::Clint;
-use condor_mos::{Clock, Instant as _, LoopId, Overrun, Timer as _};
+use condor_mos::{Clock, Instant as _, LoopId, Loops, Overrun, Timer as _};
 use machine::{CLINT, MTIME, print, ring, switch_off};
-use mos_exercise::{Scanned, Simple, Tabled};
+use mos_exercise::{Scanned, Tabled};
 use riscv::register::{mie, mstatus};
 
 // Floating point is on: `FS` is initial.
@@ -35,7 +35,6 @@ const SOFTWARE: usize = 1 << 3;
 static PLATFORM: Clint = unsafe { Clint::new(CLINT, 0, MTIME).interrupted_also_by(SOFTWARE) };
 static TABLED: Tabled<&Clint> = mos_exercise::tabled(&PLATFORM, CLOCK);
 static SCANNED: Scanned<&Clint> = mos_exercise::scanned(&PLATFORM, CLOCK);
-static SIMPLE: Simple<&Clint> = mos_exercise::simple(&PLATFORM, CLOCK);
 
 /// Software interrupts and timer interrupts that have come.
 static RUNG: AtomicU32 = AtomicU32::new(0);
@@ -59,7 +58,7 @@ extern "C" fn main(hart: usize) {
         let interrupts = || TIMED.load(Relaxed);
         mos_exercise::conformance::timer(&mut checks, &PLATFORM, interrupts);
     }
-    mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED, &SIMPLE);
+    mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED);
     checks.group("another interrupt");
     other_interrupt(&mut checks);
     may_panic(hart);
@@ -118,7 +117,6 @@ extern "C" fn trap(cause: usize) {
             // Those that are not started ignore it.
             TABLED.on_timer();
             SCANNED.on_timer();
-            SIMPLE.on_timer();
         });
     }
 }

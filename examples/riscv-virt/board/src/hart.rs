@@ -4,7 +4,7 @@ use condor_dev::Mmio;
 use condor_host::harts::{ARGUMENT_BYTES, Control, Map, MapError};
 use condor_host::{Machine, PROCESSORS};
 use condor_mbox::{AccessError, CriticalSection, Processor, StaticWindow, Windows};
-use condor_mos::Timer as _;
+use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
 use condor_mos::riscv::Clint;
 
 use crate::bell::{self, HARTS, HartBell};
@@ -143,9 +143,8 @@ impl Machine for Hart {
     type Window = StaticWindow<'static>;
     type Doorbell = HartBell;
     type Exclusion = CriticalSection;
-    type Platform = &'static Clint;
+    type Platform = HartTimer;
     type Bus = Mmio;
-    type Error = core::convert::Infallible;
 
     const MAIL_INTERRUPTS: bool = true;
 
@@ -177,8 +176,8 @@ impl Machine for Hart {
         CriticalSection
     }
 
-    fn platform(&self) -> &'static Clint {
-        self.clint
+    fn platform(&self) -> HartTimer {
+        HartTimer(self.clint)
     }
 
     fn bus(&self) -> Mmio {
@@ -197,24 +196,57 @@ impl Machine for Hart {
     fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {
         hooks::with(&serve, |hooks, hook| hooks.mail = hook, background)
     }
+}
 
-    fn with_timer<R>(
+/// The timer of a hart, whose interrupt a program connects while it runs.
+#[derive(Clone, Copy, Debug)]
+pub struct HartTimer(&'static Clint);
+
+impl Timer for HartTimer {
+    type Instant = u64;
+
+    #[inline]
+    fn frequency(&self) -> Rate {
+        self.0.frequency()
+    }
+
+    #[inline]
+    fn now(&self) -> u64 {
+        self.0.now()
+    }
+
+    #[inline]
+    fn arm(&self, at: u64) -> Armed {
+        self.0.arm(at)
+    }
+
+    #[inline]
+    fn disarm(&self) {
+        self.0.disarm();
+    }
+}
+
+impl Platform for HartTimer {
+    fn connect<R>(
         &self,
-        platform: &&'static Clint,
         handler: impl Fn() + Sync,
-        background: impl FnOnce() -> R,
-    ) -> Result<R, Self::Error> {
-        let clint = *platform;
+        program: impl FnOnce() -> R,
+    ) -> Result<R, ConnectError> {
         let set = |hooks: &mut hooks::Hooks, hook: Option<&'static dyn Fn()>| {
-            hooks.timer = hook.map(|hook| (clint, hook));
+            hooks.timer = hook.map(|hook| (self.0, hook));
         };
         let result = hooks::with(&handler, set, || {
             trap::time(true);
-            let result = background();
+            let result = program();
             trap::time(false);
             result
         });
-        clint.disarm();
+        self.disarm();
         Ok(result)
+    }
+
+    #[inline]
+    fn interruptible(&self, rank: u32, body: impl FnOnce()) {
+        self.0.interruptible(rank, body);
     }
 }

@@ -11,7 +11,7 @@ use board::{Hart, MTIME, stack};
 use condor_host::{Machine as _, MailboxOf};
 use condor_mbox::{Call, Clock as _, Messenger, Processor, Vector};
 use condor_mos::riscv::Clint;
-use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler};
+use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, Loops};
 use drills::Failure;
 use drills::ground::{self, Ground};
 use drills::stack::{Depths, NAME, NESTED};
@@ -256,15 +256,7 @@ impl Levels<'_, '_> {
         scheduler: &Loops,
         body: impl FnOnce() -> Result<u32, Failure>,
     ) -> Result<u32, Failure> {
-        let timed = || {
-            scheduler.start()?;
-            let result = body();
-            scheduler.stop();
-            result
-        };
-        let handler = || scheduler.on_timer();
-        let result = self.hart.with_timer(scheduler.platform(), handler, timed);
-        result.map_err(|_| Failure::Timer)?
+        scheduler.run(body)?
     }
 }
 

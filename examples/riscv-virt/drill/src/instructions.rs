@@ -12,7 +12,7 @@ use core::time::Duration;
 use board::{Hart, MTIME};
 use condor_host::{Machine as _, MailboxOf};
 use condor_mbox::{Call, Messenger, Vector};
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _};
+use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _, Loops};
 use drills::Failure;
 use drills::ground::{self, Ground};
 use drills::instructions::{Counts, NAME};
@@ -156,7 +156,6 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Failure> {
         scope.assign(LoopId(1), Overrun::Skip, &mut middle)?;
         scope.assign(LoopId(2), Overrun::Skip, &mut slow)?;
         let background = || {
-            scheduler.start()?;
             let [.., slowest] = &RUNS;
             let runs = || {
                 RUNS.iter()
@@ -168,11 +167,8 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Failure> {
             let before = runs();
             counts.releases_counted = taken_until(slowest, WARM_UP + HYPERPERIODS);
             counts.releases = runs().wrapping_sub(before);
-            scheduler.stop();
-            Ok::<(), Failure>(())
         };
-        let timed = hart.with_timer(scheduler.platform(), || scheduler.on_timer(), background);
-        timed.map_err(|_| Failure::Timer)?
+        Ok::<_, Failure>(scheduler.run(background)?)
     })?;
     counts.hyperperiods = HYPERPERIODS;
     counts.releases_each = RELEASES;

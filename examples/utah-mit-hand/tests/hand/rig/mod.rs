@@ -413,7 +413,6 @@ impl Machine for Ending<'_> {
     type Exclusion = Uninterrupted;
     type Platform = <Simulated<LinuxBus> as Machine>::Platform;
     type Bus = LinuxBus;
-    type Error = <Simulated<LinuxBus> as Machine>::Error;
 
     fn number(&self) -> Processor {
         self.machine.number()
@@ -449,14 +448,5 @@ impl Machine for Ending<'_> {
 
     fn is_stopping(&self) -> bool {
         self.machine.is_stopping() || self.machine.now() >= self.at_ns
-    }
-
-    fn with_timer<R>(
-        &self,
-        platform: &Self::Platform,
-        handler: impl Fn() + Sync,
-        background: impl FnOnce() -> R,
-    ) -> Result<R, Self::Error> {
-        self.machine.with_timer(platform, handler, background)
     }
 }

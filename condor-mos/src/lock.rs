@@ -1,0 +1,102 @@
+//! [`LoopLock`]: data that loops and the background share.
+
+#[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
+use condor_platform::linux::PiLock;
+
+use crate::error::LockError;
+use crate::loops::Loops;
+use crate::scheduler::LoopId;
+use crate::sync::{AtomicBool, UnsafeCell, const_unless_loom};
+
+/// A value shared by some loops and the background, which use it one at a time.
+///
+/// On one stack, this is the immediate priority ceiling protocol: while somebody uses the value, none
+/// of its users starts, and faster loops, which do not use it, are not delayed. Nobody ever waits for
+/// the lock, nothing deadlocks, and a loop is delayed by at most one slower user, before it starts.
+///
+/// Between threads a loop waits while another thread uses the value. Whoever uses it runs with the
+/// priority of the fastest loop that waits (priority inheritance), so only users of this value delay
+/// a loop.
+///
+/// Both: L. Sha, R. Rajkumar, J. P. Lehoczky, "Priority inheritance protocols", IEEE Transactions on
+/// Computers 39(9), 1990.
+pub struct LoopLock<T> {
+    gate: Gate,
+    value: UnsafeCell<T>,
+}
+
+/// A lock without its value.
+pub(crate) struct Gate {
+    /// A bit for each loop that may use it.
+    pub(crate) users: u32,
+    pub(crate) taken: AtomicBool,
+    #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
+    pub(crate) threads: PiLock,
+}
+
+// SAFETY: `value` is used by one context at a time, which has found `taken` false and set it.
+unsafe impl<T: Send> Sync for LoopLock<T> {}
+
+impl<T> LoopLock<T> {
+    const_unless_loom! {
+        /// A lock for the loops of `users`, and the background.
+        #[must_use]
+        pub const fn new(users: &[LoopId], value: T) -> Self {
+            let mut bits = 0;
+            let mut at = 0;
+            while at < users.len() {
+                bits |= 1_u32.unbounded_shl(users[at].0 as u32);
+                at += 1;
+            }
+            let gate = Gate {
+                users: bits,
+                taken: AtomicBool::new(false),
+                #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
+                threads: PiLock::new(),
+            };
+            Self {
+                gate,
+                value: UnsafeCell::new(value),
+            }
+        }
+    }
+
+    /// Uses the value; meanwhile no other of its users does.
+    ///
+    /// # Errors
+    /// [`LockError::Undeclared`], on one stack, from a loop that is faster than all users;
+    /// [`LockError::Taken`] if the caller uses it already, which correct use does not meet.
+    pub fn lock<L: Loops, R>(
+        &self,
+        loops: &L,
+        f: impl FnOnce(&mut T) -> R,
+    ) -> Result<R, LockError> {
+        let former = loops.enter(&self.gate)?;
+        let _unlock = Unlock {
+            loops,
+            gate: &self.gate,
+            former,
+        };
+        // SAFETY: `taken` was false and is ours until `_unlock` goes.
+        Ok(self.value.with_mut(|value| f(unsafe { &mut *value })))
+    }
+
+    /// The value, for whoever owns the lock.
+    pub fn get_mut(&mut self) -> &mut T {
+        // SAFETY: `&mut self`: nobody else has it.
+        self.value.with_mut(|value| unsafe { &mut *value })
+    }
+}
+
+/// Gives the lock back, also when its user unwinds.
+struct Unlock<'l, L: Loops> {
+    loops: &'l L,
+    gate: &'l Gate,
+    former: u32,
+}
+
+impl<L: Loops> Drop for Unlock<'_, L> {
+    fn drop(&mut self) {
+        self.loops.leave(self.gate, self.former);
+    }
+}

@@ -1,0 +1,150 @@
+//! [`Loops`]: servo loops, whatever runs them.
+
+use crate::body::Body;
+use crate::error::{LockError, LoopError, StartError};
+use crate::instant::Instant;
+use crate::lock::Gate;
+use crate::process::Overrun;
+use crate::rate::Rate;
+use crate::scheduler::LoopId;
+use crate::scope::Scope;
+use crate::statistics::Statistics;
+
+/// Servo loops and a background, with the same calls whatever runs them: a
+/// [`Scheduler`](crate::Scheduler) on one stack, over interrupts, signals or virtual time, or
+#[cfg_attr(
+    all(feature = "linux", target_os = "linux", not(condor_loom)),
+    doc = "[`linux::Threads`](crate::linux::Threads)."
+)]
+#[cfg_attr(
+    not(all(feature = "linux", target_os = "linux", not(condor_loom))),
+    doc = "threads of Linux."
+)]
+///
+/// Code for any of them takes a `&impl Loops`, and shares data in a [`LoopLock`](crate::LoopLock):
+///
+/// ```
+/// use condor_mos::{LoopId, LoopLock, Loops, Overrun};
+///
+/// const SERVO: LoopId = LoopId(0);
+///
+/// fn control(
+///     loops: &impl Loops,
+///     background: impl FnOnce(),
+/// ) -> Result<u32, Box<dyn std::error::Error>> {
+///     let shared = LoopLock::new(&[SERVO], 0);
+///     let mut servo = |_| {
+///         let _ = shared.lock(loops, |runs| *runs += 1);
+///     };
+///     loops.scope(|scope| {
+///         scope.assign(SERVO, Overrun::Skip, &mut servo)?;
+///         loops.run(background)?;
+///         Ok::<_, Box<dyn std::error::Error>>(())
+///     })?;
+///     Ok(shared.lock(loops, |runs| *runs)?)
+/// }
+/// # use condor_mos::{Clock, EventTable, Rate, Scheduler, sim::Processor};
+/// # let hertz = Rate::hz(1000);
+/// # let table = EventTable::<1, 1>::new(&[Rate::hz(100)], Clock::of::<u64>(hertz));
+/// # let scheduler = Scheduler::new(Processor::new(hertz), table);
+/// # assert_eq!(control(&scheduler, || scheduler.platform().run_until(50))?, 5);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// All calls may come from the background, from loops and from handlers.
+#[allow(private_bounds, reason = "nobody else implements it")]
+pub trait Loops: Inside<<Self as Loops>::Instant> + Sync {
+    /// What instants are.
+    type Instant: Instant;
+
+    /// Runs `f`, in which closures that borrow can become loops; when it returns or unwinds, they
+    /// finish the run that is in progress, and run no more.
+    fn scope<'env, R>(
+        &self,
+        f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, Self::Instant>) -> R,
+    ) -> R
+    where
+        Self: Sized,
+    {
+        Scope::run(self, f)
+    }
+
+    /// Runs `background`, while the loops run: begins, and ends when `background` returns or unwinds.
+    ///
+    /// # Errors
+    /// [`StartError`]; `background` has not run then.
+    fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError>;
+
+    /// Begins: all enabled loops are due now, each after its phase.
+    ///
+    /// # Errors
+    /// [`StartError::Clock`] if the schedule was made for another clock than the platform's,
+    /// [`StartError::NoHandler`] if the platform knows that its interrupts call nothing,
+    /// [`StartError::Started`].
+    fn start(&self) -> Result<(), StartError>;
+
+    /// Begins at an instant, less than half of the counter's range away. So several processors begin
+    /// together.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    fn start_at(&self, instant: Self::Instant) -> Result<(), StartError>;
+
+    /// Ends: what is in progress finishes, what has not started is skipped.
+    fn stop(&self);
+
+    /// Has a loop run from its next instant on.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`], [`LoopError::Unassigned`].
+    fn enable(&self, id: LoopId) -> Result<(), LoopError>;
+
+    /// Has a loop run no more; if it is in progress, it finishes.
+    ///
+    /// # Errors
+    /// As [`enable`](Self::enable).
+    fn disable(&self, id: LoopId) -> Result<(), LoopError>;
+
+    /// Gives a loop another rate, while all run on: it is due when it was due anyway, and then at the
+    /// new rate. Priorities follow.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`], or [`LoopError::Rate`] if there is no such schedule; then all rates
+    /// stay as they are.
+    fn set_rate(&self, id: LoopId, rate: Rate) -> Result<(), LoopError>;
+
+    /// The counts of a loop at this moment.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`], [`LoopError::NoStatistics`].
+    fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError>;
+
+    /// Sets the counts and times of a loop to 0.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`].
+    fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError>;
+}
+
+/// What scopes and locks ask of those who run loops.
+pub(crate) trait Inside<I> {
+    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body<I>) -> Result<(), LoopError>;
+
+    /// Disarms these loops, a bit for each, and returns when none of them is in progress.
+    fn withdraw(&self, numbers: u32);
+
+    /// Takes a lock, and gives what [`leave`](Self::leave) is to be told.
+    fn enter(&self, gate: &Gate) -> Result<u32, LockError>;
+
+    /// Gives it back.
+    fn leave(&self, gate: &Gate, former: u32);
+}
+
+/// Ends the schedule, also when the background unwinds.
+pub(crate) struct Stop<'l, L: Loops>(pub(crate) &'l L);
+
+impl<L: Loops> Drop for Stop<'_, L> {
+    fn drop(&mut self) {
+        self.0.stop();
+    }
+}
