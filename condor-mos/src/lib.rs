@@ -60,10 +60,10 @@ mod body;
 mod ceiling;
 mod error;
 mod events;
-// An interrupt at every point: tests that need the inside, and the points that call them.
+// Tests that need the inside, whose atomics and sections are those of `interrupt_injector`.
 #[cfg(all(test, not(condor_loom)))]
-#[path = "../tests/injector/mod.rs"]
-mod injector;
+#[path = "../tests/interrupted/mod.rs"]
+mod interrupted;
 mod latest;
 mod masked;
 mod process;
