@@ -289,6 +289,3 @@ impl<B: Bus> Visitor for Poll<'_, B> {
                 .is_ok_and(|attention| attention == Attention::Mine)
     }
 }
-
-#[cfg(all(test, not(condor_loom)))]
-mod interrupted_tests;

@@ -86,6 +86,11 @@ mod switch;
 mod sync;
 mod unit;
 
+// Tests that need the inside, whose atomics and sections are those of `interrupt_injector`.
+#[cfg(all(test, not(condor_loom)))]
+#[path = "../tests/interrupted/mod.rs"]
+mod interrupted;
+
 pub use bus::{AccessError, Bus, BusError, BusErrorKind, Registers, Width};
 pub use device::Device;
 pub use dispatch::InterruptCounts;

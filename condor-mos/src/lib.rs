@@ -58,10 +58,10 @@ mod analysis;
 mod body;
 mod error;
 mod events;
-// An interrupt at every point: tests that need the inside, and the points that call them.
+// Tests that need the inside, whose atomics and sections are those of `interrupt_injector`.
 #[cfg(all(test, not(condor_loom)))]
-#[path = "../tests/injector/mod.rs"]
-mod injector;
+#[path = "../tests/interrupted/mod.rs"]
+mod interrupted;
 mod latest;
 mod lock;
 mod loops;

@@ -1,9 +1,9 @@
 //! [`Masked`]: memory that is reached only while nothing can interrupt.
 
 use critical_section::CriticalSection;
-
 #[cfg(all(test, not(condor_loom)))]
-use crate::injector::hook;
+use interrupt_injector::{Access, Section};
+
 use crate::platform::Platform;
 use crate::sync::{UnsafeCell, const_unless_loom};
 
@@ -11,7 +11,7 @@ use crate::sync::{UnsafeCell, const_unless_loom};
 #[inline(always)]
 pub(crate) fn section<R>(f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
     #[cfg(all(test, not(condor_loom)))]
-    let _masked = hook::Section::enter();
+    let _masked = Section::enter();
     crate::sync::critical_section(f)
 }
 
@@ -19,7 +19,7 @@ pub(crate) fn section<R>(f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
 #[inline(always)]
 pub(crate) fn masked<P: Platform, R>(platform: &P, f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
     #[cfg(all(test, not(condor_loom)))]
-    let _masked = hook::Section::enter();
+    let _masked = Section::enter();
     platform.masked(f)
 }
 
@@ -40,7 +40,7 @@ impl<T> Masked<T> {
     #[inline(always)]
     pub(crate) fn with<R>(&self, _section: CriticalSection<'_>, f: impl FnOnce(&mut T) -> R) -> R {
         #[cfg(all(test, not(condor_loom)))]
-        let _access = hook::Access::begin();
+        let _access = Access::begin();
         // SAFETY: no other context is inside a critical section at the same time, and this one
         // is not here twice: the closures of this crate call nothing but this crate's own code,
         // with types that nobody else can implement.

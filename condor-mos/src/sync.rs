@@ -9,7 +9,7 @@ pub(crate) use portable_atomic::{AtomicBool, AtomicU8};
 
 // Whoever interrupts can come at each of their accesses.
 #[cfg(all(test, not(condor_loom)))]
-pub(crate) use crate::injector::atomics::{AtomicBool, AtomicU8};
+pub(crate) use interrupt_injector::{AtomicBool, AtomicU8};
 
 #[cfg(condor_loom)]
 pub(crate) use loom::{

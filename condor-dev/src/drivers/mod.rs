@@ -5,9 +5,6 @@ mod pca9685;
 pub(crate) mod register;
 mod uart16550;
 
-#[cfg(all(test, feature = "sim"))]
-mod interrupted_tests;
-
 pub use as5600::{As5600, Magnet};
 pub use pca9685::Pca9685;
 pub use uart16550::{Format, LineErrors, Uart16550};

@@ -1,7 +1,6 @@
-//! Every access that a driver makes to the bus is interrupted in turn: by its board, or by a faster
+//! The driver is interrupted before and behind each access that it makes to the bus in turn: by its board, or by a faster
 //! loop that uses the same board.
 
-use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
@@ -9,43 +8,21 @@ use condor_dev::sim::{self, Model};
 use condor_dev::{AccessError, Bus, Driver, Registers, Width};
 use example_boards::sim::{EncoderModel, MppModel};
 use example_boards::{Encoder8, Mpp};
+use interrupt_injector::{Access, Interrupts, explore};
 
-type Routine = Rc<dyn Fn()>;
-
-thread_local! {
-    /// Accesses until the interrupt, and what it does.
-    static PENDING: RefCell<Option<(Cell<u32>, Routine)>> = const { RefCell::new(None) };
-}
-
-/// A bus before each of whose accesses the interrupt may come.
+/// A bus before and behind each of whose accesses the interrupt may come.
 struct Interrupted(sim::Bus);
-
-impl Interrupted {
-    fn access() {
-        let due = PENDING.with_borrow_mut(|pending| {
-            let (left, _) = pending.as_ref()?;
-            left.set(left.get() - 1);
-            if left.get() > 0 {
-                return None;
-            }
-            pending.take()
-        });
-        if let Some((_, routine)) = due {
-            routine();
-        }
-    }
-}
 
 impl Bus for Interrupted {
     type Error = AccessError;
 
     fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
-        Self::access();
+        let _access = Access::begin();
         self.0.read(address, width)
     }
 
     fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
-        Self::access();
+        let _access = Access::begin();
         self.0.write(address, width, value)
     }
 }
@@ -75,23 +52,19 @@ impl<D: Driver, M: Model + Default + 'static> World<D, M> {
     }
 }
 
-/// Runs `operation` with `routine` before each access that it makes, one after the other.
+/// Runs `operation` with `routine` before and behind each access that it makes, one after the other.
 fn everywhere<W: 'static>(
     world: impl Fn() -> W,
     routine: impl Fn(&W) + Clone + 'static,
     operation: impl Fn(&W),
 ) {
-    for access in 1.. {
+    let runs = explore(Interrupts::Nested(1), |plan| {
         let world = Rc::new(world());
         let (seen, routine) = (Rc::clone(&world), routine.clone());
-        let routine: Routine = Rc::new(move || routine(&seen));
-        PENDING.set(Some((Cell::new(access), routine)));
-        operation(&world);
-        if PENDING.take().is_some() {
-            assert!(access > 4, "an operation makes some accesses");
-            return;
-        }
-    }
+        plan.run(move |_| routine(&seen), || operation(&world));
+    });
+    println!("{runs} runs");
+    assert!(runs > 4, "an operation makes some accesses");
 }
 
 #[test]

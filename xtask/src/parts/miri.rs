@@ -27,7 +27,11 @@ const SUITES: [Suite; 6] = [
         units: true,
         program: "mos",
         modules: &["scope::", "latest::"],
-        skipped: &["injector", "a_million_instants", "the_largest_numbers_end"],
+        skipped: &[
+            "interrupted::",
+            "a_million_instants",
+            "the_largest_numbers_end",
+        ],
     },
     Suite {
         package: "condor-dev",
@@ -35,7 +39,7 @@ const SUITES: [Suite; 6] = [
         units: true,
         program: "dev",
         modules: &["switch::", "controllers_conform::"],
-        skipped: &["drivers::interrupted_tests"],
+        skipped: &["interrupted::drivers"],
     },
     Suite {
         package: "condor-hand",

@@ -2,30 +2,31 @@
 //! turn: by its board, or by a faster loop that uses the same board.
 
 use std::cell::RefCell;
-use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
-use super::Uart16550;
+use interrupt_injector::Access;
+
+use super::everywhere;
 use crate::bus::{AccessError, Bus, Registers, Width};
 use crate::driver::Driver;
+use crate::drivers::Uart16550;
 use crate::sim::{self, LineFault, Model, UartModel};
-use crate::sync::interrupted::{access, comes_in};
 
 type Serial = Uart16550<1, 8>;
 
-/// A bus before each of whose accesses the interrupt may come.
+/// A bus before and behind each of whose accesses the interrupt may come.
 struct Interrupted(sim::Bus);
 
 impl Bus for Interrupted {
     type Error = AccessError;
 
     fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
-        access();
+        let _access = Access::begin();
         self.0.read(address, width)
     }
 
     fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
-        access();
+        let _access = Access::begin();
         self.0.write(address, width, value)
     }
 }
@@ -137,25 +138,6 @@ fn sorted(bytes: &RefCell<Vec<u8>>) -> Vec<u8> {
     let mut bytes = bytes.borrow().clone();
     bytes.sort_unstable();
     bytes
-}
-
-fn everywhere<W: 'static>(
-    world: impl Fn() -> W,
-    routine: impl Fn(&W) + Clone + 'static,
-    operation: impl Fn(&W),
-    check: impl Fn(&W),
-) {
-    for k in 1.. {
-        let world = Rc::new(world());
-        let seen = Rc::clone(&world);
-        let routine = routine.clone();
-        let came = comes_in(k, Rc::new(move || routine(&seen)), || operation(&world));
-        check(&world);
-        if !came {
-            assert!(k > 4, "an operation makes some accesses");
-            return;
-        }
-    }
 }
 
 /// Both orders of two uses of a busy serial port.

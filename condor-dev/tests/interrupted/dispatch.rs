@@ -5,11 +5,12 @@ use core::cell::{Cell, RefCell};
 use core::convert::Infallible;
 use std::rc::Rc;
 
+use interrupt_injector::{Access, Interrupts, explore};
+
 use crate::bus::{Bus, Registers, Width};
-use crate::driver::{Attention, DeviceError, Driver};
+use crate::driver::{Attention, Driver};
 use crate::interrupt::{InterruptController, Level, Vector};
 use crate::switch::Switch;
-use crate::sync::interrupted::{access, comes_in};
 use crate::unit::Place;
 
 /// A board that is one register: how often it asks. Writing serves it once.
@@ -17,35 +18,9 @@ struct Bell;
 
 impl Driver for Bell {
     const NEW: Self = Self;
-    const READS: bool = true;
-    const WRITES: bool = false;
 
     fn probe<B: Bus>(_: Registers<'_, B>) -> bool {
         true
-    }
-
-    fn init<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
-        Ok(())
-    }
-
-    fn read<B: Bus>(
-        &self,
-        _: Registers<'_, B>,
-        _: &mut [u8],
-    ) -> Result<usize, DeviceError<B::Error>> {
-        Err(DeviceError::WouldBlock)
-    }
-
-    fn write<B: Bus>(&self, _: Registers<'_, B>, _: &[u8]) -> Result<usize, DeviceError<B::Error>> {
-        Err(DeviceError::WouldBlock)
-    }
-
-    fn read_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
-        Ok(false)
-    }
-
-    fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
-        Ok(false)
     }
 
     fn interrupt<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Attention, B::Error> {
@@ -64,12 +39,12 @@ impl Bus for Asks {
     type Error = Infallible;
 
     fn read(&self, address: usize, _: Width) -> Result<u32, Infallible> {
-        access();
+        let _access = Access::begin();
         Ok(self.0[address].get().into())
     }
 
     fn write(&self, address: usize, _: Width, _: u32) -> Result<(), Infallible> {
-        access();
+        let _access = Access::begin();
         self.0[address].set(self.0[address].get() - 1);
         Ok(())
     }
@@ -90,7 +65,7 @@ impl InterruptController for Queue {
     }
 
     fn claim(&self) -> Option<Vector> {
-        access();
+        let _access = Access::begin();
         let mut pending = self.pending.borrow_mut();
         let mut in_service = self.in_service.borrow_mut();
         let at = pending
@@ -102,7 +77,7 @@ impl InterruptController for Queue {
     }
 
     fn complete(&self, vector: Vector) {
-        access();
+        let _access = Access::begin();
         self.in_service
             .borrow_mut()
             .retain(|&other| other != vector);
@@ -136,35 +111,33 @@ fn pend(world: &World, vectors: [Vector; 2]) {
 
 #[test]
 fn nothing_is_lost_or_counted_wrongly_when_entries_nest() {
-    let mut k = 0;
-    loop {
-        k += 1;
+    let runs = explore(Interrupts::Nested(1), |plan| {
         let world = Rc::new(World::new(Asks::default(), Queue::default(), Bells::new()));
         world.start();
         let [first, second] = STRANGERS;
         ask(&world, 0);
         pend(&world, [first, SHARED]);
         let inner = world.clone();
-        let interrupt = move || {
+        let interrupt = move |_| {
             ask(&inner, 1);
             ask(&inner, 2);
             pend(&inner, [second, URGENT]);
             pend(&inner, [SHARED, second]);
             inner.on_interrupt();
         };
-        let came = comes_in(k, Rc::new(interrupt), || world.on_interrupt());
-        if !came {
-            break;
-        }
-        assert!(world.bus.0.iter().all(|asks| asks.get() == 0), "{k}");
+        plan.run(interrupt, || world.on_interrupt());
+        let Some(place) = plan.first() else {
+            return;
+        };
+        assert!(world.bus.0.iter().all(|asks| asks.get() == 0), "{place}");
         let counts = world.interrupt_counts();
-        assert_eq!(counts.stuck, 0, "{k}");
+        assert_eq!(counts.stuck, 0, "{place}");
         // Before the first claim, the inner entry takes all there is.
-        assert_eq!(counts.spurious, u32::from(k == 1), "{k}");
-        assert_eq!(counts.served + counts.unclaimed, 3, "{k}");
+        assert_eq!(counts.spurious, u32::from(place == 0), "{place}");
+        assert_eq!(counts.served + counts.unclaimed, 3, "{place}");
         let mut named: Vec<_> = world.unhandled().collect();
         named.sort_unstable();
-        assert_eq!(named, [(first, 1), (second, 2)], "{k}");
-    }
-    assert!(k > 15, "{k}");
+        assert_eq!(named, [(first, 1), (second, 2)], "{place}");
+    });
+    assert!(runs > 15, "{runs}");
 }

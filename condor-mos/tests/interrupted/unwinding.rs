@@ -4,7 +4,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use super::hook;
+use interrupt_injector::with_points;
+
 use crate::clock::Clock;
 use crate::process::Overrun;
 use crate::rate::Rate;
@@ -40,7 +41,7 @@ fn a_loop_that_unwinds_is_not_charged_for_loops_that_interrupt_its_end() {
     scheduler.scope(|scope| {
         scope.assign(SLOW, Overrun::Skip, &mut slow).expect("free");
         scope.assign(FAST, Overrun::Skip, &mut fast).expect("free");
-        hook::with(on_point, || {
+        with_points(on_point, || {
             processor.with_handler(
                 || scheduler.on_timer(),
                 || {

@@ -1,8 +1,7 @@
 //! [`Latest`] with interrupts at every point of either end.
 //!
-//! A point lies before and behind each atomic access, and between the words of a value that is
-//! being written or read. A run is made for every way to place up to three interrupts at its points,
-//! those within other interrupts included. One end of one cell is never in use twice: it is used
+//! There are points between the words of a value that is being written or read, too. A run is made for
+//! every way to place up to three interrupts, those within other interrupts included. One end of one cell is never in use twice: it is used
 //! through `&mut`.
 //!
 //! It fails if the reader's buffer is not its own until its next call, if a value that was complete
@@ -12,7 +11,8 @@
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
-use super::hook;
+use interrupt_injector::{Interrupts, explore, point};
+
 use crate::latest::{Latest, Reader, Writer};
 
 /// How many interrupts come in one run.
@@ -59,7 +59,7 @@ impl Channel {
         if number.is_multiple_of(2) {
             let [first, second] = value(number);
             writer.buffer()[0] = first;
-            hook::point();
+            point();
             writer.buffer()[1] = second;
             self.begun.set(number);
             writer.publish();
@@ -85,7 +85,7 @@ impl Channel {
         );
         assert!(!fresh || number > before, "{number} was fresh");
         // It stays, whatever is written meanwhile.
-        hook::point();
+        point();
         assert_eq!(*value_read, value(number));
         self.read.set(number);
     }
@@ -101,93 +101,25 @@ impl Channel {
 /// What a context does.
 type Program = Rc<dyn Fn()>;
 
-/// The point of a run at which an interrupt comes, and the loop that it runs.
-type Interrupt = (u32, usize);
-
-/// Where a run is.
-struct Run {
-    /// From the slowest on.
-    loops: Vec<Program>,
-    plan: Vec<Interrupt>,
-    /// Interrupts that have come.
-    came: Cell<usize>,
-    /// Points that have passed.
-    points: Cell<u32>,
-    /// Loops below this number are in progress, or as good as.
-    level: Cell<usize>,
-}
-
-impl Run {
-    fn on_point(&self) {
-        let here = self.points.get();
-        self.points.set(here + 1);
-        while let Some(&(point, number)) = self.plan.get(self.came.get())
-            && point == here
-            && number >= self.level.get()
-        {
-            self.came.set(self.came.get() + 1);
-            let level = self.level.replace(number + 1);
-            self.loops[number]();
-            self.level.set(level);
+/// Runs the background, and loops that interrupt it and each other, from the slowest on.
+fn explore_channels(channels: &[&Rc<Channel>], background: impl Fn(), loops: Vec<Program>) {
+    let interrupts = Interrupts::Ranked {
+        most: INTERRUPTS,
+        sources: loops.len(),
+    };
+    let loops = Rc::new(loops);
+    let runs = explore(interrupts, |plan| {
+        let loops = Rc::clone(&loops);
+        plan.run(
+            move |number| loops[number](),
+            || (0..ROUNDS).for_each(|_| background()),
+        );
+        for channel in channels {
+            channel.check_end();
         }
-    }
-}
-
-/// What runs in turn: the background, and loops that interrupt it and each other.
-struct Contexts {
-    channels: Vec<Rc<Channel>>,
-    background: Program,
-    loops: Vec<Program>,
-    runs: Cell<u64>,
-}
-
-impl Contexts {
-    fn explore(channels: &[&Rc<Channel>], background: impl Fn() + 'static, loops: Vec<Program>) {
-        let contexts = Self {
-            channels: channels.iter().copied().map(Rc::clone).collect(),
-            background: Rc::new(background),
-            loops,
-            runs: Cell::new(0),
-        };
-        contexts.explore_from(&[]);
-        println!("{} runs", contexts.runs.get());
-        assert!(contexts.runs.get() > 100 || cfg!(miri));
-    }
-
-    /// All runs whose first interrupts are these.
-    fn explore_from(&self, plan: &[Interrupt]) {
-        let Some(points) = self.run(plan) else { return };
-        if plan.len() == INTERRUPTS {
-            return;
-        }
-        let first = plan.last().map_or(0, |&(point, _)| point);
-        for point in first..points {
-            for number in 0..self.loops.len() {
-                self.explore_from(&[plan, &[(point, number)]].concat());
-            }
-        }
-    }
-
-    /// Makes a run; gives the number of its points if all interrupts have come.
-    fn run(&self, plan: &[Interrupt]) -> Option<u32> {
-        self.runs.set(self.runs.get() + 1);
-        let run = Rc::new(Run {
-            loops: self.loops.clone(),
-            plan: plan.to_vec(),
-            came: Cell::new(0),
-            points: Cell::new(0),
-            level: Cell::new(0),
-        });
-        let on_point = {
-            let run = Rc::clone(&run);
-            Rc::new(move || run.on_point())
-        };
-        hook::with(on_point, || {
-            (0..ROUNDS).for_each(|_| (self.background)());
-        });
-        self.channels.iter().for_each(|channel| channel.check_end());
-        (run.came.get() == plan.len()).then(|| run.points.get())
-    }
+    });
+    println!("{runs} runs");
+    assert!(runs > 100 || cfg!(miri));
 }
 
 /// A loop that does this with a channel.
@@ -210,7 +142,7 @@ fn a_reader_is_interrupted_by_a_writer() {
     let channel = Channel::new();
     let read = does(&channel, Channel::read);
     let loops = vec![does(&channel, Channel::write)];
-    Contexts::explore(&[&channel], move || read(), loops);
+    explore_channels(&[&channel], move || read(), loops);
 }
 
 #[test]
@@ -218,7 +150,7 @@ fn a_writer_is_interrupted_by_a_reader() {
     let channel = Channel::new();
     let write = does(&channel, Channel::write);
     let loops = vec![does(&channel, Channel::read)];
-    Contexts::explore(&[&channel], move || write(), loops);
+    explore_channels(&[&channel], move || write(), loops);
 }
 
 #[test]
@@ -226,7 +158,7 @@ fn a_loop_and_the_background_have_an_end_of_two_cells_each() {
     let (up, down) = (Channel::new(), Channel::new());
     let background = passes_on(&up, &down);
     let loops = vec![passes_on(&down, &up)];
-    Contexts::explore(&[&up, &down], move || background(), loops);
+    explore_channels(&[&up, &down], move || background(), loops);
 }
 
 #[test]
@@ -234,7 +166,7 @@ fn a_writer_that_interrupts_a_reader_is_interrupted_by_another_writer() {
     let (fast, slow) = (Channel::new(), Channel::new());
     let read = does(&slow, Channel::read);
     let loops = vec![passes_on(&fast, &slow), does(&fast, Channel::write)];
-    Contexts::explore(&[&fast, &slow], move || read(), loops);
+    explore_channels(&[&fast, &slow], move || read(), loops);
 }
 
 #[test]
@@ -242,5 +174,5 @@ fn a_reader_that_interrupts_a_writer_is_interrupted_by_another_reader() {
     let (slow, fast) = (Channel::new(), Channel::new());
     let write = does(&slow, Channel::write);
     let loops = vec![passes_on(&slow, &fast), does(&fast, Channel::read)];
-    Contexts::explore(&[&slow, &fast], move || write(), loops);
+    explore_channels(&[&slow, &fast], move || write(), loops);
 }

@@ -3,10 +3,10 @@
 use std::rc::Rc;
 use std::sync::Mutex;
 
-use super::hook;
+use interrupt_injector::{Plan, point, quietly, with_points};
+
 use super::oracle::{Asked, FREQUENCY, Oracle, Snapshot};
-use super::plan::{Kind, Plan};
-use crate::ceiling::LoopLock;
+use crate::lock::LoopLock;
 use crate::clock::Clock;
 use crate::platform::Platform;
 use crate::process::Overrun;
@@ -21,6 +21,17 @@ type Table<const L: usize> = EventTable<L, ENTRIES>;
 
 /// Two of the hyperperiods.
 pub(super) const END: u64 = 2 * FREQUENCY as u64;
+
+/// What an interrupt finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// One event is due.
+    OnTime,
+    /// Two are.
+    Late,
+    /// None is.
+    WithoutCause,
+}
 
 /// A simulated processor, whatever its way to nest.
 pub(super) trait Simulated: Platform<Instant = u64> + Clone + Send + Sync + 'static {
@@ -85,10 +96,11 @@ impl<P: Simulated, const L: usize> World<P, L> {
     /// Runs `background` of a fresh world, with `body` in each loop, and the interrupts of `plan`.
     pub(super) fn run(
         set: &Set<L>,
-        plan: Plan,
+        kind: Kind,
+        plan: &Rc<Plan>,
         body: impl Fn(&Self, usize) + Sync,
         background: impl FnOnce(&Self),
-    ) -> bool {
+    ) {
         let frequency = Rate::hz(FREQUENCY);
         let processor = P::new(frequency);
         let world = Rc::new(Self {
@@ -96,7 +108,6 @@ impl<P: Simulated, const L: usize> World<P, L> {
             processor,
             oracle: Mutex::new(Oracle::new(set.rates, set.overrun, P::VECTORS)),
         });
-        let plan = Rc::new(plan);
         let scheduler = &world.scheduler;
         let this = &*world;
         let mut bodies: [_; L] = std::array::from_fn(|number| {
@@ -109,8 +120,8 @@ impl<P: Simulated, const L: usize> World<P, L> {
             }
         });
         let on_point = {
-            let (world, plan) = (Rc::clone(&world), Rc::clone(&plan));
-            Rc::new(move || world.on_point(&plan))
+            let (world, plan) = (Rc::clone(&world), Rc::clone(plan));
+            Rc::new(move || world.on_point(&plan, kind))
         };
         scheduler.scope(|scope| {
             for (number, body) in bodies.iter_mut().enumerate() {
@@ -118,7 +129,7 @@ impl<P: Simulated, const L: usize> World<P, L> {
                     .assign(LoopId(number as u8), set.overrun, body)
                     .expect("a loop that is free");
             }
-            hook::with(on_point, || {
+            with_points(on_point, || {
                 world.processor.processor().with_vectors(
                     |rank| scheduler.on_vector(rank),
                     || {
@@ -130,12 +141,11 @@ impl<P: Simulated, const L: usize> World<P, L> {
                 );
             });
         });
-        plan.is_done()
     }
 
     /// A point of a program's own.
     pub(super) fn point(&self) {
-        hook::point();
+        point();
         self.with_oracle(|oracle| oracle.nothing_faster_waits());
     }
 
@@ -202,15 +212,15 @@ impl<P: Simulated, const L: usize> World<P, L> {
     }
 
     fn look(&self) {
-        let snapshot = hook::quietly(|| self.scheduler.look(Snapshot::of));
+        let snapshot = quietly(|| self.scheduler.look(Snapshot::of));
         let mut oracle = self.oracle.lock().expect("no check has failed");
         oracle.look(self.processor.processor().now(), &snapshot);
     }
 
-    fn on_point(&self, plan: &Plan) {
+    fn on_point(&self, plan: &Plan, kind: Kind) {
         self.look();
         if self.processor.processor().is_interruptible() {
-            plan.point(|kind| self.interrupt(kind));
+            plan.point(|_| self.interrupt(kind));
         }
     }
 

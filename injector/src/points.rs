@@ -8,16 +8,16 @@ thread_local! {
     static ON_POINT: RefCell<Option<Rc<dyn Fn()>>> = const { RefCell::new(None) };
 }
 
-/// Has `on_point` called at every point of `program`.
-pub(super) fn with<R>(on_point: Rc<dyn Fn()>, program: impl FnOnce() -> R) -> R {
+/// Calls `on_point` at every point of `program`.
+pub fn with_points<R>(on_point: Rc<dyn Fn()>, program: impl FnOnce() -> R) -> R {
     ON_POINT.set(Some(on_point));
     let result = program();
     ON_POINT.set(None);
     result
 }
 
-/// Runs `f` without points: what looks on from outside.
-pub(super) fn quietly<R>(f: impl FnOnce() -> R) -> R {
+/// Runs `f` without points: for a test that looks on from outside.
+pub fn quietly<R>(f: impl FnOnce() -> R) -> R {
     let on_point = ON_POINT.take();
     let result = f();
     ON_POINT.set(on_point);
@@ -25,7 +25,7 @@ pub(super) fn quietly<R>(f: impl FnOnce() -> R) -> R {
 }
 
 /// A point, unless it is masked.
-pub(super) fn point() {
+pub fn point() {
     if DEPTH.get() == 0
         && let Some(on_point) = ON_POINT.with_borrow(Clone::clone)
     {
@@ -33,14 +33,17 @@ pub(super) fn point() {
     }
 }
 
-/// A critical section: a point before and one behind, none within.
-pub(crate) struct Section;
+/// A critical section, until it is dropped: there is a point before and one behind it, and none within.
+#[derive(Debug)]
+pub struct Section(());
 
 impl Section {
-    pub(crate) fn enter() -> Self {
+    /// Enters the section.
+    #[must_use]
+    pub fn enter() -> Self {
         point();
         DEPTH.set(DEPTH.get() + 1);
-        Self
+        Self(())
     }
 }
 
@@ -51,13 +54,18 @@ impl Drop for Section {
     }
 }
 
-/// An access to shared state. In a section it is no point; a section that is missing shows here.
-pub(crate) struct Access;
+/// An access to shared state, until it is dropped: there is a point before and one behind it.
+///
+/// In a [`Section`] there is none, so a section that is missing shows.
+#[derive(Debug)]
+pub struct Access(());
 
 impl Access {
-    pub(crate) fn begin() -> Self {
+    /// Begins the access.
+    #[must_use]
+    pub fn begin() -> Self {
         point();
-        Self
+        Self(())
     }
 }
 

@@ -1,13 +1,17 @@
 //! What is interrupted: programs, each with all sets of up to four loops.
 
+use interrupt_injector::{Interrupts, explore};
+
 use super::oracle::Asked;
-use super::plan::{Kind, for_all_points};
-use super::world::{END, Set, Simulated, World};
-use crate::ceiling::LoopLock;
+use super::world::{END, Kind, Set, Simulated, World};
+use crate::lock::LoopLock;
 use crate::process::Overrun;
 use crate::rate::{Rate, greatest_common_divisor};
 use crate::scheduler::LoopId;
 use crate::sim::{Processor, Vectored};
+
+/// How deep interrupts come within interrupts.
+const INTERRUPTS: Interrupts = Interrupts::Nested(3);
 
 /// A program that is run with one set, and says how many runs it made.
 trait Program {
@@ -77,9 +81,10 @@ struct Plain;
 
 impl Program for Plain {
     fn explore<P: Simulated, const L: usize>(&self, set: &Set<L>, kind: Kind) -> u64 {
-        for_all_points(kind, |plan| {
+        explore(INTERRUPTS, |plan| {
             World::<P, L>::run(
                 set,
+                kind,
                 plan,
                 |_, _| {},
                 |world| {
@@ -87,7 +92,7 @@ impl Program for Plain {
                     world.wait_until(END);
                     world.check_end();
                 },
-            )
+            );
         })
     }
 }
@@ -97,9 +102,10 @@ struct Slow;
 
 impl Program for Slow {
     fn explore<P: Simulated, const L: usize>(&self, set: &Set<L>, kind: Kind) -> u64 {
-        for_all_points(kind, |plan| {
+        explore(INTERRUPTS, |plan| {
             World::<P, L>::run(
                 set,
+                kind,
                 plan,
                 |world, number| {
                     if number == L - 1 {
@@ -112,7 +118,7 @@ impl Program for Slow {
                     world.wait_until(2 * END);
                     world.check_end();
                 },
-            )
+            );
         })
     }
 }
@@ -122,9 +128,10 @@ struct Controlled;
 
 impl Program for Controlled {
     fn explore<P: Simulated, const L: usize>(&self, set: &Set<L>, kind: Kind) -> u64 {
-        for_all_points(kind, |plan| {
+        explore(INTERRUPTS, |plan| {
             World::<P, L>::run(
                 set,
+                kind,
                 plan,
                 |_, _| {},
                 |world| {
@@ -140,7 +147,7 @@ impl Program for Controlled {
                     world.wait_until(END);
                     world.check_end();
                 },
-            )
+            );
         })
     }
 }
@@ -157,13 +164,14 @@ impl Program for Locked {
         let (slowest, fastest) = (0, L - 1);
         let (wide_users, narrow_users) = ([slowest, fastest], [slowest]);
         let id = |number: usize| LoopId(number as u8);
-        for_all_points(kind, |plan| {
+        explore(INTERRUPTS, |plan| {
             let wide = LoopLock::new(&wide_users.map(id), 0);
             let narrow = LoopLock::new(&narrow_users.map(id), 0);
             let taken = std::sync::atomic::AtomicU32::new(0);
             let count = || taken.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-            let done = World::<P, L>::run(
+            World::<P, L>::run(
                 set,
+                kind,
                 plan,
                 |world, number| {
                     if number == slowest {
@@ -200,7 +208,6 @@ impl Program for Locked {
                 { wide }.get_mut(),
                 &mut taken.load(std::sync::atomic::Ordering::Relaxed)
             );
-            done
         })
     }
 }

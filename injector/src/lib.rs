@@ -1,0 +1,9 @@
+#![doc = include_str!("../README.md")]
+
+mod atomics;
+mod plan;
+mod points;
+
+pub use atomics::{AtomicBool, AtomicU8, AtomicU32};
+pub use plan::{Interrupts, Plan, explore};
+pub use points::{Access, Section, point, quietly, with_points};
