@@ -91,4 +91,4 @@ pub use scheduler::{LoopId, Scheduler};
 pub use scope::Scope;
 pub use simple::SimpleServo;
 pub use statistics::Statistics;
-pub use timer::{Armed, Timer};
+pub use timer::{Alarm, Armed, Timer};

@@ -18,7 +18,7 @@ pub use wrapping::WrappingProcessor;
 
 use crate::platform::Platform;
 use crate::rate::Rate;
-use crate::timer::{Armed, Timer};
+use crate::timer::{Alarm, Armed, Timer};
 
 /// A processor whose time is virtual; its clones are the same one. All its contexts run on the
 /// thread that calls it.
@@ -392,6 +392,13 @@ impl Timer for Processor {
     }
 }
 
+impl Alarm for Processor {
+    fn pend(&self) {
+        self.machine.pended.store(true, Relaxed);
+        self.interrupt();
+    }
+}
+
 impl Platform for Processor {
     fn has_handler(&self) -> bool {
         connected(&self.machine.handler).is_some()
@@ -454,8 +461,7 @@ impl Platform for Vectored {
     fn pend(&self, ranks: u32) {
         self.machine.pending.fetch_or(ranks & !1, Relaxed);
         if ranks & 1 != 0 {
-            self.machine.pended.store(true, Relaxed);
-            self.interrupt();
+            Alarm::pend(&self.0);
         }
         self.take_vectors();
     }
