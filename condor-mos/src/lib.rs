@@ -89,4 +89,4 @@ pub use schedule::{Event, EventTable, Scan, entries};
 pub use scheduler::{LoopId, Scheduler};
 pub use scope::Scope;
 pub use statistics::Statistics;
-pub use timer::{Armed, Timer};
+pub use timer::{Alarm, Armed, Timer};

@@ -1,4 +1,4 @@
-//! [`Timer`]: a counter and one compare.
+//! [`Timer`]: a counter and one compare; [`Alarm`]: one whose interrupt can be pended.
 
 use crate::instant::Instant;
 use crate::rate::Rate;
@@ -37,6 +37,26 @@ pub trait Timer {
     fn disarm(&self);
 }
 
+/// A timer whose interrupt a program can pend: its handler then runs, whether or not something is due.
+///
+/// # For users
+/// A [`Platform`](crate::Platform) with a vector for each rank pends the fastest one by it, for that is
+/// the timer's: so does the one for Cortex-M, over any `Alarm`.
+///
+/// # For implementers
+/// * The handler runs once after one or more pends, as soon as nothing masks it: where a handler of its
+///   own priority runs, after that one.
+/// * It is an interrupt without cause: what was armed may be so no more, and the handler arms it anew.
+pub trait Alarm: Timer {
+    /// How many interrupt priorities the timer takes, from the highest on. The last of them is that of
+    /// the handler that calls [`Scheduler::on_timer`](crate::Scheduler::on_timer); a first of two is for
+    /// one that counts, and must not wait for the fastest loop.
+    const LEVELS: u8 = 1;
+
+    /// Has that handler run.
+    fn pend(&self);
+}
+
 /// Whether a compare was in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Armed {
@@ -67,5 +87,14 @@ impl<T: Timer + ?Sized> Timer for &T {
     #[inline]
     fn disarm(&self) {
         T::disarm(self);
+    }
+}
+
+impl<T: Alarm + ?Sized> Alarm for &T {
+    const LEVELS: u8 = T::LEVELS;
+
+    #[inline]
+    fn pend(&self) {
+        T::pend(self);
     }
 }

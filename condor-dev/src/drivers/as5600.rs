@@ -4,7 +4,11 @@ use crate::bus::{Bus, Registers};
 use crate::driver::{DeviceError, Driver};
 
 /// An AS5600, on I2C at 0x36: the angle of a magnet above the chip, in 4096 steps of a turn.
-/// Registers are those of ams's data sheet, version 1-06 of 2018.
+///
+/// Address, registers and bits are those of figures 21 and 23, pages 18 to 20, of ams's data sheet,
+/// version 1-06 of 2018. Bits without a name may read as anything ("factory settings"; chips were seen
+/// with 0x67 in STATUS): they are not looked at, and are written as they were. So any part that answers at
+/// the address is taken for an AS5600.
 ///
 /// `read` reads [`angle`](Self::angle), two bytes in the byte order of the processor.
 ///
@@ -28,8 +32,8 @@ pub struct Magnet {
     pub magnitude: u16,
 }
 
+/// Figure 21, "Register Map".
 mod register {
-    pub(super) const ZMCO: usize = 0x00;
     pub(super) const ZPOS: usize = 0x01;
     pub(super) const MPOS: usize = 0x03;
     pub(super) const STATUS: usize = 0x0b;
@@ -39,12 +43,11 @@ mod register {
     pub(super) const MAGNITUDE: usize = 0x1b;
 }
 
-/// Bits of STATUS.
+/// Bits of STATUS (figures 21 and 23).
 mod status {
     pub(super) const TOO_STRONG: u8 = 1 << 3;
     pub(super) const TOO_WEAK: u8 = 1 << 4;
     pub(super) const DETECTED: u8 = 1 << 5;
-    pub(super) const ALL: u8 = TOO_STRONG | TOO_WEAK | DETECTED;
 }
 
 const TWELVE_BITS: u16 = 0xfff;
@@ -73,8 +76,8 @@ impl As5600 {
     }
 
     /// Sets the positions, raw angles of 12 bits, at which [`angle`](Self::angle) begins and ends;
-    /// (0, 0) is a turn. The range must be more than 18° (data sheet, "Angle Programming"); a change
-    /// takes 1 ms.
+    /// (0, 0) is a turn. The range must be more than 18°; a change takes 1 ms (data sheet, pages 21 and
+    /// 22, "Angle Programming").
     ///
     /// # Errors
     /// The bus's.
@@ -84,9 +87,14 @@ impl As5600 {
         start: u16,
         stop: u16,
     ) -> Result<(), B::Error> {
-        let big = |position: u16| (position & TWELVE_BITS).to_be_bytes();
-        registers.write_block(register::ZPOS, &big(start))?;
-        registers.write_block(register::MPOS, &big(stop))
+        for (register, position) in [(register::ZPOS, start), (register::MPOS, stop)] {
+            let mut bytes = [0; 2];
+            registers.read_block(register, &mut bytes)?;
+            let unnamed = u16::from_be_bytes(bytes) & !TWELVE_BITS;
+            let word = unnamed | position & TWELVE_BITS;
+            registers.write_block(register, &word.to_be_bytes())?;
+        }
+        Ok(())
     }
 
     /// Returns what the chip says of its magnet.
@@ -115,15 +123,6 @@ impl As5600 {
 impl Driver for As5600 {
     const NEW: Self = Self;
     const WRITES: bool = false;
-
-    /// A chip has no other bits in ZMCO and STATUS.
-    fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
-        let within = |register, bits: u8| {
-            let read = registers.read8(register);
-            read.is_ok_and(|found| found & !bits == 0)
-        };
-        within(register::ZMCO, 3) && within(register::STATUS, status::ALL)
-    }
 
     fn read<B: Bus>(
         &self,

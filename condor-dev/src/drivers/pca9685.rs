@@ -4,7 +4,7 @@ use crate::bus::{Bus, Registers, Width};
 use crate::driver::{DeviceError, Driver};
 
 /// A PCA9685, on I2C at 0x40 to 0x7f as its pins say: 16 outputs of 12 bits and one frequency, for
-/// servos and LEDs. Registers are those of NXP's data sheet, revision 4 of 2015.
+/// servos and LEDs. Registers and bits are those of section 7.3 of NXP's data sheet, revision 4 of 2015.
 ///
 /// Opening the chip wakes it; closing it switches all outputs off and lets it sleep. `write` sets the
 /// duties of the first channels, two bytes each, in the byte order of the processor, as
@@ -18,16 +18,17 @@ use crate::driver::{DeviceError, Driver};
 #[derive(Debug)]
 pub struct Pca9685;
 
+/// The register summary of section 7.3.
 mod register {
     pub(super) const MODE1: usize = 0x00;
     /// On and off counts of the first channel, four registers each: low and high byte.
     pub(super) const LED0: usize = 0x06;
-    /// The same for all channels at once.
+    /// The same for all channels at once: a bit of FULL in it is the orderly shutdown of 7.3.1.1.
     pub(super) const ALL_LED_OFF_H: usize = 0xfd;
     pub(super) const PRE_SCALE: usize = 0xfe;
 }
 
-/// Bits of MODE1.
+/// Bits of MODE1 (section 7.3.1).
 mod mode1 {
     pub(super) const RESTART: u8 = 1 << 7;
     pub(super) const AUTO_INCREMENT: u8 = 1 << 5;
@@ -36,7 +37,8 @@ mod mode1 {
     pub(super) const AWAKE: u8 = AUTO_INCREMENT;
 }
 
-/// The bit of a high byte that has the output be on, or off, all the time.
+/// The bit of a high byte that has the output be on, or off, all the time; off goes before on
+/// (section 7.3.3).
 const FULL: u16 = 1 << 12;
 /// Hertz of the internal oscillator.
 const OSCILLATOR: u32 = 25_000_000;
@@ -75,7 +77,8 @@ impl Pca9685 {
     /// Ends the sleep, in which the chip keeps its counts, and has outputs go on that were on.
     ///
     /// A restart is due 500 µs after the end of the sleep (data sheet, section 7.3.1.1), for which
-    /// nobody waits here; writing a channel does the same. A one in RESTART clears it.
+    /// nobody waits here: a chip that does not take it so early has its outputs go on with the next
+    /// write to a channel. A one in RESTART clears it.
     fn wake<B: Bus>(registers: Registers<'_, B>) -> Result<(), B::Error> {
         registers.write8(register::MODE1, mode1::AWAKE)?;
         registers.write8(register::MODE1, mode1::AWAKE | mode1::RESTART)

@@ -8,7 +8,7 @@ use crate::bus::Width;
 pub struct As5600Model {
     /// The magnet's angle, in 4096ths of a turn.
     pub angle: u16,
-    /// STATUS: 0x20 with a magnet.
+    /// STATUS: 0x67 with a magnet, of which 0x20 says so.
     pub status: u8,
     /// The automatic gain.
     pub gain: u8,
@@ -22,7 +22,7 @@ impl Default for As5600Model {
     fn default() -> Self {
         Self {
             angle: 0,
-            status: 0x20,
+            status: 0x67,
             gain: 64,
             magnitude: 0x800,
             configuration: [0; 9],

@@ -3,7 +3,7 @@
 //! A core of this family does not let an interrupt interrupt its own priority, so loops cannot nest
 //! by a call from the timer's handler. [`Vectors`] gives each rank but the fastest, which runs in the
 //! timer's, an interrupt that the chip has to spare, and makes a [`Platform`](crate::Platform) of any
-//! [`Alarm`]: a timer of the chip's, or the one here.
+//! [`Alarm`](crate::Alarm): a timer of the chip's, or the one here.
 //!
 //! [`Ticks`] is a timer that every core has: periods of `SysTick`, which are counted without loss.
 //! (`SysTick` restarted for each release would lose the cycles between reading and restarting it.)
@@ -41,4 +41,4 @@ mod ticks;
 mod vectors;
 
 pub use ticks::Ticks;
-pub use vectors::{Alarm, Vectors};
+pub use vectors::Vectors;

@@ -2,15 +2,12 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use ::cortex_m::peripheral::scb::SystemHandler;
 use ::cortex_m::peripheral::{SCB, SYST, syst::SystClkSource};
-
-use super::Alarm;
 
 use crate::clock::Clock;
 use crate::instant::{Instant, Wrapping};
 use crate::rate::Rate;
-use crate::timer::{Armed, Timer};
+use crate::timer::{Alarm, Armed, Timer};
 
 /// Whether the counter has reloaded since CSR was read.
 const COUNTFLAG: u32 = 1 << 16;
@@ -98,11 +95,6 @@ impl Alarm for Ticks {
     #[inline]
     fn pend(&self) {
         SCB::set_pendsv();
-    }
-
-    unsafe fn set_priorities(&self, scb: &mut SCB, step: u8) {
-        // SAFETY: as the caller promises.
-        unsafe { scb.set_priority(SystemHandler::PendSV, step) };
     }
 }
 

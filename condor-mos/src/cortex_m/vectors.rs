@@ -4,11 +4,12 @@ use core::mem::offset_of;
 
 use ::cortex_m::interrupt::InterruptNumber;
 use ::cortex_m::peripheral::nvic::RegisterBlock;
+use ::cortex_m::peripheral::scb::SystemHandler;
 use ::cortex_m::peripheral::{NVIC, SCB};
 
 use crate::platform::Platform;
 use crate::rate::Rate;
-use crate::timer::{Armed, Timer};
+use crate::timer::{Alarm, Armed, Timer};
 
 /// How many interrupts there can be: the register block of ARMv6-M ends behind 32 priorities.
 const INTERRUPTS: u16 = if size_of::<RegisterBlock>() > 0x400 {
@@ -17,31 +18,13 @@ const INTERRUPTS: u16 = if size_of::<RegisterBlock>() > 0x400 {
     32
 };
 
-/// A timer whose interrupt can be pended.
-pub trait Alarm: Timer {
-    /// How many priorities, from the highest, 0, on, the timer takes. The last of them is that of the
-    /// handler that calls [`Scheduler::on_timer`](crate::Scheduler::on_timer).
-    const LEVELS: u8 = 1;
-
-    /// Has that handler run, whether or not something is due.
-    fn pend(&self);
-
-    /// Gives the timer's handlers their priorities, if they are not 0, where the core has them after a
-    /// reset; `step` is the distance from one priority to the next.
-    ///
-    /// # Safety
-    /// The program has no critical section that relies on priorities.
-    unsafe fn set_priorities(&self, scb: &mut SCB, step: u8) {
-        let _ = (scb, step);
-    }
-}
-
 /// A timer, and for each of `N` ranks behind the fastest an interrupt that no device uses: it is
 /// pended when the rank's loop is to run, and its handler calls
 /// [`Scheduler::on_vector`](crate::Scheduler::on_vector).
 ///
 /// The timer's handler calls [`Scheduler::on_timer`](crate::Scheduler::on_timer), which runs the
-/// fastest loop. The others have the priorities below [the timer's](Alarm::LEVELS).
+/// fastest loop. The others have the priorities below [the timer's](Alarm::LEVELS), of which the first
+/// is 0, where the core has it after a reset, and a second one is that of `PendSV`.
 pub struct Vectors<T, const N: usize> {
     timer: T,
     ranks: [Vector; N],
@@ -94,13 +77,14 @@ impl<T: Alarm, const N: usize> Vectors<T, N> {
     /// chip, whose NVIC has `priority_bits` bits of a priority: 2 on Cortex-M0 and M0+.
     ///
     /// # Panics
-    /// If there are more ranks than priorities below the timer's, or there is no such interrupt; in
-    /// a constant, that is an error of compilation.
+    /// If there are more ranks than priorities below the timer's, which has one or two, or there is no
+    /// such interrupt; in a constant, that is an error of compilation.
     #[must_use]
     pub const fn new(timer: T, interrupts: [u16; N], priority_bits: u8) -> Self {
         assert!(
             priority_bits >= 2
                 && priority_bits <= 8
+                && T::LEVELS <= 2
                 && N + T::LEVELS as usize <= 1 << priority_bits,
             "each rank needs a priority of its own below the timer's"
         );
@@ -132,8 +116,10 @@ impl<T: Alarm, const N: usize> Vectors<T, N> {
     /// being disabled.
     pub unsafe fn enable(&self, nvic: &mut NVIC, scb: &mut SCB) {
         let step = 1_u8 << (8 - self.priority_bits);
-        // SAFETY: no section relies on priorities, as the caller promises.
-        unsafe { self.timer.set_priorities(scb, step) };
+        if T::LEVELS > 1 {
+            // SAFETY: no section relies on priorities, as the caller promises.
+            unsafe { scb.set_priority(SystemHandler::PendSV, step) };
+        }
         let mut priority = step.wrapping_mul(T::LEVELS);
         for vector in &self.ranks {
             // SAFETY: no section relies on priorities or on disabled interrupts, as the caller

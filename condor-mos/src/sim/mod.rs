@@ -19,7 +19,7 @@ pub use wrapping::WrappingProcessor;
 use crate::error::ConnectError;
 use crate::platform::Platform;
 use crate::rate::Rate;
-use crate::timer::{Armed, Timer};
+use crate::timer::{Alarm, Armed, Timer};
 
 /// A processor whose time is virtual; its clones are the same one. All its contexts run on the
 /// thread that calls it.
@@ -393,6 +393,13 @@ impl Timer for Processor {
     }
 }
 
+impl Alarm for Processor {
+    fn pend(&self) {
+        self.machine.pended.store(true, Relaxed);
+        self.interrupt();
+    }
+}
+
 impl Platform for Processor {
     fn connect<R>(
         &self,
@@ -463,8 +470,7 @@ impl Platform for Vectored {
     fn pend(&self, ranks: u32) {
         self.machine.pending.fetch_or(ranks & !1, Relaxed);
         if ranks & 1 != 0 {
-            self.machine.pended.store(true, Relaxed);
-            self.interrupt();
+            Alarm::pend(&self.0);
         }
         self.take_vectors();
     }

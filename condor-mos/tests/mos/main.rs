@@ -1,6 +1,7 @@
 //! Schedules, loops, locks and cells, in virtual time and on Linux.
 #![cfg(not(condor_loom))]
 
+mod alarm;
 mod analysis;
 mod ceiling;
 mod drift;
