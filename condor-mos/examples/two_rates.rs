@@ -48,8 +48,8 @@ fn background(length: Duration) -> u64 {
 /// Runs both loops on whatever `loops` is, and reports.
 fn control(loops: &impl Loops<Instant = u64>, length: Duration) -> Result<(), Box<dyn Error>> {
     let joint = LoopLock::new(&[SERVO, TRAJECTORY], Joint::default());
-    let mut servo = |_| drop(joint.lock(loops, Joint::servo));
-    let mut trajectory = |_| drop(joint.lock(loops, Joint::trajectory));
+    let mut servo = |_| joint.lock(loops, Joint::servo).unwrap_or(());
+    let mut trajectory = |_| joint.lock(loops, Joint::trajectory).unwrap_or(());
     let rounds = loops.scope(|scope| {
         scope.assign(SERVO, Overrun::Skip, &mut servo)?;
         scope.assign(TRAJECTORY, Overrun::Skip, &mut trajectory)?;

@@ -7,6 +7,7 @@
 //! [error]: RateError
 //! [id]: LoopId
 //! [lock]: LoopLock
+//! [loops]: Loops
 //! [overrun]: Overrun
 //! [statistics]: Statistics
 //! [counts]: Counts

@@ -4,7 +4,7 @@ use critical_section::CriticalSection;
 
 use crate::body::Body;
 use crate::clock::Clock;
-use crate::error::{LockError, LoopError, StartError};
+use crate::error::{LockError, LoopError, RateError, StartError};
 use crate::events::catch_up;
 use crate::instant::Instant;
 use crate::lock::Gate;
@@ -46,6 +46,16 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
         pub const fn new(platform: P, schedule: EventTable<L, E>) -> Self {
             Self::keeping(platform, schedule)
         }
+    }
+
+    /// A scheduler of loops with these rates, by the clock of its platform: by an event table, or by a
+    /// scan if that does not fit.
+    ///
+    /// # Errors
+    /// As [`EventTable::or_scan`].
+    pub fn with_rates(platform: P, rates: &[Rate]) -> Result<Self, RateError> {
+        let clock = Clock::of::<P::Instant>(platform.frequency());
+        Ok(Self::new(platform, EventTable::or_scan(rates, &[], clock)?))
     }
 }
 

@@ -457,7 +457,7 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
         Some(Statistics::of(&snapshot, rate, frequency))
     }
 
-    fn snapshot(&self, number: usize) -> Option<Snapshot> {
+    pub(crate) fn snapshot(&self, number: usize) -> Option<Snapshot> {
         self.snapshot_of(self.rank(number)?)
     }
 

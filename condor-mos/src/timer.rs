@@ -6,8 +6,8 @@ use crate::rate::Rate;
 /// A monotonic counter that raises one interrupt at one instant.
 ///
 /// # For users
-/// A [`Scheduler`](crate::Scheduler) and a [`SimpleServo`](crate::SimpleServo) own their timer and call
-/// it; a program calls [`now`](Self::now) at most.
+/// A [`Scheduler`](crate::Scheduler) owns its timer and calls it; a program calls [`now`](Self::now)
+/// at most.
 ///
 /// # For implementers
 /// * Arming replaces what was armed before. The hardware must not lose a compare that has just

@@ -26,7 +26,7 @@ use crate::timer::{Alarm, Armed, Timer};
 ///
 /// ```
 /// use condor_mos::sim::Processor;
-/// use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, StartError};
+/// use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler};
 ///
 /// const MICROSECONDS: Rate = Rate::hz(1_000_000);
 /// const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(50)];
@@ -41,15 +41,8 @@ use crate::timer::{Alarm, Armed, Timer};
 /// scheduler.scope(|scope| {
 ///     scope.assign(LoopId(0), Overrun::Skip, &mut fast_loop)?;
 ///     scope.assign(LoopId(1), Overrun::Skip, &mut slow_loop)?;
-///     processor.with_handler(
-///         || scheduler.on_timer(),
-///         || {
-///             scheduler.start()?;
-///             // The background waits for a second.
-///             processor.run_until(1_000_000);
-///             Ok::<_, StartError>(())
-///         },
-///     )?;
+///     // The background waits for a second.
+///     scheduler.run(|| processor.run_until(1_000_000))?;
 ///     let slow = scheduler.statistics(LoopId(1))?;
 ///     assert_eq!((slow.worst_run, slow.worst_lateness), (6_000, 500));
 ///     Ok::<_, Box<dyn std::error::Error>>(())

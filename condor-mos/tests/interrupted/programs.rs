@@ -5,6 +5,7 @@ use interrupt_injector::{Interrupts, explore};
 use super::oracle::Asked;
 use super::world::{END, Kind, Set, Simulated, World};
 use crate::lock::LoopLock;
+use crate::loops::Loops as _;
 use crate::process::Overrun;
 use crate::rate::{Rate, greatest_common_divisor};
 use crate::scheduler::LoopId;

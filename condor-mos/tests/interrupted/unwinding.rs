@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use interrupt_injector::with_points;
 
 use crate::clock::Clock;
+use crate::loops::Loops as _;
 use crate::process::Overrun;
 use crate::rate::Rate;
 use crate::schedule::EventTable;

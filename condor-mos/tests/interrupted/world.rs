@@ -6,8 +6,9 @@ use std::sync::Mutex;
 use interrupt_injector::{Plan, point, quietly, with_points};
 
 use super::oracle::{Asked, FREQUENCY, Oracle, Snapshot};
-use crate::lock::LoopLock;
 use crate::clock::Clock;
+use crate::lock::LoopLock;
+use crate::loops::Loops as _;
 use crate::platform::Platform;
 use crate::process::Overrun;
 use crate::rate::Rate;

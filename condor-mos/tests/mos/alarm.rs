@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use condor_mos::sim::Processor;
-use condor_mos::{Alarm, Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer};
+use condor_mos::{Alarm, Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer};
 
 const FREQUENCY: Rate = Rate::hz(1000);
 

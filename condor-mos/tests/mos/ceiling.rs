@@ -8,12 +8,12 @@ use condor_mos::{Clock, LockError, LoopId, LoopLock, Loops, Overrun, Rate, Scan,
 const FREQUENCY: Rate = Rate::hz(1000);
 const IDS: [LoopId; 3] = [LoopId(0), LoopId(1), LoopId(2)];
 
-type Loops = Scheduler<Processor, 3, 0>;
+type Three = Scheduler<Processor, 3, 0>;
 
 /// Runs `background` while the loops of 10, 5 and 2 Hz do `body`.
 fn with_loops(
-    body: impl Fn(&Processor, &Loops, usize) + Sync,
-    background: impl Fn(&Processor, &Loops),
+    body: impl Fn(&Processor, &Three, usize) + Sync,
+    background: impl Fn(&Processor, &Three),
 ) {
     let processor = Processor::new(FREQUENCY);
     let clock = Clock::of::<u64>(FREQUENCY);

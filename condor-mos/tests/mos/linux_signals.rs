@@ -5,8 +5,11 @@ use std::hint::black_box;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use condor_mos::linux::{CLOCK, SignalError, Signals};
-use condor_mos::{EventTable, LoopId, LoopLock, Loops, Overrun, Rate, Scheduler, Statistics};
+use condor_mos::linux::{CLOCK, Signals};
+use condor_mos::{
+    ConnectError, EventTable, LoopId, LoopLock, Loops, Overrun, Platform as _, Rate, Scheduler,
+    Statistics,
+};
 
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
@@ -16,7 +19,9 @@ type TwoLoops = Scheduler<Signals, 2, 32>;
 
 fn scheduler(fast_hz: u32, slow_hz: u32) -> TwoLoops {
     let rates = [Rate::hz(fast_hz), Rate::hz(slow_hz)];
-    Scheduler::new(Signals::new(), EventTable::new(&rates, CLOCK))
+    // SAFETY: the loops of these tests compute and use atomics and the scheduler's calls.
+    let signals = unsafe { Signals::new() };
+    Scheduler::new(signals, EventTable::new(&rates, CLOCK))
 }
 
 /// Has the background wait for an event.
@@ -30,19 +35,6 @@ fn until(event: impl Fn() -> bool) {
 fn assert_sums_up(statistics: &Statistics) {
     let sum = statistics.run + statistics.skipped + statistics.running + statistics.pending;
     assert_eq!(statistics.released, sum, "{statistics:?}");
-}
-
-/// Runs the scheduler's loops during `background`.
-fn run<R>(scheduler: &TwoLoops, background: impl FnOnce() -> R) -> R {
-    let program = || {
-        scheduler.start().unwrap();
-        let result = background();
-        scheduler.stop();
-        result
-    };
-    let signals = scheduler.platform();
-    // SAFETY: the loops of these tests compute and use atomics and the scheduler's calls.
-    unsafe { signals.with_handler(|| scheduler.on_timer(), program) }.unwrap()
 }
 
 #[test]
@@ -67,7 +59,7 @@ fn a_slow_loop_waits_for_the_fast_one_that_interrupts_it() {
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut fast_loop).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut slow_loop).unwrap();
-        run(&scheduler, || until(|| slow.load(Relaxed) >= 3));
+        scheduler.run(|| until(|| slow.load(Relaxed) >= 3)).unwrap();
     });
     assert!(nested.load(Relaxed) >= 6);
     for id in [FAST, SLOW] {
@@ -92,19 +84,21 @@ fn a_loop_never_sees_the_inside_of_a_critical_section() {
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut look).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut change).unwrap();
-        run(&scheduler, || {
-            until(|| {
-                critical_section::with(|_| {
-                    one.fetch_add(1, Relaxed);
-                    // Long, and nested: signals come here.
-                    (0..1000).for_each(|number| {
-                        black_box(number);
+        scheduler
+            .run(|| {
+                until(|| {
+                    critical_section::with(|_| {
+                        one.fetch_add(1, Relaxed);
+                        // Long, and nested: signals come here.
+                        (0..1000).for_each(|number| {
+                            black_box(number);
+                        });
+                        critical_section::with(|_| other.fetch_add(1, Relaxed));
                     });
-                    critical_section::with(|_| other.fetch_add(1, Relaxed));
+                    runs.load(Relaxed) > 500
                 });
-                runs.load(Relaxed) > 500
-            });
-        });
+            })
+            .unwrap();
     });
 }
 
@@ -117,18 +111,20 @@ fn what_came_in_a_section_is_done_when_it_is_left() {
     };
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut count).unwrap();
-        run(&scheduler, || {
-            until(|| runs.load(Relaxed) > 3);
-            let inside = critical_section::with(|_| {
-                let before = runs.load(Relaxed);
-                let end = Instant::now() + Duration::from_millis(5);
-                while Instant::now() < end {}
-                assert_eq!(runs.load(Relaxed), before);
-                before
-            });
-            // No time for another event: what was recorded has run at the end of the section.
-            assert!(runs.load(Relaxed) > inside);
-        });
+        scheduler
+            .run(|| {
+                until(|| runs.load(Relaxed) > 3);
+                let inside = critical_section::with(|_| {
+                    let before = runs.load(Relaxed);
+                    let end = Instant::now() + Duration::from_millis(5);
+                    while Instant::now() < end {}
+                    assert_eq!(runs.load(Relaxed), before);
+                    before
+                });
+                // No time for another event: what was recorded has run at the end of the section.
+                assert!(runs.load(Relaxed) > inside);
+            })
+            .unwrap();
     });
 }
 
@@ -160,7 +156,9 @@ fn threads_and_loops_exclude_each_other() {
                     }
                 });
             }
-            run(&scheduler, || until(|| by_loop.load(Relaxed) > 200));
+            scheduler
+                .run(|| until(|| by_loop.load(Relaxed) > 200))
+                .unwrap();
             done.store(true, Relaxed);
         });
     });
@@ -202,10 +200,9 @@ fn other_threads_start_stop_and_change_loops() {
                 scheduler.stop();
                 done.store(true, Relaxed);
             });
-            let signals = scheduler.platform();
             let wait = || until(|| done.load(Relaxed));
-            // SAFETY: the loops are one atomic addition each.
-            unsafe { signals.with_handler(|| scheduler.on_timer(), wait) }.unwrap();
+            let signals = scheduler.platform();
+            signals.connect(|| scheduler.on_timer(), wait).unwrap();
         });
     });
     for id in [FAST, SLOW] {
@@ -224,7 +221,7 @@ fn an_overrun_of_the_fastest_loop_skips_what_it_missed() {
     };
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut long).unwrap();
-        run(&scheduler, || until(|| runs.load(Relaxed) > 10));
+        scheduler.run(|| until(|| runs.load(Relaxed) > 10)).unwrap();
     });
     let statistics = scheduler.statistics(FAST).unwrap();
     assert_sums_up(&statistics);
@@ -256,20 +253,22 @@ fn a_ceiling_lock_delays_its_users_and_nobody_else() {
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut fast_loop).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut slow_loop).unwrap();
-        run(&scheduler, || {
-            for _ in 0..10 {
-                shared
-                    .lock(&scheduler, |(one, other)| {
-                        *one += 1;
-                        let before = (fast.load(Relaxed), slow.load(Relaxed));
-                        until(|| fast.load(Relaxed) > before.0 + 4);
-                        assert_eq!(slow.load(Relaxed), before.1);
-                        *other += 1;
-                    })
-                    .unwrap();
-            }
-            until(|| slow.load(Relaxed) > 3);
-        });
+        scheduler
+            .run(|| {
+                for _ in 0..10 {
+                    shared
+                        .lock(&scheduler, |(one, other)| {
+                            *one += 1;
+                            let before = (fast.load(Relaxed), slow.load(Relaxed));
+                            until(|| fast.load(Relaxed) > before.0 + 4);
+                            assert_eq!(slow.load(Relaxed), before.1);
+                            *other += 1;
+                        })
+                        .unwrap();
+                }
+                until(|| slow.load(Relaxed) > 3);
+            })
+            .unwrap();
     });
 }
 
@@ -284,36 +283,33 @@ fn errno_is_as_before_a_loop() {
     };
     scheduler.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut spoil).unwrap();
-        run(&scheduler, || {
-            // SAFETY: the address of this thread's `errno`.
-            let errno = unsafe { libc::__errno_location() };
-            // SAFETY: as above.
-            unsafe { errno.write_volatile(libc::ENOTTY) };
-            let before = runs.load(Relaxed);
-            until(|| runs.load(Relaxed) > before + 20);
-            // SAFETY: as above.
-            assert_eq!(unsafe { errno.read_volatile() }, libc::ENOTTY);
-        });
+        scheduler
+            .run(|| {
+                // SAFETY: the address of this thread's `errno`.
+                let errno = unsafe { libc::__errno_location() };
+                // SAFETY: as above.
+                unsafe { errno.write_volatile(libc::ENOTTY) };
+                let before = runs.load(Relaxed);
+                until(|| runs.load(Relaxed) > before + 20);
+                // SAFETY: as above.
+                assert_eq!(unsafe { errno.read_volatile() }, libc::ENOTTY);
+            })
+            .unwrap();
     });
 }
 
 #[test]
 fn one_thread_has_one_platform_at_a_time() {
-    let (one, other) = (Signals::new(), Signals::new());
-    let program = || {
-        // SAFETY: the handler does nothing.
-        let again = unsafe { other.with_handler(|| (), || ()) };
-        assert!(matches!(again, Err(SignalError::Connected)), "{again:?}");
-    };
+    // SAFETY: the handlers do nothing.
+    let [one, other, none] = unsafe { [Signals::new(), Signals::new(), Signals::with_signal(200)] };
+    let connect = |signals: &Signals| signals.connect(|| (), || ());
     for _ in 0..2 {
-        // SAFETY: the handler does nothing.
-        unsafe { one.with_handler(|| (), program) }.unwrap();
+        let inner = one.connect(|| (), || connect(&other));
+        assert_eq!(inner, Ok(Err(ConnectError::Connected)));
     }
-    let none = Signals::with_signal(200);
-    // SAFETY: the handler does nothing.
-    let none = unsafe { none.with_handler(|| (), || ()) };
+    let none = connect(&none);
     assert!(
-        matches!(none, Err(SignalError::NoSuchSignal { .. })),
+        matches!(none, Err(ConnectError::NoSuchSignal { .. })),
         "{none:?}"
     );
 }
@@ -324,11 +320,11 @@ fn a_handler_of_the_program_is_not_replaced() {
     let handler: extern "C" fn(libc::c_int) = handler;
     // SAFETY: the handler does nothing, and no other test uses this signal.
     unsafe { libc::signal(libc::SIGRTMIN() + 3, handler as libc::sighandler_t) };
-    let signals = Signals::with_signal(3);
-    // SAFETY: the handler does nothing.
-    let result = unsafe { signals.with_handler(|| (), || ()) };
+    // SAFETY: its handler does nothing.
+    let signals = unsafe { Signals::with_signal(3) };
+    let result = signals.connect(|| (), || ());
     assert!(
-        matches!(result, Err(SignalError::SignalTaken { .. })),
+        matches!(result, Err(ConnectError::SignalTaken { .. })),
         "{result:?}"
     );
 }

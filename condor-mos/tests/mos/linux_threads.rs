@@ -4,17 +4,17 @@
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use condor_mos::linux::{RealTime, ThreadError, Threads};
+use condor_mos::linux::{RealTime, Threads};
 use condor_mos::{
-    LockError, LoopError, LoopId, Loops, Overrun, Rate, RateError, StartError, Statistics,
+    LockError, LoopError, LoopId, LoopLock, Loops, Overrun, Rate, RateError, StartError, Statistics,
 };
 
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
 const DEADLINE: Duration = Duration::from_secs(60);
 
-fn threads(fast_hz: u32, slow_hz: u32) -> Threads<2> {
-    Threads::new([Rate::hz(fast_hz), Rate::hz(slow_hz)], RealTime::none()).unwrap()
+fn threads(fast_hz: u32, slow_hz: u32) -> Threads {
+    Threads::new(&[Rate::hz(fast_hz), Rate::hz(slow_hz)], RealTime::none()).unwrap()
 }
 
 fn until(event: impl Fn() -> bool) {
@@ -170,10 +170,10 @@ fn what_makes_no_sense_is_refused() {
     threads.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut one).unwrap();
         let taken = scope.assign(FAST, Overrun::Skip, &mut other);
-        let taken = matches!(taken, Err(ThreadError::Loop(LoopError::Taken { .. })));
+        let taken = matches!(taken, Err(LoopError::Taken { .. }));
         assert!(taken);
         let none = scope.assign(none, Overrun::Skip, &mut third);
-        let none = matches!(none, Err(ThreadError::Loop(LoopError::NoSuchLoop { .. })));
+        let none = matches!(none, Err(LoopError::NoSuchLoop { .. }));
         assert!(none);
     });
     let too_fast = Rate::fraction(u32::MAX, 2);
@@ -181,7 +181,7 @@ fn what_makes_no_sense_is_refused() {
         threads.set_rate(FAST, too_fast),
         Err(LoopError::Rate(RateError::TooFast { .. }))
     ));
-    assert!(Threads::new([too_fast], RealTime::none()).is_err());
+    assert!(Threads::new(&[too_fast], RealTime::none()).is_err());
     assert!(threads.statistics(none).is_err());
 }
 
@@ -213,7 +213,7 @@ fn an_inheritance_lock_excludes() {
 #[test]
 fn every_wish_has_an_answer() {
     let wishes = RealTime::default().pinned_to(0);
-    let threads = Threads::new([Rate::hz(400), Rate::hz(50)], wishes).unwrap();
+    let threads = Threads::new(&[Rate::hz(400), Rate::hz(50)], wishes).unwrap();
     let (mut fast, mut slow) = (|_| (), |_| ());
     threads.scope(|scope| {
         scope.assign(FAST, Overrun::Skip, &mut fast).unwrap();

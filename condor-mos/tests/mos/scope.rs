@@ -10,9 +10,9 @@ const FREQUENCY: Rate = Rate::hz(1000);
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
 
-type Loops = Scheduler<Processor, 2, 0>;
+type Two = Scheduler<Processor, 2, 0>;
 
-fn loops(processor: &Processor) -> Loops {
+fn loops(processor: &Processor) -> Two {
     let clock = Clock::of::<u64>(FREQUENCY);
     Scheduler::new(
         processor.clone(),
@@ -21,7 +21,7 @@ fn loops(processor: &Processor) -> Loops {
 }
 
 /// So many ticks more, with interrupts.
-fn run(processor: &Processor, scheduler: &Loops, ticks: u64) {
+fn run(processor: &Processor, scheduler: &Two, ticks: u64) {
     use condor_mos::Timer;
     let end = processor.now() + ticks;
     processor.with_handler(|| scheduler.on_timer(), || processor.run_until(end));

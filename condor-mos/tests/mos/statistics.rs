@@ -10,10 +10,10 @@ const FREQUENCY: Rate = Rate::hz(1000);
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
 
-type Loops<P, K> = Scheduler<P, 2, 8, K>;
+type Kept<P, K> = Scheduler<P, 2, 8, K>;
 
 /// A 100 Hz loop of 2 ticks and a 50 Hz loop of 4 ticks that is due first after 5.
-fn loops<P: Platform, K: Keep>(platform: P) -> Loops<P, K> {
+fn loops<P: Platform, K: Keep>(platform: P) -> Kept<P, K> {
     let rates = [Rate::hz(100), Rate::hz(50)];
     let clock = Clock::of::<u64>(FREQUENCY);
     Scheduler::keeping(
@@ -25,7 +25,7 @@ fn loops<P: Platform, K: Keep>(platform: P) -> Loops<P, K> {
 /// Runs until tick 100, and gives when the loops were due and when they began.
 fn run<P: Platform<Instant = u64> + Sync, K: Keep>(
     processor: &Processor,
-    scheduler: &Loops<P, K>,
+    scheduler: &Kept<P, K>,
 ) -> [Vec<(u64, u64)>; 2] {
     let mut seen = [const { Vec::new() }; 2];
     let [fast, slow] = &mut seen;

@@ -2,8 +2,8 @@
 
 use condor_mos::sim::{Processor, Vectored, WrappingProcessor};
 use condor_mos::{
-    Armed, Clock, LoopId, Loops, Overrun, Platform, Rate, Scan, Scheduler, SimpleServo, Statistics,
-    Timer, Wrapping,
+    Armed, Clock, LoopId, Loops, Overrun, Platform, Rate, Scan, Scheduler, Statistics, Timer,
+    Wrapping,
 };
 use proptest::prelude::*;
 
@@ -184,26 +184,23 @@ fn a_faster_loop_that_is_due_a_tick_after_a_slower_one_is_not_late() {
 }
 
 #[test]
-fn an_interrupt_a_tick_before_the_instant_begins_a_servo_in_time() {
+fn an_interrupt_a_tick_before_the_instant_begins_a_loop_in_time() {
     let processor = Processor::new(FREQUENCY);
     let clock = Clock::of::<Wrapping<32>>(FREQUENCY);
     let platform = WrappingProcessor::<32>(processor.clone());
-    let servo = SimpleServo::new(platform, Rate::hz(100), clock);
+    let scheduler = Scheduler::new(platform, Scan::<1>::new(&[Rate::hz(100)], clock));
     let mut body = |_| {};
-    servo
-        .scope(Overrun::Skip, &mut body, || {
-            processor.with_handler(
-                || servo.on_timer(),
-                || {
-                    servo.start().unwrap();
-                    processor.run_until(9);
-                    processor.set_access_time(1);
-                    // Reads 9; arms 10, at 10; 20, at 11.
-                    processor.interrupt();
-                },
-            );
-        })
-        .unwrap();
-    let counts = servo.statistics();
+    let counts = scheduler.scope(|scope| {
+        scope.assign(LoopId(0), Overrun::Skip, &mut body).unwrap();
+        let background = || {
+            scheduler.start().unwrap();
+            processor.run_until(9);
+            processor.set_access_time(1);
+            // Reads 9; arms 10, at 10; 20, at 11.
+            processor.interrupt();
+            scheduler.statistics(LoopId(0)).unwrap()
+        };
+        processor.with_handler(|| scheduler.on_timer(), background)
+    });
     assert_eq!((counts.run, counts.worst_lateness), (2, 2), "{counts}");
 }

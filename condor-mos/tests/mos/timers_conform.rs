@@ -55,9 +55,10 @@ fn simulated_timers_whose_accesses_take_time() {
 #[cfg(all(feature = "linux", target_os = "linux"))]
 #[test]
 fn timer_of_signals() {
-    use condor_mos::linux::Signals;
+    use condor_mos::{Platform as _, linux::Signals};
 
-    let signals = Signals::new();
+    // SAFETY: the handler is one atomic addition.
+    let signals = unsafe { Signals::new() };
     let interrupts = AtomicU32::new(0);
     let count = || {
         interrupts.fetch_add(1, Ordering::Relaxed);
@@ -69,9 +70,7 @@ fn timer_of_signals() {
             std::thread::yield_now,
         )
     };
-    // SAFETY: the handler is one atomic addition.
-    let verdict = unsafe { signals.with_handler(count, program) }.unwrap();
-    assert_eq!(verdict, Ok(()));
+    assert_eq!(signals.connect(count, program), Ok(Ok(())));
 }
 
 /// A timer that breaks one promise.

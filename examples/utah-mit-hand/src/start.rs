@@ -9,7 +9,7 @@ use condor_host::directory::{Directory, Kind};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, MailboxOf, numbers};
 use condor_mbox::{Call, Clock, MemoryWindow, Messenger, Places, Region, Windows};
-use condor_mos::{Clock as TickClock, LoopId, Loops, Rate, Scan, Scheduler, Timer};
+use condor_mos::{LoopId, Loops, Rate, Scheduler};
 use condor_tty::{Terminal, Vectors};
 
 use crate::boards::{Panel, Wires};
@@ -160,9 +160,7 @@ pub(crate) fn scheduler<M: Machine>(
     machine: &M,
     rate: Rate,
 ) -> Result<Scheduler<M::Platform, 1, 0>, Failure> {
-    let platform = machine.platform();
-    let clock = TickClock::of::<u64>(platform.frequency());
-    Ok(Scheduler::new(platform, Scan::try_new(&[rate], clock)?))
+    Ok(Scheduler::with_rates(machine.platform(), &[rate])?)
 }
 
 /// The background: serves messages, shows the counts of the loop, and calls `look` each time, until

@@ -101,7 +101,7 @@ impl State {
     }
 }
 
-type Loops = Scheduler<&'static Clint, 2, 0>;
+type Two = Scheduler<&'static Clint, 2, 0>;
 
 struct Levels<'l, 'v> {
     hart: &'l Hart,
@@ -114,7 +114,7 @@ impl Levels<'_, '_> {
         let Self { hart, state, .. } = self;
         let me = hart.number();
         let table = Scan::try_new(&RATES, Clock::of::<u64>(MTIME))?;
-        let scheduler: Loops = Scheduler::new(hart.platform(), table);
+        let scheduler: Two = Scheduler::new(hart.platform(), table);
         // Each sends when it begins and when it has computed: its own rings come while it runs.
         let mut fast = |_| {
             state.fast();
@@ -179,7 +179,7 @@ impl Levels<'_, '_> {
     }
 
     /// What the first of two loops takes above an idle background.
-    fn alone(&self, scheduler: &Loops, loops: [LoopId; 2], ticks: u64) -> Result<u32, Failure> {
+    fn alone(&self, scheduler: &Two, loops: [LoopId; 2], ticks: u64) -> Result<u32, Failure> {
         let [alone, not] = loops;
         scheduler.enable(alone)?;
         scheduler.disable(not)?;
@@ -253,7 +253,7 @@ impl Levels<'_, '_> {
     /// Runs `body` while the timer's interrupt runs loops.
     fn timed(
         &self,
-        scheduler: &Loops,
+        scheduler: &Two,
         body: impl FnOnce() -> Result<u32, Failure>,
     ) -> Result<u32, Failure> {
         scheduler.run(body)?
