@@ -18,7 +18,7 @@ pub struct Load {
     /// The longest that it computes, without what interrupts it.
     pub worst_run: u32,
     /// The longest that something slower holds it up: for as long as a slower loop or the background
-    /// has a [`CeilingLock`](crate::CeilingLock) of which this loop, or a faster one, is a user, or
+    /// has a [`LoopLock`](crate::LoopLock) of which this loop, or a faster one, is a user, or
     /// masks interrupts. At most one of them does so, once.
     pub blocking: u32,
     /// How long after its release it has to end, if that is less than its period.

@@ -2,7 +2,7 @@
 
 use condor_mos::linux::{CLOCK, RealTime, Signals, Threads};
 use condor_mos::sim::worst_release_error;
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Loops};
+use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Platform as _, Rate, Scheduler};
 
 use super::turn::{Loop, Turn};
 use crate::Result;
@@ -28,7 +28,7 @@ pub(super) fn run_signals(turn: &'static Turn) -> Result<()> {
 
 fn threads<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Result<()> {
     let wishes = RealTime::none().priority(80);
-    let threads = Threads::new(loops.map(rate), wishes)?;
+    let threads = Threads::new(&loops.map(rate), wishes)?;
     let mut bodies = loops.map(body);
     threads.scope(|scope| {
         for (id, body) in (0..).map(LoopId).zip(&mut bodies) {
@@ -41,7 +41,8 @@ fn threads<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Re
 
 fn signals<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Result<()> {
     let table = EventTable::<L, 16>::try_new(&loops.map(rate), CLOCK)?;
-    let scheduler = Scheduler::new(Signals::new(), table);
+    // SAFETY: the loops read the clock and use atomics, on a stack of megabytes.
+    let scheduler = Scheduler::new(unsafe { Signals::new() }, table);
     let mut bodies = loops.map(body);
     scheduler.scope(|scope| {
         for (id, body) in (0..).map(LoopId).zip(&mut bodies) {
@@ -54,8 +55,7 @@ fn signals<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Re
             result
         };
         let signals = scheduler.platform();
-        // SAFETY: the loops read the clock and use atomics, on a stack of megabytes.
-        unsafe { signals.with_handler(|| scheduler.on_timer(), program) }?
+        signals.connect(|| scheduler.on_timer(), program)?
     })
 }
 

@@ -11,7 +11,9 @@ use condor_host::linux::{Environment, Loops, Process};
 use condor_host::loops::LoopReports;
 use condor_host::{Machine, MailboxOf, PROCESSORS};
 use condor_mbox::{Clock as _, MemoryWindow, Messenger, Places, Processor, Region, Windows};
-use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, Statistics, Timer as _, Loops};
+use condor_mos::{
+    Clock, LoopId, Loops as _, Overrun, Rate, Scan, Scheduler, Statistics, Timer as _,
+};
 
 use super::servo::{Bench, Fingers};
 use crate::Result;

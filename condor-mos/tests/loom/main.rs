@@ -1,5 +1,5 @@
 //! Every interleaving, as far as each model says, of what threads share.
 #![cfg(condor_loom)]
 
-mod ceiling;
 mod latest;
+mod lock;

@@ -3,11 +3,13 @@
 
 mod alarm;
 mod analysis;
-mod ceiling;
+
 mod drift;
 mod latest;
 mod linux_signals;
 mod linux_threads;
+mod lock;
+mod loops;
 mod overload;
 mod reference;
 mod scope;

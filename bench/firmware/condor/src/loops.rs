@@ -2,7 +2,7 @@
 
 use board::body::body;
 use board::{LOOPS, RATES, report, switch_off, timer};
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Wrapping, Loops};
+use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Wrapping};
 use cortex_m::singleton;
 
 use crate::Kept;

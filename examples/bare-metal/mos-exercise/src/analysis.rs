@@ -54,7 +54,7 @@ pub(crate) fn declared(checks: &mut Checks<'_>) {
 }
 
 /// What was measured, of loops that have run.
-pub(crate) fn measured<P: Platform, const E: usize>(
+pub(crate) fn measured<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
     scheduler: &Scheduler<P, LOOPS, E>,
 ) {

@@ -32,12 +32,12 @@ pub type Tabled<P> = Scheduler<P, LOOPS, EVENTS>;
 pub type Scanned<P> = Scheduler<P, LOOPS, 0>;
 
 /// A scheduler of the loops for a platform with this clock.
-pub const fn tabled<P: Platform>(platform: P, clock: Clock) -> Tabled<P> {
+pub const fn tabled<P: Platform + Sync>(platform: P, clock: Clock) -> Tabled<P> {
     Scheduler::new(platform, EventTable::new(&RATES, clock))
 }
 
 /// The same without a table.
-pub const fn scanned<P: Platform>(platform: P, clock: Clock) -> Scanned<P> {
+pub const fn scanned<P: Platform + Sync>(platform: P, clock: Clock) -> Scanned<P> {
     Scheduler::new(platform, Scan::new(&RATES, clock))
 }
 
@@ -82,7 +82,7 @@ fn each<P: Platform + Sync, const E: usize>(
 }
 
 /// Waits until `done`; says whether it came to that.
-fn await_until<P: Platform>(platform: &P, mut done: impl FnMut() -> bool) -> bool {
+fn await_until<P: Platform + Sync>(platform: &P, mut done: impl FnMut() -> bool) -> bool {
     let frequency = platform.frequency();
     let second = frequency.numerator() / frequency.denominator().max(1);
     let begin = platform.now();

@@ -10,7 +10,7 @@ use condor_mos::{
 
 use crate::{LOOPS, RATES, Tabled, await_until};
 
-pub(crate) fn plans<P: Platform>(checks: &mut Checks<'_>, platform: &P) {
+pub(crate) fn plans<P: Platform + Sync>(checks: &mut Checks<'_>, platform: &P) {
     let clock = Clock::of::<P::Instant>(platform.frequency());
     checks.that(
         "a rate of nothing is none",

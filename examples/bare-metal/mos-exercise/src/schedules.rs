@@ -45,7 +45,7 @@ pub(crate) fn schedules(checks: &mut Checks<'_>) {
 }
 
 /// What a platform does for its scheduler, by the background.
-pub(crate) fn platform<P: Platform>(checks: &mut Checks<'_>, platform: &P) {
+pub(crate) fn platform<P: Platform + Sync>(checks: &mut Checks<'_>, platform: &P) {
     checks.that("loops run on this stack", platform.is_loops_stack());
     checks.same("a section gives what it finds", platform.masked(|_| 5), 5);
     let mut ran = false;

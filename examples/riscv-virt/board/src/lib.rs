@@ -34,7 +34,7 @@ mod program;
 pub mod stack;
 
 pub use bell::HartBell;
-pub use hart::{Hart, HartError};
+pub use hart::{Hart, HartError, HartTimer};
 pub use machine::MTIME;
 pub use memory::memory;
 pub use program::{start, status};

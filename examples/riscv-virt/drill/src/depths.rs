@@ -7,11 +7,10 @@ use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::time::Duration;
 
-use board::{Hart, MTIME, stack};
+use board::{Hart, HartTimer, MTIME, stack};
 use condor_host::{Machine as _, MailboxOf};
 use condor_mbox::{Call, Clock as _, Messenger, Processor, Vector};
-use condor_mos::riscv::Clint;
-use condor_mos::{Clock, LoopId, Overrun, Rate, Scan, Scheduler, Loops};
+use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler};
 use drills::Failure;
 use drills::ground::{self, Ground};
 use drills::stack::{Depths, NAME, NESTED};
@@ -101,7 +100,7 @@ impl State {
     }
 }
 
-type Two = Scheduler<&'static Clint, 2, 0>;
+type Two = Scheduler<HartTimer, 2, 0>;
 
 struct Levels<'l, 'v> {
     hart: &'l Hart,

@@ -12,7 +12,7 @@ use core::time::Duration;
 use board::{Hart, MTIME};
 use condor_host::{Machine as _, MailboxOf};
 use condor_mbox::{Call, Messenger, Vector};
-use condor_mos::{Clock, EventTable, LoopId, Overrun, Rate, Scheduler, Timer as _, Loops};
+use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer as _};
 use drills::Failure;
 use drills::ground::{self, Ground};
 use drills::instructions::{Counts, NAME};
