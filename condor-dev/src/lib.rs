@@ -86,7 +86,7 @@ mod switch;
 mod sync;
 mod unit;
 
-// Tests that need the inside, whose atomics and sections are those of `interrupt_injector`.
+// Tests that need the inside, where atomics and sections are those of `interrupt_injector`.
 #[cfg(all(test, not(condor_loom)))]
 #[path = "../tests/interrupted/mod.rs"]
 mod interrupted;
