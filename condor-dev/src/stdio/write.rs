@@ -16,6 +16,18 @@ pub enum Buffering {
     Block,
 }
 
+impl Buffering {
+    /// Whether what is written leaves the buffer before it is full; `line` is whether there is a newline
+    /// in it.
+    pub(super) const fn leaves(self, line: bool) -> bool {
+        match self {
+            Self::None => true,
+            Self::Line => line,
+            Self::Block => false,
+        }
+    }
+}
+
 /// Why not all was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WriteError<E> {
