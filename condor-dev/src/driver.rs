@@ -157,6 +157,19 @@ pub enum DeviceError<E> {
 }
 
 impl<E> DeviceError<E> {
+    /// Returns the outcome of a transfer of `bytes` to or from a driver's buffer, after which the board
+    /// was `told` of it: an error of the bus is for the next call to find if bytes were moved.
+    ///
+    /// # Errors
+    /// [`Bus`](Self::Bus), or [`WouldBlock`](Self::WouldBlock), if none were.
+    pub fn unless_moved<T>(bytes: usize, told: Result<T, E>) -> Result<usize, Self> {
+        if bytes == 0 {
+            told?;
+            return Err(Self::WouldBlock);
+        }
+        Ok(bytes)
+    }
+
     /// The error of a device that transfers no bytes this way.
     const fn no_bytes(bytes: usize) -> Self {
         Self::Length { bytes, unit: 0 }
