@@ -41,11 +41,6 @@ impl<R, const N: usize> BufReader<R, N> {
         &self.reader
     }
 
-    /// What it reads from; who reads from it comes before what is [held](Self::held).
-    pub const fn reader_mut(&mut self) -> &mut R {
-        &mut self.reader
-    }
-
     /// What it read from; what is [held](Self::held) is gone.
     pub fn into_inner(self) -> R {
         self.reader
