@@ -232,7 +232,7 @@ impl<B: Bus + ?Sized> Bus for &B {
     }
 }
 
-/// The registers of one board: a bus, and where the board begins on it.
+/// The registers of one board: a [`Bus`] of its own, whose addresses begin with the board.
 #[derive(Debug)]
 pub struct Registers<'b, B> {
     bus: &'b B,
@@ -247,21 +247,6 @@ impl<B> Clone for Registers<'_, B> {
 
 impl<B> Copy for Registers<'_, B> {}
 
-macro_rules! at_offset {
-    ($($(#[$doc:meta])* $method:ident($($value:ident: $kind:ty)?) -> $result:ty;)*) => {
-        $(
-            $(#[$doc])*
-            ///
-            /// # Errors
-            /// The bus's.
-            #[inline(always)]
-            pub fn $method(&self, offset: usize $(, $value: $kind)?) -> Result<$result, B::Error> {
-                self.bus.$method(self.base.wrapping_add(offset) $(, $value)?)
-            }
-        )*
-    };
-}
-
 impl<'b, B: Bus> Registers<'b, B> {
     /// The registers from `base` on.
     #[inline]
@@ -274,41 +259,31 @@ impl<'b, B: Bus> Registers<'b, B> {
     pub const fn base(&self) -> usize {
         self.base
     }
+}
 
-    /// Whether something answers at `offset`.
-    #[must_use]
-    pub fn answers(&self, offset: usize, width: Width) -> bool {
-        self.bus.answers(self.base.wrapping_add(offset), width)
+/// Addresses are offsets from where the board begins.
+impl<B: Bus> Bus for Registers<'_, B> {
+    type Error = B::Error;
+
+    #[inline(always)]
+    fn read(&self, offset: usize, width: Width) -> Result<u32, B::Error> {
+        self.bus.read(self.base.wrapping_add(offset), width)
     }
 
-    /// Reads the byte registers from `offset` on; see [`Bus::read_block`].
-    ///
-    /// # Errors
-    /// The bus's.
-    pub fn read_block(&self, offset: usize, into: &mut [u8]) -> Result<(), B::Error> {
+    #[inline(always)]
+    fn write(&self, offset: usize, width: Width, value: u32) -> Result<(), B::Error> {
+        self.bus.write(self.base.wrapping_add(offset), width, value)
+    }
+
+    fn read_block(&self, offset: usize, into: &mut [u8]) -> Result<(), B::Error> {
         self.bus.read_block(self.base.wrapping_add(offset), into)
     }
 
-    /// Writes the byte registers from `offset` on; see [`Bus::write_block`].
-    ///
-    /// # Errors
-    /// The bus's.
-    pub fn write_block(&self, offset: usize, from: &[u8]) -> Result<(), B::Error> {
+    fn write_block(&self, offset: usize, from: &[u8]) -> Result<(), B::Error> {
         self.bus.write_block(self.base.wrapping_add(offset), from)
     }
 
-    at_offset! {
-        /// Reads the byte at `offset`.
-        read8() -> u8;
-        /// Reads the two bytes at `offset`.
-        read16() -> u16;
-        /// Reads the four bytes at `offset`.
-        read32() -> u32;
-        /// Writes the byte at `offset`.
-        write8(value: u8) -> ();
-        /// Writes the two bytes at `offset`.
-        write16(value: u16) -> ();
-        /// Writes the four bytes at `offset`.
-        write32(value: u32) -> ();
+    fn answers(&self, offset: usize, width: Width) -> bool {
+        self.bus.answers(self.base.wrapping_add(offset), width)
     }
 }

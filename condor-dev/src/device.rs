@@ -26,9 +26,8 @@ pub struct Device<'s, B, D: Driver, const F: usize> {
 impl<'s, B: Bus, D: Driver, const F: usize> Device<'s, B, D, F> {
     /// The device of a descriptor that is held already.
     pub(crate) fn new(unit: &'s Unit<D>, bus: &'s B, fds: &'s FdTable<F>, fd: Fd) -> Self {
-        let registers = Registers::new(bus, unit.place.base());
         Self {
-            registers,
+            registers: unit.registers(bus),
             unit,
             fds,
             fd,

@@ -3,7 +3,7 @@
 #[cfg(condor_loom)]
 use core::sync::atomic::AtomicU32;
 
-use crate::bus::{Bus, Registers};
+use crate::bus::Bus;
 use crate::driver::{Attention, Driver};
 use crate::interrupt::{InterruptController, Vector};
 use crate::set::{DeviceSet, Link, Visitor};
@@ -283,9 +283,9 @@ impl<B: Bus> Visitor for Poll<'_, B> {
 
     fn board<D: Driver>(self, unit: &Unit<D>) -> bool {
         unit.presence() == Presence::Present
-            && unit
-                .driver
-                .interrupt(Registers::new(self.0, unit.place.base()))
-                .is_ok_and(|attention| attention == Attention::Mine)
+            && matches!(
+                unit.driver.interrupt(unit.registers(self.0)),
+                Ok(Attention::Mine)
+            )
     }
 }

@@ -38,8 +38,7 @@ pub trait Driver: Sync + Sized + 'static {
     ///
     /// # Errors
     /// The bus's: then the board is not used.
-    fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        let _ = registers;
+    fn init<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
 
@@ -48,8 +47,7 @@ pub trait Driver: Sync + Sized + 'static {
     ///
     /// # Errors
     /// The bus's: then it is not open.
-    fn open<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        let _ = registers;
+    fn open<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
 
@@ -57,8 +55,7 @@ pub trait Driver: Sync + Sized + 'static {
     ///
     /// # Errors
     /// The bus's.
-    fn close<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        let _ = registers;
+    fn close<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
 
@@ -68,10 +65,9 @@ pub trait Driver: Sync + Sized + 'static {
     /// [`DeviceError`].
     fn read<B: Bus>(
         &self,
-        registers: Registers<'_, B>,
+        _: Registers<'_, B>,
         into: &mut [u8],
     ) -> Result<usize, DeviceError<B::Error>> {
-        let _ = registers;
         Err(DeviceError::no_bytes(into.len()))
     }
 
@@ -81,10 +77,9 @@ pub trait Driver: Sync + Sized + 'static {
     /// [`DeviceError`].
     fn write<B: Bus>(
         &self,
-        registers: Registers<'_, B>,
+        _: Registers<'_, B>,
         from: &[u8],
     ) -> Result<usize, DeviceError<B::Error>> {
-        let _ = registers;
         Err(DeviceError::no_bytes(from.len()))
     }
 
@@ -92,8 +87,7 @@ pub trait Driver: Sync + Sized + 'static {
     ///
     /// # Errors
     /// The bus's.
-    fn is_flushed<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
-        let _ = registers;
+    fn is_flushed<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(true)
     }
 
@@ -101,8 +95,7 @@ pub trait Driver: Sync + Sized + 'static {
     ///
     /// # Errors
     /// The bus's.
-    fn read_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
-        let _ = registers;
+    fn read_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(false)
     }
 
@@ -110,8 +103,7 @@ pub trait Driver: Sync + Sized + 'static {
     ///
     /// # Errors
     /// The bus's.
-    fn write_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
-        let _ = registers;
+    fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(false)
     }
 
@@ -119,8 +111,7 @@ pub trait Driver: Sync + Sized + 'static {
     ///
     /// # Errors
     /// The bus's: the board is taken for one that did not interrupt.
-    fn interrupt<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Attention, B::Error> {
-        let _ = registers;
+    fn interrupt<B: Bus>(&self, _: Registers<'_, B>) -> Result<Attention, B::Error> {
         Ok(Attention::NotMine)
     }
 }
@@ -157,6 +148,19 @@ pub enum DeviceError<E> {
 }
 
 impl<E> DeviceError<E> {
+    /// Returns the outcome of a transfer of `bytes` to or from a driver's buffer, after which the board
+    /// was `told` of it: an error of the bus is for the next call to find if bytes were moved.
+    ///
+    /// # Errors
+    /// [`Bus`](Self::Bus), or [`WouldBlock`](Self::WouldBlock), if none were.
+    pub fn unless_moved<T>(bytes: usize, told: Result<T, E>) -> Result<usize, Self> {
+        if bytes == 0 {
+            told?;
+            return Err(Self::WouldBlock);
+        }
+        Ok(bytes)
+    }
+
     /// The error of a device that transfers no bytes this way.
     const fn no_bytes(bytes: usize) -> Self {
         Self::Length { bytes, unit: 0 }

@@ -4,6 +4,12 @@
 //! trap handler or a signal handler, compares the address of the faulting instruction with those of
 //! the functions, and goes on at the end of one: it returns to the same caller, and says that there
 //! was a fault. There is no state, so accesses of interrupts and of other threads do not matter.
+#![cfg(any(
+    target_arch = "x86_64",
+    target_arch = "aarch64",
+    target_arch = "riscv32",
+    target_arch = "riscv64"
+))]
 
 use core::arch::naked_asm;
 use core::ffi::c_void;

@@ -2,9 +2,15 @@
 
 use crate::bus::{AccessError, Bus, BusErrorKind, Width};
 
-/// Whether the next bus is to be asked.
-fn is_elsewhere<T>(answer: &Result<T, AccessError>) -> bool {
-    matches!(answer, Err(error) if error.kind == BusErrorKind::OutOfRange)
+type Answer<T> = Result<T, AccessError>;
+
+/// What `next` says, if `answer` is that the address is of another bus.
+#[inline]
+fn or_else<T>(answer: Answer<T>, next: impl FnOnce() -> Answer<T>) -> Answer<T> {
+    match answer {
+        Err(error) if error.kind == BusErrorKind::OutOfRange => next(),
+        answer => answer,
+    }
 }
 
 /// Two buses as one: the second one has the addresses that the first one refuses as
@@ -13,37 +19,24 @@ impl<A: Bus<Error = AccessError>, B: Bus<Error = AccessError>> Bus for (A, B) {
     type Error = AccessError;
 
     #[inline]
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
-        let answer = self.0.read(address, width);
-        if is_elsewhere(&answer) {
-            return self.1.read(address, width);
-        }
-        answer
+    fn read(&self, address: usize, width: Width) -> Answer<u32> {
+        or_else(self.0.read(address, width), || self.1.read(address, width))
     }
 
     #[inline]
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Answer<()> {
         let answer = self.0.write(address, width, value);
-        if is_elsewhere(&answer) {
-            return self.1.write(address, width, value);
-        }
-        answer
+        or_else(answer, || self.1.write(address, width, value))
     }
 
-    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), AccessError> {
+    fn read_block(&self, address: usize, into: &mut [u8]) -> Answer<()> {
         let answer = self.0.read_block(address, into);
-        if is_elsewhere(&answer) {
-            return self.1.read_block(address, into);
-        }
-        answer
+        or_else(answer, || self.1.read_block(address, into))
     }
 
-    fn write_block(&self, address: usize, from: &[u8]) -> Result<(), AccessError> {
+    fn write_block(&self, address: usize, from: &[u8]) -> Answer<()> {
         let answer = self.0.write_block(address, from);
-        if is_elsewhere(&answer) {
-            return self.1.write_block(address, from);
-        }
-        answer
+        or_else(answer, || self.1.write_block(address, from))
     }
 
     fn answers(&self, address: usize, width: Width) -> bool {
@@ -56,32 +49,28 @@ impl<A: Bus<Error = AccessError>, B: Bus<Error = AccessError>> Bus for (A, B) {
 impl<B: Bus<Error = AccessError>, const N: usize> Bus for [B; N] {
     type Error = AccessError;
 
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
-        let mut answers = self.iter().map(|bus| bus.read(address, width));
-        let answer = answers.find(|answer| !is_elsewhere(answer));
-        answer.unwrap_or(Err(nowhere(address)))
+    fn read(&self, address: usize, width: Width) -> Answer<u32> {
+        let read = |answer, bus: &B| or_else(answer, || bus.read(address, width));
+        self.iter().fold(nowhere(address), read)
     }
 
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
-        let mut answers = self.iter().map(|bus| bus.write(address, width, value));
-        let answer = answers.find(|answer| !is_elsewhere(answer));
-        answer.unwrap_or(Err(nowhere(address)))
+    fn write(&self, address: usize, width: Width, value: u32) -> Answer<()> {
+        let write = |answer, bus: &B| or_else(answer, || bus.write(address, width, value));
+        self.iter().fold(nowhere(address), write)
     }
 
-    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), AccessError> {
-        let mut answers = self.iter().map(|bus| bus.read_block(address, into));
-        let answer = answers.find(|answer| !is_elsewhere(answer));
-        answer.unwrap_or(Err(nowhere(address)))
+    fn read_block(&self, address: usize, into: &mut [u8]) -> Answer<()> {
+        let read = |answer, bus: &B| or_else(answer, || bus.read_block(address, into));
+        self.iter().fold(nowhere(address), read)
     }
 
-    fn write_block(&self, address: usize, from: &[u8]) -> Result<(), AccessError> {
-        let mut answers = self.iter().map(|bus| bus.write_block(address, from));
-        let answer = answers.find(|answer| !is_elsewhere(answer));
-        answer.unwrap_or(Err(nowhere(address)))
+    fn write_block(&self, address: usize, from: &[u8]) -> Answer<()> {
+        let write = |answer, bus: &B| or_else(answer, || bus.write_block(address, from));
+        self.iter().fold(nowhere(address), write)
     }
 }
 
-fn nowhere(address: usize) -> AccessError {
+fn nowhere<T>(address: usize) -> Answer<T> {
     let kind = BusErrorKind::OutOfRange;
-    AccessError { address, kind }
+    Err(AccessError { address, kind })
 }

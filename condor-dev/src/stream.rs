@@ -57,39 +57,33 @@ pub trait Descriptors {
     fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
 }
 
-macro_rules! descriptors {
-    ([$($generics:tt)*] $this:ty, $error:ty, $inside:ty) => {
-        impl<$($generics)*> Descriptors for $this {
-            type Error = $error;
+impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Descriptors
+    for Switch<B, C, S, F>
+{
+    type Error = B::Error;
 
-            #[inline]
-            fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<$error>> {
-                <$inside>::read(self, fd, into)
-            }
+    #[inline]
+    fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<B::Error>> {
+        self.read(fd, into)
+    }
 
-            #[inline]
-            fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<$error>> {
-                <$inside>::write(self, fd, from)
-            }
+    #[inline]
+    fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<B::Error>> {
+        self.write(fd, from)
+    }
 
-            fn read_ready(&self, fd: Fd) -> Result<bool, IoError<$error>> {
-                <$inside>::read_ready(self, fd)
-            }
+    fn read_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
+        self.read_ready(fd)
+    }
 
-            fn write_ready(&self, fd: Fd) -> Result<bool, IoError<$error>> {
-                <$inside>::write_ready(self, fd)
-            }
+    fn write_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
+        self.write_ready(fd)
+    }
 
-            fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<$error>> {
-                <$inside>::is_flushed(self, fd)
-            }
-        }
-    };
+    fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
+        self.is_flushed(fd)
+    }
 }
-
-descriptors!([B: Bus, C: InterruptController, S: DeviceSet, const F: usize]
-    Switch<B, C, S, F>, B::Error, Switch<B, C, S, F>);
-descriptors!([D: Descriptors + ?Sized] &D, D::Error, D);
 
 /// How long, and how, to wait for a device that is not ready.
 ///

@@ -248,11 +248,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         if into.is_empty() {
             return Ok(0);
         }
-        let read = Read {
-            bus: &self.bus,
-            into,
-        };
-        self.visit(fd, entry, read)?
+        self.visit(fd, entry, Read(&self.bus, into))?
     }
 
     /// Writes at least one byte, and says how many; does not wait. No bytes of an empty buffer.
@@ -265,11 +261,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         if from.is_empty() {
             return Ok(0);
         }
-        let write = Write {
-            bus: &self.bus,
-            from,
-        };
-        self.visit(fd, entry, write)?
+        self.visit(fd, entry, Write(&self.bus, from))?
     }
 
     /// Whether [`read`](Self::read) would read something.
@@ -277,9 +269,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// # Errors
     /// [`IoError::Fd`], [`IoError::Bus`].
     pub fn read_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
-        let entry = self.fds.get(fd, Mode::READ)?;
-        self.visit(fd, entry, Ready(&self.bus, Question::Read))?
-            .map_err(IoError::Bus)
+        self.ask(fd, Mode::READ, Question::Read)
     }
 
     /// Whether [`write`](Self::write) would write something.
@@ -287,9 +277,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// # Errors
     /// As [`read_ready`](Self::read_ready).
     pub fn write_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
-        let entry = self.fds.get(fd, Mode::WRITE)?;
-        self.visit(fd, entry, Ready(&self.bus, Question::Write))?
-            .map_err(IoError::Bus)
+        self.ask(fd, Mode::WRITE, Question::Write)
     }
 
     /// Whether all that was written has left.
@@ -297,8 +285,12 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// # Errors
     /// As [`read_ready`](Self::read_ready).
     pub fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
-        let entry = self.fds.get(fd, Mode::WRITE)?;
-        self.visit(fd, entry, Ready(&self.bus, Question::Flushed))?
+        self.ask(fd, Mode::WRITE, Question::Flushed)
+    }
+
+    fn ask(&self, fd: Fd, mode: Mode, question: Question) -> Result<bool, IoError<B::Error>> {
+        let entry = self.fds.get(fd, mode)?;
+        self.visit(fd, entry, Ready(&self.bus, question))?
             .map_err(IoError::Bus)
     }
 
@@ -364,7 +356,7 @@ impl<B: Bus> Visitor for Start<'_, B> {
         if unit.presence() == Presence::Present {
             return;
         }
-        let registers = Registers::new(self.0, unit.place.base());
+        let registers = unit.registers(self.0);
         unit.set_presence(if !D::probe(registers) {
             Presence::Absent
         } else if unit.driver.init(registers).is_ok() {
@@ -435,9 +427,7 @@ impl<'n, B: Bus, C, S, const F: usize> Visitor for Open<'_, 'n, B, C, S, F> {
         if !first {
             return Ok(fd);
         }
-        let opened = unit
-            .driver
-            .open(Registers::new(&self.switch.bus, unit.place.base()));
+        let opened = unit.driver.open(unit.registers(&self.switch.bus));
         if opened.is_err() {
             critical_section::with(|_| {
                 unit.count_close();
@@ -454,33 +444,25 @@ impl<'n, B: Bus, C, S, const F: usize> Visitor for Open<'_, 'n, B, C, S, F> {
     }
 }
 
-struct Read<'s, B> {
-    bus: &'s B,
-    into: &'s mut [u8],
-}
+struct Read<'s, B>(&'s B, &'s mut [u8]);
 
 impl<B: Bus> Visitor for Read<'_, B> {
     type Output = Result<usize, IoError<B::Error>>;
 
     #[inline(always)]
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
-        let registers = Registers::new(self.bus, unit.place.base());
-        Ok(unit.driver.read(registers, self.into)?)
+        Ok(unit.driver.read(unit.registers(self.0), self.1)?)
     }
 }
 
-struct Write<'s, B> {
-    bus: &'s B,
-    from: &'s [u8],
-}
+struct Write<'s, B>(&'s B, &'s [u8]);
 
 impl<B: Bus> Visitor for Write<'_, B> {
     type Output = Result<usize, IoError<B::Error>>;
 
     #[inline(always)]
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
-        let registers = Registers::new(self.bus, unit.place.base());
-        Ok(unit.driver.write(registers, self.from)?)
+        Ok(unit.driver.write(unit.registers(self.0), self.1)?)
     }
 }
 
@@ -496,7 +478,7 @@ impl<B: Bus> Visitor for Ready<'_, B> {
     type Output = Result<bool, B::Error>;
 
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
-        let registers = Registers::new(self.0, unit.place.base());
+        let registers = unit.registers(self.0);
         match self.1 {
             Question::Read => unit.driver.read_ready(registers),
             Question::Write => unit.driver.write_ready(registers),
@@ -511,7 +493,7 @@ impl<B: Bus> Visitor for Close<'_, B> {
     type Output = Result<(), B::Error>;
 
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
-        close(unit, Registers::new(self.0, unit.place.base()))
+        close(unit, unit.registers(self.0))
     }
 }
 

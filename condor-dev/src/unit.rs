@@ -2,6 +2,7 @@
 
 use core::sync::atomic::{AtomicU8, AtomicU16, Ordering};
 
+use crate::bus::{Bus, Registers};
 use crate::driver::Driver;
 use crate::interrupt::{Level, Vector};
 
@@ -96,6 +97,11 @@ impl<D: Driver> Unit<D> {
     #[must_use]
     pub const fn place(&self) -> Place {
         self.place
+    }
+
+    #[inline(always)]
+    pub(crate) const fn registers<'b, B: Bus>(&self, bus: &'b B) -> Registers<'b, B> {
+        Registers::new(bus, self.place.base())
     }
 
     /// What start-up found.

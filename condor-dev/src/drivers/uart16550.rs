@@ -254,8 +254,6 @@ impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFF
         framing: Count::new(),
         breaks: Count::new(),
     };
-    const READS: bool = true;
-    const WRITES: bool = true;
 
     /// Looks at bits that always read as zero, and then whether the scratch register keeps what is
     /// written to it.
@@ -320,14 +318,7 @@ impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFF
         into: &mut [u8],
     ) -> Result<usize, DeviceError<B::Error>> {
         let mut reader = self.received.reader().ok_or(DeviceError::WouldBlock)?;
-        let count = reader.read(into);
-        let settled = self.settle(registers);
-        if count == 0 {
-            settled?;
-            return Err(DeviceError::WouldBlock);
-        }
-        // An error of the bus is for the next call to find: these bytes have been taken out.
-        Ok(count)
+        DeviceError::unless_moved(reader.read(into), self.settle(registers))
     }
 
     fn write<B: Bus>(
@@ -336,14 +327,7 @@ impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFF
         from: &[u8],
     ) -> Result<usize, DeviceError<B::Error>> {
         let mut writer = self.to_send.writer().ok_or(DeviceError::WouldBlock)?;
-        let count = writer.write(from);
-        let settled = self.settle(registers);
-        if count == 0 {
-            settled?;
-            return Err(DeviceError::WouldBlock);
-        }
-        // As in `read`: these bytes have been accepted.
-        Ok(count)
+        DeviceError::unless_moved(writer.write(from), self.settle(registers))
     }
 
     fn is_flushed<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
@@ -380,12 +364,11 @@ impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
     /// What went wrong on the line so far.
     #[must_use]
     pub fn line_errors(&self) -> LineErrors {
-        let unit = self;
         LineErrors {
-            overruns: unit.overruns.get(),
-            parity: unit.parity.get(),
-            framing: unit.framing.get(),
-            breaks: unit.breaks.get(),
+            overruns: self.overruns.get(),
+            parity: self.parity.get(),
+            framing: self.framing.get(),
+            breaks: self.breaks.get(),
         }
     }
 

@@ -10,12 +10,12 @@ use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 use std::sync::Arc;
 
+use condor_platform::linux::{BusError, on_bus_error};
 use rustix::fs::{FileType, OFlags};
 use rustix::mm::{MapFlags, ProtFlags};
 
-use super::fault;
 use crate::bus::{AccessError, Bus, BusErrorKind, Width};
-use crate::guarded::{load, store};
+use crate::guarded::{load, resume, store};
 use crate::mmio::Mmio;
 
 /// What a mapping allows.
@@ -204,7 +204,7 @@ impl LinuxBus {
         if FileType::from_raw_mode(stat.st_mode) == FileType::RegularFile && found < end {
             return Err(MapError::TooShort { needed: end, found });
         }
-        fault::install().map_err(system("handle SIGBUS"))?;
+        on_bus_error(go_on).map_err(system("handle SIGBUS"))?;
         let protection = match access {
             Access::ReadOnly => ProtFlags::READ,
             Access::ReadWrite => ProtFlags::READ | ProtFlags::WRITE,
@@ -255,7 +255,7 @@ impl Bus for LinuxBus {
     #[inline]
     fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
         let register = self.registers.register(address, width)?;
-        // SAFETY: it is aligned and in the mapping, which may be read; the handler of `fault` is
+        // SAFETY: it is aligned and in the mapping, which may be read; `go_on` is
         // installed.
         unsafe { load(register, width) }.ok_or_else(|| self.silent(address))
     }
@@ -267,10 +267,17 @@ impl Bus for LinuxBus {
             let kind = BusErrorKind::ReadOnly;
             return Err(AccessError { address, kind });
         }
-        // SAFETY: it is aligned and in the mapping, which may be written; the handler of `fault` is
+        // SAFETY: it is aligned and in the mapping, which may be written; `go_on` is
         // installed.
         unsafe { store(register, width, value) }.ok_or_else(|| self.silent(address))
     }
+}
+
+/// Lets a bus error of a [guarded](crate::guarded) access be an error of that access: it touches nothing
+/// but the interrupted context, and is async-signal-safe.
+fn go_on(error: &mut BusError<'_>) -> bool {
+    // SAFETY: where `resume` says, the function of the access returns with an error.
+    resume(error.instruction()).is_some_and(|end| unsafe { error.resume_at(end) })
 }
 
 /// A memory of a UIO device.
@@ -311,29 +318,5 @@ impl UioMemory {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_description_of_a_uio_device_gives_the_range() {
-        let page = rustix::param::page_size() as u64;
-        let directory = tempfile::tempdir().expect("a temporary directory");
-        let describe = |address: &str, size: &str, offset: &str| {
-            for (name, text) in [("addr", address), ("size", size), ("offset", offset)] {
-                std::fs::write(directory.path().join(name), text).expect("it is written");
-            }
-            UioMemory::read(directory.path(), 2)
-        };
-        let expected = UioMemory {
-            offset: 2 * page + 0x10,
-            base: 0xfe00_0010,
-            len: 0x1000,
-        };
-        let found = describe("0xfe000000\n", "0x0000000000001000\n", "0x10\n");
-        assert_eq!(found.expect("it is well-formed"), expected);
-        let older = describe("0xfe000010\n", "0x1000\n", "0x10\n");
-        assert_eq!(older.expect("it is well-formed"), expected);
-        let error = describe("none\n", "0x1\n", "0x0\n").expect_err("it is no number");
-        assert!(matches!(error, MapError::System { .. }), "{error}");
-    }
-}
+#[path = "../../tests/inside/uio.rs"]
+mod tests;

@@ -26,7 +26,6 @@
 //! interrupts and completing them are system calls.
 
 mod bus;
-mod fault;
 mod uio;
 
 pub use bus::{Access, LinuxBus, MapError};

@@ -1,57 +1,35 @@
 //! [`Input`]: one buffered reader for all contexts of a program.
 
-use embedded_io::{Error as _, ErrorKind, ErrorType, Read};
+use embedded_io::{Error as _, ErrorType, Read};
 
 use super::claim::Claim;
-use super::read::{BufReader, LineError, ReadLine, Taken, UntilError, line};
-
-/// Why an input did not read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum InputError {
-    /// It was not opened, or none is set.
-    #[error("there is no input")]
-    NotOpen,
-    /// The context that this one interrupts, or another thread, is reading.
-    #[error("the input is in use")]
-    InUse,
-    /// The reader failed.
-    #[error("the input fails: {0}")]
-    Reader(ErrorKind),
-}
-
-impl embedded_io::Error for InputError {
-    fn kind(&self) -> ErrorKind {
-        match self {
-            Self::NotOpen => ErrorKind::NotConnected,
-            Self::InUse => ErrorKind::Other,
-            Self::Reader(kind) => *kind,
-        }
-    }
-}
+use super::read::{BufReader, LineError, ReadLine, UntilError, line};
+use super::standard::StdioError;
 
 /// An input that all contexts share, whatever its reader is; [`Input`] is the implementation.
 ///
-/// Who reads while somebody else does is refused; nobody waits for anybody but the reader.
+/// Who reads while somebody else does is refused; nobody waits for anybody but the reader. For code that
+/// is generic over [`Read`], a reference to one is a reader.
 pub trait StandardInput: Sync {
     /// [`Read::read`].
     ///
     /// # Errors
-    /// [`InputError`].
-    fn read(&self, into: &mut [u8]) -> Result<usize, InputError>;
+    /// [`StdioError`].
+    fn read(&self, into: &mut [u8]) -> Result<usize, StdioError>;
 
     /// [`ReadLine::read_until`].
     ///
     /// # Errors
-    /// [`InputError`], with what was read before.
-    fn read_until(&self, delimiter: u8, into: &mut [u8]) -> Result<Taken, UntilError<InputError>>;
+    /// [`StdioError`], with what was read before.
+    fn read_until(&self, delimiter: u8, into: &mut [u8]) -> Result<usize, UntilError<StdioError>>;
 
     /// [`ReadLine::read_line`].
     ///
     /// # Errors
     /// [`LineError`].
-    fn read_line<'l>(&self, into: &'l mut [u8]) -> Result<&'l str, LineError<InputError>> {
-        let taken = self.read_until(b'\n', into);
-        line(taken, into)
+    fn read_line<'l>(&self, into: &'l mut [u8]) -> Result<&'l str, LineError<StdioError>> {
+        let read = self.read_until(b'\n', into);
+        line(read, into)
     }
 }
 
@@ -79,9 +57,9 @@ impl<R, const N: usize> Input<R, N> {
         }
     }
 
-    fn with<T>(&self, f: impl FnOnce(&mut BufReader<R, N>) -> T) -> Result<T, InputError> {
-        let mut place = self.0.claim().ok_or(InputError::InUse)?;
-        Ok(f(place.as_mut().ok_or(InputError::NotOpen)?))
+    fn with<T>(&self, f: impl FnOnce(&mut BufReader<R, N>) -> T) -> Result<T, StdioError> {
+        let mut place = self.0.claim().ok_or(StdioError::InUse)?;
+        Ok(f(place.as_mut().ok_or(StdioError::NotOpen)?))
     }
 }
 
@@ -92,27 +70,27 @@ impl<R, const N: usize> Default for Input<R, N> {
 }
 
 impl<R: Read + Send, const N: usize> StandardInput for Input<R, N> {
-    fn read(&self, into: &mut [u8]) -> Result<usize, InputError> {
+    fn read(&self, into: &mut [u8]) -> Result<usize, StdioError> {
         self.with(|reader| reader.read(into))?
-            .map_err(|error| InputError::Reader(error.kind()))
+            .map_err(|error| StdioError::Failed(error.kind()))
     }
 
-    fn read_until(&self, delimiter: u8, into: &mut [u8]) -> Result<Taken, UntilError<InputError>> {
+    fn read_until(&self, delimiter: u8, into: &mut [u8]) -> Result<usize, UntilError<StdioError>> {
         self.with(|reader| reader.read_until(delimiter, into))
             .map_err(|error| UntilError { read: 0, error })?
             .map_err(|UntilError { read, error }| UntilError {
                 read,
-                error: InputError::Reader(error.kind()),
+                error: StdioError::Failed(error.kind()),
             })
     }
 }
 
-impl<R, const N: usize> ErrorType for &Input<R, N> {
-    type Error = InputError;
+impl ErrorType for &dyn StandardInput {
+    type Error = StdioError;
 }
 
-impl<R: Read + Send, const N: usize> Read for &Input<R, N> {
-    fn read(&mut self, into: &mut [u8]) -> Result<usize, InputError> {
+impl Read for &dyn StandardInput {
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, StdioError> {
         StandardInput::read(*self, into)
     }
 }

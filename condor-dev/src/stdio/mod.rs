@@ -57,10 +57,10 @@ mod standard;
 mod write;
 
 pub use claim::{Claim, Claimed};
-pub use input::{Input, InputError, StandardInput};
-pub use output::{Output, OutputError, StandardOutput};
-pub use read::{BufReader, End, LineError, ReadLine, Taken, UntilError};
+pub use input::{Input, StandardInput};
+pub use output::{Output, StandardOutput};
+pub use read::{BufReader, LineError, ReadLine, UntilError};
 pub use standard::{
-    AlreadySet, Stdin, Stdout, flush, lost, post, print, set_input, set_output, stdin, stdout,
+    AlreadySet, StdioError, flush, lost, post, print, set_input, set_output, stdin, stdout,
 };
 pub use write::{BufWriter, Buffering, WriteError};

@@ -6,39 +6,16 @@ use embedded_io::{ErrorKind, ErrorType, Write};
 
 use super::claim::Claim;
 use super::ring::Ring;
+use super::standard::StdioError;
 use super::write::Buffering;
 
 /// Bytes that are written with one claim of the writer.
 const WRITTEN_AT_ONCE: usize = 64;
 
-/// Why an output did not write.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum OutputError {
-    /// It was not opened, or none is set.
-    #[error("there is no output")]
-    NotOpen,
-    /// The context that this one interrupts, or another thread, is writing: it goes on with what
-    /// is held.
-    #[error("the output is in use")]
-    InUse,
-    /// The writer failed; what is held stays.
-    #[error("the output fails: {0}")]
-    Writer(ErrorKind),
-}
-
-impl embedded_io::Error for OutputError {
-    fn kind(&self) -> ErrorKind {
-        match self {
-            Self::NotOpen => ErrorKind::NotConnected,
-            Self::InUse => ErrorKind::Other,
-            Self::Writer(kind) => *kind,
-        }
-    }
-}
-
 /// An output that all contexts share, whatever its writer is; [`Output`] is the implementation.
 ///
-/// What happens in which context is told in the [module](super).
+/// What happens in which context is told in the [module](super). For code that is generic over
+/// [`Write`], a reference to one is a writer.
 pub trait StandardOutput: Sync {
     /// Writes text; may wait as long as the writer does, once. What cannot be written is counted
     /// as lost.
@@ -50,14 +27,14 @@ pub trait StandardOutput: Sync {
     /// Takes at least one byte of `from` if it is not empty, or fails: so nothing is lost.
     ///
     /// # Errors
-    /// [`OutputError`], when there is no room and none can be made.
-    fn write(&self, from: &[u8]) -> Result<usize, OutputError>;
+    /// [`StdioError`], when there is no room and none can be made.
+    fn write(&self, from: &[u8]) -> Result<usize, StdioError>;
 
     /// Writes all that is held, and flushes the writer.
     ///
     /// # Errors
-    /// [`OutputError`].
-    fn flush(&self) -> Result<(), OutputError>;
+    /// [`StdioError`].
+    fn flush(&self) -> Result<(), StdioError>;
 
     /// Bytes that are still to be written.
     fn held(&self) -> usize;
@@ -99,10 +76,18 @@ impl<W: Write, const N: usize> Output<W, N> {
         }
     }
 
+    const fn text(&self, may_wait: bool) -> Print<'_, W, N> {
+        Print {
+            output: self,
+            may_wait,
+            line: false,
+        }
+    }
+
     /// Writes some of what is held.
-    fn write_some(&self) -> Result<(), OutputError> {
-        let mut place = self.writer.claim().ok_or(OutputError::InUse)?;
-        let writer = place.as_mut().ok_or(OutputError::NotOpen)?;
+    fn write_some(&self) -> Result<(), StdioError> {
+        let mut place = self.writer.claim().ok_or(StdioError::InUse)?;
+        let writer = place.as_mut().ok_or(StdioError::NotOpen)?;
         let mut bytes = [0; WRITTEN_AT_ONCE];
         let peeked = self.ring.peek(&mut bytes);
         let bytes = bytes.get(..peeked).unwrap_or_default();
@@ -113,13 +98,13 @@ impl<W: Write, const N: usize> Output<W, N> {
         // They leave the ring once they are written: an error loses nothing.
         self.ring.consume(written);
         if written == 0 {
-            return Err(OutputError::Writer(ErrorKind::WriteZero));
+            return Err(StdioError::Failed(ErrorKind::WriteZero));
         }
         Ok(())
     }
 
     /// Writes all that is held, and what is printed by others meanwhile.
-    fn drain(&self) -> Result<(), OutputError> {
+    fn drain(&self) -> Result<(), StdioError> {
         // Who interrupts between the last claim and the last look finds the writer free.
         while self.ring.held() != 0 {
             self.write_some()?;
@@ -129,35 +114,26 @@ impl<W: Write, const N: usize> Output<W, N> {
 }
 
 #[allow(clippy::needless_pass_by_value)]
-fn failed(error: impl embedded_io::Error) -> OutputError {
-    OutputError::Writer(error.kind())
+fn failed(error: impl embedded_io::Error) -> StdioError {
+    StdioError::Failed(error.kind())
 }
 
 impl<W: Write + Send, const N: usize> StandardOutput for Output<W, N> {
     fn print(&self, text: fmt::Arguments<'_>) {
-        let mut print = Print {
-            output: self,
-            may_wait: true,
-            line: false,
-        };
+        let mut print = self.text(true);
         // What is in front of a value whose formatting fails is out.
         let _ = fmt::write(&mut print, text);
-        let leaves = match self.buffering {
-            Buffering::None => true,
-            Buffering::Line => print.line,
-            Buffering::Block => false,
-        };
-        if leaves && print.may_wait {
+        if self.buffering.leaves(print.line) && print.may_wait {
             // What is not written now stays held, for the next print or flush.
             let _ = self.drain();
         }
     }
 
     fn post(&self, text: fmt::Arguments<'_>) {
-        let _ = fmt::write(&mut Post(&self.ring), text);
+        let _ = fmt::write(&mut self.text(false), text);
     }
 
-    fn write(&self, from: &[u8]) -> Result<usize, OutputError> {
+    fn write(&self, from: &[u8]) -> Result<usize, StdioError> {
         if from.is_empty() {
             return Ok(0);
         }
@@ -167,21 +143,17 @@ impl<W: Write + Send, const N: usize> StandardOutput for Output<W, N> {
                 taken => break taken,
             }
         };
-        let leaves = match self.buffering {
-            Buffering::None => true,
-            Buffering::Line => from.get(..taken).unwrap_or_default().contains(&b'\n'),
-            Buffering::Block => false,
-        };
-        if leaves {
+        let written = from.get(..taken).unwrap_or_default();
+        if self.buffering.leaves(written.contains(&b'\n')) {
             let _ = self.drain();
         }
         Ok(taken)
     }
 
-    fn flush(&self) -> Result<(), OutputError> {
+    fn flush(&self) -> Result<(), StdioError> {
         self.drain()?;
-        let mut place = self.writer.claim().ok_or(OutputError::InUse)?;
-        let writer = place.as_mut().ok_or(OutputError::NotOpen)?;
+        let mut place = self.writer.claim().ok_or(StdioError::InUse)?;
+        let writer = place.as_mut().ok_or(StdioError::NotOpen)?;
         writer.flush().map_err(failed)
     }
 
@@ -194,21 +166,21 @@ impl<W: Write + Send, const N: usize> StandardOutput for Output<W, N> {
     }
 }
 
-impl<W, const N: usize> ErrorType for &Output<W, N> {
-    type Error = OutputError;
+impl ErrorType for &dyn StandardOutput {
+    type Error = StdioError;
 }
 
-impl<W: Write + Send, const N: usize> Write for &Output<W, N> {
-    fn write(&mut self, from: &[u8]) -> Result<usize, OutputError> {
+impl Write for &dyn StandardOutput {
+    fn write(&mut self, from: &[u8]) -> Result<usize, StdioError> {
         StandardOutput::write(*self, from)
     }
 
-    fn flush(&mut self) -> Result<(), OutputError> {
+    fn flush(&mut self) -> Result<(), StdioError> {
         StandardOutput::flush(*self)
     }
 }
 
-/// One print.
+/// One print, or post.
 struct Print<'o, W, const N: usize> {
     output: &'o Output<W, N>,
     /// Not after the writer has failed once: a deadline for each piece would be a long time.
@@ -229,16 +201,6 @@ impl<W: Write, const N: usize> fmt::Write for Print<'_, W, N> {
             }
         }
         self.output.ring.push_or_lose(rest);
-        Ok(())
-    }
-}
-
-/// One post.
-struct Post<'o, const N: usize>(&'o Ring<N>);
-
-impl<const N: usize> fmt::Write for Post<'_, N> {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        self.0.push_or_lose(text.as_bytes());
         Ok(())
     }
 }

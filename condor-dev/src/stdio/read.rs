@@ -41,11 +41,6 @@ impl<R, const N: usize> BufReader<R, N> {
         &self.reader
     }
 
-    /// What it reads from; who reads from it comes before what is [held](Self::held).
-    pub const fn reader_mut(&mut self) -> &mut R {
-        &mut self.reader
-    }
-
     /// What it read from; what is [held](Self::held) is gone.
     pub fn into_inner(self) -> R {
         self.reader
@@ -97,26 +92,6 @@ fn copy(from: &[u8], into: &mut [u8]) -> usize {
         *place = *byte;
     }
     count
-}
-
-/// What a read up to a delimiter read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Taken {
-    /// How many bytes, the delimiter among them.
-    pub bytes: usize,
-    /// Why no more.
-    pub end: End,
-}
-
-/// Why a read up to a delimiter ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
-    /// With the delimiter.
-    Delimiter,
-    /// Without it, for the caller's memory is full: the rest can be read next.
-    Full,
-    /// Without it, for there is no more.
-    Input,
 }
 
 /// A read up to a delimiter failed.
@@ -172,7 +147,8 @@ impl<E: embedded_io::Error> embedded_io::Error for LineError<E> {
 
 /// Lines of any [`BufRead`].
 pub trait ReadLine: BufRead {
-    /// Reads up to and with `delimiter` into `into`, as far as there is room.
+    /// Reads up to and with `delimiter` into `into`, as far as there is room, and returns how many bytes:
+    /// without the delimiter if there was no more room, or else no more to read.
     ///
     /// # Errors
     /// The reader's, with what was read before.
@@ -180,34 +156,25 @@ pub trait ReadLine: BufRead {
         &mut self,
         delimiter: u8,
         into: &mut [u8],
-    ) -> Result<Taken, UntilError<Self::Error>> {
-        let mut bytes = 0;
-        let end = loop {
-            let Some(room) = into.get_mut(bytes..).filter(|room| !room.is_empty()) else {
-                break End::Full;
-            };
+    ) -> Result<usize, UntilError<Self::Error>> {
+        let mut read = 0;
+        while let Some(room @ [_, ..]) = into.get_mut(read..) {
             let available = match self.fill_buf() {
-                Ok([]) => break End::Input,
+                Ok([]) => break,
                 Ok(available) => available,
-                Err(error) => return Err(UntilError { read: bytes, error }),
+                Err(error) => return Err(UntilError { read, error }),
             };
-            let mut found = false;
-            let mut count = 0;
-            for (place, &byte) in room.iter_mut().zip(available) {
-                *place = byte;
-                count += 1;
-                if byte == delimiter {
-                    found = true;
-                    break;
-                }
-            }
+            let mut fitting = available.iter().take(room.len());
+            let found = fitting.position(|byte| *byte == delimiter);
+            let wanted = found.and_then(|at| available.get(..=at));
+            let count = copy(wanted.unwrap_or(available), room);
             self.consume(count);
-            bytes += count;
-            if found {
-                break End::Delimiter;
+            read += count;
+            if found.is_some() {
+                break;
             }
-        };
-        Ok(Taken { bytes, end })
+        }
+        Ok(read)
     }
 
     /// Reads a line with its newline, which only the last one of an input may lack; the empty
@@ -216,8 +183,8 @@ pub trait ReadLine: BufRead {
     /// # Errors
     /// [`LineError`].
     fn read_line<'l>(&mut self, into: &'l mut [u8]) -> Result<&'l str, LineError<Self::Error>> {
-        let taken = self.read_until(b'\n', into);
-        line(taken, into)
+        let read = self.read_until(b'\n', into);
+        line(read, into)
     }
 }
 
@@ -225,16 +192,13 @@ impl<R: BufRead + ?Sized> ReadLine for R {}
 
 /// What was read up to a newline, as a line.
 pub(super) fn line<E>(
-    taken: Result<Taken, UntilError<E>>,
+    read: Result<usize, UntilError<E>>,
     into: &[u8],
 ) -> Result<&str, LineError<E>> {
-    match taken {
-        Err(UntilError { read, error }) => Err(LineError::Reader { read, error }),
-        Ok(Taken {
-            bytes: read,
-            end: End::Full,
-        }) => Err(LineError::TooLong { read }),
-        Ok(Taken { bytes: read, .. }) => str::from_utf8(into.get(..read).unwrap_or_default())
-            .map_err(|_| LineError::NotUtf8 { read }),
+    let read = read.map_err(|UntilError { read, error }| LineError::Reader { read, error })?;
+    let line = into.get(..read).unwrap_or_default();
+    if read == into.len() && line.last() != Some(&b'\n') {
+        return Err(LineError::TooLong { read });
     }
+    str::from_utf8(line).map_err(|_| LineError::NotUtf8 { read })
 }

@@ -4,11 +4,10 @@ use core::cell::Cell;
 use core::fmt;
 
 use critical_section::Mutex;
-use embedded_io::{ErrorType, Read, Write};
+use embedded_io::ErrorKind;
 
-use super::input::{InputError, StandardInput};
-use super::output::{OutputError, StandardOutput};
-use super::read::{LineError, Taken, UntilError};
+use super::input::StandardInput;
+use super::output::StandardOutput;
 
 type Place<T> = Mutex<Cell<Option<&'static T>>>;
 
@@ -16,6 +15,31 @@ static OUTPUT: Place<dyn StandardOutput> = Mutex::new(Cell::new(None));
 static INPUT: Place<dyn StandardInput> = Mutex::new(Cell::new(None));
 /// Bytes that were printed while there was no output.
 static UNHEARD: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
+
+/// Why an input did not read, or an output did not write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StdioError {
+    /// It was not opened, or none is set.
+    #[error("there is no input or output")]
+    NotOpen,
+    /// The context that this one interrupts, or another thread, is reading or writing: it goes on with
+    /// what an output holds.
+    #[error("the input or output is in use")]
+    InUse,
+    /// The reader or writer failed; what an output holds stays.
+    #[error("the input or output fails: {0}")]
+    Failed(ErrorKind),
+}
+
+impl embedded_io::Error for StdioError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::NotOpen => ErrorKind::NotConnected,
+            Self::InUse => ErrorKind::Other,
+            Self::Failed(kind) => *kind,
+        }
+    }
+}
 
 /// A program has its standard input or output already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -53,82 +77,20 @@ pub fn set_input(input: &'static dyn StandardInput) -> Result<(), AlreadySet> {
     set(&INPUT, input)
 }
 
-/// The program's standard output, for code that is generic over [`Write`].
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Stdout;
-
-/// The program's standard output.
-#[must_use]
-pub const fn stdout() -> Stdout {
-    Stdout
+/// Returns the program's standard output.
+///
+/// # Errors
+/// [`StdioError::NotOpen`] if none is set.
+pub fn stdout() -> Result<&'static dyn StandardOutput, StdioError> {
+    get(&OUTPUT).ok_or(StdioError::NotOpen)
 }
 
-impl ErrorType for Stdout {
-    type Error = OutputError;
-}
-
-impl Write for Stdout {
-    fn write(&mut self, from: &[u8]) -> Result<usize, OutputError> {
-        get(&OUTPUT).ok_or(OutputError::NotOpen)?.write(from)
-    }
-
-    fn flush(&mut self) -> Result<(), OutputError> {
-        flush()
-    }
-}
-
-/// The program's standard input.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Stdin;
-
-/// The program's standard input.
-#[must_use]
-pub const fn stdin() -> Stdin {
-    Stdin
-}
-
-impl ErrorType for Stdin {
-    type Error = InputError;
-}
-
-impl Read for Stdin {
-    fn read(&mut self, into: &mut [u8]) -> Result<usize, InputError> {
-        get(&INPUT).ok_or(InputError::NotOpen)?.read(into)
-    }
-}
-
-impl Stdin {
-    /// [`StandardInput::read_until`].
-    ///
-    /// # Errors
-    /// [`InputError`], with what was read before.
-    pub fn read_until(
-        self,
-        delimiter: u8,
-        into: &mut [u8],
-    ) -> Result<Taken, UntilError<InputError>> {
-        match get(&INPUT) {
-            Some(input) => input.read_until(delimiter, into),
-            None => Err(UntilError {
-                read: 0,
-                error: InputError::NotOpen,
-            }),
-        }
-    }
-
-    /// [`StandardInput::read_line`].
-    ///
-    /// # Errors
-    /// [`LineError`].
-    pub fn read_line(self, into: &mut [u8]) -> Result<&str, LineError<InputError>> {
-        match get(&INPUT) {
-            Some(input) => input.read_line(into),
-            None => Err(LineError::Reader {
-                read: 0,
-                error: InputError::NotOpen,
-            }),
-        }
-    }
+/// Returns the program's standard input.
+///
+/// # Errors
+/// [`StdioError::NotOpen`] if none is set.
+pub fn stdin() -> Result<&'static dyn StandardInput, StdioError> {
+    get(&INPUT).ok_or(StdioError::NotOpen)
 }
 
 /// [`StandardOutput::print`] of the standard output; what [`print!`](crate::print!) calls.
@@ -150,9 +112,9 @@ pub fn post(text: fmt::Arguments<'_>) {
 /// [`StandardOutput::flush`] of the standard output.
 ///
 /// # Errors
-/// [`OutputError`].
-pub fn flush() -> Result<(), OutputError> {
-    get(&OUTPUT).ok_or(OutputError::NotOpen)?.flush()
+/// [`StdioError`].
+pub fn flush() -> Result<(), StdioError> {
+    stdout()?.flush()
 }
 
 /// Bytes that the program printed and that were lost, also before it had an output; the count

@@ -16,31 +16,35 @@ pub enum Buffering {
     Block,
 }
 
-/// Why not all was written.
+impl Buffering {
+    /// Whether what is written leaves the buffer before it is full; `line` is whether there is a newline
+    /// in it.
+    pub(super) const fn leaves(self, line: bool) -> bool {
+        match self {
+            Self::None => true,
+            Self::Line => line,
+            Self::Block => false,
+        }
+    }
+}
+
+/// Why not all was written. What calls before have taken is [held](BufWriter::held); of what the failing
+/// call was given, none was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WriteError<E> {
     /// The writer failed.
-    #[error("{error}; {held} bytes are still held")]
-    Writer {
-        /// Its error.
-        error: E,
-        /// Bytes that were taken before and are still in the buffer; of what the failing call was
-        /// given, none was taken.
-        held: usize,
-    },
+    #[error("{0}")]
+    Writer(E),
     /// The writer took nothing and gave no reason, which `embedded-io` forbids.
-    #[error("the writer takes nothing; {held} bytes are still held")]
-    Zero {
-        /// As above.
-        held: usize,
-    },
+    #[error("the writer takes nothing")]
+    Zero,
 }
 
 impl<E: embedded_io::Error> embedded_io::Error for WriteError<E> {
     fn kind(&self) -> ErrorKind {
         match self {
-            Self::Writer { error, .. } => error.kind(),
-            Self::Zero { .. } => ErrorKind::WriteZero,
+            Self::Writer(error) => error.kind(),
+            Self::Zero => ErrorKind::WriteZero,
         }
     }
 }
@@ -104,11 +108,6 @@ impl<W, const N: usize> BufWriter<W, N> {
         &self.writer
     }
 
-    /// What it writes to; what is written there comes before what is [held](Self::held).
-    pub const fn writer_mut(&mut self) -> &mut W {
-        &mut self.writer
-    }
-
     /// What it wrote to; what is [held](Self::held) is gone.
     pub fn into_inner(self) -> W {
         self.writer
@@ -150,22 +149,17 @@ impl<W: Write, const N: usize> BufWriter<W, N> {
     /// Passes on all that is held.
     fn drain(&mut self) -> Result<(), WriteError<W::Error>> {
         let mut written = 0;
-        let failure = loop {
+        let outcome = loop {
             let rest = self.buffer.get(written..self.held).unwrap_or_default();
             if rest.is_empty() {
-                break None;
+                break Ok(());
             }
-            match self.writer.write(rest) {
-                Ok(0) => break Some(None),
-                Ok(some) => written += some.min(rest.len()),
-                Err(error) => break Some(Some(error)),
+            match write_some(&mut self.writer, rest) {
+                Ok(some) => written += some,
+                Err(error) => break Err(error),
             }
         };
-        let Some(error) = failure else {
-            self.held = 0;
-            self.quick = self.limit();
-            return Ok(());
-        };
+        // What is left moves to the front.
         for at in written..self.held {
             let byte = self.buffer.get(at).copied().unwrap_or_default();
             if let Some(place) = self.buffer.get_mut(at - written) {
@@ -173,24 +167,19 @@ impl<W: Write, const N: usize> BufWriter<W, N> {
             }
         }
         self.held -= written;
-        Err(self.failed(error))
-    }
-
-    /// Writes past the buffer, which is empty.
-    fn write_through(&mut self, from: &[u8]) -> Result<usize, WriteError<W::Error>> {
-        match self.writer.write(from) {
-            Ok(0) => Err(self.failed(None)),
-            Ok(some) => Ok(some.min(from.len())),
-            Err(error) => Err(self.failed(Some(error))),
+        if outcome.is_ok() {
+            self.quick = self.limit();
         }
+        outcome
     }
+}
 
-    fn failed(&self, error: Option<W::Error>) -> WriteError<W::Error> {
-        let held = self.held;
-        match error {
-            Some(error) => WriteError::Writer { error, held },
-            None => WriteError::Zero { held },
-        }
+/// Writes at least one byte of `from`, which is not empty.
+fn write_some<W: Write>(writer: &mut W, from: &[u8]) -> Result<usize, WriteError<W::Error>> {
+    match writer.write(from) {
+        Ok(0) => Err(WriteError::Zero),
+        Ok(some) => Ok(some.min(from.len())),
+        Err(error) => Err(WriteError::Writer(error)),
     }
 }
 
@@ -209,7 +198,7 @@ impl<W: Write, const N: usize> Write for BufWriter<W, N> {
             self.drain()?;
         }
         if from.len() >= limit {
-            return self.write_through(from);
+            return write_some(&mut self.writer, from);
         }
         for (place, byte) in self.buffer.iter_mut().skip(self.held).zip(from) {
             *place = *byte;
@@ -225,9 +214,7 @@ impl<W: Write, const N: usize> Write for BufWriter<W, N> {
 
     fn flush(&mut self) -> Result<(), Self::Error> {
         self.drain()?;
-        self.writer
-            .flush()
-            .map_err(|error| self.failed(Some(error)))
+        self.writer.flush().map_err(WriteError::Writer)
     }
 }
 
@@ -236,8 +223,6 @@ impl<W: Write + WriteReady, const N: usize> WriteReady for BufWriter<W, N> {
         if self.held < self.quick {
             return Ok(true);
         }
-        self.writer
-            .write_ready()
-            .map_err(|error| self.failed(Some(error)))
+        self.writer.write_ready().map_err(WriteError::Writer)
     }
 }

@@ -2,7 +2,7 @@
 
 use condor_dev::conformance::{self, Ground};
 use condor_dev::sim::{self, Model};
-use condor_dev::{AccessError, Bus, BusErrorKind, Width};
+use condor_dev::{AccessError, Bus, BusErrorKind, Mmio, Width};
 
 /// A board that is nothing but memory.
 struct Memory([u8; 16]);
@@ -142,4 +142,33 @@ fn a_bus_with_a_fault_does_not_conform() {
         let found = conformance::bus(&FaultyBus(memory(), fault), GROUND);
         assert!(found.is_err(), "{fault:?}");
     }
+}
+
+#[test]
+fn registers_in_memory_conform() {
+    let mut memory = [0_u64; 3];
+    // SAFETY: the array is aligned, and reached through the bus alone as long as that is used.
+    let bus = unsafe { Mmio::translated(memory.as_mut_ptr().cast(), 0x1000, 16) };
+    for memory in [0x1000, 0x1008] {
+        let ground = Ground {
+            memory,
+            absent: Some(0x1010),
+            refuses_misaligned: true,
+        };
+        assert_eq!(conformance::bus(&bus, ground), Ok(()));
+    }
+    assert_eq!(memory[2], 0);
+}
+
+#[test]
+fn what_is_outside_of_registers_is_not_accessed() {
+    // SAFETY: nothing is accessed.
+    let bus = unsafe { Mmio::translated(std::ptr::dangling_mut::<u32>().cast(), 0x1000, 2) };
+    let kind = |result: Result<(), AccessError>| result.unwrap_err().kind;
+    assert_eq!(kind(bus.write32(0x1000, 0)), BusErrorKind::OutOfRange);
+    for address in [0xfff, 0x1002, usize::MAX] {
+        assert_eq!(kind(bus.write8(address, 0)), BusErrorKind::OutOfRange);
+    }
+    assert_eq!(kind(bus.write16(0x1001, 0)), BusErrorKind::Misaligned);
+    assert_eq!(kind(bus.write32(0x1002, 0)), BusErrorKind::Misaligned);
 }

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex};
 
 use condor_dev::sim::{Bus, Controller, Model};
 use condor_dev::{
-    Attention, DeviceError, Driver, InterruptController, InterruptCounts, Level, Place, Registers,
-    Switch, Vector, Width, device_switch,
+    Attention, Bus as _, DeviceError, Driver, InterruptController, InterruptCounts, Level, Place,
+    Registers, Switch, Vector, Width, device_switch,
 };
 
 /// A board with one register: reading says whether it asks, writing serves it.

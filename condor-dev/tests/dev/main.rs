@@ -5,6 +5,7 @@ mod buffered_read;
 mod buffered_write;
 mod bus_errors;
 mod buses_conform;
+mod claim;
 mod controllers_conform;
 mod descriptors;
 mod dispatch;

@@ -4,7 +4,7 @@
 use std::fmt;
 use std::sync::{Arc, Mutex};
 
-use condor_dev::stdio::{Buffering, Output, OutputError, StandardOutput};
+use condor_dev::stdio::{Buffering, Output, StandardOutput, StdioError};
 use embedded_io::{ErrorKind, ErrorType, Write};
 use proptest::prelude::*;
 
@@ -140,14 +140,14 @@ proptest! {
                         sent.extend(&text.as_bytes()[..taken]);
                     }
                     Err(error) => {
-                        prop_assert_eq!(error, OutputError::Writer(ErrorKind::TimedOut));
+                        prop_assert_eq!(error, StdioError::Failed(ErrorKind::TimedOut));
                         prop_assert_eq!(output.held(), N);
                     }
                 },
                 Step::Flush => match StandardOutput::flush(&output) {
                     Ok(()) => prop_assert_eq!(output.held(), 0),
                     Err(error) => {
-                        prop_assert_eq!(error, OutputError::Writer(ErrorKind::TimedOut));
+                        prop_assert_eq!(error, StdioError::Failed(ErrorKind::TimedOut));
                     }
                 },
             }
@@ -229,7 +229,7 @@ impl Write for Nested {
         if self.interrupts > 0 {
             self.interrupts -= 1;
             NESTED.print(format_args!("{}\n", self.interrupts));
-            assert_eq!(StandardOutput::flush(&NESTED), Err(OutputError::InUse));
+            assert_eq!(StandardOutput::flush(&NESTED), Err(StdioError::InUse));
             let full = "x".repeat(N);
             NESTED.print(format_args!("{full}"));
         }
@@ -283,7 +283,7 @@ fn threads_lose_nothing_uncounted() {
 fn an_output_without_a_device_holds_and_counts() {
     let output = Output::<Device, N>::new(Buffering::Line);
     output.print(format_args!("early\n"));
-    assert_eq!(StandardOutput::flush(&output), Err(OutputError::NotOpen));
+    assert_eq!(StandardOutput::flush(&output), Err(StdioError::NotOpen));
     let (device, arrived, _) = device(willing());
     output.open(device).ok().unwrap();
     StandardOutput::flush(&output).unwrap();

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex};
 use condor_dev::drivers::{As5600, Magnet, Pca9685};
 use condor_dev::sim::{As5600Model, Bus, I2c, Pca9685Model};
 use condor_dev::{
-    BusErrorKind, DeviceError, I2cBus, Mode, NoInterrupts, OpenError, Place, Presence, Registers,
-    Switch, device_switch,
+    Bus as _, BusErrorKind, DeviceError, I2cBus, Mode, NoInterrupts, OpenError, Place, Presence,
+    Registers, Switch, device_switch,
 };
 
 device_switch! {

@@ -18,7 +18,7 @@ use condor_tty::dev::{
 };
 use condor_tty::layout::processor::WAITING;
 use condor_tty::{Policy, Reader, Settings, Terminal};
-use embedded_io::{Read, ReadReady, Write, WriteReady};
+use embedded_io::{ReadReady, Write, WriteReady};
 
 const HOST: Processor = Processor(0);
 const HAND: Processor = Processor(1);
@@ -243,8 +243,9 @@ fn standard_output_and_input_are_a_terminal() {
         hand.accept(character).unwrap();
     }
     let mut line = [0; 32];
-    assert_eq!(stdio::stdin().read_line(&mut line).unwrap(), "finger\n");
-    assert!(stdio::stdin().read(&mut line).is_err());
+    let input = stdio::stdin().unwrap();
+    assert_eq!(input.read_line(&mut line).unwrap(), "finger\n");
+    assert!(input.read(&mut line).is_err());
     assert_eq!(stdio::lost(), 0);
 }
 

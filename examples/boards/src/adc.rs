@@ -2,7 +2,8 @@
 
 use core::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
-use condor_dev::{Bus, DeviceError, Driver, Registers, Width};
+use crate::identifies_as;
+use condor_dev::{Bus, DeviceError, Driver, Registers};
 
 /// A board with sixteen analog inputs, each converted to 16 bits.
 ///
@@ -38,7 +39,6 @@ const IDENTIFICATION: u16 = 0xadc0;
 const COMPLETED: u16 = 1 << 0;
 
 mod offset {
-    pub(super) const IDENTIFICATION: usize = 0x00;
     pub(super) const CONTROL: usize = 0x02;
     pub(super) const START: usize = 0x04;
     pub(super) const STATUS: usize = 0x06;
@@ -62,14 +62,10 @@ impl Driver for Adc16 {
     const NEW: Self = Self {
         trigger: AtomicU8::new(Trigger::Continuous as u8),
     };
-    const READS: bool = true;
     const WRITES: bool = false;
 
     fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
-        registers.answers(offset::IDENTIFICATION, Width::Bits16)
-            && registers
-                .read16(offset::IDENTIFICATION)
-                .is_ok_and(|found| found == IDENTIFICATION)
+        identifies_as(registers, IDENTIFICATION)
     }
 
     fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
@@ -103,26 +99,11 @@ impl Driver for Adc16 {
         Ok(read)
     }
 
-    fn write<B: Bus>(
-        &self,
-        _: Registers<'_, B>,
-        from: &[u8],
-    ) -> Result<usize, DeviceError<B::Error>> {
-        Err(DeviceError::Length {
-            bytes: from.len(),
-            unit: 0,
-        })
-    }
-
     fn read_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
         if self.trigger.load(Relaxed) == Trigger::Continuous as u8 {
             return Ok(true);
         }
         Self::completed(registers)
-    }
-
-    fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
-        Ok(false)
     }
 }
 

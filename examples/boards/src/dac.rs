@@ -1,6 +1,7 @@
 //! [`Dac16`]: a 16-channel digital-to-analog board.
 
-use condor_dev::{Bus, DeviceError, Driver, Registers, Width};
+use crate::identifies_as;
+use condor_dev::{Bus, DeviceError, Driver, Registers};
 
 /// A board with sixteen analog outputs of 16 bits, double-buffered.
 ///
@@ -25,7 +26,6 @@ const IDENTIFICATION: u16 = 0xdac0;
 const CONNECTED: u16 = 1 << 0;
 
 mod offset {
-    pub(super) const IDENTIFICATION: usize = 0x00;
     pub(super) const CONTROL: usize = 0x02;
     pub(super) const STROBE: usize = 0x04;
     pub(super) const CHANNELS: usize = 0x20;
@@ -58,13 +58,9 @@ impl Dac16 {
 impl Driver for Dac16 {
     const NEW: Self = Self(());
     const READS: bool = false;
-    const WRITES: bool = true;
 
     fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
-        registers.answers(offset::IDENTIFICATION, Width::Bits16)
-            && registers
-                .read16(offset::IDENTIFICATION)
-                .is_ok_and(|found| found == IDENTIFICATION)
+        identifies_as(registers, IDENTIFICATION)
     }
 
     fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
@@ -78,17 +74,6 @@ impl Driver for Dac16 {
 
     fn close<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         Self::rest(registers)
-    }
-
-    fn read<B: Bus>(
-        &self,
-        _: Registers<'_, B>,
-        into: &mut [u8],
-    ) -> Result<usize, DeviceError<B::Error>> {
-        Err(DeviceError::Length {
-            bytes: into.len(),
-            unit: 0,
-        })
     }
 
     fn write<B: Bus>(
@@ -106,10 +91,6 @@ impl Driver for Dac16 {
         let values = pairs.iter().map(|pair| i16::from_ne_bytes(*pair));
         Self::put(registers, 0, values)?;
         Ok(2 * pairs.len().min(Self::CHANNELS))
-    }
-
-    fn read_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
-        Ok(false)
     }
 
     fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {

@@ -1,6 +1,7 @@
 //! [`Encoder8`]: a board that counts the pulses of quadrature encoders.
 
-use condor_dev::{Bus, Count, DeviceError, Driver, Registers, Width};
+use crate::identifies_as;
+use condor_dev::{Bus, Count, DeviceError, Driver, Registers};
 
 /// A board with eight quadrature counters of 32 bits, which wrap.
 ///
@@ -28,7 +29,6 @@ const ALL: u16 = 0xff;
 const ATTEMPTS: u32 = 4;
 
 mod offset {
-    pub(super) const IDENTIFICATION: usize = 0x00;
     pub(super) const LATCH: usize = 0x02;
     pub(super) const ZERO: usize = 0x04;
     pub(super) const ZERO_AT_INDEX: usize = 0x06;
@@ -78,14 +78,10 @@ impl Driver for Encoder8 {
     const NEW: Self = Self {
         scans: Count::new(),
     };
-    const READS: bool = true;
     const WRITES: bool = false;
 
     fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
-        registers.answers(offset::IDENTIFICATION, Width::Bits16)
-            && registers
-                .read16(offset::IDENTIFICATION)
-                .is_ok_and(|found| found == IDENTIFICATION)
+        identifies_as(registers, IDENTIFICATION)
     }
 
     /// Counters keep their counts: a robot may have been homed before the program began.
@@ -118,23 +114,8 @@ impl Driver for Encoder8 {
         Ok(4 * count)
     }
 
-    fn write<B: Bus>(
-        &self,
-        _: Registers<'_, B>,
-        from: &[u8],
-    ) -> Result<usize, DeviceError<B::Error>> {
-        Err(DeviceError::Length {
-            bytes: from.len(),
-            unit: 0,
-        })
-    }
-
     fn read_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(true)
-    }
-
-    fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
-        Ok(false)
     }
 }
 

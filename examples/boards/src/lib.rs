@@ -14,3 +14,13 @@ pub use adc::{Adc16, Trigger};
 pub use dac::Dac16;
 pub use encoder::Encoder8;
 pub use mpp::Mpp;
+
+use condor_dev::{Bus, Registers, Width};
+
+/// Whether the first register of 16 bits, which all of these boards have, reads as this.
+fn identifies_as<B: Bus>(registers: Registers<'_, B>, identification: u16) -> bool {
+    registers.answers(0, Width::Bits16)
+        && registers
+            .read16(0)
+            .is_ok_and(|found| found == identification)
+}

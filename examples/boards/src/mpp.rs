@@ -2,7 +2,8 @@
 
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Kept, Registers, Ring, Width};
+use crate::identifies_as;
+use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Kept, Registers, Ring};
 
 /// A board with sixteen input and sixteen output lines, used as handshaken bytes or as they are.
 ///
@@ -36,7 +37,6 @@ pub struct Mpp {
 const IDENTIFICATION: u16 = 0x3b70;
 
 mod offset {
-    pub(super) const IDENTIFICATION: usize = 0x00;
     pub(super) const CONTROL: usize = 0x02;
     pub(super) const STATUS: usize = 0x04;
     pub(super) const BYTE: usize = 0x07;
@@ -177,14 +177,9 @@ impl Driver for Mpp {
         raw: AtomicBool::new(false),
         overruns: Count::new(),
     };
-    const READS: bool = true;
-    const WRITES: bool = true;
 
     fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
-        registers.answers(offset::IDENTIFICATION, Width::Bits16)
-            && registers
-                .read16(offset::IDENTIFICATION)
-                .is_ok_and(|found| found == IDENTIFICATION)
+        identifies_as(registers, IDENTIFICATION)
     }
 
     fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
@@ -220,14 +215,7 @@ impl Driver for Mpp {
             });
         }
         let mut reader = self.input.reader().ok_or(DeviceError::WouldBlock)?;
-        let count = reader.read(into);
-        let settled = self.settle(registers);
-        if count == 0 {
-            settled?;
-            return Err(DeviceError::WouldBlock);
-        }
-        // An error of the bus is for the next call to find: these bytes have been taken out.
-        Ok(count)
+        DeviceError::unless_moved(reader.read(into), self.settle(registers))
     }
 
     fn write<B: Bus>(
