@@ -47,7 +47,7 @@ pub trait Programs: Sync {
     fn names(&self) -> &[&'static str];
 
     /// Runs one of them, in the process that a supervisor started for it; most call
-    /// [`linux::run`](crate::linux::run).
+    /// [`linux::run`](condor_rt::linux::run).
     fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode;
 
     /// The description of the system that is meant when none is named.

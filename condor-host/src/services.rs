@@ -10,9 +10,9 @@ pub mod terminals;
 use condor_mbox::linux::{Claim, SystemError};
 use condor_mbox::{Error, Processor};
 
-use crate::linux::{Environment, ProcessError};
-use crate::numbers::PROCESSORS;
 use crate::system::Windows;
+use condor_rt::linux::{Environment, ProcessError};
+use condor_rt::numbers::PROCESSORS;
 
 /// Why a service does not serve.
 #[derive(Debug, thiserror::Error)]

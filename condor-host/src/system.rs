@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use condor_mbox::linux::SystemError;
 
 use crate::control::client::connect;
-use crate::numbers::PROCESSORS;
+use condor_rt::numbers::PROCESSORS;
 
 /// Why a system is not found.
 #[derive(Debug, thiserror::Error)]

@@ -24,9 +24,9 @@ use condor_mbox::{
 };
 use serde::Serialize;
 
-use crate::directory::{self, DirectoryError, Entry, Kind};
-use crate::numbers::{PROCESSORS, VISITORS};
 use crate::system::Windows;
+use condor_rt::directory::{self, DirectoryError, Entry, Kind};
+use condor_rt::numbers::{PROCESSORS, VISITORS};
 use wishes::Wishes;
 
 /// The mailbox of a visitor.

@@ -6,14 +6,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use condor_hand::message::{ServoObject, ServoPlaces};
-use condor_host::directory::Directory;
-use condor_host::linux::{Environment, Loops, Process};
-use condor_host::loops::LoopReports;
-use condor_host::{Machine, MailboxOf, PROCESSORS};
 use condor_mbox::{Clock as _, MemoryWindow, Messenger, Places, Processor, Region, Windows};
 use condor_mos::{
     Clock, LoopId, Loops as _, Overrun, Rate, Scan, Scheduler, Statistics, Timer as _,
 };
+use condor_rt::directory::Directory;
+use condor_rt::linux::{Environment, Loops, Process};
+use condor_rt::loops::LoopReports;
+use condor_rt::{Machine, MailboxOf, PROCESSORS};
 
 use super::servo::{Bench, Fingers};
 use crate::Result;

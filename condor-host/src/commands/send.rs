@@ -10,8 +10,8 @@ use super::number::word;
 use super::running::{self, Running};
 use super::{How, print, print_json};
 use crate::cli::{AnyError, duration};
-use crate::numbers::PROCESSORS;
 use crate::view::{Post, VectorCounts};
+use condor_rt::numbers::PROCESSORS;
 
 #[derive(Debug, Args)]
 pub(crate) struct Send {

@@ -9,7 +9,7 @@ use super::read::{Found, HART_NUMBERS, Places, beside};
 use super::tree::{At, Table, Text};
 use super::{Description, Kind, Program};
 use crate::harts::{ARGUMENT_BYTES, Image};
-use crate::numbers::PROGRAMS;
+use condor_rt::numbers::PROGRAMS;
 
 /// Where the description stands, and what `"self"` can be.
 pub(super) struct Own<'o> {

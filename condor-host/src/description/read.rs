@@ -13,7 +13,7 @@ use super::{
     Terminals,
 };
 use crate::harts::map::HARTS;
-use crate::numbers::PROGRAMS;
+use condor_rt::numbers::PROGRAMS;
 
 const PAGE: i64 = 4096;
 const MIB: i64 = 1 << 20;

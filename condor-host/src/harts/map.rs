@@ -2,7 +2,7 @@
 
 use condor_mbox::{AccessError, MemoryWindow, Region, layout};
 
-use crate::numbers::PROCESSORS;
+use condor_rt::numbers::PROCESSORS;
 
 /// Where the map lies, in bytes from the beginning of the memory; what is before is the monitor's.
 pub const AT: u32 = 1 << 20;

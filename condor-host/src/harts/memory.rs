@@ -10,8 +10,8 @@ use rustix::fs::FallocateFlags;
 use super::control::Control;
 use super::image::{Image, ImageError};
 use super::map::{self, Map, MapError, PAGE, Run};
-use crate::linux::BusFile;
-use crate::numbers::PROCESSORS;
+use condor_rt::linux::BusFile;
+use condor_rt::numbers::PROCESSORS;
 
 /// The file that is the memory of a machine, mapped, with its map.
 #[derive(Clone, Debug)]

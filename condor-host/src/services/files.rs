@@ -9,7 +9,7 @@ use signal_hook::consts::SIGTERM;
 
 use super::{ServiceError, claim};
 use crate::description::Files;
-use crate::numbers::FILES;
+use condor_rt::numbers::FILES;
 
 /// Serves `root` until SIGTERM.
 ///

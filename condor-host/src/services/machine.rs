@@ -24,10 +24,10 @@ use rustix::io::Errno;
 use super::ServiceError;
 use crate::description::Machine;
 use crate::harts::{MachineMemory, Qemu, State};
-use crate::linux::Environment;
-use crate::numbers::{MACHINE, PROCESSORS};
 use crate::supervisor::{Image, Launch, Process, RunState, Signals, Stop};
 use crate::system::{Directory, Windows};
+use condor_rt::linux::Environment;
+use condor_rt::numbers::{MACHINE, PROCESSORS};
 
 /// The time between two beats of the own heart.
 const BEAT: Duration = Duration::from_millis(500);

@@ -9,8 +9,8 @@ use condor_mbox::{
 };
 
 use super::UpError;
-use crate::numbers::{PROCESSORS, SUPERVISOR};
 use crate::system::Directory;
+use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
 
 /// The supervisor's mailbox, which looks at others and has nothing to say.
 pub(super) struct Eye {

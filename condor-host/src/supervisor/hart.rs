@@ -11,7 +11,7 @@ use condor_mbox::{Doorbell as _, Processor};
 use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 use super::process::Process;
 use crate::harts::{self, ARGUMENT_BYTES, Control, Fault, MachineMemory, Map, Order, State};
-use crate::numbers::PROCESSORS;
+use condor_rt::numbers::PROCESSORS;
 
 /// How long a hart may take to come back to its monitor.
 const BACK: Duration = Duration::from_secs(3);

@@ -5,7 +5,7 @@ use std::os::fd::BorrowedFd;
 use std::path::PathBuf;
 
 use crate::harts::{ARGUMENT_BYTES, ImageError, MemoryError, cause_name};
-use crate::linux::Environment;
+use condor_rt::linux::Environment;
 
 /// A processor as its supervisor handles it: a process of this machine, or a hart that is held in
 /// reset while its memory is loaded, or a mapped device that another one controls.

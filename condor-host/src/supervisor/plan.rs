@@ -15,10 +15,10 @@ use crate::description::{
     Description, Kind, Loops, OnFailure, Processor, Program, beside, find_program,
 };
 use crate::harts::{self, MachineMemory};
-use crate::linux::{self, BusFile, Environment};
-use crate::numbers::{FILES, MACHINE, TERMINALS};
 use crate::services;
 use crate::system::Directory;
+use condor_rt::linux::{self, BusFile, Environment};
+use condor_rt::numbers::{FILES, MACHINE, TERMINALS};
 
 /// How long the heart of a service may stand still.
 const SERVICE_STALL: Duration = Duration::from_secs(10);

@@ -9,10 +9,10 @@ use condor_mbox::Processor;
 use super::model::{Model, Served};
 use crate::cli::AnyError;
 use crate::control::Client;
-use crate::numbers::FILES;
 use crate::plain::plain;
 use crate::system::Directory;
 use crate::view::{LoopSample, View};
+use condor_rt::numbers::FILES;
 
 /// The counts of a running system, and those of the look before.
 pub(super) struct Look {

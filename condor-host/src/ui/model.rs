@@ -11,9 +11,9 @@ use super::layout::{self, Layout};
 use super::log;
 use super::window::{Window, WindowId};
 use crate::control::{Member, Status};
-use crate::numbers::FILES;
 use crate::plain::plain;
 use crate::view::{LoopRates, VectorCounts};
+use condor_rt::numbers::FILES;
 
 /// Lines of the log that are kept.
 const LOG_LINES: usize = 1000;

@@ -10,8 +10,8 @@ use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Region};
 
 use super::variables::WatchError;
 use super::{Post, View, ViewError};
-use crate::directory::{Entry, Kind};
-use crate::numbers::PROCESSORS;
+use condor_rt::directory::{Entry, Kind};
+use condor_rt::numbers::PROCESSORS;
 
 /// How long a servo may take to do what it is asked.
 const ANSWER: Duration = Duration::from_secs(2);

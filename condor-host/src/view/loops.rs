@@ -5,8 +5,8 @@ use condor_mos::Statistics;
 use serde::Serialize;
 
 use super::{View, ViewError};
-use crate::directory::Kind;
-use crate::loops;
+use condor_rt::directory::Kind;
+use condor_rt::loops;
 
 /// The counts of a processor's servo loops at one moment.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@ use condor_tty::layout::{MAGIC, VERSION, host, mode, processor as words};
 use serde::Serialize;
 
 use super::{View, ViewError};
-use crate::directory::{Entry, Kind};
+use condor_rt::directory::{Entry, Kind};
 
 /// How a terminal of a processor is; counts wrap at 2³².
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

@@ -16,8 +16,8 @@ use serde::Serialize;
 
 use super::wishes::{Wishes, life, together};
 use super::{Post, View, ViewError};
-use crate::directory::{self, Entry};
-use crate::numbers::PROCESSORS;
+use condor_rt::directory::{self, Entry};
+use condor_rt::numbers::PROCESSORS;
 
 /// How long a monitor may take to answer.
 const ANSWER: Duration = Duration::from_secs(2);

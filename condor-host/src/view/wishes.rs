@@ -17,8 +17,8 @@ use condor_mbox::{
 };
 
 use super::{Post, ViewError};
-use crate::directory::{self, Directory, Kind};
-use crate::numbers::{PROCESSORS, VISITORS};
+use condor_rt::directory::{self, Directory, Kind};
+use condor_rt::numbers::{PROCESSORS, VISITORS};
 
 const NAME: &str = "wishes";
 const MASK_WORDS: usize = VARIABLES / 32;

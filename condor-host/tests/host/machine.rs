@@ -10,12 +10,12 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use condor_host::harts::{ARGUMENT_BYTES, Fault, MachineMemory, Map, RAM, State};
-use condor_host::linux::{Environment, Loops};
-use condor_host::numbers::{PROCESSORS, SUPERVISOR};
 use condor_host::services::machine::Bridge;
 use condor_host::supervisor::{Exit, Hart, Image, Launch, LaunchError, Power, RunState, Stop};
 use condor_mbox::linux::{Claim, LinuxDoorbell};
 use condor_mbox::{Clock, Doorbell, MemoryWindow, Processor};
+use condor_rt::linux::{Environment, Loops};
+use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
 
 use crate::elf;
 

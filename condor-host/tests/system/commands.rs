@@ -5,9 +5,9 @@ use std::process::Stdio;
 
 use crate::running::{self, Up};
 use condor_hand::monitor::Selection;
-use condor_host::numbers::VISITORS;
 use condor_host::view::{View, ViewError};
 use condor_mbox::{Messenger, Processor};
+use condor_rt::numbers::VISITORS;
 use serde_json::Value;
 
 const TWO: &str = r#"

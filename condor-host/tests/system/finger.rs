@@ -8,11 +8,11 @@ use condor_hand::message::{BLOCK_BYTES, Identity, SERVO, ServoObject, ServoPlace
 use condor_hand::monitor::{FingerVariables, MONITOR, MonitorObject, MonitorPlaces, ring_bytes};
 use condor_hand::servo::Sensed;
 use condor_hand::tendon::Pair;
-use condor_host::directory::{Directory, Kind};
-use condor_host::loops::LoopReports;
-use condor_host::{Machine, PROCESSORS, Program};
 use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler};
+use condor_rt::directory::{Directory, Kind};
+use condor_rt::loops::LoopReports;
+use condor_rt::{Machine, PROCESSORS, Program};
 use condor_tty::{Policy, Terminal, Vectors};
 use nalgebra::{Vector3, Vector4};
 

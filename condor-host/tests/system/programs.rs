@@ -13,9 +13,9 @@ fn program() {
     let mut words = words.split(' ').map(String::from);
     let code = match words.next().as_deref() {
         // SAFETY: the program has no loops.
-        Some("writer") => unsafe { condor_host::linux::run(&Writer, words) },
+        Some("writer") => unsafe { condor_rt::linux::run(&Writer, words) },
         // SAFETY: its loop computes and stores.
-        Some("finger") => unsafe { condor_host::linux::run(&Finger, words) },
+        Some("finger") => unsafe { condor_rt::linux::run(&Finger, words) },
         Some("printer") => {
             std::thread::spawn(|| {
                 loop {
@@ -23,7 +23,7 @@ fn program() {
                 }
             });
             // SAFETY: the program has no loops.
-            unsafe { condor_host::linux::run(&Writer, words) }
+            unsafe { condor_rt::linux::run(&Writer, words) }
         }
         Some("parent") => {
             // One in the group of this program, and one that has detached itself.
@@ -33,7 +33,7 @@ fn program() {
                 assert!(status.is_ok_and(|status| status.success()));
             }
             // SAFETY: the program has no loops.
-            unsafe { condor_host::linux::run(&Writer, words) }
+            unsafe { condor_rt::linux::run(&Writer, words) }
         }
         _ => {
             eprintln!("this program fails");

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use condor_host::directory::{Directory, Kind};
-use condor_host::{Machine, Program};
 use condor_mbox::{Call, MemoryWindow, Places, Region};
+use condor_rt::directory::{Directory, Kind};
+use condor_rt::{Machine, Program};
 use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
 use embedded_io::{Read, Write};
 

@@ -1,7 +1,7 @@
 //! Arguments of the form `name=value`.
 
-use condor_host::{Machine, PROCESSORS};
 use condor_mbox::Processor;
+use condor_rt::{Machine, PROCESSORS};
 
 use crate::failure::Failure;
 

@@ -1,8 +1,8 @@
 //! [`Failure`]: why a drill ends before its time.
 
-use condor_host::directory::DirectoryError;
 use condor_mbox::AccessError;
 use condor_mos::{LoopError, RateError, StartError};
+use condor_rt::directory::DirectoryError;
 use condor_tty::TerminalError;
 
 /// Why a drill ends before its time, or has not gone well.

@@ -1,9 +1,9 @@
 //! What all drills begin with.
 
-use condor_host::directory::{Directory, Kind};
-use condor_host::{Machine, MailboxOf, directory};
 use condor_mbox::published::{ReadError, Subscriber};
 use condor_mbox::{Call, MemoryWindow, Places, Published, Region, Windows};
+use condor_rt::directory::{Directory, Kind};
+use condor_rt::{Machine, MailboxOf, directory};
 use condor_tty::{Terminal, Vectors};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 

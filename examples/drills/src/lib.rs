@@ -19,8 +19,8 @@ pub mod table;
 mod arguments;
 mod failure;
 
-use condor_host::Machine;
 use condor_mbox::{Call, Messenger};
+use condor_rt::Machine;
 
 pub use failure::Failure;
 pub use ground::published;

@@ -13,8 +13,8 @@ use std::process::ExitCode;
 
 use condor_host::cli::{self, AnyError, Programs};
 use condor_host::description::Description;
-use condor_host::linux;
 use condor_host::system::Directory;
+use condor_rt::linux;
 use drills::{Echo, Stress, Table};
 
 struct Drills;

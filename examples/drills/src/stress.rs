@@ -12,13 +12,13 @@ mod tally;
 use core::fmt::Write as _;
 use core::time::Duration;
 
-use condor_host::loops::LoopReports;
-use condor_host::{Machine, MailboxOf, Program};
 use condor_mbox::published::Publisher;
 use condor_mbox::{
     Call, Clock as _, Doorbell as _, Error, Instant, Messenger, Processor, Region, Ticket,
 };
 use condor_mos::{Clock as TickClock, LoopId, Loops, Overrun, Rate, Scan, Scheduler, Timer as _};
+use condor_rt::loops::LoopReports;
+use condor_rt::{Machine, MailboxOf, Program};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};

@@ -7,8 +7,8 @@
 use core::fmt::Write as _;
 use core::time::Duration;
 
-use condor_host::{Machine, MailboxOf, PROCESSORS, Program};
 use condor_mbox::{Call, Clock as _, Messenger, PeerState, Processor, Vector, Waiting};
+use condor_rt::{Machine, MailboxOf, PROCESSORS, Program};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};

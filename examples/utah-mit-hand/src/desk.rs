@@ -3,11 +3,11 @@
 use core::fmt;
 use core::marker::PhantomData;
 
-use condor_host::PROCESSORS;
 use condor_mbox::exchange::answer;
 use condor_mbox::{
     AccessError, Call, Exchange, MemoryWindow, Messenger, Places, Processor, Region,
 };
+use condor_rt::PROCESSORS;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 const LINE: usize = 64;

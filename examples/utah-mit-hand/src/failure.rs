@@ -7,9 +7,9 @@ use condor_hand::controller::{ControllerError, TableError};
 use condor_hand::kinematics::JointLimitsError;
 use condor_hand::monitor::MonitorError;
 use condor_hand::plant::PlantError;
-use condor_host::directory::DirectoryError;
 use condor_mbox::AccessError;
 use condor_mos::{LoopError, RateError, StartError};
+use condor_rt::directory::DirectoryError;
 use condor_tty::TerminalError;
 use thiserror::Error;
 

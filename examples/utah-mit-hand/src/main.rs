@@ -9,8 +9,8 @@ use std::process::ExitCode;
 
 use condor_host::cli::{self, AnyError, Programs};
 use condor_host::description::Description;
-use condor_host::linux;
 use condor_host::system::Directory;
+use condor_rt::linux;
 use utah_mit_hand::UtahMit;
 use utah_mit_hand::compile::{compile_motions, joint_names};
 use utah_mit_hand::master::Master;

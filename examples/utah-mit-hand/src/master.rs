@@ -21,12 +21,12 @@ use core::time::Duration;
 
 use condor_fs::FileSystem;
 use condor_hand::trajectory::{Generator, Limits};
-use condor_host::directory::Kind;
-use condor_host::loops::LoopReports;
-use condor_host::{Machine, MailboxOf, Program, numbers};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Messenger, Published, Region};
 use condor_mos::{LoopId, Loops, Overrun, Rate};
+use condor_rt::directory::Kind;
+use condor_rt::loops::LoopReports;
+use condor_rt::{Machine, MailboxOf, Program, numbers};
 use condor_tty::ConsoleError;
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};

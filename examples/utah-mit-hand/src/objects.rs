@@ -7,9 +7,9 @@
 
 use condor_hand::message::ServoPlaces;
 use condor_hand::monitor::{MonitorPlaces, MonitorReader};
-use condor_host::PROCESSORS;
-use condor_host::directory::{self, Entry};
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+use condor_rt::PROCESSORS;
+use condor_rt::directory::{self, Entry};
 
 use crate::desk::Desk;
 use crate::grasp::{self, GraspPlaces, Joints};

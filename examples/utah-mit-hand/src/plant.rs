@@ -26,12 +26,12 @@
 
 use core::cell::RefCell;
 
-use condor_host::directory::Kind;
-use condor_host::loops::LoopReports;
-use condor_host::{Machine, MailboxOf, Program};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Published, Region, Vector};
 use condor_mos::{LoopId, Loops, Overrun, Rate};
+use condor_rt::directory::Kind;
+use condor_rt::loops::LoopReports;
+use condor_rt::{Machine, MailboxOf, Program};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 

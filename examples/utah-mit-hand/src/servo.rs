@@ -42,11 +42,11 @@ use condor_hand::message::{
 use condor_hand::monitor::{
     FingerVariables, MONITOR, Monitor, MonitorHandler, MonitorObject, MonitorPlaces, ring_bytes,
 };
-use condor_host::directory::{Directory, Kind};
-use condor_host::loops::LoopReports;
-use condor_host::{Machine, MailboxOf, PROCESSORS, Program, numbers};
 use condor_mbox::{Call, MemoryWindow, Places, Processor, Published, Region};
 use condor_mos::{Latest, LoopId, Loops, Overrun, Rate};
+use condor_rt::directory::{Directory, Kind};
+use condor_rt::loops::LoopReports;
+use condor_rt::{Machine, MailboxOf, PROCESSORS, Program, numbers};
 
 use crate::failure::{Failure, words};
 use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, Joints, NAME, Partner};

@@ -5,11 +5,11 @@ use core::time::Duration;
 
 use condor_fs::{Area, FileSystem, OpenOptions};
 use condor_hand::config::{Channel, ImageError, Wire};
-use condor_host::directory::{Directory, Kind};
-use condor_host::loops::LoopReports;
-use condor_host::{Machine, MailboxOf, numbers};
 use condor_mbox::{Call, Clock, MemoryWindow, Messenger, Places, Region, Windows};
 use condor_mos::{LoopId, Loops, Rate, Scheduler};
+use condor_rt::directory::{Directory, Kind};
+use condor_rt::loops::LoopReports;
+use condor_rt::{Machine, MailboxOf, numbers};
 use condor_tty::{Terminal, Vectors};
 
 use crate::boards::{Panel, Wires};

@@ -18,12 +18,12 @@ use condor_hand::controller::{
     AXES, TableController, TableError, TableState, read_table, write_table,
 };
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
-use condor_host::directory::{Directory, Kind};
-use condor_host::loops::LoopReports;
-use condor_host::{Machine, MailboxOf, Program};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Instant, Published, Region, Vector};
 use condor_mos::{LoopId, Loops, Overrun, Rate};
+use condor_rt::directory::{Directory, Kind};
+use condor_rt::loops::LoopReports;
+use condor_rt::{Machine, MailboxOf, Program};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 

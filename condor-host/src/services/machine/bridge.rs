@@ -11,7 +11,7 @@ use std::time::Duration;
 use condor_mbox::linux::LinuxDoorbell;
 use condor_mbox::{Clock as _, Doorbell as _, Processor};
 
-use crate::numbers::PROCESSORS;
+use condor_rt::numbers::PROCESSORS;
 
 /// How long a thread waits for a ring before it looks whether it is to end.
 const LOOK: Duration = Duration::from_millis(200);

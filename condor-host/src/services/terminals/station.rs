@@ -15,9 +15,9 @@ use rustix::event::PollFlags;
 use super::paper::Paper;
 use super::typing;
 use super::viewer::{Cursor, Viewer};
-use crate::directory::{self, Kind};
-use crate::numbers::TERMINALS;
 use crate::services::ServiceError;
+use condor_rt::directory::{self, Kind};
+use condor_rt::numbers::TERMINALS;
 
 /// How often a terminal is served before the others have their turn.
 const TURNS: usize = 16;

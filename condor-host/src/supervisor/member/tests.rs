@@ -32,12 +32,12 @@ fn member(place: &std::path::Path, kind: Kind) -> (Member, Journal) {
         stall: None,
         kind,
     };
-    let environment = crate::linux::Environment {
+    let environment = condor_rt::linux::Environment {
         system: place.into(),
         window_bytes: 4096,
         processor: Processor(1),
         bus: None,
-        loops: crate::linux::Loops::Spin,
+        loops: condor_rt::linux::Loops::Spin,
         cpu: None,
         priority: None,
     };

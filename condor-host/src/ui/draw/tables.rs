@@ -4,10 +4,10 @@ use ratatui::style::Stylize;
 use ratatui::text::Line;
 
 use crate::commands::table::{Left, Right, Table, or_dash};
-use crate::numbers::FILES;
 use crate::ui::log;
 use crate::ui::model::{Model, Page};
 use crate::view::{LoopRates, VectorCounts};
+use condor_rt::numbers::FILES;
 
 /// What stays above a table, and its rows in so many columns.
 pub(super) fn lines(model: &Model, page: Page, width: u16) -> (Vec<Line<'_>>, Vec<Line<'_>>) {

@@ -3,8 +3,8 @@
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use core::time::Duration;
 
-use condor_host::PROCESSORS;
 use condor_mbox::{Call, Error, Messenger, Processor, Vector};
+use condor_rt::PROCESSORS;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::Verdict;

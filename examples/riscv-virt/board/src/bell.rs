@@ -1,10 +1,10 @@
 //! [`HartBell`]: the doorbell of a hart, which rings harts by their software interrupts and the host by
 //! the serial port.
 
-use condor_host::PROCESSORS;
 use condor_host::harts::{Map, map};
 use condor_mbox::riscv::MsipDoorbell;
 use condor_mbox::{Clock, Doorbell, Instant, Processor};
+use condor_rt::PROCESSORS;
 use riscv::register::time;
 
 use crate::link;

@@ -2,10 +2,10 @@
 
 use condor_dev::Mmio;
 use condor_host::harts::{ARGUMENT_BYTES, Control, Map, MapError};
-use condor_host::{Machine, PROCESSORS};
 use condor_mbox::{AccessError, CriticalSection, Processor, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
+use condor_rt::{Machine, PROCESSORS};
 
 use crate::bell::{self, HARTS, HartBell};
 use crate::machine::{CLINT, EXTERNAL, MTIME, RAM, SOFTWARE};

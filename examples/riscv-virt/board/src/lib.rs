@@ -1,7 +1,7 @@
 //! The harts of QEMU's RISC-V machine `virt` as processors of a robot, whose host maps all of their
 //! memory.
 //!
-//! A program is a function from a [`Hart`], which is the [`Machine`](condor_host::Machine) of any
+//! A program is a function from a [`Hart`], which is the [`Machine`](condor_rt::Machine) of any
 //! program of `condor-host`, to a status; [`program!`] makes it the entry of an image:
 //!
 //! ```ignore

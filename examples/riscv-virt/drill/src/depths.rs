@@ -8,9 +8,9 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::time::Duration;
 
 use board::{Hart, HartTimer, MTIME, stack};
-use condor_host::{Machine as _, MailboxOf};
 use condor_mbox::{Call, Clock as _, Messenger, Processor, Vector};
 use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler};
+use condor_rt::{Machine as _, MailboxOf};
 use drills::Failure;
 use drills::ground::{self, Ground};
 use drills::stack::{Depths, NAME, NESTED};

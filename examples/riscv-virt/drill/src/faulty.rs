@@ -2,7 +2,7 @@
 
 use core::arch::asm;
 
-use condor_host::{Machine, Program};
+use condor_rt::{Machine, Program};
 
 /// Joins, as any program does, and then does what its first argument says: `illegal`, `access`,
 /// `misaligned`, `stack` or `spin`, for ever.

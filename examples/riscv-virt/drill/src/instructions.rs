@@ -10,9 +10,9 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use core::time::Duration;
 
 use board::{Hart, MTIME};
-use condor_host::{Machine as _, MailboxOf};
 use condor_mbox::{Call, Messenger, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer as _};
+use condor_rt::{Machine as _, MailboxOf};
 use drills::Failure;
 use drills::ground::{self, Ground};
 use drills::instructions::{Counts, NAME};

@@ -7,7 +7,7 @@ mod faulty;
 mod instructions;
 
 use board::{Hart, stack, status};
-use condor_host::Program as _;
+use condor_rt::Program as _;
 use drills::{Echo, Stress, Table};
 
 board::program!(main);

@@ -4,7 +4,7 @@
 #![no_main]
 
 use board::{Hart, status};
-use condor_host::Program as _;
+use condor_rt::Program as _;
 use utah_mit_hand::master::Master;
 use utah_mit_hand::replay::Replay;
 use utah_mit_hand::servo::Servo;

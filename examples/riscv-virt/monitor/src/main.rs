@@ -10,9 +10,9 @@ use core::time::Duration;
 
 use board::Hart;
 use board::resident::{self, Return};
-use condor_host::Machine as _;
 use condor_host::harts::{Map, State, map};
 use condor_mbox::{Clock as _, Doorbell as _};
+use condor_rt::Machine as _;
 
 core::arch::global_asm!(
     include_str!("start.s"),

@@ -4,10 +4,10 @@ use core::fmt::{self, Write as _};
 use core::time::Duration;
 
 use board::Hart;
-use condor_host::Machine as _;
-use condor_host::directory::{Directory, DirectoryError, Kind};
 use condor_host::harts::Fault;
 use condor_mbox::{AccessError, Call, Clock as _, MemoryWindow, Messenger, Places, Region};
+use condor_rt::Machine as _;
+use condor_rt::directory::{Directory, DirectoryError, Kind};
 use condor_tty::{Terminal, TerminalError, Vectors};
 
 const SHOWN_BYTES: u32 = 4096;

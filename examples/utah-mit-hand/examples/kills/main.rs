@@ -17,7 +17,7 @@ use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 
 use condor_host::cli::{self, Programs};
-use condor_host::linux;
+use condor_rt::linux;
 use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
 use utah_mit_hand::servo::Servo;

@@ -9,9 +9,9 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
 use condor_fs::{Area, FileSystem, OpenOptions};
-use condor_host::directory::{Directory, Kind};
-use condor_host::{Machine, Program, numbers};
 use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region, Vector};
+use condor_rt::directory::{Directory, Kind};
+use condor_rt::{Machine, Program, numbers};
 use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
 use embedded_io::{Read, Write};
 

@@ -2,8 +2,8 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use condor_host::directory;
 use condor_mbox::{AccessError, MemoryWindow, Published, Region};
+use condor_rt::directory;
 use zerocopy::{FromBytes, IntoBytes};
 
 /// Where nothing lies: the directory does.

@@ -5,7 +5,7 @@ use core::fmt::{Arguments, Write};
 use condor_hand::servo::{JointGains, Mode, PositionLaw};
 use condor_hand::tendon::TensionGains;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
-use condor_host::{Machine, MailboxOf};
+use condor_rt::{Machine, MailboxOf};
 
 use super::drive::{Motion, Shared, with};
 use super::others::{Ball, Others};

@@ -4,10 +4,10 @@ use core::cell::RefCell;
 
 use condor_hand::message::{ServoPlaces, SetPoints};
 use condor_hand::trajectory::{Generator, Observations, Primitive, SetPoint};
-use condor_host::directory;
 use condor_mbox::layout::header;
 use condor_mbox::published::Publisher;
 use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
+use condor_rt::directory;
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 

@@ -3,8 +3,8 @@
 use core::time::Duration;
 
 use condor_hand::config::ProcessorKind;
-use condor_host::{Machine, MailboxOf, numbers};
 use condor_mbox::{AccessError, Exchange, PeerState, Processor, Region, Vector};
+use condor_rt::{Machine, MailboxOf, numbers};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::words::Problem;

@@ -4,7 +4,7 @@ use condor_fs::{Errno, Error as FileError, FileSystem, OpenOptions};
 use condor_hand::math::clamp;
 use condor_hand::trajectory::image::{ImageError, Motions, append};
 use condor_hand::trajectory::{Generator, PrimitiveError, Target};
-use condor_host::{Machine, MailboxOf};
+use condor_rt::{Machine, MailboxOf};
 
 use super::drive::{ALL, Motion};
 use super::words::{Path, Problem};

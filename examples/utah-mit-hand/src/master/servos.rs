@@ -6,8 +6,8 @@ use core::time::Duration;
 use condor_hand::message::{ServoClient, Status};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
-use condor_host::{Machine, MailboxOf};
 use condor_mbox::{Messenger, PeerState, Processor, Region};
+use condor_rt::{Machine, MailboxOf};
 
 use super::drive::{Life, Link, Motion, SERVOS, Seat, Shared, with};
 use super::words::Problem;

@@ -1,6 +1,6 @@
 //! [`Arguments`]: what the system description tells the robot.
 
-use condor_host::Machine;
+use condor_rt::Machine;
 
 use crate::failure::{Failure, words};
 

@@ -1,6 +1,6 @@
 //! The arguments of the programs that make and read recordings.
 
-use condor_host::Machine;
+use condor_rt::Machine;
 
 use crate::failure::{Failure, words};
 

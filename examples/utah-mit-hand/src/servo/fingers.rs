@@ -5,10 +5,10 @@ use condor_hand::kinematics::PlanarFinger;
 use condor_hand::message::ServoLoop;
 use condor_hand::monitor::Monitor;
 use condor_hand::servo::Sensed;
-use condor_host::Machine;
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, MemoryWindow, Region};
 use condor_mos::Writer;
+use condor_rt::Machine;
 use nalgebra::Vector3;
 
 use super::control::{Control, Given, Servos};

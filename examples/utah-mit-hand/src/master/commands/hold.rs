@@ -3,8 +3,8 @@
 use core::time::Duration;
 
 use condor_hand::servo::Mode;
-use condor_host::Machine;
 use condor_mbox::Messenger;
+use condor_rt::Machine;
 use nalgebra::Vector3;
 
 use super::{Commands, FINGERS, JOINTS, Order, Problem, Words, grasp, with};

@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use condor_dev::linux::{Access, LinuxBus};
 use condor_fs::server::{Options, Server};
-use condor_host::sim::{Bell, Processor as Simulated, System, Uninterrupted};
-use condor_host::{Machine, PROCESSORS, Program, directory, loops, numbers};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Mailbox, Messenger, PeerState, Processor, Region, Waiting, Windows};
+use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
+use condor_rt::{Machine, PROCESSORS, Program, directory, loops, numbers};
 use condor_tty::layout::{ALIGNMENT, reply};
 use condor_tty::{Reader, Vectors};
 use utah_mit_hand::compile::{compile_motions, joint_names};

@@ -19,7 +19,7 @@ use crate::silent::Silent;
 /// A system of programs in virtual time, to be run once.
 ///
 /// ```
-/// use condor_host::{Machine, sim};
+/// use condor_rt::{Machine, sim};
 /// use condor_mbox::{Clock, Processor};
 ///
 /// let mut system = sim::System::new(4096)?;
@@ -34,7 +34,7 @@ use crate::silent::Silent;
 /// // A virtual hour, in which there is little to do.
 /// let ended_at = system.run_until(3_600_000_000_000)?;
 /// assert_eq!(ended_at, 3_600_000_000_000);
-/// # Ok::<(), condor_host::sim::SimError>(())
+/// # Ok::<(), condor_rt::sim::SimError>(())
 /// ```
 pub struct System<'env, B = Silent> {
     memory: linux::System<PROCESSORS>,

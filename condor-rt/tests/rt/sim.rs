@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use condor_dev::Bus as _;
 use condor_dev::linux::{Access, LinuxBus};
-use condor_host::sim::{Cause, Failure, SimError, System};
-use condor_host::{Machine, Program};
 use condor_mbox::{
     Call, Clock as _, Doorbell as _, Evidence, Instant, Messenger, Processor, Vector,
 };
 use condor_mos::{
     Clock, EventTable, LoopId, Loops, Overrun, Platform, Rate, Scheduler, Timer as _,
 };
+use condor_rt::sim::{Cause, Failure, SimError, System};
+use condor_rt::{Machine, Program};
 
 const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];

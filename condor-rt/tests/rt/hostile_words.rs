@@ -1,9 +1,9 @@
 //! What others find in a window may be anything; looking at it gives errors at most.
 
-use condor_host::directory::{self, Directory, DirectoryError, ENTRIES, Entry, Kind, Name};
-use condor_host::loops::{self, LoopReports};
 use condor_mbox::{MemoryWindow, Places, Published, Region, StaticMemory};
 use condor_mos::{Rate, Statistics};
+use condor_rt::directory::{self, Directory, DirectoryError, ENTRIES, Entry, Kind, Name};
+use condor_rt::loops::{self, LoopReports};
 use proptest::prelude::*;
 
 const WORDS: usize = 512;

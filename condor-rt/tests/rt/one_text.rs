@@ -7,9 +7,9 @@ use std::process::{Child, Command, ExitCode, Output, Stdio};
 use std::sync::Mutex;
 
 use crate::small::{SMALL, Seen, Small, VISITOR, watch};
-use condor_host::linux::{self, BusFile, Environment, Loops};
-use condor_host::{Machine as _, PROCESSORS, sim};
 use condor_mbox::linux::System;
+use condor_rt::linux::{self, BusFile, Environment, Loops};
+use condor_rt::{Machine as _, PROCESSORS, sim};
 
 const WINDOW_BYTES: u32 = 8192;
 

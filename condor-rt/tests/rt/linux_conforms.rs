@@ -5,11 +5,11 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use condor_dev::{Bus as _, BusErrorKind};
-use condor_host::linux::{BusFile, Environment, Loops, Process};
-use condor_host::{Machine, PROCESSORS};
 use condor_mbox::linux::System;
 use condor_mbox::{Clock as _, Doorbell as _, Instant, Processor, conformance};
 use condor_mos::{Armed, ConnectError, Platform, Timer as _};
+use condor_rt::linux::{BusFile, Environment, Loops, Process};
+use condor_rt::{Machine, PROCESSORS};
 
 const ME: Processor = Processor(3);
 const OTHER: Processor = Processor(4);

@@ -6,8 +6,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use condor_host::{Machine, sim};
 use condor_mbox::{Clock, Doorbell, Processor, conformance};
+use condor_rt::{Machine, sim};
 
 const ME: Processor = Processor(0);
 const OTHER: Processor = Processor(1);

@@ -2,9 +2,6 @@
 
 use std::time::Duration;
 
-use condor_host::directory::{self, Directory, Kind};
-use condor_host::loops::{self, LoopReports};
-use condor_host::{Machine, PROCESSORS, Program};
 use condor_mbox::{
     Backend, Call, Clock as _, Mailbox, MemoryWindow, Messenger, Places, Processor, Published,
     Region, Vector,
@@ -12,6 +9,9 @@ use condor_mbox::{
 use condor_mos::{
     Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Statistics, Timer as _,
 };
+use condor_rt::directory::{self, Directory, Kind};
+use condor_rt::loops::{self, LoopReports};
+use condor_rt::{Machine, PROCESSORS, Program};
 
 pub(crate) const SMALL: Processor = Processor(1);
 pub(crate) const VISITOR: Processor = Processor(11);

@@ -6,8 +6,8 @@ use std::time::Duration;
 use condor_fs::server::{Options, Server};
 use condor_fs::wire::{FILES, OPEN_FILES};
 use condor_fs::{Area, FileSystem, OpenOptions};
-use condor_host::{Machine, numbers, sim};
 use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region};
+use condor_rt::{Machine, numbers, sim};
 
 const CLIENT: Processor = Processor(2);
 const SECOND: Duration = Duration::from_secs(1);

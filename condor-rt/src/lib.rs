@@ -1,0 +1,41 @@
+// The first definition of a link counts: here those of README.md lead to items instead of files.
+//! [program]: Program
+//! [machine]: Machine
+//!
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(any(feature = "std", test)), no_std)]
+
+// What a program needs of its processor.
+mod machine;
+pub mod numbers;
+mod silent;
+
+// What it shows of itself.
+pub mod directory;
+pub mod loops;
+
+// The machines.
+#[cfg(all(
+    feature = "linux",
+    target_os = "linux",
+    any(
+        target_arch = "x86_64",
+        target_arch = "aarch64",
+        target_arch = "riscv64"
+    )
+))]
+pub mod linux;
+#[cfg(all(
+    feature = "sim",
+    target_os = "linux",
+    any(
+        target_arch = "x86_64",
+        target_arch = "aarch64",
+        target_arch = "riscv64"
+    )
+))]
+pub mod sim;
+
+pub use machine::{Machine, MailboxOf, Program};
+pub use numbers::PROCESSORS;
+pub use silent::Silent;

@@ -1,0 +1,10 @@
+//! Programs in virtual time and as processes, and what they show of themselves.
+
+mod hostile_words;
+mod linux_conforms;
+mod one_text;
+mod sim;
+mod sim_conforms;
+mod sim_files;
+#[cfg(feature = "sim")]
+mod small;
