@@ -149,14 +149,16 @@ impl<W: Write, const N: usize> BufWriter<W, N> {
     /// Passes on all that is held.
     fn drain(&mut self) -> Result<(), WriteError<W::Error>> {
         let mut written = 0;
-        let outcome = loop {
+        let error = loop {
             let rest = self.buffer.get(written..self.held).unwrap_or_default();
             if rest.is_empty() {
-                break Ok(());
+                self.held = 0;
+                self.quick = self.limit();
+                return Ok(());
             }
             match write_some(&mut self.writer, rest) {
                 Ok(some) => written += some,
-                Err(error) => break Err(error),
+                Err(error) => break error,
             }
         };
         // What is left moves to the front.
@@ -167,14 +169,12 @@ impl<W: Write, const N: usize> BufWriter<W, N> {
             }
         }
         self.held -= written;
-        if outcome.is_ok() {
-            self.quick = self.limit();
-        }
-        outcome
+        Err(error)
     }
 }
 
 /// Writes at least one byte of `from`, which is not empty.
+#[inline]
 fn write_some<W: Write>(writer: &mut W, from: &[u8]) -> Result<usize, WriteError<W::Error>> {
     match writer.write(from) {
         Ok(0) => Err(WriteError::Zero),
