@@ -195,7 +195,7 @@ impl Machine for Hart {
     }
 
     fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {
-        hooks::with(&serve, |hooks, hook| hooks.mail = hook, background)
+        hooks::with(&serve, |hooks, hook| hooks.mail.set(hook), background)
     }
 
     fn with_timer<R>(
@@ -205,8 +205,8 @@ impl Machine for Hart {
         background: impl FnOnce() -> R,
     ) -> Result<R, Self::Error> {
         let clint = *platform;
-        let set = |hooks: &mut hooks::Hooks, hook: Option<&'static dyn Fn()>| {
-            hooks.timer = hook.map(|hook| (clint, hook));
+        let set = |hooks: &hooks::Hooks, hook: Option<&'static dyn Fn()>| {
+            hooks.timer.set(hook.map(|hook| (clint, hook)));
         };
         let result = hooks::with(&handler, set, || {
             trap::time(true);
