@@ -41,7 +41,11 @@ impl Instant for u64 {
 
     #[inline]
     fn since(self, earlier: Self) -> u32 {
-        u32::try_from(self.saturating_sub(earlier)).unwrap_or(u32::MAX)
+        match u32::try_from(self.wrapping_sub(earlier)) {
+            Ok(ticks) => ticks,
+            Err(_) if self < earlier => 0,
+            Err(_) => u32::MAX,
+        }
     }
 
     #[inline]

@@ -66,7 +66,7 @@ pub trait Platform: Timer {
 
     /// Runs `f` in a critical section: that of the `critical-section` crate, or one that is quicker
     /// to enter and excludes all contexts which that one excludes.
-    #[inline]
+    #[inline(always)]
     fn masked<R>(&self, f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
         crate::sync::critical_section(f)
     }
@@ -103,7 +103,7 @@ impl<P: Platform + ?Sized> Platform for &P {
         P::interruptible(self, rank, body);
     }
 
-    #[inline]
+    #[inline(always)]
     fn masked<R>(&self, f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
         P::masked(self, f)
     }

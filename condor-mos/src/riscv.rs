@@ -78,6 +78,8 @@ impl Clint {
     /// It preserves the floating-point registers and `fcsr`, which the usual trap frames do not hold
     /// (those of `riscv-rt` do not): the interrupted loop's arithmetic is not disturbed by that of
     /// the loops that run now. The compiler puts no floating point into what only calls this.
+    /// Registers are saved only if `mstatus.FS` says that the interrupted code has used some, and
+    /// restored only if it says that `handler` has changed some.
     ///
     /// # Safety
     /// * It is called from the handler of the machine timer interrupt, outside of any critical
@@ -90,7 +92,36 @@ impl Clint {
     pub unsafe fn on_interrupt(&self, handler: impl FnOnce()) {
         let outer = self.in_handler.load(Ordering::Relaxed);
         self.in_handler.store(true, Ordering::Relaxed);
-        float::preserving(handler);
+        let masked = !self.nested;
+        let (mepc, mstatus, mie): (usize, usize, usize);
+        // SAFETY: the interrupts of `masked` stay masked in loops, too. No `nomem`: memory that handlers
+        // use is stored before.
+        unsafe {
+            asm!(
+                "csrr {mepc}, mepc",
+                "csrr {mstatus}, mstatus",
+                "csrrc {mie}, mie, {masked}",
+                mepc = out(reg) mepc,
+                mstatus = out(reg) mstatus,
+                mie = out(reg) mie,
+                masked = in(reg) masked,
+                options(nostack),
+            );
+        }
+        float::preserving(mstatus, handler);
+        // SAFETY: as the trap has left it: where and how it returns, whatever other traps came in
+        // loops. The floating-point registers are as they were, so `FS` is, too.
+        unsafe {
+            asm!(
+                "csrs mie, {held}",
+                "csrw mepc, {mepc}",
+                "csrw mstatus, {mstatus}",
+                held = in(reg) mie & masked,
+                mepc = in(reg) mepc,
+                mstatus = in(reg) mstatus,
+                options(nostack),
+            );
+        }
         self.in_handler.store(outer, Ordering::Relaxed);
     }
 }
@@ -129,45 +160,16 @@ impl Platform for Clint {
     /// has reason to mask them.
     #[inline]
     fn interruptible(&self, _: u32, body: impl FnOnce()) {
-        if !self.in_handler.load(Ordering::Relaxed) || mstatus::read().mie() {
+        if !self.in_handler.load(Ordering::Relaxed) {
             return body();
         }
         self.in_handler.store(false, Ordering::Relaxed);
-        let masked = !self.nested;
-        let (mepc, mstatus, held): (usize, usize, usize);
         // SAFETY: `on_interrupt`'s caller vouches that no critical section is in progress and that
-        // the trap frame is saved; what another trap changes beside it is saved here. No `nomem`:
-        // memory that handlers use is stored before.
-        unsafe {
-            asm!(
-                "csrr {mepc}, mepc",
-                "csrr {mstatus}, mstatus",
-                "csrrc {held}, mie, {masked}",
-                "csrsi mstatus, 8",
-                mepc = out(reg) mepc,
-                mstatus = out(reg) mstatus,
-                held = out(reg) held,
-                masked = in(reg) masked,
-                options(nostack),
-            );
-        }
+        // the trap frame is saved; `on_interrupt` has saved what another trap changes beside it.
+        unsafe { asm!("csrsi mstatus, 8", options(nostack)) };
         body();
-        // SAFETY: as the trap has left it: interrupts masked, and where and how it returns. FS stays
-        // as it is, since `body` may have dirtied registers.
-        unsafe {
-            asm!(
-                "csrci mstatus, 8",
-                "csrs mie, {held}",
-                "csrw mepc, {mepc}",
-                "csrc mstatus, {all}",
-                "csrs mstatus, {previous}",
-                held = in(reg) held & masked,
-                mepc = in(reg) mepc,
-                all = in(reg) PREVIOUS,
-                previous = in(reg) mstatus & PREVIOUS,
-                options(nostack),
-            );
-        }
+        // SAFETY: interrupts are masked, as the trap has left them.
+        unsafe { asm!("csrci mstatus, 8", options(nostack)) };
         self.in_handler.store(true, Ordering::Relaxed);
     }
 }
@@ -176,33 +178,46 @@ impl Platform for Clint {
 /// were: for handlers of other interrupts than the timer's, whose trap entry saves integer registers
 /// alone. The caller does no floating point around it.
 pub fn preserving_floats(handler: impl FnOnce()) {
-    float::preserving(handler);
+    float::preserving(mstatus::read().bits(), handler);
 }
-
-/// `MPIE` and `MPP` of `mstatus`, which `mret` takes from and any trap changes.
-const PREVIOUS: usize = 1 << 7 | 3 << 11;
 
 /// The floating-point registers of harts that have some, which shows at run time alone: a compiler
 /// tells a crate nothing of it.
 mod float {
-    use core::arch::naked_asm;
+    use core::arch::{asm, naked_asm};
     use core::mem::ManuallyDrop;
 
-    use ::riscv::register::mstatus::{self, FS};
+    use ::riscv::register::mstatus;
 
-    /// Calls `handler`, and leaves the floating-point registers as they were.
+    /// In `mstatus.FS`: the unit is on, and its registers were changed. Alone, they are initial.
+    const CHANGED: usize = 1 << 13;
+    /// In `mstatus.FS`: the registers are somebody's. Alone, they are clean.
+    const USED: usize = 1 << 14;
+
+    /// Calls `handler`, and leaves the floating-point registers as they were, unless they are nobody's
+    /// by `status`, which is `mstatus`. Afterwards `FS` may be dirty.
     #[inline]
-    pub(super) fn preserving<F: FnOnce()>(handler: F) {
+    pub(super) fn preserving<F: FnOnce()>(status: usize, handler: F) {
         extern "C" fn call<F: FnOnce()>(handler: *mut ()) {
             // SAFETY: `preserving` gives its handler, and does not use it any more.
             unsafe { ManuallyDrop::take(&mut *handler.cast::<ManuallyDrop<F>>())() }
         }
-        if mstatus::read().fs() == FS::Off {
-            return handler();
-        }
         let mut handler = ManuallyDrop::new(handler);
-        // SAFETY: a pointer to the handler is what `call::<F>` expects, and the unit is on.
-        unsafe { with_registers_saved(core::ptr::from_mut(&mut handler).cast(), call::<F>) };
+        let argument = core::ptr::from_mut(&mut handler).cast();
+        if status & USED != 0 {
+            // SAFETY: a pointer to the handler is what `call::<F>` expects, and the unit is on.
+            return unsafe { with_registers_saved(argument, call::<F>) };
+        }
+        let mut fcsr = 0_usize;
+        if status & CHANGED != 0 {
+            // SAFETY: the unit is on.
+            unsafe { asm!("csrr {}, 3", out(reg) fcsr, options(nostack)) };
+        }
+        call::<F>(argument);
+        if mstatus::read().bits() & USED != 0 {
+            // SAFETY: the unit is on. The way of rounding is everybody's.
+            unsafe { asm!("csrw 3, {}", in(reg) fcsr, options(nostack)) };
+        }
     }
 
     /// All that a call may change: the callee keeps `fs0` to `fs11` itself.
@@ -243,7 +258,8 @@ mod float {
     #[unsafe(naked)]
     unsafe extern "C" fn with_registers_saved(argument: *mut (), call: extern "C" fn(*mut ())) {
         // Twenty registers, `fcsr`, and the return address, on a stack aligned to 16 bytes. Bit 3 of
-        // `misa` says that registers have 64 bits.
+        // `misa` says that registers have 64 bits. Clean registers that are dirty afterwards were
+        // changed.
         naked_asm!(
             ".option push",
             ".option arch, +d",
@@ -251,24 +267,37 @@ mod float {
             word!("s"),
             "frcsr t0",
             "sw t0, 160(sp)",
+            "li t0, {changed}",
+            "csrc mstatus, t0",
             "csrr t0, misa",
             "andi t0, t0, 8",
             "beqz t0, 2f",
             each_register!("fsd"),
-            "jalr a1",
-            each_register!("fld"),
             "j 3f",
             "2:",
             each_register!("fsw"),
-            "jalr a1",
-            each_register!("flw"),
             "3:",
+            "jalr a1",
+            "li t0, {changed}",
+            "csrrs t1, mstatus, t0",
+            "and t1, t1, t0",
+            "beqz t1, 6f",
+            "csrr t0, misa",
+            "andi t0, t0, 8",
+            "beqz t0, 4f",
+            each_register!("fld"),
+            "j 5f",
+            "4:",
+            each_register!("flw"),
+            "5:",
             "lw t0, 160(sp)",
             "fscsr t0",
+            "6:",
             word!("l"),
             "addi sp, sp, 176",
             "ret",
             ".option pop",
+            changed = const CHANGED,
         )
     }
 }

@@ -15,7 +15,7 @@ use crate::process::Overrun;
 use crate::rate::Rate;
 use crate::record::{Counts, Histograms, Keep};
 use crate::schedule::EventTable;
-use crate::state::{Running, State};
+use crate::state::{Running, Start, State};
 use crate::statistics::Statistics;
 use crate::sync::{Ordering, const_unless_loom};
 use crate::timer::Armed;
@@ -114,7 +114,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         if P::VECTORS {
             self.platform.pend(1);
         } else {
-            self.on_timer();
+            self.look_again();
         }
         Ok(())
     }
@@ -133,15 +133,11 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         if P::VECTORS {
             match masked(&self.platform, |section| self.release_and_pend(section)) {
                 Next::Nothing => {}
-                Next::Run(running) => self.run_in_vector::<true, true>(0, running),
+                Next::Run(start) => self.run_in_vector::<true, true>(0, start),
                 Next::Unusual => self.look_again(),
             }
         } else {
-            let begun = masked(&self.platform, |section| {
-                let now = self.release(section);
-                self.begin_fastest(section, now)
-            });
-            self.run_nested(begun);
+            self.release_and_run::<true>();
         }
     }
 
@@ -153,8 +149,8 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
             self.state
                 .with(section, |state| state.begin_unlocked(rank, now))
         });
-        if let Some(running) = begun {
-            self.run_in_vector::<false, true>(rank, running);
+        if let Some(start) = begun {
+            self.run_in_vector::<false, true>(rank, start);
         }
     }
 
@@ -162,10 +158,10 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     #[inline(always)]
     fn release_and_pend(&self, section: CriticalSection<'_>) -> Next<P::Instant> {
         let now = self.platform.now();
-        if !self.state.with(section, |state| state.can_take_event(now)) {
+        let event = self.state.with(section, |state| state.take_event(now));
+        let Some((released, due)) = event else {
             return Next::Unusual;
-        }
-        let (released, due) = self.state.with(section, State::take_event);
+        };
         if released != 1 {
             let others = released & !1;
             self.state
@@ -191,14 +187,17 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     #[cold]
     #[inline(never)]
     fn look_again(&self) {
+        if !P::VECTORS {
+            return self.release_and_run::<false>();
+        }
         let begun = masked(&self.platform, |section| {
             let now = self.release(section);
             self.pend_others(section);
             self.state
                 .with(section, |state| state.begin_unlocked(0, now))
         });
-        if let Some(running) = begun {
-            self.run_in_vector::<true, false>(0, running);
+        if let Some(start) = begun {
+            self.run_in_vector::<true, false>(0, start);
         }
     }
 
@@ -218,20 +217,36 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     fn run_in_vector<const FASTEST: bool, const OFTEN: bool>(
         &self,
         rank: u32,
-        running: Running<P::Instant>,
+        start: Start<P::Instant>,
     ) {
-        self.call(rank, running);
-        let again = masked(&self.platform, |section| {
+        let running = start.running;
+        self.call(rank, start);
+        let ended = masked(&self.platform, |section| {
             let now = self.measured_now();
-            if FASTEST {
-                let next = self.state.with(section, |state| state.plain_next());
-                if next.is_none_or(|next| self.platform.arm(next) == Armed::Past) {
-                    return self.end_overdue(section, running);
-                }
-                self.state
-                    .with(section, |state| state.end_fastest(running, now));
+            let next = self.state.with(section, |state| state.plain_next(rank));
+            if next.is_none_or(|next| FASTEST && self.platform.arm(next) == Armed::Past) {
                 return false;
             }
+            self.state.with(section, |state| {
+                state.end_plainly::<FASTEST>(rank, running, now);
+            });
+            true
+        });
+        if !ended {
+            self.end_unusually(rank, running);
+        }
+    }
+
+    /// Ends a loop at whose end there is more to do, or that has unwound.
+    #[cold]
+    #[inline(never)]
+    fn end_unusually(&self, rank: u32, running: Running<P::Instant>) {
+        let again = masked(&self.platform, |section| {
+            if P::VECTORS && rank == 0 {
+                return self.end_overdue(section, running);
+            }
+            // In the section: loops that interrupt before it are no part of this one's time.
+            let now = self.platform.now();
             self.state
                 .with(section, |state| state.end(rank, running, now))
         });
@@ -242,7 +257,6 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
 
     /// Ends the fastest loop, which the timer could not interrupt: what was due before came before the
     /// end. Says whether the vector is to run again.
-    #[cold]
     fn end_overdue(&self, section: CriticalSection<'_>, running: Running<P::Instant>) -> bool {
         let next = self.state.with(section, |state| state.started_due());
         let late = next.is_some_and(|next| self.platform.arm(next) == Armed::Past);
@@ -275,18 +289,31 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         &self,
         section: CriticalSection<'_>,
         now: P::Instant,
-    ) -> Option<(u32, Running<P::Instant>)> {
+    ) -> Option<(u32, Start<P::Instant>)> {
         if self.state.with(section, |state| state.ready()) == 0 || !self.platform.is_loops_stack() {
             return None;
         }
         self.state.with(section, |state| state.begin_fastest(now))
     }
 
+    /// Releases what is due, and runs what can start. What runs `OFTEN` is compiled by itself, so that all
+    /// of it is inlined.
+    #[inline(always)]
+    fn release_and_run<const OFTEN: bool>(&self) {
+        let begun = masked(&self.platform, |section| {
+            let now = self.release(section);
+            self.begin_fastest(section, now)
+        });
+        self.run_nested::<OFTEN>(begun);
+    }
+
     /// Runs loops, the fastest first, on the interrupted stack.
-    fn run_nested(&self, begun: Option<(u32, Running<P::Instant>)>) {
+    #[inline(always)]
+    fn run_nested<const OFTEN: bool>(&self, begun: Option<(u32, Start<P::Instant>)>) {
         let mut next = begun;
-        while let Some((rank, running)) = next {
-            self.call(rank, running);
+        while let Some((rank, start)) = next {
+            let running = start.running;
+            self.call(rank, start);
             next = masked(&self.platform, |section| {
                 let now = self.measured_now();
                 self.state.with(section, |state| {
@@ -298,16 +325,16 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     }
 
     #[inline(always)]
-    fn call(&self, rank: u32, running: Running<P::Instant>) {
+    fn call(&self, rank: u32, start: Start<P::Instant>) {
         let end = End {
             scheduler: self,
             rank,
-            running,
+            running: start.running,
         };
         // SAFETY: the context is there until `withdraw` has seen that the loop is not in progress,
         // as it is since `begin`; and a loop in progress is not begun again.
         self.platform
-            .interruptible(rank, || unsafe { running.body.call(running.due) });
+            .interruptible(rank, || unsafe { start.body.call(start.due) });
         core::mem::forget(end);
     }
 
@@ -317,26 +344,28 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     #[inline(always)]
     fn release(&self, section: CriticalSection<'_>) -> P::Instant {
         let now = self.platform.now();
-        if !self.state.with(section, |state| state.is_due(now)) {
-            return self.rearm(section, now);
+        let next = self.state.with(section, |state| {
+            let (released, due) = state.take_event(now)?;
+            state.make_runnable(released, due);
+            Some(state.next_due())
+        });
+        if next.is_some_and(|next| self.platform.arm(next) == Armed::Ahead) {
+            return now;
         }
-        let due = self.state.with(section, State::pass_event);
-        if self.platform.arm(due) == Armed::Past {
-            return self.catch_up(section);
-        }
-        now
+        self.rearm(section, now)
     }
 
-    /// The interrupt came early, or without cause. Returns as [`release`](Self::release) does.
+    /// The interrupt came early, late or without cause, or there is more to do than to start loops.
+    /// Returns as [`release`](Self::release) does.
     #[cold]
+    #[inline(never)]
     fn rearm(&self, section: CriticalSection<'_>, now: P::Instant) -> P::Instant {
-        let due = self.state.with(section, |state| state.started_due());
-        if let Some(due) = due
-            && self.platform.arm(due) == Armed::Past
-        {
-            return self.catch_up(section);
+        match self.state.with(section, |state| state.started_due()) {
+            Some(due) if now.has_reached(due) || self.platform.arm(due) == Armed::Past => {
+                self.catch_up(section)
+            }
+            _ => now,
         }
-        now
     }
 
     /// As [`catch_up`](Self::catch_up), in the vector of the fastest loop.
@@ -520,7 +549,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Inside<P::Instant>
             self.state.with(section, |state| state.unlock(former));
             self.begin_fastest(section, now)
         });
-        self.run_nested(begun);
+        self.run_nested::<false>(begun);
     }
 }
 
@@ -540,7 +569,7 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E, Histograms>
 /// What the timer's interrupt is to do where ranks have vectors.
 enum Next<I> {
     Nothing,
-    Run(Running<I>),
+    Run(Start<I>),
     /// What happens seldom: it has more to find out.
     Unusual,
 }
@@ -554,20 +583,6 @@ struct End<'s, P: Platform, const L: usize, const E: usize, K: Keep> {
 
 impl<P: Platform, const L: usize, const E: usize, K: Keep> Drop for End<'_, P, L, E, K> {
     fn drop(&mut self) {
-        let scheduler = self.scheduler;
-        let again = section(|section| {
-            if P::VECTORS && self.rank == 0 {
-                return scheduler.end_overdue(section, self.running);
-            }
-            // In the section: loops that interrupt before it are no part of this one's time.
-            let now = scheduler.platform.now();
-            scheduler.state.with(section, |state| {
-                state.end(self.rank, self.running, now);
-            });
-            false
-        });
-        if again {
-            scheduler.platform.pend(1);
-        }
+        self.scheduler.end_unusually(self.rank, self.running);
     }
 }

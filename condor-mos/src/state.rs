@@ -36,15 +36,21 @@ pub(crate) struct State<I, const L: usize, const E: usize, K> {
     processes: [Process<I, K>; L],
 }
 
-/// A loop that has started.
+/// A loop that has started, and what it runs.
 #[derive(Clone, Copy)]
 #[must_use]
+pub(crate) struct Start<I> {
+    pub(crate) due: I,
+    pub(crate) body: Body<I>,
+    pub(crate) running: Running<I>,
+}
+
+/// What is asked for at the end of a loop that has started.
+#[derive(Clone, Copy)]
 pub(crate) struct Running<I> {
     pub(crate) since: I,
     /// What loops had taken then.
     busy: u32,
-    pub(crate) due: I,
-    pub(crate) body: Body<I>,
 }
 
 /// A loop's counts at one moment.
@@ -107,63 +113,57 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
         self.started_due().filter(|_| self.enabled != 0)
     }
 
-    /// Whether the next event is due by `now`.
+    /// When the next event is due, unless there is more to do at the end of the loop of a rank.
     #[inline(always)]
-    pub(crate) fn is_due(&self, now: I) -> bool {
-        now.has_reached(self.due) && self.started
+    pub(crate) fn plain_next(&self, rank: u32) -> Option<I> {
+        (self.unusual & 1 << rank == 0).then_some(self.due)
     }
 
-    /// Whether the next event is due by `now`, and can be taken.
-    #[inline(always)]
-    pub(crate) fn can_take_event(&mut self, now: I) -> bool {
-        if !now.has_reached(self.due) {
-            return false;
-        }
-        // Where nothing is started, the schedule is at a turn.
-        !self.schedule.is_at_turn() || self.schedule.repeat() || self.started && self.turn()
-    }
-
-    /// When the next event is due, unless there is more to do at the end of the fastest loop.
-    #[inline(always)]
-    pub(crate) fn plain_next(&self) -> Option<I> {
-        (self.unusual & 1 == 0).then_some(self.due)
-    }
-
-    /// Takes the event that is due: the loops that it releases and may start, and when it was due.
+    /// Takes the event that is due by `now`, if it is in the table and all of its loops may start: the
+    /// loops, and when it was due. All else is left to [`pass_event`](Self::pass_event).
     ///
-    /// They are unfinished from here on; who takes them begins them or makes them runnable.
+    /// The loops are unfinished from here on; who takes them begins them or makes them runnable.
     #[inline(always)]
-    pub(crate) fn take_event(&mut self) -> (u32, I) {
+    pub(crate) fn take_event(&mut self, now: I) -> Option<(u32, I)> {
         let due = self.due;
-        let event = self.schedule.next_event();
-        self.due = due.after(event.gap);
-        let mut released = event.ranks;
-        if released & (self.unfinished | self.held) != 0 {
-            released = self.without_overruns(released, due);
+        // Where nothing is started, the schedule is at a turn.
+        let (event, after) = self.schedule.peek()?;
+        if !now.has_reached(due) || event.ranks & (self.unfinished | self.held) != 0 {
+            return None;
         }
-        self.unfinished |= released;
-        (released, due)
+        self.schedule.pass(after);
+        self.due = due.after(event.gap);
+        self.unfinished |= event.ranks;
+        Some((event.ranks, due))
     }
 
     /// Lets loops that were released start when it is their turn.
     #[inline(always)]
     pub(crate) fn make_runnable(&mut self, released: u32, due: I) {
         self.runnable |= released;
-        let mut released = released;
-        while released != 0 {
-            if let Some(process) = self.processes.get_mut(released.trailing_zeros() as usize) {
+        let mut rest = released;
+        for process in &mut self.processes {
+            if rest & 1 != 0 {
                 process.due = due;
             }
-            released &= released - 1;
+            rest >>= 1;
+            if rest == 0 {
+                break;
+            }
         }
     }
 
     /// Passes the event that is due, and gives when the next one is due.
+    #[cold]
     pub(crate) fn pass_event(&mut self) -> I {
         if self.schedule.is_at_turn() {
             self.turn();
         }
-        let (released, due) = self.take_event();
+        let due = self.due;
+        let event = self.schedule.next_event();
+        self.due = due.after(event.gap);
+        let released = self.without_overruns(event.ranks, due);
+        self.unfinished |= released;
         self.make_runnable(released, due);
         self.due
     }
@@ -185,16 +185,13 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
         self.due
     }
 
-    /// Lets changed rates take effect if they can. `true`: the next event can be taken.
-    #[cold]
-    #[inline(never)]
-    fn turn(&mut self) -> bool {
+    /// Lets changed rates take effect if they can.
+    fn turn(&mut self) {
         if self.schedule.is_changing() {
             self.change();
         } else {
             self.schedule.turn(false);
         }
-        true
     }
 
     #[cold]
@@ -271,7 +268,8 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
     }
 
     /// Starts the fastest loop that may start, and gives its rank.
-    pub(crate) fn begin_fastest(&mut self, now: I) -> Option<(u32, Running<I>)> {
+    #[inline(always)]
+    pub(crate) fn begin_fastest(&mut self, now: I) -> Option<(u32, Start<I>)> {
         match self.ready() {
             0 => None,
             ready => {
@@ -283,37 +281,38 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
 
     /// Starts the loop of a rank, if it is runnable and not locked out.
     #[inline(always)]
-    pub(crate) fn begin_unlocked(&mut self, rank: u32, now: I) -> Option<Running<I>> {
+    pub(crate) fn begin_unlocked(&mut self, rank: u32, now: I) -> Option<Start<I>> {
         if self.unlocked() & 1_u32.unbounded_shl(rank) == 0 {
             return None;
         }
         self.begin(rank, now)
     }
 
-    /// Starts the loop of a rank that was just released, and not made runnable.
     #[inline(always)]
-    pub(crate) fn begin_released(&mut self, rank: u32, due: I, now: I) -> Option<Running<I>> {
-        let process = self.processes.get_mut(rank as usize)?;
-        process.due = due;
-        self.run(rank, now)
+    fn begin(&mut self, rank: u32, now: I) -> Option<Start<I>> {
+        self.runnable &= !(1 << rank);
+        self.start_loop(rank, now)
     }
 
+    /// Starts the loop of a rank that was just released, and not made runnable.
     #[inline(always)]
-    fn begin(&mut self, rank: u32, now: I) -> Option<Running<I>> {
-        self.runnable &= !(1 << rank);
-        self.run(rank, now)
+    pub(crate) fn begin_released(&mut self, rank: u32, due: I, now: I) -> Option<Start<I>> {
+        self.processes.get_mut(rank as usize)?.due = due;
+        self.start_loop(rank, now)
     }
 
     /// The loop of a rank is in progress from `now` on.
     #[inline(always)]
-    fn run(&mut self, rank: u32, now: I) -> Option<Running<I>> {
+    fn start_loop(&mut self, rank: u32, now: I) -> Option<Start<I>> {
         let process = self.processes.get_mut(rank as usize)?;
         process.start(now);
-        Some(Running {
-            since: if K::MEASURES { now } else { I::ZERO },
-            busy: if K::MEASURES { self.busy } else { 0 },
+        Some(Start {
             due: process.due,
             body: process.body,
+            running: Running {
+                since: if K::MEASURES { now } else { I::ZERO },
+                busy: if K::MEASURES { self.busy } else { 0 },
+            },
         })
     }
 
@@ -321,33 +320,36 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
     /// it may start again at once.
     #[inline(always)]
     pub(crate) fn end(&mut self, rank: u32, running: Running<I>, now: I) -> bool {
+        self.end_plainly::<false>(rank, running, now);
+        let waits = self.unusual & 1 << rank != 0 && self.end_with_others(rank);
+        if waits {
+            self.unfinished |= 1 << rank;
+        }
+        waits
+    }
+
+    /// As [`end`](Self::end), if there is no more to do at its end. No loop has interrupted it if it was
+    /// `ALONE`.
+    #[inline(always)]
+    pub(crate) fn end_plainly<const ALONE: bool>(
+        &mut self,
+        rank: u32,
+        running: Running<I>,
+        now: I,
+    ) {
         if K::MEASURES {
-            let nested = self.busy.wrapping_sub(running.busy);
+            let nested = if ALONE {
+                0
+            } else {
+                self.busy.wrapping_sub(running.busy)
+            };
             let ticks = now.since(running.since).wrapping_sub(nested);
             self.busy = self.busy.wrapping_add(ticks);
             if let Some(process) = self.processes.get_mut(rank as usize) {
                 process.record.finish(ticks);
             }
         }
-        if self.unusual & 1 << rank != 0 && self.end_with_others(rank) {
-            return true;
-        }
         self.unfinished &= !(1 << rank);
-        false
-    }
-
-    /// As [`end`](Self::end) of the fastest loop, which nothing interrupts, if there is no more to do
-    /// at its end.
-    #[inline(always)]
-    pub(crate) fn end_fastest(&mut self, running: Running<I>, now: I) {
-        if K::MEASURES {
-            let ticks = now.since(running.since);
-            self.busy = self.busy.wrapping_add(ticks);
-            if let Some(process) = self.processes.first_mut() {
-                process.record.finish(ticks);
-            }
-        }
-        self.unfinished &= !1;
     }
 
     /// The loop of a rank has finished: the next of the releases that wait takes its place, if any does.
@@ -532,6 +534,7 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
 }
 
 /// The numbers of the bits that are set.
+#[inline(always)]
 fn bits(mut word: u32) -> impl Iterator<Item = u32> {
     core::iter::from_fn(move || {
         if word == 0 {

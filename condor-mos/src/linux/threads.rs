@@ -100,7 +100,7 @@ impl<K> core::fmt::Debug for LoopThread<K> {
 impl<K: Keep> LoopThread<K> {
     /// The loop is released at all instants until `now`.
     fn advance(&mut self, now: u64) {
-        while self.state.is_due(now) {
+        while self.state.started_due().is_some_and(|due| due <= now) {
             self.state.pass_event();
         }
     }
@@ -137,7 +137,7 @@ impl<K: Keep> Slot<K> {
         let mut thread = self.thread.lock();
         while !thread.quit {
             thread.advance(now);
-            let Some((_, running)) = thread.state.begin_fastest(now) else {
+            let Some((_, start)) = thread.state.begin_fastest(now) else {
                 thread = self.sleep(thread);
                 now = time::now();
                 continue;
@@ -145,12 +145,12 @@ impl<K: Keep> Slot<K> {
             drop(thread);
             // SAFETY: the context is there until `withdraw` has joined this thread, and no other
             // calls the body. A loop whose body unwound runs no more unless its user enables it.
-            let call = AssertUnwindSafe(|| unsafe { running.body.call(running.due) });
+            let call = AssertUnwindSafe(|| unsafe { start.body.call(start.due) });
             let result = catch_unwind(call);
             now = time::now();
             let before = core::mem::replace(&mut spent, cpu_time());
             thread = self.thread.lock();
-            thread.finish(running, now, spent.saturating_sub(before));
+            thread.finish(start.running, now, spent.saturating_sub(before));
             if result.is_err() {
                 thread.state.fault(0);
             }

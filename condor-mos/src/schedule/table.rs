@@ -358,17 +358,29 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         self.note_repeats();
     }
 
-    /// Goes to the beginning of the next hyperperiod, if that is all that has to be done.
+    /// The next event and its index, if it is in the table and no [`turn`](Self::turn) comes before it that
+    /// does more than go back to the beginning.
     #[inline(always)]
-    pub(crate) fn repeat(&mut self) -> bool {
-        if self.repeats {
-            self.next = self.begin;
+    pub(crate) fn peek(&self) -> Option<(Event, usize)> {
+        let mut next = self.next;
+        if self.is_at_turn() {
+            if !self.repeats {
+                return None;
+            }
+            next = self.begin;
         }
-        self.repeats
+        let event = self.entries.as_flattened().get(next)?;
+        Some((*event, next))
+    }
+
+    /// Goes on to the event behind that index.
+    #[inline(always)]
+    pub(crate) fn pass(&mut self, index: usize) {
+        self.next = index + 1;
     }
 
     /// Whether [`turn`](Self::turn) must be called before the next event.
-    #[inline(always)]
+    #[inline]
     pub(crate) fn is_at_turn(&self) -> bool {
         self.next >= self.end
     }
@@ -414,21 +426,14 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     }
 
     /// The next event.
-    #[inline(always)]
     pub(crate) fn next_event(&mut self) -> Event {
         match self.entries.as_flattened().get(self.next) {
             Some(event) => {
                 self.next += 1;
                 *event
             }
-            None => self.scan(),
+            None => self.grids.advance(self.clock.longest_gap()),
         }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn scan(&mut self) -> Event {
-        self.grids.advance(self.clock.longest_gap())
     }
 
     /// Asks for another rate of a loop. It takes effect, together with all that were asked for

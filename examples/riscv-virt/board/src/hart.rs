@@ -194,7 +194,7 @@ impl Machine for Hart {
     }
 
     fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {
-        hooks::with(&serve, |hooks, hook| hooks.mail = hook, background)
+        hooks::with(&serve, |hooks, hook| hooks.mail.set(hook), background)
     }
 }
 
@@ -232,8 +232,8 @@ impl Platform for HartTimer {
         handler: impl Fn() + Sync,
         program: impl FnOnce() -> R,
     ) -> Result<R, ConnectError> {
-        let set = |hooks: &mut hooks::Hooks, hook: Option<&'static dyn Fn()>| {
-            hooks.timer = hook.map(|hook| (self.0, hook));
+        let set = |hooks: &hooks::Hooks, hook: Option<&'static dyn Fn()>| {
+            hooks.timer.set(hook.map(|hook| (self.0, hook)));
         };
         let result = hooks::with(&handler, set, || {
             trap::time(true);

@@ -3,57 +3,60 @@
 use core::cell::Cell;
 
 use condor_mos::riscv::Clint;
+use critical_section::CriticalSection;
 use riscv::register::mhartid;
 
 use crate::bell::HARTS;
 
 /// The hooks of a hart. What they borrow is in frames that are still there; see [`with`].
-#[derive(Clone, Copy)]
 pub(crate) struct Hooks {
     /// Whose interrupt it is, and what it calls.
-    pub(crate) timer: Option<(&'static Clint, &'static dyn Fn())>,
-    pub(crate) mail: Option<&'static dyn Fn()>,
-    /// Timer interrupts that have begun and not ended.
-    pub(crate) timed: u32,
+    pub(crate) timer: Cell<Option<(&'static Clint, &'static dyn Fn())>>,
+    pub(crate) mail: Cell<Option<&'static dyn Fn()>>,
+    /// Whether a timer interrupt has begun and not ended.
+    pub(crate) timed: Cell<bool>,
     /// Whether a ring came meanwhile.
-    pub(crate) rung: bool,
+    pub(crate) rung: Cell<bool>,
 }
 
-/// None.
-pub(crate) const NONE: Hooks = Hooks {
-    timer: None,
-    mail: None,
-    timed: 0,
-    rung: false,
-};
+impl Hooks {
+    const NONE: Self = Self {
+        timer: Cell::new(None),
+        mail: Cell::new(None),
+        timed: Cell::new(false),
+        rung: Cell::new(false),
+    };
 
-struct OfHarts([Cell<Hooks>; HARTS]);
+    /// Takes all of them away.
+    pub(crate) fn clear(&self) {
+        self.timer.set(None);
+        self.mail.set(None);
+        self.timed.set(false);
+        self.rung.set(false);
+    }
+}
+
+struct OfHarts([Hooks; HARTS]);
 
 // SAFETY: each hart uses its own entry alone, with interrupts masked.
 unsafe impl Sync for OfHarts {}
 
-static HOOKS: OfHarts = OfHarts([const { Cell::new(NONE) }; HARTS]);
+static HOOKS: OfHarts = OfHarts([Hooks::NONE; HARTS]);
 
-/// Those of this hart.
-pub(crate) fn get() -> Hooks {
-    critical_section::with(|_| HOOKS.0.get(mhartid::read()).map_or(NONE, Cell::get))
+/// Those of this hart, to be used while interrupts are masked.
+pub(crate) fn of_this(_: CriticalSection<'_>) -> Option<&'static Hooks> {
+    HOOKS.0.get(mhartid::read())
 }
 
 /// Changes those of this hart.
-pub(crate) fn change(change: impl FnOnce(&mut Hooks)) {
-    critical_section::with(|_| {
-        if let Some(cell) = HOOKS.0.get(mhartid::read()) {
-            let mut hooks = cell.get();
-            change(&mut hooks);
-            cell.set(hooks);
-        }
-    });
+pub(crate) fn change(change: impl FnOnce(&Hooks)) {
+    critical_section::with(|section| of_this(section).map(change));
 }
 
 /// Has interrupts call `hook`, which `set` stores and takes away, while `body` runs.
 pub(crate) fn with<R>(
     hook: &dyn Fn(),
-    set: impl Fn(&mut Hooks, Option<&'static dyn Fn()>),
+    set: impl Fn(&Hooks, Option<&'static dyn Fn()>),
     body: impl FnOnce() -> R,
 ) -> R {
     // SAFETY: it is there until `body` has returned, and is taken away before; nothing unwinds here.

@@ -36,6 +36,5 @@ pub(crate) const EXTERNAL: usize = 1 << 11;
 pub(crate) mod cause {
     const INTERRUPT: usize = 1 << (usize::BITS - 1);
     pub(crate) const SOFTWARE: usize = INTERRUPT | 0x3;
-    pub(crate) const TIMER: usize = INTERRUPT | 0x7;
     pub(crate) const EXTERNAL: usize = INTERRUPT | 0xb;
 }

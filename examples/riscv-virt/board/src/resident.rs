@@ -46,7 +46,7 @@ pub fn prepare(why: Return, hart: u32) {
     if why == Return::Cold {
         trap::listen();
     }
-    hooks::change(|hooks| *hooks = hooks::NONE);
+    hooks::change(hooks::Hooks::clear);
     if let Some(clint) = hart::clint(hart as usize) {
         clint.disarm();
     }

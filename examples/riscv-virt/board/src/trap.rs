@@ -9,12 +9,14 @@ use condor_dev::{InterruptController as _, Level, Mmio, Vector};
 use condor_host::harts::{Control, Map, State};
 use condor_mbox::{Doorbell as _, Processor};
 use condor_mos::riscv::preserving_floats;
+use critical_section::CriticalSection;
 use riscv::register::{mhartid, mie, mstatus};
 
+use crate::hooks::{self, Hooks};
 use crate::machine::{MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, UART_VECTOR, cause};
 use crate::memory::{LEAST_BYTES, memory};
 use crate::resident::Return;
-use crate::{bell, hooks, link};
+use crate::{bell, link};
 
 core::arch::global_asm!(
     include_str!("trap.s"),
@@ -73,35 +75,39 @@ pub(crate) fn time(on: bool) {
     }
 }
 
-/// Every interrupt comes here from `trap.s`, with interrupts masked.
+/// The hooks of this hart.
+fn hooks() -> Option<&'static Hooks> {
+    // SAFETY: a trap masks interrupts, and they are used only while that lasts.
+    hooks::of_this(unsafe { CriticalSection::new() })
+}
+
+/// The timer's interrupt comes here from `trap.s`, with interrupts masked.
+#[unsafe(no_mangle)]
+extern "C" fn condor_timer() {
+    let Some(hooks) = hooks() else {
+        return time(false);
+    };
+    let Some((clint, handler)) = hooks.timer.get() else {
+        return time(false);
+    };
+    let outer = hooks.timed.replace(true);
+    // SAFETY: this is the timer's interrupt, `trap.s` has saved the integer registers, and nothing
+    // here does arithmetic.
+    unsafe { clint.on_interrupt(handler) };
+    hooks.timed.set(outer);
+    if !outer && hooks.rung.take() {
+        ring_hart(mhartid::read());
+    }
+}
+
+/// Every other interrupt comes here from `trap.s`, with interrupts masked.
 #[unsafe(no_mangle)]
 extern "C" fn condor_interrupt(cause: usize) {
     match cause {
-        cause::TIMER => timer(),
         cause::SOFTWARE => software(),
         cause::EXTERNAL => external(),
         // Nothing else is enabled.
         _ => {}
-    }
-}
-
-fn timer() {
-    let Some((clint, handler)) = hooks::get().timer else {
-        return time(false);
-    };
-    hooks::change(|hooks| hooks.timed = hooks.timed.wrapping_add(1));
-    // SAFETY: this is the timer's interrupt, `trap.s` has saved the integer registers, and nothing
-    // here does arithmetic.
-    unsafe { clint.on_interrupt(handler) };
-    let mut rung = false;
-    hooks::change(|hooks| {
-        hooks.timed = hooks.timed.wrapping_sub(1);
-        if hooks.timed == 0 {
-            rung = core::mem::take(&mut hooks.rung);
-        }
-    });
-    if rung {
-        ring_hart(mhartid::read());
     }
 }
 
@@ -113,12 +119,14 @@ fn software() {
     if is_abandoned(hart) {
         leave(Return::Abandoned);
     }
-    let hooks = hooks::get();
-    let Some(mail) = hooks.mail else {
+    let Some(hooks) = hooks() else {
         return;
     };
-    if hooks.timed > 0 {
-        return hooks::change(|hooks| hooks.rung = true);
+    let Some(mail) = hooks.mail.get() else {
+        return;
+    };
+    if hooks.timed.get() {
+        return hooks.rung.set(true);
     }
     // SAFETY: no critical section is in progress, since an interrupt came, and the entry has saved
     // what others change.

@@ -1,20 +1,24 @@
-# Every trap of a hart. `mscratch` leads to a place of the hart where its registers can be saved without
-# any stack.
+# Every trap of a hart, by its cause: `condor_trap_entry` is a table of jumps, where each interrupt has its
+# own place, and exceptions the first.
 
 .section .text.condor_trap_entry, "ax"
-.balign 4
+.balign 256
 .global condor_trap_entry
 condor_trap_entry:
-    csrrw t0, mscratch, t0
-    sd t1, 40(t0)
-    csrr t1, mcause
-    bgez t1, exception
-    ld t1, 40(t0)
-    csrrw t0, mscratch, t0
+    .option push
+    .option norvc
+    j exception
+    .rept 6
+    j interrupt
+    .endr
+    j timer
+    .rept 8
+    j interrupt
+    .endr
+    .option pop
 
 # An interrupt is a call on the stack that it interrupts. What a call may change of the integer registers
 # is saved, and what another trap changes; floating point is up to the handlers.
-    addi sp, sp, -144
     .macro each int
     \int ra, 0(sp)
     \int t0, 8(sp)
@@ -33,6 +37,8 @@ condor_trap_entry:
     \int a6, 112(sp)
     \int a7, 120(sp)
     .endm
+interrupt:
+    addi sp, sp, -144
     each sd
     csrr t0, mepc
     csrr t1, mstatus
@@ -43,17 +49,25 @@ condor_trap_entry:
     ld t0, 128(sp)
     ld t1, 136(sp)
     csrw mepc, t0
-    # Floating point may have become dirty meanwhile.
-    li t0, 0x6000
-    or t1, t1, t0
     csrw mstatus, t1
     each ld
     addi sp, sp, 144
     mret
 
-# An exception ends the program: nothing of it is used any more, its stack included. `x1` to `x31` lie one
-# after the other.
+# The timer's handler saves the rest itself.
+timer:
+    addi sp, sp, -128
+    each sd
+    call condor_timer
+    each ld
+    addi sp, sp, 128
+    mret
+
+# An exception ends the program: nothing of it is used any more, its stack included. `mscratch` leads to a
+# place of the hart for its registers, `x1` to `x31` one after the other.
 exception:
+    csrrw t0, mscratch, t0
+    sd x6, 40(t0)
     sd x1, 0(t0)
     sd x2, 8(t0)
     sd x3, 16(t0)
