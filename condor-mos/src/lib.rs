@@ -61,6 +61,9 @@ mod error;
 mod events;
 // Tests that need the inside, whose atomics and sections are those of `interrupt_injector`.
 #[cfg(all(test, not(condor_loom)))]
+#[path = "../tests/inside/mod.rs"]
+mod inside;
+#[cfg(all(test, not(condor_loom)))]
 #[path = "../tests/interrupted/mod.rs"]
 mod interrupted;
 mod latest;

@@ -60,8 +60,8 @@ pub struct Counts {
     pub(crate) worst_run: u32,
     pub(crate) total_run: u64,
     /// The low word of the runs that have finished, and the high one.
-    run: u32,
-    run_high: u32,
+    pub(crate) run: u32,
+    pub(crate) run_high: u32,
     pub(crate) skipped: u64,
     /// Releases, and ticks of all runs, before the rate was changed last.
     pub(crate) released_before: u64,
@@ -193,11 +193,11 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    const NEW: Self = Self { classes: [0; 64] };
+    pub(crate) const NEW: Self = Self { classes: [0; 64] };
 
     /// The class of a time: its highest bit, and the bit behind that.
     #[inline]
-    fn class(ticks: u32) -> usize {
+    pub(crate) fn class(ticks: u32) -> usize {
         match ticks.checked_ilog2() {
             None => 0,
             Some(0) => 1,
@@ -206,7 +206,7 @@ impl Histogram {
     }
 
     /// The longest time of a class.
-    fn longest(class: usize) -> u32 {
+    pub(crate) fn longest(class: usize) -> u32 {
         match class {
             0 | 1 => class as u32,
             _ => {
@@ -218,7 +218,7 @@ impl Histogram {
     }
 
     #[inline]
-    fn count(&mut self, ticks: u32) {
+    pub(crate) fn count(&mut self, ticks: u32) {
         if let Some(class) = self.classes.get_mut(Self::class(ticks)) {
             *class = class.saturating_add(1);
         }
@@ -245,50 +245,5 @@ impl Histogram {
             seen += f64::from(count);
         }
         longest
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Counts, Histogram, Record};
-
-    #[test]
-    fn every_time_is_in_the_first_class_that_ends_at_it_or_later() {
-        for exponent in 0..32 {
-            let ticks = 1_u32 << exponent;
-            for ticks in [ticks - 1, ticks, ticks + ticks / 2, ticks + (ticks - 1)] {
-                let class = Histogram::class(ticks);
-                assert!(ticks <= Histogram::longest(class), "{ticks}");
-                assert!(
-                    class == 0 || Histogram::longest(class - 1) < ticks,
-                    "{ticks}"
-                );
-            }
-        }
-        assert_eq!(Histogram::longest(63), u32::MAX);
-    }
-
-    #[test]
-    fn percentiles_are_the_ends_of_classes() {
-        let mut times = Histogram::NEW;
-        assert_eq!(times.percentile(50.0), 0);
-        for ticks in 1..=1000 {
-            times.count(ticks);
-        }
-        assert_eq!(times.total(), 1000);
-        assert_eq!(times.percentile(0.0), 1);
-        assert_eq!(times.percentile(50.0), 511);
-        assert_eq!(times.percentile(99.0), 1023);
-    }
-
-    #[test]
-    fn the_mean_is_right_beyond_32_bits() {
-        let mut counts = Counts {
-            run: u32::MAX,
-            total_run: 5 * u64::from(u32::MAX),
-            ..Counts::NEW
-        };
-        counts.finish(5);
-        assert_eq!((counts.run(), counts.total_run), (1 << 32, 5 << 32));
     }
 }

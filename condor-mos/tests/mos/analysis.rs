@@ -194,3 +194,62 @@ fn an_analysis_made_by_the_compiler_is_printed_as_a_table() {
 not schedulable, from loop 0 on; utilisation 122.0 %"
     );
 }
+
+fn responses<const L: usize>(periods_and_runs: [(u32, u32); L]) -> [Option<Response>; L] {
+    let loads = periods_and_runs.map(|(period, run)| Load::new(Rate::every_seconds(period), run));
+    let analysis = Analysis::new(Rate::hz(1), loads);
+    core::array::from_fn(|number| analysis.response(LoopId(number as u8)))
+}
+
+/// A. Burns, A. Wellings, "Real-Time Systems and Programming Languages", on response times.
+#[test]
+fn the_examples_of_a_textbook_are_met() {
+    let within = |ticks| Some(Response::Within(ticks));
+    assert_eq!(
+        responses([(7, 3), (12, 3), (20, 5)]),
+        [within(3), within(6), within(20)]
+    );
+    assert_eq!(
+        responses([(80, 40), (40, 10), (20, 5)]),
+        [within(80), within(15), within(5)],
+        "a full processor"
+    );
+    assert_eq!(
+        responses([(50, 12), (40, 10), (30, 10)]),
+        [Some(Response::Late), within(20), within(10)],
+    );
+}
+
+#[test]
+fn a_deadline_can_be_shorter_than_the_period() {
+    let loads = |deadline| {
+        let slow = Load::new(Rate::every_seconds(12), 3).within(deadline);
+        [Load::new(Rate::every_seconds(7), 3), slow]
+    };
+    let analysis = |deadline| Analysis::new(Rate::hz(1), loads(deadline));
+    assert!(analysis(6).is_schedulable());
+    assert_eq!(analysis(5).first_late(), Some(LoopId(1)));
+    assert!(analysis(100).is_schedulable());
+}
+
+#[test]
+fn the_largest_numbers_end() {
+    let fast = Load::new(Rate::hz(u32::MAX), u32::MAX).blocked(u32::MAX);
+    let slow = Load::new(Rate::every_seconds(u32::MAX), u32::MAX);
+    let frequencies = [
+        Rate::hz(1),
+        Rate::hz(u32::MAX),
+        Rate::every_seconds(u32::MAX),
+    ];
+    for frequency in frequencies {
+        let analysis = Analysis::with_overhead(frequency, [slow, fast], u32::MAX);
+        assert_eq!(analysis.first_late(), Some(LoopId(1)));
+        assert_eq!(analysis.response(LoopId(0)), Some(Response::Late));
+    }
+    // A loop that leaves nothing to the next one, which has ages to wait for it.
+    let full = Load::new(Rate::hz(u32::MAX), 1);
+    let analysis = Analysis::new(Rate::hz(u32::MAX), [full, slow]);
+    assert_eq!(analysis.response(LoopId(0)), Some(Response::Within(1)));
+    assert_eq!(analysis.response(LoopId(1)), Some(Response::Undecided));
+    assert!(!analysis.is_schedulable());
+}

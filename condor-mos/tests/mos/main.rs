@@ -5,12 +5,14 @@ mod alarm;
 mod analysis;
 
 mod drift;
+mod instants;
 mod latest;
 mod linux_signals;
 mod linux_threads;
 mod lock;
 mod loops;
 mod overload;
+mod rates;
 mod reference;
 mod scope;
 mod start_at;

@@ -159,7 +159,7 @@ fn at_rest(hand: &UtahMit, channel: Channel) -> u32 {
 pub(crate) fn scheduler<M: Machine>(
     machine: &M,
     rate: Rate,
-) -> Result<Scheduler<M::Platform, 1, 0>, Failure> {
+) -> Result<Scheduler<M::Platform, 1, 1>, Failure> {
     Ok(Scheduler::with_rates(machine.platform(), &[rate])?)
 }
 
