@@ -6,7 +6,7 @@ use crate::instant::Instant;
 ///
 /// It is given the instant, an `I`, at which it was due.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Body<I> {
+pub struct Body<I> {
     call: unsafe fn(*mut (), I),
     context: *mut (),
 }

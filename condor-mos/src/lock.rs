@@ -26,7 +26,7 @@ pub struct LoopLock<T> {
 }
 
 /// A lock without its value.
-pub(crate) struct Gate {
+pub struct Gate {
     /// A bit for each loop that may use it.
     pub(crate) users: u32,
     pub(crate) taken: AtomicBool,
@@ -66,7 +66,7 @@ impl<T> LoopLock<T> {
     /// # Errors
     /// [`LockError::Undeclared`], on one stack, from a loop that is faster than all users;
     /// [`LockError::Taken`] if the caller uses it already, which correct use does not meet.
-    pub fn lock<L: Loops, R>(
+    pub fn lock<L: Loops + ?Sized, R>(
         &self,
         loops: &L,
         f: impl FnOnce(&mut T) -> R,
@@ -89,13 +89,13 @@ impl<T> LoopLock<T> {
 }
 
 /// Gives the lock back, also when its user unwinds.
-struct Unlock<'l, L: Loops> {
+struct Unlock<'l, L: Loops + ?Sized> {
     loops: &'l L,
     gate: &'l Gate,
     former: u32,
 }
 
-impl<L: Loops> Drop for Unlock<'_, L> {
+impl<L: Loops + ?Sized> Drop for Unlock<'_, L> {
     fn drop(&mut self) {
         self.loops.leave(self.gate, self.former);
     }

@@ -52,11 +52,7 @@ use crate::statistics::Statistics;
 /// ```
 ///
 /// All calls may come from the background, from loops and from handlers.
-#[allow(private_bounds, reason = "nobody else implements it")]
-pub trait Loops: Inside<<Self as Loops>::Instant> + Sync {
-    /// What instants are.
-    type Instant: Instant;
-
+pub trait Loops: Inside + Sync {
     /// Runs `f`, in which closures that borrow can become loops; when it returns or unwinds, they
     /// finish the run that is in progress, and run no more.
     fn scope<'env, R>(
@@ -73,7 +69,9 @@ pub trait Loops: Inside<<Self as Loops>::Instant> + Sync {
     ///
     /// # Errors
     /// [`StartError`]; `background` has not run then.
-    fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError>;
+    fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError>
+    where
+        Self: Sized;
 
     /// Begins: all enabled loops are due now, each after its phase.
     ///
@@ -127,8 +125,16 @@ pub trait Loops: Inside<<Self as Loops>::Instant> + Sync {
 }
 
 /// What scopes and locks ask of those who run loops.
-pub(crate) trait Inside<I> {
-    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body<I>) -> Result<(), LoopError>;
+pub trait Inside {
+    /// What instants are.
+    type Instant: Instant;
+
+    fn assign_body(
+        &self,
+        id: LoopId,
+        overrun: Overrun,
+        body: Body<Self::Instant>,
+    ) -> Result<(), LoopError>;
 
     /// Disarms these loops, a bit for each, and returns when none of them is in progress.
     fn withdraw(&self, numbers: u32);

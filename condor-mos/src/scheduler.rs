@@ -420,8 +420,6 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
 }
 
 impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Loops for Scheduler<P, L, E, K> {
-    type Instant = P::Instant;
-
     fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError> {
         let program = || {
             self.start()?;
@@ -491,9 +489,9 @@ impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Loops for Sche
     }
 }
 
-impl<P: Platform, const L: usize, const E: usize, K: Keep> Inside<P::Instant>
-    for Scheduler<P, L, E, K>
-{
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Inside for Scheduler<P, L, E, K> {
+    type Instant = P::Instant;
+
     fn assign_body(
         &self,
         id: LoopId,

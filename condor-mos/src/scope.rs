@@ -44,7 +44,7 @@ use crate::scheduler::LoopId;
 pub struct Scope<'scope, 'env: 'scope, I> {
     /// Its type is not named: with it, a platform that is borrowed for ever would have closures borrow
     /// for as long.
-    loops: &'scope (dyn Inside<I> + 'scope),
+    loops: &'scope (dyn Inside<Instant = I> + 'scope),
     /// A bit for each loop that was assigned here.
     assigned: Cell<u32>,
     /// `'scope` neither grows nor shrinks: a closure's borrows live until the scope has ended.
@@ -71,9 +71,9 @@ impl<'scope, I: Instant> Scope<'scope, '_, I> {
     }
 }
 
-impl<I> Scope<'_, '_, I> {
+impl<I: Instant> Scope<'_, '_, I> {
     pub(crate) fn run<'env, R>(
-        loops: &dyn Inside<I>,
+        loops: &dyn Inside<Instant = I>,
         f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, I>) -> R,
     ) -> R {
         let scope = Scope {
@@ -91,12 +91,12 @@ impl<I> Scope<'_, '_, I> {
 }
 
 /// Disarms a scope's loops, also when it unwinds.
-struct Withdraw<'w, I> {
-    loops: &'w dyn Inside<I>,
+struct Withdraw<'w, I: Instant> {
+    loops: &'w dyn Inside<Instant = I>,
     assigned: &'w Cell<u32>,
 }
 
-impl<I> Drop for Withdraw<'_, I> {
+impl<I: Instant> Drop for Withdraw<'_, I> {
     fn drop(&mut self) {
         self.loops.withdraw(self.assigned.get());
     }

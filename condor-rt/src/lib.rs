@@ -5,7 +5,14 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
 
-// What a program needs of its processor.
+// A program.
+mod error;
+mod list;
+mod running;
+mod servo;
+mod setup;
+
+// What it needs of its processor.
 mod machine;
 pub mod numbers;
 mod silent;
@@ -36,6 +43,10 @@ pub mod linux;
 ))]
 pub mod sim;
 
+pub use error::{Error, Text};
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
+pub use running::{Background, Call, ConsoleOf, FilesOf, Tick};
+pub use servo::{LOOPS, ServoLoop};
+pub use setup::{Body, HANDLERS, Handler, Setup, users};
 pub use silent::Silent;

@@ -27,17 +27,18 @@ pub struct LoopReports<W, const L: usize> {
 }
 
 impl<W: MemoryWindow + Clone, const L: usize> LoopReports<W, L> {
-    /// Rows for loops of these names, entered in `directory`.
+    /// Rows for loops of these names, of which the first `L` count, entered in `directory`.
     ///
     /// # Errors
     /// No room in the window or in the directory.
-    pub fn new(
+    pub fn new<'n>(
         region: &Region<W>,
         places: &mut Places,
         directory: &mut Directory<W>,
-        names: [&str; L],
+        names: impl IntoIterator<Item = &'n str, IntoIter: Clone>,
     ) -> Result<Self, DirectoryError> {
-        let len = L as u32 * ROW_BYTES;
+        let names = names.into_iter().take(L);
+        let len = names.clone().count() as u32 * ROW_BYTES;
         let offset = places.bytes(len as usize)?;
         let mut rows = heapless::Vec::new();
         for (number, name) in (0_u32..).zip(names) {

@@ -3,10 +3,14 @@
 use core::fmt;
 
 use condor_dev::Bus;
-use condor_mbox::{Doorbell, Error, Exclusion, Mailbox, MemoryWindow, Processor, Waiting, Windows};
-use condor_mos::Platform;
+use condor_mbox::{
+    self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Waiting, Windows,
+};
+use condor_mos::{Loops, Platform};
 
+use crate::error::Error;
 use crate::numbers::PROCESSORS;
+use crate::servo::{self, ServoLoop};
 
 /// The mailbox of a program on machine `M`.
 pub type MailboxOf<'v, M> = Mailbox<
@@ -67,7 +71,7 @@ pub trait Machine: Sync {
     ///
     /// # Errors
     /// Those of [`Mailbox::new`].
-    fn mailbox<'v>(&self) -> Result<MailboxOf<'v, Self>, Error>
+    fn mailbox<'v>(&self) -> Result<MailboxOf<'v, Self>, mbox::Error>
     where
         Self: Sized,
     {
@@ -92,6 +96,23 @@ pub trait Machine: Sync {
     fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {
         let _ = serve;
         background()
+    }
+
+    /// Runs loops, by their numbers in `loops`, and `background`, which is given what it may ask of them.
+    ///
+    /// On one stack, which they interrupt; a machine with another way to run loops has its own.
+    ///
+    /// # Errors
+    /// Those of the rates and of the start; `background` has not run then.
+    fn with_loops<R>(
+        &self,
+        loops: &mut [ServoLoop<'_>],
+        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
+    ) -> Result<R, Error>
+    where
+        Self: Sized,
+    {
+        servo::on_one_stack(self.platform(), loops, background)
     }
 }
 

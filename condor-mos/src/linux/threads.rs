@@ -332,8 +332,6 @@ fn rank(rates: &[Rate], number: usize) -> usize {
 }
 
 impl<K: Keep> Loops for Threads<K> {
-    type Instant = u64;
-
     fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError> {
         self.start()?;
         let _stop = Stop(self);
@@ -401,7 +399,9 @@ impl<K: Keep> Loops for Threads<K> {
     }
 }
 
-impl<K: Keep> Inside<u64> for Threads<K> {
+impl<K: Keep> Inside for Threads<K> {
+    type Instant = u64;
+
     fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body<u64>) -> Result<(), LoopError> {
         let slot = self.0.slot(id)?;
         let rate = {

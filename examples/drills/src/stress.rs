@@ -203,10 +203,9 @@ impl<M: Machine> Running<'_, '_, M> {
         scheduler.scope(|scope| {
             scope.assign(LoopId(0), Overrun::Skip, &mut fast)?;
             scope.assign(LoopId(1), Overrun::Skip, &mut slow)?;
+            // The loops begin between this and the background.
+            let before = clock.now();
             let background = || {
-                // The loops begin in between.
-                let before = clock.now();
-                scheduler.start()?;
                 let begun = clock.now();
                 let end = begun.after(Duration::from_secs(seconds.into()));
                 let mut shown = clock.now();
@@ -242,7 +241,6 @@ impl<M: Machine> Running<'_, '_, M> {
                     reports.publish(number, &counts)?;
                     verdict.set_loop(number, &counts, ahead.max(behind) as u32);
                 }
-                scheduler.stop();
                 if arguments::is_there(machine, "exact") {
                     verdict.wrong = verdict.skipped.iter().sum();
                 }

@@ -1,0 +1,127 @@
+//! [`Error`]: why a program cannot be what it says.
+
+use core::fmt::{self, Write as _};
+
+use condor_mbox::{AccessError, Vector};
+use condor_mos::{LoopError, RateError, StartError};
+use condor_tty::TerminalError;
+
+use crate::directory::DirectoryError;
+
+/// Why a program ends before it was told to.
+#[derive(Clone, Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The mailbox.
+    #[error(transparent)]
+    Mailbox(#[from] condor_mbox::Error),
+    /// The memory.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// The object table.
+    #[error(transparent)]
+    Directory(#[from] DirectoryError),
+    /// The terminal.
+    #[error(transparent)]
+    Terminal(#[from] TerminalError),
+    /// The file service.
+    #[error(transparent)]
+    Files(#[from] condor_fs::Error),
+    /// The rates of the loops.
+    #[error(transparent)]
+    Rate(#[from] RateError),
+    /// A loop.
+    #[error(transparent)]
+    Loop(#[from] LoopError),
+    /// The start of the loops.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// More was set up than there is room for.
+    #[error("`{name}` is one too many: a program has at most {capacity} {what}")]
+    Full {
+        /// Of what.
+        what: &'static str,
+        /// How many there may be.
+        capacity: usize,
+        /// The first that finds no room.
+        name: Text<32>,
+    },
+    /// The same was set up twice.
+    #[error("a program has one {what}, and this one asked for another")]
+    Twice {
+        /// What.
+        what: &'static str,
+    },
+    /// Something is used that was not set up.
+    #[error("the program has no {what}: it asks `Setup` for {what} first")]
+    Missing {
+        /// What.
+        what: &'static str,
+    },
+    /// A handler for a vector that has one.
+    #[error("`{name}` is for {vector}, which is for something else already")]
+    VectorTaken {
+        /// The vector.
+        vector: Vector,
+        /// The handler's name.
+        name: Text<32>,
+    },
+    /// The window is too small.
+    #[error("`{name}` needs {needed} bytes of the window, and {left} are left: raise `window_bytes` by {}", .needed - .left)]
+    Window {
+        /// What is to lie there.
+        name: Text<32>,
+        /// How long it is, in bytes.
+        needed: u32,
+        /// How many bytes are left.
+        left: u32,
+    },
+    /// What a program says itself: the text of an error of its own.
+    #[error("{0}")]
+    Program(Text<160>),
+}
+
+impl Error {
+    /// An error of the program's own, of which the text is kept, as far as it fits.
+    #[must_use]
+    pub fn program(error: &impl fmt::Display) -> Self {
+        Self::Program(Text::of(error))
+    }
+}
+
+/// As much of a text as fits, without a heap.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Text<const BYTES: usize>(heapless::String<BYTES>);
+
+impl<const BYTES: usize> Text<BYTES> {
+    /// What something prints.
+    #[must_use]
+    pub fn of(printed: &(impl fmt::Display + ?Sized)) -> Self {
+        let mut text = Cut(heapless::String::new());
+        // What does not fit is cut off.
+        let _ = write!(text, "{printed}");
+        Self(text.0)
+    }
+}
+
+impl<const BYTES: usize> fmt::Display for Text<BYTES> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&self.0)
+    }
+}
+
+impl<const BYTES: usize> fmt::Debug for Text<BYTES> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(self.0.as_str(), f)
+    }
+}
+
+struct Cut<const BYTES: usize>(heapless::String<BYTES>);
+
+impl<const BYTES: usize> fmt::Write for Cut<BYTES> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        text.chars()
+            .try_for_each(|character| self.0.push(character))
+            .map_err(|_| fmt::Error)
+    }
+}

@@ -1,0 +1,232 @@
+//! What the parts of a running program have: [`Call`], [`Tick`] and [`Background`].
+
+use core::cell::RefCell;
+use core::fmt::{self, Write as _};
+use core::ops::Deref;
+use core::time::Duration;
+
+use condor_fs::{Area, FileSystem};
+use condor_mbox::{self as mbox, Clock as _, Doorbell as _, Exclusion, Instant, MemoryWindow};
+use condor_mbox::{Messenger, Processor, Region, Vector};
+use condor_mos::{LoopError, LoopId, Loops, Rate, Statistics};
+use condor_tty::Terminal;
+
+use crate::error::Error;
+use crate::loops::LoopReports;
+use crate::machine::{Machine, MailboxOf};
+use crate::numbers;
+use crate::servo::LOOPS;
+
+/// Characters that can be typed ahead.
+const TYPED: usize = 128;
+/// Files that a program can have open.
+pub(crate) const FILES: usize = 4;
+/// How long the file service may take, with restarts of it.
+const FILES_TIMEOUT: Duration = Duration::from_secs(30);
+/// How often the counts of the loops are shown.
+const REPORT_NS: u64 = 50_000_000;
+
+/// The terminal of a program on machine `M`.
+pub type ConsoleOf<M> = Terminal<<M as Machine>::Window, <M as Machine>::Exclusion, TYPED>;
+/// The files of a program on machine `M`.
+pub type FilesOf<'m, M> = FileSystem<'m, MailboxOf<'m, M>, <M as Machine>::Window, FILES>;
+
+/// A terminal that never waits, without its type.
+pub(crate) trait Screen: Sync {
+    fn print(&self, messenger: &dyn Messenger, text: fmt::Arguments<'_>);
+}
+
+impl<W: MemoryWindow + Sync, X: Exclusion + Sync, const IN: usize> Screen for Terminal<W, X, IN> {
+    fn print(&self, messenger: &dyn Messenger, text: fmt::Arguments<'_>) {
+        // What finds no room there is counted by the terminal.
+        let _ = self.poster(messenger).write_fmt(text);
+    }
+}
+
+/// A message, in its handler: everything that a [call](mbox::Call) of the mailbox can do, and printing.
+pub struct Call<'c> {
+    pub(crate) call: &'c mbox::Call<'c>,
+    pub(crate) screen: Option<&'c dyn Screen>,
+}
+
+impl<'c> Deref for Call<'c> {
+    type Target = mbox::Call<'c>;
+
+    fn deref(&self) -> &mbox::Call<'c> {
+        self.call
+    }
+}
+
+impl Call<'_> {
+    /// Prints on the program's terminal, and never waits; without a terminal, nowhere.
+    pub fn print(&self, text: fmt::Arguments<'_>) {
+        if let Some(screen) = self.screen {
+            screen.print(self.call, text);
+        }
+    }
+}
+
+/// One run of a loop: when it was due, and what it can do.
+pub struct Tick<'t> {
+    /// When it was due, in ticks of the machine's timer.
+    pub due: u64,
+    /// How many runs came before it; wraps.
+    pub number: u32,
+    pub(crate) messenger: &'t (dyn Messenger + Sync),
+    pub(crate) screen: Option<&'t dyn Screen>,
+}
+
+impl Tick<'_> {
+    /// Prints on the program's terminal, and never waits; without a terminal, nowhere.
+    pub fn print(&self, text: fmt::Arguments<'_>) {
+        if let Some(screen) = self.screen {
+            screen.print(self.messenger, text);
+        }
+    }
+
+    /// Sends a message without reply, if there is room for it now.
+    ///
+    /// # Errors
+    /// Those of [`Messenger::send`]; [`mbox::Error::NoSlot`] if there is no room.
+    pub fn send(&self, to: Processor, vector: Vector, data: u32) -> Result<(), mbox::Error> {
+        self.messenger.send(to, vector, data, Duration::ZERO)
+    }
+}
+
+/// What the background of a running program has; loops interrupt it.
+pub struct Background<'b, M: Machine> {
+    pub(crate) machine: &'b M,
+    pub(crate) mailbox: &'b MailboxOf<'b, M>,
+    pub(crate) console: Option<&'b ConsoleOf<M>>,
+    pub(crate) area: Option<Area<FILES>>,
+    pub(crate) own: &'b Region<M::Window>,
+    pub(crate) loops: Option<&'b dyn Loops<Instant = u64>>,
+    pub(crate) names: &'b [&'b str],
+    pub(crate) reports: RefCell<(Instant, Option<LoopReports<M::Window, LOOPS>>)>,
+}
+
+impl<'b, M: Machine> Background<'b, M> {
+    /// The machine.
+    #[must_use]
+    pub const fn machine(&self) -> &'b M {
+        self.machine
+    }
+
+    /// The mailbox, which has joined.
+    #[must_use]
+    pub const fn mailbox(&self) -> &'b MailboxOf<'b, M> {
+        self.mailbox
+    }
+
+    /// The terminal, to read from and to write to.
+    ///
+    /// # Errors
+    /// [`Error::Missing`].
+    pub fn console(&self) -> Result<&'b ConsoleOf<M>, Error> {
+        self.console.ok_or(Error::Missing { what: "console" })
+    }
+
+    /// Prints on the program's terminal; without a terminal, nowhere.
+    pub fn print(&self, text: fmt::Arguments<'_>) {
+        if let Some(console) = self.console {
+            // What finds no room there is counted by the terminal.
+            let _ = console.console(self.mailbox).write_fmt(text);
+        }
+    }
+
+    /// The host's files.
+    ///
+    /// # Errors
+    /// [`Error::Missing`]; those of [`FileSystem::connect`].
+    pub fn files(&self) -> Result<FilesOf<'b, M>, Error> {
+        let area = self.area.ok_or(Error::Missing { what: "files" })?;
+        let (own, server) = (self.own.clone(), numbers::FILES);
+        Ok(FileSystem::connect(
+            self.mailbox,
+            server,
+            own,
+            area,
+            FILES_TIMEOUT,
+        )?)
+    }
+
+    /// The counts of a loop at this moment, by its name.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] if there are no loops, [`LoopError::NoSuchLoop`].
+    pub fn statistics(&self, name: &str) -> Result<Statistics, Error> {
+        let (loops, id) = self.servo(name)?;
+        Ok(loops.statistics(id)?)
+    }
+
+    /// Gives a loop another rate, while all run on.
+    ///
+    /// # Errors
+    /// As [`statistics`](Self::statistics); [`LoopError::Rate`].
+    pub fn set_rate(&self, name: &str, rate: Rate) -> Result<(), Error> {
+        let (loops, id) = self.servo(name)?;
+        Ok(loops.set_rate(id, rate)?)
+    }
+
+    /// Has a loop released, or not any more.
+    ///
+    /// # Errors
+    /// As [`statistics`](Self::statistics).
+    pub fn set_enabled(&self, name: &str, enabled: bool) -> Result<(), Error> {
+        let (loops, id) = self.servo(name)?;
+        Ok(if enabled {
+            loops.enable(id)
+        } else {
+            loops.disable(id)
+        }?)
+    }
+
+    /// Whether the program is to end.
+    #[must_use]
+    pub fn is_stopping(&self) -> bool {
+        self.machine.is_stopping()
+    }
+
+    /// Waits for messages, for at most `time`, and has them served; shows the counts of the loops.
+    ///
+    /// # Errors
+    /// [`mbox::Error::Window`] if the own memory is gone.
+    pub fn serve(&self, time: Duration) -> Result<(), Error> {
+        let bell = self.machine.doorbell();
+        if M::MAIL_INTERRUPTS {
+            bell.wait(bell.prepare(), bell.now().after(time), None);
+        } else {
+            self.mailbox.serve(time)?;
+        }
+        let now = bell.now();
+        if let Ok(mut reports) = self.reports.try_borrow_mut()
+            && now.ns_since(reports.0) >= REPORT_NS
+        {
+            reports.0 = now;
+            self.show(&mut reports.1)?;
+        }
+        Ok(())
+    }
+
+    fn servo(&self, name: &str) -> Result<(&'b dyn Loops<Instant = u64>, LoopId), Error> {
+        let loops = self.loops.ok_or(Error::Missing { what: "servo" })?;
+        let place = self.names.iter().position(|known| *known == name);
+        let no_such = LoopError::NoSuchLoop {
+            id: LoopId(u8::MAX),
+            loops: self.names.len() as u8,
+        };
+        Ok((loops, LoopId(place.ok_or(no_such)? as u8)))
+    }
+
+    pub(crate) fn show(
+        &self,
+        reports: &mut Option<LoopReports<M::Window, LOOPS>>,
+    ) -> Result<(), Error> {
+        if let (Some(reports), Some(loops)) = (reports, self.loops) {
+            for number in 0..self.names.len() {
+                reports.publish(number, &loops.statistics(LoopId(number as u8))?)?;
+            }
+        }
+        Ok(())
+    }
+}
