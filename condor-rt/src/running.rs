@@ -159,6 +159,15 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok(loops.statistics(id)?)
     }
 
+    /// Sets the counts and times of a loop to 0.
+    ///
+    /// # Errors
+    /// As [`statistics`](Self::statistics).
+    pub fn reset_statistics(&self, name: &str) -> Result<(), Error> {
+        let (loops, id) = self.servo(name)?;
+        Ok(loops.reset_statistics(id)?)
+    }
+
     /// Gives a loop another rate, while all run on.
     ///
     /// # Errors
@@ -198,12 +207,21 @@ impl<'b, M: Machine> Background<'b, M> {
         } else {
             self.mailbox.serve(time)?;
         }
-        let now = bell.now();
+        self.show()
+    }
+
+    /// Shows the counts of the loops to whoever watches, if that is due: for a background that never
+    /// [serves](Self::serve).
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn show(&self) -> Result<(), Error> {
+        let now = self.machine.doorbell().now();
         if let Ok(mut reports) = self.reports.try_borrow_mut()
             && now.ns_since(reports.0) >= REPORT_NS
         {
             reports.0 = now;
-            self.show(&mut reports.1)?;
+            self.show_now(&mut reports.1)?;
         }
         Ok(())
     }
@@ -218,7 +236,7 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok((loops, LoopId(place.ok_or(no_such)? as u8)))
     }
 
-    pub(crate) fn show(
+    pub(crate) fn show_now(
         &self,
         reports: &mut Option<LoopReports<M::Window, LOOPS>>,
     ) -> Result<(), Error> {

@@ -6,7 +6,7 @@ use core::time::Duration;
 use condor_fs::Area;
 use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, AccessError, Clock as _, MemoryWindow, Messenger as _};
-use condor_mbox::{Places, Published, Region, Vector};
+use condor_mbox::{Places, Published, Region, Vector, Waiting};
 use condor_mos::{Loops, Overrun, Rate};
 use condor_tty::{Terminal, Vectors};
 use heapless::Vec;
@@ -49,6 +49,7 @@ pub struct Setup<'e, M: Machine> {
     directory: Directory<M::Window>,
     console: Option<ConsoleOf<M>>,
     area: Option<Area<FILES>>,
+    waiting: Waiting,
     handlers: List<(Vector, &'e str, Handler<'e>), HANDLERS>,
     loops: List<Loop<'e>, LOOPS>,
     wrong: Option<Error>,
@@ -77,10 +78,17 @@ impl<'e, M: Machine> Setup<'e, M> {
             directory,
             console: None,
             area: None,
+            waiting: machine.waiting(),
             handlers: List::new(),
             loops: List::new(),
             wrong: None,
         })
+    }
+
+    /// The machine whose program this is.
+    #[must_use]
+    pub const fn machine(&self) -> &'e M {
+        self.machine
     }
 
     /// Gives the program a terminal, `console`.
@@ -104,6 +112,12 @@ impl<'e, M: Machine> Setup<'e, M> {
             .enter("console", Kind::Terminal, offset, SHOWN_BYTES)?;
         self.console = Some(terminal);
         Ok(self)
+    }
+
+    /// Has the mailbox wait in another way than the machine's.
+    pub const fn waiting(&mut self, waiting: Waiting) -> &mut Self {
+        self.waiting = waiting;
+        self
     }
 
     /// Lets the background open the host's files.
@@ -196,9 +210,16 @@ impl<'e, M: Machine> Setup<'e, M> {
     ///
     /// # Errors
     /// What was wrong with the setup; those of the mailbox and of the loops; `background`'s.
-    pub fn background<R>(
+    pub fn background<R, E: From<Error>>(
         &mut self,
-        background: impl FnOnce(&Background<'_, M>) -> Result<R, Error>,
+        background: impl FnOnce(&Background<'_, M>) -> Result<R, E>,
+    ) -> Result<R, E> {
+        self.run_with(background)?
+    }
+
+    fn run_with<R>(
+        &mut self,
+        background: impl FnOnce(&Background<'_, M>) -> R,
     ) -> Result<R, Error> {
         if let Some(wrong) = self.wrong.take() {
             return Err(wrong);
@@ -218,6 +239,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         let typed = |call: &mbox::Call<'_>| console.map_or(0, |console| console.receive(call));
         let open_files = area.map(Area::handler);
         let mut mailbox = machine.mailbox()?;
+        mailbox.set_waiting(self.waiting);
         if console.is_some() {
             mailbox.set_vector(Vectors::DEFAULT.input, &typed, "terminal input")?;
             mailbox.set_vector(Vectors::DEFAULT.room, &typed, "terminal room")?;
@@ -264,9 +286,8 @@ impl<'e, M: Machine> Setup<'e, M> {
                 names: &names,
                 reports: RefCell::new((machine.doorbell().now(), reports)),
             };
-            running.show(&mut running.reports.borrow_mut().1)?;
-            let outcome = background(&running)?;
-            Ok(outcome)
+            running.show_now(&mut running.reports.borrow_mut().1)?;
+            Ok(background(&running))
         };
         let serve = || {
             // What is wrong with the own memory, the background finds out.

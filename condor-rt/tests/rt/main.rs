@@ -3,6 +3,7 @@
 mod hostile_words;
 mod linux_conforms;
 mod one_text;
+mod setup;
 mod sim;
 mod sim_conforms;
 mod sim_files;

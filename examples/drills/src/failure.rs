@@ -1,10 +1,5 @@
 //! [`Failure`]: why a drill ends before its time.
 
-use condor_mbox::AccessError;
-use condor_mos::{LoopError, RateError, StartError};
-use condor_rt::directory::DirectoryError;
-use condor_tty::TerminalError;
-
 /// Why a drill ends before its time, or has not gone well.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -15,27 +10,9 @@ pub enum Failure {
         /// What is expected.
         expected: &'static str,
     },
-    /// The memory.
+    /// What the program was set up of.
     #[error(transparent)]
-    Access(#[from] AccessError),
-    /// The directory.
-    #[error(transparent)]
-    Directory(#[from] DirectoryError),
-    /// The terminal.
-    #[error(transparent)]
-    Terminal(#[from] TerminalError),
-    /// The mailbox.
-    #[error(transparent)]
-    Mailbox(#[from] condor_mbox::Error),
-    /// The loops.
-    #[error(transparent)]
-    Loop(#[from] LoopError),
-    /// Their rates.
-    #[error(transparent)]
-    Rate(#[from] RateError),
-    /// Their start.
-    #[error(transparent)]
-    Start(#[from] StartError),
+    Setup(condor_rt::Error),
     /// Somebody is not ready in time.
     #[error("processor {processor} is not ready in time")]
     Late {
@@ -45,4 +22,11 @@ pub enum Failure {
     /// Something was counted that must not be.
     #[error("something is wrong; see the counts")]
     Wrong,
+}
+
+/// What condor-rt has errors of.
+impl<E: Into<condor_rt::Error>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Setup(error.into())
+    }
 }

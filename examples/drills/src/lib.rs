@@ -10,7 +10,6 @@
 
 #[cfg(feature = "alone")]
 pub mod alone;
-pub mod ground;
 pub mod instructions;
 pub mod stack;
 pub mod stress;
@@ -18,12 +17,14 @@ pub mod table;
 
 mod arguments;
 mod failure;
+mod published;
 
-use condor_mbox::{Call, Messenger};
-use condor_rt::Machine;
+use core::time::Duration;
+
+use condor_rt::{Machine, Setup};
 
 pub use failure::Failure;
-pub use ground::published;
+pub use published::published;
 pub use stress::Stress;
 pub use table::{Echo, Table};
 
@@ -32,12 +33,9 @@ pub use table::{Echo, Table};
 /// # Errors
 /// What is missing for that.
 pub fn joined<M: Machine>(machine: &M, body: impl FnOnce()) -> Result<(), Failure> {
-    let ground = ground::Ground::<M>::new(machine)?;
-    let terminal = ground.terminal;
-    let typed = |call: &Call<'_>| terminal.receive(call);
-    let mut mailbox = ground::mailbox(machine, &typed)?;
-    mailbox.join()?;
-    mailbox.serve(core::time::Duration::from_millis(100))?;
-    body();
-    Ok(())
+    Setup::new(machine)?.console()?.background(|background| {
+        background.serve(Duration::from_millis(100))?;
+        body();
+        Ok(())
+    })
 }

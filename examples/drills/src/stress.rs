@@ -9,21 +9,20 @@
 
 mod tally;
 
-use core::fmt::Write as _;
+use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use core::time::Duration;
 
 use condor_mbox::published::Publisher;
 use condor_mbox::{
-    Call, Clock as _, Doorbell as _, Error, Instant, Messenger, Processor, Region, Ticket,
+    Clock as _, Doorbell as _, Error, Instant, Messenger, Processor, Region, Ticket,
 };
-use condor_mos::{Clock as TickClock, LoopId, Loops, Overrun, Rate, Scan, Scheduler, Timer as _};
-use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, Program};
+use condor_mos::Rate;
+use condor_rt::{Background, Machine, Program, Setup, users};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
 use crate::failure::Failure;
-use crate::ground::{self, Console, Ground};
+use crate::published;
 use tally::{ASK, Counts, NOTE, TICK, Tally};
 
 /// The name under which a [`Verdict`] is published.
@@ -33,6 +32,7 @@ pub const NAME: &str = "verdict";
 const PATIENCE: Duration = Duration::from_secs(30);
 /// How long a look for messages waits.
 const NAP: Duration = Duration::from_millis(5);
+const LOOPS: [&str; 2] = ["fast", "slow"];
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
 /// How deep a message with a reply is asked back.
 const DEPTH: u32 = 2;
@@ -80,67 +80,59 @@ impl<F: Fn() -> u32> Program for Stress<F> {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
         let peers = Peers::of(machine, "peers")?;
         let seconds = arguments::number(machine, "seconds", 60)?;
-        let mut ground = Ground::<M>::new(machine)?;
-        let counts = ground.publish::<Counts>(tally::NAME)?;
-        let verdict = ground.publish::<Verdict>(NAME)?;
-        let Ground {
-            own,
-            mut places,
-            mut directory,
-            terminal,
-        } = ground;
-        let reports = LoopReports::new(&own, &mut places, &mut directory, ["fast", "slow"])?;
-
+        let mut setup = Setup::new(machine)?;
+        let counts = setup.publish::<Counts>(tally::NAME)?;
+        let verdict = setup.publish::<Verdict>(NAME)?;
         let tally = Tally::default();
-        let typed = |call: &Call<'_>| terminal.receive(call);
-        let note = |call: &Call<'_>| tally.note(call);
-        let tick = |call: &Call<'_>| tally.tick(call);
-        let ask = |call: &Call<'_>| tally.answer(call, PATIENCE);
-        let mut mailbox = ground::mailbox(machine, &typed)?;
-        mailbox.set_vector(NOTE, &note, "note")?;
-        mailbox.set_vector(TICK, &tick, "tick")?;
-        mailbox.set_vector(ASK, &ask, "ask")?;
-        mailbox.join()?;
-        mailbox.ring_always(true)?;
-
-        let running = Running {
-            machine,
-            mailbox: &mailbox,
-            tally: &tally,
-            peers,
-            terminal: &terminal,
-        };
-        let serve = || {
-            // What is wrong with the own memory, the background finds out.
-            let _ = mailbox.serve(Duration::ZERO);
-        };
-        machine.with_mail(serve, || {
-            running.all(seconds, counts, verdict, reports, &self.0)
-        })
+        // Loops send while the background does.
+        let sends = AtomicBool::new(false);
+        let sum = compute();
+        setup
+            .console()?
+            .on(NOTE, "note", &|call| tally.note(call))
+            .on(TICK, "tick", &|call| tally.tick(call))
+            .on(ASK, "ask", &|call| tally.answer(call, PATIENCE))
+            .servo(LOOPS[0], RATES[0], &mut |tick| {
+                if let Some(peer) = peers.nth(tick.number).filter(|_| sends.load(Relaxed)) {
+                    let number = tally.next_tick(peer);
+                    // Where there is no room, it is sent another time.
+                    if tick.send(peer, TICK, number).is_ok() {
+                        tally.tick_sent(peer, number);
+                    }
+                }
+            })
+            .servo(LOOPS[1], RATES[1], &mut |_| tally.check(compute() == sum))
+            .background(|background| {
+                let running = Running {
+                    background,
+                    tally: &tally,
+                    peers,
+                    sends: &sends,
+                };
+                running.all(seconds, counts, verdict, &self.0)
+            })
     }
 }
 
 /// The parts of a drill that runs.
-struct Running<'r, 'v, M: Machine> {
-    machine: &'r M,
-    mailbox: &'r MailboxOf<'v, M>,
+struct Running<'r, M: Machine> {
+    background: &'r Background<'r, M>,
     tally: &'r Tally,
     peers: Peers,
-    terminal: &'r Console<M>,
+    sends: &'r AtomicBool,
 }
 
-impl<M: Machine> Running<'_, '_, M> {
+impl<M: Machine> Running<'_, M> {
     fn all(
         &self,
         seconds: u32,
         mut counts: Publisher<Counts, Region<M::Window>>,
         mut published: Publisher<Verdict, Region<M::Window>>,
-        mut reports: LoopReports<M::Window, 2>,
         stack: &impl Fn() -> u32,
     ) -> Result<(), Failure> {
         counts.publish(&self.tally.counts(tally::JOINED))?;
         self.meet(tally::JOINED)?;
-        let mut verdict = self.loops(seconds, &mut reports)?;
+        let mut verdict = self.send_all(seconds)?;
         counts.publish(&self.tally.counts(tally::SENT))?;
         self.meet(tally::SENT)?;
         let missing = self.receive_rest()?;
@@ -152,9 +144,8 @@ impl<M: Machine> Running<'_, '_, M> {
         verdict.stack = stack();
         self.tally.fill(&mut verdict);
         published.publish(&verdict)?;
-        let _ = writeln!(
-            self.terminal.console(self.mailbox),
-            "{} notes, {} ticks, {} calls, {} nested; {} wrong, drift {:?}, skipped {:?}",
+        self.background.print(format_args!(
+            "{} notes, {} ticks, {} calls, {} nested; {} wrong, drift {:?}, skipped {:?}\n",
             verdict.notes,
             verdict.ticks,
             verdict.calls,
@@ -162,7 +153,7 @@ impl<M: Machine> Running<'_, '_, M> {
             verdict.wrong,
             verdict.drift,
             verdict.skipped,
-        );
+        ));
         // Those who still compare need what is here.
         counts.publish(&self.tally.counts(tally::COMPARED))?;
         self.meet(tally::COMPARED)?;
@@ -173,88 +164,59 @@ impl<M: Machine> Running<'_, '_, M> {
     }
 
     /// Sends from background and loops, until the time is over.
-    fn loops(
-        &self,
-        seconds: u32,
-        reports: &mut LoopReports<M::Window, 2>,
-    ) -> Result<Verdict, Failure> {
-        let (machine, tally) = (self.machine, self.tally);
-        let platform = machine.platform();
-        let table = Scan::try_new(&RATES, TickClock::of::<u64>(platform.frequency()))?;
-        let scheduler: Scheduler<_, 2, 0> = Scheduler::new(platform, table);
-        let mut turn = 0_u32;
-        let mut fast = |_| {
-            turn = turn.wrapping_add(1);
-            if let Some(peer) = self.peers.nth(turn) {
-                let number = tally.next_tick(peer);
-                // Where there is no room, it is sent another time.
-                if self
-                    .mailbox
-                    .send(peer, TICK, number, Duration::ZERO)
-                    .is_ok()
-                {
-                    tally.tick_sent(peer, number);
-                }
-            }
-        };
-        let sum = compute();
-        let mut slow = |_| tally.check(compute() == sum);
+    fn send_all(&self, seconds: u32) -> Result<Verdict, Failure> {
+        let machine = self.background.machine();
         let clock = machine.doorbell();
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut fast)?;
-            scope.assign(LoopId(1), Overrun::Skip, &mut slow)?;
-            // The loops begin between this and the background.
-            let before = clock.now();
-            let background = || {
-                let begun = clock.now();
-                let end = begun.after(Duration::from_secs(seconds.into()));
-                let mut shown = clock.now();
-                while clock.now() < end && !machine.is_stopping() {
-                    for peer in self.peers.iter() {
-                        self.note(peer)?;
-                        self.ask(peer)?;
-                    }
-                    tally.check(compute() == sum);
-                    if clock.now().ns_since(shown) > 50_000_000 {
-                        shown = clock.now();
-                        for number in 0..2 {
-                            let counts = scheduler.statistics(LoopId(number as u8))?;
-                            reports.publish(number, &counts)?;
-                        }
-                    }
-                }
-                let mut verdict = Verdict::default();
-                for (number, rate) in RATES.into_iter().enumerate() {
-                    // The first release is that of the start.
-                    let due = |since: Instant| {
-                        let passed = clock.now().ns_since(since);
-                        1 + passed * u64::from(rate.numerator()) / 1_000_000_000
-                    };
-                    // A release that is only late is made up for now.
-                    let (first, deadline) = (due(begun), clock.now().after(PATIENCE));
-                    let mut counts = scheduler.statistics(LoopId(number as u8))?;
-                    while counts.released < first && clock.now() < deadline {
-                        counts = scheduler.statistics(LoopId(number as u8))?;
-                    }
-                    let ahead = counts.released.saturating_sub(due(before));
-                    let behind = first.saturating_sub(counts.released);
-                    reports.publish(number, &counts)?;
-                    verdict.set_loop(number, &counts, ahead.max(behind) as u32);
-                }
-                if arguments::is_there(machine, "exact") {
-                    verdict.wrong = verdict.skipped.iter().sum();
-                }
-                Ok(verdict)
+        // Loops that ran while others were still being started were held up.
+        let before = clock.now();
+        for name in LOOPS {
+            self.background.reset_statistics(name)?;
+        }
+        let begun = clock.now();
+        self.sends.store(true, Relaxed);
+        let end = begun.after(Duration::from_secs(seconds.into()));
+        let sum = compute();
+        while clock.now() < end && !machine.is_stopping() {
+            for peer in self.peers.iter() {
+                self.note(peer)?;
+                self.ask(peer)?;
+            }
+            self.tally.check(compute() == sum);
+            self.background.show()?;
+        }
+        self.sends.store(false, Relaxed);
+        let mut verdict = Verdict::default();
+        for (number, (name, rate)) in LOOPS.into_iter().zip(RATES).enumerate() {
+            let due = |since: Instant| {
+                let passed = clock.now().ns_since(since);
+                passed * u64::from(rate.numerator()) / 1_000_000_000
             };
-            scheduler.run(background)?
-        })
+            // A release that is only late is made up for now.
+            let (first, deadline) = (due(begun), clock.now().after(PATIENCE));
+            let mut counts = self.background.statistics(name)?;
+            while counts.released < first && clock.now() < deadline {
+                counts = self.background.statistics(name)?;
+            }
+            // One more than the periods that have passed may be due.
+            let ahead = counts.released.saturating_sub(due(before) + 1);
+            let behind = first.saturating_sub(counts.released);
+            verdict.set_loop(number, &counts, ahead.max(behind) as u32);
+        }
+        if arguments::is_there(machine, "exact") {
+            verdict.wrong = verdict.skipped.iter().sum();
+        }
+        Ok(verdict)
     }
 
     /// A message without reply.
     fn note(&self, peer: Processor) -> Result<(), Failure> {
         let number = self.tally.next_note(peer);
         self.until(peer, || {
-            match self.mailbox.send(peer, NOTE, number, Duration::ZERO) {
+            match self
+                .background
+                .mailbox()
+                .send(peer, NOTE, number, Duration::ZERO)
+            {
                 Ok(()) => Ok(Some(())),
                 Err(Error::NoSlot { .. }) => Ok(None),
                 Err(error) => Err(error),
@@ -270,7 +232,11 @@ impl<M: Machine> Running<'_, '_, M> {
         let mut ticket: Option<Ticket<'_>> = None;
         let reply = self.until(peer, || {
             let Some(ticket) = &mut ticket else {
-                match self.mailbox.begin(peer, ASK, question, Duration::ZERO) {
+                match self
+                    .background
+                    .mailbox()
+                    .begin(peer, ASK, question, Duration::ZERO)
+                {
                     Ok(begun) => ticket = Some(begun),
                     Err(Error::NoSlot { .. }) => {}
                     Err(error) => return Err(error),
@@ -289,7 +255,7 @@ impl<M: Machine> Running<'_, '_, M> {
         peer: Processor,
         mut attempt: impl FnMut() -> Result<Option<R>, Error>,
     ) -> Result<R, Failure> {
-        let clock = self.machine.doorbell();
+        let clock = self.background.machine().doorbell();
         let deadline = clock.now().after(PATIENCE);
         loop {
             if let Some(result) = attempt()? {
@@ -303,10 +269,10 @@ impl<M: Machine> Running<'_, '_, M> {
     }
 
     fn look(&self, nap: Duration) -> Result<(), Failure> {
-        let bell = self.machine.doorbell();
+        let bell = self.background.machine().doorbell();
         let seen = bell.prepare();
         // With an interrupt, whatever comes is served before the wait returns.
-        if M::MAIL_INTERRUPTS || self.mailbox.serve(Duration::ZERO)? == 0 {
+        if M::MAIL_INTERRUPTS || self.background.mailbox().serve(Duration::ZERO)? == 0 {
             bell.wait(seen, bell.now().after(nap), None);
         }
         Ok(())
@@ -314,16 +280,16 @@ impl<M: Machine> Running<'_, '_, M> {
 
     /// Waits until all peers have come as far.
     fn meet(&self, state: u32) -> Result<(), Failure> {
-        let clock = self.machine.doorbell();
+        let clock = self.background.machine().doorbell();
         for peer in self.peers.iter() {
-            let region = ground::users(self.machine, peer.0)?;
+            let region = users(self.background.machine(), peer)?;
             let deadline = clock.now().after(PATIENCE);
             loop {
-                let counts: Option<Counts> = ground::published(&region, tally::NAME)?;
+                let counts: Option<Counts> = published(&region, tally::NAME)?;
                 let is_far = counts.is_some_and(|counts| counts.state >= state);
                 let is_up = state > tally::JOINED
                     || matches!(
-                        self.mailbox.peer_state(peer)?,
+                        self.background.mailbox().peer_state(peer)?,
                         condor_mbox::PeerState::Up {
                             connected: true,
                             ..
@@ -343,14 +309,14 @@ impl<M: Machine> Running<'_, '_, M> {
 
     /// Receives what is still on its way; how many messages are missing in the end.
     fn receive_rest(&self) -> Result<u32, Failure> {
-        let clock = self.machine.doorbell();
+        let clock = self.background.machine().doorbell();
         let deadline = clock.now().after(PATIENCE);
-        let me = self.machine.number();
+        let me = self.background.machine().number();
         loop {
             let mut missing = 0_u32;
             for peer in self.peers.iter() {
-                let region = ground::users(self.machine, peer.0)?;
-                let sent: Option<Counts> = ground::published(&region, tally::NAME)?;
+                let region = users(self.background.machine(), peer)?;
+                let sent: Option<Counts> = published(&region, tally::NAME)?;
                 let sent = sent.ok_or(Failure::Late { processor: peer.0 })?;
                 missing = missing.saturating_add(self.tally.missing(me, peer, &sent));
             }

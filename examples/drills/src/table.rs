@@ -4,16 +4,16 @@
 //! measured. Each of them runs [`Echo`], or [`Table`], which answers, too. With the argument `sleep` a
 //! processor never looks again and again for what comes, but sleeps until it is rung.
 
-use core::fmt::Write as _;
 use core::time::Duration;
 
-use condor_mbox::{Call, Clock as _, Messenger, PeerState, Processor, Vector, Waiting};
-use condor_rt::{Machine, MailboxOf, PROCESSORS, Program};
+use condor_mbox::published::Publisher;
+use condor_mbox::{Clock as _, Messenger, PeerState, Processor, Region, Vector, Waiting};
+use condor_rt::{Background, Machine, MailboxOf, PROCESSORS, Program, Setup, users};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
 use crate::failure::Failure;
-use crate::ground::{self, Ground};
+use crate::published;
 
 /// The name under which [`Times`] are published.
 pub const NAME: &str = "times";
@@ -47,7 +47,7 @@ impl Program for Echo {
     type Error = Failure;
 
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
-        with_mailbox(machine, |mailbox, _, _| attend(machine, mailbox))
+        with_mailbox(machine, |background, _| attend(background))
     }
 }
 
@@ -58,11 +58,12 @@ impl Program for Table {
         let peers = Peers::of(machine, "to")?;
         let before = Peers::of(machine, "after")?;
         let rounds = arguments::number(machine, "rounds", 1000)?;
-        with_mailbox(machine, |mailbox, mut publisher, say| {
+        with_mailbox(machine, |background, mut publisher| {
+            let mailbox = background.mailbox();
             let mut times = Times::default();
             wait(machine, mailbox, before, |processor| {
-                let region = ground::users(machine, processor.0)?;
-                let times: Option<Times> = ground::published(&region, NAME)?;
+                let region = users(machine, processor)?;
+                let times: Option<Times> = published(&region, NAME)?;
                 Ok(times.is_some_and(|times| times.is_complete == 1))
             })?;
             wait(machine, mailbox, peers, |processor| {
@@ -82,51 +83,38 @@ impl Program for Table {
                         *cell = value;
                     }
                 }
-                say(peer, sent, replied);
+                background.print(format_args!(
+                    "to processor {}: {sent} ns, with reply {replied} ns\n",
+                    peer.0
+                ));
             }
             times.is_complete = 1;
             publisher.publish(&times)?;
-            attend(machine, mailbox)
+            attend(background)
         })
     }
 }
 
-/// Runs `body` with a mailbox that answers.
+/// Runs `body` in the background of a program that answers.
 fn with_mailbox<M: Machine>(
     machine: &M,
-    body: impl FnOnce(
-        &MailboxOf<'_, M>,
-        condor_mbox::published::Publisher<Times, condor_mbox::Region<M::Window>>,
-        &dyn Fn(Processor, u32, u32),
-    ) -> Result<(), Failure>,
+    body: impl FnOnce(&Background<'_, M>, Publisher<Times, Region<M::Window>>) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    let mut ground = Ground::<M>::new(machine)?;
-    let publisher = ground.publish::<Times>(NAME)?;
-    let terminal = ground.terminal;
-    let typed = |call: &Call<'_>| terminal.receive(call);
-    let nothing = |_: &Call<'_>| 0;
-    let increment = |call: &Call<'_>| call.data().wrapping_add(1);
-    let mut mailbox = ground::mailbox(machine, &typed)?;
-    mailbox.set_vector(NOTHING, &nothing, "nothing")?;
-    mailbox.set_vector(INCREMENT, &increment, "increment")?;
+    let mut setup = Setup::new(machine)?;
+    let publisher = setup.publish::<Times>(NAME)?;
     if arguments::is_there(machine, "sleep") {
-        mailbox.set_waiting(Waiting::Sleep);
+        setup.waiting(Waiting::Sleep);
     }
-    mailbox.join()?;
-    let say = |peer: Processor, sent, replied| {
-        // What finds no room there is counted by the terminal.
-        let _ = writeln!(
-            terminal.console(&mailbox),
-            "to processor {}: {sent} ns, with reply {replied} ns",
-            peer.0
-        );
-    };
-    body(&mailbox, publisher, &say)
+    setup
+        .console()?
+        .on(NOTHING, "nothing", &|_| 0)
+        .on(INCREMENT, "increment", &|call| call.data().wrapping_add(1))
+        .background(|background| body(background, publisher))
 }
 
-fn attend<M: Machine>(machine: &M, mailbox: &MailboxOf<'_, M>) -> Result<(), Failure> {
-    while !machine.is_stopping() {
-        mailbox.serve(NAP)?;
+fn attend<M: Machine>(background: &Background<'_, M>) -> Result<(), Failure> {
+    while !background.is_stopping() {
+        background.serve(NAP)?;
     }
     Ok(())
 }

@@ -10,9 +10,8 @@ use core::time::Duration;
 use board::{Hart, HartTimer, MTIME, stack};
 use condor_mbox::{Call, Clock as _, Messenger, Processor, Vector};
 use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler};
-use condor_rt::{Machine as _, MailboxOf};
+use condor_rt::{Machine as _, MailboxOf, Setup};
 use drills::Failure;
-use drills::ground::{self, Ground};
 use drills::stack::{Depths, NAME, NESTED};
 
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
@@ -36,14 +35,12 @@ const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Measures, and publishes what came out.
 pub(crate) fn run(hart: &Hart) -> Result<(), Failure> {
-    let mut ground = Ground::<Hart>::new(hart)?;
-    let mut publisher = ground.publish::<Depths>(NAME)?;
-    let terminal = ground.terminal;
+    // Its own mailbox, loops and interrupts: a level is to be what it is alone.
+    let mut publisher = Setup::new(hart)?.publish::<Depths>(NAME)?;
     let state = State::default();
-    let typed = |call: &Call<'_>| terminal.receive(call);
     let ask = |call: &Call<'_>| state.answer(hart, call);
     let tick = |_: &Call<'_>| 0;
-    let mut mailbox = ground::mailbox(hart, &typed)?;
+    let mut mailbox = hart.mailbox()?;
     mailbox.set_vector(ASK, &ask, "ask")?;
     mailbox.set_vector(TICK, &tick, "tick")?;
     mailbox.join()?;

@@ -12,9 +12,8 @@ use core::time::Duration;
 use board::{Hart, MTIME};
 use condor_mbox::{Call, Messenger, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer as _};
-use condor_rt::{Machine as _, MailboxOf};
+use condor_rt::{Machine as _, MailboxOf, Setup};
 use drills::Failure;
-use drills::ground::{self, Ground};
 use drills::instructions::{Counts, NAME};
 
 const LOOPS: usize = 3;
@@ -70,16 +69,14 @@ global_asm!(
 
 /// Counts, and publishes what came out.
 pub(crate) fn run(hart: &Hart) -> Result<(), Failure> {
-    let mut ground = Ground::<Hart>::new(hart)?;
-    let mut publisher = ground.publish::<Counts>(NAME)?;
+    // Its own mailbox and loops: what they take alone is counted.
+    let mut publisher = Setup::new(hart)?.publish::<Counts>(NAME)?;
     let mut counts = Counts::default();
     known(hart, &mut counts);
     releases(hart, &mut counts)?;
 
-    let terminal = ground.terminal;
-    let typed = |call: &Call<'_>| terminal.receive(call);
     let increment = |call: &Call<'_>| call.data().wrapping_add(1);
-    let mut mailbox = ground::mailbox(hart, &typed)?;
+    let mut mailbox = hart.mailbox()?;
     mailbox.set_vector(INCREMENT, &increment, "increment")?;
     mailbox.join()?;
     messages(hart, &mailbox, &mut counts)?;

@@ -1,0 +1,31 @@
+//! What processors publish for each other.
+
+use condor_mbox::published::{ReadError, Subscriber};
+use condor_mbox::{MemoryWindow, Published, Region};
+use condor_rt::directory;
+use zerocopy::{FromBytes, IntoBytes};
+
+use crate::failure::Failure;
+
+/// What a processor has published under a name; `None` if it has not yet.
+///
+/// # Errors
+/// The memory's.
+pub fn published<T, W>(region: &Region<W>, name: &str) -> Result<Option<T>, Failure>
+where
+    T: FromBytes + IntoBytes,
+    W: MemoryWindow + Clone,
+{
+    let Some(entry) = directory::find(region, name)? else {
+        return Ok(None);
+    };
+    if entry.len < Published::<T>::BYTES {
+        return Ok(None);
+    }
+    let subscriber: Subscriber<T, _> = Published::at(entry.offset).subscriber(region.clone())?;
+    match subscriber.read() {
+        Ok(latest) => Ok(Some(latest.value)),
+        Err(ReadError::Access(error)) => Err(error.into()),
+        Err(_) => Ok(None),
+    }
+}
