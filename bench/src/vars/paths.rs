@@ -51,9 +51,12 @@ extern "Rust" fn condor_path_vars_wide(sampler: &mut Loop, tick: u64, values: &[
     begun && sampler.end(tick, Instant::from_ns(tick)).is_ok()
 }
 
+/// A tick by one of the paths; whether it went well.
+type Path = Box<dyn FnMut(&mut Loop, u64) -> bool>;
+
 /// Goes down a path so many times; `None` if there is none of this name.
 pub(crate) fn go(name: &str, calls: usize) -> Option<Result<()>> {
-    let mut path: Box<dyn FnMut(&mut Loop, u64) -> bool> = match name {
+    let mut path: Path = match name {
         "vars_idle" => Box::new(condor_path_vars_idle),
         "vars_narrow" => Box::new(|sampler, tick| {
             condor_path_vars_narrow(sampler, tick, black_box(&[tick as f32; SET]))

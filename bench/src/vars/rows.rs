@@ -103,8 +103,8 @@ fn sample<const SOURCES: usize>(sampler: &mut Loop<SOURCES>, tick: u64) -> Resul
 
 /// A loop with a watcher that has selected everything.
 fn begin<V: Watch, const SOURCES: usize>(variables: &'static [V]) -> Result<Loop<SOURCES>> {
-    let watched: Vec<&'static dyn Watch> = variables.iter().map(|it| it as _).collect();
-    let catalog = Catalog::new(Vec::leak(watched), &[]);
+    let shown: Vec<&'static dyn Watch> = variables.iter().map(|it| it as _).collect();
+    let catalog = Catalog::new(Vec::leak(shown), &[]);
     let region = System::<1>::family(BYTES)?
         .claim(Processor(0))?
         .region(Processor(0))?;
