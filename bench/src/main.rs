@@ -21,6 +21,7 @@ mod shuffle;
 mod swing;
 mod system;
 mod tty;
+mod vars;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -84,6 +85,11 @@ const COMMANDS: &[Command] = &[
         about: "blocks of condor-tty into memory beside memcpy, and into a pty beside write(2)",
         run: tty::run,
     },
+    Command {
+        name: "vars",
+        about: "rows of condor-vars beside memcpy, and instructions of a tick that nobody watches",
+        run: vars::run,
+    },
 ];
 
 /// Objects that peers allocate can be placed in shared memory; see [`mbox::arena`].
@@ -105,7 +111,8 @@ fn go_down_one_path(mut arguments: impl Iterator<Item = String>) -> ExitCode {
     let (Some(name), Some(calls)) = (name, calls) else {
         return ExitCode::from(2);
     };
-    match mbox::go(&name, calls).unwrap_or_else(|| dev::go(&name, calls)) {
+    let gone = mbox::go(&name, calls).or_else(|| vars::go(&name, calls));
+    match gone.unwrap_or_else(|| dev::go(&name, calls)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{error}");

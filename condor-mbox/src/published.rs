@@ -50,11 +50,9 @@ pub struct Published<T> {
 }
 
 impl<T> Published<T> {
-    const BUFFER: usize = (SEQUENCE_BYTES + size_of::<T>()).next_multiple_of(LINE as usize);
-
     /// Bytes of shared memory that the cell takes.
     pub const BYTES: u32 = {
-        let bytes = 2 * Self::BUFFER;
+        let bytes = 2 * buffer_bytes(size_of::<T>());
         assert!(bytes <= u32::MAX as usize, "no window is that large");
         bytes as u32
     };
@@ -81,12 +79,16 @@ impl<T> Published<T> {
     /// # Errors
     /// As [`MemoryWindow::load`] and [`MemoryWindow::check`].
     pub fn publisher<W: MemoryWindow>(self, window: W) -> Result<Publisher<T, W>, AccessError> {
-        let cell = Cell::new(self, window)?;
+        let cell = Cell::new(self.offset, size_of::<T>(), window)?;
         let next = match newest(cell.sequences()?) {
             Some(last) => successor(last),
             None => FIRST,
         };
-        Ok(Publisher { cell, next })
+        Ok(Publisher {
+            cell,
+            next,
+            of: PhantomData,
+        })
     }
 
     /// A reader of the cell.
@@ -95,8 +97,9 @@ impl<T> Published<T> {
     /// As [`MemoryWindow::check`].
     pub fn subscriber<W: MemoryWindow>(self, window: W) -> Result<Subscriber<T, W>, AccessError> {
         Ok(Subscriber {
-            cell: Cell::new(self, window)?,
+            cell: Cell::new(self.offset, size_of::<T>(), window)?,
             attempts: ATTEMPTS,
+            of: PhantomData,
         })
     }
 }
@@ -118,8 +121,9 @@ impl<T> fmt::Debug for Published<T> {
 /// The one writer of a [`Published`] cell.
 #[derive(Debug)]
 pub struct Publisher<T, W> {
-    cell: Cell<T, W>,
+    cell: Cell<W>,
     next: u32,
+    of: PhantomData<fn(T)>,
 }
 
 impl<T: IntoBytes + Immutable, W: MemoryWindow> Publisher<T, W> {
@@ -147,8 +151,9 @@ impl<T: IntoBytes + Immutable, W: MemoryWindow> Publisher<T, W> {
 /// A reader of a [`Published`] cell.
 #[derive(Debug)]
 pub struct Subscriber<T, W> {
-    cell: Cell<T, W>,
+    cell: Cell<W>,
     attempts: u32,
+    of: PhantomData<fn() -> T>,
 }
 
 impl<T, W> Subscriber<T, W> {
@@ -169,29 +174,24 @@ impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
     /// See [`ReadError`].
     pub fn read(&self) -> Result<Latest<T>, ReadError> {
         let mut value = T::new_zeroed();
-        for _ in 0..self.attempts {
-            let sequences = self.cell.sequences()?;
-            let Some(sequence) = newest(sequences) else {
-                // The first was looked at before the second: not even publication 1 was
-                // complete by then. Any other pair was caught in motion, or is garbage.
-                if sequences[0] == 0 && (sequences[1] == 0 || sequences[1] == writing(FIRST)) {
-                    return Err(ReadError::Unpublished);
-                }
-                continue;
-            };
-            let buffer = sequence % 2;
-            self.cell.read(buffer, value.as_mut_bytes())?;
-            // Pairs with the writer's fence: if a word of a later publication was copied, its
-            // mark is seen below.
-            fence(Ordering::Acquire);
-            if self.cell.sequence(buffer, LoadOrder::Relaxed)? == complete(sequence) {
-                return Ok(Latest { value, sequence });
-            }
-        }
-        Err(ReadError::Contended {
-            attempts: self.attempts,
-        })
+        let sequence = self.cell.latest(value.as_mut_bytes(), self.attempts)?;
+        Ok(Latest { value, sequence })
     }
+}
+
+/// Reads the value that was published last in the cell at `offset`, whose type only its writer knows;
+/// returns its sequence.
+///
+/// `value` has as many bytes as the writer's type.
+///
+/// # Errors
+/// See [`ReadError`].
+pub fn read_bytes<W: MemoryWindow>(
+    window: W,
+    offset: u32,
+    value: &mut [u8],
+) -> Result<u32, ReadError> {
+    Cell::new(offset, value.len(), window)?.latest(value, ATTEMPTS)
 }
 
 /// What a reader of a [`Published`] cell gets.
@@ -261,25 +261,60 @@ fn newest([even, odd]: [u32; 2]) -> Option<u32> {
 
 /// The shared words of a cell that is known to lie inside its window.
 #[derive(Debug)]
-struct Cell<T, W> {
+struct Cell<W> {
     window: W,
-    at: Published<T>,
+    offset: u32,
+    /// Bytes of a buffer.
+    buffer: u32,
 }
 
-impl<T, W: MemoryWindow> Cell<T, W> {
-    fn new(at: Published<T>, window: W) -> Result<Self, AccessError> {
-        AccessError::check(&window, at.offset, Published::<T>::BYTES as usize)?;
-        Ok(Self { window, at })
+/// Bytes of a buffer of the cell of a value of so many bytes.
+const fn buffer_bytes(value: usize) -> usize {
+    value
+        .saturating_add(SEQUENCE_BYTES)
+        .div_ceil(LINE as usize)
+        .saturating_mul(LINE as usize)
+}
+
+impl<W: MemoryWindow> Cell<W> {
+    fn new(offset: u32, value: usize, window: W) -> Result<Self, AccessError> {
+        let buffer = buffer_bytes(value);
+        AccessError::check(&window, offset, buffer.saturating_mul(2))?;
+        Ok(Self {
+            window,
+            offset,
+            buffer: buffer as u32,
+        })
+    }
+
+    /// Copies the latest value, of as many bytes as the cell was made for, and returns its sequence.
+    fn latest(&self, value: &mut [u8], attempts: u32) -> Result<u32, ReadError> {
+        for _ in 0..attempts {
+            let sequences = self.sequences()?;
+            let Some(sequence) = newest(sequences) else {
+                // The first was looked at before the second: not even publication 1 was
+                // complete by then. Any other pair was caught in motion, or is garbage.
+                if sequences[0] == 0 && (sequences[1] == 0 || sequences[1] == writing(FIRST)) {
+                    return Err(ReadError::Unpublished);
+                }
+                continue;
+            };
+            let buffer = sequence % 2;
+            self.read(buffer, value)?;
+            // Pairs with the writer's fence: if a word of a later publication was copied, its
+            // mark is seen below.
+            fence(Ordering::Acquire);
+            if self.sequence(buffer, LoadOrder::Relaxed)? == complete(sequence) {
+                return Ok(sequence);
+            }
+        }
+        Err(ReadError::Contended { attempts })
     }
 
     /// Offset of a buffer; inside the window, since the cell is.
     fn buffer(&self, buffer: u32) -> u32 {
-        let within = if buffer == 0 {
-            0
-        } else {
-            Published::<T>::BYTES / 2
-        };
-        self.at.offset.wrapping_add(within)
+        let within = if buffer == 0 { 0 } else { self.buffer };
+        self.offset.wrapping_add(within)
     }
 
     /// The sequence words of buffers 0 and 1, looked at in this order.

@@ -2,13 +2,14 @@
 
 use core::fmt;
 use core::marker::PhantomData;
+use core::sync::atomic::AtomicU32;
 
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::layout::{BELL_BYTES, LINE};
 use crate::published::Published;
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind, Words,
     check_access,
 };
 
@@ -195,6 +196,11 @@ impl<W: MemoryWindow> MemoryWindow for Region<W> {
             .map_err(|error| self.error(offset, 4, error.kind()))
     }
 
+    #[inline(always)]
+    fn words(&self) -> Option<Words<'_>> {
+        self.window.words()?.part(self.start, self.size)
+    }
+
     fn is_coherent(&self) -> bool {
         self.window.is_coherent()
     }
@@ -227,6 +233,14 @@ impl<W: MemoryWindow> MemoryWindow for Region<W> {
         self.window
             .write(self.at(offset), from)
             .map_err(|error| self.error(offset, from.len(), error.kind()))
+    }
+
+    fn write_words(&self, offset: u32, from: &[AtomicU32]) -> Result<(), AccessError> {
+        let len = size_of_val(from);
+        self.inside(offset, len)?;
+        self.window
+            .write_words(self.at(offset), from)
+            .map_err(|error| self.error(offset, len, error.kind()))
     }
 }
 

@@ -77,14 +77,14 @@ pub trait WindowError: Debug {
 /// |---|---|---|---|---|---|
 /// | `load` | the word | `OutOfBounds` | `Misaligned` | the word | `Lost` |
 /// | `store` | done | `OutOfBounds` | `Misaligned` | `ReadOnly` | `Lost` |
-/// | `read`, `write` of *n* > 0 bytes | all *n* | `OutOfBounds`, nothing copied | `Misaligned`, nothing copied | `write`: `ReadOnly` | `Lost`, a prefix may have been copied |
-/// | `read`, `write` of 0 bytes at an aligned offset ≤ `size` | nothing | `OutOfBounds` | `Misaligned` | nothing | nothing |
+/// | `read`, `write`, `write_words` of *n* > 0 bytes | all *n* | `OutOfBounds`, nothing copied | `Misaligned`, nothing copied | `write`: `ReadOnly` | `Lost`, a prefix may have been copied |
+/// | `read`, `write`, `write_words` of 0 bytes at an aligned offset ≤ `size` | nothing | `OutOfBounds` | `Misaligned` | nothing | nothing |
 ///
 /// # For implementers
 ///
 /// `load` and `store` must be single 32-bit atomic accesses with the given order; all accesses
 /// to the memory go through such words, because mixed-size atomic accesses are undefined
-/// behaviour. The provided `read` and `write` do so; override them only to be faster. An
+/// behaviour. The provided `read`, `write` and `write_words` do so; override them only to be faster. An
 /// access to memory that has gone must return `Lost`, never a signal or a trap. `size` never
 /// changes. Call [`conformance::window`](conformance/fn.window.html) from one test.
 ///
@@ -192,6 +192,20 @@ pub trait MemoryWindow {
         }
         Ok(())
     }
+
+    /// Copies words of the program's own memory into the window, each with `Relaxed` order.
+    ///
+    /// Other contexts of the program may write them meanwhile: each is then old or new.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write) of four bytes a word.
+    fn write_words(&self, offset: u32, from: &[AtomicU32]) -> Result<(), Self::Error> {
+        self.check(offset, size_of_val(from))?;
+        for (at, word) in (offset..).step_by(4).zip(from) {
+            self.store(at, word.load(Ordering::Relaxed), StoreOrder::Relaxed)?;
+        }
+        Ok(())
+    }
 }
 
 /// All words of a window, as [`MemoryWindow::words`] returns them.
@@ -215,6 +229,14 @@ impl<'w> Words<'w> {
     #[inline(always)]
     pub const fn get(self) -> &'w [AtomicU32] {
         self.0
+    }
+
+    /// Those of the `len` bytes at `offset`, as all words of a part of the window.
+    #[inline(always)]
+    pub(crate) fn part(self, offset: u32, len: u32) -> Option<Self> {
+        let first = (offset / 4) as usize;
+        let words = self.0.get(first..first.checked_add((len / 4) as usize)?)?;
+        Some(Self(words))
     }
 }
 
@@ -279,6 +301,10 @@ impl<T: Deref<Target: MemoryWindow>> MemoryWindow for T {
 
     fn write(&self, offset: u32, from: &[u8]) -> Result<(), Self::Error> {
         (**self).write(offset, from)
+    }
+
+    fn write_words(&self, offset: u32, from: &[AtomicU32]) -> Result<(), Self::Error> {
+        (**self).write_words(offset, from)
     }
 }
 

@@ -16,6 +16,8 @@ mod scenario;
 mod terminal_host;
 #[path = "../../condor-tty/tests/tty/terminals/mod.rs"]
 mod terminals;
+#[path = "../../condor-vars/tests/vars/haunted.rs"]
+mod variables;
 
 /// Two honest processors keep every promise while a third writes whatever it can, also behind caches
 /// that nothing keeps coherent.
@@ -77,6 +79,14 @@ pub fn tty_host(bytes: &[u8]) {
         Some((_, rest)) => terminal_host::run(rest),
         None => {}
     }
+}
+
+/// Both ends of a loop's variables bear any words in the table, and any requests.
+///
+/// # Panics
+/// If one of them broke a promise.
+pub fn vars(bytes: &[u8]) {
+    variables::run(bytes);
 }
 
 /// A file server bears any client, which goes on writing while it works.

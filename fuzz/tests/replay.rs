@@ -53,5 +53,6 @@ targets! {
     regions,
     tty_host,
     tty_processor,
+    vars,
     window_bounds,
 }

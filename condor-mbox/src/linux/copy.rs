@@ -28,6 +28,15 @@ pub(super) fn write(words: &[AtomicU32], from: &[u8]) {
     write_words(&words[done..], &from[4 * done..]);
 }
 
+/// Copies words in that other contexts of this program may write meanwhile; as many as both have.
+pub(super) fn copy(words: &[AtomicU32], from: &[AtomicU32]) {
+    let (head, words) = words.split_at(unaligned(words));
+    let (first, from) = from.split_at(head.len().min(from.len()));
+    copy_words(head, first);
+    let done = blocks::write(words, from);
+    copy_words(&words[done..], &from[done..]);
+}
+
 /// How many words there are before the first that is aligned to 16 bytes.
 fn unaligned(words: &[AtomicU32]) -> usize {
     words.as_ptr().align_offset(16).min(words.len())
@@ -42,6 +51,12 @@ fn read_words(words: &[AtomicU32], into: &mut [u8]) {
 fn write_words(words: &[AtomicU32], from: &[u8]) {
     for (word, bytes) in words.iter().zip(from.as_chunks::<4>().0) {
         word.store(u32::from_ne_bytes(*bytes), Ordering::Relaxed);
+    }
+}
+
+fn copy_words(words: &[AtomicU32], from: &[AtomicU32]) {
+    for (word, from) in words.iter().zip(from) {
+        word.store(from.load(Ordering::Relaxed), Ordering::Relaxed);
     }
 }
 
@@ -101,14 +116,15 @@ mod blocks {
         count * WORDS
     }
 
-    /// Copies whole blocks in; gives how many words those are.
-    pub(super) fn write(words: &[AtomicU32], from: &[u8]) -> usize {
-        let count = count(words, from.len());
+    /// Copies whole blocks of bytes or of atomics in; gives how many words those are.
+    pub(super) fn write<T>(words: &[AtomicU32], from: &[T]) -> usize {
+        let count = count(words, size_of_val(from));
         if count == 0 {
             return 0;
         }
         // SAFETY: as in `read`, the other way; the words are atomics, which may be written through a
-        // shared reference.
+        // shared reference. Where `from` are atomics that change meanwhile, each word is old or new: no
+        // move divides one.
         unsafe {
             asm!(
                 "2:",
@@ -146,7 +162,7 @@ mod blocks {
         0
     }
 
-    pub(super) const fn write(_: &[AtomicU32], _: &[u8]) -> usize {
+    pub(super) const fn write<T>(_: &[AtomicU32], _: &[T]) -> usize {
         0
     }
 }
@@ -177,6 +193,14 @@ mod tests {
                 let (inside, after) = rest.split_at(4 * count);
                 assert_eq!(inside, from, "{count} words, {skip}");
                 assert!(before.iter().chain(after).all(|byte| *byte == 0xff));
+
+                let atomics: Vec<AtomicU32> = (0..count as u32).map(AtomicU32::new).collect();
+                copy(&words[start..start + count], &atomics);
+                let found = words.iter().map(|word| word.load(Ordering::Relaxed));
+                let margin = |len| std::iter::repeat_n(u32::MAX, len);
+                let after = 2 * MARGIN - start;
+                assert!(found.eq(margin(start).chain(0..count as u32).chain(margin(after))));
+                write(&words[start..start + count], from);
 
                 let mut into = vec![0; 4 * count + unaligned];
                 read(&words[start..start + count], &mut into[unaligned..]);

@@ -430,6 +430,17 @@ impl MemoryWindow for LinuxWindow {
         self.check_lost(offset, len)
     }
 
+    fn write_words(&self, offset: u32, from: &[AtomicU32]) -> Result<(), LinuxWindowError> {
+        let len = size_of_val(from);
+        self.check(offset, len)?;
+        if len == 0 {
+            return Ok(());
+        }
+        self.check_store(offset, len)?;
+        copy::copy(self.run(offset, from.len())?, from);
+        self.check_lost(offset, len)
+    }
+
     fn write(&self, offset: u32, from: &[u8]) -> Result<(), LinuxWindowError> {
         let len = from.len();
         self.check(offset, len)?;

@@ -20,7 +20,7 @@ struct Suite {
 }
 
 /// The longest first, since two run at a time.
-const SUITES: [Suite; 6] = [
+const SUITES: [Suite; 7] = [
     Suite {
         package: "condor-mos",
         features: "sim",
@@ -64,6 +64,14 @@ const SUITES: [Suite; 6] = [
         program: "tty",
         modules: &["cooked::", "dev::"],
         skipped: &["lines_are_edited", "raw_mode_gives_every_character"],
+    },
+    Suite {
+        package: "condor-vars",
+        features: "std",
+        units: true,
+        program: "vars",
+        modules: &["hostile::", "merging::"],
+        skipped: &[],
     },
     Suite {
         package: "condor-fs",

@@ -17,7 +17,7 @@ const TARGETS: [&str; 4] = [
 const SETS: [(&str, &str); 3] = [
     (
         "-p condor-dev -p condor-fs -p condor-hand -p condor-host -p condor-mbox -p condor-mos \
-         -p condor-platform -p condor-rt -p condor-tty",
+         -p condor-platform -p condor-rt -p condor-tty -p condor-vars",
         "",
     ),
     (

@@ -1,0 +1,134 @@
+//! The time of a tick in which all variables become a row.
+
+use std::hint::black_box;
+
+use condor_mbox::linux::{LinuxWindow, System};
+use condor_mbox::{CriticalSection, Instant, MemoryWindow as _, Places, Processor};
+use condor_vars::{
+    Catalog, Desk, Respond as _, Sampler, Scalar, Settings, Table, Var, Vars, Watch, Watcher,
+};
+
+use crate::Result;
+use crate::clock::{Calibration, ticks};
+use crate::measure::quantile;
+use crate::shuffle::Shuffle;
+
+/// What is compared.
+pub(super) const WAYS: [&str; 4] = [
+    "memcpy into a ring of as many rows",
+    "  the same once more (control)",
+    "condor-vars: 25 blocks of 100",
+    "condor-vars: 2 500 single variables",
+];
+
+/// Nanoseconds of a tick by each of the ways.
+pub(super) type Figures = [f64; WAYS.len()];
+
+const COUNT: usize = 2500;
+const BLOCK: usize = 100;
+const BLOCKS: usize = COUNT / BLOCK;
+/// Rows of each ring: 160 or 320 KB.
+const ROWS: usize = 16;
+/// Times that each is done in a round.
+const TICKS: usize = 300;
+/// Room for the table and the ring of 2 500 variables of 64 bits.
+const BYTES: u32 = 640_000;
+
+type Loop<const SOURCES: usize> = Sampler<'static, LinuxWindow, SOURCES, 32, 1>;
+
+/// A ring of plain memory.
+struct Plain {
+    ring: Vec<Vec<u32>>,
+    place: usize,
+}
+
+impl Plain {
+    fn new(words: usize) -> Self {
+        Self {
+            ring: vec![vec![0; words]; ROWS],
+            place: 0,
+        }
+    }
+
+    fn put(&mut self, from: &[u32]) {
+        self.place = (self.place + 1) % ROWS;
+        self.ring[self.place].copy_from_slice(from);
+        black_box(&mut self.ring);
+    }
+}
+
+/// Plays rounds, in memory of Linux that processes share.
+pub(super) fn play<T: Scalar>(rounds: usize) -> Result<Vec<Figures>> {
+    let blocks: &'static [Vars<T, BLOCK>] = Vec::leak(
+        (0..BLOCKS)
+            .map(|_| Vars::numbered("block", "rad"))
+            .collect(),
+    );
+    let singles: &'static [Var<T>] =
+        Vec::leak((0..COUNT).map(|_| Var::new("single", "rad")).collect());
+    let mut blocks = begin::<_, BLOCKS>(blocks)?;
+    let mut singles = begin::<_, COUNT>(singles)?;
+    let words = COUNT * T::KIND.words();
+    let from = vec![0; words];
+    let mut peers = [Plain::new(words), Plain::new(words)];
+    let calibration = Calibration::begin();
+    let mut played = Vec::new();
+    for round in 0..rounds {
+        let mut samples: [Vec<f64>; WAYS.len()] = [const { Vec::new() }; WAYS.len()];
+        let mut order = Shuffle(round as u64);
+        let mut ways = [0, 1, 2, 3];
+        for tick in 0..TICKS as u64 {
+            order.shuffle(&mut ways);
+            for way in ways {
+                let began = ticks();
+                match way {
+                    2 => sample(&mut blocks, tick)?,
+                    3 => sample(&mut singles, tick)?,
+                    way => peers[way].put(black_box(&from)),
+                }
+                samples[way].push(ticks().wrapping_sub(began) as f64);
+            }
+        }
+        let ns = calibration.ns_per_tick();
+        played.push(samples.each_mut().map(|ticks| quantile(ticks, 0.5) * ns));
+    }
+    Ok(played)
+}
+
+fn sample<const SOURCES: usize>(sampler: &mut Loop<SOURCES>, tick: u64) -> Result<()> {
+    let sampler = black_box(sampler);
+    sampler.begin()?;
+    Ok(sampler.end(tick, Instant::from_ns(tick))?)
+}
+
+/// A loop with a watcher that has selected everything.
+fn begin<V: Watch, const SOURCES: usize>(variables: &'static [V]) -> Result<Loop<SOURCES>> {
+    let shown: Vec<&'static dyn Watch> = variables.iter().map(|it| it as _).collect();
+    let catalog = Catalog::new(Vec::leak(shown), &[]);
+    let region = System::<1>::family(BYTES)?
+        .claim(Processor(0))?
+        .region(Processor(0))?;
+    let desk = Box::leak(Box::new(Desk::new()));
+    let rate = (1000, 1);
+    let rows = ROWS as u32;
+    let (server, mut sampler) = desk.open(
+        catalog,
+        &region,
+        &mut Places::new(region.size()),
+        &Settings { rate, rows },
+        CriticalSection,
+        &|_| 1,
+    )?;
+    let table = Table::open(&region, 0)?;
+    let ask = |request| match server.respond(Processor(1), &request) {
+        [0, first, second, ..] => Ok((first, second)),
+        [code, ..] => Err(format!("response {code}")),
+    };
+    let (slot, claim) = ask([1, 0, table.life(), 0, 0, 0, 0, 0])?;
+    let all: Vec<u32> = (0..table.len()).collect();
+    let mut watcher = Watcher::new(table, slot, claim).ok_or("no slot")?;
+    watcher.choose(&all)?;
+    ask([2, 0, watcher.table().life(), slot, claim, 1, 0, 0])?;
+    sampler.begin()?;
+    Ok(sampler)
+}

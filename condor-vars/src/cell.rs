@@ -1,0 +1,257 @@
+//! [`Cell`]: a published cell whose fields show.
+
+use core::fmt;
+
+use condor_mbox::published::{ReadError, read_bytes};
+use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+
+use crate::catalog::{self, CatalogError, Head, Item, check_texts};
+use crate::kind::{Kind, Value};
+use crate::layout::Shape;
+use crate::table::{Entry, Table, TableError};
+use crate::var::Description;
+
+/// A struct whose latest value is published in a [`Published`] cell, and whose fields are to show.
+///
+/// ```
+/// use core::mem::offset_of;
+/// use condor_vars::{Described, Field, Kind};
+///
+/// #[repr(C)]
+/// struct Grasp {
+///     forces: [f32; 4],
+///     contacts: u32,
+/// }
+///
+/// impl Described for Grasp {
+///     const FIELDS: &'static [Field] = &[
+///         Field::new("force", "N", Kind::F32, offset_of!(Grasp, forces)).repeated(4),
+///         Field::new("contacts", "", Kind::U32, offset_of!(Grasp, contacts)),
+///     ];
+/// }
+/// ```
+pub trait Described {
+    /// The fields, in any order; some may be left out.
+    const FIELDS: &'static [Field];
+}
+
+/// A field of a struct.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    name: &'static str,
+    unit: &'static str,
+    about: &'static str,
+    labels: &'static [&'static str],
+    kind: Kind,
+    offset: usize,
+    /// How many there are, one after the other.
+    count: Option<usize>,
+}
+
+impl Field {
+    /// Describes the field that begins at `offset`, for which there is `offset_of!`.
+    #[must_use]
+    pub const fn new(name: &'static str, unit: &'static str, kind: Kind, offset: usize) -> Self {
+        Self {
+            name,
+            unit,
+            about: "",
+            labels: &[],
+            kind,
+            offset,
+            count: None,
+        }
+    }
+
+    /// Adds a description, at most 128 bytes.
+    #[must_use]
+    pub const fn about(self, about: &'static str) -> Self {
+        Self { about, ..self }
+    }
+
+    /// Adds the names of the values of a [`Kind::Choice`].
+    #[must_use]
+    pub const fn labels(self, labels: &'static [&'static str]) -> Self {
+        Self { labels, ..self }
+    }
+
+    /// Makes it an array of so many; they are called `name.0`, `name.1` and so on.
+    #[must_use]
+    pub const fn repeated(self, count: usize) -> Self {
+        Self {
+            count: Some(count),
+            ..self
+        }
+    }
+}
+
+/// The name of an element of an array, or of a single field.
+struct Name(&'static str, Option<usize>);
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self(name, None) => f.write_str(name),
+            Self(name, Some(index)) => write!(f, "{name}.{index}"),
+        }
+    }
+}
+
+/// Goes through all fields in order.
+fn each(
+    fields: &[Field],
+    mut body: impl FnMut(&Item<'_>) -> Result<(), CatalogError>,
+) -> Result<(), CatalogError> {
+    for field in fields {
+        for index in 0..field.count.unwrap_or(1) {
+            body(&Item {
+                description: Description {
+                    kind: field.kind,
+                    unit: field.unit,
+                    about: field.about,
+                    labels: field.labels,
+                    bounds: [[0; 2]; 2],
+                },
+                name: &Name(field.name, field.count.map(|_| index)),
+                is_param: false,
+                position: (field.offset + index * field.kind.bytes()) as u32,
+            })?;
+        }
+    }
+    Ok(())
+}
+
+/// Describes the fields of a cell in the next of `places`; returns where the table begins.
+///
+/// `own` is the users' region of the program's `data`, in which the cell is, too.
+///
+/// # Errors
+/// [`CatalogError`]; [`CatalogError::Block`] with the number of a field that is not inside of `T`.
+pub fn describe<T: Described, W: MemoryWindow + Clone>(
+    cell: Published<T>,
+    own: &Region<W>,
+    places: &mut Places,
+) -> Result<u32, CatalogError> {
+    let (fields, size) = (T::FIELDS, size_of::<T>());
+    let mut shape = Shape {
+        entries: 0,
+        text_bytes: 0,
+        slots: 0,
+        slot_bytes: 0,
+    };
+    each(fields, |item| {
+        let end = item.position as usize + item.description.kind.bytes();
+        if end > size {
+            return Err(CatalogError::Block {
+                block: shape.entries as usize,
+                words: size / 4,
+            });
+        }
+        let bytes = check_texts(shape.entries, item)?.next_multiple_of(4);
+        shape.entries += 1;
+        shape.text_bytes = shape.text_bytes.saturating_add(bytes as u32);
+        Ok(())
+    })?;
+    let bytes = shape.bytes().unwrap_or(u32::MAX);
+    let offset = places.bytes(bytes as usize)?;
+    let table = own.part(offset, bytes)?;
+    let head = Head {
+        rate: (0, 0),
+        cell: (cell.offset(), size as u32),
+    };
+    catalog::write(&table, shape, &head, |body| each(fields, body))?;
+    catalog::finish(&table)?;
+    Ok(offset)
+}
+
+/// A published cell whose type only its table tells.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell<W> {
+    table: Table<W>,
+    users: Region<W>,
+    offset: u32,
+    bytes: usize,
+}
+
+/// Why the value of a described cell cannot be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CellError {
+    /// Its table cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// It is the table of a loop.
+    #[error("the table describes no published cell")]
+    NoCell,
+    /// The value does not fit where it is to go.
+    #[error("the value has {bytes} bytes, and there is room for {room}")]
+    Room {
+        /// Bytes of the value.
+        bytes: usize,
+        /// Bytes there is room for.
+        room: usize,
+    },
+    /// There is no value, or none whole.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+}
+
+impl From<AccessError> for CellError {
+    fn from(error: AccessError) -> Self {
+        Self::Table(error.into())
+    }
+}
+
+impl<W: MemoryWindow + Clone> Cell<W> {
+    /// Opens the cell that the table at `offset` of the users' region describes.
+    ///
+    /// # Errors
+    /// [`CellError::Table`], [`CellError::NoCell`].
+    pub fn open(users: &Region<W>, offset: u32) -> Result<Self, CellError> {
+        let table = Table::open(users, offset)?;
+        let (offset, bytes) = table.cell().ok_or(CellError::NoCell)?;
+        Ok(Self {
+            table,
+            users: users.clone(),
+            offset,
+            bytes: bytes as usize,
+        })
+    }
+}
+
+impl<W: MemoryWindow> Cell<W> {
+    /// Returns the table of its fields.
+    #[must_use]
+    pub const fn table(&self) -> &Table<W> {
+        &self.table
+    }
+
+    /// Returns how many bytes the value has.
+    #[must_use]
+    pub const fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// Copies the latest value into the beginning of `value`, and returns its sequence.
+    ///
+    /// # Errors
+    /// [`CellError::Room`], [`CellError::Read`], [`CellError::Table`].
+    pub fn read(&self, value: &mut [u8]) -> Result<u32, CellError> {
+        let (bytes, room) = (self.bytes, value.len());
+        let value = value
+            .get_mut(..bytes)
+            .ok_or(CellError::Room { bytes, room })?;
+        let sequence = read_bytes(&self.users, self.offset, value)?;
+        self.table.check_life()?;
+        Ok(sequence)
+    }
+}
+
+impl Entry {
+    /// Returns the value of this field of a cell, from the bytes of the whole value.
+    #[must_use]
+    pub fn of_cell(&self, value: &[u8]) -> Option<Value> {
+        self.kind
+            .value_of_bytes(value.get(self.position as usize..)?)
+    }
+}

@@ -1,0 +1,284 @@
+//! [`Client`]: asks the loops of another processor's program.
+
+use core::time::Duration;
+
+use condor_mbox::exchange::ExchangeError;
+use condor_mbox::{
+    AccessError, Exchange, MemoryWindow, Messenger, Places, Processor, Region, Vector,
+};
+
+use crate::kind::{Kind, Value};
+use crate::layout::{Block, response, verb};
+use crate::table::{Entry, Table, TableError};
+use crate::watcher::Watcher;
+
+/// Asks the loops of one processor: for slots, selections and parameters.
+///
+/// Its calls wait for the reply, and serve meanwhile.
+#[derive(Debug)]
+pub struct Client<'m, M: Messenger + ?Sized, W> {
+    exchange: Exchange<'m, M, W, Block, Block>,
+    messenger: &'m M,
+    to: Processor,
+    vector: Vector,
+}
+
+/// Why a request was not granted.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RequestError {
+    /// The message, or its answer.
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
+    /// The table cannot be read, or has been made anew.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// The loop had not taken over the last selection by the deadline, or another request was being
+    /// answered.
+    #[error("{to} was busy for {timeout:?}")]
+    Busy {
+        /// The processor.
+        to: Processor,
+        /// The time that was given.
+        timeout: Duration,
+    },
+    /// Its program has no such table.
+    #[error("{to} has no table at offset {offset:#x}")]
+    NoTable {
+        /// The processor.
+        to: Processor,
+        /// The offset of the table.
+        offset: u32,
+    },
+    /// All slots belong to watchers that live.
+    #[error("all {slots} slots are claimed")]
+    NoSlot {
+        /// How many there are.
+        slots: u32,
+    },
+    /// The owner took this watcher for dead and gave its slot to another.
+    #[error("slot {slot} was given to another watcher")]
+    Displaced {
+        /// The number of the slot.
+        slot: u32,
+    },
+    /// A row every 0 ticks.
+    #[error("a row every 0 ticks")]
+    Every,
+    /// A selection whose variables are too far apart for the owner's plans.
+    #[error("the selection is in {pieces} pieces; {most} is the most")]
+    Scattered {
+        /// Of how many pieces it is.
+        pieces: u32,
+        /// How many a plan has.
+        most: u32,
+    },
+    /// It is a variable, not a parameter.
+    #[error("entry {number} is no parameter")]
+    NoParam {
+        /// Its number.
+        number: u32,
+    },
+    /// The value is of another type, or does not fit.
+    #[error("{value} is no {kind:?}")]
+    WrongKind {
+        /// The value.
+        value: Value,
+        /// The type of the parameter.
+        kind: Kind,
+    },
+    /// The value is not within the bounds.
+    #[error("out of bounds: from {least} to {greatest}")]
+    OutOfBounds {
+        /// The least value.
+        least: Value,
+        /// The greatest value.
+        greatest: Value,
+    },
+    /// The parameter is not what was expected: somebody else has changed it.
+    #[error("the parameter is {present}")]
+    Conflict {
+        /// What it is.
+        present: Value,
+    },
+    /// A response that no owner of this layout gives.
+    #[error("{to} answered with code {code}")]
+    Protocol {
+        /// The processor.
+        to: Processor,
+        /// The first word of the response.
+        code: u32,
+    },
+}
+
+impl From<AccessError> for RequestError {
+    fn from(error: AccessError) -> Self {
+        Self::Table(error.into())
+    }
+}
+
+/// How long a busy owner is left alone.
+const PAUSE: Duration = Duration::from_micros(200);
+
+impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
+    /// Makes a client whose block is the next of `places` in `own`, the sender's own users' region.
+    ///
+    /// # Errors
+    /// `OutOfBounds` if there is no room.
+    pub fn new(
+        messenger: &'m M,
+        own: Region<W>,
+        places: &mut Places,
+        to: Processor,
+        vector: Vector,
+    ) -> Result<Self, AccessError> {
+        Ok(Self {
+            exchange: Exchange::new(messenger, own, places)?,
+            messenger,
+            to,
+            vector,
+        })
+    }
+
+    /// Claims a slot of a loop.
+    ///
+    /// # Errors
+    /// [`RequestError::NoSlot`], and those that all calls have: `Exchange`, `Table`, `Busy`, `NoTable`,
+    /// `Protocol`.
+    pub fn claim<V: MemoryWindow + Clone>(
+        &mut self,
+        table: &Table<V>,
+        timeout: Duration,
+    ) -> Result<Watcher<V>, RequestError> {
+        let [number, claim] = self.ask(table, verb::CLAIM, 0, [0; 4], Kind::U32, timeout)?;
+        let (to, code) = (self.to, response::DONE);
+        Watcher::new(table.clone(), number, claim).ok_or(RequestError::Protocol { to, code })
+    }
+
+    /// Selects entries by number, of which there is then a row every `every` ticks, in the order of their
+    /// numbers. Rows of the former selection that were not read are dropped.
+    ///
+    /// The first row is that of the tick after the loop has taken the selection over.
+    ///
+    /// # Errors
+    /// [`RequestError::Every`], [`RequestError::Scattered`], [`RequestError::Displaced`]; those of
+    /// [`Table::entry`]; and those that all calls have. Nothing is selected then.
+    pub fn select<V: MemoryWindow>(
+        &mut self,
+        watcher: &mut Watcher<V>,
+        entries: &[u32],
+        every: u32,
+        timeout: Duration,
+    ) -> Result<(), RequestError> {
+        let words = watcher.choose(entries)?;
+        let (number, arguments) = (watcher.slot(), [watcher.claim(), every, 0, 0]);
+        let table = watcher.table();
+        let [selection, found] =
+            self.ask(table, verb::SELECT, number, arguments, Kind::U32, timeout)?;
+        if found != words {
+            let (to, code) = (self.to, response::DONE);
+            return Err(RequestError::Protocol { to, code });
+        }
+        watcher.follow(selection, words);
+        Ok(())
+    }
+
+    /// Gives a slot back; the watcher cannot be used any more.
+    ///
+    /// # Errors
+    /// [`RequestError::Displaced`], and those that all calls have.
+    pub fn release<V: MemoryWindow>(
+        &mut self,
+        watcher: &mut Watcher<V>,
+        timeout: Duration,
+    ) -> Result<(), RequestError> {
+        watcher.end();
+        let (number, arguments) = (watcher.slot(), [watcher.claim(), 0, 0, 0]);
+        let table = watcher.table();
+        self.ask(table, verb::RELEASE, number, arguments, Kind::U32, timeout)?;
+        Ok(())
+    }
+
+    /// Returns the value of a parameter that was accepted last.
+    ///
+    /// # Errors
+    /// [`RequestError::NoParam`], and those that all calls have.
+    pub fn get<V: MemoryWindow>(
+        &mut self,
+        table: &Table<V>,
+        entry: &Entry,
+        timeout: Duration,
+    ) -> Result<Value, RequestError> {
+        let words = self.ask(table, verb::GET, entry.number, [0; 4], entry.kind, timeout)?;
+        Ok(entry.kind.value(words))
+    }
+
+    /// Changes a parameter from `expected` to `new`, from the next tick on.
+    ///
+    /// After a time-out it may be either: [`get`](Self::get) tells.
+    ///
+    /// # Errors
+    /// [`RequestError::WrongKind`], [`RequestError::OutOfBounds`], [`RequestError::Conflict`],
+    /// [`RequestError::NoParam`], and those that all calls have.
+    pub fn set<V: MemoryWindow>(
+        &mut self,
+        table: &Table<V>,
+        entry: &Entry,
+        expected: Value,
+        new: Value,
+        timeout: Duration,
+    ) -> Result<(), RequestError> {
+        let kind = entry.kind;
+        let words = |value| {
+            let wrong = RequestError::WrongKind { value, kind };
+            kind.words_of(value).ok_or(wrong)
+        };
+        let ([a, b], [c, d]) = (words(expected)?, words(new)?);
+        self.ask(table, verb::SET, entry.number, [a, b, c, d], kind, timeout)?;
+        Ok(())
+    }
+
+    fn ask<V: MemoryWindow>(
+        &mut self,
+        table: &Table<V>,
+        verb: u32,
+        number: u32,
+        [a, b, c, d]: [u32; 4],
+        kind: Kind,
+        timeout: Duration,
+    ) -> Result<[u32; 2], RequestError> {
+        let deadline = self.messenger.now().after(timeout);
+        let (to, offset, expected) = (self.to, table.offset(), table.life());
+        let request = [verb, offset, expected, number, a, b, c, d];
+        loop {
+            let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
+            let [code, a, b, c, d, ..] = self.exchange.call(to, self.vector, &request, left)?;
+            return Err(match code {
+                response::DONE => return Ok([a, b]),
+                response::BUSY if left <= PAUSE => RequestError::Busy { to, timeout },
+                response::BUSY => {
+                    let served = self.messenger.serve(PAUSE);
+                    served.map_err(ExchangeError::from)?;
+                    continue;
+                }
+                response::NO_TABLE => RequestError::NoTable { to, offset },
+                response::RESTARTED => TableError::Restarted { found: a, expected }.into(),
+                response::NO_SLOT => RequestError::NoSlot { slots: a },
+                response::NOT_YOURS => RequestError::Displaced { slot: number },
+                response::NO_ENTRY => TableError::NoEntry { number, entries: a }.into(),
+                response::SCATTERED => RequestError::Scattered { pieces: a, most: b },
+                response::NO_PARAM => RequestError::NoParam { number },
+                response::OUT_OF_BOUNDS => RequestError::OutOfBounds {
+                    least: kind.value([a, b]),
+                    greatest: kind.value([c, d]),
+                },
+                response::CONFLICT => {
+                    let present = kind.value([a, b]);
+                    RequestError::Conflict { present }
+                }
+                response::EVERY => RequestError::Every,
+                code => RequestError::Protocol { to, code },
+            });
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! [`Desk`]: what the handler of requests and the loop have in common, in the program's own memory.
+
+use condor_mbox::{Exclusion, MemoryWindow, Places, Processor, Region, StoreOrder};
+
+use crate::catalog::{self, Catalog, CatalogError, Head};
+use crate::layout::slot;
+use crate::sampler::Sampler;
+use crate::server::Server;
+use crate::sync::{AtomicU32, Ordering, const_unless_loom, zeros};
+
+/// The memory through which the [`Server`] of a loop hands selections to its [`Sampler`].
+///
+/// There is one for each loop, with `SLOTS` slots for watchers. A selection is at most `PIECES` pieces:
+/// some neighbouring variables of one block, or several neighbouring blocks as a whole. So `PIECES` of
+/// half the number of variables and one more is always enough. No other processor reaches this memory.
+#[derive(Debug)]
+pub struct Desk<const PIECES: usize, const SLOTS: usize> {
+    /// Whether some handler is at work: they may interrupt each other.
+    pub(crate) is_taken: AtomicU32,
+    pub(crate) slots: [Slot<PIECES>; SLOTS],
+}
+
+/// A watcher, as its owner knows it. The handler writes all but `taken`.
+#[derive(Debug)]
+pub(crate) struct Slot<const PIECES: usize> {
+    /// The number of the present claim, or 0.
+    pub(crate) claim: AtomicU32,
+    /// The last claim there was.
+    pub(crate) last_claim: AtomicU32,
+    /// The processor that claimed it, and its incarnation.
+    pub(crate) owner: AtomicU32,
+    pub(crate) incarnation: AtomicU32,
+    /// The last selection there was, for the handler itself.
+    pub(crate) last_selection: AtomicU32,
+    /// The number of the last selection, which is in the plan of its parity.
+    pub(crate) asked: AtomicU32,
+    /// The number of the selection that the loop has taken over. The loop's.
+    pub(crate) taken: AtomicU32,
+    pub(crate) plans: [Plan<PIECES>; 2],
+}
+
+/// A selection that has been checked, as pieces of the loop's memory.
+#[derive(Debug)]
+pub(crate) struct Plan<const PIECES: usize> {
+    pub(crate) count: AtomicU32,
+    /// Words of a row's values; 0 selects nothing.
+    pub(crate) words: AtomicU32,
+    /// A row every so many ticks.
+    pub(crate) every: AtomicU32,
+    /// Of each piece the first block and the end of its blocks, 16 bits each.
+    pub(crate) blocks: [AtomicU32; PIECES],
+    /// Of each piece the first word and the end of its words in its only block, 16 bits each; 0 for
+    /// whole blocks.
+    pub(crate) parts: [AtomicU32; PIECES],
+}
+
+impl<const PIECES: usize> Plan<PIECES> {
+    const_unless_loom! {
+        fn new() -> Self {
+            Self {
+                count: AtomicU32::new(0),
+                words: AtomicU32::new(0),
+                every: AtomicU32::new(0),
+                blocks: zeros(),
+                parts: zeros(),
+            }
+        }
+    }
+}
+
+impl<const PIECES: usize> Slot<PIECES> {
+    const_unless_loom! {
+        fn new() -> Self {
+            Self {
+                claim: AtomicU32::new(0),
+                last_claim: AtomicU32::new(0),
+                owner: AtomicU32::new(0),
+                incarnation: AtomicU32::new(0),
+                last_selection: AtomicU32::new(0),
+                asked: AtomicU32::new(0),
+                taken: AtomicU32::new(0),
+                plans: [Plan::new(), Plan::new()],
+            }
+        }
+    }
+
+    /// Returns the plan of a selection.
+    pub(crate) fn plan(&self, selection: u32) -> &Plan<PIECES> {
+        let [even, odd] = &self.plans;
+        if selection.is_multiple_of(2) {
+            even
+        } else {
+            odd
+        }
+    }
+
+    /// Returns the number of the next selection, never 0; `None` while the loop has not taken over the
+    /// last one, and may be reading the plan of the next.
+    pub(crate) fn next_selection(&self) -> Option<u32> {
+        let asked = self.last_selection.load(Ordering::Relaxed);
+        // Pairs with the loop's store after it has left the former plan.
+        if self.taken.load(Ordering::Acquire) != asked {
+            return None;
+        }
+        Some(match asked.wrapping_add(1) {
+            0 => 2,
+            next => next,
+        })
+    }
+
+    /// Leaves a selection for the loop, after its plan.
+    pub(crate) fn ask(&self, selection: u32) {
+        self.last_selection.store(selection, Ordering::Relaxed);
+        // Pairs with the loop's look for a new selection.
+        self.asked.store(selection, Ordering::Release);
+    }
+}
+
+/// How the table of a loop is made.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// The loop ticks so many times in so many seconds: `(400, 1)`.
+    pub rate: (u32, u32),
+    /// How many rows of all variables each watcher's ring has room for, rounded up to a power of two. Of
+    /// fewer variables there are more rows.
+    pub rows: u32,
+}
+
+impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
+    const_unless_loom! {
+        /// Makes a desk where nobody has asked for anything.
+        #[must_use]
+        pub fn new() -> Self {
+            Self {
+                is_taken: AtomicU32::new(0),
+                slots: Self::slots(),
+            }
+        }
+    }
+
+    #[cfg(not(condor_loom))]
+    const fn slots() -> [Slot<PIECES>; SLOTS] {
+        [const { Slot::new() }; SLOTS]
+    }
+
+    #[cfg(condor_loom)]
+    fn slots() -> [Slot<PIECES>; SLOTS] {
+        core::array::from_fn(|_| Slot::new())
+    }
+
+    /// Makes the table of a loop in the next of `places` in `own`, the users' region of the program's
+    /// `data`, and returns the end for its handler and the end for the loop.
+    ///
+    /// `incarnation` says which incarnation of a processor's program lives; 0 if none does. By it a slot
+    /// is taken back from a watcher that has died. `BLOCKS` is how many blocks the catalog has at most,
+    /// where each parameter counts as one.
+    ///
+    /// # Errors
+    /// [`CatalogError`].
+    pub fn open<'e, W, X, const BLOCKS: usize>(
+        &'e mut self,
+        catalog: Catalog<'e>,
+        own: &Region<W>,
+        places: &mut Places,
+        settings: &Settings,
+        exclusion: X,
+        incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
+    ) -> Result<Ends<'e, W, X, BLOCKS, PIECES, SLOTS>, CatalogError>
+    where
+        W: MemoryWindow + Clone,
+        X: Exclusion,
+    {
+        *self = Self::new();
+        let desk = &*self;
+        let shape = catalog.shape(SLOTS as u32, settings.rows)?;
+        let bytes = shape.bytes().unwrap_or(u32::MAX);
+        let offset = places.bytes(bytes as usize)?;
+        let table = own.part(offset, bytes)?;
+        let head = Head {
+            rate: settings.rate,
+            cell: (0, 0),
+        };
+        let life = catalog::write(&table, shape, &head, |body| catalog.each(body))?;
+        for number in 0..shape.slots {
+            for word in [slot::CLAIM, slot::SELECTION, slot::BEGUN, slot::COMPLETE] {
+                table.store(shape.slot(number) + word, 0, StoreOrder::Relaxed)?;
+            }
+        }
+        let sampler = Sampler::new(desk, table.clone(), shape, catalog)?;
+        catalog::finish(&table)?;
+        let server = Server::new(
+            desk,
+            table,
+            offset,
+            life,
+            shape,
+            catalog,
+            exclusion,
+            incarnation,
+        );
+        Ok((server, sampler))
+    }
+}
+
+/// The two ends of a [`Desk`]: for the handler of requests and for the loop.
+pub type Ends<'e, W, X, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> = (
+    Server<'e, W, X, PIECES, SLOTS>,
+    Sampler<'e, W, BLOCKS, PIECES, SLOTS>,
+);
+
+impl<const PIECES: usize, const SLOTS: usize> Default for Desk<PIECES, SLOTS> {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,227 @@
+//! [`Kind`] and [`Value`]: what the words of a variable mean, known while the program runs.
+
+use core::fmt;
+
+/// The type of a variable, a parameter or a field.
+///
+/// A variable has one 32-bit word, or two for 64 bits, the lower first. Narrow integers are extended to
+/// a word with their sign; `false` is 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Kind {
+    /// `f32`.
+    F32 = 1,
+    /// `f64`.
+    F64 = 2,
+    /// `i8`.
+    I8 = 3,
+    /// `i16`.
+    I16 = 4,
+    /// `i32`.
+    I32 = 5,
+    /// `i64`.
+    I64 = 6,
+    /// `u8`.
+    U8 = 7,
+    /// `u16`.
+    U16 = 8,
+    /// `u32`.
+    U32 = 9,
+    /// `u64`.
+    U64 = 10,
+    /// `bool`.
+    Bool = 11,
+    /// A small enum: the number of one of its labels.
+    Choice = 12,
+}
+
+/// A value whose type is known while the program runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// Of [`Kind::F32`].
+    F32(f32),
+    /// Of [`Kind::F64`].
+    F64(f64),
+    /// Of a signed integer.
+    Int(i64),
+    /// Of an unsigned integer.
+    Uint(u64),
+    /// Of [`Kind::Bool`].
+    Bool(bool),
+    /// Of [`Kind::Choice`]: the number of the label.
+    Choice(u32),
+}
+
+impl Kind {
+    const ALL: [Self; 12] = [
+        Self::F32,
+        Self::F64,
+        Self::I8,
+        Self::I16,
+        Self::I32,
+        Self::I64,
+        Self::U8,
+        Self::U16,
+        Self::U32,
+        Self::U64,
+        Self::Bool,
+        Self::Choice,
+    ];
+
+    /// Returns the kind of this number in a table.
+    #[must_use]
+    pub fn from_code(code: u32) -> Option<Self> {
+        Self::ALL.get((code as usize).checked_sub(1)?).copied()
+    }
+
+    /// Returns how many words a variable has.
+    #[must_use]
+    pub const fn words(self) -> usize {
+        match self {
+            Self::F64 | Self::I64 | Self::U64 => 2,
+            _ => 1,
+        }
+    }
+
+    /// Returns how many bytes a field of a published struct has; a `Choice` has four.
+    #[must_use]
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 | Self::Bool => 1,
+            Self::I16 | Self::U16 => 2,
+            _ => 4 * self.words(),
+        }
+    }
+
+    /// Returns the value of these words; of one word, only the first counts.
+    #[must_use]
+    pub fn value(self, [low, high]: [u32; 2]) -> Value {
+        let long = u64::from(high) << 32 | u64::from(low);
+        match self {
+            Self::F32 => Value::F32(f32::from_bits(low)),
+            Self::F64 => Value::F64(f64::from_bits(long)),
+            Self::I8 | Self::I16 | Self::I32 => Value::Int(low.cast_signed().into()),
+            Self::I64 => Value::Int(long.cast_signed()),
+            Self::U8 | Self::U16 | Self::U32 => Value::Uint(low.into()),
+            Self::U64 => Value::Uint(long),
+            Self::Bool => Value::Bool(low != 0),
+            Self::Choice => Value::Choice(low),
+        }
+    }
+
+    /// Returns the value of a field of a published struct; `None` of too few bytes.
+    #[must_use]
+    pub fn value_of_bytes(self, bytes: &[u8]) -> Option<Value> {
+        let mut all = [0; 8];
+        let field = bytes.get(..self.bytes())?;
+        for (to, from) in all.iter_mut().zip(field) {
+            *to = *from;
+        }
+        let long = u64::from_le_bytes(all);
+        let word = match self {
+            Self::I8 => i32::from(long as i8).cast_unsigned(),
+            Self::I16 => i32::from(long as i16).cast_unsigned(),
+            _ => long as u32,
+        };
+        Some(self.value([word, (long >> 32) as u32]))
+    }
+
+    /// Takes the first value off the words of a row, and returns it with the rest.
+    ///
+    /// ```
+    /// use condor_vars::{Kind, Value};
+    ///
+    /// let (value, rest) = Kind::I32.split(&[u32::MAX, 7]).unwrap();
+    /// assert_eq!(value, Value::Int(-1));
+    /// assert_eq!(rest, [7]);
+    /// ```
+    #[must_use]
+    pub fn split(self, words: &[u32]) -> Option<(Value, &[u32])> {
+        let (own, rest) = words.split_at_checked(self.words())?;
+        let low = own.first().copied()?;
+        let high = own.get(1).copied().unwrap_or(0);
+        Some((self.value([low, high]), rest))
+    }
+
+    /// Returns the words of a value; `None` if it is of another kind, or does not fit.
+    #[must_use]
+    pub fn words_of(self, value: Value) -> Option<[u32; 2]> {
+        let long = |bits: u64| [bits as u32, (bits >> 32) as u32];
+        let signed = |value: i64, fits: bool| fits.then_some([value.cast_unsigned() as u32, 0]);
+        let unsigned = |value: u64, most: u32| (value <= most.into()).then_some([value as u32, 0]);
+        match (self, value) {
+            (Self::F32, Value::F32(value)) => Some([value.to_bits(), 0]),
+            (Self::F64, Value::F64(value)) => Some(long(value.to_bits())),
+            (Self::I8, Value::Int(value)) => signed(value, i8::try_from(value).is_ok()),
+            (Self::I16, Value::Int(value)) => signed(value, i16::try_from(value).is_ok()),
+            (Self::I32, Value::Int(value)) => signed(value, i32::try_from(value).is_ok()),
+            (Self::I64, Value::Int(value)) => Some(long(value.cast_unsigned())),
+            (Self::U8, Value::Uint(value)) => unsigned(value, u8::MAX.into()),
+            (Self::U16, Value::Uint(value)) => unsigned(value, u16::MAX.into()),
+            (Self::U32, Value::Uint(value)) => unsigned(value, u32::MAX),
+            (Self::U64, Value::Uint(value)) => Some(long(value)),
+            (Self::Bool, Value::Bool(value)) => Some([value.into(), 0]),
+            (Self::Choice, Value::Choice(value)) => Some([value, 0]),
+            _ => None,
+        }
+    }
+}
+
+/// A choice shows as its number: its label is in the table.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::F32(value) => value.fmt(f),
+            Self::F64(value) => value.fmt(f),
+            Self::Int(value) => value.fmt(f),
+            Self::Uint(value) => value.fmt(f),
+            Self::Bool(value) => value.fmt(f),
+            Self::Choice(value) => value.fmt(f),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Kind, Value};
+
+    #[test]
+    fn codes_are_the_discriminants() {
+        for (code, kind) in (1..).zip(Kind::ALL) {
+            assert_eq!(kind as u32, code);
+            assert_eq!(Kind::from_code(code), Some(kind));
+        }
+        assert_eq!(Kind::from_code(0), None);
+        assert_eq!(Kind::from_code(13), None);
+    }
+
+    #[test]
+    fn values_and_words_agree() {
+        for (kind, value) in [
+            (Kind::F32, Value::F32(-0.5)),
+            (Kind::F64, Value::F64(1e300)),
+            (Kind::I8, Value::Int(-128)),
+            (Kind::I16, Value::Int(-2)),
+            (Kind::I32, Value::Int(i32::MIN.into())),
+            (Kind::I64, Value::Int(i64::MIN)),
+            (Kind::U8, Value::Uint(255)),
+            (Kind::U16, Value::Uint(65_535)),
+            (Kind::U32, Value::Uint(u32::MAX.into())),
+            (Kind::U64, Value::Uint(u64::MAX)),
+            (Kind::Bool, Value::Bool(true)),
+            (Kind::Choice, Value::Choice(3)),
+        ] {
+            assert_eq!(kind.value(kind.words_of(value).unwrap()), value);
+        }
+        assert_eq!(Kind::U8.words_of(Value::Uint(256)), None);
+        assert_eq!(Kind::I8.words_of(Value::Int(128)), None);
+        assert_eq!(Kind::F32.words_of(Value::F64(1.0)), None);
+    }
+
+    #[test]
+    fn fields_have_their_signs() {
+        assert_eq!(Kind::I8.value_of_bytes(&[0xff, 7]), Some(Value::Int(-1)));
+        assert_eq!(Kind::U16.value_of_bytes(&[1, 2]), Some(Value::Uint(513)));
+        assert_eq!(Kind::F64.value_of_bytes(&[0; 7]), None);
+    }
+}

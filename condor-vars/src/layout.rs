@@ -1,0 +1,239 @@
+//! What lies in shared memory, and what is asked by messages: for ends in other languages, too.
+//!
+//! All words are 32 bits, little-endian; offsets are in bytes. A *table* lies in the users' region of its
+//! owner's `data` and begins with a cache line. The owner writes it, but for the masks.
+//!
+//! | offset | word | |
+//! |---|---|---|
+//! | 0 | magic | `CVAR`; 0 while the owner writes what follows |
+//! | 4 | version | 1 |
+//! | 8 | life | one more whenever a program makes the table anew |
+//! | 12 | bytes | size of the whole table |
+//! | 16, 20 | rate | so many ticks in so many seconds |
+//! | 24 | entries | how many variables and parameters there are, or fields of a cell |
+//! | 28 | text bytes | size of the texts |
+//! | 32 | slots | how many watchers there can be |
+//! | 36 | slot bytes | size of a slot, whole cache lines |
+//! | 40 | cell | of a described [`Published`](condor_mbox::Published) cell its offset in the users' region |
+//! | 44 | cell bytes | the size of its value; 0 for the table of a loop |
+//! | 64 | entries | 32 bytes each |
+//! | | texts | begin after the entries |
+//! | | slots | begin with the next cache line after the texts |
+//!
+//! An *entry* is numbered by its place. Variables come first, then parameters.
+//!
+//! | offset | word | |
+//! |---|---|---|
+//! | 0 | text | where its text begins in the texts, a multiple of 4 |
+//! | 4 | lengths | bytes of the name, of the unit, of the description, and number of labels: 8 bits each, from the lowest |
+//! | 8 | kind | number of the [`Kind`](crate::Kind); bit 8 is set if it is a parameter |
+//! | 12 | position | where its value begins in a row of all variables, or in the value of the cell |
+//! | 16 | least | two words: of a parameter the least value |
+//! | 24 | greatest | two words: of a parameter the greatest value |
+//!
+//! Its *text* is name, unit and description, in UTF-8, one after the other, then the labels of an enum,
+//! each after a byte with its length.
+//!
+//! A *slot* belongs to one watcher at a time.
+//!
+//! | offset | word | |
+//! |---|---|---|
+//! | 0 | claim | number of the present claim; 0 when the slot is free |
+//! | 4 | selection | number of the selection of which the rows are; 0 while it changes |
+//! | 8 | begun | how many rows of the selection have been begun; wraps |
+//! | 12 | complete | how many of them are complete; wraps |
+//! | 64 | mask | written by the watcher: bit *n* mod 32 of word *n* / 32 selects entry *n*; whole lines |
+//! | | rows | begin with the line after the mask |
+//!
+//! A *row* has the number of the tick and the time of its release in nanoseconds, two words each, lower
+//! first, and the words of the selected entries in the order of their numbers. There are as many rows
+//! as the rest of the slot has room for, rounded down to a power of two. Row *i* of a selection, from 0,
+//! is at place *i* modulo that number. Its writer stores `begun` before and `complete` after. A reader
+//! copies a complete row, and then looks at `begun` again: the copy counts if no more than that many rows
+//! have been begun since, and `selection` is still the same.
+//!
+//! A *request* is eight words in the sender's `data`, by
+//! [`Exchange`](condor_mbox::Exchange), with a response of eight words. The first four are always the
+//! verb, the offset of the table in the users' region, its life, and the number of a slot or an entry.
+//!
+//! | verb | further words | reply after 0 |
+//! |---|---|---|
+//! | 1 claim | | slot, claim |
+//! | 2 select | claim, every how many ticks a row | selection, words of a row's values |
+//! | 3 release | claim | |
+//! | 4 get | | two words of a parameter |
+//! | 5 set | two words expected, two words new | |
+//!
+//! | response | further words | meaning |
+//! |---|---|---|
+//! | 0 | as above | done |
+//! | 1 | | busy: ask again |
+//! | 2 | | there is no such table |
+//! | 3 | life | the table has been made anew |
+//! | 4 | verb | there is no such verb |
+//! | 5 | slots | all slots are claimed by watchers that live |
+//! | 6 | | the slot is claimed by somebody else |
+//! | 7 | entries | there is no such entry, or the mask selects one that there is not |
+//! | 8 | pieces, most | the selection is in too many pieces |
+//! | 9 | | the entry is no parameter |
+//! | 10 | least, greatest | the value is out of bounds |
+//! | 11 | present | the parameter is not what was expected |
+//! | 12 | | the table cannot be reached by its owner |
+//! | 13 | | a row every 0 ticks |
+
+use condor_mbox::layout::LINE;
+
+/// The first word of a table: "CVAR".
+pub const MAGIC: u32 = u32::from_le_bytes(*b"CVAR");
+/// The version of this layout.
+pub const VERSION: u32 = 1;
+/// Bytes that a name may have.
+pub const NAME_BYTES: usize = 64;
+/// Bytes that a unit may have, and a label.
+pub const UNIT_BYTES: usize = 32;
+/// Bytes that a description may have.
+pub const ABOUT_BYTES: usize = 128;
+/// How many entries a table may have.
+pub const MOST_ENTRIES: u32 = 0xffff;
+
+/// The vector of a program for all requests to its loops, unless it chooses another.
+pub const VARS: condor_mbox::Vector = condor_mbox::Vector(42);
+
+/// Words of a request, and of a response.
+pub(crate) type Block = [u32; 8];
+
+/// Byte offsets in a table.
+pub(crate) mod header {
+    pub(crate) const MAGIC: u32 = 0;
+    pub(crate) const VERSION: u32 = 4;
+    pub(crate) const LIFE: u32 = 8;
+    pub(crate) const BYTES: u32 = 12;
+    pub(crate) const RATE: u32 = 16;
+    pub(crate) const ENTRIES: u32 = 24;
+    pub(crate) const TEXT_BYTES: u32 = 28;
+    pub(crate) const SLOTS: u32 = 32;
+    pub(crate) const SLOT_BYTES: u32 = 36;
+    pub(crate) const CELL: u32 = 40;
+    pub(crate) const CELL_BYTES: u32 = 44;
+}
+
+pub(crate) const ENTRIES_AT: u32 = 64;
+pub(crate) const ENTRY_BYTES: u32 = 32;
+/// The bit of an entry's kind that says it is a parameter.
+pub(crate) const IS_PARAM: u32 = 1 << 8;
+
+/// Byte offsets in an entry.
+pub(crate) mod entry {
+    pub(crate) const TEXT: u32 = 0;
+    pub(crate) const LENGTHS: u32 = 4;
+    pub(crate) const KIND: u32 = 8;
+    pub(crate) const POSITION: u32 = 12;
+    pub(crate) const BOUNDS: u32 = 16;
+}
+
+/// Byte offsets in a slot.
+pub(crate) mod slot {
+    pub(crate) const CLAIM: u32 = 0;
+    pub(crate) const SELECTION: u32 = 4;
+    pub(crate) const BEGUN: u32 = 8;
+    pub(crate) const COMPLETE: u32 = 12;
+    pub(crate) const MASK: u32 = 64;
+}
+
+/// Words of a row before the values.
+pub(crate) const ROW_HEADER: u32 = 4;
+
+pub(crate) mod verb {
+    pub(crate) const CLAIM: u32 = 1;
+    pub(crate) const SELECT: u32 = 2;
+    pub(crate) const RELEASE: u32 = 3;
+    pub(crate) const GET: u32 = 4;
+    pub(crate) const SET: u32 = 5;
+}
+
+pub(crate) mod response {
+    pub(crate) const DONE: u32 = 0;
+    pub(crate) const BUSY: u32 = 1;
+    pub(crate) const NO_TABLE: u32 = 2;
+    pub(crate) const RESTARTED: u32 = 3;
+    pub(crate) const NO_VERB: u32 = 4;
+    pub(crate) const NO_SLOT: u32 = 5;
+    pub(crate) const NOT_YOURS: u32 = 6;
+    pub(crate) const NO_ENTRY: u32 = 7;
+    pub(crate) const SCATTERED: u32 = 8;
+    pub(crate) const NO_PARAM: u32 = 9;
+    pub(crate) const OUT_OF_BOUNDS: u32 = 10;
+    pub(crate) const CONFLICT: u32 = 11;
+    pub(crate) const ACCESS: u32 = 12;
+    pub(crate) const EVERY: u32 = 13;
+}
+
+/// Where everything is in a table, as its header says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Shape {
+    pub(crate) entries: u32,
+    pub(crate) text_bytes: u32,
+    pub(crate) slots: u32,
+    pub(crate) slot_bytes: u32,
+}
+
+impl Shape {
+    /// Returns the size of the whole table; `None` if no window is that large.
+    pub(crate) fn bytes(self) -> Option<u32> {
+        let slots = self.slots.checked_mul(self.slot_bytes)?;
+        self.texts_end()?.checked_add(slots)
+    }
+
+    /// Returns the shape if it is possible in a table of so many bytes.
+    pub(crate) fn checked(self, bytes: u32) -> Option<Self> {
+        let is_aligned = self.slot_bytes.is_multiple_of(LINE) && self.text_bytes.is_multiple_of(4);
+        let is_possible = self.entries <= MOST_ENTRIES && is_aligned && self.bytes()? <= bytes;
+        (is_possible && (self.slots == 0 || self.rows_at() < self.slot_bytes)).then_some(self)
+    }
+
+    fn texts_end(self) -> Option<u32> {
+        let entries = self.entries.checked_mul(ENTRY_BYTES)?;
+        let texts = ENTRIES_AT.checked_add(entries)?;
+        let end = texts.checked_add(self.text_bytes)?;
+        end.checked_next_multiple_of(LINE)
+    }
+
+    // None of these overflow or leave the table once the shape has been checked.
+
+    pub(crate) const fn texts(self) -> u32 {
+        entry_at(self.entries)
+    }
+
+    pub(crate) fn slot(self, number: u32) -> u32 {
+        let first = self.texts_end().unwrap_or(u32::MAX);
+        first.wrapping_add(number.wrapping_mul(self.slot_bytes))
+    }
+
+    /// Returns how many words a mask has.
+    pub(crate) const fn mask_words(self) -> u32 {
+        self.entries.div_ceil(32)
+    }
+
+    /// Returns where the rows begin in a slot.
+    pub(crate) const fn rows_at(self) -> u32 {
+        slot::MASK.wrapping_add((4 * self.mask_words()).next_multiple_of(LINE))
+    }
+
+    /// Returns how many rows a slot has room for, if each has so many words of values: 0 or a power of
+    /// two.
+    pub(crate) fn rows(self, words: u32) -> u32 {
+        let room = self.slot_bytes.saturating_sub(self.rows_at());
+        let rows = room / row_bytes(words);
+        rows.checked_ilog2().map_or(0, |log| 1 << log)
+    }
+}
+
+/// Returns where an entry begins.
+pub(crate) const fn entry_at(number: u32) -> u32 {
+    ENTRIES_AT.wrapping_add(number.wrapping_mul(ENTRY_BYTES))
+}
+
+/// Returns the size of a row with so many words of values.
+pub(crate) const fn row_bytes(words: u32) -> u32 {
+    words.saturating_add(ROW_HEADER).saturating_mul(4)
+}

@@ -1,0 +1,185 @@
+//! [`Scalar`]: the types that variables and parameters have.
+
+use core::fmt::Debug;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use crate::kind::Kind;
+
+/// A type of variables: numbers, `bool`, and enums made with [`choice!`](crate::choice).
+///
+/// The words of its default value are 0.
+pub trait Scalar: Copy + Default + PartialOrd + Debug + Send + Sync + 'static {
+    /// The words in which a value is kept.
+    type Storage: Storage;
+    /// Its number in tables.
+    const KIND: Kind;
+    /// The names of an enum's values, by number; empty for all other types.
+    const LABELS: &'static [&'static str] = &[];
+
+    /// Returns the words of a value; the second is 0 where there is only one.
+    fn to_words(self) -> [u32; 2];
+
+    /// Returns the value of the words; `None` of words that no value has.
+    fn from_words(words: [u32; 2]) -> Option<Self>;
+}
+
+/// The words of a value: [`AtomicU32`], one or two.
+///
+/// One context writes them. Another context that interrupts it, or runs beside it, may see one new word
+/// and one old.
+pub trait Storage: Sync + sealed::Sealed + 'static {
+    /// Zeros.
+    const ZERO: Self;
+
+    /// Reads the words; the second is 0 where there is only one.
+    fn load(&self) -> [u32; 2];
+
+    /// Writes the words.
+    fn store(&self, words: [u32; 2]);
+
+    /// Returns the words of values that lie side by side.
+    fn words(values: &[Self]) -> &[AtomicU32]
+    where
+        Self: Sized;
+}
+
+impl Storage for [AtomicU32; 1] {
+    const ZERO: Self = [AtomicU32::new(0)];
+
+    #[inline(always)]
+    fn load(&self) -> [u32; 2] {
+        [self[0].load(Relaxed), 0]
+    }
+
+    #[inline(always)]
+    fn store(&self, [word, _]: [u32; 2]) {
+        self[0].store(word, Relaxed);
+    }
+
+    fn words(values: &[Self]) -> &[AtomicU32] {
+        values.as_flattened()
+    }
+}
+
+impl Storage for [AtomicU32; 2] {
+    const ZERO: Self = [const { AtomicU32::new(0) }; 2];
+
+    #[inline(always)]
+    fn load(&self) -> [u32; 2] {
+        [self[0].load(Relaxed), self[1].load(Relaxed)]
+    }
+
+    #[inline(always)]
+    fn store(&self, [low, high]: [u32; 2]) {
+        self[0].store(low, Relaxed);
+        self[1].store(high, Relaxed);
+    }
+
+    fn words(values: &[Self]) -> &[AtomicU32] {
+        values.as_flattened()
+    }
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for [core::sync::atomic::AtomicU32; 1] {}
+    impl Sealed for [core::sync::atomic::AtomicU32; 2] {}
+}
+
+macro_rules! scalars {
+    ($($type:ty, $kind:ident, $words:literal, |$value:ident| $to:expr, |$from:ident| $of:expr;)*) => {$(
+        impl Scalar for $type {
+            type Storage = [AtomicU32; $words];
+            const KIND: Kind = Kind::$kind;
+
+            #[inline(always)]
+            fn to_words(self) -> [u32; 2] {
+                let $value = self;
+                $to
+            }
+
+            #[inline(always)]
+            fn from_words($from: [u32; 2]) -> Option<Self> {
+                $of
+            }
+        }
+    )*};
+}
+
+const fn split(long: u64) -> [u32; 2] {
+    [long as u32, (long >> 32) as u32]
+}
+
+const fn join([low, high]: [u32; 2]) -> u64 {
+    (high as u64) << 32 | low as u64
+}
+
+scalars! {
+    f32, F32, 1, |value| [value.to_bits(), 0], |words| Some(f32::from_bits(words[0]));
+    f64, F64, 2, |value| split(value.to_bits()), |words| Some(f64::from_bits(join(words)));
+    i8, I8, 1, |value| [i32::from(value).cast_unsigned(), 0], |words| words[0].cast_signed().try_into().ok();
+    i16, I16, 1, |value| [i32::from(value).cast_unsigned(), 0], |words| words[0].cast_signed().try_into().ok();
+    i32, I32, 1, |value| [value.cast_unsigned(), 0], |words| Some(words[0].cast_signed());
+    i64, I64, 2, |value| split(value.cast_unsigned()), |words| Some(join(words).cast_signed());
+    u8, U8, 1, |value| [value.into(), 0], |words| words[0].try_into().ok();
+    u16, U16, 1, |value| [value.into(), 0], |words| words[0].try_into().ok();
+    u32, U32, 1, |value| [value, 0], |words| Some(words[0]);
+    u64, U64, 2, |value| split(value), |words| Some(join(words));
+    bool, Bool, 1, |value| [value.into(), 0], |words| match words[0] { 0 => Some(false), 1 => Some(true), _ => None };
+}
+
+/// Makes an enum whose values have names, for variables and parameters.
+///
+/// The values are numbered from 0; the first is the default. The names are what people see, at most 32 bytes each.
+///
+/// ```
+/// use condor_vars::{Param, Scalar, choice};
+///
+/// choice! {
+///     /// What the hand does.
+///     pub enum Mode {
+///         /// Nothing.
+///         Idle = "idle",
+///         /// Keeps its posture.
+///         Hold = "hold",
+///     }
+/// }
+///
+/// static MODE: Param<Mode> = Param::new("hand.mode", "", Mode::Idle, Mode::Idle..=Mode::Hold);
+/// assert_eq!(MODE.get(), Mode::Idle);
+/// assert_eq!(Mode::LABELS, ["idle", "hold"]);
+/// ```
+#[macro_export]
+macro_rules! choice {
+    ($(#[$meta:meta])* $visibility:vis enum $name:ident {
+        $($(#[$of_value:meta])* $value:ident = $label:literal),+ $(,)?
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        #[repr(u32)]
+        $visibility enum $name {
+            $($(#[$of_value])* $value,)+
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                const VALUES: &[$name] = &[$($name::$value),+];
+                VALUES[0]
+            }
+        }
+
+        impl $crate::Scalar for $name {
+            type Storage = [::core::sync::atomic::AtomicU32; 1];
+            const KIND: $crate::Kind = $crate::Kind::Choice;
+            const LABELS: &'static [&'static str] = &[$($label),+];
+
+            fn to_words(self) -> [u32; 2] {
+                [self as u32, 0]
+            }
+
+            fn from_words([word, _]: [u32; 2]) -> Option<Self> {
+                [$(Self::$value),+].into_iter().find(|value| *value as u32 == word)
+            }
+        }
+    };
+}

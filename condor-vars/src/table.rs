@@ -1,0 +1,349 @@
+//! [`Table`]: what somebody else's loop shows, read from its window.
+
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
+
+use crate::kind::{Kind, Value};
+use crate::layout::{
+    ABOUT_BYTES, ENTRIES_AT, IS_PARAM, MAGIC, NAME_BYTES, Shape, UNIT_BYTES, VERSION, entry,
+    entry_at, header,
+};
+use crate::sync::{Ordering, fence};
+
+/// A table of variables and parameters, or of the fields of a published cell.
+///
+/// Opening it and reading it write nothing, so that a window that is mapped read-only will do.
+#[derive(Clone, Copy, Debug)]
+pub struct Table<W> {
+    region: Region<W>,
+    offset: u32,
+    life: u32,
+    rate: (u32, u32),
+    cell: (u32, u32),
+    pub(crate) shape: Shape,
+}
+
+/// A variable, a parameter or a field.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// Its number in the table.
+    pub number: u32,
+    /// Its name.
+    pub name: heapless::String<NAME_BYTES>,
+    /// Its unit, or nothing.
+    pub unit: heapless::String<UNIT_BYTES>,
+    /// What it is, or nothing.
+    pub about: heapless::String<ABOUT_BYTES>,
+    /// Its type.
+    pub kind: Kind,
+    /// Where it begins, in bytes: in a row of all variables, or in the value of a cell.
+    pub position: u32,
+    /// Of a parameter the least and the greatest value; `None` of a variable, which cannot be set.
+    pub bounds: Option<[Value; 2]>,
+    /// How many labels it has; [`Table::label`] reads them.
+    pub labels: u8,
+    /// Where they begin in the table, and how many bytes from there on are texts.
+    labels_at: (u32, u32),
+}
+
+/// Why a table cannot be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TableError {
+    /// Nothing of this layout is there, or not yet.
+    #[error(
+        "there is no table of version {VERSION} and magic {MAGIC:#x}: found version {version} and \
+         magic {magic:#x}"
+    )]
+    NoTable {
+        /// The first word.
+        magic: u32,
+        /// The version.
+        version: u32,
+    },
+    /// A header whose numbers are impossible.
+    #[error("the header of the table is not possible in {bytes} bytes")]
+    Header {
+        /// The bytes that it says the table has.
+        bytes: u32,
+    },
+    /// An entry that is impossible.
+    #[error("entry {number} of the table is not possible")]
+    Entry {
+        /// Its number.
+        number: u32,
+    },
+    /// An entry that there is not.
+    #[error("there is no entry {number}: the table has {entries}")]
+    NoEntry {
+        /// Its number.
+        number: u32,
+        /// How many there are.
+        entries: u32,
+    },
+    /// The owner has made the table anew: open it again.
+    #[error("the table has been made anew: its life is {found}, not {expected}")]
+    Restarted {
+        /// Its present life.
+        found: u32,
+        /// The life in which it was opened.
+        expected: u32,
+    },
+    /// The region refused an access.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+}
+
+impl<W: MemoryWindow + Clone> Table<W> {
+    /// Opens the table at `offset` of the users' region of its owner's `data`.
+    ///
+    /// # Errors
+    /// [`TableError`], but for `Entry` and `NoEntry`.
+    pub fn open(users: &Region<W>, offset: u32) -> Result<Self, TableError> {
+        let head = users.part(offset, ENTRIES_AT)?;
+        // Pairs with the owner's store before it writes the rest: the magic is not that of an earlier life.
+        let life = head.word(header::LIFE)?;
+        // Pairs with the owner's last store.
+        let magic = head.word(header::MAGIC)?;
+        let word = |at| head.load(at, LoadOrder::Relaxed);
+        let version = word(header::VERSION)?;
+        if magic != MAGIC || version != VERSION {
+            return Err(TableError::NoTable { magic, version });
+        }
+        let bytes = word(header::BYTES)?;
+        let shape = Shape {
+            entries: word(header::ENTRIES)?,
+            text_bytes: word(header::TEXT_BYTES)?,
+            slots: word(header::SLOTS)?,
+            slot_bytes: word(header::SLOT_BYTES)?,
+        };
+        let rate = (word(header::RATE)?, word(header::RATE + 4)?);
+        let cell = (word(header::CELL)?, word(header::CELL_BYTES)?);
+        let shape = shape.checked(bytes).ok_or(TableError::Header { bytes })?;
+        let region = users.part(offset, bytes)?;
+        let table = Self {
+            region,
+            offset,
+            life,
+            rate,
+            cell,
+            shape,
+        };
+        table.check_life()?;
+        Ok(table)
+    }
+}
+
+impl<W: MemoryWindow> Table<W> {
+    /// Returns where it begins in the users' region of its owner.
+    #[must_use]
+    pub const fn offset(&self) -> u32 {
+        self.offset
+    }
+
+    /// Returns the number of its owner's life.
+    #[must_use]
+    pub const fn life(&self) -> u32 {
+        self.life
+    }
+
+    /// Returns how many ticks its loop has in how many seconds.
+    #[must_use]
+    pub const fn rate(&self) -> (u32, u32) {
+        self.rate
+    }
+
+    /// Returns the offset of the published cell that it describes, in the users' region, and the size of
+    /// the cell's value; `None` if it is the table of a loop.
+    #[must_use]
+    pub const fn cell(&self) -> Option<(u32, u32)> {
+        match self.cell {
+            (_, 0) => None,
+            cell => Some(cell),
+        }
+    }
+
+    /// Returns how many variables and parameters, or fields, it has.
+    #[must_use]
+    pub const fn len(&self) -> u32 {
+        self.shape.entries
+    }
+
+    /// Whether it has none.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns how many watchers it can have.
+    #[must_use]
+    pub const fn slots(&self) -> u32 {
+        self.shape.slots
+    }
+
+    /// Reads the entry of a number.
+    ///
+    /// # Errors
+    /// [`TableError::NoEntry`], [`TableError::Entry`], [`TableError::Restarted`], [`TableError::Access`].
+    pub fn entry(&self, number: u32) -> Result<Entry, TableError> {
+        let entries = self.shape.entries;
+        if number >= entries {
+            return Err(TableError::NoEntry { number, entries });
+        }
+        let entry = self.read_entry(number)?;
+        // What was read of another life is no error of this one.
+        self.check_life()?;
+        entry.ok_or(TableError::Entry { number })
+    }
+
+    /// Returns the type of an entry; `None` if it is impossible, or there is none.
+    pub(crate) fn kind(&self, number: u32) -> Result<Option<Kind>, AccessError> {
+        if number >= self.shape.entries {
+            return Ok(None);
+        }
+        let code = self.load(entry_at(number) + entry::KIND)?;
+        Ok(Kind::from_code(code & !IS_PARAM))
+    }
+
+    /// Finds the entry of this name.
+    ///
+    /// # Errors
+    /// Those of [`entry`](Self::entry).
+    pub fn find(&self, name: &str) -> Result<Option<Entry>, TableError> {
+        for number in 0..self.len() {
+            let lengths = self.load(entry_at(number) + entry::LENGTHS)?;
+            if (lengths & 0xff) as usize == name.len() {
+                let entry = self.entry(number)?;
+                if entry.name == name {
+                    return Ok(Some(entry));
+                }
+            }
+        }
+        self.check_life()?;
+        Ok(None)
+    }
+
+    /// Iterates over all entries.
+    pub fn entries(&self) -> impl Iterator<Item = Result<Entry, TableError>> + '_ {
+        (0..self.len()).map(|number| self.entry(number))
+    }
+
+    /// Reads the label of a value of an enum; `None` if it has none.
+    ///
+    /// # Errors
+    /// Those of [`entry`](Self::entry).
+    pub fn label(
+        &self,
+        entry: &Entry,
+        value: u32,
+    ) -> Result<Option<heapless::String<UNIT_BYTES>>, TableError> {
+        if value >= entry.labels.into() {
+            return Ok(None);
+        }
+        let (mut at, mut left) = entry.labels_at;
+        let mut label = None;
+        for _ in 0..=value {
+            let mut len = [0];
+            label = None;
+            if left > 0 {
+                self.bytes(at, &mut len)?;
+                left -= 1;
+                let len = u32::from(len[0]);
+                label = self.text(at + 1, len.min(left))?;
+                at += 1 + len.min(left);
+                left -= len.min(left);
+            }
+        }
+        self.check_life()?;
+        let number = entry.number;
+        label.ok_or(TableError::Entry { number }).map(Some)
+    }
+
+    /// Reads an entry; `None` if it is impossible.
+    fn read_entry(&self, number: u32) -> Result<Option<Entry>, TableError> {
+        let at = entry_at(number);
+        let code = self.load(at + entry::KIND)?;
+        let text = self.load(at + entry::TEXT)?;
+        let [name, unit, about, labels] = self.load(at + entry::LENGTHS)?.to_le_bytes();
+        let mut bounds = [0; 4];
+        for (word, at) in bounds.iter_mut().zip((at + entry::BOUNDS..).step_by(4)) {
+            *word = self.load(at)?;
+        }
+        let position = self.load(at + entry::POSITION)?;
+        let Some(kind) = Kind::from_code(code & !IS_PARAM) else {
+            return Ok(None);
+        };
+        let [name, unit, about] = [name, unit, about].map(u32::from);
+        let texts = self.shape.text_bytes;
+        let Some(left) = texts
+            .checked_sub(text)
+            .and_then(|left| left.checked_sub(name + unit + about))
+        else {
+            return Ok(None);
+        };
+        let at = self.shape.texts() + text;
+        let name_text = self.text(at, name)?;
+        let unit_text = self.text(at + name, unit)?;
+        let about_text = self.text(at + name + unit, about)?;
+        let (Some(name_text), Some(unit_text), Some(about_text)) =
+            (name_text, unit_text, about_text)
+        else {
+            return Ok(None);
+        };
+        let [a, b, c, d] = bounds;
+        Ok(Some(Entry {
+            number,
+            name: name_text,
+            unit: unit_text,
+            about: about_text,
+            kind,
+            position,
+            bounds: (code & IS_PARAM != 0).then(|| [kind.value([a, b]), kind.value([c, d])]),
+            labels,
+            labels_at: (at + name + unit + about, left),
+        }))
+    }
+
+    /// Reads a text that is inside of the texts; `None` if it is too long, or none.
+    fn text<const N: usize>(
+        &self,
+        at: u32,
+        len: u32,
+    ) -> Result<Option<heapless::String<N>>, TableError> {
+        let mut bytes = heapless::Vec::new();
+        if bytes.resize_default(len as usize).is_err() {
+            return Ok(None);
+        }
+        self.bytes(at, &mut bytes)?;
+        Ok(heapless::String::from_utf8(bytes).ok())
+    }
+
+    /// Reads bytes from anywhere in the table.
+    fn bytes(&self, at: u32, into: &mut [u8]) -> Result<(), AccessError> {
+        for (byte, at) in into.iter_mut().zip(at..) {
+            let word = self.load(at & !3)?.to_le_bytes();
+            let from = word.get((at & 3) as usize);
+            *byte = from.copied().unwrap_or_default();
+        }
+        Ok(())
+    }
+
+    fn load(&self, at: u32) -> Result<u32, AccessError> {
+        self.region.load(at, LoadOrder::Relaxed)
+    }
+
+    pub(crate) const fn region(&self) -> &Region<W> {
+        &self.region
+    }
+
+    /// Looks whether all that was read before is of the life in which the table was opened.
+    pub(crate) fn check_life(&self) -> Result<(), TableError> {
+        // Pairs with the owner's fence after it has begun another life.
+        fence(Ordering::Acquire);
+        let found = self.load(header::LIFE)?;
+        let expected = self.life;
+        if found == expected {
+            return Ok(());
+        }
+        Err(TableError::Restarted { found, expected })
+    }
+}

@@ -1,0 +1,221 @@
+//! [`Var`] and [`Vars`]: what a loop shows.
+
+use core::fmt;
+use core::sync::atomic::AtomicU32;
+
+use crate::kind::Kind;
+use crate::scalar::{Scalar, Storage};
+
+/// A variable that a loop sets and others watch.
+///
+/// It lies in the program's own memory, and [`set`](Self::set) is one store of 32 bits, or two. Those who
+/// watch get what it was when the body of the loop had ended. It can be a `static`.
+///
+/// ```
+/// use condor_vars::Var;
+///
+/// static POSITION: Var<f64> = Var::new("joint.position", "rad").about("Filtered.");
+/// POSITION.set(0.25);
+/// assert_eq!(POSITION.get(), 0.25);
+/// ```
+#[derive(Debug)]
+pub struct Var<T: Scalar> {
+    storage: T::Storage,
+    name: &'static str,
+    unit: &'static str,
+    about: &'static str,
+}
+
+impl<T: Scalar> Var<T> {
+    /// Makes a variable whose words are 0, with a name of at most 64 bytes and a unit of at most 32.
+    #[must_use]
+    pub const fn new(name: &'static str, unit: &'static str) -> Self {
+        Self {
+            storage: T::Storage::ZERO,
+            name,
+            unit,
+            about: "",
+        }
+    }
+
+    /// Adds a description, at most 128 bytes.
+    #[must_use]
+    pub const fn about(mut self, about: &'static str) -> Self {
+        self.about = about;
+        self
+    }
+
+    /// Sets it. One context at a time may do so: the loop that shows it.
+    #[inline(always)]
+    pub fn set(&self, value: T) {
+        self.storage.store(value.to_words());
+    }
+
+    /// Returns what it was set to, for the context that sets it.
+    #[inline(always)]
+    pub fn get(&self) -> T {
+        T::from_words(self.storage.load()).unwrap_or_default()
+    }
+}
+
+/// `N` variables of one type, one after the other: sampled by one copy.
+///
+/// ```
+/// use condor_vars::Vars;
+///
+/// static TENSIONS: Vars<f32, 2> = Vars::new(&["index.flexor", "index.extensor"], "N");
+/// static ANGLES: Vars<f64, 16> = Vars::numbered("angle", "rad"); // angle.0 to angle.15
+/// TENSIONS.set(1, 4.5);
+/// ANGLES.set_all(&[0.1; 16]);
+/// ```
+#[derive(Debug)]
+pub struct Vars<T: Scalar, const N: usize> {
+    storage: [T::Storage; N],
+    names: Names<N>,
+    unit: &'static str,
+    about: &'static str,
+}
+
+/// How the variables of a block are called.
+#[derive(Clone, Copy, Debug)]
+enum Names<const N: usize> {
+    Each(&'static [&'static str; N]),
+    Numbered(&'static str),
+    Formatted(fn(usize, &mut dyn fmt::Write) -> fmt::Result),
+}
+
+impl<T: Scalar, const N: usize> Vars<T, N> {
+    /// Makes variables with these names.
+    #[must_use]
+    pub const fn new(names: &'static [&'static str; N], unit: &'static str) -> Self {
+        Self::with(Names::Each(names), unit)
+    }
+
+    /// Makes variables that are called `name.0`, `name.1` and so on.
+    #[must_use]
+    pub const fn numbered(name: &'static str, unit: &'static str) -> Self {
+        Self::with(Names::Numbered(name), unit)
+    }
+
+    /// Makes variables whose names `name` writes, given their index.
+    #[must_use]
+    pub const fn formatted(
+        name: fn(usize, &mut dyn fmt::Write) -> fmt::Result,
+        unit: &'static str,
+    ) -> Self {
+        Self::with(Names::Formatted(name), unit)
+    }
+
+    const fn with(names: Names<N>, unit: &'static str) -> Self {
+        Self {
+            storage: [const { T::Storage::ZERO }; N],
+            names,
+            unit,
+            about: "",
+        }
+    }
+
+    /// Adds a description of all of them, at most 128 bytes.
+    #[must_use]
+    pub const fn about(mut self, about: &'static str) -> Self {
+        self.about = about;
+        self
+    }
+
+    /// Sets one of them; nothing if there is none of this index.
+    #[inline(always)]
+    pub fn set(&self, index: usize, value: T) {
+        if let Some(storage) = self.storage.get(index) {
+            storage.store(value.to_words());
+        }
+    }
+
+    /// Sets all of them.
+    #[inline(always)]
+    pub fn set_all(&self, values: &[T; N]) {
+        for (storage, value) in self.storage.iter().zip(values) {
+            storage.store(value.to_words());
+        }
+    }
+}
+
+/// Variables that lie side by side in the program's memory: one, or a block.
+///
+/// # For implementers
+///
+/// [`Var`] and [`Vars`] are enough for most programs. Implement it for a struct whose names are known
+/// only when the program runs, or whose variables have several types. `words` always returns the same
+/// words. The variables have them in order, one or two each as their kinds say, until all are used up.
+pub trait Watch: Sync {
+    /// The words of all of them.
+    fn words(&self) -> &[AtomicU32];
+
+    /// Returns what one of them is; `None` past the last.
+    fn describe(&self, index: usize) -> Option<Description<'_>>;
+
+    /// Writes the name of one of them, at most 64 bytes.
+    ///
+    /// # Errors
+    /// Those of `to`.
+    fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result;
+}
+
+/// What a variable is, apart from its name.
+#[derive(Clone, Copy, Debug)]
+pub struct Description<'d> {
+    /// Its type.
+    pub kind: Kind,
+    /// Its unit, at most 32 bytes; empty if it has none.
+    pub unit: &'d str,
+    /// What it is, in at most 128 bytes.
+    pub about: &'d str,
+    /// The names of an enum's values, at most 255 of 32 bytes each.
+    pub labels: &'d [&'d str],
+    /// The words of the least and of the greatest value that a parameter takes.
+    pub bounds: [[u32; 2]; 2],
+}
+
+impl<T: Scalar> Watch for Var<T> {
+    fn words(&self) -> &[AtomicU32] {
+        T::Storage::words(core::slice::from_ref(&self.storage))
+    }
+
+    fn describe(&self, index: usize) -> Option<Description<'_>> {
+        (index == 0).then_some(description::<T>(self.unit, self.about))
+    }
+
+    fn name(&self, _: usize, to: &mut dyn fmt::Write) -> fmt::Result {
+        to.write_str(self.name)
+    }
+}
+
+impl<T: Scalar, const N: usize> Watch for Vars<T, N> {
+    fn words(&self) -> &[AtomicU32] {
+        T::Storage::words(&self.storage)
+    }
+
+    fn describe(&self, index: usize) -> Option<Description<'_>> {
+        (index < N).then_some(description::<T>(self.unit, self.about))
+    }
+
+    fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
+        match self.names {
+            Names::Each(names) => to.write_str(names.get(index).copied().unwrap_or_default()),
+            Names::Numbered(name) => write!(to, "{name}.{index}"),
+            Names::Formatted(name) => name(index, to),
+        }
+    }
+}
+
+pub(crate) const fn description<T: Scalar>(
+    unit: &'static str,
+    about: &'static str,
+) -> Description<'static> {
+    Description {
+        kind: T::KIND,
+        unit,
+        about,
+        labels: T::LABELS,
+        bounds: [[0; 2]; 2],
+    }
+}

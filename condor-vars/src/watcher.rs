@@ -1,0 +1,283 @@
+//! [`Watcher`]: a claimed slot, whose rows are read each at most once.
+
+use condor_mbox::{AccessError, Instant, LoadOrder, MemoryWindow, StoreOrder};
+
+use crate::layout::{ROW_HEADER, row_bytes, slot};
+use crate::sync::{Ordering, fence};
+use crate::table::{Table, TableError};
+
+/// A slot of a loop, claimed by [`Client::claim`](crate::Client::claim): select variables, then read rows.
+///
+/// To drop it keeps the slot claimed: give it back with [`Client::release`](crate::Client::release).
+/// Whoever cannot, because its program has ended, loses it to the next who wants a slot.
+#[derive(Debug)]
+pub struct Watcher<W> {
+    table: Table<W>,
+    number: u32,
+    claim: u32,
+    /// `None` before the first selection, and if it is not known whether the last was accepted.
+    selection: Option<Selection>,
+    lost: u64,
+}
+
+/// A selection of which the owner has accepted the mask.
+#[derive(Clone, Copy, Debug)]
+struct Selection {
+    number: u32,
+    /// Words of a row's values.
+    words: u32,
+    /// A power of two.
+    rows: u32,
+    /// The next row to read.
+    next: u32,
+    /// How many rows were lost of which no row has told yet.
+    untold: u32,
+}
+
+/// A row without its values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// The number of the tick.
+    pub tick: u64,
+    /// When the tick was released, on the clock of its processor.
+    pub released: Instant,
+    /// How many rows of the selection were lost between the one read before and this one.
+    pub lost: u32,
+    /// How many words of values were copied.
+    pub words: usize,
+}
+
+/// Why there is no row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum WatchError {
+    /// The owner has restarted, or its memory cannot be reached.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// The owner took this watcher for dead and gave its slot to another.
+    #[error("slot {slot} was given to another watcher")]
+    Displaced {
+        /// The number of the slot.
+        slot: u32,
+    },
+    /// Nothing is selected, or the last selection was not acknowledged.
+    #[error("nothing is selected")]
+    Unselected,
+    /// The values do not fit where they are to go.
+    #[error("a row has {words} words, and there is room for {room}")]
+    Room {
+        /// Words of a row's values.
+        words: usize,
+        /// Words there is room for.
+        room: usize,
+    },
+}
+
+impl From<AccessError> for WatchError {
+    fn from(error: AccessError) -> Self {
+        Self::Table(error.into())
+    }
+}
+
+/// How often a row that is overwritten while it is copied is given up for a later one, in one call.
+const ATTEMPTS: u32 = 4;
+
+impl<W: MemoryWindow> Watcher<W> {
+    /// Makes a watcher of a slot that was claimed; `None` if there is no such slot.
+    ///
+    /// [`Client`](crate::Client) does so. This, [`choose`](Self::choose) and [`follow`](Self::follow) are
+    /// for programs that bring the words of requests to the owner in another way.
+    #[must_use]
+    pub fn new(table: Table<W>, number: u32, claim: u32) -> Option<Self> {
+        (number < table.slots()).then_some(Self {
+            table,
+            number,
+            claim,
+            selection: None,
+            lost: 0,
+        })
+    }
+
+    /// Returns the table of the loop.
+    #[must_use]
+    pub const fn table(&self) -> &Table<W> {
+        &self.table
+    }
+
+    /// Returns the number of its slot.
+    #[must_use]
+    pub const fn slot(&self) -> u32 {
+        self.number
+    }
+
+    /// Returns the number of its claim.
+    #[must_use]
+    pub const fn claim(&self) -> u32 {
+        self.claim
+    }
+
+    /// Returns how many rows of all its selections were lost.
+    #[must_use]
+    pub const fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Returns how many words of values a row of the selection has.
+    #[must_use]
+    pub fn words(&self) -> usize {
+        self.selection.map_or(0, |it| it.words as usize)
+    }
+
+    /// Returns how many rows of the selection its ring keeps.
+    #[must_use]
+    pub fn rows(&self) -> u32 {
+        self.selection.map_or(0, |it| it.rows)
+    }
+
+    /// Writes the mask of the next selection, before the request to select it, and reads no more rows of
+    /// the present one. Returns how many words of values a row will have.
+    ///
+    /// # Errors
+    /// [`TableError`].
+    pub fn choose(&mut self, entries: &[u32]) -> Result<u32, TableError> {
+        self.end();
+        let shape = self.table.shape;
+        let mask = shape.slot(self.number) + slot::MASK;
+        let entries_there = shape.entries;
+        if let Some(&number) = entries.iter().find(|number| **number >= entries_there) {
+            let entries = entries_there;
+            return Err(TableError::NoEntry { number, entries });
+        }
+        let mut words = 0;
+        for index in 0..shape.mask_words() {
+            let mine = entries.iter().filter(|number| **number / 32 == index);
+            let bits = mine.fold(0_u32, |bits, number| bits | 1 << (number % 32));
+            for number in (0..32).filter(|bit| bits & 1 << bit != 0) {
+                let number = 32 * index + number;
+                let kind = self.table.kind(number)?;
+                words += kind.ok_or(TableError::Entry { number })?.words() as u32;
+            }
+            let region = self.table.region();
+            region.store(mask + 4 * index, bits, StoreOrder::Relaxed)?;
+        }
+        self.table.check_life()?;
+        Ok(words)
+    }
+
+    /// Reads no more rows of the present selection.
+    pub(crate) const fn end(&mut self) {
+        self.selection = None;
+    }
+
+    /// Reads rows of the selection of this number from now on, with so many words of values, as the owner
+    /// has answered.
+    pub fn follow(&mut self, number: u32, words: u32) {
+        self.selection = Some(Selection {
+            number,
+            words,
+            rows: self.table.shape.rows(words),
+            next: 0,
+            untold: 0,
+        });
+    }
+
+    /// Copies the values of the next row into the beginning of `values`; `None` if there is none that has
+    /// not been read.
+    ///
+    /// The values are in the order of the numbers of the selected entries, and
+    /// [`Kind::split`](crate::Kind::split) takes them apart. A reader that stays away for 2³² rows has
+    /// lost count.
+    ///
+    /// # Errors
+    /// [`WatchError`].
+    pub fn read(&mut self, values: &mut [u32]) -> Result<Option<Row>, WatchError> {
+        let Some(mut selection) = self.selection else {
+            return Err(WatchError::Unselected);
+        };
+        let (words, room) = (selection.words as usize, values.len());
+        let values = values
+            .get_mut(..words)
+            .ok_or(WatchError::Room { words, room })?;
+        let at = self.table.shape.slot(self.number);
+        // Pairs with the writer's store when it takes a selection over.
+        if self.table.region().word(at + slot::SELECTION)? != selection.number {
+            // Not yet; unless the slot is not ours any more.
+            self.check_claim()?;
+            return Ok(None);
+        }
+        let before = selection;
+        let row = selection.read(&self.table, at, values)?;
+        // Pairs with the writer's fence when it leaves a selection: nothing above is of another one.
+        fence(Ordering::Acquire);
+        let region = self.table.region();
+        let present = region.load(at + slot::SELECTION, LoadOrder::Relaxed)?;
+        self.check_claim()?;
+        if present != selection.number {
+            return Ok(None);
+        }
+        let lost = selection.next.wrapping_sub(before.next);
+        self.lost += u64::from(lost.wrapping_sub(row.is_some().into()));
+        self.selection = Some(selection);
+        Ok(row)
+    }
+
+    fn check_claim(&self) -> Result<(), WatchError> {
+        self.table.check_life()?;
+        let slot = self.number;
+        let at = self.table.shape.slot(slot) + slot::CLAIM;
+        if self.table.region().word(at)? == self.claim {
+            return Ok(());
+        }
+        Err(WatchError::Displaced { slot })
+    }
+}
+
+impl Selection {
+    fn read<W: MemoryWindow>(
+        &mut self,
+        table: &Table<W>,
+        at: u32,
+        values: &mut [u32],
+    ) -> Result<Option<Row>, AccessError> {
+        let region = table.region();
+        for _ in 0..ATTEMPTS {
+            // Pairs with the writer's store after a complete row.
+            let complete = region.word(at + slot::COMPLETE)?;
+            self.skip_to(complete);
+            if complete == self.next {
+                return Ok(None);
+            }
+            let place = self.next & self.rows.wrapping_sub(1);
+            let row = at + table.shape.rows_at() + place * row_bytes(self.words);
+            let mut header = [0; ROW_HEADER as usize];
+            let words = header.iter_mut().chain(values.iter_mut());
+            for (to, at) in words.zip((row..).step_by(4)) {
+                *to = region.load(at, LoadOrder::Relaxed)?;
+            }
+            // Pairs with the writer's fence: if any word was of a later row, that one is seen begun.
+            fence(Ordering::Acquire);
+            let begun = region.load(at + slot::BEGUN, LoadOrder::Relaxed)?;
+            if begun.wrapping_sub(self.next) <= self.rows {
+                self.next = self.next.wrapping_add(1);
+                let [tick, tick_high, ns, ns_high] = header.map(u64::from);
+                return Ok(Some(Row {
+                    tick: tick_high << 32 | tick,
+                    released: Instant::from_ns(ns_high << 32 | ns),
+                    lost: core::mem::take(&mut self.untold),
+                    words: values.len(),
+                }));
+            }
+            self.skip_to(begun);
+        }
+        Ok(None)
+    }
+
+    /// Counts the rows as lost that are not there any more once so many have been begun.
+    fn skip_to(&mut self, begun: u32) {
+        let ahead = begun.wrapping_sub(self.next);
+        if let Some(lost) = ahead.checked_sub(self.rows) {
+            self.next = self.next.wrapping_add(lost);
+            self.untold = self.untold.wrapping_add(lost);
+        }
+    }
+}

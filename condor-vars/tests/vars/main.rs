@@ -1,0 +1,10 @@
+//! The promises of README.md.
+
+mod catalogs;
+mod cells;
+mod haunted;
+mod hostile;
+mod merging;
+mod model;
+mod requests;
+mod support;
