@@ -78,7 +78,7 @@ pub enum Error {
     },
     /// What a program says itself: the text of an error of its own.
     #[error("{0}")]
-    Program(Text<160>),
+    Program(Text<96>),
 }
 
 impl Error {
@@ -91,7 +91,7 @@ impl Error {
 
 /// As much of a text as fits, without a heap.
 #[derive(Clone, PartialEq, Eq)]
-pub struct Text<const BYTES: usize>(heapless::String<BYTES>);
+pub struct Text<const BYTES: usize>(heapless::String<BYTES, u8>);
 
 impl<const BYTES: usize> Text<BYTES> {
     /// What something prints.
@@ -116,7 +116,7 @@ impl<const BYTES: usize> fmt::Debug for Text<BYTES> {
     }
 }
 
-struct Cut<const BYTES: usize>(heapless::String<BYTES>);
+struct Cut<const BYTES: usize>(heapless::String<BYTES, u8>);
 
 impl<const BYTES: usize> fmt::Write for Cut<BYTES> {
     fn write_str(&mut self, text: &str) -> fmt::Result {

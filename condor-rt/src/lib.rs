@@ -1,4 +1,6 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
+//! [error]: enum@Error
+//! [setup]: Setup
 //! [program]: Program
 //! [machine]: Machine
 //!
