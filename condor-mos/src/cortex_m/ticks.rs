@@ -61,7 +61,7 @@ impl Ticks {
         Clock::of::<Wrapping<32>>(Rate::fraction(core_hz, cycles))
     }
 
-    /// Has `SysTick` count, and interrupt; before [`Scheduler::start`](crate::Scheduler::start).
+    /// Has `SysTick` count, and interrupt; before [`Loops::start`](crate::Loops::start).
     pub fn begin(&self, mut timer: SYST) {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(self.cycles - 1);

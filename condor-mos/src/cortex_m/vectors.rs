@@ -109,7 +109,7 @@ impl<T: Alarm, const N: usize> Vectors<T, N> {
     }
 
     /// Gives the interrupts their priorities and enables them; before
-    /// [`Scheduler::start`](crate::Scheduler::start).
+    /// [`Loops::start`](crate::Loops::start).
     ///
     /// # Safety
     /// The program has no critical section that relies on priorities or on one of the interrupts
