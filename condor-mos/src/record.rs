@@ -1,5 +1,7 @@
 //! What a scheduler keeps of its loops' past, which is a choice by type.
 
+use core::sync::atomic::{Ordering, compiler_fence};
+
 /// What a [`Scheduler`](crate::Scheduler) counts and measures: [`NoStatistics`], [`Counts`] or
 /// [`Histograms`].
 #[allow(private_bounds, reason = "nobody else implements it")]
@@ -58,10 +60,11 @@ impl Record for NoStatistics {
 pub struct Counts {
     pub(crate) worst_lateness: u32,
     pub(crate) worst_run: u32,
-    pub(crate) total_run: u64,
-    /// The low word of the runs that have finished, and the high one.
+    /// The low words of the runs that have finished and of their ticks, and the high ones.
     pub(crate) run: u32,
+    pub(crate) total: u32,
     pub(crate) run_high: u32,
+    pub(crate) total_high: u32,
     pub(crate) skipped: u64,
     /// Releases, and ticks of all runs, before the rate was changed last.
     pub(crate) released_before: u64,
@@ -75,20 +78,25 @@ impl Counts {
         u64::from(self.run_high) << 32 | u64::from(self.run)
     }
 
-    /// 2^32 runs.
-    #[cold]
-    fn carry(&mut self) {
-        self.run_high = self.run_high.wrapping_add(1);
+    pub(crate) fn total_run(&self) -> u64 {
+        u64::from(self.total_high) << 32 | u64::from(self.total)
     }
+}
+
+/// Called where what follows is seldom: with the fence, a compiler does not do it under a condition.
+#[cold]
+fn seldom() {
+    compiler_fence(Ordering::Release);
 }
 
 impl Record for Counts {
     const NEW: Self = Self {
         worst_lateness: 0,
         worst_run: 0,
-        total_run: 0,
         run: 0,
+        total: 0,
         run_high: 0,
+        total_high: 0,
         skipped: 0,
         released_before: 0,
         total_before: 0,
@@ -98,6 +106,7 @@ impl Record for Counts {
     #[inline(always)]
     fn start(&mut self, lateness: u32) {
         if lateness > self.worst_lateness {
+            seldom();
             self.worst_lateness = lateness;
         }
     }
@@ -105,11 +114,17 @@ impl Record for Counts {
     #[inline(always)]
     fn finish(&mut self, ticks: u32) {
         self.run = self.run.wrapping_add(1);
-        if self.run == 0 {
-            self.carry();
+        self.total = self.total.wrapping_add(ticks);
+        if self.total < ticks {
+            seldom();
+            self.total_high = self.total_high.wrapping_add(1);
         }
-        self.total_run = self.total_run.wrapping_add(u64::from(ticks));
+        if self.run == 0 {
+            seldom();
+            self.run_high = self.run_high.wrapping_add(1);
+        }
         if ticks > self.worst_run {
+            seldom();
             self.worst_run = ticks;
         }
     }
@@ -120,7 +135,7 @@ impl Record for Counts {
 
     fn change(&mut self, released: u64) {
         self.released_before = released;
-        self.total_before = self.total_run;
+        self.total_before = self.total_run();
     }
 
     fn counts(&self) -> Counts {

@@ -132,9 +132,8 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     pub fn on_timer(&self) {
         if P::VECTORS {
             match masked(&self.platform, |section| self.release_and_pend(section)) {
-                Next::Nothing => {}
-                Next::Run(start) => self.run_in_vector::<true, true>(0, start),
-                Next::Unusual => self.look_again(),
+                Some(start) => self.run_in_vector::<true, true>(0, start),
+                None => self.look_again(),
             }
         } else {
             self.release_and_run::<true>();
@@ -154,36 +153,30 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         }
     }
 
-    /// Releases what is due, pends the vectors of loops that can start, and begins the fastest.
+    /// Releases what is due, pends the vectors of loops that can start, and begins the fastest; what
+    /// happens less often than that is left to [`look_again`](Self::look_again).
     #[inline(always)]
-    fn release_and_pend(&self, section: CriticalSection<'_>) -> Next<P::Instant> {
+    fn release_and_pend(&self, section: CriticalSection<'_>) -> Option<Start<P::Instant>> {
         let now = self.platform.now();
-        let event = self.state.with(section, |state| state.take_event(now));
-        let Some((released, due)) = event else {
-            return Next::Unusual;
-        };
-        if released != 1 {
-            let others = released & !1;
+        let (due, event, index) = self.state.with(section, |state| state.peek_event(now))?;
+        if event.ranks != 1 {
+            let others = event.ranks & !1;
+            if others == event.ranks {
+                return None;
+            }
             self.state
                 .with(section, |state| state.make_runnable(others, due));
             self.platform.pend(others);
-            if released & 1 == 0 {
-                let next = self.state.with(section, |state| state.next_due());
-                if self.platform.arm(next) == Armed::Ahead {
-                    return Next::Nothing;
-                }
-                self.catch_up(section);
-                return Next::Unusual;
-            }
         }
         // Nothing interrupts it: the timer can wait until it has run.
-        let begun = self
-            .state
-            .with(section, |state| state.begin_released(0, due, now));
-        begun.map_or(Next::Nothing, Next::Run)
+        self.state.with(section, |state| {
+            state.take_event(due, event, index);
+            state.begin_released(0, due, now)
+        })
     }
 
-    /// The timer's interrupt came early, without cause or late, or nothing is started.
+    /// The timer's interrupt came early, without cause or late, or not for the fastest loop, or nothing
+    /// is started.
     #[cold]
     #[inline(never)]
     fn look_again(&self) {
@@ -257,20 +250,20 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
 
     /// Ends the fastest loop, which the timer could not interrupt: what was due before came before the
     /// end. Says whether the vector is to run again.
-    fn end_overdue(&self, section: CriticalSection<'_>, running: Running<P::Instant>) -> bool {
+    fn end_overdue(&self, section: CriticalSection<'_>, mut running: Running<P::Instant>) -> bool {
         let next = self.state.with(section, |state| state.started_due());
         let late = next.is_some_and(|next| self.platform.arm(next) == Armed::Past);
-        let now = self.platform.now();
-        if !late {
-            return self.state.with(section, |state| state.end(0, running, now));
+        let mut now = self.platform.now();
+        let overdue = late && self.state.with(section, |state| state.is_overdue(now));
+        if overdue {
+            now = self.catch_up_and_pend(section);
         }
-        if self.state.with(section, |state| state.is_overdue(now)) {
-            let now = self.catch_up_and_pend(section);
-            return self.state.with(section, |state| state.end(0, running, now));
-        }
+        let waits = self.state.with(section, |state| {
+            running.busy = state.busy;
+            state.end(0, running, now)
+        });
         // What is due just now comes after it, and its interrupt may not come by itself.
-        self.state.with(section, |state| state.end(0, running, now));
-        true
+        waits || late && !overdue
     }
 
     /// Now, if anybody wants to know.
@@ -345,9 +338,10 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     fn release(&self, section: CriticalSection<'_>) -> P::Instant {
         let now = self.platform.now();
         let next = self.state.with(section, |state| {
-            let (released, due) = state.take_event(now)?;
-            state.make_runnable(released, due);
-            Some(state.next_due())
+            let (due, event, index) = state.peek_event(now)?;
+            let next = state.take_event(due, event, index);
+            state.make_runnable(event.ranks, due);
+            Some(next)
         });
         if next.is_some_and(|next| self.platform.arm(next) == Armed::Ahead) {
             return now;
@@ -562,14 +556,6 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E, Histograms>
             state.record(number).ok_or(state.no_such(id))
         })
     }
-}
-
-/// What the timer's interrupt is to do where ranks have vectors.
-enum Next<I> {
-    Nothing,
-    Run(Start<I>),
-    /// What happens seldom: it has more to find out.
-    Unusual,
 }
 
 /// Ends a loop whose body unwinds.

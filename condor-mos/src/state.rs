@@ -5,7 +5,7 @@ use crate::error::LoopError;
 use crate::instant::Instant;
 use crate::process::{Overrun, Process};
 use crate::record::{Counts, Record};
-use crate::schedule::EventTable;
+use crate::schedule::{Event, EventTable};
 use crate::scheduler::LoopId;
 use crate::statistics::Statistics;
 
@@ -31,7 +31,7 @@ pub(crate) struct State<I, const L: usize, const E: usize, K> {
     /// started.
     unusual: u32,
     /// Ticks that loops have taken, each without those that interrupted it; wraps.
-    busy: u32,
+    pub(crate) busy: u32,
     /// By rank.
     processes: [Process<I, K>; L],
 }
@@ -49,8 +49,8 @@ pub(crate) struct Start<I> {
 #[derive(Clone, Copy)]
 pub(crate) struct Running<I> {
     pub(crate) since: I,
-    /// What loops had taken then.
-    busy: u32,
+    /// What loops had taken then, unless none can interrupt this one.
+    pub(crate) busy: u32,
 }
 
 /// A loop's counts at one moment.
@@ -119,22 +119,24 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
         (self.unusual & 1 << rank == 0).then_some(self.due)
     }
 
-    /// Takes the event that is due by `now`, if it is in the table and all of its loops may start: the
-    /// loops, and when it was due. All else is left to [`pass_event`](Self::pass_event).
-    ///
-    /// The loops are unfinished from here on; who takes them begins them or makes them runnable.
+    /// The event that is due by `now`, if it is in the table and all of its loops may start: when it
+    /// was due, and its index. All else is left to [`pass_event`](Self::pass_event).
     #[inline(always)]
-    pub(crate) fn take_event(&mut self, now: I) -> Option<(u32, I)> {
-        let due = self.due;
+    pub(crate) fn peek_event(&self, now: I) -> Option<(I, Event, usize)> {
         // Where nothing is started, the schedule is at a turn.
-        let (event, after) = self.schedule.peek()?;
-        if !now.has_reached(due) || event.ranks & (self.unfinished | self.held) != 0 {
-            return None;
-        }
-        self.schedule.pass(after);
+        let (event, index) = self.schedule.peek()?;
+        let may_start = event.ranks & (self.unfinished | self.held) == 0;
+        (now.has_reached(self.due) && may_start).then_some((self.due, event, index))
+    }
+
+    /// Takes the event at that index, and gives when the next one is due. Its loops are unfinished from
+    /// here on; who takes them begins them or makes them runnable.
+    #[inline(always)]
+    pub(crate) fn take_event(&mut self, due: I, event: Event, index: usize) -> I {
+        self.schedule.pass(index);
         self.due = due.after(event.gap);
         self.unfinished |= event.ranks;
-        Some((event.ranks, due))
+        self.due
     }
 
     /// Lets loops that were released start when it is their turn.
@@ -177,12 +179,6 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
     /// Whether the loop runs that nothing interrupts where ranks have vectors.
     pub(crate) fn runs_fastest(&self) -> bool {
         self.unfinished & !self.runnable & 1 != 0
-    }
-
-    /// When the next event is due.
-    #[inline(always)]
-    pub(crate) fn next_due(&self) -> I {
-        self.due
     }
 
     /// Lets changed rates take effect if they can.
@@ -291,19 +287,19 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
     #[inline(always)]
     fn begin(&mut self, rank: u32, now: I) -> Option<Start<I>> {
         self.runnable &= !(1 << rank);
-        self.start_loop(rank, now)
+        self.start_loop::<false>(rank, now)
     }
 
-    /// Starts the loop of a rank that was just released, and not made runnable.
+    /// Starts the loop of a rank that was just released, and not made runnable; none will interrupt it.
     #[inline(always)]
     pub(crate) fn begin_released(&mut self, rank: u32, due: I, now: I) -> Option<Start<I>> {
         self.processes.get_mut(rank as usize)?.due = due;
-        self.start_loop(rank, now)
+        self.start_loop::<true>(rank, now)
     }
 
     /// The loop of a rank is in progress from `now` on.
     #[inline(always)]
-    fn start_loop(&mut self, rank: u32, now: I) -> Option<Start<I>> {
+    fn start_loop<const ALONE: bool>(&mut self, rank: u32, now: I) -> Option<Start<I>> {
         let process = self.processes.get_mut(rank as usize)?;
         process.start(now);
         Some(Start {
@@ -311,7 +307,7 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
             body: process.body,
             running: Running {
                 since: if K::MEASURES { now } else { I::ZERO },
-                busy: if K::MEASURES { self.busy } else { 0 },
+                busy: if K::MEASURES && !ALONE { self.busy } else { 0 },
             },
         })
     }

@@ -55,7 +55,7 @@ impl Statistics {
             pending: u64::from(snapshot.pending),
             worst_lateness: counts.worst_lateness,
             worst_run: counts.worst_run,
-            total_run: counts.total_run,
+            total_run: counts.total_run(),
             released_before: counts.released_before,
             total_before: counts.total_before,
         }
