@@ -241,7 +241,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         let mut answer = Answer::Nobody;
         let mut quiet = 0;
         for (link, polled) in chain.iter().cycle().skip(begin).zip(1..) {
-            if self.poll(*link) {
+            if self.devices.visit(link.slot, Poll(&self.bus)) == Some(true) {
                 answer = Answer::Somebody;
                 quiet = 0;
                 // Of a line of its own, the board has seen to all it had to ask.
@@ -259,11 +259,6 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             }
         }
         answer
-    }
-
-    fn poll(&self, link: Link) -> bool {
-        let poll = Poll(&self.bus);
-        self.devices.visit(link.slot, poll) == Some(true)
     }
 }
 

@@ -132,11 +132,6 @@ impl Entry {
         OPEN | (mode.bits() as u32) << MODE | generation as u32
     }
 
-    /// An entry that is not open.
-    const fn closed(generation: u16) -> Self {
-        Self(generation as u32)
-    }
-
     const fn generation(self) -> u16 {
         self.0 as u16
     }
@@ -213,8 +208,8 @@ impl<const F: usize> FdTable<F> {
             if holders.load(Ordering::Relaxed) != 0 {
                 return Err(FdError::InUse { fd });
             }
-            let next = Entry::closed(fd.generation.wrapping_add(1));
-            place.store(next.0, Ordering::Release);
+            let next = fd.generation.wrapping_add(1);
+            place.store(next.into(), Ordering::Release);
         }
         Ok(entry)
     }

@@ -71,17 +71,6 @@ pub(crate) const fn slot(kind: u8, board: u8) -> u16 {
     (kind as u16) << BOARD | board as u16
 }
 
-/// The number of a kind, by its name.
-#[doc(hidden)]
-#[must_use]
-pub const fn number(kinds: &[(&str, &[Place])], name: &str) -> u8 {
-    let mut kind = 0;
-    while kind < kinds.len() && !equal(kinds[kind].0, name) {
-        kind += 1;
-    }
-    kind as u8
-}
-
 /// A board that interrupts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
@@ -180,15 +169,6 @@ const fn check(place: Place, kinds: &[(&str, &[Place])], number: usize) {
     }
 }
 
-const fn equal(a: &str, b: &str) -> bool {
-    let (a, b) = (a.as_bytes(), b.as_bytes());
-    let mut at = 0;
-    while at < a.len() && at < b.len() && a[at] == b[at] {
-        at += 1;
-    }
-    a.len() == b.len() && at == a.len()
-}
-
 /// Names the devices that a program is built for, where their boards may be and how they
 /// interrupt: the system configuration file of the memo (section 3.1).
 ///
@@ -261,15 +241,6 @@ macro_rules! device_switch {
             const LINKS: [$crate::set::Link; $crate::set::links(Self::PLACES)] =
                 $crate::set::chain(Self::PLACES);
 
-            $(
-                #[doc = concat!("The boards of `", stringify!($device), "`.")]
-                #[allow(non_upper_case_globals)]
-                $visibility const $device: $crate::Kind<Self, $driver> = $crate::Kind::new(
-                    $crate::set::number(Self::PLACES, stringify!($device)),
-                    |set| &set.$device,
-                );
-            )+
-
             /// The boards, not looked for yet.
             #[must_use]
             $visibility const fn new() -> Self {
@@ -279,6 +250,22 @@ macro_rules! device_switch {
                 }
             }
         }
+
+        const _: () = {
+            #[allow(non_camel_case_types)]
+            enum Number {
+                $($device),+
+            }
+
+            impl $set {
+                $(
+                    #[doc = concat!("The boards of `", stringify!($device), "`.")]
+                    #[allow(non_upper_case_globals)]
+                    $visibility const $device: $crate::Kind<Self, $driver> =
+                        $crate::Kind::new(Number::$device as u8, |set| &set.$device);
+                )+
+            }
+        };
 
         impl $crate::set::DeviceSet for $set {
             const KINDS: &'static [(&'static str, u8)] = &[

@@ -1,4 +1,4 @@
-//! Several buses as one.
+//! Two buses as one.
 
 use crate::bus::{AccessError, Bus, BusErrorKind, Width};
 
@@ -42,35 +42,4 @@ impl<A: Bus<Error = AccessError>, B: Bus<Error = AccessError>> Bus for (A, B) {
     fn answers(&self, address: usize, width: Width) -> bool {
         self.0.answers(address, width) || self.1.answers(address, width)
     }
-}
-
-/// Several buses of one type as one: each address is that of the first one that does not refuse it
-/// as [`OutOfRange`](BusErrorKind::OutOfRange).
-impl<B: Bus<Error = AccessError>, const N: usize> Bus for [B; N] {
-    type Error = AccessError;
-
-    fn read(&self, address: usize, width: Width) -> Answer<u32> {
-        let read = |answer, bus: &B| or_else(answer, || bus.read(address, width));
-        self.iter().fold(nowhere(address), read)
-    }
-
-    fn write(&self, address: usize, width: Width, value: u32) -> Answer<()> {
-        let write = |answer, bus: &B| or_else(answer, || bus.write(address, width, value));
-        self.iter().fold(nowhere(address), write)
-    }
-
-    fn read_block(&self, address: usize, into: &mut [u8]) -> Answer<()> {
-        let read = |answer, bus: &B| or_else(answer, || bus.read_block(address, into));
-        self.iter().fold(nowhere(address), read)
-    }
-
-    fn write_block(&self, address: usize, from: &[u8]) -> Answer<()> {
-        let write = |answer, bus: &B| or_else(answer, || bus.write_block(address, from));
-        self.iter().fold(nowhere(address), write)
-    }
-}
-
-fn nowhere<T>(address: usize) -> Answer<T> {
-    let kind = BusErrorKind::OutOfRange;
-    Err(AccessError { address, kind })
 }

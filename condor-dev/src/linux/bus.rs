@@ -234,12 +234,6 @@ impl LinuxBus {
         })
     }
 
-    /// Whether writes are possible.
-    #[must_use]
-    pub fn access(&self) -> Access {
-        self.access
-    }
-
     #[cold]
     fn silent(&self, address: usize) -> AccessError {
         AccessError {

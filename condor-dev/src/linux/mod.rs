@@ -6,7 +6,7 @@
 //! | physical addresses, and the right to open `/dev/mem` | [`LinuxBus::physical`] |
 //! | a file whose other side is a simulated machine | [`LinuxBus::map`] |
 //!
-//! Several buses are one as an array: `[LinuxBus; N]` is a [`Bus`](crate::Bus), too, and so is a pair.
+//! Several buses are one as nested pairs: `(LinuxBus, LinuxBus)` is a [`Bus`](crate::Bus), too.
 //!
 //! # Bus errors
 //!

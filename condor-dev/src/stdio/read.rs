@@ -40,11 +40,6 @@ impl<R, const N: usize> BufReader<R, N> {
     pub const fn reader(&self) -> &R {
         &self.reader
     }
-
-    /// What it read from; what is [held](Self::held) is gone.
-    pub fn into_inner(self) -> R {
-        self.reader
-    }
 }
 
 impl<R: ErrorType, const N: usize> ErrorType for BufReader<R, N> {
@@ -108,13 +103,8 @@ pub struct UntilError<E> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError<E> {
     /// The reader failed.
-    #[error("after {read} bytes: {error}")]
-    Reader {
-        /// How many bytes were read before.
-        read: usize,
-        /// Its error.
-        error: E,
-    },
+    #[error("{0}")]
+    Reader(UntilError<E>),
     /// The line is longer than the caller's memory; the rest can be read next.
     #[error("a line is longer than {read} bytes")]
     TooLong {
@@ -138,7 +128,7 @@ impl<E: embedded_io::Error> embedded_io::Error for UntilError<E> {
 impl<E: embedded_io::Error> embedded_io::Error for LineError<E> {
     fn kind(&self) -> ErrorKind {
         match self {
-            Self::Reader { error, .. } => error.kind(),
+            Self::Reader(error) => error.kind(),
             Self::TooLong { .. } => ErrorKind::OutOfMemory,
             Self::NotUtf8 { .. } => ErrorKind::InvalidData,
         }
@@ -195,7 +185,7 @@ pub(super) fn line<E>(
     read: Result<usize, UntilError<E>>,
     into: &[u8],
 ) -> Result<&str, LineError<E>> {
-    let read = read.map_err(|UntilError { read, error }| LineError::Reader { read, error })?;
+    let read = read.map_err(LineError::Reader)?;
     let line = into.get(..read).unwrap_or_default();
     if read == into.len() && line.last() != Some(&b'\n') {
         return Err(LineError::TooLong { read });

@@ -61,11 +61,12 @@ pub struct BufWriter<W, const N: usize> {
     writer: W,
     buffer: [u8; N],
     held: usize,
+    /// Bytes that it holds at most.
+    limit: usize,
     /// Up to where [`put`](Self::put) fills the buffer by itself: not at all if a line is owed.
     quick: usize,
     /// The byte that `put` does not take by itself, or none.
     newline: u16,
-    buffering: Buffering,
 }
 
 const NO_BYTE: u16 = 0x100;
@@ -74,26 +75,19 @@ impl<W, const N: usize> BufWriter<W, N> {
     /// A writer with an empty buffer.
     #[must_use]
     pub const fn new(writer: W, buffering: Buffering) -> Self {
-        let mut new = Self {
+        let (limit, newline) = match buffering {
+            Buffering::None => (0, NO_BYTE),
+            Buffering::Line => (N, b'\n' as u16),
+            Buffering::Block => (N, NO_BYTE),
+        };
+        Self {
             writer,
             buffer: [0; N],
             held: 0,
-            quick: 0,
-            newline: NO_BYTE,
-            buffering,
-        };
-        new.set_buffering(buffering);
-        new
-    }
-
-    /// Writes otherwise from now on. What is held stays until the next call.
-    pub const fn set_buffering(&mut self, buffering: Buffering) {
-        self.buffering = buffering;
-        self.quick = self.limit();
-        self.newline = match buffering {
-            Buffering::Line => b'\n' as u16,
-            Buffering::None | Buffering::Block => NO_BYTE,
-        };
+            limit,
+            quick: limit,
+            newline,
+        }
     }
 
     /// What was taken and not yet written.
@@ -106,19 +100,6 @@ impl<W, const N: usize> BufWriter<W, N> {
     #[must_use]
     pub const fn writer(&self) -> &W {
         &self.writer
-    }
-
-    /// What it wrote to; what is [held](Self::held) is gone.
-    pub fn into_inner(self) -> W {
-        self.writer
-    }
-
-    /// Bytes that it holds at most.
-    const fn limit(&self) -> usize {
-        match self.buffering {
-            Buffering::None => 0,
-            Buffering::Line | Buffering::Block => N,
-        }
     }
 }
 
@@ -153,7 +134,7 @@ impl<W: Write, const N: usize> BufWriter<W, N> {
             let rest = self.buffer.get(written..self.held).unwrap_or_default();
             if rest.is_empty() {
                 self.held = 0;
-                self.quick = self.limit();
+                self.quick = self.limit;
                 return Ok(());
             }
             match write_some(&mut self.writer, rest) {
@@ -192,19 +173,18 @@ impl<W: Write, const N: usize> Write for BufWriter<W, N> {
         if from.is_empty() {
             return Ok(0);
         }
-        let limit = self.limit();
-        let owes_a_line = self.quick < limit;
-        if owes_a_line || from.len() > limit.saturating_sub(self.held) {
+        let owes_a_line = self.quick < self.limit;
+        if owes_a_line || from.len() > self.limit.saturating_sub(self.held) {
             self.drain()?;
         }
-        if from.len() >= limit {
+        if from.len() >= self.limit {
             return write_some(&mut self.writer, from);
         }
         for (place, byte) in self.buffer.iter_mut().skip(self.held).zip(from) {
             *place = *byte;
         }
         self.held += from.len();
-        if self.buffering == Buffering::Line && from.contains(&b'\n') {
+        if from.iter().any(|&byte| u16::from(byte) == self.newline) {
             self.quick = 0;
             // All of `from` is taken: whatever goes wrong, the next call meets again.
             let _ = self.drain();

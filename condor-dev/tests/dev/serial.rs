@@ -86,7 +86,7 @@ fn each_address_is_the_first_buss_that_reaches_it() {
         parts.insert(0x40 << 8, Part([number; 256]));
         I2cBus::from(0x8000 * usize::from(number), sim::I2c(parts))
     });
-    let bus = (first, [second, third]);
+    let bus = (first, (second, third));
     for number in 0..3 {
         let address = 0x8000 * usize::from(number) + 0x4020;
         assert!(bus.answers(address, Width::Bits8));

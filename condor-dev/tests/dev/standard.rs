@@ -2,7 +2,8 @@
 
 use crate::flaky::Flaky;
 use condor_dev::stdio::{
-    self, AlreadySet, Buffering, Input, LineError, Output, StandardInput, StdioError, stdin, stdout,
+    self, AlreadySet, Buffering, Input, LineError, Output, StandardInput, StdioError, UntilError,
+    stdin, stdout,
 };
 use embedded_io::{ErrorKind, Read, Write};
 
@@ -74,10 +75,10 @@ fn standard_input_and_output_are_set_once() {
     assert_eq!(stdio::set_input(&INPUT), Err(AlreadySet));
     let mut input = stdin().unwrap();
     assert_eq!(input.read_line(&mut line), Ok("first\n"));
-    let late = LineError::Reader {
+    let late = LineError::Reader(UntilError {
         read: 3,
         error: StdioError::Failed(ErrorKind::TimedOut),
-    };
+    });
     assert_eq!(input.read_line(&mut line), Err(late));
     assert_eq!(&line[..3], b"sec");
     assert_eq!(Read::read(&mut input, &mut line[3..]), Ok(4));

@@ -155,7 +155,7 @@ struct Answer {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Wish {
+pub(super) enum Wish {
     Priority,
     Cpu,
     Memory,
@@ -180,12 +180,6 @@ impl Wish {
 }
 
 impl Privileges {
-    /// Whether the kernel has granted all that was asked for.
-    #[must_use]
-    pub fn all_granted(&self) -> bool {
-        self.0.iter().all(|answer| answer.result.is_ok())
-    }
-
     /// What was refused, and why.
     pub fn refused(&self) -> impl Iterator<Item = (&str, io::Error)> {
         self.0.iter().filter_map(|answer| {
@@ -198,11 +192,7 @@ impl Privileges {
         self.0.extend(other.0);
     }
 
-    pub(super) fn note_priority(&mut self, what: String, result: Result<(), Errno>) {
-        self.note(Wish::Priority, what, result);
-    }
-
-    fn note(&mut self, wish: Wish, what: String, result: Result<(), Errno>) {
+    pub(super) fn note(&mut self, wish: Wish, what: String, result: Result<(), Errno>) {
         self.0.push(Answer { wish, what, result });
     }
 }

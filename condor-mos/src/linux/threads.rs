@@ -12,7 +12,7 @@ use rustix::time::{ClockId, clock_gettime};
 use condor_platform::linux::thread_number;
 
 use super::pi_mutex::{PiGuard, PiMutex};
-use super::real_time::{Privileges, RealTime, set_priority};
+use super::real_time::{Privileges, RealTime, Wish, set_priority};
 use super::time::{self, CLOCK};
 use crate::body::Body;
 use crate::error::{LockError, LoopError, RateError, StartError};
@@ -297,7 +297,7 @@ impl<K: Keep> Shared<K> {
             thread.priority = Some(priority);
             drop(thread);
             let what = format!("SCHED_FIFO {priority} for loop {number}");
-            self.privileges.lock().note_priority(what, result);
+            self.privileges.lock().note(Wish::Priority, what, result);
         }
     }
 

@@ -68,9 +68,10 @@ struct Machine {
     enabled: AtomicBool,
     /// Whether the timer's interrupt was pended, due or not.
     pended: AtomicBool,
-    handler: Mutex<Option<Handler>>,
+    /// What the timer's interrupt calls.
+    handler: Mutex<Option<Connected>>,
     /// What vectors of ranks call.
-    vectors: Mutex<Option<Vectors>>,
+    vectors: Mutex<Option<Connected>>,
     /// Vectors that are pending, by rank, and the priority in progress.
     pending: AtomicU32,
     priority: AtomicU32,
@@ -81,16 +82,12 @@ const NEVER: u64 = u64::MAX;
 /// The priority of the background.
 const BACKGROUND: u32 = u32::MAX;
 
-/// What interrupts call, in truth there as long as [`Processor::with_handler`] or
+/// What interrupts call with a rank, in truth there as long as [`Processor::with_handler`] or
 /// [`Processor::with_vectors`] runs; on the thread that does so alone.
-#[derive(Clone, Copy)]
-struct Connected<F: ?Sized + 'static> {
+struct Connected {
     thread: ThreadId,
-    call: &'static F,
+    call: &'static (dyn Fn(u32) + Sync),
 }
-
-type Handler = Connected<dyn Fn() + Sync>;
-type Vectors = Connected<dyn Fn(u32) + Sync>;
 
 impl Processor {
     /// A processor at its first tick, whose timer counts with `frequency`.
@@ -118,25 +115,12 @@ impl Processor {
     ///
     /// Without a handler no interrupt comes.
     pub fn with_handler<R>(&self, handler: impl Fn() + Sync, program: impl FnOnce() -> R) -> R {
-        let handler: &(dyn Fn() + Sync) = &handler;
-        // SAFETY: only the lifetime differs. `_restore` takes the handler away before it goes; a
-        // call of it that is still in progress would be on this thread, and so end before.
-        let call = unsafe {
-            core::mem::transmute::<&(dyn Fn() + Sync), &'static (dyn Fn() + Sync)>(handler)
-        };
-        let _restore = Restore::connect(&self.machine.handler, call);
-        program()
+        connect(&self.machine.handler, &|_| handler(), program)
     }
 
     /// Runs `program`, while the vector of a rank calls `vectors` with it; see [`Vectored`].
     pub fn with_vectors<R>(&self, vectors: impl Fn(u32) + Sync, program: impl FnOnce() -> R) -> R {
-        let vectors: &(dyn Fn(u32) + Sync) = &vectors;
-        // SAFETY: as in `with_handler`.
-        let call = unsafe {
-            core::mem::transmute::<&(dyn Fn(u32) + Sync), &'static (dyn Fn(u32) + Sync)>(vectors)
-        };
-        let _restore = Restore::connect(&self.machine.vectors, call);
-        program()
+        connect(&self.machine.vectors, &vectors, program)
     }
 
     /// Has the background do nothing until `instant`. An interrupt at `instant` itself is left for
@@ -219,10 +203,10 @@ impl Processor {
         }
         loop {
             {
-                let _disabled = self.enable(false);
+                let _restore = self.enable(false);
                 self.machine.armed.store(NEVER, Relaxed);
                 self.machine.pended.store(false, Relaxed);
-                handler();
+                handler(0);
             }
             if !self.machine.pended.load(Relaxed) {
                 break;
@@ -265,19 +249,16 @@ impl Processor {
                 return;
             }
             machine.pending.fetch_and(!(1 << rank), Relaxed);
-            let _ends = Put {
-                place: &machine.priority,
-                former: machine.priority.swap(rank, Relaxed),
-            };
+            let former = machine.priority.swap(rank, Relaxed);
+            let _restore = AtEnd(|| machine.priority.store(former, Relaxed));
             vectors(rank);
         }
     }
 
-    fn enable(&self, enabled: bool) -> Enabled<'_> {
-        Enabled {
-            processor: self,
-            former: self.machine.enabled.swap(enabled, Relaxed),
-        }
+    /// Lets the timer interrupt, or not, until the guard goes.
+    fn enable(&self, enabled: bool) -> AtEnd<impl FnMut()> {
+        let former = self.machine.enabled.swap(enabled, Relaxed);
+        AtEnd(move || self.machine.enabled.store(former, Relaxed))
     }
 
     pub(crate) fn now(&self) -> u64 {
@@ -297,8 +278,25 @@ impl Processor {
     }
 }
 
+/// Runs `program`, while interrupts of this thread call `call`.
+fn connect<R>(
+    place: &Mutex<Option<Connected>>,
+    call: &(dyn Fn(u32) + Sync),
+    program: impl FnOnce() -> R,
+) -> R {
+    // SAFETY: only the lifetime differs. `_restore` takes the reference away before it ends; a call
+    // that is still in progress would be on this thread, and so end before.
+    let call = unsafe {
+        core::mem::transmute::<&(dyn Fn(u32) + Sync), &'static (dyn Fn(u32) + Sync)>(call)
+    };
+    let thread = this_thread();
+    let mut former = lock(place).replace(Connected { thread, call });
+    let _restore = AtEnd(|| *lock(place) = former.take());
+    program()
+}
+
 /// What is connected, if by this thread.
-fn connected<F: ?Sized>(place: &Mutex<Option<Connected<F>>>) -> Option<&'static F> {
+fn connected(place: &Mutex<Option<Connected>>) -> Option<&'static (dyn Fn(u32) + Sync)> {
     let connected = lock(place);
     let connected = connected.as_ref()?;
     (connected.thread == this_thread()).then_some(connected.call)
@@ -315,49 +313,12 @@ fn lock<T>(place: &Mutex<T>) -> MutexGuard<'_, T> {
     place.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Puts back what was connected before.
-struct Restore<'p, F: ?Sized + 'static> {
-    place: &'p Mutex<Option<Connected<F>>>,
-    former: Option<Connected<F>>,
-}
+/// Calls a closure when it goes, also when the program unwinds.
+struct AtEnd<F: FnMut()>(F);
 
-impl<'p, F: ?Sized> Restore<'p, F> {
-    fn connect(place: &'p Mutex<Option<Connected<F>>>, call: &'static F) -> Self {
-        let thread = this_thread();
-        Self {
-            place,
-            former: lock(place).replace(Connected { thread, call }),
-        }
-    }
-}
-
-impl<F: ?Sized> Drop for Restore<'_, F> {
+impl<F: FnMut()> Drop for AtEnd<F> {
     fn drop(&mut self) {
-        *lock(self.place) = self.former.take();
-    }
-}
-
-/// Puts a priority back as it was.
-struct Put<'p> {
-    place: &'p AtomicU32,
-    former: u32,
-}
-
-impl Drop for Put<'_> {
-    fn drop(&mut self) {
-        self.place.store(self.former, Relaxed);
-    }
-}
-
-/// Puts the interrupt enable back as it was.
-struct Enabled<'p> {
-    processor: &'p Processor,
-    former: bool,
-}
-
-impl Drop for Enabled<'_> {
-    fn drop(&mut self) {
-        self.processor.machine.enabled.store(self.former, Relaxed);
+        (self.0)();
     }
 }
 
@@ -407,7 +368,7 @@ impl Platform for Processor {
     }
 
     fn interruptible(&self, _: u32, body: impl FnOnce()) {
-        let _enabled = self.enable(true);
+        let _restore = self.enable(true);
         body();
     }
 }
@@ -415,15 +376,7 @@ impl Platform for Processor {
 /// A [`Processor`] with a vector for each rank, as the NVIC of Cortex-M has them: that of rank 0 is
 /// the timer's, and a vector waits until what is in progress ranks lower than it.
 #[derive(Clone)]
-pub struct Vectored(Processor);
-
-impl Vectored {
-    /// Such a processor at its first tick, whose timer counts with `frequency`.
-    #[must_use]
-    pub fn new(frequency: Rate) -> Self {
-        Self(Processor::new(frequency))
-    }
-}
+pub struct Vectored(pub Processor);
 
 impl Deref for Vectored {
     type Target = Processor;

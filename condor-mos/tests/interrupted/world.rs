@@ -60,7 +60,7 @@ impl Simulated for Vectored {
     const NESTING: &str = "by vectors";
 
     fn new(frequency: Rate) -> Self {
-        Self::new(frequency)
+        Self(Processor::new(frequency))
     }
 
     fn processor(&self) -> &Processor {

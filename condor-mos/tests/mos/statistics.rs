@@ -74,12 +74,12 @@ fn bodies_are_told_when_they_were_due_whatever_is_kept() {
     ));
     let processor = Processor::new(FREQUENCY);
     is_on_time(&run(&processor, &loops::<_, Counts>(processor.clone())));
-    let processor = Vectored::new(FREQUENCY);
+    let processor = Vectored(Processor::new(FREQUENCY));
     is_on_time(&run(
         &processor,
         &loops::<_, NoStatistics>(processor.clone()),
     ));
-    let processor = Vectored::new(FREQUENCY);
+    let processor = Vectored(Processor::new(FREQUENCY));
     is_on_time(&run(&processor, &loops::<_, Histograms>(processor.clone())));
 }
 

@@ -117,9 +117,9 @@ fn check(program: &Program) {
         program,
     );
     assert_eq!((word, half), (long, long));
-    let processor = Vectored::new(FREQUENCY);
+    let processor = Vectored(Processor::new(FREQUENCY));
     let vectors = run(processor.clone(), &processor, program);
-    let processor = Vectored::new(FREQUENCY);
+    let processor = Vectored(Processor::new(FREQUENCY));
     let narrow = run(NarrowVectored(processor.clone()), &processor, program);
     assert_eq!(narrow, vectors);
     for counts in [long, vectors].as_flattened() {
