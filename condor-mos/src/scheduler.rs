@@ -510,8 +510,8 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Inside for Scheduler<
 
     fn enter(&self, gate: &Gate) -> Result<u32, LockError> {
         section(|section| {
-            // Pairs with the store of whoever had it.
-            if gate.taken.swap(true, Ordering::Acquire) {
+            // What is taken is left alone. Pairs with the store of whoever had it.
+            if gate.taken.load(Ordering::Relaxed) || gate.taken.swap(true, Ordering::Acquire) {
                 return Err(LockError::Taken);
             }
             let former = self.state.with(section, |state| state.lock(gate.users));

@@ -1,4 +1,4 @@
-//! Loom on the ceiling lock: what it holds is reached by one thread at a time, or not at all.
+//! Loom on the lock of loops on one stack: what it holds is reached by one thread at a time, or not at all.
 
 use condor_mos::{
     Armed, Clock, LockError, LoopId, LoopLock, Loops, Overrun, Platform, Rate, Scan, Scheduler,

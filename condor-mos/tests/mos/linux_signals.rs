@@ -184,6 +184,7 @@ fn other_threads_start_stop_and_change_loops() {
         let done = AtomicBool::new(false);
         std::thread::scope(|threads| {
             threads.spawn(|| {
+                until(|| scheduler.platform().has_handler());
                 scheduler.start().unwrap();
                 until(|| slow.load(Relaxed) > 2);
                 scheduler.set_rate(SLOW, Rate::hz(250)).unwrap();

@@ -6,6 +6,8 @@ use proptest::prelude::*;
 use crate::haunted;
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(if cfg!(miri) { 8 } else { 256 }))]
+
     #[test]
     fn both_ends_bear_anything(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
         haunted::run(&bytes);
