@@ -70,7 +70,7 @@ const SUITES: [Suite; 7] = [
         features: "std",
         units: true,
         program: "vars",
-        modules: &["hostile::", "merging::"],
+        modules: &["hostile::"],
         skipped: &[],
     },
     Suite {
