@@ -8,11 +8,14 @@ use riscv::register::mhartid;
 
 use crate::bell::HARTS;
 
+/// A handler that is there for as long as a program runs.
+type Hook = &'static dyn Fn();
+
 /// The hooks of a hart. What they borrow is in frames that are still there; see [`with`].
 pub(crate) struct Hooks {
     /// Whose interrupt it is, and what it calls.
-    pub(crate) timer: Cell<Option<(&'static Clint, &'static dyn Fn())>>,
-    pub(crate) mail: Cell<Option<&'static dyn Fn()>>,
+    pub(crate) timer: Cell<Option<(&'static Clint, Hook)>>,
+    pub(crate) mail: Cell<Option<Hook>>,
     /// Whether a timer interrupt has begun and not ended.
     pub(crate) timed: Cell<bool>,
     /// Whether a ring came meanwhile.
@@ -20,12 +23,14 @@ pub(crate) struct Hooks {
 }
 
 impl Hooks {
-    const NONE: Self = Self {
-        timer: Cell::new(None),
-        mail: Cell::new(None),
-        timed: Cell::new(false),
-        rung: Cell::new(false),
-    };
+    const fn none() -> Self {
+        Self {
+            timer: Cell::new(None),
+            mail: Cell::new(None),
+            timed: Cell::new(false),
+            rung: Cell::new(false),
+        }
+    }
 
     /// Takes all of them away.
     pub(crate) fn clear(&self) {
@@ -41,7 +46,7 @@ struct OfHarts([Hooks; HARTS]);
 // SAFETY: each hart uses its own entry alone, with interrupts masked.
 unsafe impl Sync for OfHarts {}
 
-static HOOKS: OfHarts = OfHarts([Hooks::NONE; HARTS]);
+static HOOKS: OfHarts = OfHarts([const { Hooks::none() }; HARTS]);
 
 /// Those of this hart, to be used while interrupts are masked.
 pub(crate) fn of_this(_: CriticalSection<'_>) -> Option<&'static Hooks> {

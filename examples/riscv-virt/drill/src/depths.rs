@@ -155,12 +155,12 @@ impl Levels<'_, '_> {
                     let (fast, slow) = (scheduler.statistics(FAST)?, scheduler.statistics(SLOW)?);
                     Ok(fast.skipped.wrapping_add(slow.skipped) as u32)
                 };
-                depths.skipped = self.timed(&scheduler, || {
+                depths.skipped = scheduler.run(|| {
                     let before = skipped()?;
                     let end = hart.doorbell().now().after(TOGETHER);
                     self.background(me, end, false)?;
-                    Ok(skipped()?.wrapping_sub(before))
-                })?;
+                    Ok::<_, Failure>(skipped()?.wrapping_sub(before))
+                })??;
                 depths.deepest = stack::deepest(hart);
                 Ok::<(), Failure>(())
             })
@@ -180,14 +180,14 @@ impl Levels<'_, '_> {
         scheduler.enable(alone)?;
         scheduler.disable(not)?;
         let mut most = 0;
-        self.timed(scheduler, || {
+        scheduler.run(|| {
             for _ in 0..LOOKS {
                 most = critical_section::with(|_| stack::taken(self.hart, ticks)).max(most);
                 // There is room for the next.
                 self.mailbox.serve(Duration::ZERO)?;
             }
-            Ok(0)
-        })?;
+            Ok::<_, Failure>(())
+        })??;
         Ok(most)
     }
 
@@ -244,15 +244,6 @@ impl Levels<'_, '_> {
                 return Ok(deepest.get());
             }
         }
-    }
-
-    /// Runs `body` while the timer's interrupt runs loops.
-    fn timed(
-        &self,
-        scheduler: &Two,
-        body: impl FnOnce() -> Result<u32, Failure>,
-    ) -> Result<u32, Failure> {
-        scheduler.run(body)?
     }
 }
 
