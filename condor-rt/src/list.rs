@@ -1,5 +1,7 @@
 //! [`List`]: what a program lends to its setup.
 
+use heapless::Vec;
+
 /// Up to `N` things, and nothing to do when they go.
 ///
 /// A list that drops its items, such as that of `heapless`, would have to outlive them: closures that
@@ -37,4 +39,16 @@ impl<T, const N: usize> List<T, N> {
     pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = &mut T> {
         self.items.iter_mut().flatten()
     }
+}
+
+/// The items, of which there are at most `N`; others are left out. Collecting into a `heapless` list
+/// panics where this ends.
+pub(crate) fn fitting<T, const N: usize>(items: impl Iterator<Item = T>) -> Vec<T, N> {
+    let mut all = Vec::new();
+    for item in items {
+        if all.push(item).is_err() {
+            break;
+        }
+    }
+    all
 }

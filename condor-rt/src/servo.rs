@@ -4,6 +4,7 @@ use condor_mos::{LoopId, Loops, Overrun, Platform, Rate, RateError, Scheduler};
 use heapless::Vec;
 
 use crate::error::Error;
+use crate::list::fitting;
 
 /// The most loops of a program.
 pub const LOOPS: usize = 8;
@@ -42,7 +43,7 @@ pub(crate) fn rates(loops: &[ServoLoop<'_>]) -> Result<Vec<Rate, LOOPS>, RateErr
     };
     let rates = loops.iter().map(|one| one.rate);
     (loops.len() <= LOOPS)
-        .then(|| rates.collect())
+        .then(|| fitting(rates))
         .ok_or(too_many)
 }
 

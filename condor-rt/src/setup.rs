@@ -14,7 +14,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::directory::{Directory, Kind};
 use crate::error::{Error, Text};
-use crate::list::List;
+use crate::list::{List, fitting};
 use crate::loops::LoopReports;
 use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
@@ -224,7 +224,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         if let Some(wrong) = self.wrong.take() {
             return Err(wrong);
         }
-        let names: Vec<&str, LOOPS> = self.loops.iter().map(|one| one.name).collect();
+        let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
         let reports = self.reports(&names)?;
         let (machine, console, area) = (self.machine, self.console.as_ref(), self.area);
         let handlers = &self.handlers;
@@ -268,13 +268,13 @@ impl<'e, M: Machine> Setup<'e, M> {
             };
             (one.rate, one.overrun, tick)
         });
-        let mut bodies: Vec<_, LOOPS> = bodies.collect();
+        let mut bodies: Vec<_, LOOPS> = fitting(bodies);
         let loops = bodies.iter_mut().map(|(rate, overrun, body)| ServoLoop {
             rate: *rate,
             overrun: *overrun,
             body,
         });
-        let mut loops: Vec<ServoLoop<'_>, LOOPS> = loops.collect();
+        let mut loops: Vec<ServoLoop<'_>, LOOPS> = fitting(loops);
         let run = |loops: Option<&dyn Loops<Instant = u64>>| {
             let running = Background {
                 machine,
