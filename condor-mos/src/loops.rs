@@ -126,7 +126,7 @@ pub trait Loops: Inside + Sync {
 
 /// What scopes and locks ask of those who run loops.
 pub trait Inside {
-    /// What instants are.
+    /// The type of an instant of the timer.
     type Instant: Instant;
 
     fn assign_body(

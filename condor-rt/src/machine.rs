@@ -103,7 +103,7 @@ pub trait Machine: Sync {
     /// On one stack, which they interrupt; a machine with another way to run loops has its own.
     ///
     /// # Errors
-    /// Those of the rates and of the start; `background` has not run then.
+    /// The rates cannot be scheduled, or the loops cannot start; `background` has not run then.
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],

@@ -68,7 +68,7 @@ pub enum RequestError {
     /// A selection whose variables are too far apart for the owner's plans.
     #[error("the selection is in {pieces} pieces; {most} is the most")]
     Scattered {
-        /// Of how many pieces it is.
+        /// How many pieces the selection has.
         pieces: u32,
         /// How many a plan has.
         most: u32,

@@ -38,15 +38,15 @@ pub enum Kind {
 /// A value whose type is known while the program runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
-    /// Of [`Kind::F32`].
+    /// A value of [`Kind::F32`].
     F32(f32),
-    /// Of [`Kind::F64`].
+    /// A value of [`Kind::F64`].
     F64(f64),
-    /// Of a signed integer.
+    /// A signed integer of any size.
     Int(i64),
-    /// Of an unsigned integer.
+    /// An unsigned integer of any size.
     Uint(u64),
-    /// Of [`Kind::Bool`].
+    /// A value of [`Kind::Bool`].
     Bool(bool),
     /// Of [`Kind::Choice`]: the number of the label.
     Choice(u32),

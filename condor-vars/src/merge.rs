@@ -53,7 +53,7 @@ pub struct Merged<T> {
     /// Whether something later was given out before: it came later than the horizon allows, or the
     /// offset of its clock has changed.
     pub is_late: bool,
-    /// What was put in.
+    /// The row that was put in.
     pub item: T,
 }
 

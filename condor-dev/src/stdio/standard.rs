@@ -19,7 +19,7 @@ static UNHEARD: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
 /// Why an input did not read, or an output did not write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StdioError {
-    /// It was not opened, or none is set.
+    /// No device is set for it, or the device was not opened.
     #[error("there is no input or output")]
     NotOpen,
     /// The context that this one interrupts, or another thread, is reading or writing: it goes on with
