@@ -46,7 +46,7 @@ pub enum Error {
         /// The first that finds no room.
         name: Text<32>,
     },
-    /// The same was set up twice.
+    /// The program asks for something again that it can have once.
     #[error("a program has one {what}, and this one asked for another")]
     Twice {
         /// What.

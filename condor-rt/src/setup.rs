@@ -85,12 +85,6 @@ impl<'e, M: Machine> Setup<'e, M> {
         })
     }
 
-    /// The machine whose program this is.
-    #[must_use]
-    pub const fn machine(&self) -> &'e M {
-        self.machine
-    }
-
     /// Gives the program a terminal, `console`.
     ///
     /// # Errors

@@ -95,15 +95,12 @@ fn a_program_is_what_its_setup_says() {
 }
 
 /// The text of the error that a setup ends with.
-fn error(
-    window_bytes: u32,
-    set_up: impl Fn(&mut Setup<'_, Sim>) -> Result<(), Error> + Sync,
-) -> String {
+fn error(window_bytes: u32, set_up: impl Fn(&Sim) -> Result<(), Error> + Sync) -> String {
     let text = std::sync::Mutex::new(String::new());
     let mut system = sim::System::new(window_bytes).unwrap();
     system
         .host(SERVO, |machine| {
-            let outcome = Setup::new(machine).and_then(|mut setup| set_up(&mut setup));
+            let outcome = set_up(machine);
             *text.lock().unwrap() =
                 outcome.map_or_else(|error| error.to_string(), |()| String::new());
             Ok::<_, Error>(())
@@ -118,21 +115,28 @@ type Sim = sim::Processor<condor_rt::Silent>;
 #[test]
 fn what_is_wrong_with_a_setup_is_said_with_its_name() {
     assert_eq!(
-        error(4096, |setup| setup.console().map(|_| ())),
+        error(4096, |machine| Setup::new(machine)?.console().map(|_| ())),
         "`console` needs 8320 bytes of the window, and 3008 are left: raise `window_bytes` by 5312"
     );
     assert_eq!(
-        error(WINDOW_BYTES, |setup| setup.console()?.console().map(|_| ())),
+        error(WINDOW_BYTES, |machine| Setup::new(machine)?
+            .console()?
+            .console()
+            .map(|_| ())),
         "a program has one console, and this one asked for another"
     );
     assert_eq!(
-        error(WINDOW_BYTES, |setup| {
-            setup.on(ADD, "add", &|_| 0).on(ADD, "more", &|_| 0).run()
+        error(WINDOW_BYTES, |machine| {
+            Setup::new(machine)?
+                .on(ADD, "add", &|_| 0)
+                .on(ADD, "more", &|_| 0)
+                .run()
         }),
         format!("`more` is for {ADD}, which is for something else already")
     );
     assert_eq!(
-        error(WINDOW_BYTES, |setup| {
+        error(WINDOW_BYTES, |machine| {
+            let mut setup = Setup::new(machine)?;
             for number in 0..=HANDLERS as u8 {
                 setup.on(Vector(number), "one of many", &|_| 0);
             }
@@ -141,9 +145,9 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
         format!("`one of many` is one too many: a program has at most {HANDLERS} handlers")
     );
     assert_eq!(
-        error(WINDOW_BYTES, |setup| {
+        error(WINDOW_BYTES, |machine| {
             let mut bodies = [(); LOOPS + 1].map(|()| |_: &mut condor_rt::Tick<'_>| ());
-            let mut setup = Setup::new(setup.machine())?;
+            let mut setup = Setup::new(machine)?;
             for body in &mut bodies {
                 setup.servo("loop", Rate::hz(1), body);
             }
@@ -152,9 +156,9 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
         format!("`loop` is one too many: a program has at most {LOOPS} loops")
     );
     assert_eq!(
-        error(WINDOW_BYTES, |setup| {
+        error(WINDOW_BYTES, |machine| {
             let mut body = |_: &mut condor_rt::Tick<'_>| ();
-            let mut setup = Setup::new(setup.machine())?;
+            let mut setup = Setup::new(machine)?;
             setup.servo("quick", Rate::fraction(u32::MAX, 2), &mut body);
             setup.run()
         }),

@@ -1,7 +1,5 @@
 //! [`Failure`]: why a program of the hand ended before it was told to.
 
-use core::fmt::{Display, Write};
-
 use condor_fs::Error as FileError;
 use condor_hand::controller::{ControllerError, TableError};
 use condor_hand::kinematics::JointLimitsError;
@@ -17,10 +15,10 @@ use crate::boards::{BoardError, WiresError};
 use crate::recording::RecordingError;
 
 /// What something else says, as much of it as fits.
-pub type Words = heapless::String<80, u8>;
+pub type Words = condor_rt::Text<80>;
 
 /// The name of a file, as much of it as fits.
-pub type Name = heapless::String<32, u8>;
+pub type Name = condor_rt::Text<32>;
 
 /// Why a program of the hand ended before it was told to.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -157,23 +155,4 @@ pub enum Failure {
         /// What is wrong.
         error: RecordingError,
     },
-}
-
-/// As much of what something prints as fits.
-pub(crate) fn words<const N: usize>(printed: &impl Display) -> heapless::String<N, u8> {
-    struct Cut<const N: usize>(heapless::String<N, u8>);
-    impl<const N: usize> Write for Cut<N> {
-        fn write_str(&mut self, text: &str) -> core::fmt::Result {
-            for letter in text.chars() {
-                if self.0.push(letter).is_err() {
-                    break;
-                }
-            }
-            Ok(())
-        }
-    }
-    let mut cut = Cut(heapless::String::new());
-    // It takes everything.
-    let _ = write!(cut, "{printed}");
-    cut.0
 }

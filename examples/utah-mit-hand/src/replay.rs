@@ -16,12 +16,12 @@ use condor_hand::controller::{FingerController, Tick};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::Sensed;
 use condor_mbox::{Call, MemoryWindow, Messenger};
-use condor_rt::{Machine, MailboxOf, Program, numbers};
+use condor_rt::{Machine, MailboxOf, Program, Text, numbers};
 use embedded_io::Write;
 use nalgebra::Vector3;
 use zerocopy::IntoBytes;
 
-use crate::failure::{Failure, words};
+use crate::failure::Failure;
 use crate::grasp::Own;
 use crate::recording::{Fnv, Output, RecordingError, Replay as Arguments, Row, Rows};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
@@ -55,7 +55,7 @@ impl Program for Replay {
         let outcome = start::configuration::<M, FILES>(mailbox, &own, area).and_then(|hand| {
             let arguments = Arguments::of(machine)?;
             let failed = |error| Failure::Recording {
-                name: words(&arguments.from),
+                name: Text::of(&arguments.from),
                 error,
             };
             let timeout = start::FILES_TIMEOUT;
@@ -89,7 +89,7 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
     fn run(&self, files: &Files<'r, 'v, M>) -> Result<(), Failure> {
         let Arguments { from, to } = self.arguments;
         let reading = |error: RecordingError| Failure::Recording {
-            name: words(&from),
+            name: Text::of(&from),
             error,
         };
         let recording = files.open(from, OpenOptions::new().read());
@@ -151,7 +151,7 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
         let options = OpenOptions::new().write().create().truncate();
         let file = to.map(|name| files.open(name, options)).transpose();
         let file = file.map_err(|error| Failure::Recording {
-            name: words(&name),
+            name: Text::of(&name),
             error: error.into(),
         })?;
         let writer = file.map(condor_fs::File::writer);
@@ -181,7 +181,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow> Sink<'_, '_, S, W> {
 
     fn failed(&self, error: condor_fs::Error) -> Failure {
         Failure::Recording {
-            name: words(&self.name),
+            name: Text::of(&self.name),
             error: error.into(),
         }
     }

@@ -46,9 +46,9 @@ use condor_mbox::{Call, MemoryWindow, Places, Processor, Published, Region};
 use condor_mos::{Latest, LoopId, Loops, Overrun, Rate};
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, PROCESSORS, Program, numbers};
+use condor_rt::{Machine, MailboxOf, PROCESSORS, Program, Text, numbers};
 
-use crate::failure::{Failure, words};
+use crate::failure::Failure;
 use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, Joints, NAME, Partner};
 use crate::late::Late;
 use crate::recording::{Head, Record, Recorder, RecordingError, Ring, Tape};
@@ -387,7 +387,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
     fn unrecorded(&self, error: RecordingError) -> Failure {
         let name = self.record.map_or("", |(record, _)| record.file);
         Failure::Recording {
-            name: words(&name),
+            name: Text::of(&name),
             error,
         }
     }

@@ -9,11 +9,11 @@ use condor_mbox::{Call, Clock, MemoryWindow, Messenger, Places, Region, Windows}
 use condor_mos::{LoopId, Loops, Rate, Scheduler};
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, numbers};
+use condor_rt::{Machine, MailboxOf, Text, numbers};
 use condor_tty::{Terminal, Vectors};
 
 use crate::boards::{Panel, Wires};
-use crate::failure::{Failure, words};
+use crate::failure::Failure;
 use crate::{IMAGE, UtahMit, boards};
 
 /// Characters that can be typed ahead.
@@ -109,7 +109,7 @@ pub(crate) fn configuration<M: Machine, const FILES: usize>(
     file.close().map_err(failed)?;
     let broken = |error: ImageError| Failure::Image {
         name: IMAGE,
-        error: words(&error),
+        error: Text::of(&error),
     };
     let hand = UtahMit::from_image(image.get(..len).unwrap_or(&[])).map_err(broken)?;
     boards::check(&hand)?;

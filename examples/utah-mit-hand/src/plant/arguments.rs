@@ -1,8 +1,8 @@
 //! [`Arguments`]: what the system description tells the robot.
 
-use condor_rt::Machine;
+use condor_rt::{Machine, Text};
 
-use crate::failure::{Failure, words};
+use crate::failure::Failure;
 
 /// The numbers of the robot's arguments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,7 +28,7 @@ impl Arguments {
         let mut index = 0;
         while let Some(argument) = machine.argument(index) {
             arguments.take(argument).ok_or_else(|| Failure::Argument {
-                argument: words(&argument),
+                argument: Text::of(&argument),
                 known: "rate=HZ, watchdog_ms=MS, ramp_ms=MS above 0",
             })?;
             index += 1;
