@@ -324,6 +324,12 @@ impl Places {
         Self { next: 0, size }
     }
 
+    /// Where the next one begins, in bytes.
+    #[must_use]
+    pub const fn used(&self) -> u32 {
+        self.next
+    }
+
     /// Room for a `T`.
     ///
     /// # Errors

@@ -146,6 +146,40 @@ impl<'e, M: Machine> Setup<'e, M> {
         Ok(cell.publisher(self.own.clone())?)
     }
 
+    /// Enters what `make` takes of the window, under a name: objects that others know how to read.
+    ///
+    /// ```
+    /// # use condor_rt::{Error, Machine, Setup, directory::Kind};
+    /// # fn two<M: Machine>(setup: &mut Setup<'_, M>) -> Result<(), Error> {
+    /// let offset = setup.place("points", Kind::Other, |places| places.bytes(64))?;
+    /// # let _ = offset;
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Window`]; the object table's.
+    pub fn place<T>(
+        &mut self,
+        name: &str,
+        kind: Kind,
+        make: impl FnOnce(&mut Places) -> Result<T, AccessError>,
+    ) -> Result<T, Error> {
+        let mut room = self.places.clone();
+        let first = room.used();
+        let made = make(&mut room).map_err(|error| no_room(name, error))?;
+        let len = room.used() - first;
+        self.places = room;
+        self.directory.enter(name, kind, first, len)?;
+        Ok(made)
+    }
+
+    /// The own memory that others see, in which everything is placed.
+    #[must_use]
+    pub const fn own(&self) -> &Region<M::Window> {
+        &self.own
+    }
+
     /// Runs `handler` for messages to `vector`; `name` is for people.
     pub fn on(&mut self, vector: Vector, name: &'e str, handler: Handler<'e>) -> &mut Self {
         if self.handlers.iter().any(|(taken, ..)| *taken == vector) {
