@@ -18,7 +18,7 @@ use crate::error::{Error, Text};
 use crate::list::{List, fitting};
 use crate::loops::LoopReports;
 use crate::machine::Machine;
-use crate::numbers::PROCESSORS;
+use crate::numbers::{self, PROCESSORS};
 use crate::running::{Background, Call, ConsoleOf, FILES, Screen, Tick};
 use crate::servo::{LOOPS, ServoLoop};
 use crate::variables::{
@@ -260,12 +260,15 @@ impl<'e, M: Machine> Setup<'e, M> {
         &self.own
     }
 
-    /// Runs `handler` for messages to `vector`; `name` is for people.
+    /// Runs `handler` for messages to `vector`, one of [`OWN_VECTORS`](numbers::OWN_VECTORS); `name` is for
+    /// people.
     pub fn on(&mut self, vector: Vector, name: &'e str, handler: Handler<'e>) -> &mut Self {
-        if self.handlers.iter().any(|(taken, ..)| *taken == vector) {
+        let is_taken = self.handlers.iter().any(|(taken, ..)| *taken == vector);
+        let own = is_taken.then_some("another handler of the program");
+        if let Some(by) = numbers::reserved(vector).or(own) {
             let name = Text::of(name);
             self.wrong
-                .get_or_insert(Error::VectorTaken { vector, name });
+                .get_or_insert(Error::VectorTaken { vector, by, name });
         } else if self.handlers.push((vector, name, handler)).is_err() {
             self.full("handlers", HANDLERS, name);
         }

@@ -13,8 +13,8 @@ use condor_vars::{Cell, Client, Described, Field, Kind, Param, Table, VARS, Valu
 use core::mem::offset_of;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-const ADD: Vector = Vector(45);
-const ASK: Vector = Vector(46);
+const ADD: Vector = Vector(1);
+const ASK: Vector = Vector(2);
 const SERVO: Processor = Processor(1);
 const HOST: Processor = Processor(11);
 const SECOND: Duration = Duration::from_secs(1);
@@ -268,7 +268,13 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
                 .on(ADD, "more", &|_| 0)
                 .run()
         }),
-        format!("`more` is for {ADD}, which is for something else already")
+        format!("`more` is for {ADD}, which is for another handler of the program")
+    );
+    assert_eq!(
+        error(WINDOW_BYTES, |machine| Setup::new(machine)?
+            .on(VARS, "mine", &|_| 0)
+            .run()),
+        format!("`mine` is for {VARS}, which is for variables and parameters")
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {
