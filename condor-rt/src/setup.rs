@@ -167,11 +167,11 @@ impl<'e, M: Machine> Setup<'e, M> {
     ) -> Result<T, Error> {
         let mut room = self.places.clone();
         let first = room.used();
-        let made = make(&mut room).map_err(|error| no_room(name, error))?;
+        let placed = make(&mut room).map_err(|error| no_room(name, error))?;
         let len = room.used() - first;
         self.places = room;
         self.directory.enter(name, kind, first, len)?;
-        Ok(made)
+        Ok(placed)
     }
 
     /// The own memory that others see, in which everything is placed.
@@ -238,10 +238,10 @@ impl<'e, M: Machine> Setup<'e, M> {
     ///
     /// # Errors
     /// What was wrong with the setup; those of the mailbox and of the loops; `background`'s.
-    pub fn background<R, E: From<Error>>(
+    pub fn background<R>(
         &mut self,
-        background: impl FnOnce(&Background<'_, M>) -> Result<R, E>,
-    ) -> Result<R, E> {
+        background: impl FnOnce(&Background<'_, M>) -> Result<R, Error>,
+    ) -> Result<R, Error> {
         self.run_with(background)?
     }
 

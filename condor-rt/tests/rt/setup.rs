@@ -20,8 +20,6 @@ const WINDOW_BYTES: u32 = 65536;
 struct Servo;
 
 impl Program for Servo {
-    type Error = Error;
-
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let mut setup = Setup::new(machine)?;
         let mut angle = setup.publish::<u32>("angle")?;
