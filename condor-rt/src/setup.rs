@@ -366,10 +366,10 @@ impl<'e, M: Machine> Setup<'e, M> {
     ///
     /// # Errors
     /// What was wrong with the setup; those of the mailbox and of the loops; `background`'s.
-    pub fn background<R, E: From<Error>>(
+    pub fn background<R>(
         &mut self,
-        background: impl FnOnce(&Background<'_, M>) -> Result<R, E>,
-    ) -> Result<R, E> {
+        background: impl FnOnce(&Background<'_, M>) -> Result<R, Error>,
+    ) -> Result<R, Error> {
         self.run_with(background)?
     }
 
