@@ -60,10 +60,12 @@ pub enum Error {
         what: &'static str,
     },
     /// A handler for a vector that has one.
-    #[error("`{name}` is for {vector}, which is for something else already")]
+    #[error("`{name}` is for {vector}, which is for {by}")]
     VectorTaken {
         /// The vector.
         vector: Vector,
+        /// What it is for.
+        by: &'static str,
         /// The handler's name.
         name: Text<32>,
     },
@@ -93,7 +95,7 @@ pub enum Error {
     },
     /// What a program says itself: the text of an error of its own.
     #[error("{0}")]
-    Program(Text<96>),
+    Program(Text<112>),
 }
 
 impl Error {

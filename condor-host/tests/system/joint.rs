@@ -42,8 +42,6 @@ impl Described for Contact {
 pub(crate) struct Joint;
 
 impl Program for Joint {
-    type Error = Error;
-
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let position = Var::new("joint.position", "rad").about("Filtered.");
         let ticks = Var::<u64>::new("ticks", "");
