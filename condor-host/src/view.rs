@@ -25,8 +25,9 @@ use condor_mbox::{
 use serde::Serialize;
 
 use crate::system::Windows;
-use condor_rt::directory::{self, Entry, Kind};
+
 use condor_rt::numbers::{PROCESSORS, VISITORS};
+use condor_rt::objects::{self, Kind, Object};
 
 /// The mailbox of a visitor.
 pub type Post = Mailbox<'static, PROCESSORS, SingleContext>;
@@ -180,18 +181,16 @@ impl View {
         Region::users(window).map_err(|source| ViewError::Memory { processor, source })
     }
 
-    /// What the directory of `processor` has of a kind.
+    /// What the object table of `processor` has of a kind.
     ///
     /// # Errors
     /// [`ViewError::Mailbox`], [`ViewError::Memory`].
-    pub fn entries(&self, processor: Processor, kind: Kind) -> Result<Vec<Entry>, ViewError> {
+    pub fn objects(&self, processor: Processor, kind: Kind) -> Result<Vec<Object>, ViewError> {
         let region = self.region(processor)?;
         let at = |source| ViewError::Memory { processor, source };
-        let entries: Result<Vec<Entry>, AccessError> =
-            directory::entries(&region).map_err(at)?.collect();
-        let mut entries = entries.map_err(at)?;
-        entries.retain(|entry| entry.kind == kind);
-        Ok(entries)
+        let all = objects::all(&region).map_err(at)?;
+        let of_kind = all.filter(|object| object.as_ref().map_or(true, |it| it.kind == kind));
+        of_kind.collect::<Result<_, _>>().map_err(at)
     }
 }
 

@@ -7,7 +7,7 @@ use condor_mos::{LoopError, RateError, StartError};
 use condor_tty::TerminalError;
 use condor_vars::CatalogError;
 
-use crate::directory::DirectoryError;
+use crate::objects::ObjectError;
 
 /// Why a program ends before it was told to.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -21,7 +21,7 @@ pub enum Error {
     Access(#[from] AccessError),
     /// The object table.
     #[error(transparent)]
-    Directory(#[from] DirectoryError),
+    Objects(#[from] ObjectError),
     /// The terminal.
     #[error(transparent)]
     Terminal(#[from] TerminalError),
@@ -103,6 +103,14 @@ impl Error {
     #[must_use]
     pub fn program(error: &impl fmt::Display) -> Self {
         Self::Program(Text::of(error))
+    }
+
+    /// An object that could not be entered.
+    pub(crate) fn not_entered(name: &str, error: ObjectError) -> Self {
+        match error {
+            ObjectError::Access(error) => Self::no_room(name, error),
+            error => error.into(),
+        }
     }
 
     /// An access for which the window is too small, if that is why it failed.

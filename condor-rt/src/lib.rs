@@ -22,8 +22,8 @@ pub mod numbers;
 mod silent;
 
 // What it shows of itself.
-pub mod directory;
 pub mod loops;
+pub mod objects;
 
 // The machines.
 #[cfg(all(

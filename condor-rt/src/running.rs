@@ -15,7 +15,7 @@ use condor_vars::{Param, Tune as _};
 
 use crate::error::Error;
 use crate::interrupts::Interrupts;
-use crate::loops::LoopReports;
+use crate::loops::LoopReport;
 use crate::machine::{Machine, MailboxOf};
 use crate::numbers;
 use crate::servo::LOOPS;
@@ -99,7 +99,7 @@ impl Tick<'_> {
 /// What a program shows of its interrupts and of its loops.
 pub(crate) type Reports<M> = (
     Option<Publisher<Interrupts, Region<<M as Machine>::Window>>>,
-    Option<LoopReports<<M as Machine>::Window, LOOPS>>,
+    heapless::Vec<LoopReport<<M as Machine>::Window>, LOOPS>,
 );
 
 /// What the background of a running program has; loops interrupt it.
@@ -275,9 +275,9 @@ impl<'b, M: Machine> Background<'b, M> {
         if let (Some(shown), Some(interrupts)) = (interrupts, self.machine.interrupts()) {
             shown.publish(&interrupts)?;
         }
-        if let (Some(reports), Some(loops)) = (reports, self.loops) {
-            for number in 0..self.names.len() {
-                reports.publish(number, &loops.statistics(LoopId(number as u8))?)?;
+        if let Some(loops) = self.loops {
+            for (number, report) in (0..).zip(reports) {
+                report.publish(&loops.statistics(LoopId(number))?)?;
             }
         }
         Ok(())

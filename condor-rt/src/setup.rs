@@ -13,12 +13,12 @@ use condor_vars::{Catalog, Described, Param, Respond, Settings, Tune, VARS, Watc
 use heapless::Vec;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::directory::{Directory, Kind};
 use crate::error::{Error, Text};
 use crate::list::{List, fitting};
-use crate::loops::LoopReports;
+use crate::loops::LoopReport;
 use crate::machine::Machine;
 use crate::numbers::{self, PROCESSORS};
+use crate::objects::{Kind, ObjectTable};
 use crate::running::{Background, Call, ConsoleOf, FILES, Screen, Tick};
 use crate::servo::{LOOPS, ServoLoop};
 use crate::variables::{
@@ -52,7 +52,7 @@ pub struct Setup<'e, M: Machine> {
     machine: &'e M,
     own: Region<M::Window>,
     places: Places,
-    directory: Directory<M::Window>,
+    objects: ObjectTable<M::Window>,
     console: Option<ConsoleOf<M>>,
     area: Option<Area<FILES>>,
     waiting: Waiting,
@@ -122,12 +122,12 @@ impl<'e, M: Machine> Setup<'e, M> {
     pub fn new(machine: &'e M) -> Result<Self, Error> {
         let own = users(machine, machine.number())?;
         let mut places = Places::new(own.size());
-        let directory = Directory::new(own.clone(), &mut places)?;
+        let objects = ObjectTable::new(own.clone(), &mut places)?;
         Ok(Self {
             machine,
             own,
             places,
-            directory,
+            objects,
             console: None,
             area: None,
             waiting: machine.waiting(),
@@ -155,9 +155,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             error => error.into(),
         })?;
         self.places = room;
-        let offset = terminal.offset();
-        self.directory
-            .enter("console", Kind::Terminal, offset, SHOWN_BYTES)?;
+        self.enter("console", Kind::Terminal, terminal.offset())?;
         self.console = Some(terminal);
         Ok(self)
     }
@@ -207,29 +205,20 @@ impl<'e, M: Machine> Setup<'e, M> {
         let cell = self.cell::<T>(name)?;
         let first = self.places.used();
         let described = describe(cell, &self.own, &mut self.places);
-        let offset = described.map_err(|error| variables::wrong(name, error))?;
-        let len = self.places.used() - first;
-        self.directory.enter(name, Kind::Variables, offset, len)?;
+        described.map_err(|error| variables::wrong(name, error))?;
+        self.enter(name, Kind::Variables, first)?;
         Ok(cell.publisher(self.own.clone())?)
     }
 
     fn cell<T>(&mut self, name: &str) -> Result<Published<T>, Error> {
-        let cell = self.places.published::<T>();
-        let cell = cell.map_err(|error| Error::no_room(name, error))?;
-        // What a former program has left there is none of this one's.
-        for word in (0..Published::<T>::BYTES).step_by(4) {
-            self.own.set_word(cell.offset() + word, 0)?;
-        }
-        let bytes = Published::<T>::BYTES;
-        self.directory
-            .enter(name, Kind::Other, cell.offset(), bytes)?;
-        Ok(cell)
+        let cell = self.objects.cell(&mut self.places, name, Kind::Other);
+        cell.map_err(|error| Error::not_entered(name, error))
     }
 
     /// Enters what `make` takes of the window, under a name: objects that others know how to read.
     ///
     /// ```
-    /// # use condor_rt::{Error, Machine, Setup, directory::Kind};
+    /// # use condor_rt::{Error, Machine, Setup, objects::Kind};
     /// # fn two<M: Machine>(setup: &mut Setup<'_, M>) -> Result<(), Error> {
     /// let offset = setup.place("points", Kind::Other, |places| places.bytes(64))?;
     /// # let _ = offset;
@@ -248,9 +237,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         let mut room = self.places.clone();
         let first = room.used();
         let placed = make(&mut room).map_err(|error| Error::no_room(name, error))?;
-        let len = room.used() - first;
         self.places = room;
-        self.directory.enter(name, kind, first, len)?;
+        self.enter(name, kind, first)?;
         Ok(placed)
     }
 
@@ -381,7 +369,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             return Err(wrong);
         }
         let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
-        let reports = self.reports(&names)?;
+        let reports = self.reports()?;
         let interrupts = self.machine.interrupts();
         let interrupts = interrupts.map(|_| self.publish_fields("interrupts"));
         let reports = (interrupts.transpose()?, reports);
@@ -517,9 +505,8 @@ impl<'e, M: Machine> Setup<'e, M> {
                 lives,
             );
             let (server, sampler) = opened.map_err(|error| variables::wrong(one.name, error))?;
-            let len = self.places.used() - first;
-            self.directory
-                .enter(one.name, Kind::Variables, server.offset(), len)?;
+            let (objects, places) = (&mut self.objects, &mut self.places);
+            enter(objects, places, one.name, Kind::Variables, first)?;
             let _ = samplers.push(Some(sampler));
             // As many as there are loops.
             let _ = servers.push(server);
@@ -531,18 +518,19 @@ impl<'e, M: Machine> Setup<'e, M> {
         }
     }
 
-    fn reports(&mut self, names: &[&str]) -> Result<Option<LoopReports<M::Window, LOOPS>>, Error> {
-        if names.is_empty() {
-            return Ok(None);
+    fn reports(&mut self) -> Result<Vec<LoopReport<M::Window>, LOOPS>, Error> {
+        let mut reports = Vec::new();
+        for one in self.loops.iter() {
+            let report = LoopReport::new(&self.own, &mut self.places, &mut self.objects, one.name);
+            // As many as there are loops.
+            let _ = reports.push(report.map_err(|error| Error::not_entered(one.name, error))?);
         }
-        let (own, places) = (&self.own, &mut self.places);
-        let names = names.iter().copied();
-        Ok(Some(LoopReports::new(
-            own,
-            places,
-            &mut self.directory,
-            names,
-        )?))
+        Ok(reports)
+    }
+
+    /// Enters what has been placed from `first` on.
+    fn enter(&mut self, name: &str, kind: Kind, first: u32) -> Result<(), Error> {
+        enter(&mut self.objects, &mut self.places, name, kind, first)
     }
 
     fn full(&mut self, what: &'static str, capacity: usize, name: &str) {
@@ -552,6 +540,18 @@ impl<'e, M: Machine> Setup<'e, M> {
             name: Text::of(name),
         });
     }
+}
+
+fn enter<W: MemoryWindow>(
+    objects: &mut ObjectTable<W>,
+    places: &mut Places,
+    name: &str,
+    kind: Kind,
+    first: u32,
+) -> Result<(), Error> {
+    let len = places.used() - first;
+    let entered = objects.enter(places, name, kind, first, len);
+    entered.map_err(|error| Error::not_entered(name, error))
 }
 
 /// What users have of a processor's `data`.

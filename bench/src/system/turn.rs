@@ -10,9 +10,9 @@ use condor_mbox::{Clock as _, MemoryWindow, Messenger, Places, Processor, Region
 use condor_mos::{
     Clock, LoopId, Loops as _, Overrun, Rate, Scan, Scheduler, Statistics, Timer as _,
 };
-use condor_rt::directory::Directory;
 use condor_rt::linux::{Environment, Loops, Process};
-use condor_rt::loops::LoopReports;
+use condor_rt::loops::LoopReport;
+use condor_rt::objects::ObjectTable;
 use condor_rt::{Machine, MailboxOf, PROCESSORS};
 
 use super::servo::{Bench, Fingers};
@@ -157,9 +157,8 @@ impl Turn<'_> {
         let [_, Windows { data, .. }, ..] = machine.windows();
         let own = Region::users(data).map_err(display)?;
         let mut places = Places::new(own.size());
-        let mut directory = Directory::new(own.clone(), &mut places).map_err(display)?;
-        let reports = LoopReports::new(&own, &mut places, &mut directory, ["servo"]);
-        let reports = reports.map_err(display)?;
+        let mut objects = ObjectTable::new(own.clone(), &mut places).map_err(display)?;
+        let report = LoopReport::new(&own, &mut places, &mut objects, "servo").map_err(display)?;
         let two = ServoPlaces::<2, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
         let four = ServoPlaces::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
         let joints = places.published().map_err(display)?;
@@ -172,19 +171,19 @@ impl Turn<'_> {
         };
         let exclusion = machine.exclusion();
         match self.load {
-            Load::Empty => background.measure(reports, || {}),
+            Load::Empty => background.measure(report, || {}),
             Load::Joints8 => {
                 let bench = Bench::new([0, 1])?;
                 let mut object = ServoObject::new();
                 let mut fingers = Fingers::new(&bench, &mut object, &own, two, joints, exclusion)?;
-                let counts = background.measure(reports, || fingers.tick())?;
+                let counts = background.measure(report, || fingers.tick())?;
                 fingers.check().map(|()| counts)
             }
             Load::Joints16 => {
                 let bench = Bench::new([0, 1, 2, 3])?;
                 let mut object = ServoObject::new();
                 let mut fingers = Fingers::new(&bench, &mut object, &own, four, joints, exclusion)?;
-                let counts = background.measure(reports, || fingers.tick())?;
+                let counts = background.measure(report, || fingers.tick())?;
                 fingers.check().map(|()| counts)
             }
         }
@@ -217,7 +216,7 @@ impl<M: Machine> Background<'_, '_, M> {
     /// Runs the loop for the time of the turn.
     fn measure<W: MemoryWindow + Clone>(
         &self,
-        mut reports: LoopReports<W, 1>,
+        mut report: LoopReport<W>,
         mut tick: impl FnMut() + Send,
     ) -> Result<Counts> {
         let turn = self.turn;
@@ -249,7 +248,7 @@ impl<M: Machine> Background<'_, '_, M> {
                 self.serve_until(counted_ns, || Ok(()))?;
                 let before = statistics()?;
                 self.serve_until(end_ns, || {
-                    reports.publish(0, &statistics()?).map_err(display)?;
+                    report.publish(&statistics()?).map_err(display)?;
                     Ok(())
                 })?;
                 Ok(Counts::between(&before, &statistics()?, turn.releases))

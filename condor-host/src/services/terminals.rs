@@ -11,7 +11,7 @@
 //! | `NAME.typed` | all that is typed; what is added to it is typed, see [`type_in`] |
 //! | `NAME.mark`, `NAME.typed.mark` | which byte of the output, and of the input, is where in the file |
 //!
-//! The terminal is the object `console` in the [directory](condor_rt::directory) of the processor, or
+//! The terminal is the object `console` in the [object table](condor_rt::objects) of the processor, or
 //! else its first terminal.
 //!
 //! The log neither loses nor repeats a byte when the service is killed: the position in the output

@@ -5,8 +5,8 @@ use condor_mos::Statistics;
 use serde::Serialize;
 
 use super::{View, ViewError};
-use condor_rt::directory::Kind;
 use condor_rt::loops;
+use condor_rt::objects::Kind;
 
 /// The counts of a processor's servo loops at one moment.
 #[derive(Clone, Debug)]
@@ -53,14 +53,10 @@ impl View {
     pub fn loops(&self, processor: Processor) -> Result<LoopSample, ViewError> {
         let region = self.region(processor)?;
         let mut found = Vec::new();
-        for entry in self.entries(processor, Kind::Loops)? {
-            for number in 0..loops::count(&entry) {
-                let counts = loops::read(&region, &entry, number)
-                    .map_err(|source| ViewError::Memory { processor, source })?;
-                if let Some((name, counts)) = counts {
-                    found.push((name.as_str().to_owned(), counts));
-                }
-            }
+        for object in self.objects(processor, Kind::Loop)? {
+            let counts = loops::read(&region, &object);
+            let counts = counts.map_err(|source| ViewError::Memory { processor, source })?;
+            found.extend(counts.map(|counts| (object.name.to_string(), counts)));
         }
         Ok(LoopSample {
             at: Instant::now(),

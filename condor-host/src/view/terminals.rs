@@ -3,13 +3,13 @@ use condor_tty::layout::{MAGIC, VERSION, host, mode, processor as words};
 use serde::Serialize;
 
 use super::{View, ViewError};
-use condor_rt::directory::{Entry, Kind};
+use condor_rt::objects::{Kind, Object};
 
 /// How a terminal of a processor is; counts wrap at 2³².
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct TerminalCounts {
-    /// Its name in the processor's directory.
+    /// Its name in the processor's object table.
     pub name: String,
     /// Bytes that the program has written.
     pub written: u32,
@@ -35,8 +35,8 @@ impl View {
     pub fn terminals(&self, processor: Processor) -> Result<Vec<TerminalCounts>, ViewError> {
         let region = self.region(processor)?;
         let mut terminals = Vec::new();
-        for entry in self.entries(processor, Kind::Terminal)? {
-            let counts = read(&region, &entry);
+        for object in self.objects(processor, Kind::Terminal)? {
+            let counts = read(&region, &object);
             terminals.extend(counts.map_err(|source| ViewError::Memory { processor, source })?);
         }
         Ok(terminals)
@@ -46,9 +46,9 @@ impl View {
 /// None while the program makes it.
 fn read<W: condor_mbox::MemoryWindow>(
     region: &Region<W>,
-    entry: &Entry,
+    object: &Object,
 ) -> Result<Option<TerminalCounts>, condor_mbox::AccessError> {
-    let word = |offset: u32| region.word(entry.offset.saturating_add(offset));
+    let word = |offset: u32| region.word(object.offset.saturating_add(offset));
     let life = word(words::LIFE)?;
     if word(words::MAGIC)? != MAGIC || word(words::VERSION)? != VERSION || life == 0 {
         return Ok(None);
@@ -62,7 +62,7 @@ fn read<W: condor_mbox::MemoryWindow>(
     };
     let (written, mode_bits) = (word(words::HEAD)?, word(words::MODE)?);
     Ok(Some(TerminalCounts {
-        name: entry.name.as_str().into(),
+        name: object.name.as_str().into(),
         written,
         lost: word(words::LOST)?,
         unread: written.wrapping_sub(tail),

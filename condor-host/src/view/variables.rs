@@ -2,7 +2,7 @@
 
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Messenger, Processor};
-use condor_rt::directory::Kind;
+use condor_rt::objects::Kind;
 use condor_vars::{Client, Table, TableError, VARS};
 
 use super::{Post, View, ViewError};
@@ -24,7 +24,7 @@ impl View {
     /// [`ViewError::Mailbox`], [`ViewError::Memory`].
     pub fn variables(&self, processor: Processor) -> Result<Vec<Variables>, ViewError> {
         let region = self.region(processor)?;
-        let entries = self.entries(processor, Kind::Variables)?.into_iter();
+        let entries = self.objects(processor, Kind::Variables)?.into_iter();
         Ok(entries
             .map(|entry| Variables {
                 name: entry.name.as_str().to_owned(),

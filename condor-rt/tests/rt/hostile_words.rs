@@ -2,8 +2,9 @@
 
 use condor_mbox::{MemoryWindow, Places, Published, Region, StaticMemory};
 use condor_mos::{Rate, Statistics};
-use condor_rt::directory::{self, Directory, DirectoryError, ENTRIES, Entry, Kind, Name};
-use condor_rt::loops::{self, LoopReports};
+use condor_rt::Text;
+use condor_rt::loops::{self, LoopReport};
+use condor_rt::objects::{self, Kind, NAME_BYTES, Object, ObjectError, ObjectTable};
 use proptest::prelude::*;
 
 const WORDS: usize = 512;
@@ -31,66 +32,83 @@ fn counts(released: u64) -> Statistics {
 fn what_is_entered_is_found() {
     let memory = StaticMemory::<WORDS>::new();
     let own = Region::users(memory.window()).unwrap();
-    assert_eq!(directory::entries(&own).unwrap().count(), 0);
+    assert_eq!(objects::all(&own).unwrap().count(), 0);
     let mut places = Places::new(own.size());
-    let mut made = Directory::new(own, &mut places).unwrap();
-    assert_eq!(directory::find(&own, "loops").unwrap(), None);
-    let names = ["servo", "a name of sixteen and more"];
-    let mut reports = LoopReports::<_, 2>::new(&own, &mut places, &mut made, names).unwrap();
-    let entry = directory::find(&own, "loops").unwrap().unwrap();
-    assert_eq!((entry.kind, loops::count(&entry)), (Kind::Loops, 2));
-    assert_eq!(loops::read(&own, &entry, 0).unwrap(), None, "unpublished");
+    let mut table = ObjectTable::new(own, &mut places).unwrap();
+    let longest = "é".repeat(NAME_BYTES / 2);
+    assert_eq!(objects::find(&own, &longest, Kind::Loop).unwrap(), None);
+    let mut servo = LoopReport::new(&own, &mut places, &mut table, &longest).unwrap();
+    let found = objects::find(&own, &longest, Kind::Loop).unwrap().unwrap();
+    assert_eq!(loops::read(&own, &found).unwrap(), None, "unpublished");
     for released in [10, 11] {
-        reports.publish(1, &counts(released)).unwrap();
-        let (name, read) = loops::read(&own, &entry, 1).unwrap().unwrap();
-        assert_eq!(
-            (name.as_str(), read),
-            ("a name of sixtee", counts(released))
-        );
+        servo.publish(&counts(released)).unwrap();
+        assert_eq!(loops::read(&own, &found).unwrap(), Some(counts(released)));
     }
-    // A loop that there is not.
-    reports.publish(2, &counts(9)).unwrap();
-    assert_eq!(loops::read(&own, &entry, 2).unwrap(), None);
-    for number in 1..ENTRIES as u32 {
+    let mut enter =
+        |name: &str, number: u32| table.enter(&mut places, name, Kind::Other, number, 2 * number);
+    for number in 1..4 {
         let name = format!("é {number}");
-        made.enter(&name, Kind::Monitor, number, 2 * number)
-            .unwrap();
-        let entry = directory::find(&own, &name).unwrap().unwrap();
-        let expected = (Kind::Monitor, number, 2 * number);
-        assert_eq!((entry.kind, entry.offset, entry.len), expected);
+        enter(&name, number).unwrap();
+        let found = objects::find(&own, &name, Kind::Other).unwrap().unwrap();
+        assert_eq!((found.offset, found.len), (number, 2 * number));
     }
-    let full = made.enter("one more", Kind::Other, 0, 0);
-    assert_eq!(full, Err(DirectoryError::Full));
-    assert_eq!(directory::entries(&own).unwrap().count(), ENTRIES);
-    // A new life of the program begins with an empty directory.
+    let taken = enter("é 2", 9).unwrap_err();
+    assert_eq!(
+        taken.to_string(),
+        "there are two objects `é 2`: each needs a name of its own"
+    );
+    let long = enter(&format!("{longest}!"), 9).unwrap_err();
+    assert!(matches!(long, ObjectError::Name { len: 65, .. }), "{long}");
+    // As many as there is room for.
+    let mut number = 4;
+    let full = loop {
+        match enter(&format!("{number}"), number) {
+            Ok(()) => number += 1,
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(full, ObjectError::Access(_)), "{full}");
+    assert_eq!(objects::all(&own).unwrap().count(), number as usize);
+    // A new life of the program begins with an empty table.
     let mut places = Places::new(own.size());
-    Directory::new(own, &mut places).unwrap();
-    assert_eq!(directory::entries(&own).unwrap().count(), 0);
+    ObjectTable::new(own, &mut places).unwrap();
+    assert_eq!(objects::all(&own).unwrap().count(), 0);
 }
 
 #[test]
-fn a_directory_must_be_the_first_and_have_room() {
+fn there_may_be_thousands_of_names() {
+    let memory = StaticMemory::<65536>::new();
+    let own = Region::users(memory.window()).unwrap();
+    let mut places = Places::new(own.size());
+    let mut table = ObjectTable::new(own, &mut places).unwrap();
+    for number in 0..2000 {
+        let name = format!("finger.{number}.tension");
+        table
+            .enter(&mut places, &name, Kind::Other, number, 4)
+            .unwrap();
+    }
+    let found = objects::find(&own, "finger.1999.tension", Kind::Other);
+    assert_eq!(found.unwrap().unwrap().offset, 1999);
+}
+
+#[test]
+fn a_table_must_be_the_first_and_have_room() {
     let memory = StaticMemory::<WORDS>::new();
     let own = Region::users(memory.window()).unwrap();
     let mut places = Places::new(own.size());
     places.bytes(64).unwrap();
-    let error = Directory::new(own, &mut places).unwrap_err();
-    assert_eq!(error, DirectoryError::NotFirst { offset: 64 });
-    let small = StaticMemory::<64>::new();
-    let own = Region::users(small.window()).unwrap();
-    let error = Directory::new(own, &mut Places::new(own.size())).unwrap_err();
-    assert!(matches!(error, DirectoryError::Access(_)), "{error}");
+    let error = ObjectTable::new(own, &mut places).unwrap_err();
+    assert_eq!(error, ObjectError::NotFirst { offset: 64 });
+    let error = ObjectTable::new(own, &mut Places::new(8)).unwrap_err();
+    assert!(matches!(error, ObjectError::Access(_)), "{error}");
 }
 
-#[test]
-fn names_are_cut_between_characters() {
-    for (name, kept) in [
-        ("", ""),
-        ("sixteen bytes ok", "sixteen bytes ok"),
-        ("fifteen bytes: é", "fifteen bytes: "),
-        ("äöüäöüäöü", "äöüäöüäö"),
-    ] {
-        assert_eq!(Name::new(name).as_str(), kept);
+fn object(offset: u32, len: u32) -> Object {
+    Object {
+        name: Text::of("loop"),
+        kind: Kind::Loop,
+        offset,
+        len,
     }
 }
 
@@ -98,25 +116,19 @@ fn names_are_cut_between_characters() {
 fn counts_that_no_scheduler_wrote_are_none_or_can_be_printed() {
     let memory = StaticMemory::<128>::new();
     let own = Region::users(memory.window()).unwrap();
-    let entry = Entry {
-        name: Name::new("loops"),
-        kind: Kind::Loops,
-        offset: 0,
-        len: 400,
-    };
-    let mut row = Published::<[u32; 16]>::at(16).publisher(own).unwrap();
+    let mut row = Published::<[u32; 22]>::at(0).publisher(own).unwrap();
     for (word, is_some) in [(0, false), (1, true), (u32::MAX, true)] {
-        row.publish(&[word; 16]).unwrap();
-        let read = loops::read(&own, &entry, 0).unwrap();
+        row.publish(&[word; 22]).unwrap();
+        let read = loops::read(&own, &object(0, 400)).unwrap();
         assert_eq!(read.is_some(), is_some, "{word}");
-        look(&own, &entry, 0);
+        look(&own, &object(0, 400));
     }
 }
 
 /// Words that mean something, and any others.
 fn word() -> impl Strategy<Value = u32> {
     prop_oneof![
-        Just(u32::from_le_bytes(*b"CDIR")),
+        Just(u32::from_le_bytes(*b"COBJ")),
         Just(0),
         0..64_u32,
         (0..64_u32).prop_map(|words| 4 * words),
@@ -133,58 +145,48 @@ proptest! {
     #[test]
     fn any_words_can_be_read(
         words in prop::collection::vec(word(), 300),
-        is_directory in any::<bool>(),
-        numbers in prop::collection::vec(word(), 2),
+        is_table in any::<bool>(),
     ) {
         let memory = StaticMemory::<WORDS>::new();
         let own = Region::users(memory.window()).unwrap();
         for (at, word) in (0..).zip(&words) {
             own.set_word(4 * at, *word).unwrap();
         }
-        if is_directory {
-            own.set_word(0, u32::from_le_bytes(*b"CDIR")).unwrap();
+        if is_table {
+            own.set_word(0, u32::from_le_bytes(*b"COBJ")).unwrap();
             own.set_word(4, 1).unwrap();
         }
         let mut found = 0;
-        for entry in directory::entries(&own).unwrap() {
-            let entry = entry.unwrap();
+        for object in objects::all(&own).unwrap() {
             found += 1;
-            prop_assert!(entry.name.as_str().len() <= 16);
-            for &number in &numbers {
-                look(&own, &entry, number);
-            }
+            let Ok(object) = object else { continue };
+            prop_assert!(object.name.as_str().len() <= NAME_BYTES);
+            look(&own, &object);
         }
-        prop_assert!(found <= ENTRIES);
-        if is_directory {
-            prop_assert_eq!(found, ENTRIES.min(words[2] as usize));
-        }
-        let _ = directory::find(&own, "loops").unwrap();
+        prop_assert!(found <= WORDS);
+        let _ = objects::find(&own, "loop", Kind::Loop);
     }
 
     /// So does reading at any offset of a window of any size.
     #[test]
-    fn any_entry_can_be_followed(offset in word(), len in word(), number in word(), fill in word()) {
+    fn any_object_can_be_followed(offset in word(), len in word(), fill in word()) {
         let memory = StaticMemory::<64>::new();
         let whole = Region::whole(memory.window());
         for at in 0..64 {
             whole.set_word(4 * at, fill).unwrap();
         }
-        let entry = Entry { name: Name::new("loops"), kind: Kind::Loops, offset, len };
         for size in [0, 4, 128, 256] {
             let part = whole.part(0, size);
             if let Ok(part) = part {
-                look(&part, &entry, number);
-                let _ = directory::entries(&part).map(Iterator::count);
+                look(&part, &object(offset, len));
+                let _ = objects::all(&part).map(Iterator::count);
             }
         }
     }
 }
 
-fn look<W: condor_mbox::MemoryWindow + Clone>(region: &Region<W>, entry: &Entry, number: u32) {
-    let read = loops::read(region, entry, number);
-    if number >= loops::count(entry) {
-        assert_eq!(read, Ok(None));
-    } else if let Ok(Some((name, counts))) = read {
-        let _ = format!("{} {counts:#} {counts}", name.as_str());
+fn look<W: condor_mbox::MemoryWindow + Clone>(region: &Region<W>, object: &Object) {
+    if let Ok(Some(counts)) = loops::read(region, object) {
+        let _ = format!("{} {counts:#} {counts}", object.name);
     }
 }

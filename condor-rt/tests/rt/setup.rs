@@ -7,7 +7,7 @@ use std::time::Duration;
 use condor_mbox::published::Subscriber;
 use condor_mbox::{MemoryWindow as _, Messenger, Places, Processor, Published, Vector};
 use condor_mos::{Overrun, Rate};
-use condor_rt::directory;
+use condor_rt::objects;
 use condor_rt::{Error, HANDLERS, LOOPS, Machine, Program, Setup, loops, sim, users};
 use condor_vars::{Cell, Client, Described, Field, Kind, Param, Table, VARS, Value, Var, Vars};
 use core::mem::offset_of;
@@ -80,14 +80,14 @@ fn a_program_is_what_its_setup_says() {
             assert!(asked.load(Relaxed) > 20);
 
             let region = users(machine, SERVO)?;
-            let find = |name| directory::find(&region, name).unwrap().unwrap();
-            assert_eq!(find("console").kind, directory::Kind::Terminal);
-            let entry = find("loops");
-            let (name, counts) = loops::read(&region, &entry, 1)?.unwrap();
-            assert_eq!(name.as_str(), "slow");
+            let find = |name, kind| objects::find(&region, name, kind).unwrap().unwrap();
+            find("console", objects::Kind::Terminal);
+            let slow = find("slow", objects::Kind::Loop);
+            let counts = loops::read(&region, &slow)?.unwrap();
             assert!(counts.run > 20, "{counts}");
             let angle: Subscriber<u32, _> =
-                Published::at(find("angle").offset).subscriber(region.clone())?;
+                Published::at(find("angle", objects::Kind::Other).offset)
+                    .subscriber(region.clone())?;
             assert!(angle.read().unwrap().value > 100);
             Ok::<_, Error>(())
         })
@@ -157,9 +157,9 @@ fn what_loops_show_is_watched_and_set() {
             let own = users(machine, HOST)?;
             let joint = users(machine, SERVO)?;
             let mut tables = Vec::new();
-            for entry in directory::entries(&joint)? {
+            for entry in objects::all(&joint)? {
                 let entry = entry?;
-                if entry.kind == directory::Kind::Variables {
+                if entry.kind == objects::Kind::Variables {
                     tables.push((entry.name.as_str().to_owned(), entry.offset));
                 }
             }
@@ -195,8 +195,8 @@ fn what_loops_show_is_watched_and_set() {
             client.release(&mut watcher, SECOND).unwrap();
 
             let counts = || {
-                let entry = directory::find(&joint, "loops").unwrap().unwrap();
-                loops::read(&joint, &entry, 2).unwrap().unwrap().1
+                let rest = objects::find(&joint, "rest", objects::Kind::Loop).unwrap();
+                loops::read(&joint, &rest.unwrap()).unwrap().unwrap()
             };
             assert!(!counts().enabled);
             let table = Table::open(&joint, rest.1).unwrap();
@@ -248,7 +248,7 @@ type Sim = sim::Processor<condor_rt::Silent>;
 fn what_is_wrong_with_a_setup_is_said_with_its_name() {
     assert_eq!(
         error(4096, |machine| Setup::new(machine)?.console().map(|_| ())),
-        "`console` needs 8320 bytes of the window, and 3008 are left: raise `window_bytes` by 5312"
+        "`console` needs 8320 bytes of the window, and 4032 are left: raise `window_bytes` by 4288"
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| Setup::new(machine)?

@@ -2,7 +2,8 @@
 
 use condor_mbox::published::{ReadError, Subscriber};
 use condor_mbox::{MemoryWindow, Published, Region};
-use condor_rt::{Error, directory};
+use condor_rt::Error;
+use condor_rt::objects::{self, Kind};
 use zerocopy::{FromBytes, IntoBytes};
 
 /// What a processor has published under a name; `None` if it has not yet.
@@ -14,13 +15,13 @@ where
     T: FromBytes + IntoBytes,
     W: MemoryWindow + Clone,
 {
-    let Some(entry) = directory::find(region, name)? else {
+    let Some(object) = objects::find(region, name, Kind::Other)? else {
         return Ok(None);
     };
-    if entry.len < Published::<T>::BYTES {
+    if object.len < Published::<T>::BYTES {
         return Ok(None);
     }
-    let subscriber: Subscriber<T, _> = Published::at(entry.offset).subscriber(region.clone())?;
+    let subscriber: Subscriber<T, _> = Published::at(object.offset).subscriber(region.clone())?;
     match subscriber.read() {
         Ok(latest) => Ok(Some(latest.value)),
         Err(ReadError::Access(error)) => Err(error.into()),

@@ -16,8 +16,8 @@ use super::paper::Paper;
 use super::typing;
 use super::viewer::{Cursor, Viewer};
 use crate::services::ServiceError;
-use condor_rt::directory::{self, Kind};
 use condor_rt::numbers::TERMINALS;
+use condor_rt::objects::{self, Kind};
 
 /// How often a terminal is served before the others have their turn.
 const TURNS: usize = 16;
@@ -159,13 +159,13 @@ impl Station {
 
     fn find(&self) -> Result<Option<u32>, HostError> {
         let mut first = None;
-        for entry in directory::entries(&self.region)? {
-            let entry = entry?;
-            if entry.kind == Kind::Terminal {
-                if entry.name.as_str() == "console" {
-                    return Ok(Some(entry.offset));
+        for object in objects::all(&self.region)? {
+            let object = object?;
+            if object.kind == Kind::Terminal {
+                if object.name.as_str() == "console" {
+                    return Ok(Some(object.offset));
                 }
-                first = first.or(Some(entry.offset));
+                first = first.or(Some(object.offset));
             }
         }
         Ok(first)

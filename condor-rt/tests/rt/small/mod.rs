@@ -2,80 +2,34 @@
 
 use std::time::Duration;
 
-use condor_mbox::{
-    Backend, Call, Clock as _, Mailbox, MemoryWindow, Messenger, Places, Processor, Published,
-    Region, Vector,
-};
-use condor_mos::{
-    Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Statistics, Timer as _,
-};
-use condor_rt::directory::{self, Directory, Kind};
-use condor_rt::loops::{self, LoopReports};
-use condor_rt::{Machine, PROCESSORS, Program};
+use condor_mbox::{Backend, Clock as _, Mailbox, Messenger, Processor, Published, Region, Vector};
+use condor_mos::{Rate, Statistics};
+use condor_rt::objects::{self, Kind};
+use condor_rt::{Error, Machine, PROCESSORS, Program, Setup, loops};
 
 pub(crate) const SMALL: Processor = Processor(1);
 pub(crate) const VISITOR: Processor = Processor(11);
 const ADD: Vector = Vector(5);
-const TABLE: EventTable<1, 4> =
-    EventTable::new(&[Rate::hz(400)], Clock::of::<u64>(Rate::hz(1_000_000_000)));
 
 /// A loop of 400 Hz that publishes its count, and a handler that adds its argument.
 pub(crate) struct Small;
 
 impl Program for Small {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), condor_rt::Error> {
-        Self::run_for(machine).map_err(|error| condor_rt::Error::program(&error))
-    }
-}
-
-impl Small {
-    fn run_for<M: Machine>(machine: &M) -> Result<(), Box<dyn std::error::Error>> {
-        let number = machine.number();
-        let addend: u32 = machine.argument(0).ok_or("no addend")?.parse()?;
-        let windows = machine.windows();
-        let own = Region::users(windows[number.index()].data.clone())?;
-        let mut places = Places::new(own.size());
-        let mut directory = Directory::new(own.clone(), &mut places)?;
-        let ticks: Published<u32> = places.published()?;
-        let mut ticks_out = ticks.publisher(own.clone())?;
-        directory.enter(
-            "ticks",
-            Kind::Other,
-            ticks.offset(),
-            Published::<u32>::BYTES,
-        )?;
-        let mut reports = LoopReports::<_, 1>::new(&own, &mut places, &mut directory, ["servo"])?;
-
-        let add = |call: &Call<'_>| call.data() + addend;
-        let mut mailbox = machine.mailbox()?;
-        mailbox.set_vector(ADD, &add, "add")?;
-        mailbox.join()?;
-
-        let scheduler = Scheduler::new(machine.platform(), TABLE);
-        let (mut count, mut lost) = (0_u32, 0_u32);
-        let mut servo = |_| {
-            count += 1;
-            if ticks_out.publish(&count).is_err() {
-                lost += 1;
-            }
-        };
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut servo)?;
-            let background = || {
-                while !machine.is_stopping() {
-                    mailbox.serve(Duration::from_millis(20))?;
-                    reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
-                }
-                Ok::<_, Box<dyn std::error::Error>>(())
-            };
-            scheduler.run(background)?
-        })?;
-        scheduler.platform().disarm();
-        if lost > 0 {
-            Err("memory is gone".into())
-        } else {
-            Ok(())
-        }
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        let addend = machine.argument(0).and_then(|text| text.parse().ok());
+        let addend: u32 = addend.ok_or_else(|| Error::program(&"no addend"))?;
+        let mut setup = Setup::new(machine)?;
+        let mut ticks = setup.publish::<u32>("ticks")?;
+        let (mut count, mut lost) = (0, 0);
+        setup
+            .on(ADD, "add", &|call| call.data() + addend)
+            .servo("servo", Rate::hz(400), &mut |_| {
+                count += 1;
+                lost += u32::from(ticks.publish(&count).is_err());
+            })
+            .run()?;
+        assert_eq!(lost, 0, "memory is gone");
+        Ok(())
     }
 }
 
@@ -84,7 +38,6 @@ impl Small {
 pub(crate) struct Seen {
     pub(crate) reply: u32,
     pub(crate) ticks: u32,
-    pub(crate) name: String,
     pub(crate) counts: Statistics,
 }
 
@@ -96,18 +49,19 @@ pub(crate) fn watch<B: Backend<Window: Clone>>(mut mailbox: Mailbox<'_, B, PROCE
     let until = mailbox.doorbell().now().after(Duration::from_secs(20));
     loop {
         mailbox.serve(Duration::from_millis(20)).unwrap();
-        let entry = directory::find(&region, "loops").unwrap().unwrap();
-        assert_eq!((entry.kind, loops::count(&entry)), (Kind::Loops, 1));
-        assert_eq!(loops::read(&region, &entry, 1).unwrap(), None);
+        let servo = objects::find(&region, "servo", Kind::Loop)
+            .unwrap()
+            .unwrap();
         let is_late = mailbox.doorbell().now() > until;
-        match loops::read(&region, &entry, 0).unwrap() {
-            Some((name, counts)) if counts.run >= 80 || is_late => {
-                let ticks = directory::find(&region, "ticks").unwrap().unwrap();
+        match loops::read(&region, &servo).unwrap() {
+            Some(counts) if counts.run >= 80 || is_late => {
+                let ticks = objects::find(&region, "ticks", Kind::Other)
+                    .unwrap()
+                    .unwrap();
                 let ticks = Published::<u32>::at(ticks.offset).subscriber(&region);
                 return Seen {
                     reply: reply.unwrap(),
                     ticks: ticks.unwrap().read().unwrap().value,
-                    name: name.as_str().into(),
                     counts,
                 };
             }

@@ -7,7 +7,7 @@ use board::Hart;
 use condor_host::harts::Fault;
 use condor_mbox::{AccessError, Call, Clock as _, MemoryWindow, Messenger, Places, Region};
 use condor_rt::Machine as _;
-use condor_rt::directory::{Directory, DirectoryError, Kind};
+use condor_rt::objects::{Kind, ObjectError, ObjectTable};
 use condor_tty::{Terminal, TerminalError, Vectors};
 
 const SHOWN_BYTES: u32 = 4096;
@@ -29,8 +29,8 @@ impl From<AccessError> for Failure {
     }
 }
 
-impl From<DirectoryError> for Failure {
-    fn from(_: DirectoryError) -> Self {
+impl From<ObjectError> for Failure {
+    fn from(_: ObjectError) -> Self {
         Self::Memory
     }
 }
@@ -54,9 +54,10 @@ pub(crate) fn tell(hart: &Hart, fault: &Fault) -> Result<(), Failure> {
     let data = windows.get(number.index()).ok_or(Failure::Memory)?.data;
     let own = Region::users(data)?;
     let mut places = Places::new(own.size());
-    let mut directory = Directory::new(own, &mut places)?;
+    let mut objects = ObjectTable::new(own, &mut places)?;
     let terminal = Terminal::<_, _, 16>::new(own, &mut places, SHOWN_BYTES, hart.exclusion())?;
-    directory.enter("console", Kind::Terminal, terminal.offset(), SHOWN_BYTES)?;
+    let (name, kind) = ("console", Kind::Terminal);
+    objects.enter(&mut places, name, kind, terminal.offset(), SHOWN_BYTES)?;
     let typed = |call: &Call<'_>| terminal.receive(call);
     let mut mailbox = hart.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.input, &typed, "terminal input")?;

@@ -4,21 +4,18 @@
 //! appends to a file, again and again replaces another file as a whole, and repeats what is typed.
 //! `end` ends that, and `total` says how much it was.
 
-use std::error::Error;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
-use condor_fs::{Area, FileSystem, OpenOptions};
-use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region, Vector};
-use condor_rt::directory::{Directory, Kind};
-use condor_rt::{Machine, Program, numbers};
-use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
+use condor_fs::OpenOptions;
+use condor_mbox::{Messenger, Processor, Vector};
+use condor_rt::{Background, Call, Error, Machine, Program, Setup};
+use condor_tty::{ConsoleError, Policy, Settings};
 use embedded_io::{Read, Write};
 
 /// Messages with and without reply.
-const ASKED: Vector = Vector(50);
-const TOLD: Vector = Vector(51);
-const RING_BYTES: u32 = 16_384;
+const ASKED: Vector = Vector(1);
+const TOLD: Vector = Vector(2);
 /// Longer than a service needs to be started again.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// The time between two lines.
@@ -29,12 +26,14 @@ const REPLACED: u32 = 16;
 /// How often the number stands in the file that is replaced.
 const COPIES: usize = 100;
 
+type Failed = Box<dyn std::error::Error>;
+
 /// The program; its argument is the number of its partner.
 pub(crate) struct Teller;
 
 impl Program for Teller {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), condor_rt::Error> {
-        tell(machine).map_err(|error| condor_rt::Error::program(&error))
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        tell(machine)
     }
 }
 
@@ -65,45 +64,42 @@ struct Total {
     replaced: u32,
 }
 
-fn tell<M: Machine>(machine: &M) -> Result<(), Box<dyn Error>> {
+fn tell<M: Machine>(machine: &M) -> Result<(), Error> {
+    let (asked, told) = (Heard::default(), Heard::default());
+    Setup::new(machine)?
+        .console()?
+        .files()?
+        .on(ASKED, "asked", &|call| asked.hear(call))
+        .on(TOLD, "told", &|call| told.hear(call))
+        .background(|background| {
+            tell_on(background, &asked, &told).map_err(|error| Error::program(&error))
+        })
+}
+
+fn tell_on<M: Machine>(
+    background: &Background<'_, M>,
+    asked: &Heard,
+    told: &Heard,
+) -> Result<(), Failed> {
+    let (machine, mailbox) = (background.machine(), background.mailbox());
     let number = machine.number();
     let partner = machine.argument(0).ok_or("no partner")?;
     let partner = Processor(partner.parse()?);
-    let windows = machine.windows();
-    let own = Region::users(windows[number.index()].data.clone())?;
-    let mut places = Places::new(own.size());
-    let mut directory = Directory::new(own.clone(), &mut places)?;
-    let terminal =
-        Terminal::<_, _, 256>::new(own.clone(), &mut places, RING_BYTES, machine.exclusion())?;
-    directory.enter("console", Kind::Terminal, terminal.offset(), RING_BYTES)?;
+    let terminal = background.console()?;
     // What is typed would come between the words of a line.
     terminal.configure(&Settings {
         echo: false,
         ..Settings::COOKED
     })?;
     terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
-    let area = Area::<2>::new(&mut places, 64, 4096)?;
-    let receive = |call: &Call<'_>| terminal.receive(call);
-    let open_files = area.handler();
-    let (asked, told) = (Heard::default(), Heard::default());
-    let on_asked = |call: &Call<'_>| asked.hear(call);
-    let on_told = |call: &Call<'_>| told.hear(call);
-    let mut mailbox = machine.mailbox()?;
-    mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
-    mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
-    mailbox.set_vector(condor_fs::wire::OPEN_FILES, &open_files, "open files")?;
-    mailbox.set_vector(ASKED, &on_asked, "asked")?;
-    mailbox.set_vector(TOLD, &on_told, "told")?;
-    mailbox.join()?;
-
-    let files = FileSystem::connect(&mailbox, numbers::FILES, own, area, PATIENCE)?;
+    let files = background.files()?;
     let (lines, part, whole) = (
         format!("{}.lines", number.0),
         format!("{}.part", number.0),
         format!("{}.whole", number.0),
     );
     let mut log = files.open(&lines, OpenOptions::new().append().create())?;
-    let mut console = terminal.console(&mailbox).with_read_timeout(PAUSE);
+    let mut console = terminal.console(mailbox).with_read_timeout(PAUSE);
     let mut line = [0; 64];
     let mut total = Total::default();
     let mut ended = false;

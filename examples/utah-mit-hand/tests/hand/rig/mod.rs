@@ -11,8 +11,9 @@ use condor_hand::servo::Mode;
 use condor_hand::trajectory::SetPoint;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Clock, Mailbox, Messenger, Processor, Region, Waiting, Windows};
+use condor_rt::objects::Kind;
 use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
-use condor_rt::{Machine, PROCESSORS, Program, directory, loops, numbers};
+use condor_rt::{Machine, PROCESSORS, Program, loops, numbers};
 use condor_tty::Reader;
 use tempfile::TempDir;
 use utah_mit_hand::grasp::{Order, Report};
@@ -371,11 +372,16 @@ impl Master<'_> {
     fn count(&mut self) {
         for number in [FIRST, SECOND, TABLE, PLANT] {
             let region = self.region(number);
-            if let Some(entry) = directory::find(&region, "loops").unwrap()
-                && let Some((_, counts)) = loops::read(&region, &entry, 0).unwrap()
+            for object in condor_rt::objects::all(&region)
+                .unwrap()
+                .map(Result::unwrap)
             {
-                let counts = (number.0, counts.run, counts.skipped);
-                self.run.counts.push(counts);
+                if object.kind == Kind::Loop
+                    && let Some(counts) = loops::read(&region, &object).unwrap()
+                {
+                    let counts = (number.0, counts.run, counts.skipped);
+                    self.run.counts.push(counts);
+                }
             }
             let said = console(&self.region(number));
             self.run.said.push(said);
@@ -385,7 +391,7 @@ impl Master<'_> {
 
 /// What the terminal of a processor shows.
 pub(crate) fn console(region: &Region<LinuxWindow>) -> String {
-    let Some(entry) = directory::find(region, "console").unwrap() else {
+    let Some(entry) = condor_rt::objects::find(region, "console", Kind::Terminal).unwrap() else {
         return String::new();
     };
     let mut reader = Reader::attach(region.clone(), entry.offset, numbers::TERMINALS).unwrap();

@@ -258,7 +258,7 @@ impl Typist<'_> {
     fn fetch(&mut self) {
         if self.reader.is_none() {
             let region = self.region(MASTER);
-            let Some(entry) = directory::find(&region, "console").unwrap() else {
+            let Some(entry) = objects::find(&region, "console", Kind::Terminal).unwrap() else {
                 return;
             };
             self.reader = Reader::attach(region, entry.offset, numbers::TERMINALS).ok();
@@ -307,7 +307,9 @@ impl Typist<'_> {
     /// Types a line.
     pub(crate) fn types(&mut self, line: &str) {
         let region = self.region(MASTER);
-        let entry = directory::find(&region, "console").unwrap().unwrap();
+        let entry = objects::find(&region, "console", Kind::Terminal)
+            .unwrap()
+            .unwrap();
         for character in line.bytes().chain([b'\n']) {
             let data = (entry.offset / ALIGNMENT) << 8 | u32::from(character);
             loop {
@@ -396,9 +398,11 @@ impl Typist<'_> {
         let mut all = Vec::new();
         for number in ALL {
             let region = self.region(number);
-            let entry = directory::find(&region, "loops").unwrap().unwrap();
-            let (_, counts) = loops::read(&region, &entry, 0).unwrap().unwrap();
-            all.push((number.0, counts.run, counts.skipped));
+            let loops_there = objects::all(&region).unwrap().map(Result::unwrap);
+            for object in loops_there.filter(|object| object.kind == Kind::Loop) {
+                let counts = loops::read(&region, &object).unwrap().unwrap();
+                all.push((number.0, counts.run, counts.skipped));
+            }
         }
         all
     }
