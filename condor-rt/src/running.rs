@@ -1,17 +1,20 @@
 //! What the parts of a running program have: [`Call`], [`Tick`] and [`Background`].
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::fmt::{self, Write as _};
 use core::ops::Deref;
 use core::time::Duration;
 
 use condor_fs::{Area, FileSystem};
+use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, Clock as _, Doorbell as _, Exclusion, Instant, MemoryWindow};
 use condor_mbox::{Messenger, Processor, Region, Vector};
 use condor_mos::{LoopError, LoopId, Loops, Rate, Statistics};
 use condor_tty::Terminal;
+use condor_vars::{Param, Tune as _};
 
 use crate::error::Error;
+use crate::interrupts::Interrupts;
 use crate::loops::LoopReports;
 use crate::machine::{Machine, MailboxOf};
 use crate::numbers;
@@ -93,6 +96,12 @@ impl Tick<'_> {
     }
 }
 
+/// What a program shows of its interrupts and of its loops.
+pub(crate) type Reports<M> = (
+    Option<Publisher<Interrupts, Region<<M as Machine>::Window>>>,
+    Option<LoopReports<<M as Machine>::Window, LOOPS>>,
+);
+
 /// What the background of a running program has; loops interrupt it.
 pub struct Background<'b, M: Machine> {
     pub(crate) machine: &'b M,
@@ -102,7 +111,9 @@ pub struct Background<'b, M: Machine> {
     pub(crate) own: &'b Region<M::Window>,
     pub(crate) loops: Option<&'b dyn Loops<Instant = u64>>,
     pub(crate) names: &'b [&'b str],
-    pub(crate) reports: RefCell<(Instant, Option<LoopReports<M::Window, LOOPS>>)>,
+    /// Of each loop the rate that it is to have, and the one that it was given last, in Hz.
+    pub(crate) rates_hz: &'b [Option<(&'b Param<u32>, Cell<u32>)>],
+    pub(crate) reports: RefCell<(Instant, Reports<M>)>,
 }
 
 impl<'b, M: Machine> Background<'b, M> {
@@ -221,9 +232,33 @@ impl<'b, M: Machine> Background<'b, M> {
             && now.ns_since(reports.0) >= REPORT_NS
         {
             reports.0 = now;
+            if let Some(loops) = self.loops {
+                self.follow_rates(loops);
+            }
             self.show_now(&mut reports.1)?;
         }
         Ok(())
+    }
+
+    /// Gives loops the rates that others have set.
+    pub(crate) fn follow_rates(&self, loops: &dyn Loops<Instant = u64>) {
+        for (number, (rate, name)) in (0..).zip(self.rates_hz.iter().zip(self.names)) {
+            let Some((param, last)) = rate else {
+                continue;
+            };
+            let [hz, _] = param.wanted();
+            if last.replace(hz) == hz {
+                continue;
+            }
+            let id = LoopId(number);
+            let followed = match Rate::new(hz, 1) {
+                Some(rate) => loops.set_rate(id, rate).and_then(|()| loops.enable(id)),
+                None => loops.disable(id),
+            };
+            if let Err(error) = followed {
+                self.print(format_args!("{name} at {hz} Hz: {error}\r\n"));
+            }
+        }
     }
 
     fn servo(&self, name: &str) -> Result<(&'b dyn Loops<Instant = u64>, LoopId), Error> {
@@ -236,10 +271,10 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok((loops, LoopId(place.ok_or(no_such)? as u8)))
     }
 
-    pub(crate) fn show_now(
-        &self,
-        reports: &mut Option<LoopReports<M::Window, LOOPS>>,
-    ) -> Result<(), Error> {
+    pub(crate) fn show_now(&self, (interrupts, reports): &mut Reports<M>) -> Result<(), Error> {
+        if let (Some(shown), Some(interrupts)) = (interrupts, self.machine.interrupts()) {
+            shown.publish(&interrupts)?;
+        }
         if let (Some(reports), Some(loops)) = (reports, self.loops) {
             for number in 0..self.names.len() {
                 reports.publish(number, &loops.statistics(LoopId(number as u8))?)?;

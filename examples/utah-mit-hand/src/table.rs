@@ -31,7 +31,7 @@ use crate::failure::Failure;
 use crate::{UtahMit, start};
 
 /// The vector of requests to the table.
-pub const TABLE: Vector = Vector(43);
+pub const TABLE: Vector = Vector(3);
 /// The name of the table's blocks in its processor's directory.
 pub const NAME: &str = "table";
 /// The name of the published [`Palm`].

@@ -37,7 +37,7 @@ const AHEAD: u64 = 20;
 /// The timer's bit of `mie`.
 const TIMER: usize = 1 << 7;
 
-const INCREMENT: Vector = Vector(44);
+const INCREMENT: Vector = Vector(12);
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// How often each loop has run; the trap handler counts as the first.
@@ -174,11 +174,7 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Error> {
 }
 
 /// What messages to itself take.
-fn messages(
-    hart: &Hart,
-    mailbox: &MailboxOf<'_, Hart>,
-    counts: &mut Counts,
-) -> Result<(), Error> {
+fn messages(hart: &Hart, mailbox: &MailboxOf<'_, Hart>, counts: &mut Counts) -> Result<(), Error> {
     let me = hart.number();
     for message in 0..WARM_UP + MESSAGES {
         let begun = counter();
