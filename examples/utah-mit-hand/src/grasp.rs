@@ -6,7 +6,7 @@
 //! of its own fingers. So no torque waits for a message, and the rate of the law is that of the servos.
 //!
 //! The master writes the same [`Order`] for each of the two, by an [`OrderWriter`] in the object named
-//! [`NAME`] of its directory. It says which fingers, where their tips are to be, and with which
+//! [`NAME`] of its object table. It says which fingers, where their tips are to be, and with which
 //! stiffness; [`tips`] computes the present ones. On entry a processor takes the tips that there are
 //! as the desired ones, so nothing jumps, and passes in `ramp_s` to what was ordered, squeeze and
 //! feed-forward included; later orders for the same fingers ramp from what is in force. Letting go
@@ -35,9 +35,9 @@ pub(crate) use end::{GraspEnd, Told};
 pub(crate) use law::{Felt, GraspLaw, Own};
 pub(crate) use partner::{Heard, Partner};
 
-/// The name of [`GraspPlaces`] in the directory of a servo processor.
+/// The name of [`GraspPlaces`] in the object table of a servo processor.
 pub const NAME: &str = "grasp";
-/// The name of the [`Joints`] in the directory of a servo processor.
+/// The name of the [`Joints`] in the object table of a servo processor.
 pub const JOINTS_NAME: &str = "joints";
 
 /// The fewest fingers that give an object a stiffness.
@@ -345,7 +345,7 @@ impl GraspPlaces {
         }
     }
 
-    /// The object at an offset in the users' region of its processor's `data`, as the directory says.
+    /// The object at an offset in the users' region of its processor's `data`, as the object table says.
     #[must_use]
     pub const fn at(offset: u32) -> Self {
         let order = offset.wrapping_add(NUMBER_BYTES);

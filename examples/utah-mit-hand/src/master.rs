@@ -9,10 +9,9 @@
 //! master says so, and all motion stops; it switches nothing on by itself. A master that ends leaves
 //! the fingers to their servos, which let go when set-points stay away.
 //!
-//! | name in the directory | is |
+//! | object | is |
 //! |---|---|
 //! | `console` | its terminal |
-//! | `loops` | the counts of its loop |
 //! | `wanted` | a published [`Wanted`] |
 
 use core::cell::RefCell;

@@ -1,4 +1,4 @@
-//! The objects of the hand's programs, found by the directories of their processors: for the master,
+//! The objects of the hand's programs, found by the object tables of their processors: for the master,
 //! and for any other program that maps the windows.
 //!
 //! Each function looks into the users' region of a processor's `data`, and finds nothing while the
@@ -9,7 +9,7 @@ use condor_hand::message::ServoPlaces;
 use condor_hand::monitor::{MonitorPlaces, MonitorReader};
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use condor_rt::PROCESSORS;
-use condor_rt::directory::{self, Entry};
+use condor_rt::objects::{self, Kind, Object};
 
 use crate::desk::Desk;
 use crate::grasp::{self, GraspPlaces, Joints};
@@ -26,9 +26,9 @@ use crate::{JOINTS, SERVED};
 pub fn servos<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<ServoPlaces<SERVED, JOINTS>>, AccessError> {
-    let entry = directory::find(region, "servos")?;
-    entry
-        .map(|entry| ServoPlaces::new(&mut from(region, &entry)?, PROCESSORS as u8))
+    let object = objects::find(region, "servos", Kind::Other)?;
+    object
+        .map(|object| ServoPlaces::new(&mut from(region, &object)?, PROCESSORS as u8))
         .transpose()
 }
 
@@ -38,9 +38,9 @@ pub fn servos<W: MemoryWindow>(
 /// # Errors
 /// The memory's.
 pub fn monitor<W: MemoryWindow>(region: &Region<W>) -> Result<Option<MonitorPlaces>, AccessError> {
-    let entry = directory::find(region, "monitor")?;
-    entry
-        .map(|entry| MonitorPlaces::new(&mut from(region, &entry)?, PROCESSORS as u8, RING_BYTES))
+    let object = objects::find(region, "monitor", Kind::Other)?;
+    object
+        .map(|object| MonitorPlaces::new(&mut from(region, &object)?, PROCESSORS as u8, RING_BYTES))
         .transpose()
 }
 
@@ -82,8 +82,8 @@ pub fn tracking<W: MemoryWindow>(
 /// # Errors
 /// The memory's.
 pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspPlaces>, AccessError> {
-    let entry = directory::find(region, grasp::NAME)?;
-    Ok(entry.map(|entry| GraspPlaces::at(entry.offset)))
+    let object = objects::find(region, grasp::NAME, Kind::Other)?;
+    Ok(object.map(|object| GraspPlaces::at(object.offset)))
 }
 
 /// Requests to the table.
@@ -93,8 +93,8 @@ pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspPlaces>,
 pub fn table<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Desk<table::Request, table::Response>>, AccessError> {
-    let entry = directory::find(region, table::NAME)?;
-    Ok(entry.map(|entry| Desk::at(entry.offset)))
+    let object = objects::find(region, table::NAME, Kind::Other)?;
+    Ok(object.map(|object| Desk::at(object.offset)))
 }
 
 /// What the table does.
@@ -112,8 +112,8 @@ pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm
 pub fn plant<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Desk<plant::Request, plant::Response>>, AccessError> {
-    let entry = directory::find(region, plant::NAME)?;
-    Ok(entry.map(|entry| Desk::at(entry.offset)))
+    let object = objects::find(region, plant::NAME, Kind::Other)?;
+    Ok(object.map(|object| Desk::at(object.offset)))
 }
 
 /// Where the master has the joints go.
@@ -138,13 +138,13 @@ fn published<W: MemoryWindow, T>(
     region: &Region<W>,
     name: &str,
 ) -> Result<Option<Published<T>>, AccessError> {
-    let entry = directory::find(region, name)?;
-    Ok(entry.map(|entry| Published::at(entry.offset)))
+    let object = objects::find(region, name, Kind::Other)?;
+    Ok(object.map(|object| Published::at(object.offset)))
 }
 
-/// The places from an entry on.
-fn from<W: MemoryWindow>(region: &Region<W>, entry: &Entry) -> Result<Places, AccessError> {
+/// The places from an object on.
+fn from<W: MemoryWindow>(region: &Region<W>, object: &Object) -> Result<Places, AccessError> {
     let mut places = Places::new(region.size());
-    places.bytes(entry.offset as usize)?;
+    places.bytes(object.offset as usize)?;
     Ok(places)
 }

@@ -17,17 +17,16 @@
 //! | `watchdog_ms=MS` | after which time without a strobe a board rests | 25 |
 //! | `ramp_ms=MS` | how long it takes to the least tensions | 250 |
 //!
-//! | name in the directory | is |
+//! | object | is |
 //! |---|---|
 //! | `console` | its terminal: boards that rest and go on |
-//! | `loops` | the counts of its loop |
 //! | `truth` | a published [`Truth`] |
 //! | `plant` | the blocks of [`PLANT`]: a [`Desk`] of [`Request`] and [`Response`] |
 
 use core::cell::RefCell;
 
 use condor_mbox::Vector;
-use condor_rt::directory::Kind;
+use condor_rt::objects::Kind;
 use condor_rt::{Error, Machine, Program, Setup};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -50,7 +49,7 @@ use robot::Robot;
 
 /// The vector of requests to the robot.
 pub const PLANT: Vector = Vector(4);
-/// The name of the robot's blocks in its processor's directory.
+/// The name of the robot's blocks in its processor's object table.
 pub const NAME: &str = "plant";
 /// The name of the published [`Truth`].
 pub const TRUTH_NAME: &str = "truth";

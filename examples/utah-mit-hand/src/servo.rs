@@ -17,10 +17,9 @@
 //! [grasp](crate::grasp) if there is one, and then the controllers of the fingers, in a gravity less
 //! the acceleration that the table publishes; last it writes its board of outputs.
 //!
-//! | name in the directory | is |
+//! | object | is |
 //! |---|---|
 //! | `console` | its terminal: faults, and what becomes of grasps |
-//! | `loops` | the counts of its loop |
 //! | `servos` | [`ServoPlaces`]: set-points and requests, vector [`SERVO`] |
 //! | `monitor` | [`MonitorPlaces`]: blocks, then the ring; vector [`MONITOR`] |
 //! | `joints` | a published [`Joints`] |
@@ -42,7 +41,7 @@ use condor_hand::message::{Identity, SERVO, ServoObject, ServoPlaces};
 use condor_hand::monitor::{FingerVariables, MONITOR, MonitorObject, MonitorPlaces, ring_bytes};
 use condor_mbox::{MemoryWindow, Processor, Region};
 use condor_mos::Latest;
-use condor_rt::directory::Kind;
+use condor_rt::objects::Kind;
 use condor_rt::{
     Background, Error, FILES, FilesOf, Machine, MailboxOf, PROCESSORS, Program, Setup, Text, users,
 };
@@ -130,14 +129,14 @@ fn serve<M: Machine>(
     let mut setup = Setup::new(machine)?;
     setup.console()?;
     let own = setup.own().clone();
-    let places = setup.place("servos", Kind::Servos, |places| {
+    let places = setup.place("servos", Kind::Other, |places| {
         ServoPlaces::new(places, PROCESSORS as u8)
     })?;
     let mut servo_object = ServoObject::new();
     let identity = Identity::new(&hand.name, names, rate_hz);
     let (asked, servos) =
         servo_object.split(identity, &own, places, machine.exclusion(), controllers)?;
-    let places = setup.place("monitor", Kind::Monitor, |places| {
+    let places = setup.place("monitor", Kind::Other, |places| {
         MonitorPlaces::new(places, PROCESSORS as u8, RING_BYTES)
     })?;
     let mut monitor_object = MonitorObject::new();

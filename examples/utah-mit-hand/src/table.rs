@@ -3,10 +3,9 @@
 //! Its loop reads the encoder board, moves the axes, and publishes the acceleration that the palm is to
 //! have, which the servos take from gravity. It takes no arguments.
 //!
-//! | name in the directory | is |
+//! | object | is |
 //! |---|---|
 //! | `console` | its terminal |
-//! | `loops` | the counts of its loop |
 //! | `palm` | a published [`Palm`] |
 //! | `table` | the blocks of [`TABLE`]: a [`Desk`] of [`Request`] and [`Response`] |
 //!
@@ -20,7 +19,7 @@ use condor_hand::controller::{
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, Region, Vector};
-use condor_rt::directory::Kind;
+use condor_rt::objects::Kind;
 use condor_rt::{Error, Machine, Program, Setup};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -32,7 +31,7 @@ use crate::{UtahMit, start};
 
 /// The vector of requests to the table.
 pub const TABLE: Vector = Vector(3);
-/// The name of the table's blocks in its processor's directory.
+/// The name of the table's blocks in its processor's object table.
 pub const NAME: &str = "table";
 /// The name of the published [`Palm`].
 pub const PALM_NAME: &str = "palm";

@@ -3,10 +3,10 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use condor_mbox::{AccessError, MemoryWindow, Published, Region};
-use condor_rt::directory;
+use condor_rt::objects::{self, Kind};
 use zerocopy::{FromBytes, IntoBytes};
 
-/// Where nothing lies: the directory does.
+/// Where nothing lies: the object table does.
 const NOWHERE: u32 = 0;
 
 /// A published value of another processor, found by its name.
@@ -44,8 +44,8 @@ impl<W: MemoryWindow + Clone> Partner<W> {
     /// # Errors
     /// The memory's.
     pub(crate) fn look(&self) -> Result<(), AccessError> {
-        let entry = directory::find(&self.region, self.name)?;
-        let offset = entry.map_or(NOWHERE, |entry| entry.offset);
+        let object = objects::find(&self.region, self.name, Kind::Other)?;
+        let offset = object.map_or(NOWHERE, |object| object.offset);
         // Relaxed: it says where to look, and the cell there says by itself what is published.
         self.offset.store(offset, Ordering::Relaxed);
         Ok(())

@@ -7,7 +7,7 @@ use condor_hand::trajectory::{Generator, Observations, Primitive, SetPoint};
 use condor_mbox::layout::header;
 use condor_mbox::published::Publisher;
 use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
-use condor_rt::directory;
+use condor_rt::objects;
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -45,28 +45,28 @@ pub(super) struct Life<W> {
     mail: W,
     data: Region<W>,
     number: u32,
-    entries: usize,
+    objects: usize,
 }
 
 impl<W: MemoryWindow> Life<W> {
     /// The present one, which is known as `life`.
     pub(super) fn new(mail: W, data: Region<W>, life: u32) -> Result<Self, AccessError> {
-        let entries = directory::entries(&data)?.count();
+        let count = objects::all(&data)?.count();
         Ok(Self {
             mail,
             data,
             number: life,
-            entries,
+            objects: count,
         })
     }
 
-    /// Whether another has begun: its program makes a new directory before anything else, and has a
-    /// new number by the time that the directory is as full again.
+    /// Whether another has begun: its program makes a new object table before anything else, and has a
+    /// new number by the time that the table is as full again.
     fn is_over(&self) -> bool {
-        // Acquire: what is in the directory is no older than the life.
+        // Acquire: what is in the table is no older than the life.
         let life = self.mail.load(header::INCARNATION, LoadOrder::Acquire);
-        let entries = directory::entries(&self.data).map(Iterator::count);
-        life.ok() != Some(self.number) || entries.ok() != Some(self.entries)
+        let count = objects::all(&self.data).map(Iterator::count);
+        life.ok() != Some(self.number) || count.ok() != Some(self.objects)
     }
 }
 
