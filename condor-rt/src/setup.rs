@@ -278,7 +278,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         for (vector, name, _) in handlers.iter() {
             mailbox.set_vector(*vector, &dispatch, name)?;
         }
-        mailbox.ring_always(M::MAIL_INTERRUPTS)?;
+        mailbox.ring_always(machine.mail_interrupts())?;
         mailbox.join()?;
 
         let (mailbox, own) = (&mailbox, &self.own);
@@ -317,16 +317,14 @@ impl<'e, M: Machine> Setup<'e, M> {
             running.show_now(&mut running.reports.borrow_mut().1)?;
             Ok(background(&running))
         };
-        let serve = || {
-            // What is wrong with the own memory, the background finds out.
-            let _ = mailbox.serve(Duration::ZERO);
-        };
+        // What is wrong with the own memory, the background finds out.
+        let serve = || mailbox.serve(Duration::ZERO).unwrap_or(0);
         machine.with_mail(serve, || {
             if loops.is_empty() {
                 return run(None);
             }
             machine.with_loops(&mut loops, |loops| run(Some(loops)))?
-        })
+        })?
     }
 
     fn reports(&mut self, names: &[&str]) -> Result<Option<LoopReports<M::Window, LOOPS>>, Error> {

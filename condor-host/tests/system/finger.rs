@@ -9,20 +9,16 @@ use condor_hand::monitor::{FingerVariables, MONITOR, MonitorObject, MonitorPlace
 use condor_hand::servo::Sensed;
 use condor_hand::tendon::Pair;
 use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region, Vector};
-use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler};
+use condor_mos::{LoopId, Overrun, Rate};
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, PROCESSORS, Program};
+use condor_rt::{Machine, PROCESSORS, Program, ServoLoop};
 use condor_tty::{Policy, Terminal, Vectors};
 use nalgebra::{Vector3, Vector4};
 
 const CAPACITY: u32 = 4096;
 const ADD: Vector = Vector(5);
 const RATE_HZ: u32 = 100;
-const TABLE: EventTable<1, 4> = EventTable::new(
-    &[Rate::hz(RATE_HZ)],
-    Clock::of::<u64>(Rate::hz(1_000_000_000)),
-);
 
 type Variables = FingerVariables<1, 4>;
 const COLUMNS: u32 = 8;
@@ -94,7 +90,6 @@ impl Finger {
         mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
         mailbox.join()?;
 
-        let scheduler = Scheduler::new(machine.platform(), TABLE);
         let sensed = Sensed {
             position: Vector4::new(0.1, 0.6, 0.8, 0.7),
             tension: [Pair::both(4.0); 4],
@@ -108,26 +103,27 @@ impl Finger {
                 let _ = watched.tick(|number| Variables::word(number, &sensed, &ticks));
             }
         };
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut servo)?;
-            let background = || {
-                let mut console = terminal
-                    .console(&mailbox)
-                    .with_read_timeout(Duration::from_millis(1));
-                let mut line = [0; 64];
-                embedded_io::Write::write_all(&mut console, b"hello\r\n")?;
-                while !machine.is_stopping() {
-                    mailbox.serve(Duration::from_millis(20))?;
-                    reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
-                    if let Ok(count) = embedded_io::Read::read(&mut console, &mut line) {
-                        let typed = String::from_utf8_lossy(&line[..count]).trim().to_owned();
-                        let answer = format!("typed {typed}\r\n");
-                        embedded_io::Write::write_all(&mut console, answer.as_bytes())?;
-                    }
+        let servo = ServoLoop {
+            rate: Rate::hz(RATE_HZ),
+            overrun: Overrun::Skip,
+            body: &mut servo,
+        };
+        machine.with_loops(&mut [servo], |loops| {
+            let mut console = terminal
+                .console(&mailbox)
+                .with_read_timeout(Duration::from_millis(1));
+            let mut line = [0; 64];
+            embedded_io::Write::write_all(&mut console, b"hello\r\n")?;
+            while !machine.is_stopping() {
+                mailbox.serve(Duration::from_millis(20))?;
+                reports.publish(0, &loops.statistics(LoopId(0))?)?;
+                if let Ok(count) = embedded_io::Read::read(&mut console, &mut line) {
+                    let typed = String::from_utf8_lossy(&line[..count]).trim().to_owned();
+                    let answer = format!("typed {typed}\r\n");
+                    embedded_io::Write::write_all(&mut console, answer.as_bytes())?;
                 }
-                Ok::<_, Box<dyn std::error::Error>>(())
-            };
-            scheduler.run(background)?
-        })
+            }
+            Ok::<_, Box<dyn std::error::Error>>(())
+        })?
     }
 }
