@@ -1,12 +1,10 @@
 //! [`Machine`]: what a program needs to know of the processor on which it runs.
 
-use core::fmt;
-
 use condor_dev::Bus;
 use condor_mbox::{
     self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Waiting, Windows,
 };
-use condor_mos::Loops;
+use condor_mos::{Loops, Rate};
 
 use crate::error::Error;
 use crate::numbers::PROCESSORS;
@@ -50,6 +48,9 @@ pub trait Machine: Sync {
 
     /// What keeps the contexts of this processor apart.
     fn exclusion(&self) -> Self::Exclusion;
+
+    /// Ticks per second of the timer by which loops are due.
+    fn timer_frequency(&self) -> Rate;
 
     /// The bus on which the boards are.
     fn bus(&self) -> Self::Bus;
@@ -127,12 +128,10 @@ pub trait Machine: Sync {
 /// in an atomic, in a [`Latest`](condor_mos::Latest), in a [`LoopLock`](condor_mos::LoopLock), or is used
 /// in sections of the [exclusion](Machine::exclusion) or of `critical-section`.
 pub trait Program {
-    /// Why it ended before it was told to.
-    type Error: fmt::Debug + fmt::Display;
-
     /// Runs until the machine [is stopping](Machine::is_stopping).
     ///
     /// # Errors
-    /// What the program says; it has failed then, and whoever started it decides what follows.
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Self::Error>;
+    /// The program has failed, and whoever started it decides what follows. An error of its own enters by
+    /// [`Error::program`].
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error>;
 }

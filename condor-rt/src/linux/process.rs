@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use condor_dev::linux::{Access, LinuxBus};
 use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, System, SystemError};
 use condor_mbox::{Clock as _, Doorbell as _, Processor, Waiting, Windows};
-use condor_mos::Loops;
 use condor_mos::linux::{Privileges, RealTime, Signals, Threads};
+use condor_mos::{Loops, Rate};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::bell::ProcessBell;
@@ -20,7 +20,7 @@ use super::environment::{self, BusFile, Environment};
 use super::error::ProcessError;
 use super::sections::{ProcessSections, Server};
 use super::spinner::Spinner;
-use super::timer::ProcessTimer;
+use super::timer::{NANOSECONDS, ProcessTimer};
 use crate::error::Error;
 use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
@@ -311,6 +311,10 @@ impl Machine for Process {
             };
             Ok(background())
         })
+    }
+
+    fn timer_frequency(&self) -> Rate {
+        NANOSECONDS
     }
 
     fn with_loops<R>(

@@ -10,6 +10,8 @@ use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
 use super::spinner::Spinner;
 use crate::numbers::PROCESSORS;
 
+pub(super) const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
+
 /// The timer of a [`Process`](super::Process) whose loops run on the stack of the background:
 /// `CLOCK_MONOTONIC` in nanoseconds, with signals or with polls for interrupts.
 pub(super) enum ProcessTimer {
@@ -24,7 +26,7 @@ impl Timer for ProcessTimer {
     type Instant = u64;
 
     fn frequency(&self) -> Rate {
-        Rate::hz(1_000_000_000)
+        NANOSECONDS
     }
 
     #[inline]

@@ -323,6 +323,10 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
         self.core.is_stopping()
     }
 
+    fn timer_frequency(&self) -> Rate {
+        self.platform().frequency()
+    }
+
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],

@@ -11,7 +11,7 @@ use condor_mbox::{
 };
 use condor_mos::{LoopId, Loops, Overrun, Platform, Rate, Timer as _};
 use condor_rt::sim::{Cause, Failure, SimError, System};
-use condor_rt::{Machine, Program, ServoLoop};
+use condor_rt::{Error, Machine, Program, ServoLoop};
 
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
 const ADD: Vector = Vector(5);
@@ -33,9 +33,7 @@ impl Talker<'_> {
 }
 
 impl Program for Talker<'_> {
-    type Error = String;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let number = machine.number();
         let doorbell = machine.doorbell();
         let answer = |call: &Call<'_>| {
@@ -47,9 +45,9 @@ impl Program for Talker<'_> {
             call.send_with_reply(call.sender(), ADD, call.data() + 1, SECOND)
                 .unwrap_or(u32::MAX)
         };
-        let mut mailbox = machine.mailbox().map_err(|error| error.to_string())?;
-        mailbox.set_vector(ADD, &answer, "add").unwrap();
-        mailbox.join().unwrap();
+        let mut mailbox = machine.mailbox()?;
+        mailbox.set_vector(ADD, &answer, "add")?;
+        mailbox.join()?;
         let now = || doorbell.now().as_ns();
         let mut fast_runs = 0;
         let mut fast = |_| {
@@ -90,8 +88,7 @@ impl Program for Talker<'_> {
                 self.note((number.0, now(), "late", counts.worst_lateness));
             }
         };
-        let ran = machine.with_loops(&mut loops, background);
-        ran.map_err(|error| error.to_string())
+        machine.with_loops(&mut loops, background)
     }
 }
 

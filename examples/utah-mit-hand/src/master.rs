@@ -23,10 +23,10 @@ use condor_fs::FileSystem;
 use condor_hand::trajectory::{Generator, Limits};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Messenger, Published, Region};
-use condor_mos::{LoopId, Loops, Overrun, Rate};
+use condor_mos::{LoopId, Rate};
 use condor_rt::directory::Kind;
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, Program, numbers};
+use condor_rt::{Error, Machine, MailboxOf, Program, numbers};
 use condor_tty::ConsoleError;
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
@@ -74,9 +74,7 @@ const LINE: usize = 160;
 pub struct Master;
 
 impl Program for Master {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let Ground {
             own,
             mut places,
@@ -129,7 +127,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         publisher: Publisher<Wanted, Region<M::Window>>,
         store: Store<'r, 'v, M>,
         mut reports: LoopReports<M::Window, 1>,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), Error> {
         let (machine, hand, mailbox) = (self.machine, self.hand, self.mailbox);
         let (numbers, seats) = servos::seats(hand)?;
         let [a, b] = numbers;
@@ -141,7 +139,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         let limits = limits(hand);
         let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
         let period_s = 1.0 / f64::from(rate_hz);
-        let generator = Generator::new(limits, middles, period_s)?;
+        let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
         let drive = Drive::new(generator, seats, &partners, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
         let servos = Servos::new(machine, hand, mailbox, &shared, numbers, seats)?;
@@ -156,54 +154,50 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
             others: Others::new(machine, hand, mailbox)?,
         };
 
-        let scheduler = start::scheduler(machine, Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1)))?;
-        let mut body = |_| {
+        let rate = Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1));
+        let body = || {
             drive::with(&shared, Drive::tick);
         };
         self.say(format_args!(
             "master of {}, trajectories at {rate_hz} Hz; `help` lists the commands",
             hand.name
         ));
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
-            let background = || {
-                let clock = machine.doorbell();
-                let mut shown = clock.now();
-                let mut watched = None;
-                let patience = shown.after(FIRST_LINE);
-                let mut listens = false;
-                reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
-                let mut attend = || {
-                    while !machine.is_stopping() {
-                        mailbox.serve(NAP)?;
-                        let now = clock.now();
-                        if now.ns_since(shown) >= REPORT_NS {
-                            shown = now;
-                            reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
-                        }
-                        if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
-                            watched = Some(now);
-                            for partner in &partners {
-                                partner.look()?;
-                            }
-                            commands.watch()?;
-                        }
-                        commands.play();
-                        listens = listens || commands.sees_all() || now >= patience;
-                        if listens {
-                            self.listen(&mut commands)?;
-                        }
+        start::with_loop(machine, rate, body, |loops| {
+            let clock = machine.doorbell();
+            let mut shown = clock.now();
+            let mut watched = None;
+            let patience = shown.after(FIRST_LINE);
+            let mut listens = false;
+            reports.publish(0, &loops.statistics(LoopId(0))?)?;
+            let mut attend = || {
+                while !machine.is_stopping() {
+                    mailbox.serve(NAP)?;
+                    let now = clock.now();
+                    if now.ns_since(shown) >= REPORT_NS {
+                        shown = now;
+                        reports.publish(0, &loops.statistics(LoopId(0))?)?;
                     }
-                    Ok(())
-                };
-                attend()
+                    if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
+                        watched = Some(now);
+                        for partner in &partners {
+                            partner.look()?;
+                        }
+                        commands.watch()?;
+                    }
+                    commands.play();
+                    listens = listens || commands.sees_all() || now >= patience;
+                    if listens {
+                        self.listen(&mut commands)?;
+                    }
+                }
+                Ok(())
             };
-            scheduler.run(background)?
+            attend()
         })
     }
 
     /// Obeys a line, if one has been typed.
-    fn listen(&self, commands: &mut Commands<'_, 'v, '_, M>) -> Result<(), Failure> {
+    fn listen(&self, commands: &mut Commands<'_, 'v, '_, M>) -> Result<(), Error> {
         let mut console = self.terminal.console(self.mailbox);
         console = console.with_read_timeout(Duration::ZERO);
         let mut line = [0; LINE];

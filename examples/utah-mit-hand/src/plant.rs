@@ -28,15 +28,14 @@ use core::cell::RefCell;
 
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Published, Region, Vector};
-use condor_mos::{LoopId, Loops, Overrun, Rate};
+use condor_mos::Rate;
 use condor_rt::directory::Kind;
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, Program};
+use condor_rt::{Error, Machine, MailboxOf, Program};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::desk::Desk;
-use crate::failure::Failure;
 use crate::start::{self, Console, Ground, say};
 use crate::{FINGERS, JOINTS, UtahMit};
 
@@ -54,7 +53,7 @@ pub use robot::MACHINE;
 use robot::Robot;
 
 /// The vector of requests to the robot.
-pub const PLANT: Vector = Vector(44);
+pub const PLANT: Vector = Vector(4);
 /// The name of the robot's blocks in its processor's directory.
 pub const NAME: &str = "plant";
 /// The name of the published [`Truth`].
@@ -94,9 +93,7 @@ type Shared = Mutex<RefCell<Option<Robot>>>;
 pub struct Plant;
 
 impl Program for Plant {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let arguments = Arguments::of(machine)?;
         let Ground {
             own,
@@ -168,11 +165,10 @@ impl<M: Machine> Running<'_, '_, M> {
         mut publisher: Publisher<Truth, Region<M::Window>>,
         mut reports: LoopReports<M::Window, 1>,
         terminal: &Console<M>,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), Error> {
         let (machine, arguments) = (self.machine, &self.arguments);
         let rate = Rate::new(arguments.rate_hz, 1).unwrap_or(Rate::hz(1));
-        let scheduler = start::scheduler(machine, rate)?;
-        let mut body = |_| {
+        let body = || {
             if let Some(truth) = with(self.shared, |robot| robot.tick(self.registers)) {
                 // Who reads finds the former one.
                 let _ = publisher.publish(&truth);
@@ -185,44 +181,40 @@ impl<M: Machine> Running<'_, '_, M> {
             format_args!("is the hand {name}, at {hz} Hz"),
         );
         let (mut resting, mut failures) = (0, 0);
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
-            let background = || {
-                let look = || {
-                    let seen = with(self.shared, |robot| (robot.tripped(), robot.failures()));
-                    let Some((now, failed)) = seen else {
-                        return Ok(());
-                    };
-                    for board in 0..u64::BITS {
-                        let is_new = (now ^ resting) >> board & 1 != 0;
-                        let ms = arguments.watchdog_ms;
-                        if is_new && now >> board & 1 != 0 {
-                            say::<M>(
-                                terminal,
-                                self.mailbox,
-                                format_args!("D/A board {board} rests: nothing came for {ms} ms"),
-                            );
-                        } else if is_new {
-                            say::<M>(
-                                terminal,
-                                self.mailbox,
-                                format_args!("D/A board {board} goes on"),
-                            );
-                        }
-                    }
-                    if failed != failures {
+        start::with_loop(machine, rate, body, |loops| {
+            let look = || {
+                let seen = with(self.shared, |robot| (robot.tripped(), robot.failures()));
+                let Some((now, failed)) = seen else {
+                    return Ok(());
+                };
+                for board in 0..u64::BITS {
+                    let is_new = (now ^ resting) >> board & 1 != 0;
+                    let ms = arguments.watchdog_ms;
+                    if is_new && now >> board & 1 != 0 {
                         say::<M>(
                             terminal,
                             self.mailbox,
-                            format_args!("{failed} ticks in which the robot or its bus failed"),
+                            format_args!("D/A board {board} rests: nothing came for {ms} ms"),
+                        );
+                    } else if is_new {
+                        say::<M>(
+                            terminal,
+                            self.mailbox,
+                            format_args!("D/A board {board} goes on"),
                         );
                     }
-                    (resting, failures) = (now, failed);
-                    Ok(())
-                };
-                start::attend(machine, self.mailbox, &scheduler, &mut reports, look)
+                }
+                if failed != failures {
+                    say::<M>(
+                        terminal,
+                        self.mailbox,
+                        format_args!("{failed} ticks in which the robot or its bus failed"),
+                    );
+                }
+                (resting, failures) = (now, failed);
+                Ok(())
             };
-            scheduler.run(background)?
+            start::attend(machine, self.mailbox, loops, &mut reports, look)
         })
     }
 }

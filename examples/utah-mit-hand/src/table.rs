@@ -20,10 +20,10 @@ use condor_hand::controller::{
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Instant, Published, Region, Vector};
-use condor_mos::{LoopId, Loops, Overrun, Rate};
+use condor_mos::Rate;
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, Program};
+use condor_rt::{Error, Machine, MailboxOf, Program};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -34,7 +34,7 @@ use crate::failure::Failure;
 use crate::start::{self, Console, Ground, say};
 
 /// The vector of requests to the table.
-pub const TABLE: Vector = Vector(43);
+pub const TABLE: Vector = Vector(3);
 /// The name of the table's blocks in its processor's directory.
 pub const NAME: &str = "table";
 /// The name of the published [`Palm`].
@@ -185,9 +185,7 @@ struct Driven {
 pub struct Table;
 
 impl Program for Table {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let Ground {
             own,
             mut places,
@@ -216,7 +214,7 @@ impl Program for Table {
 
         let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
             let driven = Driven {
-                controller: TableController::new(&hand)?,
+                controller: TableController::new(&hand).map_err(Failure::from)?,
                 axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
             };
             critical_section::with(|section| {
@@ -253,7 +251,7 @@ impl<M: Machine> Running<'_, '_, M> {
         directory: &mut Directory<M::Window>,
         mut reports: LoopReports<M::Window, 1>,
         terminal: &Console<M>,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), Error> {
         let (machine, hand, number) = (self.machine, self.hand, self.machine.number().0);
         let processor = hand
             .processor(number)
@@ -264,7 +262,7 @@ impl<M: Machine> Running<'_, '_, M> {
         let panel = boards::open(machine.bus(), hand, number);
         let wires = start::wires(machine, self.mailbox, &panel, hand, number)?;
         let rate_hz = hand.rate_hz(processor);
-        let scheduler = start::scheduler(machine, Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1)))?;
+        let rate = Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1));
         let clock = machine.doorbell();
         let mut axes = Axes::<M> {
             hand,
@@ -275,28 +273,24 @@ impl<M: Machine> Running<'_, '_, M> {
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
         };
-        let mut body = |_| axes.tick();
+        let body = || axes.tick();
         let mut before = State::Off;
         say::<M>(
             terminal,
             self.mailbox,
             format_args!("moves the table at {rate_hz} Hz"),
         );
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
-            let background = || {
-                let look = || {
-                    let state = with(self.shared, |table| table.controller.state());
-                    let state = state.map_or(before, State::of);
-                    if state != before {
-                        before = state;
-                        say::<M>(terminal, self.mailbox, format_args!("{state:?}"));
-                    }
-                    Ok(())
-                };
-                start::attend(machine, self.mailbox, &scheduler, &mut reports, look)
+        start::with_loop(machine, rate, body, |loops| {
+            let look = || {
+                let state = with(self.shared, |table| table.controller.state());
+                let state = state.map_or(before, State::of);
+                if state != before {
+                    before = state;
+                    say::<M>(terminal, self.mailbox, format_args!("{state:?}"));
+                }
+                Ok(())
             };
-            scheduler.run(background)?
+            start::attend(machine, self.mailbox, loops, &mut reports, look)
         })
     }
 }

@@ -208,6 +208,10 @@ impl Machine for Hart {
         Ok(hooks::with(&serve, set, background))
     }
 
+    fn timer_frequency(&self) -> Rate {
+        self.platform().frequency()
+    }
+
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],

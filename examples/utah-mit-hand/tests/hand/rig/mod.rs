@@ -11,7 +11,7 @@ use condor_hand::servo::Mode;
 use condor_hand::trajectory::SetPoint;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Clock, Mailbox, Messenger, Processor, Region, Waiting, Windows};
-use condor_mos::Loops;
+use condor_mos::{Loops, Rate};
 use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
 use condor_rt::{Error, Machine, PROCESSORS, Program, ServoLoop, directory, loops, numbers};
 use condor_tty::Reader;
@@ -428,6 +428,10 @@ impl Machine for Ending<'_> {
 
     fn exclusion(&self) -> Uninterrupted {
         self.machine.exclusion()
+    }
+
+    fn timer_frequency(&self) -> Rate {
+        self.machine.timer_frequency()
     }
 
     fn with_loops<R>(
