@@ -7,6 +7,7 @@ use condor_mbox::{
 use condor_mos::{Loops, Rate};
 
 use crate::error::Error;
+use crate::interrupts::Interrupts;
 use crate::numbers::PROCESSORS;
 use crate::servo::ServoLoop;
 
@@ -106,6 +107,11 @@ pub trait Machine: Sync {
     ) -> Result<R, Error> {
         let _ = serve;
         Ok(background())
+    }
+
+    /// What became of the interrupts of its boards so far; `None` if none interrupts.
+    fn interrupts(&self) -> Option<Interrupts> {
+        None
     }
 
     /// Runs loops, by their numbers in `loops`, and `background`, which is given what it may ask of them.

@@ -2,7 +2,7 @@
 
 use std::process::{Command, ExitCode};
 
-use crate::finger::Finger;
+use crate::joint::Joint;
 use crate::writer::Writer;
 
 /// Not a test: the program of a processor.
@@ -13,7 +13,7 @@ fn program() {
     let mut words = words.split(' ').map(String::from);
     let code = match words.next().as_deref() {
         Some("writer") => condor_rt::linux::run(&Writer, words),
-        Some("finger") => condor_rt::linux::run(&Finger, words),
+        Some("joint") => condor_rt::linux::run(&Joint, words),
         Some("printer") => {
             std::thread::spawn(|| {
                 loop {
