@@ -9,9 +9,10 @@ use condor_dev::linux::{Access, LinuxBus};
 use condor_fs::server::{Options, Server};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Mailbox, Messenger, PeerState, Processor, Region, Waiting, Windows};
-use condor_rt::objects::{self, Kind};
+use condor_mos::{Loops, Rate};
+use condor_rt::objects::{self as table, Kind};
 use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
-use condor_rt::{Error, Machine, PROCESSORS, Program, loops, numbers};
+use condor_rt::{Error, Machine, PROCESSORS, Program, ServoLoop, loops, numbers};
 use condor_tty::layout::{ALIGNMENT, reply};
 use condor_tty::{Reader, Vectors};
 use utah_mit_hand::compile::{compile_motions, joint_names};
@@ -259,7 +260,7 @@ impl Typist<'_> {
     fn fetch(&mut self) {
         if self.reader.is_none() {
             let region = self.region(MASTER);
-            let Some(entry) = objects::find(&region, "console", Kind::Terminal).unwrap() else {
+            let Some(entry) = table::find(&region, "console", Kind::Terminal).unwrap() else {
                 return;
             };
             self.reader = Reader::attach(region, entry.offset, numbers::TERMINALS).ok();
@@ -308,7 +309,7 @@ impl Typist<'_> {
     /// Types a line.
     pub(crate) fn types(&mut self, line: &str) {
         let region = self.region(MASTER);
-        let entry = objects::find(&region, "console", Kind::Terminal)
+        let entry = table::find(&region, "console", Kind::Terminal)
             .unwrap()
             .unwrap();
         for character in line.bytes().chain([b'\n']) {
@@ -399,7 +400,7 @@ impl Typist<'_> {
         let mut all = Vec::new();
         for number in ALL {
             let region = self.region(number);
-            let loops_there = objects::all(&region).unwrap().map(Result::unwrap);
+            let loops_there = table::all(&region).unwrap().map(Result::unwrap);
             for object in loops_there.filter(|object| object.kind == Kind::Loop) {
                 let counts = loops::read(&region, &object).unwrap().unwrap();
                 all.push((number.0, counts.run, counts.skipped));
@@ -419,7 +420,6 @@ impl Machine for Ending<'_> {
     type Window = LinuxWindow;
     type Doorbell = Bell;
     type Exclusion = Uninterrupted;
-    type Platform = <Simulated<LinuxBus> as Machine>::Platform;
     type Bus = LinuxBus;
 
     fn number(&self) -> Processor {
@@ -438,8 +438,16 @@ impl Machine for Ending<'_> {
         self.machine.exclusion()
     }
 
-    fn platform(&self) -> Self::Platform {
-        self.machine.platform()
+    fn timer_frequency(&self) -> Rate {
+        self.machine.timer_frequency()
+    }
+
+    fn with_loops<R>(
+        &self,
+        loops: &mut [ServoLoop<'_>],
+        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
+    ) -> Result<R, Error> {
+        self.machine.with_loops(loops, background)
     }
 
     fn bus(&self) -> LinuxBus {
