@@ -1,5 +1,7 @@
 //! [`Desk`]: what the handler of requests and the loop have in common, in the program's own memory.
 
+use core::ops::Range;
+
 use condor_mbox::{Exclusion, MemoryWindow, Places, Processor, Region, StoreOrder};
 
 use crate::catalog::{self, Catalog, CatalogError, Head};
@@ -49,8 +51,8 @@ pub(crate) struct Plan<const PIECES: usize> {
     pub(crate) every: AtomicU32,
     /// Of each piece the first block and the end of its blocks, 16 bits each.
     pub(crate) blocks: [AtomicU32; PIECES],
-    /// Of each piece the first word and the end of its words in its only block, 16 bits each; 0 for
-    /// whole blocks.
+    /// Of each piece the first word and the end of its words in its only block, 16 bits each; of whole blocks
+    /// how many words they have, and 0.
     pub(crate) parts: [AtomicU32; PIECES],
 }
 
@@ -65,6 +67,33 @@ impl<const PIECES: usize> Plan<PIECES> {
                 parts: zeros(),
             }
         }
+    }
+}
+
+/// How much of its blocks a piece has.
+#[derive(Debug)]
+pub(crate) enum Part {
+    Whole {
+        words: usize,
+    },
+    /// A range of the words of the only block.
+    Words(Range<usize>),
+}
+
+impl<const PIECES: usize> Plan<PIECES> {
+    /// Iterates over the pieces: their blocks, and how much of them.
+    pub(crate) fn pieces(&self) -> impl Iterator<Item = (Range<usize>, Part)> {
+        let unpack = |range: u32| ((range & 0xffff) as usize, (range >> 16) as usize);
+        let pieces = self.blocks.iter().zip(&self.parts);
+        let count = self.count.load(Ordering::Relaxed) as usize;
+        pieces.take(count).map(move |(blocks, part)| {
+            let (first, end) = unpack(blocks.load(Ordering::Relaxed));
+            let part = match unpack(part.load(Ordering::Relaxed)) {
+                (words, 0) => Part::Whole { words },
+                (first, end) => Part::Words(first..end),
+            };
+            (first..end, part)
+        })
     }
 }
 

@@ -10,7 +10,6 @@ use crate::catalog::Catalog;
 use crate::desk::{Desk, Plan, Slot};
 use crate::layout::{Block, Shape, response, slot, verb};
 use crate::param::{Refusal, Tune};
-use crate::sampler::pack;
 use crate::sync::Ordering::Relaxed;
 
 /// The end of a [`Desk`] in the handler of requests; see [`answer`].
@@ -285,8 +284,8 @@ struct Pieces<'p, const PIECES: usize> {
     plan: &'p Plan<PIECES>,
     /// How many there are, whether or not they had room.
     count: usize,
-    /// Whole blocks to which the next may be added: the first, and the end.
-    whole: Option<(usize, usize)>,
+    /// Whole blocks to which the next may be added: the first, the end, and their words.
+    whole: Option<(usize, usize, usize)>,
     /// Words of the present block to which the next may be added: the first, and the end.
     part: Option<(usize, usize)>,
 }
@@ -310,36 +309,35 @@ impl<const PIECES: usize> Pieces<'_, PIECES> {
         }
         self.part = None;
         match &mut self.whole {
-            Some(whole) if whole.1 == block => whole.1 = block + 1,
+            Some((_, end, words)) if *end == block => (*end, *words) = (block + 1, *words + len),
             _ => {
                 self.put_whole();
-                self.whole = Some((block, block + 1));
+                self.whole = Some((block, block + 1, len));
             }
         }
     }
 
     fn put_part(&mut self, block: usize) {
-        if let Some((first, end)) = self.part.take() {
+        if let Some(part) = self.part.take() {
             self.put_whole();
-            self.put(pack(block, block + 1), pack(first, end));
+            self.put((block, block + 1), part);
         }
     }
 
     fn put_whole(&mut self) {
-        if let Some((first, end)) = self.whole.take() {
-            self.put(pack(first, end), 0);
+        if let Some((first, end, words)) = self.whole.take() {
+            self.put((first, end), (words, 0));
         }
     }
 
-    fn put(&mut self, blocks: u32, part: u32) {
-        let Plan {
-            blocks: to_blocks,
-            parts: to_parts,
-            ..
-        } = self.plan;
-        if let (Some(to), Some(to_part)) = (to_blocks.get(self.count), to_parts.get(self.count)) {
-            to.store(blocks, Relaxed);
-            to_part.store(part, Relaxed);
+    fn put(&mut self, blocks: (usize, usize), part: (usize, usize)) {
+        // Numbers below 2^16.
+        let pack = |(low, high): (usize, usize)| (high as u32) << 16 | low as u32;
+        let plan = self.plan;
+        if let (Some(to), Some(to_part)) = (plan.blocks.get(self.count), plan.parts.get(self.count))
+        {
+            to.store(pack(blocks), Relaxed);
+            to_part.store(pack(part), Relaxed);
         }
         self.count += 1;
     }

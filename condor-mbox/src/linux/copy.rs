@@ -6,7 +6,8 @@
 //! On `x86_64` blocks are therefore copied by aligned moves of 16 bytes. On processors with AVX these
 //! are indivisible (Intel, *Software Developer's Manual*, volume 3A, "Guaranteed Atomic Operations";
 //! AMD, *Programmer's Manual*, volume 2, "Access Atomicity"). So each does to memory what relaxed
-//! accesses of its four words can do, and accesses of Rust's atomics keep one size.
+//! accesses of its four words can do, and accesses of Rust's atomics keep one size. Two words that are alone
+//! are one move of 8 bytes.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -28,10 +29,41 @@ pub(super) fn write(words: &[AtomicU32], from: &[u8]) {
     write_words(&words[done..], &from[4 * done..]);
 }
 
-/// Copies words in that other contexts of this program may write meanwhile; as many as both have.
-pub(super) fn copy(words: &[AtomicU32], from: &[AtomicU32]) {
+/// Copies words in that other contexts of this program may write meanwhile, slice after slice; as many as
+/// both have.
+pub(super) fn gather(mut words: &[AtomicU32], mut from: &[&[AtomicU32]]) {
+    while let [first, rest @ ..] = from {
+        let len = first.len().min(words.len());
+        let count = match len {
+            1 => short::<1>(words, from, |to, from| copy_words(to, from)),
+            2 if words.as_ptr().addr().is_multiple_of(8) => short(words, from, blocks::pair),
+            2 => short::<2>(words, from, |to, from| copy_words(to, from)),
+            _ => 0,
+        };
+        if count == 0 {
+            copy(&words[..len], first);
+            (words, from) = (&words[len..], rest);
+        } else {
+            (words, from) = (&words[count * len..], &from[count..]);
+        }
+    }
+}
+
+/// Copies the slices in front that have `N` words, each by `copy`; returns how many those are.
+#[inline(always)]
+fn short<const N: usize>(
+    words: &[AtomicU32],
+    from: &[&[AtomicU32]],
+    copy: impl Fn(&[AtomicU32; N], &[AtomicU32; N]),
+) -> usize {
+    let pairs = words.as_chunks::<N>().0.iter().zip(from);
+    let pairs = pairs.map_while(|(to, from)| Some((to, (*from).try_into().ok()?)));
+    pairs.map(|(to, from)| copy(to, from)).count()
+}
+
+fn copy(words: &[AtomicU32], from: &[AtomicU32]) {
     let (head, words) = words.split_at(unaligned(words));
-    let (first, from) = from.split_at(head.len().min(from.len()));
+    let (first, from) = from.split_at(head.len());
     copy_words(head, first);
     let done = blocks::write(words, from);
     copy_words(&words[done..], &from[done..]);
@@ -116,6 +148,23 @@ mod blocks {
         count * WORDS
     }
 
+    /// Copies two words by one move; `to` is aligned to 8 bytes.
+    #[inline(always)]
+    pub(super) fn pair(to: &[AtomicU32; 2], from: &[AtomicU32; 2]) {
+        // SAFETY: reads and writes eight bytes that both have, and atomics may be written through a shared
+        // reference. The store is aligned, so indivisible; the load is, or is divided between the words.
+        unsafe {
+            asm!(
+                "mov {both}, [{from}]",
+                "mov [{to}], {both}",
+                from = in(reg) from.as_ptr(),
+                to = in(reg) to.as_ptr(),
+                both = out(reg) _,
+                options(nostack, preserves_flags)
+            );
+        }
+    }
+
     /// Copies whole blocks of bytes or of atomics in; gives how many words those are.
     pub(super) fn write<T>(words: &[AtomicU32], from: &[T]) -> usize {
         let count = count(words, size_of_val(from));
@@ -165,6 +214,10 @@ mod blocks {
     pub(super) const fn write<T>(_: &[AtomicU32], _: &[T]) -> usize {
         0
     }
+
+    pub(super) fn pair(to: &[AtomicU32; 2], from: &[AtomicU32; 2]) {
+        super::copy_words(to, from);
+    }
 }
 
 #[cfg(test)]
@@ -178,7 +231,9 @@ mod tests {
     #[test]
     fn every_word_is_copied_and_no_other() {
         for count in (0..70).chain([128, 1000]) {
-            for (skip, unaligned) in [(0, 0), (1, 3), (2, 8), (3, 1)] {
+            for (skip, unaligned, width) in
+                [(0, 0, 1), (0, 1, 2), (1, 3, 2), (2, 8, 40), (3, 1, 1000)]
+            {
                 let words: Vec<AtomicU32> = (0..count + 2 * MARGIN)
                     .map(|_| AtomicU32::new(u32::MAX))
                     .collect();
@@ -195,7 +250,8 @@ mod tests {
                 assert!(before.iter().chain(after).all(|byte| *byte == 0xff));
 
                 let atomics: Vec<AtomicU32> = (0..count as u32).map(AtomicU32::new).collect();
-                copy(&words[start..start + count], &atomics);
+                let slices: Vec<_> = atomics.chunks(width).collect();
+                gather(&words[start..start + count], &slices);
                 let found = words.iter().map(|word| word.load(Ordering::Relaxed));
                 let margin = |len| std::iter::repeat_n(u32::MAX, len);
                 let after = 2 * MARGIN - start;
