@@ -155,7 +155,7 @@ impl Ring {
         table.store(self.at + slot::SELECTION, selection, StoreOrder::Release)
     }
 
-    #[inline]
+    #[inline(never)] // which would make ticks without a row longer
     fn write<W: MemoryWindow, const PIECES: usize>(
         &mut self,
         table: &Region<W>,

@@ -97,10 +97,10 @@ mod blocks {
     use core::arch::asm;
     use core::sync::atomic::AtomicU32;
 
-    /// Words of a block.
-    const WORDS: usize = 16;
+    /// Words of a move.
+    const WORDS: usize = 4;
 
-    /// How many whole blocks can be copied, each of `bytes` for a word.
+    /// How many moves can be made, each of `bytes` for its words.
     fn count(words: &[AtomicU32], bytes: usize) -> usize {
         let count = words.len().min(bytes / 4) / WORDS;
         let aligned = words.as_ptr().addr().is_multiple_of(16);
@@ -111,40 +111,71 @@ mod blocks {
         }
     }
 
-    /// Copies whole blocks out; gives how many words those are.
-    pub(super) fn read(words: &[AtomicU32], into: &mut [u8]) -> usize {
-        let count = count(words, into.len());
-        if count == 0 {
-            return 0;
-        }
-        // SAFETY: reads so many blocks of `words`, which may be read atomically, by indivisible
-        // aligned moves, and writes as many of `into`: `count` found that both have them. Memory that
-        // vanishes is the handler's of `fault`, after which a move is tried again.
-        unsafe {
+    /// Moves so many times 16 bytes: four at a time, then one by one.
+    macro_rules! moves {
+        ($load:literal, $store:literal, $count:ident, $from:expr, $to:expr) => {
             asm!(
+                "sub {count}, 4",
+                "jb 3f",
                 "2:",
-                "movdqa {a}, [{from}]",
-                "movdqa {b}, [{from} + 16]",
-                "movdqa {c}, [{from} + 32]",
-                "movdqa {d}, [{from} + 48]",
-                "movdqu [{to}], {a}",
-                "movdqu [{to} + 16], {b}",
-                "movdqu [{to} + 32], {c}",
-                "movdqu [{to} + 48], {d}",
+                concat!($load, " {a}, [{from}]"),
+                concat!($load, " {b}, [{from} + 16]"),
+                concat!($load, " {c}, [{from} + 32]"),
+                concat!($load, " {d}, [{from} + 48]"),
+                concat!($store, " [{to}], {a}"),
+                concat!($store, " [{to} + 16], {b}"),
+                concat!($store, " [{to} + 32], {c}"),
+                concat!($store, " [{to} + 48], {d}"),
                 "add {from}, 64",
                 "add {to}, 64",
+                "sub {count}, 4",
+                "jae 2b",
+                "3:",
+                "add {count}, 4",
+                "jz 5f",
+                "4:",
+                concat!($load, " {a}, [{from}]"),
+                concat!($store, " [{to}], {a}"),
+                "add {from}, 16",
+                "add {to}, 16",
                 "dec {count}",
-                "jnz 2b",
-                from = inout(reg) words.as_ptr() => _,
-                to = inout(reg) into.as_mut_ptr() => _,
-                count = inout(reg) count => _,
+                "jnz 4b",
+                "5:",
+                from = inout(reg) $from => _,
+                to = inout(reg) $to => _,
+                count = inout(reg) $count => _,
                 a = out(xmm_reg) _,
                 b = out(xmm_reg) _,
                 c = out(xmm_reg) _,
                 d = out(xmm_reg) _,
                 options(nostack)
-            );
+            )
+        };
+    }
+
+    /// Copies words out, but for up to three; returns how many.
+    pub(super) fn read(words: &[AtomicU32], into: &mut [u8]) -> usize {
+        let count = count(words, into.len());
+        if count == 0 {
+            return 0;
         }
+        // SAFETY: reads so many times 16 bytes of `words`, which may be read atomically, by indivisible
+        // aligned moves, and writes as many of `into`: `count` found that both have them. Memory that
+        // vanishes is the handler's of `fault`, after which a move is tried again.
+        unsafe { moves!("movdqa", "movdqu", count, words.as_ptr(), into.as_mut_ptr()) };
+        count * WORDS
+    }
+
+    /// Copies bytes or atomics in, but for up to three words; returns how many words.
+    pub(super) fn write<T>(words: &[AtomicU32], from: &[T]) -> usize {
+        let count = count(words, size_of_val(from));
+        if count == 0 {
+            return 0;
+        }
+        // SAFETY: as in `read`, the other way; the words are atomics, which may be written through a
+        // shared reference. Where `from` are atomics that change meanwhile, each word is old or new: no
+        // move divides one.
+        unsafe { moves!("movdqu", "movdqa", count, from.as_ptr(), words.as_ptr()) };
         count * WORDS
     }
 
@@ -163,43 +194,6 @@ mod blocks {
                 options(nostack, preserves_flags)
             );
         }
-    }
-
-    /// Copies whole blocks of bytes or of atomics in; gives how many words those are.
-    pub(super) fn write<T>(words: &[AtomicU32], from: &[T]) -> usize {
-        let count = count(words, size_of_val(from));
-        if count == 0 {
-            return 0;
-        }
-        // SAFETY: as in `read`, the other way; the words are atomics, which may be written through a
-        // shared reference. Where `from` are atomics that change meanwhile, each word is old or new: no
-        // move divides one.
-        unsafe {
-            asm!(
-                "2:",
-                "movdqu {a}, [{from}]",
-                "movdqu {b}, [{from} + 16]",
-                "movdqu {c}, [{from} + 32]",
-                "movdqu {d}, [{from} + 48]",
-                "movdqa [{to}], {a}",
-                "movdqa [{to} + 16], {b}",
-                "movdqa [{to} + 32], {c}",
-                "movdqa [{to} + 48], {d}",
-                "add {from}, 64",
-                "add {to}, 64",
-                "dec {count}",
-                "jnz 2b",
-                from = inout(reg) from.as_ptr() => _,
-                to = inout(reg) words.as_ptr() => _,
-                count = inout(reg) count => _,
-                a = out(xmm_reg) _,
-                b = out(xmm_reg) _,
-                c = out(xmm_reg) _,
-                d = out(xmm_reg) _,
-                options(nostack)
-            );
-        }
-        count * WORDS
     }
 }
 
