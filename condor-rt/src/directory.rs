@@ -46,6 +46,8 @@ pub enum Kind {
     Monitor = 3,
     /// Where the servos of condor-hand have their set-points and requests.
     Servos = 4,
+    /// A table of condor-vars: the variables and parameters of a loop, or the fields of a cell.
+    Variables = 5,
 }
 
 impl Kind {
@@ -55,6 +57,7 @@ impl Kind {
             2 => Self::Loops,
             3 => Self::Monitor,
             4 => Self::Servos,
+            5 => Self::Variables,
             _ => Self::Other,
         }
     }

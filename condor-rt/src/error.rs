@@ -5,6 +5,7 @@ use core::fmt::{self, Write as _};
 use condor_mbox::{AccessError, Vector};
 use condor_mos::{LoopError, RateError, StartError};
 use condor_tty::TerminalError;
+use condor_vars::CatalogError;
 
 use crate::directory::DirectoryError;
 
@@ -59,12 +60,28 @@ pub enum Error {
         what: &'static str,
     },
     /// A handler for a vector that has one.
-    #[error("`{name}` is for {vector}, which is for something else already")]
+    #[error("`{name}` is for {vector}, which is for {by}")]
     VectorTaken {
         /// The vector.
         vector: Vector,
+        /// What it is for.
+        by: &'static str,
         /// The handler's name.
         name: Text<32>,
+    },
+    /// A variable or parameter that no loop has.
+    #[error("`{name}` is shown by no loop: add the servo after its variables and parameters")]
+    LeftOver {
+        /// Its name.
+        name: Text<32>,
+    },
+    /// Variables that cannot be shown.
+    #[error("the variables of `{name}`: {error}")]
+    Variables {
+        /// The name of the loop, or of the cell.
+        name: Text<32>,
+        /// Why not.
+        error: CatalogError,
     },
     /// The window is too small.
     #[error("`{name}` needs {needed} bytes of the window, and {left} are left: raise `window_bytes` by {}", .needed - .left)]
@@ -78,7 +95,7 @@ pub enum Error {
     },
     /// What a program says itself: the text of an error of its own.
     #[error("{0}")]
-    Program(Text<96>),
+    Program(Text<112>),
 }
 
 impl Error {
@@ -86,6 +103,19 @@ impl Error {
     #[must_use]
     pub fn program(error: &impl fmt::Display) -> Self {
         Self::Program(Text::of(error))
+    }
+
+    /// An access for which the window is too small, if that is why it failed.
+    pub(crate) fn no_room(name: &str, error: AccessError) -> Self {
+        let (needed, left) = (error.len as u32, error.size.saturating_sub(error.offset));
+        if needed <= left {
+            return error.into();
+        }
+        Self::Window {
+            name: Text::of(name),
+            needed,
+            left,
+        }
     }
 }
 
@@ -101,6 +131,12 @@ impl<const BYTES: usize> Text<BYTES> {
         // What does not fit is cut off.
         let _ = write!(text, "{printed}");
         Self(text.0)
+    }
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
     }
 }
 

@@ -13,6 +13,7 @@ mod list;
 mod running;
 mod servo;
 mod setup;
+mod variables;
 
 // What it needs of its processor.
 mod machine;
@@ -52,3 +53,4 @@ pub use running::{Background, Call, ConsoleOf, FilesOf, Tick};
 pub use servo::{LOOPS, ServoLoop};
 pub use setup::{Body, HANDLERS, Handler, Setup, users};
 pub use silent::Silent;
+pub use variables::VARIABLES;

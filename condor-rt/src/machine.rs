@@ -1,7 +1,5 @@
 //! [`Machine`]: what a program needs to know of the processor on which it runs.
 
-use core::fmt;
-
 use condor_dev::Bus;
 use condor_mbox::{
     self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Waiting, Windows,
@@ -122,12 +120,10 @@ pub trait Machine: Sync {
 /// and the background share lies in the windows, in a [`LoopLock`](condor_mos::LoopLock) or in a
 /// [`Latest`](condor_mos::Latest).
 pub trait Program {
-    /// Why it ended before it was told to.
-    type Error: fmt::Debug + fmt::Display;
-
     /// Runs until the machine [is stopping](Machine::is_stopping).
     ///
     /// # Errors
-    /// What the program says; it has failed then, and whoever started it decides what follows.
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Self::Error>;
+    /// The program has failed, and whoever started it decides what follows. An error of its own enters by
+    /// [`Error::program`].
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error>;
 }

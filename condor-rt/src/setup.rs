@@ -1,14 +1,15 @@
 //! [`Setup`]: a program says what it does.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::time::Duration;
 
 use condor_fs::Area;
 use condor_mbox::published::Publisher;
-use condor_mbox::{self as mbox, AccessError, Clock as _, MemoryWindow, Messenger as _};
+use condor_mbox::{self as mbox, AccessError, Clock as _, Instant, MemoryWindow, Messenger as _};
 use condor_mbox::{Places, Published, Region, Vector, Waiting};
-use condor_mos::{Loops, Overrun, Rate};
+use condor_mos::{Loops, Overrun, Rate, Timer as _};
 use condor_tty::{Terminal, Vectors};
+use condor_vars::{Catalog, Described, Param, Respond, Settings, Tune, VARS, Watch, describe};
 use heapless::Vec;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -17,9 +18,12 @@ use crate::error::{Error, Text};
 use crate::list::{List, fitting};
 use crate::loops::LoopReports;
 use crate::machine::Machine;
-use crate::numbers::PROCESSORS;
+use crate::numbers::{self, PROCESSORS};
 use crate::running::{Background, Call, ConsoleOf, FILES, Screen, Tick};
 use crate::servo::{LOOPS, ServoLoop};
+use crate::variables::{
+    self, LoopDesk, LoopSampler, LoopServer, Nanoseconds, VARIABLES, incarnation, name_of,
+};
 
 /// The most handlers of a program.
 pub const HANDLERS: usize = 16;
@@ -30,6 +34,8 @@ const PATH_BYTES: u32 = 64;
 const BUFFER_BYTES: u32 = 4096;
 /// How long the background serves before it looks around.
 const NAP: Duration = Duration::from_millis(20);
+/// The rate in the schedule of a loop that is to rest.
+const RESTING: Rate = Rate::hz(1);
 
 /// What runs for a message, in a program that [`Setup`] makes.
 pub type Handler<'e> = &'e (dyn Fn(&Call<'_>) -> u32 + Sync);
@@ -52,14 +58,60 @@ pub struct Setup<'e, M: Machine> {
     waiting: Waiting,
     handlers: List<(Vector, &'e str, Handler<'e>), HANDLERS>,
     loops: List<Loop<'e>, LOOPS>,
+    /// Of each loop in turn.
+    watched: List<&'e dyn Watch, VARIABLES>,
+    tuned: List<&'e dyn Tune, VARIABLES>,
     wrong: Option<Error>,
 }
+
+/// The two ends of the tables of all loops.
+type Tables<'d, M> = (
+    Vec<LoopServer<'d, M>, LOOPS>,
+    Vec<Option<LoopSampler<'d, M>>, LOOPS>,
+);
 
 struct Loop<'e> {
     name: &'e str,
     rate: Rate,
     overrun: Overrun,
     body: Body<'e>,
+    /// What its rate follows, in Hz.
+    rate_hz: Option<&'e Param<u32>>,
+    /// How many variables and parameters it and the loops before it have.
+    watched: usize,
+    tuned: usize,
+}
+
+impl Loop<'_> {
+    /// What runs at a release.
+    fn ticks<M: Machine>(
+        &mut self,
+        mut sampler: Option<LoopSampler<'_, M>>,
+        time: Nanoseconds,
+        messenger: &(dyn mbox::Messenger + Sync),
+        screen: Option<&dyn Screen>,
+    ) -> impl FnMut(u64) + Send {
+        let mut number = 0_u64;
+        move |due| {
+            // Without its own memory it has no watchers; the body runs all the same.
+            if let Some(sampler) = &mut sampler {
+                let _ = sampler.begin();
+            }
+            // One that is to rest may be released before the background has it disabled.
+            if self.rate_hz.is_none_or(|hz| hz.get() != 0) {
+                (self.body)(&mut Tick {
+                    due,
+                    number: number as u32,
+                    messenger,
+                    screen,
+                });
+            }
+            if let Some(sampler) = &mut sampler {
+                let _ = sampler.end(number, Instant::from_ns(time.at(due)));
+            }
+            number += 1;
+        }
+    }
 }
 
 impl<'e, M: Machine> Setup<'e, M> {
@@ -81,6 +133,8 @@ impl<'e, M: Machine> Setup<'e, M> {
             waiting: machine.waiting(),
             handlers: List::new(),
             loops: List::new(),
+            watched: List::new(),
+            tuned: List::new(),
             wrong: None,
         })
     }
@@ -97,7 +151,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         let mut room = self.places.clone();
         let made = Terminal::new(own, &mut room, SHOWN_BYTES, exclusion);
         let terminal = made.map_err(|error| match error {
-            condor_tty::TerminalError::Access(error) => no_room("console", error),
+            condor_tty::TerminalError::Access(error) => Error::no_room("console", error),
             error => error.into(),
         })?;
         self.places = room;
@@ -123,7 +177,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             return Err(Error::Twice { what: "file area" });
         }
         let area = Area::new(&mut self.places, PATH_BYTES, BUFFER_BYTES);
-        self.area = Some(area.map_err(|error| no_room("files", error))?);
+        self.area = Some(area.map_err(|error| Error::no_room("files", error))?);
         Ok(self)
     }
 
@@ -135,15 +189,41 @@ impl<'e, M: Machine> Setup<'e, M> {
     where
         T: FromBytes + IntoBytes + Immutable,
     {
+        Ok(self.cell(name)?.publisher(self.own.clone())?)
+    }
+
+    /// As [`publish`](Self::publish), with a table of its fields, so that whoever watches sees them by
+    /// their names.
+    ///
+    /// # Errors
+    /// [`Error::Window`], [`Error::Variables`]; the object table's.
+    pub fn publish_fields<T>(
+        &mut self,
+        name: &str,
+    ) -> Result<Publisher<T, Region<M::Window>>, Error>
+    where
+        T: FromBytes + IntoBytes + Immutable + Described,
+    {
+        let cell = self.cell::<T>(name)?;
+        let first = self.places.used();
+        let described = describe(cell, &self.own, &mut self.places);
+        let offset = described.map_err(|error| variables::wrong(name, error))?;
+        let len = self.places.used() - first;
+        self.directory.enter(name, Kind::Variables, offset, len)?;
+        Ok(cell.publisher(self.own.clone())?)
+    }
+
+    fn cell<T>(&mut self, name: &str) -> Result<Published<T>, Error> {
         let cell = self.places.published::<T>();
-        let cell = cell.map_err(|error| no_room(name, error))?;
+        let cell = cell.map_err(|error| Error::no_room(name, error))?;
         // What a former program has left there is none of this one's.
         for word in (0..Published::<T>::BYTES).step_by(4) {
             self.own.set_word(cell.offset() + word, 0)?;
         }
+        let bytes = Published::<T>::BYTES;
         self.directory
-            .enter(name, Kind::Other, cell.offset(), Published::<T>::BYTES)?;
-        Ok(cell.publisher(self.own.clone())?)
+            .enter(name, Kind::Other, cell.offset(), bytes)?;
+        Ok(cell)
     }
 
     /// Enters what `make` takes of the window, under a name: objects that others know how to read.
@@ -167,11 +247,11 @@ impl<'e, M: Machine> Setup<'e, M> {
     ) -> Result<T, Error> {
         let mut room = self.places.clone();
         let first = room.used();
-        let made = make(&mut room).map_err(|error| no_room(name, error))?;
+        let placed = make(&mut room).map_err(|error| Error::no_room(name, error))?;
         let len = room.used() - first;
         self.places = room;
         self.directory.enter(name, kind, first, len)?;
-        Ok(made)
+        Ok(placed)
     }
 
     /// The own memory that others see, in which everything is placed.
@@ -180,14 +260,34 @@ impl<'e, M: Machine> Setup<'e, M> {
         &self.own
     }
 
-    /// Runs `handler` for messages to `vector`; `name` is for people.
+    /// Runs `handler` for messages to `vector`, one of [`OWN_VECTORS`](numbers::OWN_VECTORS); `name` is for
+    /// people.
     pub fn on(&mut self, vector: Vector, name: &'e str, handler: Handler<'e>) -> &mut Self {
-        if self.handlers.iter().any(|(taken, ..)| *taken == vector) {
+        let is_taken = self.handlers.iter().any(|(taken, ..)| *taken == vector);
+        let own = is_taken.then_some("another handler of the program");
+        if let Some(by) = numbers::reserved(vector).or(own) {
             let name = Text::of(name);
             self.wrong
-                .get_or_insert(Error::VectorTaken { vector, name });
+                .get_or_insert(Error::VectorTaken { vector, by, name });
         } else if self.handlers.push((vector, name, handler)).is_err() {
             self.full("handlers", HANDLERS, name);
+        }
+        self
+    }
+
+    /// Shows a variable, or a block of them, of the servo loop that is added next: it is sampled at each of
+    /// its releases for whoever watches.
+    pub fn watch(&mut self, variable: &'e dyn Watch) -> &mut Self {
+        if self.watched.push(variable).is_err() {
+            self.full("variables", VARIABLES, name_of(variable).as_str());
+        }
+        self
+    }
+
+    /// Lets others set a parameter of the servo loop that is added next, and shows it.
+    pub fn tune(&mut self, parameter: &'e dyn Tune) -> &mut Self {
+        if self.tuned.push(parameter).is_err() {
+            self.full("parameters", VARIABLES, name_of(parameter).as_str());
         }
         self
     }
@@ -205,11 +305,39 @@ impl<'e, M: Machine> Setup<'e, M> {
         overrun: Overrun,
         body: Body<'e>,
     ) -> &mut Self {
+        self.add(name, (rate, None), overrun, body)
+    }
+
+    /// Runs `body` at a rate that others may set while it runs, in Hz, as they [tune](Self::tune) any
+    /// parameter; at 0 it rests. The background has the loop follow, within 50 ms if it serves or shows.
+    ///
+    /// A rate of which there is no schedule leaves the loop as it was, and the terminal says so.
+    pub fn servo_at(
+        &mut self,
+        name: &'e str,
+        rate_hz: &'e Param<u32>,
+        body: Body<'e>,
+    ) -> &mut Self {
+        let rate = Rate::new(rate_hz.get(), 1).unwrap_or(RESTING);
+        self.tune(rate_hz)
+            .add(name, (rate, Some(rate_hz)), Overrun::Skip, body)
+    }
+
+    fn add(
+        &mut self,
+        name: &'e str,
+        (rate, rate_hz): (Rate, Option<&'e Param<u32>>),
+        overrun: Overrun,
+        body: Body<'e>,
+    ) -> &mut Self {
         let new = Loop {
             name,
             rate,
             overrun,
             body,
+            rate_hz,
+            watched: self.watched.iter().count(),
+            tuned: self.tuned.iter().count(),
         };
         if self.loops.push(new).is_err() {
             self.full("loops", LOOPS, name);
@@ -238,10 +366,10 @@ impl<'e, M: Machine> Setup<'e, M> {
     ///
     /// # Errors
     /// What was wrong with the setup; those of the mailbox and of the loops; `background`'s.
-    pub fn background<R, E: From<Error>>(
+    pub fn background<R>(
         &mut self,
-        background: impl FnOnce(&Background<'_, M>) -> Result<R, E>,
-    ) -> Result<R, E> {
+        background: impl FnOnce(&Background<'_, M>) -> Result<R, Error>,
+    ) -> Result<R, Error> {
         self.run_with(background)?
     }
 
@@ -254,6 +382,14 @@ impl<'e, M: Machine> Setup<'e, M> {
         }
         let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
         let reports = self.reports(&names)?;
+        let watched: Vec<&dyn Watch, VARIABLES> = fitting(self.watched.iter().copied());
+        let tuned: Vec<&dyn Tune, VARIABLES> = fitting(self.tuned.iter().copied());
+        let (windows, doorbell) = (self.machine.windows(), self.machine.doorbell());
+        let lives = |processor| incarnation::<M, PROCESSORS>(&windows, &doorbell, processor);
+        let mut desks = [const { LoopDesk::new() }; LOOPS];
+        let (servers, samplers) = self.tables(&mut desks, &watched, &tuned, &lives)?;
+        let servers: Vec<&dyn Respond, LOOPS> = fitting(servers.iter().map(|one| one as _));
+        let time = Nanoseconds::of(self.machine.platform().frequency());
         let (machine, console, area) = (self.machine, self.console.as_ref(), self.area);
         let handlers = &self.handlers;
         let screen = console.map(|console| console as &dyn Screen);
@@ -266,6 +402,11 @@ impl<'e, M: Machine> Setup<'e, M> {
         };
         let typed = |call: &mbox::Call<'_>| console.map_or(0, |console| console.receive(call));
         let open_files = area.map(Area::handler);
+        let asked = |call: &mbox::Call<'_>| {
+            let data = windows.get(call.sender().index()).map(|it| &it.data);
+            let data = data.and_then(|data| Region::users(data).ok());
+            data.map_or(0, |data| condor_vars::answer(call, &data, &servers))
+        };
         let mut mailbox = machine.mailbox()?;
         mailbox.set_waiting(self.waiting);
         if console.is_some() {
@@ -275,6 +416,9 @@ impl<'e, M: Machine> Setup<'e, M> {
         if let Some(open_files) = &open_files {
             mailbox.set_vector(condor_fs::wire::OPEN_FILES, open_files, "open files")?;
         }
+        if !servers.is_empty() {
+            mailbox.set_vector(VARS, &asked, "variables")?;
+        }
         for (vector, name, _) in handlers.iter() {
             mailbox.set_vector(*vector, &dispatch, name)?;
         }
@@ -282,19 +426,19 @@ impl<'e, M: Machine> Setup<'e, M> {
         mailbox.join()?;
 
         let (mailbox, own) = (&mailbox, &self.own);
-        let bodies = self.loops.iter_mut().map(|one| {
-            let mut number = 0_u32;
-            let body = &mut *one.body;
-            let tick = move |due| {
-                body(&mut Tick {
-                    due,
-                    number,
-                    messenger: mailbox,
-                    screen,
-                });
-                number = number.wrapping_add(1);
-            };
-            (one.rate, one.overrun, tick)
+        let rates_hz = self.loops.iter().map(|one| {
+            let param = one.rate_hz?;
+            Some((param, Cell::new(one.rate.numerator())))
+        });
+        let rates_hz: Vec<_, LOOPS> = fitting(rates_hz);
+        let bodies = self.loops.iter_mut().zip(samplers);
+        let bodies = bodies.map(|(one, sampler)| {
+            let (rate, overrun) = (one.rate, one.overrun);
+            (
+                rate,
+                overrun,
+                one.ticks::<M>(sampler, time, mailbox, screen),
+            )
         });
         let mut bodies: Vec<_, LOOPS> = fitting(bodies);
         let loops = bodies.iter_mut().map(|(rate, overrun, body)| ServoLoop {
@@ -312,8 +456,12 @@ impl<'e, M: Machine> Setup<'e, M> {
                 own,
                 loops,
                 names: &names,
+                rates_hz: &rates_hz,
                 reports: RefCell::new((machine.doorbell().now(), reports)),
             };
+            if let Some(loops) = loops {
+                running.follow_rates(loops);
+            }
             running.show_now(&mut running.reports.borrow_mut().1)?;
             Ok(background(&running))
         };
@@ -327,6 +475,57 @@ impl<'e, M: Machine> Setup<'e, M> {
             }
             machine.with_loops(&mut loops, |loops| run(Some(loops)))?
         })
+    }
+
+    /// Makes the tables of the loops that have variables or parameters.
+    fn tables<'d>(
+        &mut self,
+        desks: &'d mut [LoopDesk; LOOPS],
+        watched: &'d [&'d dyn Watch],
+        tuned: &'d [&'d dyn Tune],
+        lives: &'d (dyn Fn(mbox::Processor) -> u32 + Sync),
+    ) -> Result<Tables<'d, M>, Error> {
+        let (mut servers, mut samplers) = (Vec::new(), Vec::new());
+        let (mut watched, mut tuned, mut before) = (watched, tuned, (0, 0));
+        for (one, desk) in self.loops.iter().zip(desks) {
+            let (blocks, later) = watched
+                .split_at_checked(one.watched - before.0)
+                .unwrap_or_default();
+            let (parameters, rest) = tuned
+                .split_at_checked(one.tuned - before.1)
+                .unwrap_or_default();
+            (watched, tuned, before) = (later, rest, (one.watched, one.tuned));
+            if blocks.is_empty() && parameters.is_empty() {
+                let _ = samplers.push(None);
+                continue;
+            }
+            let settings = Settings {
+                rate: (one.rate.numerator(), one.rate.denominator()),
+                rows: variables::rows(one.rate),
+            };
+            let (catalog, first) = (Catalog::new(blocks, parameters), self.places.used());
+            let exclusion = self.machine.exclusion();
+            let opened = desk.open(
+                catalog,
+                &self.own,
+                &mut self.places,
+                &settings,
+                exclusion,
+                lives,
+            );
+            let (server, sampler) = opened.map_err(|error| variables::wrong(one.name, error))?;
+            let len = self.places.used() - first;
+            self.directory
+                .enter(one.name, Kind::Variables, server.offset(), len)?;
+            let _ = samplers.push(Some(sampler));
+            // As many as there are loops.
+            let _ = servers.push(server);
+        }
+        let left = tuned.first().map(|it| name_of(*it));
+        match watched.first().map(|it| name_of(*it)).or(left) {
+            Some(name) => Err(Error::LeftOver { name }),
+            None => Ok((servers, samplers)),
+        }
     }
 
     fn reports(&mut self, names: &[&str]) -> Result<Option<LoopReports<M::Window, LOOPS>>, Error> {
@@ -367,16 +566,4 @@ pub fn users<M: Machine>(
         processors: PROCESSORS as u8,
     })?;
     Ok(Region::users(windows.data)?)
-}
-
-fn no_room(name: &str, error: AccessError) -> Error {
-    let (needed, left) = (error.len as u32, error.size.saturating_sub(error.offset));
-    if needed <= left {
-        return error.into();
-    }
-    Error::Window {
-        name: Text::of(name),
-        needed,
-        left,
-    }
 }

@@ -32,10 +32,8 @@ const RING_BYTES: u32 = ring_bytes(Variables::COUNT as u32, COLUMNS, 64);
 pub(crate) struct Finger;
 
 impl Program for Finger {
-    type Error = String;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
-        Self::serve(machine).map_err(|error| error.to_string())
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), condor_rt::Error> {
+        Self::serve(machine).map_err(|error| condor_rt::Error::program(&error))
     }
 }
 

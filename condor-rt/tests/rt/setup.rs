@@ -5,13 +5,16 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
 use condor_mbox::published::Subscriber;
-use condor_mbox::{Messenger, Processor, Published, Vector};
+use condor_mbox::{MemoryWindow as _, Messenger, Places, Processor, Published, Vector};
 use condor_mos::{Overrun, Rate};
-use condor_rt::directory::{self, Kind};
+use condor_rt::directory;
 use condor_rt::{Error, HANDLERS, LOOPS, Machine, Program, Setup, loops, sim, users};
+use condor_vars::{Cell, Client, Described, Field, Kind, Param, Table, VARS, Value, Var, Vars};
+use core::mem::offset_of;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-const ADD: Vector = Vector(45);
-const ASK: Vector = Vector(46);
+const ADD: Vector = Vector(1);
+const ASK: Vector = Vector(2);
 const SERVO: Processor = Processor(1);
 const HOST: Processor = Processor(11);
 const SECOND: Duration = Duration::from_secs(1);
@@ -20,8 +23,6 @@ const WINDOW_BYTES: u32 = 65536;
 struct Servo;
 
 impl Program for Servo {
-    type Error = Error;
-
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let mut setup = Setup::new(machine)?;
         let mut angle = setup.publish::<u32>("angle")?;
@@ -80,7 +81,7 @@ fn a_program_is_what_its_setup_says() {
 
             let region = users(machine, SERVO)?;
             let find = |name| directory::find(&region, name).unwrap().unwrap();
-            assert_eq!(find("console").kind, Kind::Terminal);
+            assert_eq!(find("console").kind, directory::Kind::Terminal);
             let entry = find("loops");
             let (name, counts) = loops::read(&region, &entry, 1)?.unwrap();
             assert_eq!(name.as_str(), "slow");
@@ -92,6 +93,137 @@ fn a_program_is_what_its_setup_says() {
         })
         .unwrap();
     system.run_until(1_000_000_000).unwrap();
+}
+
+/// A joint that is stiffer or softer as others wish.
+struct Joint;
+
+#[derive(FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+struct Contact {
+    force: f32,
+    fingers: u32,
+}
+
+impl Described for Contact {
+    const FIELDS: &'static [Field] = &[
+        Field::new("force", "N", Kind::F32, offset_of!(Contact, force)),
+        Field::new("fingers", "", Kind::U32, offset_of!(Contact, fingers)),
+    ];
+}
+
+impl Program for Joint {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        let position = Var::new("joint.position", "rad");
+        let torques = Vars::<u32, 2>::numbered("torque", "mN m");
+        let stiffness = Param::new("joint.stiffness", "N m/rad", 2.0, 0.0..=50.0);
+        let beats = Var::<u64>::new("beats", "");
+        let rest_hz = Param::new("rest.hz", "Hz", 0, 0..=400);
+        let mut angle = 0.0;
+        let mut setup = Setup::new(machine)?;
+        let mut contact = setup.publish_fields::<Contact>("contact")?;
+        setup
+            .servo("silent", Rate::hz(100), &mut |_| ())
+            .watch(&position)
+            .watch(&torques)
+            .tune(&stiffness)
+            .servo("servo", Rate::hz(400), &mut |tick| {
+                angle += 1e-3 * stiffness.get();
+                position.set(angle);
+                torques.set(1, tick.number);
+                let (force, fingers) = (1.5, 3);
+                let _ = contact.publish(&Contact { force, fingers });
+            })
+            .servo_at("rest", &rest_hz, &mut |_| {
+                assert_eq!(rest_hz.get(), 200);
+            })
+            .watch(&beats)
+            .servo("slow", Rate::hz(10), &mut |tick| {
+                beats.set(tick.number.into());
+            })
+            .run()
+    }
+}
+
+#[test]
+fn what_loops_show_is_watched_and_set() {
+    let mut system = sim::System::new(WINDOW_BYTES).unwrap();
+    system.spawn(SERVO, &Joint).unwrap();
+    system
+        .host(HOST, |machine| {
+            let mut mailbox = machine.mailbox()?;
+            mailbox.join()?;
+            mailbox.wait_for_peer(SERVO, None, SECOND)?;
+            let own = users(machine, HOST)?;
+            let joint = users(machine, SERVO)?;
+            let mut tables = Vec::new();
+            for entry in directory::entries(&joint)? {
+                let entry = entry?;
+                if entry.kind == directory::Kind::Variables {
+                    tables.push((entry.name.as_str().to_owned(), entry.offset));
+                }
+            }
+            let [contact, servo, rest, slow] = &tables[..] else {
+                panic!("{tables:?}");
+            };
+            let names = [contact, servo, rest, slow].map(|table| table.0.as_str());
+            assert_eq!(names, ["contact", "servo", "rest", "slow"]);
+            let table = Table::open(&joint, servo.1).unwrap();
+            let mut places = Places::new(own.size());
+            let mut client = Client::new(&mailbox, own, &mut places, SERVO, VARS)?;
+            let stiffness = table.find("joint.stiffness").unwrap().unwrap();
+            let (two, three) = (Value::F64(2.0), Value::F64(3.0));
+            client.set(&table, &stiffness, two, three, SECOND).unwrap();
+            let torque = table.find("torque.1").unwrap().unwrap();
+            let mut watcher = client.claim(&table, SECOND).unwrap();
+            let chosen = [0, torque.number, stiffness.number];
+            client.select(&mut watcher, &chosen, 4, SECOND).unwrap();
+            let (mut rows, mut values) = (Vec::new(), [0; 5]);
+            while rows.len() < 20 {
+                mailbox.serve(Duration::from_millis(10))?;
+                while let Some(row) = watcher.read(&mut values).unwrap() {
+                    let (stiffness, _) = Kind::F64.split(&values[3..]).unwrap();
+                    assert_eq!((u64::from(values[2]), stiffness), (row.tick, three));
+                    assert_eq!(row.released.as_ns(), row.tick * 2_500_000);
+                    rows.push(row.tick);
+                }
+            }
+            assert!(
+                rows.windows(2).all(|pair| pair[1] == pair[0] + 4),
+                "{rows:?}"
+            );
+            client.release(&mut watcher, SECOND).unwrap();
+
+            let counts = || {
+                let entry = directory::find(&joint, "loops").unwrap().unwrap();
+                loops::read(&joint, &entry, 2).unwrap().unwrap().1
+            };
+            assert!(!counts().enabled);
+            let table = Table::open(&joint, rest.1).unwrap();
+            let rest_hz = table.entry(0).unwrap();
+            let mut set = |from, to| {
+                let (from, to) = (Value::Uint(from), Value::Uint(to));
+                client.set(&table, &rest_hz, from, to, SECOND).unwrap();
+            };
+            set(0, 200);
+            while counts().run < 20 {
+                mailbox.serve(Duration::from_millis(10))?;
+            }
+            assert_eq!(counts().rate, Rate::hz(200));
+            set(200, 0);
+            while counts().enabled {
+                mailbox.serve(Duration::from_millis(10))?;
+            }
+
+            let cell = Cell::open(&joint, contact.1).unwrap();
+            let mut bytes = [0; 8];
+            cell.read(&mut bytes).unwrap();
+            let force = cell.table().find("force").unwrap().unwrap();
+            assert_eq!(force.of_cell(&bytes), Some(Value::F32(1.5)));
+            Ok::<_, Error>(())
+        })
+        .unwrap();
+    system.run_until(2_000_000_000).unwrap();
 }
 
 /// The text of the error that a setup ends with.
@@ -132,7 +264,13 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
                 .on(ADD, "more", &|_| 0)
                 .run()
         }),
-        format!("`more` is for {ADD}, which is for something else already")
+        format!("`more` is for {ADD}, which is for another handler of the program")
+    );
+    assert_eq!(
+        error(WINDOW_BYTES, |machine| Setup::new(machine)?
+            .on(VARS, "mine", &|_| 0)
+            .run()),
+        format!("`mine` is for {VARS}, which is for variables and parameters")
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {
@@ -143,6 +281,29 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
             setup.run()
         }),
         format!("`one of many` is one too many: a program has at most {HANDLERS} handlers")
+    );
+    let (spare, soft) = (
+        Var::<u32>::new("spare", ""),
+        Param::new("soft", "", 1.5, 0.0..=1.0),
+    );
+    assert_eq!(
+        error(WINDOW_BYTES, |machine| {
+            let mut body = |_: &mut condor_rt::Tick<'_>| ();
+            let mut setup = Setup::new(machine)?;
+            setup.servo("servo", Rate::hz(1), &mut body);
+            setup.watch(&spare).run()
+        }),
+        "`spare` is shown by no loop: add the servo after its variables and parameters"
+    );
+    assert_eq!(
+        error(WINDOW_BYTES, |machine| {
+            let mut setup = Setup::new(machine)?;
+            setup
+                .tune(&soft)
+                .servo("servo", Rate::hz(1), &mut |_| ())
+                .run()
+        }),
+        "the variables of `servo`: the initial value of parameter 0 is out of bounds"
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {

@@ -21,7 +21,7 @@ mod published;
 
 use core::time::Duration;
 
-use condor_rt::{Machine, Setup};
+use condor_rt::{Error, Machine, Setup};
 
 pub use failure::Failure;
 pub use published::published;
@@ -32,7 +32,7 @@ pub use table::{Echo, Table};
 ///
 /// # Errors
 /// What is missing for that.
-pub fn joined<M: Machine>(machine: &M, body: impl FnOnce()) -> Result<(), Failure> {
+pub fn joined<M: Machine>(machine: &M, body: impl FnOnce()) -> Result<(), Error> {
     Setup::new(machine)?.console()?.background(|background| {
         background.serve(Duration::from_millis(100))?;
         body();

@@ -2,7 +2,7 @@
 
 use core::arch::asm;
 
-use condor_rt::{Machine, Program};
+use condor_rt::{Error, Machine, Program};
 
 /// Joins, as any program does, and then does what its first argument says: `illegal`, `access`,
 /// `misaligned`, `stack` or `spin`, for ever.
@@ -10,9 +10,7 @@ use condor_rt::{Machine, Program};
 pub(crate) struct Faulty;
 
 impl Program for Faulty {
-    type Error = drills::Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), drills::Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         drills::joined(machine, || match machine.argument(0) {
             // SAFETY: the monitor takes the hart back.
             Some("illegal") => unsafe { asm!("unimp") },
