@@ -2,10 +2,9 @@
 
 use core::ops::Range;
 
-use condor_mbox::{Exclusion, MemoryWindow, Places, Processor, Region, StoreOrder};
+use condor_mbox::{Exclusion, MemoryWindow, Places, Processor, Region};
 
-use crate::catalog::{self, Catalog, CatalogError, Head};
-use crate::layout::slot;
+use crate::catalog::{self, Body, Catalog, CatalogError};
 use crate::sampler::Sampler;
 use crate::server::Server;
 use crate::sync::{AtomicU32, Ordering, const_unless_loom, zeros};
@@ -25,15 +24,13 @@ pub struct Desk<const PIECES: usize, const SLOTS: usize> {
 /// A watcher, as its owner knows it. The handler writes all but `taken`.
 #[derive(Debug)]
 pub(crate) struct Slot<const PIECES: usize> {
-    /// The number of the present claim, or 0.
+    /// The number of the last claim.
     pub(crate) claim: AtomicU32,
-    /// The last claim there was.
-    pub(crate) last_claim: AtomicU32,
-    /// The processor that claimed it, and its incarnation.
+    /// The processor that claimed it, and its incarnation; 0 when the slot is free.
     pub(crate) owner: AtomicU32,
     pub(crate) incarnation: AtomicU32,
     /// The last selection there was, for the handler itself.
-    pub(crate) last_selection: AtomicU32,
+    last_selection: AtomicU32,
     /// The number of the last selection, which is in the plan of its parity.
     pub(crate) asked: AtomicU32,
     /// The number of the selection that the loop has taken over. The loop's.
@@ -102,7 +99,6 @@ impl<const PIECES: usize> Slot<PIECES> {
         fn new() -> Self {
             Self {
                 claim: AtomicU32::new(0),
-                last_claim: AtomicU32::new(0),
                 owner: AtomicU32::new(0),
                 incarnation: AtomicU32::new(0),
                 last_selection: AtomicU32::new(0),
@@ -127,14 +123,9 @@ impl<const PIECES: usize> Slot<PIECES> {
     /// last one, and may be reading the plan of the next.
     pub(crate) fn next_selection(&self) -> Option<u32> {
         let asked = self.last_selection.load(Ordering::Relaxed);
-        // Pairs with the loop's store after it has left the former plan.
-        if self.taken.load(Ordering::Acquire) != asked {
-            return None;
-        }
-        Some(match asked.wrapping_add(1) {
-            0 => 2,
-            next => next,
-        })
+        // Pairs with the loop's fence after it has left the former plan, which nobody writes before.
+        let is_taken = self.taken.load(Ordering::Acquire) == asked;
+        is_taken.then_some(asked.checked_add(1).unwrap_or(2))
     }
 
     /// Leaves a selection for the loop, after its plan.
@@ -202,22 +193,21 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
         *self = Self::new();
         let desk = &*self;
         let shape = catalog.shape(SLOTS as u32, settings.rows)?;
-        let bytes = shape.bytes().unwrap_or(u32::MAX);
-        let offset = places.bytes(bytes as usize)?;
-        let table = own.part(offset, bytes)?;
-        let head = Head {
-            rate: settings.rate,
-            cell: (0, 0),
-        };
-        let life = catalog::write(&table, shape, &head, |body| catalog.each(body))?;
-        for number in 0..shape.slots {
-            for word in [slot::CLAIM, slot::SELECTION, slot::BEGUN, slot::COMPLETE] {
-                table.store(shape.slot(number) + word, 0, StoreOrder::Relaxed)?;
-            }
+        let mut blocks = heapless::Vec::new();
+        for block in catalog.blocks() {
+            blocks
+                .push(block.words())
+                .map_err(|_| CatalogError::TooMany {
+                    what: "blocks of variables",
+                    count: catalog.blocks().count(),
+                    most: BLOCKS,
+                })?;
         }
-        let sampler = Sampler::new(desk, table.clone(), shape, catalog)?;
-        catalog::finish(&table)?;
-        let server = Server::new(
+        let items = |body: &mut Body<'_>| catalog.each(body);
+        let (table, offset, life) =
+            catalog::write(own, places, shape, settings.rate, (0, 0), items)?;
+        let sampler = Sampler::new(desk, table.clone(), shape, blocks, catalog.params());
+        let server = Server {
             desk,
             table,
             offset,
@@ -226,7 +216,7 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
             catalog,
             exclusion,
             incarnation,
-        );
+        };
         Ok((server, sampler))
     }
 }

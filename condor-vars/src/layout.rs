@@ -32,7 +32,7 @@
 //! | 24 | greatest | two words: of a parameter the greatest value |
 //!
 //! Its *text* is name, unit and description, in UTF-8, one after the other, then the labels of an enum,
-//! each after a byte with its length.
+//! each after a word with its length. Each of them begins with a word.
 //!
 //! A *slot* belongs to one watcher at a time.
 //!
@@ -124,11 +124,8 @@ pub(crate) const IS_PARAM: u32 = 1 << 8;
 
 /// Byte offsets in an entry.
 pub(crate) mod entry {
-    pub(crate) const TEXT: u32 = 0;
     pub(crate) const LENGTHS: u32 = 4;
     pub(crate) const KIND: u32 = 8;
-    pub(crate) const POSITION: u32 = 12;
-    pub(crate) const BOUNDS: u32 = 16;
 }
 
 /// Byte offsets in a slot.
@@ -169,7 +166,7 @@ pub(crate) mod response {
 }
 
 /// Where everything is in a table, as its header says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shape {
     pub(crate) entries: u32,
     pub(crate) text_bytes: u32,

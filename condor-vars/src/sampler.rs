@@ -6,10 +6,10 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use condor_mbox::{AccessError, Instant, MemoryWindow, Region, StoreOrder};
 
-use crate::catalog::{Catalog, CatalogError};
 use crate::desk::{Desk, Part, Plan};
-use crate::layout::{ROW_HEADER, Shape, row_bytes, slot};
+use crate::layout::{Shape, row_bytes, slot};
 use crate::param::Tune;
+use crate::scalar::split;
 use crate::sync::{Ordering, fence};
 
 /// The end of a [`Desk`] in the loop: call [`begin`](Self::begin) before the body of a tick and
@@ -19,11 +19,16 @@ use crate::sync::{Ordering, fence};
 /// is selected is copied once for each watcher.
 pub struct Sampler<'e, W, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> {
     desk: &'e Desk<PIECES, SLOTS>,
+    rows: Rows<'e, W, BLOCKS>,
+    params: &'e [&'e dyn Tune],
+    rings: [Ring; SLOTS],
+}
+
+/// What rows are made of, and where they go.
+struct Rows<'e, W, const BLOCKS: usize> {
     table: Region<W>,
     shape: Shape,
     blocks: heapless::Vec<&'e [AtomicU32], BLOCKS>,
-    params: &'e [&'e dyn Tune],
-    rings: [Ring; SLOTS],
 }
 
 /// The ring of one watcher, as its writer knows it.
@@ -51,29 +56,24 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
         desk: &'e Desk<PIECES, SLOTS>,
         table: Region<W>,
         shape: Shape,
-        catalog: Catalog<'e>,
-    ) -> Result<Self, CatalogError> {
-        let mut blocks = heapless::Vec::new();
-        for block in catalog.blocks() {
-            if blocks.push(block.words()).is_err() {
-                return Err(CatalogError::TooMany {
-                    what: "blocks of variables",
-                    count: catalog.blocks().count(),
-                    most: BLOCKS,
-                });
-            }
-        }
-        Ok(Self {
-            desk,
+        blocks: heapless::Vec<&'e [AtomicU32], BLOCKS>,
+        params: &'e [&'e dyn Tune],
+    ) -> Self {
+        let rings = array::from_fn(|number| Ring {
+            at: shape.slot(number as u32),
+            ..Ring::default()
+        });
+        let rows = Rows {
             table,
             shape,
             blocks,
-            params: catalog.params(),
-            rings: array::from_fn(|number| Ring {
-                at: shape.slot(number as u32),
-                ..Ring::default()
-            }),
-        })
+        };
+        Self {
+            desk,
+            rows,
+            params,
+            rings,
+        }
     }
 
     /// Begins a tick: takes over parameters that were set, and selections.
@@ -90,10 +90,10 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
             // Pairs with the handler's store, after the plan.
             let asked = slot.asked.load(Ordering::Acquire);
             if asked != ring.selection {
-                let plan = slot.plan(asked);
-                result = result.and(ring.take(asked, plan, self.shape, &self.table));
-                // Pairs with the handler's look at it, before it writes the former plan.
-                slot.taken.store(asked, Ordering::Release);
+                result = result.and(self.rows.take(ring, asked, slot.plan(asked)));
+                // Pairs with the handler's look at it, before it writes the former plan: the fence of
+                // `take` comes after all that was read of that.
+                slot.taken.store(asked, Ordering::Relaxed);
             }
         }
         result
@@ -117,69 +117,69 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
             }
             ring.wait = ring.every.saturating_sub(1);
             let plan = slot.plan(ring.selection);
-            let header = header(tick, released).map(AtomicU32::new);
-            let row = ring.write(&self.table, self.shape, &header, plan, &self.blocks);
-            result = result.and(row);
+            result = result.and(self.rows.write(ring, plan, tick, released));
         }
         result
     }
 }
 
-impl Ring {
+impl<W: MemoryWindow, const BLOCKS: usize> Rows<'_, W, BLOCKS> {
     /// Takes over a selection, of which there are no rows yet.
     #[cold]
-    fn take<W: MemoryWindow, const PIECES: usize>(
-        &mut self,
+    fn take<const PIECES: usize>(
+        &self,
+        ring: &mut Ring,
         selection: u32,
         plan: &Plan<PIECES>,
-        shape: Shape,
-        table: &Region<W>,
     ) -> Result<(), AccessError> {
         let words = plan.words.load(Relaxed);
-        let rows = shape.rows(words);
-        *self = Self {
-            at: self.at,
+        let rows = self.shape.rows(words);
+        *ring = Ring {
+            at: ring.at,
             selection,
             words: if rows == 0 { 0 } else { words },
             last_place: rows.wrapping_sub(1),
-            complete: 0,
             every: plan.every.load(Relaxed),
-            wait: 0,
+            ..Ring::default()
         };
-        table.store(self.at + slot::SELECTION, 0, StoreOrder::Relaxed)?;
+        let left = (self.table).store(ring.at + slot::SELECTION, 0, StoreOrder::Relaxed);
         // A reader of the former selection that sees anything of what follows sees the end of that one.
         fence(Ordering::Release);
-        table.store(self.at + slot::BEGUN, 0, StoreOrder::Relaxed)?;
-        table.store(self.at + slot::COMPLETE, 0, StoreOrder::Relaxed)?;
+        left?;
+        for word in [slot::BEGUN, slot::COMPLETE] {
+            self.table.store(ring.at + word, 0, StoreOrder::Relaxed)?;
+        }
         // Pairs with the reader's first look at the slot.
-        table.store(self.at + slot::SELECTION, selection, StoreOrder::Release)
+        self.table
+            .store(ring.at + slot::SELECTION, selection, StoreOrder::Release)
     }
 
-    #[inline(never)] // which would make ticks without a row longer
-    fn write<W: MemoryWindow, const PIECES: usize>(
-        &mut self,
-        table: &Region<W>,
-        shape: Shape,
-        header: &[AtomicU32],
+    // Inlined, it would make ticks without a row longer.
+    #[inline(never)]
+    fn write<const PIECES: usize>(
+        &self,
+        ring: &mut Ring,
         plan: &Plan<PIECES>,
-        blocks: &[&[AtomicU32]],
+        tick: u64,
+        released: Instant,
     ) -> Result<(), AccessError> {
-        let place = self.complete & self.last_place;
-        let row = row_bytes(self.words);
-        let mut at = self.at + shape.rows_at() + place.wrapping_mul(row);
-        let next = self.complete.wrapping_add(1);
-        table.store(self.at + slot::BEGUN, next, StoreOrder::Relaxed)?;
+        let place = ring.complete & ring.last_place;
+        let mut at = ring.at + self.shape.rows_at() + place.wrapping_mul(row_bytes(ring.words));
+        let next = ring.complete.wrapping_add(1);
+        let begun = ring.at + slot::BEGUN;
+        self.table.store(begun, next, StoreOrder::Relaxed)?;
         // A reader that copies any of the words that follow passes its fence after this one, so that it
         // finds this row begun.
         fence(Ordering::Release);
         let mut put = |from: &[&[AtomicU32]], words: usize| {
-            let result = table.write_words(at, 4 * words, from);
+            let result = self.table.write_words(at, 4 * words, from);
             at = at.wrapping_add(4 * words as u32);
             result
         };
-        put(&[header], header.len())?;
+        let ([a, b], [c, d]) = (split(tick), split(released.as_ns()));
+        put(&[&[a, b, c, d].map(AtomicU32::new)], 4)?;
         for (run, part) in plan.pieces() {
-            let blocks = blocks.get(run).unwrap_or_default();
+            let blocks = self.blocks.get(run).unwrap_or_default();
             match part {
                 Part::Whole { words } => put(blocks, words)?,
                 Part::Words(range) => {
@@ -190,20 +190,11 @@ impl Ring {
             }
         }
         // Pairs with the reader's look for new rows.
-        table.store(self.at + slot::COMPLETE, next, StoreOrder::Release)?;
-        self.complete = next;
+        self.table
+            .store(ring.at + slot::COMPLETE, next, StoreOrder::Release)?;
+        ring.complete = next;
         Ok(())
     }
-}
-
-const fn header(tick: u64, released: Instant) -> [u32; ROW_HEADER as usize] {
-    let ns = released.as_ns();
-    [
-        tick as u32,
-        (tick >> 32) as u32,
-        ns as u32,
-        (ns >> 32) as u32,
-    ]
 }
 
 impl<W, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> fmt::Debug
@@ -211,7 +202,7 @@ impl<W, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> fmt::Debug
 {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Sampler")
-            .field("blocks", &self.blocks.len())
+            .field("blocks", &self.rows.blocks.len())
             .field("params", &self.params.len())
             .field("rings", &self.rings)
             .finish()

@@ -106,11 +106,11 @@ macro_rules! scalars {
     )*};
 }
 
-const fn split(long: u64) -> [u32; 2] {
+pub(crate) const fn split(long: u64) -> [u32; 2] {
     [long as u32, (long >> 32) as u32]
 }
 
-const fn join([low, high]: [u32; 2]) -> u64 {
+pub(crate) const fn join([low, high]: [u32; 2]) -> u64 {
     (high as u64) << 32 | low as u64
 }
 

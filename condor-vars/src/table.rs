@@ -41,8 +41,8 @@ pub struct Entry {
     pub bounds: Option<[Value; 2]>,
     /// How many labels it has; [`Table::label`] reads them.
     pub labels: u8,
-    /// Where they begin in the table, and how many bytes from there on are texts.
-    labels_at: (u32, u32),
+    /// Where they begin in the texts.
+    labels_at: u32,
 }
 
 /// Why a table cannot be read.
@@ -239,19 +239,14 @@ impl<W: MemoryWindow> Table<W> {
         if value >= entry.labels.into() {
             return Ok(None);
         }
-        let (mut at, mut left) = entry.labels_at;
-        let mut label = None;
+        let (mut at, mut label) = (entry.labels_at, None);
         for _ in 0..=value {
-            let mut len = [0];
-            label = None;
-            if left > 0 {
-                self.bytes(at, &mut len)?;
-                left -= 1;
-                let len = u32::from(len[0]);
-                label = self.text(at + 1, len.min(left))?;
-                at += 1 + len.min(left);
-                left -= len.min(left);
-            }
+            let len: Option<heapless::Vec<u8, 4>> = self.bytes(&mut at, 4)?;
+            let len = len.and_then(|len| Some(u32::from_le_bytes(len.into_array().ok()?)));
+            label = match len {
+                Some(len) => self.text(&mut at, len)?,
+                None => None,
+            };
         }
         self.check_life()?;
         let number = entry.number;
@@ -259,72 +254,57 @@ impl<W: MemoryWindow> Table<W> {
     }
 
     /// Reads an entry; `None` if it is impossible.
-    fn read_entry(&self, number: u32) -> Result<Option<Entry>, TableError> {
-        let at = entry_at(number);
-        let code = self.load(at + entry::KIND)?;
-        let text = self.load(at + entry::TEXT)?;
-        let [name, unit, about, labels] = self.load(at + entry::LENGTHS)?.to_le_bytes();
-        let mut bounds = [0; 4];
-        for (word, at) in bounds.iter_mut().zip((at + entry::BOUNDS..).step_by(4)) {
+    fn read_entry(&self, number: u32) -> Result<Option<Entry>, AccessError> {
+        let mut words = [0; 8];
+        for (word, at) in words.iter_mut().zip((entry_at(number)..).step_by(4)) {
             *word = self.load(at)?;
         }
-        let position = self.load(at + entry::POSITION)?;
-        let Some(kind) = Kind::from_code(code & !IS_PARAM) else {
+        let [mut text, lengths, code, position, a, b, c, d] = words;
+        let [name, unit, about, labels] = lengths.to_le_bytes();
+        let name = self.text(&mut text, name.into())?;
+        let unit = self.text(&mut text, unit.into())?;
+        let about = self.text(&mut text, about.into())?;
+        let kind = Kind::from_code(code & !IS_PARAM);
+        let (Some(kind), Some(name), Some(unit), Some(about)) = (kind, name, unit, about) else {
             return Ok(None);
         };
-        let [name, unit, about] = [name, unit, about].map(u32::from);
-        let texts = self.shape.text_bytes;
-        let Some(left) = texts
-            .checked_sub(text)
-            .and_then(|left| left.checked_sub(name + unit + about))
-        else {
-            return Ok(None);
-        };
-        let at = self.shape.texts() + text;
-        let name_text = self.text(at, name)?;
-        let unit_text = self.text(at + name, unit)?;
-        let about_text = self.text(at + name + unit, about)?;
-        let (Some(name_text), Some(unit_text), Some(about_text)) =
-            (name_text, unit_text, about_text)
-        else {
-            return Ok(None);
-        };
-        let [a, b, c, d] = bounds;
         Ok(Some(Entry {
             number,
-            name: name_text,
-            unit: unit_text,
-            about: about_text,
+            name,
+            unit,
+            about,
             kind,
             position,
             bounds: (code & IS_PARAM != 0).then(|| [kind.value([a, b]), kind.value([c, d])]),
             labels,
-            labels_at: (at + name + unit + about, left),
+            labels_at: text,
         }))
     }
 
-    /// Reads a text that is inside of the texts; `None` if it is too long, or none.
+    /// Reads a text, and moves `at` past it; `None` if it is too long, not inside of the texts, or none.
     fn text<const N: usize>(
         &self,
-        at: u32,
+        at: &mut u32,
         len: u32,
-    ) -> Result<Option<heapless::String<N>>, TableError> {
-        let mut bytes = heapless::Vec::new();
-        if bytes.resize_default(len as usize).is_err() {
-            return Ok(None);
-        }
-        self.bytes(at, &mut bytes)?;
-        Ok(heapless::String::from_utf8(bytes).ok())
+    ) -> Result<Option<heapless::String<N>>, AccessError> {
+        let bytes = self.bytes(at, len)?;
+        Ok(bytes.and_then(|bytes| heapless::String::from_utf8(bytes).ok()))
     }
 
-    /// Reads bytes from anywhere in the table.
-    fn bytes(&self, at: u32, into: &mut [u8]) -> Result<(), AccessError> {
-        for (byte, at) in into.iter_mut().zip(at..) {
-            let word = self.load(at & !3)?.to_le_bytes();
-            let from = word.get((at & 3) as usize);
-            *byte = from.copied().unwrap_or_default();
+    fn bytes<const N: usize>(
+        &self,
+        at: &mut u32,
+        len: u32,
+    ) -> Result<Option<heapless::Vec<u8, N>>, AccessError> {
+        let mut bytes = heapless::Vec::new();
+        let begin = *at;
+        *at = begin.saturating_add(len.checked_next_multiple_of(4).unwrap_or(u32::MAX));
+        let is_inside = begin.is_multiple_of(4) && *at <= self.shape.text_bytes;
+        if !is_inside || bytes.resize_default(len as usize).is_err() {
+            return Ok(None);
         }
-        Ok(())
+        self.region.read(self.shape.texts() + begin, &mut bytes)?;
+        Ok(Some(bytes))
     }
 
     fn load(&self, at: u32) -> Result<u32, AccessError> {
