@@ -123,7 +123,8 @@ impl<const PIECES: usize> Slot<PIECES> {
     /// last one, and may be reading the plan of the next.
     pub(crate) fn next_selection(&self) -> Option<u32> {
         let asked = self.last_selection.load(Ordering::Relaxed);
-        // Pairs with the loop's fence after it has left the former plan, which nobody writes before.
+        // Pairs with the loop's fence after it has left the former plan. Loom cannot refute it: there no
+        // load of the loop returns what is stored later.
         let is_taken = self.taken.load(Ordering::Acquire) == asked;
         is_taken.then_some(asked.checked_add(1).unwrap_or(2))
     }

@@ -207,11 +207,11 @@ impl<W: MemoryWindow> Watcher<W> {
         }
         let before = selection;
         let row = selection.read(&self.table, at, values)?;
-        // Pairs with the writer's fence when it leaves a selection: nothing above is of another one.
-        fence(Ordering::Acquire);
+        // Its fence pairs with that of the writer when it leaves a selection: if anything above is of
+        // another one, that is seen below.
+        self.check_claim()?;
         let region = self.table.region();
         let present = region.load(at + slot::SELECTION, LoadOrder::Relaxed)?;
-        self.check_claim()?;
         if present != selection.number {
             return Ok(None);
         }
