@@ -3,7 +3,7 @@
 use core::fmt;
 
 use condor_mbox::layout::LINE;
-use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Places, Region, StoreOrder};
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Place, Places, Region, StoreOrder};
 
 use crate::layout::{
     ABOUT_BYTES, IS_PARAM, MAGIC, MOST_ENTRIES, NAME_BYTES, Shape, UNIT_BYTES, VERSION, entry_at,
@@ -239,21 +239,17 @@ pub(crate) fn write<W: MemoryWindow + Clone>(
     table.store(header::LIFE, life, StoreOrder::Release)?;
     // A reader of the former life that sees anything of what follows sees the new life afterwards.
     fence(Ordering::Release);
-    for (at, word) in [
-        (header::VERSION, VERSION),
-        (header::BYTES, bytes),
-        (header::RATE, rate.0),
-        (header::RATE + 4, rate.1),
-        (header::ENTRIES, shape.entries),
-        (header::TEXT_BYTES, shape.text_bytes),
-        (header::SLOTS, shape.slots),
-        (header::SLOT_BYTES, shape.slot_bytes),
-        (header::CELL, cell.0),
-        (header::CELL_BYTES, cell.1),
-    ] {
-        set(at, word)?;
-    }
-    for number in 0..shape.slots {
+    set(header::VERSION, VERSION)?;
+    let Shape {
+        entries,
+        text_bytes,
+        slots,
+        slot_bytes,
+    } = shape;
+    let ((a, b), (c, d)) = (rate, cell);
+    let words = [bytes, a, b, entries, text_bytes, slots, slot_bytes, c, d];
+    table.set(Place::at(header::BYTES), &words)?;
+    for number in 0..slots {
         for word in [slot::CLAIM, slot::SELECTION, slot::BEGUN, slot::COMPLETE] {
             set(shape.slot(number) + word, 0)?;
         }
@@ -267,7 +263,7 @@ pub(crate) fn write<W: MemoryWindow + Clone>(
             unit,
             about,
             labels,
-            bounds: [least, greatest],
+            bounds,
         } = item.description;
         let begin = end;
         let mut put = |text: &[u8]| {
@@ -285,19 +281,10 @@ pub(crate) fn write<W: MemoryWindow + Clone>(
         }
         let lengths = [name.len(), unit.len(), about.len(), labels.len()].map(|len| len as u8);
         let flags = if item.is_param { IS_PARAM } else { 0 };
-        let (head, bounds) = (
-            [
-                begin,
-                u32::from_le_bytes(lengths),
-                kind as u32 | flags,
-                item.position,
-            ],
-            [least, greatest],
-        );
-        let words = head.iter().chain(bounds.as_flattened());
-        for (at, word) in (entry_at(number)..).step_by(4).zip(words) {
-            set(at, *word)?;
-        }
+        let [[a, b], [c, d]] = bounds;
+        let (lengths, kind) = (u32::from_le_bytes(lengths), kind as u32 | flags);
+        let words = [begin, lengths, kind, item.position, a, b, c, d];
+        table.set(Place::at(entry_at(number)), &words)?;
         number += 1;
         Ok(())
     })?;

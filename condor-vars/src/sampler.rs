@@ -115,7 +115,7 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
                 ring.wait = wait;
                 continue;
             }
-            ring.wait = ring.every.saturating_sub(1);
+            ring.wait = ring.every.wrapping_sub(1);
             let plan = slot.plan(ring.selection);
             result = result.and(self.rows.write(ring, plan, tick, released));
         }

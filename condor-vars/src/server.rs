@@ -158,15 +158,12 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
 
     fn select(&self, number: u32, claim: u32, every: u32) -> Outcome {
         let slot = self.claimed(number, claim)?;
-        if every == 0 {
-            return refused_with(response::EVERY, 0, 0);
-        }
         let Some(selection) = slot.next_selection() else {
             return refused_with(response::BUSY, 0, 0);
         };
         let plan = slot.plan(selection);
         let words = self.plan(number, plan)?;
-        plan.every.store(every, Relaxed);
+        plan.every.store(every.max(1), Relaxed);
         plan.words.store(words, Relaxed);
         slot.ask(selection);
         Ok([selection, words])

@@ -1,10 +1,10 @@
 //! [`Table`]: what somebody else's loop shows, read from its window.
 
-use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Place, Region};
 
 use crate::kind::{Kind, Value};
 use crate::layout::{
-    ABOUT_BYTES, ENTRIES_AT, IS_PARAM, MAGIC, NAME_BYTES, Shape, UNIT_BYTES, VERSION, entry,
+    ABOUT_BYTES, ENTRIES_AT, HEADER_WORDS, IS_PARAM, MAGIC, NAME_BYTES, Shape, UNIT_BYTES, VERSION,
     entry_at, header,
 };
 use crate::sync::{Ordering, fence};
@@ -104,28 +104,26 @@ impl<W: MemoryWindow + Clone> Table<W> {
         let life = head.word(header::LIFE)?;
         // Pairs with the owner's last store.
         let magic = head.word(header::MAGIC)?;
-        let word = |at| head.load(at, LoadOrder::Relaxed);
-        let version = word(header::VERSION)?;
+        let words = head.get(Place::<[u32; HEADER_WORDS]>::at(0))?;
+        let [_, version, _, bytes, rate @ .., _, _, _, _, _, _] = words;
+        let [.., entries, text_bytes, slots, slot_bytes, cell, cell_bytes] = words;
         if magic != MAGIC || version != VERSION {
             return Err(TableError::NoTable { magic, version });
         }
-        let bytes = word(header::BYTES)?;
         let shape = Shape {
-            entries: word(header::ENTRIES)?,
-            text_bytes: word(header::TEXT_BYTES)?,
-            slots: word(header::SLOTS)?,
-            slot_bytes: word(header::SLOT_BYTES)?,
+            entries,
+            text_bytes,
+            slots,
+            slot_bytes,
         };
-        let rate = (word(header::RATE)?, word(header::RATE + 4)?);
-        let cell = (word(header::CELL)?, word(header::CELL_BYTES)?);
         let shape = shape.checked(bytes).ok_or(TableError::Header { bytes })?;
         let region = users.part(offset, bytes)?;
         let table = Self {
             region,
             offset,
             life,
-            rate,
-            cell,
+            rate: rate.into(),
+            cell: (cell, cell_bytes),
             shape,
         };
         table.check_life()?;
@@ -195,30 +193,17 @@ impl<W: MemoryWindow> Table<W> {
         entry.ok_or(TableError::Entry { number })
     }
 
-    /// Returns the type of an entry; `None` if it is impossible, or there is none.
-    pub(crate) fn kind(&self, number: u32) -> Result<Option<Kind>, AccessError> {
-        if number >= self.shape.entries {
-            return Ok(None);
-        }
-        let code = self.load(entry_at(number) + entry::KIND)?;
-        Ok(Kind::from_code(code & !IS_PARAM))
-    }
-
     /// Finds the entry of this name.
     ///
     /// # Errors
     /// Those of [`entry`](Self::entry).
     pub fn find(&self, name: &str) -> Result<Option<Entry>, TableError> {
-        for number in 0..self.len() {
-            let lengths = self.load(entry_at(number) + entry::LENGTHS)?;
-            if (lengths & 0xff) as usize == name.len() {
-                let entry = self.entry(number)?;
-                if entry.name == name {
-                    return Ok(Some(entry));
-                }
+        for entry in self.entries() {
+            let entry = entry?;
+            if entry.name == name {
+                return Ok(Some(entry));
             }
         }
-        self.check_life()?;
         Ok(None)
     }
 
@@ -255,10 +240,7 @@ impl<W: MemoryWindow> Table<W> {
 
     /// Reads an entry; `None` if it is impossible.
     fn read_entry(&self, number: u32) -> Result<Option<Entry>, AccessError> {
-        let mut words = [0; 8];
-        for (word, at) in words.iter_mut().zip((entry_at(number)..).step_by(4)) {
-            *word = self.load(at)?;
-        }
+        let words = self.region.get(Place::<[u32; 8]>::at(entry_at(number)))?;
         let [mut text, lengths, code, position, a, b, c, d] = words;
         let [name, unit, about, labels] = lengths.to_le_bytes();
         let name = self.text(&mut text, name.into())?;
@@ -307,10 +289,6 @@ impl<W: MemoryWindow> Table<W> {
         Ok(Some(bytes))
     }
 
-    fn load(&self, at: u32) -> Result<u32, AccessError> {
-        self.region.load(at, LoadOrder::Relaxed)
-    }
-
     pub(crate) const fn region(&self) -> &Region<W> {
         &self.region
     }
@@ -319,7 +297,7 @@ impl<W: MemoryWindow> Table<W> {
     pub(crate) fn check_life(&self) -> Result<(), TableError> {
         // Pairs with the owner's fence after it has begun another life.
         fence(Ordering::Acquire);
-        let found = self.load(header::LIFE)?;
+        let found = self.region.load(header::LIFE, LoadOrder::Relaxed)?;
         let expected = self.life;
         if found == expected {
             return Ok(());
