@@ -7,7 +7,7 @@ use condor_mbox::{Exclusion, MemoryWindow, Places, Processor, Region};
 use crate::catalog::{self, Body, Catalog, CatalogError};
 use crate::sampler::Sampler;
 use crate::server::Server;
-use crate::sync::{AtomicU32, Ordering, const_unless_loom, zeros};
+use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom};
 
 /// The memory through which the [`Server`] of a loop hands selections to its [`Sampler`].
 ///
@@ -60,8 +60,8 @@ impl<const PIECES: usize> Plan<PIECES> {
                 count: AtomicU32::new(0),
                 words: AtomicU32::new(0),
                 every: AtomicU32::new(0),
-                blocks: zeros(),
-                parts: zeros(),
+                blocks: array_of!(AtomicU32::new(0); PIECES),
+                parts: array_of!(AtomicU32::new(0); PIECES),
             }
         }
     }
@@ -104,7 +104,7 @@ impl<const PIECES: usize> Slot<PIECES> {
                 last_selection: AtomicU32::new(0),
                 asked: AtomicU32::new(0),
                 taken: AtomicU32::new(0),
-                plans: [Plan::new(), Plan::new()],
+                plans: array_of!(Plan::new(); 2),
             }
         }
     }
@@ -154,19 +154,9 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
         pub fn new() -> Self {
             Self {
                 is_taken: AtomicU32::new(0),
-                slots: Self::slots(),
+                slots: array_of!(Slot::new(); SLOTS),
             }
         }
-    }
-
-    #[cfg(not(condor_loom))]
-    const fn slots() -> [Slot<PIECES>; SLOTS] {
-        [const { Slot::new() }; SLOTS]
-    }
-
-    #[cfg(condor_loom)]
-    fn slots() -> [Slot<PIECES>; SLOTS] {
-        core::array::from_fn(|_| Slot::new())
     }
 
     /// Makes the table of a loop in the next of `places` in `own`, the users' region of the program's
