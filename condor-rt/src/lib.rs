@@ -16,6 +16,7 @@ mod setup;
 mod variables;
 
 // What it needs of its processor.
+mod interrupts;
 mod machine;
 pub mod numbers;
 mod silent;
@@ -47,6 +48,7 @@ pub mod linux;
 pub mod sim;
 
 pub use error::{Error, Text};
+pub use interrupts::Interrupts;
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
 pub use running::{Background, Call, ConsoleOf, FilesOf, Tick};

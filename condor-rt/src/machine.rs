@@ -7,6 +7,7 @@ use condor_mbox::{
 use condor_mos::{Loops, Platform};
 
 use crate::error::Error;
+use crate::interrupts::Interrupts;
 use crate::numbers::PROCESSORS;
 use crate::servo::{self, ServoLoop};
 
@@ -94,6 +95,11 @@ pub trait Machine: Sync {
     fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {
         let _ = serve;
         background()
+    }
+
+    /// What became of the interrupts of its boards so far; `None` if none interrupts.
+    fn interrupts(&self) -> Option<Interrupts> {
+        None
     }
 
     /// Runs loops, by their numbers in `loops`, and `background`, which is given what it may ask of them.

@@ -382,6 +382,9 @@ impl<'e, M: Machine> Setup<'e, M> {
         }
         let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
         let reports = self.reports(&names)?;
+        let interrupts = self.machine.interrupts();
+        let interrupts = interrupts.map(|_| self.publish_fields("interrupts"));
+        let reports = (interrupts.transpose()?, reports);
         let watched: Vec<&dyn Watch, VARIABLES> = fitting(self.watched.iter().copied());
         let tuned: Vec<&dyn Tune, VARIABLES> = fitting(self.tuned.iter().copied());
         let (windows, doorbell) = (self.machine.windows(), self.machine.doorbell());

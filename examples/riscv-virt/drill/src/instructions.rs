@@ -174,11 +174,7 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Error> {
 }
 
 /// What messages to itself take.
-fn messages(
-    hart: &Hart,
-    mailbox: &MailboxOf<'_, Hart>,
-    counts: &mut Counts,
-) -> Result<(), Error> {
+fn messages(hart: &Hart, mailbox: &MailboxOf<'_, Hart>, counts: &mut Counts) -> Result<(), Error> {
     let me = hart.number();
     for message in 0..WARM_UP + MESSAGES {
         let begun = counter();
