@@ -176,20 +176,6 @@ pub(crate) fn measure(
     let (mut shape, mut end) = (Shape::default(), 0);
     items(&mut |item| {
         let entry = shape.entries;
-        let mut check = |what, len: usize, bytes: usize, most| {
-            shape.text_bytes = shape.text_bytes.saturating_add(bytes as u32);
-            let wrong = CatalogError::TooLong { entry, what, most };
-            (len <= most).then_some(()).ok_or(wrong)
-        };
-        let mut text = |what, text: Option<&str>, most| {
-            let len = text.map_or(usize::MAX, str::len);
-            check(
-                what,
-                len,
-                text.map_or(0, str::len).next_multiple_of(4),
-                most,
-            )
-        };
         let Description {
             kind,
             unit,
@@ -197,13 +183,23 @@ pub(crate) fn measure(
             labels,
             ..
         } = item.description;
-        text("the name", item.name().as_deref(), NAME_BYTES)?;
-        text("the unit", Some(unit), UNIT_BYTES)?;
-        text("the description", Some(about), ABOUT_BYTES)?;
-        for label in labels {
-            text("a label", Some(label), UNIT_BYTES)?;
+        let (name, mut bytes) = (item.name(), 4 * labels.len());
+        let texts = [
+            ("the name", name.as_deref(), NAME_BYTES),
+            ("the unit", Some(unit), UNIT_BYTES),
+            ("the description", Some(about), ABOUT_BYTES),
+        ];
+        let of_labels = labels.iter().map(|it| ("a label", Some(*it), UNIT_BYTES));
+        for (what, text, most) in texts.into_iter().chain(of_labels) {
+            let text = text.filter(|text| text.len() <= most);
+            let text = text.ok_or(CatalogError::TooLong { entry, what, most })?;
+            bytes += text.len().next_multiple_of(4);
         }
-        check("the list of labels", labels.len(), 4 * labels.len(), 255)?;
+        if labels.len() > 255 {
+            let (what, most) = ("the list of labels", 255);
+            return Err(CatalogError::TooLong { entry, what, most });
+        }
+        shape.text_bytes = shape.text_bytes.saturating_add(bytes as u32);
         shape.entries += 1;
         end = end.max(item.position.saturating_add(kind.bytes() as u32));
         let count = shape.entries.max(end.div_ceil(4));
