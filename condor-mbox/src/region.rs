@@ -235,11 +235,15 @@ impl<W: MemoryWindow> MemoryWindow for Region<W> {
             .map_err(|error| self.error(offset, from.len(), error.kind()))
     }
 
-    fn write_words(&self, offset: u32, from: &[AtomicU32]) -> Result<(), AccessError> {
-        let len = size_of_val(from);
+    fn write_words(
+        &self,
+        offset: u32,
+        len: usize,
+        from: &[&[AtomicU32]],
+    ) -> Result<(), AccessError> {
         self.inside(offset, len)?;
         self.window
-            .write_words(self.at(offset), from)
+            .write_words(self.at(offset), len, from)
             .map_err(|error| self.error(offset, len, error.kind()))
     }
 }

@@ -193,15 +193,36 @@ pub trait MemoryWindow {
         Ok(())
     }
 
-    /// Copies words of the program's own memory into the window, each with `Relaxed` order.
+    /// Copies the first `len` bytes of words of the program's own memory into the window, slice after slice,
+    /// each word with `Relaxed` order.
     ///
-    /// Other contexts of the program may write them meanwhile: each is then old or new.
+    /// Other contexts of the program may write them meanwhile: each is then old or new. If there are fewer
+    /// words, what is after them stays as it is.
     ///
     /// # Errors
-    /// As [`write`](Self::write) of four bytes a word.
-    fn write_words(&self, offset: u32, from: &[AtomicU32]) -> Result<(), Self::Error> {
-        self.check(offset, size_of_val(from))?;
-        for (at, word) in (offset..).step_by(4).zip(from) {
+    /// As [`write`](Self::write) of so many bytes.
+    fn write_words(
+        &self,
+        offset: u32,
+        len: usize,
+        from: &[&[AtomicU32]],
+    ) -> Result<(), Self::Error> {
+        self.check(offset, len)?;
+        let count = len / 4;
+        let plain = self.words().and_then(|all| {
+            let (_, rest) = all.get().split_at_checked((offset / 4) as usize)?;
+            rest.get(..count)
+        });
+        if let Some(mut to) = plain.map(<[_]>::iter) {
+            for slice in from {
+                for (word, to) in slice.iter().zip(&mut to) {
+                    to.store(word.load(Ordering::Relaxed), Ordering::Relaxed);
+                }
+            }
+            return Ok(());
+        }
+        let from = from.iter().copied().flatten();
+        for (at, word) in (offset..).step_by(4).take(count).zip(from) {
             self.store(at, word.load(Ordering::Relaxed), StoreOrder::Relaxed)?;
         }
         Ok(())
@@ -303,8 +324,13 @@ impl<T: Deref<Target: MemoryWindow>> MemoryWindow for T {
         (**self).write(offset, from)
     }
 
-    fn write_words(&self, offset: u32, from: &[AtomicU32]) -> Result<(), Self::Error> {
-        (**self).write_words(offset, from)
+    fn write_words(
+        &self,
+        offset: u32,
+        len: usize,
+        from: &[&[AtomicU32]],
+    ) -> Result<(), Self::Error> {
+        (**self).write_words(offset, len, from)
     }
 }
 

@@ -1,13 +1,10 @@
 //! [`Cell`]: a published cell whose fields show.
 
-use core::fmt;
-
 use condor_mbox::published::{ReadError, read_bytes};
-use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+use condor_mbox::{MemoryWindow, Places, Published, Region};
 
-use crate::catalog::{self, CatalogError, Head, Item, check_texts};
+use crate::catalog::{self, Body, CatalogError, Item};
 use crate::kind::{Kind, Value};
-use crate::layout::Shape;
 use crate::table::{Entry, Table, TableError};
 use crate::var::Description;
 
@@ -83,42 +80,27 @@ impl Field {
             ..self
         }
     }
-}
 
-/// The name of an element of an array, or of a single field.
-struct Name(&'static str, Option<usize>);
-
-impl fmt::Display for Name {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self(name, None) => f.write_str(name),
-            Self(name, Some(index)) => write!(f, "{name}.{index}"),
-        }
-    }
-}
-
-/// Goes through all fields in order.
-fn each(
-    fields: &[Field],
-    mut body: impl FnMut(&Item<'_>) -> Result<(), CatalogError>,
-) -> Result<(), CatalogError> {
-    for field in fields {
-        for index in 0..field.count.unwrap_or(1) {
+    /// Goes through its elements, or itself.
+    fn each(&self, body: &mut Body<'_>) -> Result<(), CatalogError> {
+        (0..self.count.unwrap_or(1)).try_for_each(|index| {
             body(&Item {
                 description: Description {
-                    kind: field.kind,
-                    unit: field.unit,
-                    about: field.about,
-                    labels: field.labels,
+                    kind: self.kind,
+                    unit: self.unit,
+                    about: self.about,
+                    labels: self.labels,
                     bounds: [[0; 2]; 2],
                 },
-                name: &Name(field.name, field.count.map(|_| index)),
+                name: &|to| match self.count {
+                    None => to.write_str(self.name),
+                    Some(_) => write!(to, "{}.{index}", self.name),
+                },
                 is_param: false,
-                position: (field.offset + index * field.kind.bytes()) as u32,
-            })?;
-        }
+                position: (self.offset + index * self.kind.bytes()) as u32,
+            })
+        })
     }
-    Ok(())
 }
 
 /// Describes the fields of a cell in the next of `places`; returns where the table begins.
@@ -132,35 +114,18 @@ pub fn describe<T: Described, W: MemoryWindow + Clone>(
     own: &Region<W>,
     places: &mut Places,
 ) -> Result<u32, CatalogError> {
-    let (fields, size) = (T::FIELDS, size_of::<T>());
-    let mut shape = Shape {
-        entries: 0,
-        text_bytes: 0,
-        slots: 0,
-        slot_bytes: 0,
-    };
-    each(fields, |item| {
-        let end = item.position as usize + item.description.kind.bytes();
-        if end > size {
-            return Err(CatalogError::Block {
-                block: shape.entries as usize,
-                words: size / 4,
-            });
+    let bytes = size_of::<T>();
+    for (block, field) in T::FIELDS.iter().enumerate() {
+        let len = field.kind.bytes().saturating_mul(field.count.unwrap_or(1));
+        if field.offset.saturating_add(len) > bytes {
+            let words = bytes / 4;
+            return Err(CatalogError::Block { block, words });
         }
-        let bytes = check_texts(shape.entries, item)?.next_multiple_of(4);
-        shape.entries += 1;
-        shape.text_bytes = shape.text_bytes.saturating_add(bytes as u32);
-        Ok(())
-    })?;
-    let bytes = shape.bytes().unwrap_or(u32::MAX);
-    let offset = places.bytes(bytes as usize)?;
-    let table = own.part(offset, bytes)?;
-    let head = Head {
-        rate: (0, 0),
-        cell: (cell.offset(), size as u32),
-    };
-    catalog::write(&table, shape, &head, |body| each(fields, body))?;
-    catalog::finish(&table)?;
+    }
+    let items = |body: &mut Body<'_>| T::FIELDS.iter().try_for_each(|field| field.each(body));
+    let (shape, _) = catalog::measure(items)?;
+    let cell = (cell.offset(), bytes as u32);
+    let (_, offset, _) = catalog::write(own, places, shape, (0, 0), cell, items)?;
     Ok(offset)
 }
 
@@ -194,12 +159,6 @@ pub enum CellError {
     /// There is no value, or none whole.
     #[error(transparent)]
     Read(#[from] ReadError),
-}
-
-impl From<AccessError> for CellError {
-    fn from(error: AccessError) -> Self {
-        Self::Table(error.into())
-    }
 }
 
 impl<W: MemoryWindow + Clone> Cell<W> {

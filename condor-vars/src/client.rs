@@ -62,9 +62,6 @@ pub enum RequestError {
         /// The number of the slot.
         slot: u32,
     },
-    /// A row every 0 ticks.
-    #[error("a row every 0 ticks")]
-    Every,
     /// A selection whose variables are too far apart for the owner's plans.
     #[error("the selection is in {pieces} pieces; {most} is the most")]
     Scattered {
@@ -155,13 +152,13 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
         Watcher::new(table.clone(), number, claim).ok_or(RequestError::Protocol { to, code })
     }
 
-    /// Selects entries by number, of which there is then a row every `every` ticks, in the order of their
-    /// numbers. Rows of the former selection that were not read are dropped.
+    /// Selects entries by number, of which there is then a row every `every` ticks, at least 1, in the
+    /// order of their numbers. Rows of the former selection that were not read are dropped.
     ///
     /// The first row is that of the tick after the loop has taken the selection over.
     ///
     /// # Errors
-    /// [`RequestError::Every`], [`RequestError::Scattered`], [`RequestError::Displaced`]; those of
+    /// [`RequestError::Scattered`], [`RequestError::Displaced`]; those of
     /// [`Table::entry`]; and those that all calls have. Nothing is selected then.
     pub fn select<V: MemoryWindow>(
         &mut self,
@@ -276,7 +273,6 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
                     let present = kind.value([a, b]);
                     RequestError::Conflict { present }
                 }
-                response::EVERY => RequestError::Every,
                 code => RequestError::Protocol { to, code },
             });
         }

@@ -1,12 +1,13 @@
 //! [`Desk`]: what the handler of requests and the loop have in common, in the program's own memory.
 
-use condor_mbox::{Exclusion, MemoryWindow, Places, Processor, Region, StoreOrder};
+use core::ops::Range;
 
-use crate::catalog::{self, Catalog, CatalogError, Head};
-use crate::layout::slot;
+use condor_mbox::{Exclusion, MemoryWindow, Places, Processor, Region};
+
+use crate::catalog::{self, Body, Catalog, CatalogError};
 use crate::sampler::Sampler;
 use crate::server::Server;
-use crate::sync::{AtomicU32, Ordering, const_unless_loom, zeros};
+use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom};
 
 /// The memory through which the [`Server`] of a loop hands selections to its [`Sampler`].
 ///
@@ -23,15 +24,13 @@ pub struct Desk<const PIECES: usize, const SLOTS: usize> {
 /// A watcher, as its owner knows it. The handler writes all but `taken`.
 #[derive(Debug)]
 pub(crate) struct Slot<const PIECES: usize> {
-    /// The number of the present claim, or 0.
+    /// The number of the last claim.
     pub(crate) claim: AtomicU32,
-    /// The last claim there was.
-    pub(crate) last_claim: AtomicU32,
-    /// The processor that claimed it, and its incarnation.
+    /// The processor that claimed it, and its incarnation; 0 when the slot is free.
     pub(crate) owner: AtomicU32,
     pub(crate) incarnation: AtomicU32,
     /// The last selection there was, for the handler itself.
-    pub(crate) last_selection: AtomicU32,
+    last_selection: AtomicU32,
     /// The number of the last selection, which is in the plan of its parity.
     pub(crate) asked: AtomicU32,
     /// The number of the selection that the loop has taken over. The loop's.
@@ -49,8 +48,8 @@ pub(crate) struct Plan<const PIECES: usize> {
     pub(crate) every: AtomicU32,
     /// Of each piece the first block and the end of its blocks, 16 bits each.
     pub(crate) blocks: [AtomicU32; PIECES],
-    /// Of each piece the first word and the end of its words in its only block, 16 bits each; 0 for
-    /// whole blocks.
+    /// Of each piece the first word and the end of its words in its only block, 16 bits each; of whole blocks
+    /// how many words they have, and 0.
     pub(crate) parts: [AtomicU32; PIECES],
 }
 
@@ -61,10 +60,37 @@ impl<const PIECES: usize> Plan<PIECES> {
                 count: AtomicU32::new(0),
                 words: AtomicU32::new(0),
                 every: AtomicU32::new(0),
-                blocks: zeros(),
-                parts: zeros(),
+                blocks: array_of!(AtomicU32::new(0); PIECES),
+                parts: array_of!(AtomicU32::new(0); PIECES),
             }
         }
+    }
+}
+
+/// How much of its blocks a piece has.
+#[derive(Debug)]
+pub(crate) enum Part {
+    Whole {
+        words: usize,
+    },
+    /// A range of the words of the only block.
+    Words(Range<usize>),
+}
+
+impl<const PIECES: usize> Plan<PIECES> {
+    /// Iterates over the pieces: their blocks, and how much of them.
+    pub(crate) fn pieces(&self) -> impl Iterator<Item = (Range<usize>, Part)> {
+        let unpack = |range: u32| ((range & 0xffff) as usize, (range >> 16) as usize);
+        let pieces = self.blocks.iter().zip(&self.parts);
+        let count = self.count.load(Ordering::Relaxed) as usize;
+        pieces.take(count).map(move |(blocks, part)| {
+            let (first, end) = unpack(blocks.load(Ordering::Relaxed));
+            let part = match unpack(part.load(Ordering::Relaxed)) {
+                (words, 0) => Part::Whole { words },
+                (first, end) => Part::Words(first..end),
+            };
+            (first..end, part)
+        })
     }
 }
 
@@ -73,13 +99,12 @@ impl<const PIECES: usize> Slot<PIECES> {
         fn new() -> Self {
             Self {
                 claim: AtomicU32::new(0),
-                last_claim: AtomicU32::new(0),
                 owner: AtomicU32::new(0),
                 incarnation: AtomicU32::new(0),
                 last_selection: AtomicU32::new(0),
                 asked: AtomicU32::new(0),
                 taken: AtomicU32::new(0),
-                plans: [Plan::new(), Plan::new()],
+                plans: array_of!(Plan::new(); 2),
             }
         }
     }
@@ -98,14 +123,10 @@ impl<const PIECES: usize> Slot<PIECES> {
     /// last one, and may be reading the plan of the next.
     pub(crate) fn next_selection(&self) -> Option<u32> {
         let asked = self.last_selection.load(Ordering::Relaxed);
-        // Pairs with the loop's store after it has left the former plan.
-        if self.taken.load(Ordering::Acquire) != asked {
-            return None;
-        }
-        Some(match asked.wrapping_add(1) {
-            0 => 2,
-            next => next,
-        })
+        // Pairs with the loop's fence after it has left the former plan. Loom cannot refute it: there no
+        // load of the loop returns what is stored later.
+        let is_taken = self.taken.load(Ordering::Acquire) == asked;
+        is_taken.then_some(asked.checked_add(1).unwrap_or(2))
     }
 
     /// Leaves a selection for the loop, after its plan.
@@ -133,19 +154,9 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
         pub fn new() -> Self {
             Self {
                 is_taken: AtomicU32::new(0),
-                slots: Self::slots(),
+                slots: array_of!(Slot::new(); SLOTS),
             }
         }
-    }
-
-    #[cfg(not(condor_loom))]
-    const fn slots() -> [Slot<PIECES>; SLOTS] {
-        [const { Slot::new() }; SLOTS]
-    }
-
-    #[cfg(condor_loom)]
-    fn slots() -> [Slot<PIECES>; SLOTS] {
-        core::array::from_fn(|_| Slot::new())
     }
 
     /// Makes the table of a loop in the next of `places` in `own`, the users' region of the program's
@@ -173,22 +184,21 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
         *self = Self::new();
         let desk = &*self;
         let shape = catalog.shape(SLOTS as u32, settings.rows)?;
-        let bytes = shape.bytes().unwrap_or(u32::MAX);
-        let offset = places.bytes(bytes as usize)?;
-        let table = own.part(offset, bytes)?;
-        let head = Head {
-            rate: settings.rate,
-            cell: (0, 0),
-        };
-        let life = catalog::write(&table, shape, &head, |body| catalog.each(body))?;
-        for number in 0..shape.slots {
-            for word in [slot::CLAIM, slot::SELECTION, slot::BEGUN, slot::COMPLETE] {
-                table.store(shape.slot(number) + word, 0, StoreOrder::Relaxed)?;
-            }
+        let mut blocks = heapless::Vec::new();
+        for block in catalog.blocks() {
+            blocks
+                .push(block.words())
+                .map_err(|_| CatalogError::TooMany {
+                    what: "blocks of variables",
+                    count: catalog.blocks().count(),
+                    most: BLOCKS,
+                })?;
         }
-        let sampler = Sampler::new(desk, table.clone(), shape, catalog)?;
-        catalog::finish(&table)?;
-        let server = Server::new(
+        let items = |body: &mut Body<'_>| catalog.each(body);
+        let (table, offset, life) =
+            catalog::write(own, places, shape, settings.rate, (0, 0), items)?;
+        let sampler = Sampler::new(desk, table.clone(), shape, blocks, catalog.params());
+        let server = Server {
             desk,
             table,
             offset,
@@ -197,7 +207,7 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
             catalog,
             exclusion,
             incarnation,
-        );
+        };
         Ok((server, sampler))
     }
 }

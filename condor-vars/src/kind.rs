@@ -1,6 +1,9 @@
 //! [`Kind`] and [`Value`]: what the words of a variable mean, known while the program runs.
 
 use core::fmt;
+use core::mem::discriminant;
+
+use crate::scalar::{join, split};
 
 /// The type of a variable, a parameter or a field.
 ///
@@ -95,14 +98,18 @@ impl Kind {
 
     /// Returns the value of these words; of one word, only the first counts.
     #[must_use]
-    pub fn value(self, [low, high]: [u32; 2]) -> Value {
-        let long = u64::from(high) << 32 | u64::from(low);
+    pub fn value(self, words: [u32; 2]) -> Value {
+        let ([low, _], long) = (words, join(words));
         match self {
             Self::F32 => Value::F32(f32::from_bits(low)),
             Self::F64 => Value::F64(f64::from_bits(long)),
-            Self::I8 | Self::I16 | Self::I32 => Value::Int(low.cast_signed().into()),
+            Self::I8 => Value::Int((low as i8).into()),
+            Self::I16 => Value::Int((low as i16).into()),
+            Self::I32 => Value::Int(low.cast_signed().into()),
             Self::I64 => Value::Int(long.cast_signed()),
-            Self::U8 | Self::U16 | Self::U32 => Value::Uint(low.into()),
+            Self::U8 => Value::Uint((low as u8).into()),
+            Self::U16 => Value::Uint((low as u16).into()),
+            Self::U32 => Value::Uint(low.into()),
             Self::U64 => Value::Uint(long),
             Self::Bool => Value::Bool(low != 0),
             Self::Choice => Value::Choice(low),
@@ -112,18 +119,9 @@ impl Kind {
     /// Returns the value of a field of a published struct; `None` of too few bytes.
     #[must_use]
     pub fn value_of_bytes(self, bytes: &[u8]) -> Option<Value> {
-        let mut all = [0; 8];
-        let field = bytes.get(..self.bytes())?;
-        for (to, from) in all.iter_mut().zip(field) {
-            *to = *from;
-        }
-        let long = u64::from_le_bytes(all);
-        let word = match self {
-            Self::I8 => i32::from(long as i8).cast_unsigned(),
-            Self::I16 => i32::from(long as i16).cast_unsigned(),
-            _ => long as u32,
-        };
-        Some(self.value([word, (long >> 32) as u32]))
+        let field = bytes.get(..self.bytes())?.iter().rev();
+        let long = field.fold(0, |long, byte| long << 8 | u64::from(*byte));
+        Some(self.value(split(long)))
     }
 
     /// Takes the first value off the words of a row, and returns it with the rest.
@@ -146,23 +144,23 @@ impl Kind {
     /// Returns the words of a value; `None` if it is of another kind, or does not fit.
     #[must_use]
     pub fn words_of(self, value: Value) -> Option<[u32; 2]> {
-        let long = |bits: u64| [bits as u32, (bits >> 32) as u32];
-        let signed = |value: i64, fits: bool| fits.then_some([value.cast_unsigned() as u32, 0]);
-        let unsigned = |value: u64, most: u32| (value <= most.into()).then_some([value as u32, 0]);
-        match (self, value) {
-            (Self::F32, Value::F32(value)) => Some([value.to_bits(), 0]),
-            (Self::F64, Value::F64(value)) => Some(long(value.to_bits())),
-            (Self::I8, Value::Int(value)) => signed(value, i8::try_from(value).is_ok()),
-            (Self::I16, Value::Int(value)) => signed(value, i16::try_from(value).is_ok()),
-            (Self::I32, Value::Int(value)) => signed(value, i32::try_from(value).is_ok()),
-            (Self::I64, Value::Int(value)) => Some(long(value.cast_unsigned())),
-            (Self::U8, Value::Uint(value)) => unsigned(value, u8::MAX.into()),
-            (Self::U16, Value::Uint(value)) => unsigned(value, u16::MAX.into()),
-            (Self::U32, Value::Uint(value)) => unsigned(value, u32::MAX),
-            (Self::U64, Value::Uint(value)) => Some(long(value)),
-            (Self::Bool, Value::Bool(value)) => Some([value.into(), 0]),
-            (Self::Choice, Value::Choice(value)) => Some([value, 0]),
-            _ => None,
+        let [low, high] = split(value.bits());
+        let words = [low, if self.words() == 2 { high } else { 0 }];
+        let found = self.value(words);
+        let is_same = discriminant(&found) == discriminant(&value) && found.bits() == value.bits();
+        is_same.then_some(words)
+    }
+}
+
+impl Value {
+    fn bits(self) -> u64 {
+        match self {
+            Self::F32(value) => value.to_bits().into(),
+            Self::F64(value) => value.to_bits(),
+            Self::Int(value) => value.cast_unsigned(),
+            Self::Uint(value) => value,
+            Self::Bool(value) => value.into(),
+            Self::Choice(value) => value.into(),
         }
     }
 }
@@ -186,33 +184,19 @@ mod tests {
     use super::{Kind, Value};
 
     #[test]
-    fn codes_are_the_discriminants() {
-        for (code, kind) in (1..).zip(Kind::ALL) {
+    fn codes_values_and_words_agree() {
+        let int = [i64::from(i8::MIN), -2, i32::MIN.into(), i64::MIN].map(Value::Int);
+        let uint = [255, 65_535, u32::MAX.into(), u64::MAX].map(Value::Uint);
+        let floats = [Value::F32(-0.5), Value::F64(1e300)];
+        let others = [Value::Bool(true), Value::Choice(3)];
+        let values = floats.into_iter().chain(int).chain(uint).chain(others);
+        for ((code, kind), value) in (1..).zip(Kind::ALL).zip(values) {
             assert_eq!(kind as u32, code);
             assert_eq!(Kind::from_code(code), Some(kind));
+            assert_eq!(kind.value(kind.words_of(value).unwrap()), value);
         }
         assert_eq!(Kind::from_code(0), None);
         assert_eq!(Kind::from_code(13), None);
-    }
-
-    #[test]
-    fn values_and_words_agree() {
-        for (kind, value) in [
-            (Kind::F32, Value::F32(-0.5)),
-            (Kind::F64, Value::F64(1e300)),
-            (Kind::I8, Value::Int(-128)),
-            (Kind::I16, Value::Int(-2)),
-            (Kind::I32, Value::Int(i32::MIN.into())),
-            (Kind::I64, Value::Int(i64::MIN)),
-            (Kind::U8, Value::Uint(255)),
-            (Kind::U16, Value::Uint(65_535)),
-            (Kind::U32, Value::Uint(u32::MAX.into())),
-            (Kind::U64, Value::Uint(u64::MAX)),
-            (Kind::Bool, Value::Bool(true)),
-            (Kind::Choice, Value::Choice(3)),
-        ] {
-            assert_eq!(kind.value(kind.words_of(value).unwrap()), value);
-        }
         assert_eq!(Kind::U8.words_of(Value::Uint(256)), None);
         assert_eq!(Kind::I8.words_of(Value::Int(128)), None);
         assert_eq!(Kind::F32.words_of(Value::F64(1.0)), None);

@@ -32,7 +32,7 @@
 //! | 24 | greatest | two words: of a parameter the greatest value |
 //!
 //! Its *text* is name, unit and description, in UTF-8, one after the other, then the labels of an enum,
-//! each after a byte with its length.
+//! each after a word with its length. Each of them begins with a word.
 //!
 //! A *slot* belongs to one watcher at a time.
 //!
@@ -59,7 +59,7 @@
 //! | verb | further words | reply after 0 |
 //! |---|---|---|
 //! | 1 claim | | slot, claim |
-//! | 2 select | claim, every how many ticks a row | selection, words of a row's values |
+//! | 2 select | claim, every how many ticks a row, at least 1 | selection, words of a row's values |
 //! | 3 release | claim | |
 //! | 4 get | | two words of a parameter |
 //! | 5 set | two words expected, two words new | |
@@ -79,7 +79,6 @@
 //! | 10 | least, greatest | the value is out of bounds |
 //! | 11 | present | the parameter is not what was expected |
 //! | 12 | | the table cannot be reached by its owner |
-//! | 13 | | a row every 0 ticks |
 
 use condor_mbox::layout::LINE;
 
@@ -108,28 +107,13 @@ pub(crate) mod header {
     pub(crate) const VERSION: u32 = 4;
     pub(crate) const LIFE: u32 = 8;
     pub(crate) const BYTES: u32 = 12;
-    pub(crate) const RATE: u32 = 16;
-    pub(crate) const ENTRIES: u32 = 24;
-    pub(crate) const TEXT_BYTES: u32 = 28;
-    pub(crate) const SLOTS: u32 = 32;
-    pub(crate) const SLOT_BYTES: u32 = 36;
-    pub(crate) const CELL: u32 = 40;
-    pub(crate) const CELL_BYTES: u32 = 44;
 }
 
+pub(crate) const HEADER_WORDS: usize = 12;
 pub(crate) const ENTRIES_AT: u32 = 64;
 pub(crate) const ENTRY_BYTES: u32 = 32;
 /// The bit of an entry's kind that says it is a parameter.
 pub(crate) const IS_PARAM: u32 = 1 << 8;
-
-/// Byte offsets in an entry.
-pub(crate) mod entry {
-    pub(crate) const TEXT: u32 = 0;
-    pub(crate) const LENGTHS: u32 = 4;
-    pub(crate) const KIND: u32 = 8;
-    pub(crate) const POSITION: u32 = 12;
-    pub(crate) const BOUNDS: u32 = 16;
-}
 
 /// Byte offsets in a slot.
 pub(crate) mod slot {
@@ -165,11 +149,10 @@ pub(crate) mod response {
     pub(crate) const OUT_OF_BOUNDS: u32 = 10;
     pub(crate) const CONFLICT: u32 = 11;
     pub(crate) const ACCESS: u32 = 12;
-    pub(crate) const EVERY: u32 = 13;
 }
 
 /// Where everything is in a table, as its header says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shape {
     pub(crate) entries: u32,
     pub(crate) text_bytes: u32,

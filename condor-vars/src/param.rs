@@ -5,7 +5,7 @@ use core::ops::RangeInclusive;
 use core::sync::atomic::AtomicU32 as Plain;
 
 use crate::scalar::{Scalar, Storage};
-use crate::sync::{AtomicU32, Ordering, const_unless_loom, fence, zeros};
+use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom, fence};
 use crate::var::{Description, Watch, description};
 
 /// A parameter of a loop: it has bounds, is changed by compare and set, and stays the same within a tick.
@@ -85,7 +85,7 @@ impl<T: Scalar> Param<T> {
                 accepted: T::Storage::ZERO,
                 asked: Plain::new(0),
                 sequence: AtomicU32::new(0),
-                wanted: zeros(),
+                wanted: array_of!(AtomicU32::new(0); 2),
             }
         }
     }

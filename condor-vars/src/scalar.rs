@@ -43,36 +43,23 @@ pub trait Storage: Sync + sealed::Sealed + 'static {
         Self: Sized;
 }
 
-impl Storage for [AtomicU32; 1] {
-    const ZERO: Self = [AtomicU32::new(0)];
+impl<const N: usize> Storage for [AtomicU32; N] {
+    const ZERO: Self = [const { AtomicU32::new(0) }; N];
 
     #[inline(always)]
     fn load(&self) -> [u32; 2] {
-        [self[0].load(Relaxed), 0]
+        let mut words = [0; 2];
+        for (to, word) in words.iter_mut().zip(self) {
+            *to = word.load(Relaxed);
+        }
+        words
     }
 
     #[inline(always)]
-    fn store(&self, [word, _]: [u32; 2]) {
-        self[0].store(word, Relaxed);
-    }
-
-    fn words(values: &[Self]) -> &[AtomicU32] {
-        values.as_flattened()
-    }
-}
-
-impl Storage for [AtomicU32; 2] {
-    const ZERO: Self = [const { AtomicU32::new(0) }; 2];
-
-    #[inline(always)]
-    fn load(&self) -> [u32; 2] {
-        [self[0].load(Relaxed), self[1].load(Relaxed)]
-    }
-
-    #[inline(always)]
-    fn store(&self, [low, high]: [u32; 2]) {
-        self[0].store(low, Relaxed);
-        self[1].store(high, Relaxed);
+    fn store(&self, words: [u32; 2]) {
+        for (word, from) in self.iter().zip(words) {
+            word.store(from, Relaxed);
+        }
     }
 
     fn words(values: &[Self]) -> &[AtomicU32] {
@@ -82,8 +69,7 @@ impl Storage for [AtomicU32; 2] {
 
 mod sealed {
     pub trait Sealed {}
-    impl Sealed for [core::sync::atomic::AtomicU32; 1] {}
-    impl Sealed for [core::sync::atomic::AtomicU32; 2] {}
+    impl<const N: usize> Sealed for [core::sync::atomic::AtomicU32; N] {}
 }
 
 macro_rules! scalars {
@@ -106,11 +92,11 @@ macro_rules! scalars {
     )*};
 }
 
-const fn split(long: u64) -> [u32; 2] {
+pub(crate) const fn split(long: u64) -> [u32; 2] {
     [long as u32, (long >> 32) as u32]
 }
 
-const fn join([low, high]: [u32; 2]) -> u64 {
+pub(crate) const fn join([low, high]: [u32; 2]) -> u64 {
     (high as u64) << 32 | low as u64
 }
 

@@ -1,6 +1,7 @@
 //! [`Server`]: the end that answers requests, in the background or an interrupt of the owner.
 
 use core::fmt;
+use core::ops::Range;
 
 use condor_mbox::{
     AccessError, Call, Exclusion, LoadOrder, MemoryWindow, Processor, Region, StoreOrder,
@@ -10,19 +11,18 @@ use crate::catalog::Catalog;
 use crate::desk::{Desk, Plan, Slot};
 use crate::layout::{Block, Shape, response, slot, verb};
 use crate::param::{Refusal, Tune};
-use crate::sampler::pack;
 use crate::sync::Ordering::Relaxed;
 
 /// The end of a [`Desk`] in the handler of requests; see [`answer`].
 pub struct Server<'e, W, X, const PIECES: usize, const SLOTS: usize> {
-    desk: &'e Desk<PIECES, SLOTS>,
-    table: Region<W>,
-    offset: u32,
-    life: u32,
-    shape: Shape,
-    catalog: Catalog<'e>,
-    exclusion: X,
-    incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
+    pub(crate) desk: &'e Desk<PIECES, SLOTS>,
+    pub(crate) table: Region<W>,
+    pub(crate) offset: u32,
+    pub(crate) life: u32,
+    pub(crate) shape: Shape,
+    pub(crate) catalog: Catalog<'e>,
+    pub(crate) exclusion: X,
+    pub(crate) incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
 }
 
 /// Answers a request to any of the loops of a program: all that the handler of its vector does.
@@ -51,24 +51,24 @@ pub trait Respond: Sync {
     fn respond(&self, sender: Processor, request: &[u32; 8]) -> [u32; 8];
 }
 
-/// The words of a response after its code, or the code and the words of a refusal.
+/// The words of a response after "done", or another response.
 type Outcome = Result<[u32; 2], Refused>;
 
 /// A response other than "done".
-struct Refused(u32, [u32; 4]);
+struct Refused(Block);
 
 impl From<AccessError> for Refused {
     fn from(_: AccessError) -> Self {
-        Self(response::ACCESS, [0; 4])
+        Self([response::ACCESS, 0, 0, 0, 0, 0, 0, 0])
     }
 }
 
-const fn refused<T>(code: u32) -> Result<T, Refused> {
-    Err(Refused(code, [0; 4]))
+const fn refused<T>(code: u32, [[a, b], [c, d]]: [[u32; 2]; 2]) -> Result<T, Refused> {
+    Err(Refused([code, a, b, c, d, 0, 0, 0]))
 }
 
 const fn refused_with<T>(code: u32, first: u32, second: u32) -> Result<T, Refused> {
-    Err(Refused(code, [first, second, 0, 0]))
+    refused(code, [[first, second], [0; 2]])
 }
 
 impl<W, X, const PIECES: usize, const SLOTS: usize> Respond for Server<'_, W, X, PIECES, SLOTS>
@@ -83,7 +83,7 @@ where
     fn respond(&self, sender: Processor, request: &[u32; 8]) -> [u32; 8] {
         match self.outcome(sender, *request) {
             Ok([a, b]) => [response::DONE, a, b, 0, 0, 0, 0, 0],
-            Err(Refused(code, [a, b, c, d])) => [code, a, b, c, d, 0, 0, 0],
+            Err(Refused(response)) => response,
         }
     }
 }
@@ -91,29 +91,6 @@ where
 impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
     Server<'e, W, X, PIECES, SLOTS>
 {
-    #[allow(clippy::too_many_arguments)] // of one caller
-    pub(crate) fn new(
-        desk: &'e Desk<PIECES, SLOTS>,
-        table: Region<W>,
-        offset: u32,
-        life: u32,
-        shape: Shape,
-        catalog: Catalog<'e>,
-        exclusion: X,
-        incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
-    ) -> Self {
-        Self {
-            desk,
-            table,
-            offset,
-            life,
-            shape,
-            catalog,
-            exclusion,
-            incarnation,
-        }
-    }
-
     fn outcome(&self, sender: Processor, [verb, _, life, number, a, b, c, d]: Block) -> Outcome {
         if life != self.life {
             return refused_with(response::RESTARTED, self.life, 0);
@@ -141,7 +118,7 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
             is_free
         });
         if !is_mine {
-            return refused(response::BUSY);
+            return refused_with(response::BUSY, 0, 0);
         }
         let outcome = body();
         self.exclusion.with(|| is_taken.store(0, Relaxed));
@@ -152,20 +129,15 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
         let is_free = |slot: &Slot<PIECES>| {
             // A processor's number was stored, so it fits.
             let owner = Processor(slot.owner.load(Relaxed) as u8);
-            slot.claim.load(Relaxed) == 0
-                || slot.incarnation.load(Relaxed) != (self.incarnation)(owner)
+            let incarnation = slot.incarnation.load(Relaxed);
+            incarnation == 0 || incarnation != (self.incarnation)(owner)
         };
-        let found = self.desk.slots.iter().position(is_free);
-        let Some((number, slot)) = found.and_then(|at| Some((at, self.desk.slots.get(at)?))) else {
+        let mut slots = (0..).zip(&self.desk.slots);
+        let Some((number, slot)) = slots.find(|(_, slot)| is_free(slot)) else {
             return refused_with(response::NO_SLOT, SLOTS as u32, 0);
         };
-        let number = number as u32;
-        let claim = match slot.last_claim.load(Relaxed).wrapping_add(1) {
-            0 => 1,
-            claim => claim,
-        };
+        let claim = slot.claim.load(Relaxed).checked_add(1).unwrap_or(1);
         self.set_claim(number, claim)?;
-        slot.last_claim.store(claim, Relaxed);
         slot.claim.store(claim, Relaxed);
         slot.owner.store(sender.0.into(), Relaxed);
         slot.incarnation.store((self.incarnation)(sender), Relaxed);
@@ -175,29 +147,23 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
     fn release(&self, number: u32, claim: u32) -> Outcome {
         let slot = self.claimed(number, claim)?;
         let Some(selection) = slot.next_selection() else {
-            return refused(response::BUSY);
+            return refused_with(response::BUSY, 0, 0);
         };
-        let plan = slot.plan(selection);
-        plan.words.store(0, Relaxed);
-        plan.count.store(0, Relaxed);
+        slot.plan(selection).words.store(0, Relaxed);
         slot.ask(selection);
         self.set_claim(number, 0)?;
-        slot.claim.store(0, Relaxed);
+        slot.incarnation.store(0, Relaxed);
         Ok([0; 2])
     }
 
     fn select(&self, number: u32, claim: u32, every: u32) -> Outcome {
         let slot = self.claimed(number, claim)?;
-        if every == 0 {
-            return refused(response::EVERY);
-        }
         let Some(selection) = slot.next_selection() else {
-            return refused(response::BUSY);
+            return refused_with(response::BUSY, 0, 0);
         };
-        // Nobody reads it now: the loop has left it.
         let plan = slot.plan(selection);
         let words = self.plan(number, plan)?;
-        plan.every.store(every, Relaxed);
+        plan.every.store(every.max(1), Relaxed);
         plan.words.store(words, Relaxed);
         slot.ask(selection);
         Ok([selection, words])
@@ -213,25 +179,36 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
             }) => refused_with(response::CONFLICT, low, high),
             Err(Refusal::OutOfBounds) => {
                 let bounds = param.describe(0).map_or([[0; 2]; 2], |it| it.bounds);
-                let [[a, b], [c, d]] = bounds;
-                Err(Refused(response::OUT_OF_BOUNDS, [a, b, c, d]))
+                refused(response::OUT_OF_BOUNDS, bounds)
             }
         }
     }
 
     fn param(&self, number: u32) -> Result<&'e dyn Tune, Refused> {
-        if number >= self.shape.entries {
-            return refused_with(response::NO_ENTRY, self.shape.entries, 0);
+        let (entries, params) = (self.shape.entries, self.catalog.params());
+        if number >= entries {
+            return refused_with(response::NO_ENTRY, entries, 0);
         }
-        let index = number.checked_sub(self.catalog.first_param(self.shape.entries));
-        let param = index.and_then(|index| self.catalog.params().get(index as usize));
-        param.copied().ok_or(Refused(response::NO_PARAM, [0; 4]))
+        // Parameters come last.
+        let from_end = (entries - number) as usize;
+        match params
+            .len()
+            .checked_sub(from_end)
+            .and_then(|at| params.get(at))
+        {
+            Some(param) => Ok(*param),
+            None => refused_with(response::NO_PARAM, 0, 0),
+        }
     }
 
     fn claimed(&self, number: u32, claim: u32) -> Result<&'e Slot<PIECES>, Refused> {
-        match self.desk.slots.get(number as usize) {
-            Some(slot) if claim != 0 && slot.claim.load(Relaxed) == claim => Ok(slot),
-            _ => refused(response::NOT_YOURS),
+        let slot = self.desk.slots.get(number as usize);
+        let is_claimed = |slot: &&Slot<PIECES>| {
+            slot.incarnation.load(Relaxed) != 0 && slot.claim.load(Relaxed) == claim
+        };
+        match slot.filter(is_claimed) {
+            Some(slot) => Ok(slot),
+            None => refused_with(response::NOT_YOURS, 0, 0),
         }
     }
 
@@ -248,26 +225,28 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
         let mut pieces = Pieces {
             plan,
             count: 0,
-            whole: None,
-            part: None,
+            whole: (0, 0, 0),
         };
         for (number, block) in self.catalog.blocks().enumerate() {
             let len = block.words().len();
-            let (mut at, mut index) = (0, 0);
+            let (mut at, mut index, mut part) = (0, 0, 0..0);
             while at < len {
                 if entry % 32 == 0 {
                     bits = self.table.load(mask + entry / 8, LoadOrder::Relaxed)?;
                 }
                 let size = block.describe(index).map_or(len, |it| it.kind.words());
                 if bits & 1 << (entry % 32) != 0 {
-                    pieces.add(number, at, at + size);
+                    if part.end != at {
+                        pieces.put(number, part, len);
+                        part = at..at;
+                    }
+                    part.end = at + size;
                     words += size as u32;
                 }
                 (at, index, entry) = (at + size, index + 1, entry + 1);
             }
-            pieces.end_block(number, len);
+            pieces.put(number, part, len);
         }
-        pieces.put_whole();
         let used = entry % 32;
         if used != 0 && bits >> used != 0 {
             return refused_with(response::NO_ENTRY, self.shape.entries, 0);
@@ -285,61 +264,36 @@ struct Pieces<'p, const PIECES: usize> {
     plan: &'p Plan<PIECES>,
     /// How many there are, whether or not they had room.
     count: usize,
-    /// Whole blocks to which the next may be added: the first, and the end.
-    whole: Option<(usize, usize)>,
-    /// Words of the present block to which the next may be added: the first, and the end.
-    part: Option<(usize, usize)>,
+    /// The last whole blocks: the first, the end, and their words.
+    whole: (usize, usize, usize),
 }
 
 impl<const PIECES: usize> Pieces<'_, PIECES> {
-    /// Adds words of the present block.
-    fn add(&mut self, block: usize, first: usize, end: usize) {
-        match &mut self.part {
-            Some(part) if part.1 == first => part.1 = end,
-            _ => {
-                self.put_part(block);
-                self.part = Some((first, end));
-            }
-        }
-    }
-
-    fn end_block(&mut self, block: usize, len: usize) {
-        if self.part != Some((0, len)) {
-            self.put_part(block);
+    /// Adds some words of a block that has `len`.
+    fn put(&mut self, block: usize, part: Range<usize>, len: usize) {
+        if part.is_empty() {
             return;
         }
-        self.part = None;
-        match &mut self.whole {
-            Some(whole) if whole.1 == block => whole.1 = block + 1,
-            _ => {
-                self.put_whole();
-                self.whole = Some((block, block + 1));
+        let (mut first, mut packed) = (block, (part.start, part.end));
+        if part == (0..len) {
+            packed = (len, 0);
+            if self.whole.1 == block && block > 0 {
+                // The last piece becomes longer.
+                self.count -= 1;
+                (first, packed.0) = (self.whole.0, self.whole.2 + len);
             }
+            self.whole = (first, block + 1, packed.0);
         }
-    }
-
-    fn put_part(&mut self, block: usize) {
-        if let Some((first, end)) = self.part.take() {
-            self.put_whole();
-            self.put(pack(block, block + 1), pack(first, end));
-        }
-    }
-
-    fn put_whole(&mut self) {
-        if let Some((first, end)) = self.whole.take() {
-            self.put(pack(first, end), 0);
-        }
-    }
-
-    fn put(&mut self, blocks: u32, part: u32) {
-        let Plan {
-            blocks: to_blocks,
-            parts: to_parts,
-            ..
-        } = self.plan;
-        if let (Some(to), Some(to_part)) = (to_blocks.get(self.count), to_parts.get(self.count)) {
-            to.store(blocks, Relaxed);
-            to_part.store(part, Relaxed);
+        // Numbers below 2^16.
+        let pack = |(low, high): (usize, usize)| (high as u32) << 16 | low as u32;
+        let places = self
+            .plan
+            .blocks
+            .get(self.count)
+            .zip(self.plan.parts.get(self.count));
+        if let Some((blocks, parts)) = places {
+            blocks.store(pack((first, block + 1)), Relaxed);
+            parts.store(pack(packed), Relaxed);
         }
         self.count += 1;
     }

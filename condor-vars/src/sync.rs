@@ -9,17 +9,20 @@ pub(crate) use core::sync::atomic::{AtomicU32, Ordering, fence};
 #[cfg(condor_loom)]
 pub(crate) use loom::sync::atomic::{AtomicU32, Ordering, fence};
 
-/// `N` words of zero.
+/// An array of values that are made alike; constant, unless loom makes the atomics in them.
 #[cfg(not(condor_loom))]
-pub(crate) const fn zeros<const N: usize>() -> [AtomicU32; N] {
-    [const { AtomicU32::new(0) }; N]
+macro_rules! array_of {
+    ($value:expr; $count:expr) => {
+        [const { $value }; $count]
+    };
 }
-
-/// `N` words of zero.
 #[cfg(condor_loom)]
-pub(crate) fn zeros<const N: usize>() -> [AtomicU32; N] {
-    core::array::from_fn(|_| AtomicU32::new(0))
+macro_rules! array_of {
+    ($value:expr; $count:expr) => {
+        core::array::from_fn::<_, { $count }, _>(|_| $value)
+    };
 }
+pub(crate) use array_of;
 
 /// Functions that are `const` unless loom makes the atomics, which it cannot in constants.
 macro_rules! const_unless_loom {

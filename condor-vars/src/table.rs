@@ -1,10 +1,10 @@
 //! [`Table`]: what somebody else's loop shows, read from its window.
 
-use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Place, Region};
 
 use crate::kind::{Kind, Value};
 use crate::layout::{
-    ABOUT_BYTES, ENTRIES_AT, IS_PARAM, MAGIC, NAME_BYTES, Shape, UNIT_BYTES, VERSION, entry,
+    ABOUT_BYTES, ENTRIES_AT, HEADER_WORDS, IS_PARAM, MAGIC, NAME_BYTES, Shape, UNIT_BYTES, VERSION,
     entry_at, header,
 };
 use crate::sync::{Ordering, fence};
@@ -41,8 +41,8 @@ pub struct Entry {
     pub bounds: Option<[Value; 2]>,
     /// How many labels it has; [`Table::label`] reads them.
     pub labels: u8,
-    /// Where they begin in the table, and how many bytes from there on are texts.
-    labels_at: (u32, u32),
+    /// Where they begin in the texts.
+    labels_at: u32,
 }
 
 /// Why a table cannot be read.
@@ -104,28 +104,26 @@ impl<W: MemoryWindow + Clone> Table<W> {
         let life = head.word(header::LIFE)?;
         // Pairs with the owner's last store.
         let magic = head.word(header::MAGIC)?;
-        let word = |at| head.load(at, LoadOrder::Relaxed);
-        let version = word(header::VERSION)?;
+        let words = head.get(Place::<[u32; HEADER_WORDS]>::at(0))?;
+        let [_, version, _, bytes, rate @ .., _, _, _, _, _, _] = words;
+        let [.., entries, text_bytes, slots, slot_bytes, cell, cell_bytes] = words;
         if magic != MAGIC || version != VERSION {
             return Err(TableError::NoTable { magic, version });
         }
-        let bytes = word(header::BYTES)?;
         let shape = Shape {
-            entries: word(header::ENTRIES)?,
-            text_bytes: word(header::TEXT_BYTES)?,
-            slots: word(header::SLOTS)?,
-            slot_bytes: word(header::SLOT_BYTES)?,
+            entries,
+            text_bytes,
+            slots,
+            slot_bytes,
         };
-        let rate = (word(header::RATE)?, word(header::RATE + 4)?);
-        let cell = (word(header::CELL)?, word(header::CELL_BYTES)?);
         let shape = shape.checked(bytes).ok_or(TableError::Header { bytes })?;
         let region = users.part(offset, bytes)?;
         let table = Self {
             region,
             offset,
             life,
-            rate,
-            cell,
+            rate: rate.into(),
+            cell: (cell, cell_bytes),
             shape,
         };
         table.check_life()?;
@@ -195,30 +193,17 @@ impl<W: MemoryWindow> Table<W> {
         entry.ok_or(TableError::Entry { number })
     }
 
-    /// Returns the type of an entry; `None` if it is impossible, or there is none.
-    pub(crate) fn kind(&self, number: u32) -> Result<Option<Kind>, AccessError> {
-        if number >= self.shape.entries {
-            return Ok(None);
-        }
-        let code = self.load(entry_at(number) + entry::KIND)?;
-        Ok(Kind::from_code(code & !IS_PARAM))
-    }
-
     /// Finds the entry of this name.
     ///
     /// # Errors
     /// Those of [`entry`](Self::entry).
     pub fn find(&self, name: &str) -> Result<Option<Entry>, TableError> {
-        for number in 0..self.len() {
-            let lengths = self.load(entry_at(number) + entry::LENGTHS)?;
-            if (lengths & 0xff) as usize == name.len() {
-                let entry = self.entry(number)?;
-                if entry.name == name {
-                    return Ok(Some(entry));
-                }
+        for entry in self.entries() {
+            let entry = entry?;
+            if entry.name == name {
+                return Ok(Some(entry));
             }
         }
-        self.check_life()?;
         Ok(None)
     }
 
@@ -239,19 +224,14 @@ impl<W: MemoryWindow> Table<W> {
         if value >= entry.labels.into() {
             return Ok(None);
         }
-        let (mut at, mut left) = entry.labels_at;
-        let mut label = None;
+        let (mut at, mut label) = (entry.labels_at, None);
         for _ in 0..=value {
-            let mut len = [0];
-            label = None;
-            if left > 0 {
-                self.bytes(at, &mut len)?;
-                left -= 1;
-                let len = u32::from(len[0]);
-                label = self.text(at + 1, len.min(left))?;
-                at += 1 + len.min(left);
-                left -= len.min(left);
-            }
+            let len: Option<heapless::Vec<u8, 4>> = self.bytes(&mut at, 4)?;
+            let len = len.and_then(|len| Some(u32::from_le_bytes(len.into_array().ok()?)));
+            label = match len {
+                Some(len) => self.text(&mut at, len)?,
+                None => None,
+            };
         }
         self.check_life()?;
         let number = entry.number;
@@ -259,76 +239,54 @@ impl<W: MemoryWindow> Table<W> {
     }
 
     /// Reads an entry; `None` if it is impossible.
-    fn read_entry(&self, number: u32) -> Result<Option<Entry>, TableError> {
-        let at = entry_at(number);
-        let code = self.load(at + entry::KIND)?;
-        let text = self.load(at + entry::TEXT)?;
-        let [name, unit, about, labels] = self.load(at + entry::LENGTHS)?.to_le_bytes();
-        let mut bounds = [0; 4];
-        for (word, at) in bounds.iter_mut().zip((at + entry::BOUNDS..).step_by(4)) {
-            *word = self.load(at)?;
-        }
-        let position = self.load(at + entry::POSITION)?;
-        let Some(kind) = Kind::from_code(code & !IS_PARAM) else {
+    fn read_entry(&self, number: u32) -> Result<Option<Entry>, AccessError> {
+        let words = self.region.get(Place::<[u32; 8]>::at(entry_at(number)))?;
+        let [mut text, lengths, code, position, a, b, c, d] = words;
+        let [name, unit, about, labels] = lengths.to_le_bytes();
+        let name = self.text(&mut text, name.into())?;
+        let unit = self.text(&mut text, unit.into())?;
+        let about = self.text(&mut text, about.into())?;
+        let kind = Kind::from_code(code & !IS_PARAM);
+        let (Some(kind), Some(name), Some(unit), Some(about)) = (kind, name, unit, about) else {
             return Ok(None);
         };
-        let [name, unit, about] = [name, unit, about].map(u32::from);
-        let texts = self.shape.text_bytes;
-        let Some(left) = texts
-            .checked_sub(text)
-            .and_then(|left| left.checked_sub(name + unit + about))
-        else {
-            return Ok(None);
-        };
-        let at = self.shape.texts() + text;
-        let name_text = self.text(at, name)?;
-        let unit_text = self.text(at + name, unit)?;
-        let about_text = self.text(at + name + unit, about)?;
-        let (Some(name_text), Some(unit_text), Some(about_text)) =
-            (name_text, unit_text, about_text)
-        else {
-            return Ok(None);
-        };
-        let [a, b, c, d] = bounds;
         Ok(Some(Entry {
             number,
-            name: name_text,
-            unit: unit_text,
-            about: about_text,
+            name,
+            unit,
+            about,
             kind,
             position,
             bounds: (code & IS_PARAM != 0).then(|| [kind.value([a, b]), kind.value([c, d])]),
             labels,
-            labels_at: (at + name + unit + about, left),
+            labels_at: text,
         }))
     }
 
-    /// Reads a text that is inside of the texts; `None` if it is too long, or none.
+    /// Reads a text, and moves `at` past it; `None` if it is too long, not inside of the texts, or none.
     fn text<const N: usize>(
         &self,
-        at: u32,
+        at: &mut u32,
         len: u32,
-    ) -> Result<Option<heapless::String<N>>, TableError> {
+    ) -> Result<Option<heapless::String<N>>, AccessError> {
+        let bytes = self.bytes(at, len)?;
+        Ok(bytes.and_then(|bytes| heapless::String::from_utf8(bytes).ok()))
+    }
+
+    fn bytes<const N: usize>(
+        &self,
+        at: &mut u32,
+        len: u32,
+    ) -> Result<Option<heapless::Vec<u8, N>>, AccessError> {
         let mut bytes = heapless::Vec::new();
-        if bytes.resize_default(len as usize).is_err() {
+        let begin = *at;
+        *at = begin.saturating_add(len.checked_next_multiple_of(4).unwrap_or(u32::MAX));
+        let is_inside = begin.is_multiple_of(4) && *at <= self.shape.text_bytes;
+        if !is_inside || bytes.resize_default(len as usize).is_err() {
             return Ok(None);
         }
-        self.bytes(at, &mut bytes)?;
-        Ok(heapless::String::from_utf8(bytes).ok())
-    }
-
-    /// Reads bytes from anywhere in the table.
-    fn bytes(&self, at: u32, into: &mut [u8]) -> Result<(), AccessError> {
-        for (byte, at) in into.iter_mut().zip(at..) {
-            let word = self.load(at & !3)?.to_le_bytes();
-            let from = word.get((at & 3) as usize);
-            *byte = from.copied().unwrap_or_default();
-        }
-        Ok(())
-    }
-
-    fn load(&self, at: u32) -> Result<u32, AccessError> {
-        self.region.load(at, LoadOrder::Relaxed)
+        self.region.read(self.shape.texts() + begin, &mut bytes)?;
+        Ok(Some(bytes))
     }
 
     pub(crate) const fn region(&self) -> &Region<W> {
@@ -339,7 +297,7 @@ impl<W: MemoryWindow> Table<W> {
     pub(crate) fn check_life(&self) -> Result<(), TableError> {
         // Pairs with the owner's fence after it has begun another life.
         fence(Ordering::Acquire);
-        let found = self.load(header::LIFE)?;
+        let found = self.region.load(header::LIFE, LoadOrder::Relaxed)?;
         let expected = self.life;
         if found == expected {
             return Ok(());

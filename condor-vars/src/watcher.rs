@@ -141,21 +141,20 @@ impl<W: MemoryWindow> Watcher<W> {
     /// [`TableError`].
     pub fn choose(&mut self, entries: &[u32]) -> Result<u32, TableError> {
         self.end();
+        if let Some(last) = entries.iter().max() {
+            self.table.entry(*last)?;
+        }
         let shape = self.table.shape;
         let mask = shape.slot(self.number) + slot::MASK;
-        let entries_there = shape.entries;
-        if let Some(&number) = entries.iter().find(|number| **number >= entries_there) {
-            let entries = entries_there;
-            return Err(TableError::NoEntry { number, entries });
-        }
         let mut words = 0;
         for index in 0..shape.mask_words() {
-            let mine = entries.iter().filter(|number| **number / 32 == index);
-            let bits = mine.fold(0_u32, |bits, number| bits | 1 << (number % 32));
-            for number in (0..32).filter(|bit| bits & 1 << bit != 0) {
-                let number = 32 * index + number;
-                let kind = self.table.kind(number)?;
-                words += kind.ok_or(TableError::Entry { number })?.words() as u32;
+            let mut bits = 0;
+            for number in entries.iter().filter(|number| **number / 32 == index) {
+                let bit = 1 << (number % 32);
+                if bits & bit == 0 {
+                    words += self.table.entry(*number)?.kind.words() as u32;
+                }
+                bits |= bit;
             }
             let region = self.table.region();
             region.store(mask + 4 * index, bits, StoreOrder::Relaxed)?;
@@ -207,11 +206,11 @@ impl<W: MemoryWindow> Watcher<W> {
         }
         let before = selection;
         let row = selection.read(&self.table, at, values)?;
-        // Pairs with the writer's fence when it leaves a selection: nothing above is of another one.
-        fence(Ordering::Acquire);
+        // Its fence pairs with that of the writer when it leaves a selection: if anything above is of
+        // another one, that is seen below.
+        self.check_claim()?;
         let region = self.table.region();
         let present = region.load(at + slot::SELECTION, LoadOrder::Relaxed)?;
-        self.check_claim()?;
         if present != selection.number {
             return Ok(None);
         }

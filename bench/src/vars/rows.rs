@@ -1,6 +1,7 @@
 //! The time of a tick in which all variables become a row.
 
 use std::hint::black_box;
+use std::sync::atomic::Ordering;
 
 use condor_mbox::linux::{LinuxWindow, System};
 use condor_mbox::{CriticalSection, Instant, MemoryWindow as _, Places, Processor};
@@ -14,11 +15,12 @@ use crate::measure::quantile;
 use crate::shuffle::Shuffle;
 
 /// What is compared.
-pub(super) const WAYS: [&str; 4] = [
+pub(super) const WAYS: [&str; 5] = [
     "memcpy into a ring of as many rows",
     "  the same once more (control)",
     "condor-vars: 25 blocks of 100",
     "condor-vars: 2 500 single variables",
+    "  an array of these in a bare loop (the least)",
 ];
 
 /// Nanoseconds of a tick by each of the ways.
@@ -50,10 +52,20 @@ impl Plain {
         }
     }
 
-    fn put(&mut self, from: &[u32]) {
+    fn put(&mut self, copy: impl FnOnce(&mut [u32])) {
         self.place = (self.place + 1) % ROWS;
-        self.ring[self.place].copy_from_slice(from);
+        copy(&mut self.ring[self.place]);
         black_box(&mut self.ring);
+    }
+}
+
+/// Copies an array of variables: all that a row of them takes, if nothing had to be looked up.
+fn bare<T: Scalar>(to: &mut [u32], singles: &[Var<T>]) {
+    let words = T::KIND.words();
+    for (to, single) in to.chunks_exact_mut(words).zip(singles) {
+        for (to, word) in to.iter_mut().zip(single.words()) {
+            *to = word.load(Ordering::Relaxed);
+        }
     }
 }
 
@@ -67,16 +79,18 @@ pub(super) fn play<T: Scalar>(rounds: usize) -> Result<Vec<Figures>> {
     let singles: &'static [Var<T>] =
         Vec::leak((0..COUNT).map(|_| Var::new("single", "rad")).collect());
     let mut blocks = begin::<_, BLOCKS>(blocks)?;
+    let array = singles;
     let mut singles = begin::<_, COUNT>(singles)?;
     let words = COUNT * T::KIND.words();
     let from = vec![0; words];
-    let mut peers = [Plain::new(words), Plain::new(words)];
+    let mut peers = [(); 2].map(|()| Plain::new(words));
+    let mut least = Plain::new(words);
     let calibration = Calibration::begin();
     let mut played = Vec::new();
     for round in 0..rounds {
         let mut samples: [Vec<f64>; WAYS.len()] = [const { Vec::new() }; WAYS.len()];
         let mut order = Shuffle(round as u64);
-        let mut ways = [0, 1, 2, 3];
+        let mut ways = [0, 1, 2, 3, 4];
         for tick in 0..TICKS as u64 {
             order.shuffle(&mut ways);
             for way in ways {
@@ -84,7 +98,8 @@ pub(super) fn play<T: Scalar>(rounds: usize) -> Result<Vec<Figures>> {
                 match way {
                     2 => sample(&mut blocks, tick)?,
                     3 => sample(&mut singles, tick)?,
-                    way => peers[way].put(black_box(&from)),
+                    4 => least.put(|to| bare(to, black_box(array))),
+                    way => peers[way].put(|to| to.copy_from_slice(black_box(&from))),
                 }
                 samples[way].push(ticks().wrapping_sub(began) as f64);
             }

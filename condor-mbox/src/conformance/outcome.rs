@@ -1,5 +1,7 @@
 //! What an access to a window gave, against what it should give.
 
+use core::sync::atomic::AtomicU32;
+
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
 
 /// What an access gave: a word (zero where there is none to give), or a kind of error.
@@ -29,6 +31,15 @@ pub(super) fn load<W: MemoryWindow>(window: &W, offset: u32) -> Outcome {
 
 pub(super) fn store<W: MemoryWindow>(window: &W, offset: u32, word: u32) -> Outcome {
     outcome(window.store(offset, word, StoreOrder::Release))
+}
+
+pub(super) fn write_words<W: MemoryWindow>(
+    window: &W,
+    offset: u32,
+    len: usize,
+    from: &[&[AtomicU32]],
+) -> Outcome {
+    outcome(window.write_words(offset, len, from))
 }
 
 pub(super) fn read<W: MemoryWindow>(window: &W, offset: u32, into: &mut [u8]) -> Outcome {

@@ -1,12 +1,14 @@
 //! The checks of [`MemoryWindow`] and [`CompareExchange`].
 
+use core::sync::atomic::AtomicU32;
+
 use crate::window::{CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError};
 
 use super::limits::{
     MISALIGNED, OUT_OF_BOUNDS, READ_ONLY, alignment, alignment_of_loads, bounds, bounds_of_loads,
     empty, outside, refused_copies, size,
 };
-use super::outcome::{WindowFailure, done, expect, load, read, store, write};
+use super::outcome::{WindowFailure, done, expect, load, read, store, write, write_words};
 
 /// Checks a window that can be read and written, and that nobody else touches meanwhile.
 ///
@@ -29,6 +31,7 @@ pub fn window<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     orders(window)?;
     all_words(window)?;
     bytes(window)?;
+    slices(window)?;
     refused_copies(window)
 }
 
@@ -345,6 +348,30 @@ fn bytes<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
                 found,
                 expected,
             )?;
+        }
+    }
+    Ok(())
+}
+
+fn slices<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
+    let words: [AtomicU32; 6] = core::array::from_fn(|at| AtomicU32::new(at as u32));
+    let (first, rest) = words.split_at(1);
+    let (second, third) = rest.split_at(2);
+    for len in (0..=28).step_by(4) {
+        for offset in (0..36).step_by(4) {
+            let stored = store(window, offset, u32::MAX);
+            done("a store is done", offset, 4, stored)?;
+        }
+        let from = [first, second, &[], third];
+        let written = write_words(window, 4, len, &from);
+        done("a write of words is done", 4, len, written)?;
+        for offset in (0..36_u32).step_by(4) {
+            let at = (offset / 4).wrapping_sub(1);
+            let is_written = at < words.len() as u32 && 4 * at < len as u32;
+            let expected = Ok(if is_written { at } else { u32::MAX });
+            let found = load(window, offset);
+            let check = "a write of words copies slice after slice";
+            expect(check, offset, len, found, expected)?;
         }
     }
     Ok(())

@@ -430,14 +430,18 @@ impl MemoryWindow for LinuxWindow {
         self.check_lost(offset, len)
     }
 
-    fn write_words(&self, offset: u32, from: &[AtomicU32]) -> Result<(), LinuxWindowError> {
-        let len = size_of_val(from);
+    fn write_words(
+        &self,
+        offset: u32,
+        len: usize,
+        from: &[&[AtomicU32]],
+    ) -> Result<(), LinuxWindowError> {
         self.check(offset, len)?;
         if len == 0 {
             return Ok(());
         }
         self.check_store(offset, len)?;
-        copy::copy(self.run(offset, from.len())?, from);
+        copy::gather(self.run(offset, len / 4)?, from);
         self.check_lost(offset, len)
     }
 

@@ -68,3 +68,34 @@ fn a_row_is_overwritten_while_it_is_copied() {
 fn two_looks_at_more_rows() {
     watched(4, 2, Some(3));
 }
+
+/// A row is overwritten while it is copied, and then its selection ends, so that the counts that would tell
+/// begin anew. Unbounded. Fails if the look whether the selection has ended comes before the last fence.
+#[test]
+fn a_selection_ends_while_a_row_is_copied() {
+    loom::model(|| {
+        let variable: &'static Var<u32> = Box::leak(Box::new(Var::new("v", "")));
+        let shown: &'static [&'static dyn Watch] = Box::leak(Box::new([variable as _]));
+        // Selection, `begun`, and tick and value of the first row.
+        let is_seen = |at| [SLOT + 4, SLOT + 8, ROWS, ROWS + 16].contains(&at);
+        let (server, mut sampler, mut watcher) =
+            open(Catalog::new(shown, &[]), &Memory::new(is_seen), &|_| 1);
+        let (selection, words) = select(&server, &mut watcher, &[0]).unwrap();
+        sampler.begin().unwrap();
+        let mut end = move |tick: u32| {
+            variable.set(100 + tick);
+            sampler.end(tick.into(), Instant::from_ns(0)).unwrap();
+            sampler.begin().unwrap();
+        };
+        end(0);
+        end(1);
+        select(&server, &mut watcher, &[0]).unwrap();
+        watcher.follow(selection, words);
+        let writing = thread::spawn(move || end(2));
+        let mut values = [0];
+        if let Some(row) = watcher.read(&mut values).unwrap() {
+            assert_eq!(u64::from(values[0]), 100 + row.tick, "a mixture");
+        }
+        writing.join().unwrap();
+    });
+}

@@ -60,6 +60,46 @@ fn a_selection_is_taken_over_whole() {
     });
 }
 
+/// The loop writes a row of each selection that it takes over, while the handler goes on to the next ones,
+/// of other variables. Unbounded. Fails if the handler does not look whether the loop has taken the last one
+/// over.
+#[test]
+fn a_plan_is_not_overwritten_while_it_is_read() {
+    loom::model(|| {
+        let variables: &'static [Var<u32>; 2] =
+            Box::leak(Box::new([Var::new("a", ""), Var::new("b", "")]));
+        let [a, b] = variables;
+        let shown: &'static [&'static dyn Watch] = Box::leak(Box::new([a as _, b as _]));
+        a.set(10);
+        b.set(20);
+        let (server, mut sampler, mut watcher) =
+            open(Catalog::new(shown, &[]), &Memory::new(|_| false), &|_| 1);
+        let (first, words) = select(&server, &mut watcher, &[0]).unwrap();
+        let mut accepted = vec![(first, words, 10)];
+        sampler.begin().unwrap();
+        let ticking = thread::spawn(move || {
+            sampler.end(0, Instant::from_ns(0)).unwrap();
+            sampler.begin().unwrap();
+            sampler.end(1, Instant::from_ns(0)).unwrap();
+        });
+        for (entry, value) in [(1, 20), (1, 20)] {
+            let selected = select(&server, &mut watcher, &[entry]);
+            accepted.extend(selected.map(|(number, words)| (number, words, value)));
+        }
+        ticking.join().unwrap();
+        let mut rows = 0;
+        for (number, words, value) in accepted {
+            watcher.follow(number, words);
+            let mut found = [0];
+            while watcher.read(&mut found).unwrap().is_some() {
+                assert_eq!(found, [value], "selection {number}");
+                rows += 1;
+            }
+        }
+        assert!(rows > 0);
+    });
+}
+
 /// A watcher that was taken for dead reads on while the loop takes over the selection of the next one.
 /// At most three preemptions. Fails if the fence between two selections is left out.
 #[test]

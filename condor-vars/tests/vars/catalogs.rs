@@ -20,13 +20,10 @@ fn refusal(watched: &[&dyn Watch], params: &[&dyn Tune]) -> CatalogError {
 #[test]
 fn what_a_table_cannot_hold_is_refused() {
     let short = Var::<u32>::new("short", "");
-    let (entry, len) = (1, LONG.len());
     let long = Var::<u32>::new(LONG, "");
-    let what = "the name";
     let expected = CatalogError::TooLong {
-        entry,
-        what,
-        len,
+        entry: 1,
+        what: "the name",
         most: 64,
     };
     assert_eq!(refusal(&[&short, &long], &[]), expected);
