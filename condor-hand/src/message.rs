@@ -71,7 +71,7 @@ pub use status::Status;
 use condor_mbox::Vector;
 
 /// The vector of a servo processor for requests to its servos.
-pub const SERVO: Vector = Vector(40);
+pub const SERVO: Vector = Vector(32);
 /// The version of the protocol.
 pub const VERSION: u32 = 1;
 /// Every joint of a finger, in place of the number of one.

@@ -60,10 +60,12 @@ pub enum Error {
         what: &'static str,
     },
     /// A handler for a vector that has one.
-    #[error("`{name}` is for {vector}, which is for something else already")]
+    #[error("`{name}` is for {vector}, which is for {by}")]
     VectorTaken {
         /// The vector.
         vector: Vector,
+        /// What it is for.
+        by: &'static str,
         /// The handler's name.
         name: Text<32>,
     },

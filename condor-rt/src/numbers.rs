@@ -1,8 +1,9 @@
-//! Who has which number in a system that `condor` brings up.
+//! Who has which number in a system that `condor` brings up, and what each vector is for.
 
 use core::ops::RangeInclusive;
 
-use condor_mbox::Processor;
+use condor_mbox::{Processor, Vector};
+use condor_tty::Vectors;
 
 /// How many numbers a system has.
 pub const PROCESSORS: usize = 16;
@@ -19,3 +20,36 @@ pub const SUPERVISOR: Processor = Processor(10);
 pub const MACHINE: Processor = Processor(15);
 /// User interfaces, commands and other programs that come and go.
 pub const VISITORS: RangeInclusive<u8> = 11..=15;
+
+/// The vectors that a program may use for messages of its own; libraries for robots have those from 32 on.
+pub const OWN_VECTORS: RangeInclusive<u8> = 0..=39;
+/// All vectors that Condor uses, and what for.
+pub const VECTORS: [(Vector, &str); 6] = [
+    (condor_fs::wire::FILES, "requests to the file service"),
+    (condor_fs::wire::OPEN_FILES, "what a client has open"),
+    (condor_vars::VARS, "variables and parameters"),
+    (Vectors::DEFAULT.output, "what a terminal shows"),
+    (Vectors::DEFAULT.input, "what is typed at a terminal"),
+    (Vectors::DEFAULT.room, "room in a terminal"),
+];
+
+const _: () = {
+    let mut used = 0_u64;
+    let mut rest: &[(Vector, &str)] = &VECTORS;
+    while let [(vector, _), others @ ..] = rest {
+        assert!(vector.0 > *OWN_VECTORS.end(), "a vector of programs");
+        assert!(used & 1 << vector.0 == 0, "a vector for two protocols");
+        used |= 1 << vector.0;
+        rest = others;
+    }
+};
+
+/// What a vector is for that is not for programs.
+pub(crate) fn reserved(vector: Vector) -> Option<&'static str> {
+    if OWN_VECTORS.contains(&vector.0) {
+        return None;
+    }
+    let mut known = VECTORS.iter();
+    let known = known.find(|(it, _)| *it == vector);
+    Some(known.map_or("protocols to come", |(_, what)| what))
+}

@@ -1,6 +1,6 @@
 //! What the parts of a running program have: [`Call`], [`Tick`] and [`Background`].
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::fmt::{self, Write as _};
 use core::ops::Deref;
 use core::time::Duration;
@@ -10,6 +10,7 @@ use condor_mbox::{self as mbox, Clock as _, Doorbell as _, Exclusion, Instant, M
 use condor_mbox::{Messenger, Processor, Region, Vector};
 use condor_mos::{LoopError, LoopId, Loops, Rate, Statistics};
 use condor_tty::Terminal;
+use condor_vars::{Param, Tune as _};
 
 use crate::error::Error;
 use crate::loops::LoopReports;
@@ -102,6 +103,8 @@ pub struct Background<'b, M: Machine> {
     pub(crate) own: &'b Region<M::Window>,
     pub(crate) loops: Option<&'b dyn Loops<Instant = u64>>,
     pub(crate) names: &'b [&'b str],
+    /// Of each loop the rate that it is to have, and the one that it was given last, in Hz.
+    pub(crate) rates_hz: &'b [Option<(&'b Param<u32>, Cell<u32>)>],
     pub(crate) reports: RefCell<(Instant, Option<LoopReports<M::Window, LOOPS>>)>,
 }
 
@@ -221,9 +224,33 @@ impl<'b, M: Machine> Background<'b, M> {
             && now.ns_since(reports.0) >= REPORT_NS
         {
             reports.0 = now;
+            if let Some(loops) = self.loops {
+                self.follow_rates(loops);
+            }
             self.show_now(&mut reports.1)?;
         }
         Ok(())
+    }
+
+    /// Gives loops the rates that others have set.
+    pub(crate) fn follow_rates(&self, loops: &dyn Loops<Instant = u64>) {
+        for (number, (rate, name)) in (0..).zip(self.rates_hz.iter().zip(self.names)) {
+            let Some((param, last)) = rate else {
+                continue;
+            };
+            let [hz, _] = param.wanted();
+            if last.replace(hz) == hz {
+                continue;
+            }
+            let id = LoopId(number);
+            let followed = match Rate::new(hz, 1) {
+                Some(rate) => loops.set_rate(id, rate).and_then(|()| loops.enable(id)),
+                None => loops.disable(id),
+            };
+            if let Err(error) = followed {
+                self.print(format_args!("{name} at {hz} Hz: {error}\r\n"));
+            }
+        }
     }
 
     fn servo(&self, name: &str) -> Result<(&'b dyn Loops<Instant = u64>, LoopId), Error> {

@@ -1,6 +1,6 @@
 //! [`Setup`]: a program says what it does.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::time::Duration;
 
 use condor_fs::Area;
@@ -9,7 +9,7 @@ use condor_mbox::{self as mbox, AccessError, Clock as _, Instant, MemoryWindow, 
 use condor_mbox::{Places, Published, Region, Vector, Waiting};
 use condor_mos::{Loops, Overrun, Rate, Timer as _};
 use condor_tty::{Terminal, Vectors};
-use condor_vars::{Catalog, Described, Respond, Settings, Tune, VARS, Watch, describe};
+use condor_vars::{Catalog, Described, Param, Respond, Settings, Tune, VARS, Watch, describe};
 use heapless::Vec;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -18,7 +18,7 @@ use crate::error::{Error, Text};
 use crate::list::{List, fitting};
 use crate::loops::LoopReports;
 use crate::machine::Machine;
-use crate::numbers::PROCESSORS;
+use crate::numbers::{self, PROCESSORS};
 use crate::running::{Background, Call, ConsoleOf, FILES, Screen, Tick};
 use crate::servo::{LOOPS, ServoLoop};
 use crate::variables::{
@@ -34,6 +34,8 @@ const PATH_BYTES: u32 = 64;
 const BUFFER_BYTES: u32 = 4096;
 /// How long the background serves before it looks around.
 const NAP: Duration = Duration::from_millis(20);
+/// The rate in the schedule of a loop that is to rest.
+const RESTING: Rate = Rate::hz(1);
 
 /// What runs for a message, in a program that [`Setup`] makes.
 pub type Handler<'e> = &'e (dyn Fn(&Call<'_>) -> u32 + Sync);
@@ -73,9 +75,43 @@ struct Loop<'e> {
     rate: Rate,
     overrun: Overrun,
     body: Body<'e>,
+    /// What its rate follows, in Hz.
+    rate_hz: Option<&'e Param<u32>>,
     /// How many variables and parameters it and the loops before it have.
     watched: usize,
     tuned: usize,
+}
+
+impl Loop<'_> {
+    /// What runs at a release.
+    fn ticks<M: Machine>(
+        &mut self,
+        mut sampler: Option<LoopSampler<'_, M>>,
+        time: Nanoseconds,
+        messenger: &(dyn mbox::Messenger + Sync),
+        screen: Option<&dyn Screen>,
+    ) -> impl FnMut(u64) + Send {
+        let mut number = 0_u64;
+        move |due| {
+            // Without its own memory it has no watchers; the body runs all the same.
+            if let Some(sampler) = &mut sampler {
+                let _ = sampler.begin();
+            }
+            // One that is to rest may be released before the background has it disabled.
+            if self.rate_hz.is_none_or(|hz| hz.get() != 0) {
+                (self.body)(&mut Tick {
+                    due,
+                    number: number as u32,
+                    messenger,
+                    screen,
+                });
+            }
+            if let Some(sampler) = &mut sampler {
+                let _ = sampler.end(number, Instant::from_ns(time.at(due)));
+            }
+            number += 1;
+        }
+    }
 }
 
 impl<'e, M: Machine> Setup<'e, M> {
@@ -224,12 +260,15 @@ impl<'e, M: Machine> Setup<'e, M> {
         &self.own
     }
 
-    /// Runs `handler` for messages to `vector`; `name` is for people.
+    /// Runs `handler` for messages to `vector`, one of [`OWN_VECTORS`](numbers::OWN_VECTORS); `name` is for
+    /// people.
     pub fn on(&mut self, vector: Vector, name: &'e str, handler: Handler<'e>) -> &mut Self {
-        if self.handlers.iter().any(|(taken, ..)| *taken == vector) {
+        let is_taken = self.handlers.iter().any(|(taken, ..)| *taken == vector);
+        let own = is_taken.then_some("another handler of the program");
+        if let Some(by) = numbers::reserved(vector).or(own) {
             let name = Text::of(name);
             self.wrong
-                .get_or_insert(Error::VectorTaken { vector, name });
+                .get_or_insert(Error::VectorTaken { vector, by, name });
         } else if self.handlers.push((vector, name, handler)).is_err() {
             self.full("handlers", HANDLERS, name);
         }
@@ -266,11 +305,37 @@ impl<'e, M: Machine> Setup<'e, M> {
         overrun: Overrun,
         body: Body<'e>,
     ) -> &mut Self {
+        self.add(name, (rate, None), overrun, body)
+    }
+
+    /// Runs `body` at a rate that others may set while it runs, in Hz, as they [tune](Self::tune) any
+    /// parameter; at 0 it rests. The background has the loop follow, within 50 ms if it serves or shows.
+    ///
+    /// A rate of which there is no schedule leaves the loop as it was, and the terminal says so.
+    pub fn servo_at(
+        &mut self,
+        name: &'e str,
+        rate_hz: &'e Param<u32>,
+        body: Body<'e>,
+    ) -> &mut Self {
+        let rate = Rate::new(rate_hz.get(), 1).unwrap_or(RESTING);
+        self.tune(rate_hz)
+            .add(name, (rate, Some(rate_hz)), Overrun::Skip, body)
+    }
+
+    fn add(
+        &mut self,
+        name: &'e str,
+        (rate, rate_hz): (Rate, Option<&'e Param<u32>>),
+        overrun: Overrun,
+        body: Body<'e>,
+    ) -> &mut Self {
         let new = Loop {
             name,
             rate,
             overrun,
             body,
+            rate_hz,
             watched: self.watched.iter().count(),
             tuned: self.tuned.iter().count(),
         };
@@ -361,26 +426,19 @@ impl<'e, M: Machine> Setup<'e, M> {
         mailbox.join()?;
 
         let (mailbox, own) = (&mailbox, &self.own);
-        let bodies = self.loops.iter_mut().zip(samplers).map(|(one, sampler)| {
-            let (mut number, mut sampler) = (0_u64, sampler);
-            let body = &mut *one.body;
-            let tick = move |due| {
-                // Without its own memory it has no watchers; the body runs all the same.
-                if let Some(sampler) = &mut sampler {
-                    let _ = sampler.begin();
-                }
-                body(&mut Tick {
-                    due,
-                    number: number as u32,
-                    messenger: mailbox,
-                    screen,
-                });
-                if let Some(sampler) = &mut sampler {
-                    let _ = sampler.end(number, Instant::from_ns(time.at(due)));
-                }
-                number += 1;
-            };
-            (one.rate, one.overrun, tick)
+        let rates_hz = self.loops.iter().map(|one| {
+            let param = one.rate_hz?;
+            Some((param, Cell::new(one.rate.numerator())))
+        });
+        let rates_hz: Vec<_, LOOPS> = fitting(rates_hz);
+        let bodies = self.loops.iter_mut().zip(samplers);
+        let bodies = bodies.map(|(one, sampler)| {
+            let (rate, overrun) = (one.rate, one.overrun);
+            (
+                rate,
+                overrun,
+                one.ticks::<M>(sampler, time, mailbox, screen),
+            )
         });
         let mut bodies: Vec<_, LOOPS> = fitting(bodies);
         let loops = bodies.iter_mut().map(|(rate, overrun, body)| ServoLoop {
@@ -398,8 +456,12 @@ impl<'e, M: Machine> Setup<'e, M> {
                 own,
                 loops,
                 names: &names,
+                rates_hz: &rates_hz,
                 reports: RefCell::new((machine.doorbell().now(), reports)),
             };
+            if let Some(loops) = loops {
+                running.follow_rates(loops);
+            }
             running.show_now(&mut running.reports.borrow_mut().1)?;
             Ok(background(&running))
         };

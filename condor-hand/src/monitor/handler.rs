@@ -12,7 +12,7 @@ use super::selection::{MASK_WORDS, Selection, SelectionError};
 /// answered; 16 and the word that is no verb; 17 for every 0 ticks; 18, the first variable that there
 /// is not, and how many there are; 19, how many are chosen, and how many columns there are. The reply
 /// is 1 once the response has been written, and 0 for an offset that is not the sender's.
-pub const MONITOR: Vector = Vector(42);
+pub const MONITOR: Vector = Vector(33);
 
 pub(super) const WORDS: usize = 16;
 pub(super) type Block = [u32; WORDS];

@@ -13,8 +13,8 @@ use condor_vars::{Cell, Client, Described, Field, Kind, Param, Table, VARS, Valu
 use core::mem::offset_of;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-const ADD: Vector = Vector(45);
-const ASK: Vector = Vector(46);
+const ADD: Vector = Vector(1);
+const ASK: Vector = Vector(2);
 const SERVO: Processor = Processor(1);
 const HOST: Processor = Processor(11);
 const SECOND: Duration = Duration::from_secs(1);
@@ -122,6 +122,7 @@ impl Program for Joint {
         let torques = Vars::<u32, 2>::numbered("torque", "mN m");
         let stiffness = Param::new("joint.stiffness", "N m/rad", 2.0, 0.0..=50.0);
         let beats = Var::<u64>::new("beats", "");
+        let rest_hz = Param::new("rest.hz", "Hz", 0, 0..=400);
         let mut angle = 0.0;
         let mut setup = Setup::new(machine)?;
         let mut contact = setup.publish_fields::<Contact>("contact")?;
@@ -136,6 +137,9 @@ impl Program for Joint {
                 torques.set(1, tick.number);
                 let (force, fingers) = (1.5, 3);
                 let _ = contact.publish(&Contact { force, fingers });
+            })
+            .servo_at("rest", &rest_hz, &mut |_| {
+                assert_eq!(rest_hz.get(), 200);
             })
             .watch(&beats)
             .servo("slow", Rate::hz(10), &mut |tick| {
@@ -163,13 +167,11 @@ fn what_loops_show_is_watched_and_set() {
                     tables.push((entry.name.as_str().to_owned(), entry.offset));
                 }
             }
-            let [contact, servo, slow] = &tables[..] else {
+            let [contact, servo, rest, slow] = &tables[..] else {
                 panic!("{tables:?}");
             };
-            assert_eq!(
-                [&contact.0, &servo.0, &slow.0],
-                ["contact", "servo", "slow"]
-            );
+            let names = [contact, servo, rest, slow].map(|table| table.0.as_str());
+            assert_eq!(names, ["contact", "servo", "rest", "slow"]);
             let table = Table::open(&joint, servo.1).unwrap();
             let mut places = Places::new(own.size());
             let mut client = Client::new(&mailbox, own, &mut places, SERVO, VARS)?;
@@ -196,6 +198,27 @@ fn what_loops_show_is_watched_and_set() {
             );
             client.release(&mut watcher, SECOND).unwrap();
 
+            let counts = || {
+                let entry = directory::find(&joint, "loops").unwrap().unwrap();
+                loops::read(&joint, &entry, 2).unwrap().unwrap().1
+            };
+            assert!(!counts().enabled);
+            let table = Table::open(&joint, rest.1).unwrap();
+            let rest_hz = table.entry(0).unwrap();
+            let mut set = |from, to| {
+                let (from, to) = (Value::Uint(from), Value::Uint(to));
+                client.set(&table, &rest_hz, from, to, SECOND).unwrap();
+            };
+            set(0, 200);
+            while counts().run < 20 {
+                mailbox.serve(Duration::from_millis(10))?;
+            }
+            assert_eq!(counts().rate, Rate::hz(200));
+            set(200, 0);
+            while counts().enabled {
+                mailbox.serve(Duration::from_millis(10))?;
+            }
+
             let cell = Cell::open(&joint, contact.1).unwrap();
             let mut bytes = [0; 8];
             cell.read(&mut bytes).unwrap();
@@ -204,7 +227,7 @@ fn what_loops_show_is_watched_and_set() {
             Ok::<_, Error>(())
         })
         .unwrap();
-    system.run_until(1_000_000_000).unwrap();
+    system.run_until(2_000_000_000).unwrap();
 }
 
 /// The text of the error that a setup ends with.
@@ -245,7 +268,13 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
                 .on(ADD, "more", &|_| 0)
                 .run()
         }),
-        format!("`more` is for {ADD}, which is for something else already")
+        format!("`more` is for {ADD}, which is for another handler of the program")
+    );
+    assert_eq!(
+        error(WINDOW_BYTES, |machine| Setup::new(machine)?
+            .on(VARS, "mine", &|_| 0)
+            .run()),
+        format!("`mine` is for {VARS}, which is for variables and parameters")
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {

@@ -18,8 +18,8 @@ use crate::published;
 /// The name under which [`Times`] are published.
 pub const NAME: &str = "times";
 
-const NOTHING: Vector = Vector(43);
-const INCREMENT: Vector = Vector(44);
+const NOTHING: Vector = Vector(11);
+const INCREMENT: Vector = Vector(12);
 const PATIENCE: Duration = Duration::from_secs(30);
 const NAP: Duration = Duration::from_millis(20);
 

@@ -54,7 +54,7 @@ pub use robot::MACHINE;
 use robot::Robot;
 
 /// The vector of requests to the robot.
-pub const PLANT: Vector = Vector(44);
+pub const PLANT: Vector = Vector(4);
 /// The name of the robot's blocks in its processor's directory.
 pub const NAME: &str = "plant";
 /// The name of the published [`Truth`].

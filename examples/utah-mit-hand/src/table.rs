@@ -34,7 +34,7 @@ use crate::failure::Failure;
 use crate::start::{self, Console, Ground, say};
 
 /// The vector of requests to the table.
-pub const TABLE: Vector = Vector(43);
+pub const TABLE: Vector = Vector(3);
 /// The name of the table's blocks in its processor's directory.
 pub const NAME: &str = "table";
 /// The name of the published [`Palm`].

@@ -13,9 +13,9 @@ use super::Verdict;
 pub(super) const NAME: &str = "counts";
 
 /// Without reply, of backgrounds and of loops, and with reply.
-pub(super) const NOTE: Vector = Vector(40);
-pub(super) const TICK: Vector = Vector(41);
-pub(super) const ASK: Vector = Vector(42);
+pub(super) const NOTE: Vector = Vector(8);
+pub(super) const TICK: Vector = Vector(9);
+pub(super) const ASK: Vector = Vector(10);
 
 /// How far a processor has come.
 pub(super) const JOINED: u32 = 1;

@@ -17,8 +17,8 @@ use drills::stack::{Depths, NAME, NESTED};
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
-const ASK: Vector = Vector(42);
-const TICK: Vector = Vector(41);
+const ASK: Vector = Vector(10);
+const TICK: Vector = Vector(9);
 
 /// What the slow loop computes, and the innermost handler: long enough to be interrupted by all that is
 /// above them.

@@ -37,7 +37,7 @@ const AHEAD: u64 = 20;
 /// The timer's bit of `mie`.
 const TIMER: usize = 1 << 7;
 
-const INCREMENT: Vector = Vector(44);
+const INCREMENT: Vector = Vector(12);
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// How often each loop has run; the trap handler counts as the first.
