@@ -46,6 +46,12 @@ pub mod linux;
 ))]
 pub mod sim;
 
+// What most programs need of the crates below, so that they depend on this one alone.
+pub use condor_fs::OpenOptions;
+pub use condor_mbox::{Messenger, Processor, Vector};
+pub use condor_mos::Rate;
+pub use condor_vars::{Param, Var, Vars};
+
 pub use error::{Error, Text};
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
