@@ -23,6 +23,7 @@
 //! }
 //! ```
 
+mod new;
 mod requests;
 mod service;
 mod summary;
@@ -103,6 +104,8 @@ struct Line {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Makes a project of one's own: two processors, to begin with
+    New(new::New),
     /// Checks the description of a system, and explains every mistake
     Check {
         /// The description
@@ -192,6 +195,7 @@ fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
             return Ok(ExitCode::from(2));
         }
         None => return up::run(None, &line.up, programs),
+        Some(Command::New(new)) => new.run()?,
         Some(Command::Check { file }) => check(&description(file, programs), programs)?,
         Some(Command::Up(up)) => return up::run(up.file, &up.how, programs),
         Some(Command::Stop(one)) => requests::stop(one)?,
