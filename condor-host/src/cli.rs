@@ -131,7 +131,7 @@ enum Command {
     Send(commands::Send),
     /// Shows the vectors of processors: names, and counts of messages
     Vectors(commands::Vectors),
-    /// Variables and gains of controllers
+    /// Variables and parameters of servo loops, and fields of published cells
     #[command(subcommand)]
     Vars(commands::Vars),
     /// Connects this terminal to that of a processor

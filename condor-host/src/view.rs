@@ -3,31 +3,30 @@
 //! A [`View`] claims one of the numbers of [`VISITORS`] and maps all
 //! windows. What it tells of a processor is what the processor's own memory says: the life of its
 //! mailbox, the counts of its servo loops and vectors, the state of its terminals, its variables. To
-//! send messages, change what is [watched](variables) or set [gains], it
-//! [joins](View::join) first.
+//! send messages, watch variables or set parameters, it [joins](View::join) first.
 
-pub mod gains;
 mod loops;
 mod terminals;
-pub mod variables;
+mod variables;
 mod vectors;
-mod wishes;
 
 pub use loops::{LoopRates, LoopSample};
 pub use terminals::TerminalCounts;
+pub use variables::Variables;
 pub use vectors::VectorCounts;
+
+use core::cell::RefCell;
 
 use condor_mbox::linux::{Claim, LinuxWindow, Mailbox, SystemError};
 use condor_mbox::{
-    AccessError, Error, LoadOrder, MemoryWindow, Messenger, PeerState, Processor, Region,
+    AccessError, Error, LoadOrder, MemoryWindow, Messenger, PeerState, Places, Processor, Region,
     SingleContext, layout,
 };
 use serde::Serialize;
 
 use crate::system::Windows;
-use condor_rt::directory::{self, DirectoryError, Entry, Kind};
+use condor_rt::directory::{self, Entry, Kind};
 use condor_rt::numbers::{PROCESSORS, VISITORS};
-use wishes::Wishes;
 
 /// The mailbox of a visitor.
 pub type Post = Mailbox<'static, PROCESSORS, SingleContext>;
@@ -59,9 +58,6 @@ pub enum ViewError {
         /// What was wrong with the access.
         source: AccessError,
     },
-    /// The visitor's own memory.
-    #[error(transparent)]
-    Directory(#[from] DirectoryError),
 }
 
 struct Holders<'a>(&'a [(Processor, u32)]);
@@ -116,7 +112,8 @@ pub struct Heart {
 /// A visitor's look at all windows of a system.
 pub struct View {
     post: Post,
-    wishes: Wishes,
+    /// What is free of the visitor's own memory.
+    places: RefCell<Places>,
 }
 
 impl core::fmt::Debug for View {
@@ -134,10 +131,9 @@ impl View {
     /// [`ViewError::Full`]; the windows'.
     pub fn open(windows: &Windows) -> Result<Self, ViewError> {
         let mut claim = claim(windows)?;
-        let mut places = claim.places()?;
+        let places = RefCell::new(claim.places()?);
         let post = claim.mailbox_with(SingleContext::new())?;
-        let wishes = Wishes::new(&post, &mut places)?;
-        Ok(Self { post, wishes })
+        Ok(Self { post, places })
     }
 
     /// Becomes a processor to the others, so that messages can be sent.

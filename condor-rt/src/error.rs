@@ -95,7 +95,7 @@ pub enum Error {
     },
     /// What a program says itself: the text of an error of its own.
     #[error("{0}")]
-    Program(Text<96>),
+    Program(Text<112>),
 }
 
 impl Error {

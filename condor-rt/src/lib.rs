@@ -16,6 +16,7 @@ mod setup;
 mod variables;
 
 // What it needs of its processor.
+mod interrupts;
 mod machine;
 pub mod numbers;
 mod silent;
@@ -53,6 +54,7 @@ pub use condor_mos::Rate;
 pub use condor_vars::{Param, Var, Vars};
 
 pub use error::{Error, Text};
+pub use interrupts::Interrupts;
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
 pub use running::{Background, Call, ConsoleOf, FilesOf, Tick};

@@ -1,7 +1,5 @@
 //! [`Machine`]: what a program needs to know of the processor on which it runs.
 
-use core::fmt;
-
 use condor_dev::Bus;
 use condor_mbox::{
     self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Waiting, Windows,
@@ -9,6 +7,7 @@ use condor_mbox::{
 use condor_mos::{Loops, Platform};
 
 use crate::error::Error;
+use crate::interrupts::Interrupts;
 use crate::numbers::PROCESSORS;
 use crate::servo::{self, ServoLoop};
 
@@ -98,6 +97,11 @@ pub trait Machine: Sync {
         background()
     }
 
+    /// What became of the interrupts of its boards so far; `None` if none interrupts.
+    fn interrupts(&self) -> Option<Interrupts> {
+        None
+    }
+
     /// Runs loops, by their numbers in `loops`, and `background`, which is given what it may ask of them.
     ///
     /// On one stack, which they interrupt; a machine with another way to run loops has its own.
@@ -122,12 +126,10 @@ pub trait Machine: Sync {
 /// and the background share lies in the windows, in a [`LoopLock`](condor_mos::LoopLock) or in a
 /// [`Latest`](condor_mos::Latest).
 pub trait Program {
-    /// Why it ended before it was told to.
-    type Error: fmt::Debug + fmt::Display;
-
     /// Runs until the machine [is stopping](Machine::is_stopping).
     ///
     /// # Errors
-    /// What the program says; it has failed then, and whoever started it decides what follows.
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Self::Error>;
+    /// The program has failed, and whoever started it decides what follows. An error of its own enters by
+    /// [`Error::program`].
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error>;
 }

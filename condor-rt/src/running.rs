@@ -6,6 +6,7 @@ use core::ops::Deref;
 use core::time::Duration;
 
 use condor_fs::{Area, FileSystem};
+use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, Clock as _, Doorbell as _, Exclusion, Instant, MemoryWindow};
 use condor_mbox::{Messenger, Processor, Region, Vector};
 use condor_mos::{LoopError, LoopId, Loops, Rate, Statistics};
@@ -14,6 +15,7 @@ use condor_vars::{Param, Tune as _};
 use embedded_io::{Read as _, ReadReady as _};
 
 use crate::error::Error;
+use crate::interrupts::Interrupts;
 use crate::loops::LoopReports;
 use crate::machine::{Machine, MailboxOf};
 use crate::numbers;
@@ -95,6 +97,12 @@ impl Tick<'_> {
     }
 }
 
+/// What a program shows of its interrupts and of its loops.
+pub(crate) type Reports<M> = (
+    Option<Publisher<Interrupts, Region<<M as Machine>::Window>>>,
+    Option<LoopReports<<M as Machine>::Window, LOOPS>>,
+);
+
 /// What the background of a running program has; loops interrupt it.
 pub struct Background<'b, M: Machine> {
     pub(crate) machine: &'b M,
@@ -106,7 +114,7 @@ pub struct Background<'b, M: Machine> {
     pub(crate) names: &'b [&'b str],
     /// Of each loop the rate that it is to have, and the one that it was given last, in Hz.
     pub(crate) rates_hz: &'b [Option<(&'b Param<u32>, Cell<u32>)>],
-    pub(crate) reports: RefCell<(Instant, Option<LoopReports<M::Window, LOOPS>>)>,
+    pub(crate) reports: RefCell<(Instant, Reports<M>)>,
 }
 
 impl<'b, M: Machine> Background<'b, M> {
@@ -289,10 +297,10 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok((loops, LoopId(place.ok_or(no_such)? as u8)))
     }
 
-    pub(crate) fn show_now(
-        &self,
-        reports: &mut Option<LoopReports<M::Window, LOOPS>>,
-    ) -> Result<(), Error> {
+    pub(crate) fn show_now(&self, (interrupts, reports): &mut Reports<M>) -> Result<(), Error> {
+        if let (Some(shown), Some(interrupts)) = (interrupts, self.machine.interrupts()) {
+            shown.publish(&interrupts)?;
+        }
         if let (Some(reports), Some(loops)) = (reports, self.loops) {
             for number in 0..self.names.len() {
                 reports.publish(number, &loops.statistics(LoopId(number as u8))?)?;

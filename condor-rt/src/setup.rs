@@ -366,10 +366,10 @@ impl<'e, M: Machine> Setup<'e, M> {
     ///
     /// # Errors
     /// What was wrong with the setup; those of the mailbox and of the loops; `background`'s.
-    pub fn background<R, E: From<Error>>(
+    pub fn background<R>(
         &mut self,
-        background: impl FnOnce(&Background<'_, M>) -> Result<R, E>,
-    ) -> Result<R, E> {
+        background: impl FnOnce(&Background<'_, M>) -> Result<R, Error>,
+    ) -> Result<R, Error> {
         self.run_with(background)?
     }
 
@@ -382,6 +382,9 @@ impl<'e, M: Machine> Setup<'e, M> {
         }
         let names: Vec<&str, LOOPS> = fitting(self.loops.iter().map(|one| one.name));
         let reports = self.reports(&names)?;
+        let interrupts = self.machine.interrupts();
+        let interrupts = interrupts.map(|_| self.publish_fields("interrupts"));
+        let reports = (interrupts.transpose()?, reports);
         let watched: Vec<&dyn Watch, VARIABLES> = fitting(self.watched.iter().copied());
         let tuned: Vec<&dyn Tune, VARIABLES> = fitting(self.tuned.iter().copied());
         let (windows, doorbell) = (self.machine.windows(), self.machine.doorbell());

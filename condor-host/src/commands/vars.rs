@@ -1,28 +1,35 @@
 //! `condor vars`: what can be watched, and what can be set.
 
+mod clients;
 mod known;
+mod rows;
+mod value;
 mod watch;
 
+use std::collections::BTreeSet;
+
 use clap::{Args, Subcommand};
+use condor_vars::{RequestError, Value};
 use serde::Serialize;
+use serde_json::Value as Json;
 
 use super::running::Running;
 use super::table::{Left, Right, Table, or_dash};
 use super::{How, print, print_json};
 use crate::cli::AnyError;
 use crate::control::Member;
-use crate::view::variables::Value;
-use known::{Known, What};
+use clients::{ANSWER, Clients};
+use known::{Known, One};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Vars {
-    /// Lists variables, which can be watched, and gains, which can be set
+    /// Lists variables, parameters, which can be set, and fields of cells
     List(List),
     /// Shows the present values of some
     Get(Get),
-    /// Sets a gain
+    /// Sets a parameter
     Set(Set),
-    /// Shows variables at the rate of their servo, until Ctrl-C
+    /// Shows variables and parameters at the rate of their loops, until Ctrl-C
     Watch(watch::Watch),
 }
 
@@ -36,6 +43,7 @@ pub(crate) struct List {
 
 #[derive(Debug, Args)]
 pub(crate) struct Get {
+    /// Their names; what two processors have begins with PROCESSOR: or PROCESSOR:LOOP:
     #[arg(required = true)]
     names: Vec<String>,
     #[command(flatten)]
@@ -45,8 +53,12 @@ pub(crate) struct Get {
 #[derive(Debug, Args)]
 pub(crate) struct Set {
     name: String,
+    /// A number, true, false, or a label
     #[arg(allow_negative_numbers = true)]
-    value: f64,
+    value: String,
+    /// Sets it only if this is its present value
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    from: Option<String>,
     #[command(flatten)]
     how: How,
 }
@@ -54,40 +66,35 @@ pub(crate) struct Set {
 #[derive(Serialize)]
 struct Row<'s> {
     processor: &'s str,
+    #[serde(rename = "loop", skip_serializing_if = "Option::is_none")]
+    of_loop: Option<&'s str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cell: Option<&'s str>,
     name: &'s str,
+    #[serde(rename = "type")]
+    type_name: String,
     unit: &'s str,
+    about: &'s str,
     can_be_set: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
-    value: Option<Shown>,
-}
-
-#[derive(Clone, Copy, Serialize)]
-#[serde(untagged)]
-enum Shown {
-    Variable(Value),
-    Gain(f64),
-}
-
-impl core::fmt::Display for Shown {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Variable(value) => value.fmt(f),
-            Self::Gain(value) => f.pad(&value.to_string()),
-        }
-    }
+    bounds: Option<[Json; 2]>,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    labels: &'s [String],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    value: Option<Json>,
 }
 
 #[derive(Serialize)]
 struct Answer<'s> {
     system: &'s str,
-    variables: &'s [Row<'s>],
+    variables: Vec<Row<'s>>,
 }
 
 #[derive(Serialize)]
 struct Changed<'s> {
     name: &'s str,
-    before: f64,
-    value: f64,
+    before: Json,
+    value: Json,
 }
 
 impl Vars {
@@ -110,9 +117,22 @@ impl List {
         };
         let mut view = running.view()?;
         view.join()?;
-        let known = Known::all(&view, &members)?;
-        let rows: Vec<_> = known.all.iter().map(row).collect();
-        show(&rows, &running, &self.how)?;
+        let mut known = Known::all(&view, &members)?;
+        let mut clients = Clients::new(&view);
+        let (mut values, mut silent) = (Vec::new(), BTreeSet::new());
+        for one in &known.all {
+            let is_silent = one.can_be_set() && silent.contains(&one.member.number);
+            let value = (!is_silent).then(|| clients.value(one));
+            // A cell of which nothing has been published yet has no value.
+            if one.can_be_set()
+                && let Some(Err(error)) = &value
+            {
+                silent.insert(one.member.number);
+                known.troubles.push(format!("{}: {error}", one.place()));
+            }
+            values.push(value.and_then(Result::ok).flatten());
+        }
+        show(known.all.iter().zip(values), &running, &self.how)?;
         known.tell_troubles();
         Ok(())
     }
@@ -127,91 +147,148 @@ impl Get {
         let known = Known::all(&view, &members)?;
         let chosen: Result<Vec<_>, _> = self.names.iter().map(|name| known.find(name)).collect();
         let chosen = chosen?;
-        let values = watch::once(&view, &chosen)?;
-        let mut rows = Vec::new();
-        for (place, one) in chosen.iter().enumerate() {
-            let watched = values.get(place).copied().flatten();
-            let mut row = row(one);
-            row.value = watched.map(Shown::Variable).or(row.value);
-            rows.push(row);
+        let mut clients = Clients::new(&view);
+        let mut values = watch::once(&view, &chosen)?;
+        for (one, value) in chosen.iter().zip(&mut values) {
+            let asked = clients.value(one);
+            let asked = asked.map_err(|error| format!("{}: {error}", one.place()))?;
+            *value = value.or(asked);
         }
-        show(&rows, &running, &self.how)
+        show(chosen.into_iter().zip(values), &running, &self.how)
     }
 }
 
 impl Set {
     fn run(&self) -> Result<(), AnyError> {
-        let (name, value) = (&self.name, self.value);
-        if !value.is_finite() {
-            return Err(format!("a gain is a finite number, and not {value}").into());
-        }
+        let name = &self.name;
         let running = Running::find(&self.how.which)?;
         let mut view = running.view()?;
         view.join()?;
         let members: Vec<&Member> = running.status.processors.iter().collect();
         let known = Known::all(&view, &members)?;
-        let found = known.find(name)?;
-        let What::Gain(gain, _) = &found.what else {
+        let one = known.find(name)?;
+        if !one.can_be_set() {
             return Err(format!(
-                "`{name}` is what a controller measures or computes, and cannot be set; {}",
-                known.gains_like(name)
+                "`{name}` is what a program measures or computes, and cannot be set; {}",
+                known.parameters_like(name)
             )
             .into());
+        }
+        let new = one.of.parse(&self.value)?;
+        let from = self.from.as_deref().map(|text| one.of.parse(text));
+        let mut clients = Clients::new(&view);
+        let client = clients.of(one)?;
+        let before = match from {
+            Some(from) => from?,
+            None => client.get(&one.table, &one.entry, ANSWER)?,
         };
-        let servos = view.servos(condor_mbox::Processor(found.member.number))?;
-        let before = match servos {
-            Some(mut servos) => servos.set(gain, value)?,
-            None => None,
-        };
-        let before = before.ok_or_else(|| format!("`{name}` is not there any more"))?;
+        let set = client.set(&one.table, &one.entry, before, new, ANSWER);
+        set.map_err(|error| refusal(name, one, new, error))?;
         if self.how.json {
             return print_json(&Changed {
                 name,
-                before,
-                value,
+                before: one.of.json(before),
+                value: one.of.json(new),
             });
         }
-        print(format_args!("{name}: {before} -> {value} {}\n", gain.unit))
+        let (before, new, unit) = (one.of.text(before), one.of.text(new), &one.entry.unit);
+        let text = format!("{name}: {before} -> {new} {unit}");
+        print(format_args!("{}\n", crate::plain::plain(text.trim_end())))
     }
 }
 
-fn row<'s>(one: &'s known::One<'_>) -> Row<'s> {
-    let (value, can_be_set) = match &one.what {
-        What::Gain(_, value) => (Some(Shown::Gain(*value)), true),
-        What::Variable(..) => (None, false),
-    };
-    Row {
-        processor: &one.member.name,
-        name: one.what.name(),
-        unit: one.what.unit(),
-        can_be_set,
-        value,
+/// Says why a parameter was not set to `new`.
+fn refusal(name: &str, one: &One<'_>, new: Value, error: RequestError) -> String {
+    let text = |value| one.of.text(value);
+    match error {
+        RequestError::OutOfBounds { least, greatest } => {
+            let (least, greatest) = (text(least), text(greatest));
+            let range = format!("{least} to {greatest} {}", one.entry.unit);
+            format!(
+                "`{name}` is from {}, and not {}",
+                range.trim_end(),
+                text(new)
+            )
+        }
+        RequestError::Conflict { present } => {
+            let present = text(present);
+            format!("`{name}` is {present} now: somebody else has set it, and it was not changed")
+        }
+        error => format!("`{name}` was not set: {error}"),
     }
 }
 
-fn show(rows: &[Row<'_>], running: &Running, how: &How) -> Result<(), AnyError> {
+fn show<'s, 'm: 's>(
+    rows: impl Iterator<Item = (&'s One<'m>, Option<Value>)>,
+    running: &Running,
+    how: &How,
+) -> Result<(), AnyError> {
     if how.json {
-        let system = &running.status.system;
         return print_json(&Answer {
-            system,
-            variables: rows,
+            system: &running.status.system,
+            variables: rows.map(|(one, value)| row(one, value)).collect(),
         });
     }
     let mut table = Table::new([
         ("processor", Left),
+        ("in", Left),
         ("name", Left),
         ("value", Right),
         ("unit", Left),
+        ("type", Left),
+        ("can be set to", Left),
         ("", Left),
     ]);
-    for row in rows {
+    for (one, value) in rows {
         table.row([
-            row.processor.into(),
-            row.name.into(),
-            or_dash(row.value),
-            row.unit.into(),
-            if row.can_be_set { "can be set" } else { "" }.into(),
+            one.member.name.clone(),
+            one.owner.to_string(),
+            one.name.clone(),
+            or_dash(value.map(|value| one.of.text(value))),
+            one.entry.unit.to_string(),
+            one.of.to_string(),
+            choices(one),
+            one.entry.about.to_string(),
         ]);
     }
     print(table)
+}
+
+fn row<'s>(one: &'s One<'_>, value: Option<Value>) -> Row<'s> {
+    let owner = Some(&*one.owner);
+    let (of_loop, cell) = if one.is_field() {
+        (None, owner)
+    } else {
+        (owner, None)
+    };
+    Row {
+        processor: &one.member.name,
+        of_loop,
+        cell,
+        name: &one.name,
+        type_name: one.of.to_string(),
+        unit: &one.entry.unit,
+        about: &one.entry.about,
+        can_be_set: one.can_be_set(),
+        bounds: (one.entry.bounds).map(|bounds| bounds.map(|bound| one.of.json(bound))),
+        labels: &one.of.labels,
+        value: value.map(|value| one.of.json(value)),
+    }
+}
+
+/// Says what a parameter can be set to.
+fn choices(one: &One<'_>) -> String {
+    match one.entry.bounds {
+        None => String::new(),
+        Some([Value::Choice(least), Value::Choice(greatest)]) => {
+            let choices: Vec<_> = (least..=greatest)
+                .take(one.of.labels.len())
+                .map(|number| one.of.text(Value::Choice(number)))
+                .collect();
+            choices.join(", ")
+        }
+        Some([least, greatest]) => {
+            format!("{} to {}", one.of.text(least), one.of.text(greatest))
+        }
+    }
 }

@@ -1,29 +1,28 @@
-//! What the commands say of a system of two fingers.
+//! What the commands say of a system of two joints.
 
-use std::io::Write;
+use std::io::{BufRead, BufReader, Read, Write};
 use std::process::Stdio;
 
 use crate::running::{self, Up};
-use condor_hand::monitor::Selection;
 use condor_host::view::{View, ViewError};
-use condor_mbox::{Messenger, Processor};
 use condor_rt::numbers::VISITORS;
-use serde_json::Value;
+use rustix::process::Signal;
+use serde_json::{Value, json};
 
 const TWO: &str = r#"
     [[processors]]
     number = 0
     name = "a"
     program = "THIS"
-    arguments = ["finger"]
+    arguments = ["joint"]
     [[processors]]
     number = 1
     name = "b"
     program = "THIS"
-    arguments = ["finger"]
+    arguments = ["joint"]
 "#;
 
-/// A system of two fingers, whose loops have run and whose terminals are served.
+/// A system of two joints, whose loops have run and whose terminals are served.
 fn start() -> Up {
     let up = Up::start(TWO, &[]);
     for name in ["a", "b"] {
@@ -38,7 +37,7 @@ fn text(up: &Up, arguments: &[&str]) -> String {
     String::from_utf8(up.run(arguments).stdout).unwrap()
 }
 
-fn json(up: &Up, arguments: &[&str]) -> Value {
+fn answer(up: &Up, arguments: &[&str]) -> Value {
     let text = text(up, &[arguments, &["--json"]].concat());
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
 }
@@ -59,12 +58,12 @@ fn strings(rows: &Value, field: &str) -> Vec<String> {
 #[test]
 fn processors_and_their_loops_are_shown() {
     let up = start();
-    let ps = json(&up, &["ps"]);
+    let ps = answer(&up, &["ps"]);
     let names = strings(&ps["processors"], "name");
     assert_eq!(names, ["a", "b", "files", "terminals"]);
     let b = &ps["processors"][1];
     assert_eq!(b["heart"]["presence"], "up");
-    assert_eq!((&b["state"], &b["loops"]), (&"running".into(), &1.into()));
+    assert_eq!((&b["state"], &b["loops"]), (&"running".into(), &2.into()));
     assert_eq!(b["terminals"][0]["name"], "console");
     assert_eq!(b["terminals"][0]["reader"], 9);
     let table = text(&up, &["ps", "--system", "tested"]);
@@ -74,15 +73,15 @@ fn processors_and_their_loops_are_shown() {
         "{table}"
     );
 
-    let top = json(&up, &["top", "--once"]);
-    assert_eq!(strings(&top["loops"], "processor"), ["a", "b"]);
+    let top = answer(&up, &["top", "--once"]);
+    assert_eq!(strings(&top["loops"], "processor"), ["a", "a", "b", "b"]);
     let servo = &top["loops"][0];
     assert_eq!(servo["name"], "servo");
     assert_eq!(servo["rate_hz"], 100.0);
     assert!(servo["reached_hz"].as_f64().unwrap() > 0.0, "{servo}");
     assert!(servo["worst_run_us"].as_f64().unwrap() > 0.0, "{servo}");
     let table = text(&up, &["top", "--once", "--every", "100ms"]);
-    assert_eq!(table.lines().count(), 3, "{table}");
+    assert_eq!(table.lines().count(), 5, "{table}");
 
     let wrong = complaint(&up, &["ps", "--system", "other"]);
     assert!(wrong.contains("there are tested"), "{wrong}");
@@ -93,7 +92,7 @@ fn messages_are_sent_and_counted() {
     let up = start();
     let reply = text(&up, &["send", "b", "5", "40", "--reply"]);
     assert_eq!(reply, "42 (0x2a)\n");
-    let reply = json(&up, &["send", "1", "add", "0xffff_ffff", "--reply"]);
+    let reply = answer(&up, &["send", "1", "add", "0xffff_ffff", "--reply"]);
     assert_eq!(
         (&reply["processor"], &reply["reply"]),
         (&"b".into(), &1.into())
@@ -101,7 +100,7 @@ fn messages_are_sent_and_counted() {
     for _ in 0..3 {
         text(&up, &["send", "b", "0x5", "1"]);
     }
-    let vectors = json(&up, &["vectors", "b"]);
+    let vectors = answer(&up, &["vectors", "b"]);
     let add = &vectors["vectors"][0];
     assert_eq!((&add["vector"], &add["name"]), (&5.into(), &"add".into()));
     assert_eq!(add["handled"], 5);
@@ -124,146 +123,336 @@ fn messages_are_sent_and_counted() {
 }
 
 #[test]
-fn variables_are_watched_and_gains_set() {
+fn variables_parameters_and_fields_are_listed() {
     let up = start();
-    let list = json(&up, &["vars", "list", "b"]);
-    let names = strings(&list["variables"], "name");
-    let position = names
-        .iter()
-        .find(|name| name.ends_with(".position"))
-        .unwrap();
+    let list = answer(&up, &["vars", "list", "b"]);
     let rows = list["variables"].as_array().unwrap();
-    let gain = rows.iter().find(|row| row["can_be_set"] == true).unwrap();
-    let gain_name = gain["name"].as_str().unwrap().to_owned();
-    let joint = position.strip_suffix("position").unwrap();
-    assert!(
-        gain_name.starts_with(joint),
-        "{gain_name} is not of {joint}"
-    );
-    let before = gain["value"].as_f64().unwrap();
-
-    let get = json(&up, &["vars", "get", &gain_name, position]);
-    assert_eq!(get["variables"][0]["value"], before);
-    let value = get["variables"][1]["value"].as_f64().unwrap();
-    assert!((value - 0.1).abs() < 1e-3, "{get}");
-
-    let set = json(&up, &["vars", "set", &gain_name, "1.25"]);
-    assert_eq!(
-        (&set["before"], &set["value"]),
-        (&before.into(), &1.25.into())
-    );
-    let get = json(&up, &["vars", "get", &gain_name]);
-    assert_eq!(get["variables"][0]["value"], 1.25);
-
-    let watch = ["vars", "watch", position, "--every", "2", "--for", "1s"];
-    let lines = text(&up, &[&watch[..], &["--json"]].concat());
-    let lines: Vec<Value> = lines
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect();
-    let (end, rows) = lines.split_last().unwrap();
-    assert_eq!(end["rows"], rows.len());
-    assert!(rows.len() >= 2, "{lines:?}");
-    for pair in rows.windows(2) {
-        let [from, to] = [0, 1].map(|place: usize| pair[place]["tick"].as_u64().unwrap());
-        assert!(to > from && (to - from) % 2 == 0, "{pair:?}");
-        assert_eq!(
-            end["lost"] == 0,
-            to - from == 2 || end["lost"] != 0,
-            "{pair:?}"
-        );
-    }
-
-    let wrong = complaint(
-        &up,
-        &["vars", "get", &gain_name.replace(joint, "other.joint.")],
-    );
-    assert!(wrong.contains("the most similar are"), "{wrong}");
-    let wrong = complaint(&up, &["vars", "set", position, "1"]);
-    assert!(wrong.contains("cannot be set"), "{wrong}");
-    let wrong = complaint(&up, &["vars", "set", &gain_name, "-1"]);
-    assert!(wrong.contains("-1"), "{wrong}");
-}
-
-#[test]
-fn a_watcher_leaves_the_selection_of_another() {
-    let up = start();
-    let system = up.directory().system(65536).unwrap();
-    let mut view = View::open(&system).unwrap();
-    view.join().unwrap();
-    let monitor = view.monitor(Processor(0)).unwrap().unwrap();
-    let variables = monitor.variables().unwrap();
-    let (name, other) = (variables[1].1.name.clone(), variables[7].0);
-    let watch = monitor.watch(view.post(), &[other], 3).unwrap();
-    let served = std::thread::scope(|threads| {
-        threads
-            .spawn(|| json(&up, &["vars", "get", &format!("a:{name}")]))
-            .join()
-    });
-    assert!(served.unwrap()["variables"][0]["value"].is_number());
-    let again = view.monitor(Processor(0)).unwrap().unwrap();
-    let deadline = std::time::Instant::now() + running::DEADLINE;
-    while again.selection().unwrap() != Some(Selection::new([other], 3).unwrap()) {
-        assert!(std::time::Instant::now() < deadline, "it is another one");
-        view.post()
-            .serve(std::time::Duration::from_millis(5))
-            .unwrap();
-    }
-    let mut watch = watch;
-    let deadline = std::time::Instant::now() + running::DEADLINE;
-    // The rows of the other watcher, and after them its own again, as if nothing had been.
-    let mut ticks = Vec::new();
-    while ticks.len() < 20 {
-        assert!(std::time::Instant::now() < deadline, "{ticks:?}");
-        if let Some(sample) = watch.sample().unwrap() {
-            assert!(sample.value(other, &variables[7].1).is_some());
-            ticks.push(sample.tick);
-        }
-    }
-    let spaced = ticks.windows(2).all(|pair| pair[1] - pair[0] >= 3);
-    assert!(spaced, "{ticks:?}");
-    watch.end().unwrap();
-}
-
-#[test]
-fn what_a_killed_watcher_watched_is_forgotten_by_the_next() {
-    let up = start();
-    let system = up.directory().system(65536).unwrap();
-    let mut view = View::open(&system).unwrap();
-    view.join().unwrap();
-    let monitor = || view.monitor(Processor(0)).unwrap().unwrap();
-    let variables = monitor().variables().unwrap();
-    let selected = |expected: &[usize]| {
-        let deadline = std::time::Instant::now() + running::DEADLINE;
-        let monitor = monitor();
-        loop {
-            let selection = monitor.selection().unwrap();
-            let found: Option<Vec<_>> = selection.map(|it| it.variables().collect());
-            if found.as_deref() == Some(expected) {
-                return;
-            }
-            assert!(std::time::Instant::now() < deadline, "{found:?}");
-            let nap = std::time::Duration::from_millis(5);
-            view.post().serve(nap).unwrap();
-        }
+    let names = strings(&list["variables"], "name");
+    let row = |name: &str| {
+        let place = names.iter().position(|it| it == name);
+        let place = place.unwrap_or_else(|| panic!("no {name}: {names:?}"));
+        rows[place].clone()
     };
-    let mut watchers = Vec::new();
-    for (_, variable) in variables.iter().take(2) {
-        let name = format!("a:{}", variable.name);
-        let mut command = up.command(&["vars", "watch", &name]);
-        watchers.push(command.stdout(Stdio::null()).spawn().unwrap());
+    assert_eq!(
+        row("joint.position"),
+        json!({
+            "processor": "b", "loop": "servo", "name": "joint.position", "type": "f64",
+            "unit": "rad", "about": "Filtered.", "can_be_set": false
+        })
+    );
+    assert_eq!(
+        row("joint.stiffness"),
+        json!({
+            "processor": "b", "loop": "servo", "name": "joint.stiffness", "type": "f64",
+            "unit": "N m/rad", "about": "", "can_be_set": true, "bounds": [0.0, 50.0],
+            "value": 2.0
+        })
+    );
+    assert_eq!(
+        row("mode"),
+        json!({
+            "processor": "b", "loop": "servo", "name": "mode", "type": "choice",
+            "unit": "", "about": "", "can_be_set": true, "bounds": ["idle", "hold"],
+            "labels": ["idle", "hold", "fault"], "value": "idle"
+        })
+    );
+    assert_eq!(
+        row("contact.force"),
+        json!({
+            "processor": "b", "cell": "contact", "name": "contact.force", "type": "f32",
+            "unit": "N", "about": "At the tip.", "can_be_set": false, "value": 1.5
+        })
+    );
+    assert_eq!(row("beats")["loop"], "slow");
+    assert!(rows.iter().all(|row| row["processor"] == "b"), "{list}");
+
+    let table = text(&up, &["vars", "list"]);
+    let lines = |begin: &str| table.lines().filter(|line| line.starts_with(begin)).count();
+    assert_eq!((lines("a "), lines("b ")), (rows.len(), rows.len()));
+    assert!(table.contains("idle, hold"), "{table}");
+    assert!(table.contains("0.0 to 50.0"), "{table}");
+}
+
+#[test]
+fn values_are_shown_and_parameters_set() {
+    let up = start();
+    let names = [
+        "b:joint.stiffness",
+        "b:ticks",
+        "b:contact.fingers",
+        "a:mode",
+    ];
+    let get = answer(&up, &[&["vars", "get"], &names[..]].concat());
+    let value = |place: usize| get["variables"][place]["value"].clone();
+    assert_eq!(
+        [value(0), value(2), value(3)],
+        [json!(2.0), json!(3), json!("idle")]
+    );
+    assert!(value(1).as_u64().unwrap() > 0, "{get}");
+
+    let set = answer(&up, &["vars", "set", "b:joint.stiffness", "1.25"]);
+    assert_eq!((&set["before"], &set["value"]), (&json!(2.0), &json!(1.25)));
+    let told = text(&up, &["vars", "set", "b:joint.stiffness", "1e1"]);
+    assert_eq!(told, "b:joint.stiffness: 1.25 -> 10.0 N m/rad\n");
+    let told = text(&up, &["vars", "set", "b:servo:mode", "hold"]);
+    assert_eq!(told, "b:servo:mode: idle -> hold\n");
+    let told = text(&up, &["vars", "set", "b:soft", "true", "--from", "false"]);
+    assert_eq!(told, "b:soft: false -> true\n");
+    let names = ["a:joint.stiffness", "b:joint.stiffness", "b:mode", "b:soft"];
+    let get = answer(&up, &[&["vars", "get"], &names[..]].concat());
+    let value = |place: usize| get["variables"][place]["value"].clone();
+    let values = [value(0), value(1), value(2), value(3)];
+    assert_eq!(
+        values,
+        [json!(2.0), json!(10.0), json!("hold"), json!(true)]
+    );
+
+    for (arguments, wanted) in [
+        (
+            &["get", "mode"][..],
+            "there are several `mode`: write a:mode or b:mode",
+        ),
+        (
+            &["get", "a:mod"],
+            "no variable or parameter `a:mod`; of 8, the most similar are mode",
+        ),
+        (
+            &["set", "b:ticks", "1"],
+            "`b:ticks` is what a program measures",
+        ),
+        (
+            &["set", "b:contact.force", "1"],
+            "cannot be set; of 3, the most similar are",
+        ),
+        (
+            &["set", "b:joint.stiffness", "-1"],
+            "is from 0.0 to 50.0 N m/rad, and not -1.0",
+        ),
+        (
+            &["set", "b:joint.stiffness", "NaN"],
+            "is from 0.0 to 50.0 N m/rad, and not NaN",
+        ),
+        (
+            &["set", "b:joint.stiffness", "soft"],
+            "`soft` is not a value of type f64",
+        ),
+        (
+            &["set", "b:joint.stiffness", "3", "--from", "2"],
+            "is 10.0 now: somebody else",
+        ),
+        (
+            &["set", "b:mode", "fault"],
+            "`b:mode` is from idle to hold, and not fault",
+        ),
+        (
+            &["set", "b:mode", "run"],
+            "`run` is none of idle, hold, fault",
+        ),
+        (&["set", "b:soft", "1"], "`1` is neither true nor false"),
+        (
+            &["watch", "b:contact.force"],
+            "`vars get b:contact.force` shows it",
+        ),
+    ] {
+        let wrong = complaint(&up, &[&["vars"], arguments].concat());
+        assert!(wrong.contains(wanted), "{arguments:?}: {wrong}");
     }
-    selected(&[0, 1]);
-    let [mut first, mut second] = <[_; 2]>::try_from(watchers).unwrap();
-    first.kill().unwrap();
-    first.wait().unwrap();
-    // Nobody has told the monitor yet; who begins does, and keeps what the living one watches.
-    let watch = monitor().watch(view.post(), &[variables[7].0], 1).unwrap();
-    selected(&[1, 7]);
-    second.kill().unwrap();
-    second.wait().unwrap();
-    watch.end().unwrap();
-    selected(&[]);
+    let get = answer(&up, &["vars", "get", "b:joint.stiffness"]);
+    assert_eq!(get["variables"][0]["value"], 10.0);
+}
+
+/// The rows of a `vars watch`, and its summary.
+fn rows(text: &str) -> (Vec<Value>, Value) {
+    let lines = text.lines().map(|line| serde_json::from_str(line).unwrap());
+    let mut lines: Vec<Value> = lines.collect();
+    let summary = lines.pop().unwrap();
+    (lines, summary)
+}
+
+fn number(row: &Value, field: &str) -> u64 {
+    let number = row[field].as_u64();
+    number.unwrap_or_else(|| panic!("no {field}: {row}"))
+}
+
+#[test]
+fn loops_of_two_processors_are_watched_on_one_axis() {
+    let up = start();
+    let names = ["a:joint.position", "b:mode", "b:ticks", "b:beats"];
+    let options = ["--every", "2", "--for", "2s", "--json"];
+    let (rows, summary) = rows(&text(
+        &up,
+        &[&["vars", "watch"], &names[..], &options].concat(),
+    ));
+    assert_eq!(summary["rows"], rows.len());
+    let times: Vec<_> = rows.iter().map(|row| number(row, "released_ns")).collect();
+    assert!(times.is_sorted(), "{times:?}");
+    for (name, shown) in [
+        ("a:servo", &names[..1]),
+        ("b:servo", &names[1..3]),
+        ("b:slow", &names[3..]),
+    ] {
+        let of_loop: Vec<_> = rows.iter().filter(|row| row["loop"] == name).collect();
+        let loops = summary["loops"].as_array().unwrap();
+        let counted = loops.iter().find(|it| it["loop"] == name).unwrap();
+        assert_eq!(counted["rows"], of_loop.len(), "{summary}");
+        let [first, .., last] = &of_loop[..] else {
+            panic!("{name}: {of_loop:?}");
+        };
+        // Each is a row, or is counted.
+        let ticks = number(last, "tick") - number(first, "tick");
+        let missed = number(counted, "lost");
+        assert_eq!(ticks / 2 + 1, of_loop.len() as u64 + missed, "{summary}");
+        for row in of_loop {
+            let (tick, values) = (number(row, "tick"), row["values"].as_object().unwrap());
+            assert!(values.keys().eq(shown), "{row}");
+            for (name, value) in values {
+                let expected = match name.as_str() {
+                    "a:joint.position" => json!(0.5 * f64::from(u32::try_from(tick).unwrap())),
+                    "b:mode" => json!("idle"),
+                    _ => json!(tick),
+                };
+                assert_eq!(*value, expected, "{row}");
+            }
+        }
+    }
+
+    let output = up.run(&["vars", "watch", "a:joint.position", "b:mode", "--for", "1s"]);
+    let (text, told) = (
+        String::from_utf8(output.stdout).unwrap(),
+        String::from_utf8(output.stderr).unwrap(),
+    );
+    let title = text.lines().next().unwrap();
+    assert!(
+        title.ends_with("  a:joint.position [rad]        b:mode"),
+        "{title}"
+    );
+    assert!(text.lines().any(|line| line.ends_with(" idle")), "{text}");
+    assert!(
+        told.contains("a:servo: ") && told.contains("b:servo: "),
+        "{told}"
+    );
+}
+
+#[test]
+fn rows_that_a_watcher_misses_are_counted() {
+    let up = start();
+    let mut command = up.command(&["vars", "watch", "a:ticks", "--json"]);
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap());
+    let mut text = String::new();
+    lines.read_line(&mut text).unwrap();
+    running::signal(child.id(), Signal::STOP);
+    let ticks = || {
+        let get = answer(&up, &["vars", "get", "a:ticks"]);
+        number(&get["variables"][0], "value")
+    };
+    // Longer than its ring keeps rows.
+    let begin = ticks();
+    while ticks() < begin + 300 {}
+    running::signal(child.id(), Signal::INT);
+    running::signal(child.id(), Signal::CONT);
+    lines.read_to_string(&mut text).unwrap();
+    assert!(child.wait().unwrap().success());
+    let (rows, summary) = rows(&text);
+    let [first, .., last] = &rows[..] else {
+        panic!("{rows:?}");
+    };
+    let missed = number(&summary, "lost");
+    assert!(missed > 0, "{summary}");
+    let ticks = number(last, "tick") - number(first, "tick");
+    assert_eq!(ticks + 1, rows.len() as u64 + missed, "{summary}");
+}
+
+#[test]
+fn watchers_have_a_selection_each_and_end_by_themselves() {
+    let up = start();
+    let watch = |name: &str, every: &str| {
+        let mut command = up.command(&["vars", "watch", name, "--every", every, "--json"]);
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap());
+        let mut first = String::new();
+        lines.read_line(&mut first).unwrap();
+        (child, lines, first)
+    };
+    // Twice as many as a loop has slots: each gives its own back.
+    for _ in 0..2 {
+        let watchers = [
+            watch("a:ticks", "3"),
+            watch("a:joint.position", "1"),
+            watch("a:mode", "5"),
+            watch("a:soft", "1"),
+        ];
+        let wrong = complaint(&up, &["vars", "get", "a:ticks"]);
+        assert!(wrong.contains("all 4 slots are claimed"), "{wrong}");
+        for ((mut child, mut lines, mut text), (name, every)) in watchers.into_iter().zip([
+            ("a:ticks", 3),
+            ("a:joint.position", 1),
+            ("a:mode", 5),
+            ("a:soft", 1),
+        ]) {
+            running::signal(child.id(), Signal::INT);
+            lines.read_to_string(&mut text).unwrap();
+            assert!(child.wait().unwrap().success());
+            let (rows, summary) = rows(&text);
+            assert_eq!(summary["rows"], rows.len());
+            for row in &rows {
+                assert!(
+                    row["values"].as_object().unwrap().keys().eq([name]),
+                    "{row}"
+                );
+            }
+            for pair in rows.windows(2) {
+                let ticks = number(&pair[1], "tick") - number(&pair[0], "tick");
+                assert!(ticks > 0 && ticks.is_multiple_of(every), "{pair:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_slot_of_a_killed_watcher_is_taken_back() {
+    let up = start();
+    let mut watchers: Vec<_> = ["a:ticks", "a:mode", "a:soft", "a:joint.position"]
+        .into_iter()
+        .map(|name| {
+            let mut command = up.command(&["vars", "watch", name]);
+            let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+            let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+            // The titles, and the first row: it has its slot.
+            assert!(lines.by_ref().take(2).all(|line| line.is_ok()));
+            (child, lines)
+        })
+        .collect();
+    let wrong = complaint(&up, &["vars", "get", "a:ticks"]);
+    assert!(wrong.contains("all 4 slots are claimed"), "{wrong}");
+    let (killed, _) = &mut watchers[1];
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    let get = answer(&up, &["vars", "get", "a:ticks"]);
+    assert!(number(&get["variables"][0], "value") > 0);
+    for (mut child, _) in watchers {
+        let _ = child.kill();
+        child.wait().unwrap();
+    }
+}
+
+#[test]
+fn a_watch_ends_when_its_program_is_started_anew() {
+    let up = start();
+    let mut command = up.command(&["vars", "watch", "a:ticks", "b:ticks"]);
+    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert!(lines.by_ref().take(2).all(|line| line.is_ok()));
+    running::kill(up.status().processors[0].pid.unwrap());
+    assert!(lines.all(|line| line.is_ok()));
+    let output = child.wait_with_output().unwrap();
+    let wrong = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        wrong.contains("the program of a has been started anew"),
+        "{wrong}"
+    );
+    assert!(!output.status.success());
 }
 
 #[test]

@@ -3,7 +3,7 @@
 mod bounds;
 mod commands;
 mod family;
-mod finger;
+mod joint;
 mod programs;
 mod running;
 mod supervisor;

@@ -2,7 +2,7 @@
 
 use std::process::{Command, ExitCode};
 
-use crate::finger::Finger;
+use crate::joint::Joint;
 use crate::writer::Writer;
 
 /// Not a test: the program of a processor.
@@ -14,8 +14,8 @@ fn program() {
     let code = match words.next().as_deref() {
         // SAFETY: the program has no loops.
         Some("writer") => unsafe { condor_rt::linux::run(&Writer, words) },
-        // SAFETY: its loop computes and stores.
-        Some("finger") => unsafe { condor_rt::linux::run(&Finger, words) },
+        // SAFETY: its loops compute and store.
+        Some("joint") => unsafe { condor_rt::linux::run(&Joint, words) },
         Some("printer") => {
             std::thread::spawn(|| {
                 loop {

@@ -274,7 +274,7 @@ pub(crate) fn kill(process: u32) {
     signal(process, Signal::KILL);
 }
 
-fn signal(process: u32, signal: Signal) {
+pub(crate) fn signal(process: u32, signal: Signal) {
     let process = Pid::from_raw(process.cast_signed()).unwrap();
     rustix::process::kill_process(process, signal).unwrap();
 }

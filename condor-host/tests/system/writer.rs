@@ -18,10 +18,8 @@ const PAUSE: Duration = Duration::from_millis(2);
 pub(crate) struct Writer;
 
 impl Program for Writer {
-    type Error = String;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
-        Self::write(machine).map_err(|error| error.to_string())
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), condor_rt::Error> {
+        Self::write(machine).map_err(|error| condor_rt::Error::program(&error))
     }
 }
 

@@ -23,8 +23,6 @@ const WINDOW_BYTES: u32 = 65536;
 struct Servo;
 
 impl Program for Servo {
-    type Error = Error;
-
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let mut setup = Setup::new(machine)?;
         let mut angle = setup.publish::<u32>("angle")?;
@@ -115,8 +113,6 @@ impl Described for Contact {
 }
 
 impl Program for Joint {
-    type Error = Error;
-
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let position = Var::new("joint.position", "rad");
         let torques = Vars::<u32, 2>::numbered("torque", "mN m");

@@ -13,7 +13,7 @@ use condor_mos::{
     Clock, EventTable, LoopId, Loops, Overrun, Platform, Rate, Scheduler, Timer as _,
 };
 use condor_rt::sim::{Cause, Failure, SimError, System};
-use condor_rt::{Machine, Program};
+use condor_rt::{Error, Machine, Program};
 
 const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
@@ -36,9 +36,7 @@ impl Talker<'_> {
 }
 
 impl Program for Talker<'_> {
-    type Error = String;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let number = machine.number();
         let doorbell = machine.doorbell();
         let answer = |call: &Call<'_>| {
@@ -50,9 +48,9 @@ impl Program for Talker<'_> {
             call.send_with_reply(call.sender(), ADD, call.data() + 1, SECOND)
                 .unwrap_or(u32::MAX)
         };
-        let mut mailbox = machine.mailbox().map_err(|error| error.to_string())?;
-        mailbox.set_vector(ADD, &answer, "add").unwrap();
-        mailbox.join().unwrap();
+        let mut mailbox = machine.mailbox()?;
+        mailbox.set_vector(ADD, &answer, "add")?;
+        mailbox.join()?;
         let table = EventTable::<2, 8>::new(&RATES, Clock::of::<u64>(NANOSECONDS));
         let scheduler = Scheduler::new(machine.platform(), table);
         let mut fast_runs = 0;
@@ -86,7 +84,7 @@ impl Program for Talker<'_> {
                     }
                 }
             };
-            scheduler.run(background).map_err(|error| error.to_string())
+            scheduler.run(background)
         })?;
         for id in 0..2 {
             let counts = scheduler.statistics(LoopId(id)).unwrap();

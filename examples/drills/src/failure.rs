@@ -10,9 +10,6 @@ pub enum Failure {
         /// What is expected.
         expected: &'static str,
     },
-    /// What the program was set up of.
-    #[error(transparent)]
-    Setup(condor_rt::Error),
     /// Somebody is not ready in time.
     #[error("processor {processor} is not ready in time")]
     Late {
@@ -24,9 +21,8 @@ pub enum Failure {
     Wrong,
 }
 
-/// What condor-rt has errors of.
-impl<E: Into<condor_rt::Error>> From<E> for Failure {
-    fn from(error: E) -> Self {
-        Self::Setup(error.into())
+impl From<Failure> for condor_rt::Error {
+    fn from(failure: Failure) -> Self {
+        Self::program(&failure)
     }
 }

@@ -19,23 +19,7 @@ mod arguments;
 mod failure;
 mod published;
 
-use core::time::Duration;
-
-use condor_rt::{Machine, Setup};
-
 pub use failure::Failure;
 pub use published::published;
 pub use stress::Stress;
 pub use table::{Echo, Table};
-
-/// Joins with nothing but a terminal, and calls `body`.
-///
-/// # Errors
-/// What is missing for that.
-pub fn joined<M: Machine>(machine: &M, body: impl FnOnce()) -> Result<(), Failure> {
-    Setup::new(machine)?.console()?.background(|background| {
-        background.serve(Duration::from_millis(100))?;
-        body();
-        Ok(())
-    })
-}

@@ -2,16 +2,14 @@
 
 use condor_mbox::published::{ReadError, Subscriber};
 use condor_mbox::{MemoryWindow, Published, Region};
-use condor_rt::directory;
+use condor_rt::{Error, directory};
 use zerocopy::{FromBytes, IntoBytes};
-
-use crate::failure::Failure;
 
 /// What a processor has published under a name; `None` if it has not yet.
 ///
 /// # Errors
 /// The memory's.
-pub fn published<T, W>(region: &Region<W>, name: &str) -> Result<Option<T>, Failure>
+pub fn published<T, W>(region: &Region<W>, name: &str) -> Result<Option<T>, Error>
 where
     T: FromBytes + IntoBytes,
     W: MemoryWindow + Clone,

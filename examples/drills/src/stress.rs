@@ -14,10 +14,10 @@ use core::time::Duration;
 
 use condor_mbox::published::Publisher;
 use condor_mbox::{
-    Clock as _, Doorbell as _, Error, Instant, Messenger, Processor, Region, Ticket,
+    self as mbox, Clock as _, Doorbell as _, Instant, Messenger, Processor, Region, Ticket,
 };
 use condor_mos::Rate;
-use condor_rt::{Background, Machine, Program, Setup, users};
+use condor_rt::{Background, Error, Machine, Program, Setup, users};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
@@ -75,9 +75,7 @@ pub struct Verdict {
 }
 
 impl<F: Fn() -> u32> Program for Stress<F> {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let peers = Peers::of(machine, "peers")?;
         let seconds = arguments::number(machine, "seconds", 60)?;
         let mut setup = Setup::new(machine)?;
@@ -129,7 +127,7 @@ impl<M: Machine> Running<'_, M> {
         mut counts: Publisher<Counts, Region<M::Window>>,
         mut published: Publisher<Verdict, Region<M::Window>>,
         stack: &impl Fn() -> u32,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), Error> {
         counts.publish(&self.tally.counts(tally::JOINED))?;
         self.meet(tally::JOINED)?;
         let mut verdict = self.send_all(seconds)?;
@@ -158,13 +156,13 @@ impl<M: Machine> Running<'_, M> {
         counts.publish(&self.tally.counts(tally::COMPARED))?;
         self.meet(tally::COMPARED)?;
         if verdict.wrong > 0 || verdict.drift.iter().any(|&drift| drift > 1) {
-            return Err(Failure::Wrong);
+            return Err(Failure::Wrong.into());
         }
         Ok(())
     }
 
     /// Sends from background and loops, until the time is over.
-    fn send_all(&self, seconds: u32) -> Result<Verdict, Failure> {
+    fn send_all(&self, seconds: u32) -> Result<Verdict, Error> {
         let machine = self.background.machine();
         let clock = machine.doorbell();
         // Loops that ran while others were still being started were held up.
@@ -209,7 +207,7 @@ impl<M: Machine> Running<'_, M> {
     }
 
     /// A message without reply.
-    fn note(&self, peer: Processor) -> Result<(), Failure> {
+    fn note(&self, peer: Processor) -> Result<(), Error> {
         let number = self.tally.next_note(peer);
         self.until(peer, || {
             match self
@@ -218,7 +216,7 @@ impl<M: Machine> Running<'_, M> {
                 .send(peer, NOTE, number, Duration::ZERO)
             {
                 Ok(()) => Ok(Some(())),
-                Err(Error::NoSlot { .. }) => Ok(None),
+                Err(mbox::Error::NoSlot { .. }) => Ok(None),
                 Err(error) => Err(error),
             }
         })?;
@@ -227,7 +225,7 @@ impl<M: Machine> Running<'_, M> {
     }
 
     /// A message with a reply.
-    fn ask(&self, peer: Processor) -> Result<(), Failure> {
+    fn ask(&self, peer: Processor) -> Result<(), Error> {
         let question = self.tally.next_question(DEPTH);
         let mut ticket: Option<Ticket<'_>> = None;
         let reply = self.until(peer, || {
@@ -238,7 +236,7 @@ impl<M: Machine> Running<'_, M> {
                     .begin(peer, ASK, question, Duration::ZERO)
                 {
                     Ok(begun) => ticket = Some(begun),
-                    Err(Error::NoSlot { .. }) => {}
+                    Err(mbox::Error::NoSlot { .. }) => {}
                     Err(error) => return Err(error),
                 }
                 return Ok(None);
@@ -253,8 +251,8 @@ impl<M: Machine> Running<'_, M> {
     fn until<R>(
         &self,
         peer: Processor,
-        mut attempt: impl FnMut() -> Result<Option<R>, Error>,
-    ) -> Result<R, Failure> {
+        mut attempt: impl FnMut() -> Result<Option<R>, mbox::Error>,
+    ) -> Result<R, Error> {
         let clock = self.background.machine().doorbell();
         let deadline = clock.now().after(PATIENCE);
         loop {
@@ -262,13 +260,13 @@ impl<M: Machine> Running<'_, M> {
                 return Ok(result);
             }
             if clock.now() >= deadline {
-                return Err(Failure::Late { processor: peer.0 });
+                return Err(Failure::Late { processor: peer.0 }.into());
             }
             self.look(Duration::from_micros(100))?;
         }
     }
 
-    fn look(&self, nap: Duration) -> Result<(), Failure> {
+    fn look(&self, nap: Duration) -> Result<(), Error> {
         let bell = self.background.machine().doorbell();
         let seen = bell.prepare();
         // With an interrupt, whatever comes is served before the wait returns.
@@ -279,7 +277,7 @@ impl<M: Machine> Running<'_, M> {
     }
 
     /// Waits until all peers have come as far.
-    fn meet(&self, state: u32) -> Result<(), Failure> {
+    fn meet(&self, state: u32) -> Result<(), Error> {
         let clock = self.background.machine().doorbell();
         for peer in self.peers.iter() {
             let region = users(self.background.machine(), peer)?;
@@ -299,7 +297,7 @@ impl<M: Machine> Running<'_, M> {
                     break;
                 }
                 if clock.now() >= deadline {
-                    return Err(Failure::Late { processor: peer.0 });
+                    return Err(Failure::Late { processor: peer.0 }.into());
                 }
                 self.look(NAP)?;
             }
@@ -308,7 +306,7 @@ impl<M: Machine> Running<'_, M> {
     }
 
     /// Receives what is still on its way; how many messages are missing in the end.
-    fn receive_rest(&self) -> Result<u32, Failure> {
+    fn receive_rest(&self) -> Result<u32, Error> {
         let clock = self.background.machine().doorbell();
         let deadline = clock.now().after(PATIENCE);
         let me = self.background.machine().number();

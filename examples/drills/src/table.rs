@@ -8,7 +8,7 @@ use core::time::Duration;
 
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock as _, Messenger, PeerState, Processor, Region, Vector, Waiting};
-use condor_rt::{Background, Machine, MailboxOf, PROCESSORS, Program, Setup, users};
+use condor_rt::{Background, Error, Machine, MailboxOf, PROCESSORS, Program, Setup, users};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
@@ -44,17 +44,13 @@ pub struct Times {
 }
 
 impl Program for Echo {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         with_mailbox(machine, |background, _| attend(background))
     }
 }
 
 impl Program for Table {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let peers = Peers::of(machine, "to")?;
         let before = Peers::of(machine, "after")?;
         let rounds = arguments::number(machine, "rounds", 1000)?;
@@ -98,8 +94,8 @@ impl Program for Table {
 /// Runs `body` in the background of a program that answers.
 fn with_mailbox<M: Machine>(
     machine: &M,
-    body: impl FnOnce(&Background<'_, M>, Publisher<Times, Region<M::Window>>) -> Result<(), Failure>,
-) -> Result<(), Failure> {
+    body: impl FnOnce(&Background<'_, M>, Publisher<Times, Region<M::Window>>) -> Result<(), Error>,
+) -> Result<(), Error> {
     let mut setup = Setup::new(machine)?;
     let publisher = setup.publish::<Times>(NAME)?;
     if arguments::is_there(machine, "sleep") {
@@ -112,7 +108,7 @@ fn with_mailbox<M: Machine>(
         .background(|background| body(background, publisher))
 }
 
-fn attend<M: Machine>(background: &Background<'_, M>) -> Result<(), Failure> {
+fn attend<M: Machine>(background: &Background<'_, M>) -> Result<(), Error> {
     while !background.is_stopping() {
         background.serve(NAP)?;
     }
@@ -124,8 +120,8 @@ fn wait<M: Machine>(
     machine: &M,
     mailbox: &MailboxOf<'_, M>,
     processors: Peers,
-    is_so: impl Fn(Processor) -> Result<bool, Failure>,
-) -> Result<(), Failure> {
+    is_so: impl Fn(Processor) -> Result<bool, Error>,
+) -> Result<(), Error> {
     let clock = machine.doorbell();
     for processor in processors.iter() {
         let deadline = clock.now().after(PATIENCE);
@@ -133,7 +129,8 @@ fn wait<M: Machine>(
             if clock.now() >= deadline || machine.is_stopping() {
                 return Err(Failure::Late {
                     processor: processor.0,
-                });
+                }
+                .into());
             }
             mailbox.serve(NAP)?;
         }
@@ -150,14 +147,14 @@ fn measure<M: Machine>(
     mailbox: &MailboxOf<'_, M>,
     peer: Processor,
     rounds: u32,
-) -> Result<(u32, u32), Failure> {
+) -> Result<(u32, u32), Error> {
     let clock = machine.doorbell();
     let call = |data: u32| {
         let reply = mailbox.send_with_reply(peer, INCREMENT, data, PATIENCE)?;
         if reply == data.wrapping_add(1) {
             Ok(())
         } else {
-            Err(Failure::Wrong)
+            Err(Error::from(Failure::Wrong))
         }
     };
     let rounds = rounds.clamp(1, MOST as u32);

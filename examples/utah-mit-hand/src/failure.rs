@@ -5,10 +5,6 @@ use condor_hand::controller::{ControllerError, TableError};
 use condor_hand::kinematics::JointLimitsError;
 use condor_hand::monitor::MonitorError;
 use condor_hand::plant::PlantError;
-use condor_mbox::AccessError;
-use condor_mos::{LoopError, RateError, StartError};
-use condor_rt::directory::DirectoryError;
-use condor_tty::TerminalError;
 use thiserror::Error;
 
 use crate::boards::{BoardError, WiresError};
@@ -20,22 +16,10 @@ pub type Words = condor_rt::Text<80>;
 /// The name of a file, as much of it as fits.
 pub type Name = condor_rt::Text<32>;
 
-/// Why a program of the hand ended before it was told to.
+/// Why a program of the hand ended before it was told to, as far as only this hand knows.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Failure {
-    /// Its memory.
-    #[error(transparent)]
-    Access(#[from] AccessError),
-    /// The directory of what others may look at.
-    #[error(transparent)]
-    Directory(#[from] DirectoryError),
-    /// Its terminal.
-    #[error(transparent)]
-    Terminal(#[from] TerminalError),
-    /// Its mailbox.
-    #[error(transparent)]
-    Mailbox(#[from] condor_mbox::Error),
     /// The file of the configuration.
     #[error("{name}: {error}")]
     File {
@@ -124,15 +108,6 @@ pub enum Failure {
     /// The moment arms of a finger.
     #[error(transparent)]
     Arms(#[from] condor_hand::tendon::ArmError),
-    /// The rate of a loop.
-    #[error(transparent)]
-    Rate(#[from] RateError),
-    /// A loop.
-    #[error(transparent)]
-    Loop(#[from] LoopError),
-    /// The schedule.
-    #[error(transparent)]
-    Start(#[from] StartError),
     /// An argument of the program.
     #[error("the argument \"{argument}\" is none of {known}")]
     Argument {
@@ -155,4 +130,10 @@ pub enum Failure {
         /// What is wrong.
         error: RecordingError,
     },
+}
+
+impl From<Failure> for condor_rt::Error {
+    fn from(failure: Failure) -> Self {
+        Self::program(&failure)
+    }
 }

@@ -26,7 +26,7 @@ use condor_mbox::{Call, Clock, Messenger, Published, Region};
 use condor_mos::{LoopId, Loops, Overrun, Rate};
 use condor_rt::directory::Kind;
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, Program, numbers};
+use condor_rt::{Error, Machine, MailboxOf, Program, numbers};
 use condor_tty::ConsoleError;
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
@@ -74,9 +74,7 @@ const LINE: usize = 160;
 pub struct Master;
 
 impl Program for Master {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let Ground {
             own,
             mut places,
@@ -129,7 +127,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         publisher: Publisher<Wanted, Region<M::Window>>,
         store: Store<'r, 'v, M>,
         mut reports: LoopReports<M::Window, 1>,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), Error> {
         let (machine, hand, mailbox) = (self.machine, self.hand, self.mailbox);
         let (numbers, seats) = servos::seats(hand)?;
         let [a, b] = numbers;
@@ -141,7 +139,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         let limits = limits(hand);
         let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
         let period_s = 1.0 / f64::from(rate_hz);
-        let generator = Generator::new(limits, middles, period_s)?;
+        let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
         let drive = Drive::new(generator, seats, &partners, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
         let servos = Servos::new(machine, hand, mailbox, &shared, numbers, seats)?;
@@ -203,7 +201,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
     }
 
     /// Obeys a line, if one has been typed.
-    fn listen(&self, commands: &mut Commands<'_, 'v, '_, M>) -> Result<(), Failure> {
+    fn listen(&self, commands: &mut Commands<'_, 'v, '_, M>) -> Result<(), Error> {
         let mut console = self.terminal.console(self.mailbox);
         console = console.with_read_timeout(Duration::ZERO);
         let mut line = [0; LINE];

@@ -31,12 +31,11 @@ use condor_mbox::{Call, Published, Region, Vector};
 use condor_mos::{LoopId, Loops, Overrun, Rate};
 use condor_rt::directory::Kind;
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, Program};
+use condor_rt::{Error, Machine, MailboxOf, Program};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::desk::Desk;
-use crate::failure::Failure;
 use crate::start::{self, Console, Ground, say};
 use crate::{FINGERS, JOINTS, UtahMit};
 
@@ -94,9 +93,7 @@ type Shared = Mutex<RefCell<Option<Robot>>>;
 pub struct Plant;
 
 impl Program for Plant {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let arguments = Arguments::of(machine)?;
         let Ground {
             own,
@@ -168,7 +165,7 @@ impl<M: Machine> Running<'_, '_, M> {
         mut publisher: Publisher<Truth, Region<M::Window>>,
         mut reports: LoopReports<M::Window, 1>,
         terminal: &Console<M>,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), Error> {
         let (machine, arguments) = (self.machine, &self.arguments);
         let rate = Rate::new(arguments.rate_hz, 1).unwrap_or(Rate::hz(1));
         let scheduler = start::scheduler(machine, rate)?;

@@ -25,6 +25,8 @@
 //! FNV-1a of 64 bits over [what was put out](Output) in all ticks until then. A file without an end was
 //! broken off.
 
+use core::fmt;
+
 use condor_fs::Error as FileError;
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -184,9 +186,7 @@ pub enum RecordingError {
         ticks: u32,
     },
     /// The outputs are not those of the recorded run.
-    #[error(
-        "tick {tick} put out {was:?} when it was recorded, and {is:?} now, with {bits}"
-    , bits = if *.is == *.was { "tensions of other bits" } else { "other counts" })]
+    #[error("tick {tick} put out {}", Difference(.was, .is))]
     Differs {
         /// The first tick that differs, from 0.
         tick: u32,
@@ -195,4 +195,20 @@ pub enum RecordingError {
         /// The counts that are put out now.
         is: [u16; OUTPUTS],
     },
+}
+
+/// In what the counts differ that were put out, and are.
+struct Difference<'c>(&'c [u16; OUTPUTS], &'c [u16; OUTPUTS]);
+
+impl fmt::Display for Difference<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut outputs = (0..).zip(self.0.iter().zip(self.1));
+        match outputs.find(|(_, (was, is))| was != is) {
+            Some((output, (was, is))) => write!(
+                f,
+                "{was} counts at output {output} when it was recorded, and {is} now"
+            ),
+            None => f.write_str("the same counts for tensions of other bits"),
+        }
+    }
 }

@@ -16,7 +16,7 @@ use condor_hand::controller::{FingerController, Tick};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::Sensed;
 use condor_mbox::{Call, MemoryWindow, Messenger};
-use condor_rt::{Machine, MailboxOf, Program, Text, numbers};
+use condor_rt::{Error, Machine, MailboxOf, Program, Text, numbers};
 use embedded_io::Write;
 use nalgebra::Vector3;
 use zerocopy::IntoBytes;
@@ -38,9 +38,7 @@ const READ: usize = 256;
 pub struct Replay;
 
 impl Program for Replay {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let Ground {
             own,
             terminal,
@@ -86,7 +84,7 @@ struct Replaying<'r, 'v, M: Machine> {
 type Files<'r, 'v, M> = FileSystem<'r, MailboxOf<'v, M>, <M as Machine>::Window, FILES>;
 
 impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
-    fn run(&self, files: &Files<'r, 'v, M>) -> Result<(), Failure> {
+    fn run(&self, files: &Files<'r, 'v, M>) -> Result<(), Error> {
         let Arguments { from, to } = self.arguments;
         let reading = |error: RecordingError| Failure::Recording {
             name: Text::of(&from),
@@ -98,11 +96,11 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
         let number = u8::try_from(head.processor).unwrap_or(u8::MAX);
         let configured_hz = rate_hz(self.hand, number);
         if head.rate_hz != configured_hz {
-            return Err(reading(RecordingError::Rate {
+            return Err(Error::from(reading(RecordingError::Rate {
                 recorded_hz: head.rate_hz,
                 processor: number,
                 configured_hz,
-            }));
+            })));
         }
         let served = served(self.hand, number)?;
         let mut control = Control::new(self.hand, number, served)?;
@@ -140,13 +138,13 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
                 hash.value(),
             ),
         );
-        difference.map_or(Ok(()), |error| Err(reading(error)))
+        difference.map_or(Ok(()), |error| Err(reading(error).into()))
     }
 
     fn sink<'f>(
         files: &'f Files<'r, 'v, M>,
         to: Option<&'r str>,
-    ) -> Result<Sink<'f, 'r, MailboxOf<'v, M>, M::Window>, Failure> {
+    ) -> Result<Sink<'f, 'r, MailboxOf<'v, M>, M::Window>, Error> {
         let name = to.unwrap_or_default();
         let options = OpenOptions::new().write().create().truncate();
         let file = to.map(|name| files.open(name, options)).transpose();

@@ -46,7 +46,7 @@ use condor_mbox::{Call, MemoryWindow, Places, Processor, Published, Region};
 use condor_mos::{Latest, LoopId, Loops, Overrun, Rate};
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, PROCESSORS, Program, Text, numbers};
+use condor_rt::{Error, Machine, MailboxOf, PROCESSORS, Program, Text, numbers};
 
 use crate::failure::Failure;
 use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, Joints, NAME, Partner};
@@ -97,7 +97,7 @@ impl Objects {
     fn new<W: MemoryWindow>(
         places: &mut Places,
         directory: &mut Directory<W>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, Error> {
         let objects = Self {
             servos: ServoPlaces::new(places, PROCESSORS as u8)?,
             monitor: MonitorPlaces::new(places, PROCESSORS as u8, RING_BYTES)?,
@@ -119,9 +119,7 @@ impl Objects {
 }
 
 impl Program for Servo {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let Ground {
             own,
             mut places,
@@ -162,14 +160,16 @@ impl Program for Servo {
             )?;
             late_servo.set(servo_end.get_or_init(|| answers));
             let variables = Variables::new(entries(&hand, served)?);
-            let (answers, monitor) = monitor_object.split(
-                &own,
-                objects.monitor,
-                machine.exclusion(),
-                rate_hz(&hand, number),
-                variables.variables(),
-                COLUMNS,
-            )?;
+            let (answers, monitor) = monitor_object
+                .split(
+                    &own,
+                    objects.monitor,
+                    machine.exclusion(),
+                    rate_hz(&hand, number),
+                    variables.variables(),
+                    COLUMNS,
+                )
+                .map_err(Failure::from)?;
             late_monitor.set(monitor_end.get_or_init(|| answers));
             let running = Running {
                 machine,
@@ -271,7 +271,7 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
         directory: &mut Directory<M::Window>,
         mut reports: LoopReports<M::Window, 1>,
         terminal: &Console<M>,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), Error> {
         let (machine, hand, number) = (self.machine, self.hand, self.number);
         let others = hand.fingers.iter().filter_map(Finger::processor);
         let other = others.clone().find(|&other| other != number);

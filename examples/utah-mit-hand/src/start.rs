@@ -9,7 +9,7 @@ use condor_mbox::{Call, Clock, MemoryWindow, Messenger, Places, Region, Windows}
 use condor_mos::{LoopId, Loops, Rate, Scheduler};
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, Text, numbers};
+use condor_rt::{Error, Machine, MailboxOf, Text, numbers};
 use condor_tty::{Terminal, Vectors};
 
 use crate::boards::{Panel, Wires};
@@ -47,7 +47,7 @@ pub(crate) struct Ground<M: Machine, const FILES: usize> {
 }
 
 impl<M: Machine, const FILES: usize> Ground<M, FILES> {
-    pub(crate) fn new(machine: &M) -> Result<Self, Failure> {
+    pub(crate) fn new(machine: &M) -> Result<Self, Error> {
         let own = users(machine, machine.number().0)?;
         let mut places = Places::new(own.size());
         let mut directory = Directory::new(own.clone(), &mut places)?;
@@ -65,10 +65,10 @@ impl<M: Machine, const FILES: usize> Ground<M, FILES> {
 }
 
 /// The users' region of a processor's `data`.
-pub(crate) fn users<M: Machine>(machine: &M, number: u8) -> Result<Region<M::Window>, Failure> {
+pub(crate) fn users<M: Machine>(machine: &M, number: u8) -> Result<Region<M::Window>, Error> {
     let mut windows = machine.windows().into_iter();
     let Some(Windows { data, .. }) = windows.nth(number.into()) else {
-        return Err(Failure::NoProcessor { processor: number });
+        return Err(Failure::NoProcessor { processor: number }.into());
     };
     Ok(Region::users(data)?)
 }
@@ -78,7 +78,7 @@ pub(crate) fn mailbox<'v, M: Machine>(
     machine: &M,
     typed: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
     open_files: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
-) -> Result<MailboxOf<'v, M>, Failure> {
+) -> Result<MailboxOf<'v, M>, Error> {
     let mut mailbox = machine.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.input, typed, "terminal input")?;
     mailbox.set_vector(Vectors::DEFAULT.room, typed, "terminal room")?;
@@ -91,7 +91,7 @@ pub(crate) fn configuration<M: Machine, const FILES: usize>(
     mailbox: &MailboxOf<'_, M>,
     own: &Region<M::Window>,
     area: Area<FILES>,
-) -> Result<UtahMit, Failure> {
+) -> Result<UtahMit, Error> {
     let failed = |error| Failure::File { name: IMAGE, error };
     let files = FileSystem::connect(mailbox, numbers::FILES, own.clone(), area, FILES_TIMEOUT)
         .map_err(failed)?;
@@ -112,7 +112,7 @@ pub(crate) fn configuration<M: Machine, const FILES: usize>(
         error: Text::of(&error),
     };
     let hand = UtahMit::from_image(image.get(..len).unwrap_or(&[])).map_err(broken)?;
-    boards::check(&hand)?;
+    boards::check(&hand).map_err(Failure::from)?;
     Ok(hand)
 }
 
@@ -123,14 +123,14 @@ pub(crate) fn wires<'s, M: Machine>(
     panel: &'s Panel<M::Bus>,
     hand: &UtahMit,
     number: u8,
-) -> Result<Wires<'s, M::Bus>, Failure> {
+) -> Result<Wires<'s, M::Bus>, Error> {
     let clock = machine.doorbell();
     let deadline = clock.now().after(BOARDS_TIMEOUT);
     loop {
         match Wires::new(panel, hand, number, |channel| at_rest(hand, channel)) {
             Ok(wires) => return Ok(wires),
             Err(error) if machine.is_stopping() || clock.now() >= deadline => {
-                return Err(error.into());
+                return Err(Failure::from(error).into());
             }
             Err(_) => {
                 mailbox.serve(NAP)?;
@@ -159,7 +159,7 @@ fn at_rest(hand: &UtahMit, channel: Channel) -> u32 {
 pub(crate) fn scheduler<M: Machine>(
     machine: &M,
     rate: Rate,
-) -> Result<Scheduler<M::Platform, 1, 1>, Failure> {
+) -> Result<Scheduler<M::Platform, 1, 1>, Error> {
     Ok(Scheduler::with_rates(machine.platform(), &[rate])?)
 }
 
@@ -170,8 +170,8 @@ pub(crate) fn attend<M: Machine, const E: usize>(
     mailbox: &MailboxOf<'_, M>,
     scheduler: &Scheduler<M::Platform, 1, E>,
     reports: &mut LoopReports<M::Window, 1>,
-    mut look: impl FnMut() -> Result<(), Failure>,
-) -> Result<(), Failure> {
+    mut look: impl FnMut() -> Result<(), Error>,
+) -> Result<(), Error> {
     let clock = machine.doorbell();
     let mut shown = clock.now();
     reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
@@ -200,8 +200,8 @@ pub(crate) fn say<M: Machine>(
 pub(crate) fn told<M: Machine>(
     terminal: &Console<M>,
     mailbox: &MailboxOf<'_, M>,
-    outcome: Result<(), Failure>,
-) -> Result<(), Failure> {
+    outcome: Result<(), Error>,
+) -> Result<(), Error> {
     if let Err(failure) = &outcome {
         say::<M>(terminal, mailbox, format_args!("ended: {failure}"));
     }

@@ -23,7 +23,7 @@ use condor_mbox::{Call, Clock, Instant, Published, Region, Vector};
 use condor_mos::{LoopId, Loops, Overrun, Rate};
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, Program};
+use condor_rt::{Error, Machine, MailboxOf, Program};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -185,9 +185,7 @@ struct Driven {
 pub struct Table;
 
 impl Program for Table {
-    type Error = Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Failure> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let Ground {
             own,
             mut places,
@@ -216,7 +214,7 @@ impl Program for Table {
 
         let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
             let driven = Driven {
-                controller: TableController::new(&hand)?,
+                controller: TableController::new(&hand).map_err(Failure::from)?,
                 axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
             };
             critical_section::with(|section| {
@@ -253,7 +251,7 @@ impl<M: Machine> Running<'_, '_, M> {
         directory: &mut Directory<M::Window>,
         mut reports: LoopReports<M::Window, 1>,
         terminal: &Console<M>,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), Error> {
         let (machine, hand, number) = (self.machine, self.hand, self.machine.number().0);
         let processor = hand
             .processor(number)

@@ -1,56 +1,92 @@
 //! [`Known`]: all names that there are.
 
-use condor_hand::monitor::Variable;
+use std::collections::BTreeSet;
+use std::rc::Rc;
 
+use condor_mbox::linux::LinuxWindow;
+use condor_vars::{Entry, Table, TableError};
+
+use super::value::Type;
 use crate::cli::AnyError;
 use crate::commands::running;
 use crate::control::Member;
 use crate::plain::plain;
 use crate::view::View;
-use crate::view::gains::Gain;
 
 /// How many names are suggested.
 const SUGGESTIONS: usize = 5;
 
-/// A name of a processor.
+/// A variable, a parameter, or a field of a cell.
 pub(super) struct One<'s> {
     pub(super) member: &'s Member,
-    pub(super) what: What,
+    /// The name of its loop or cell.
+    pub(super) owner: Rc<str>,
+    pub(super) name: String,
+    pub(super) table: Table<LinuxWindow>,
+    pub(super) entry: Entry,
+    pub(super) of: Type,
 }
 
-/// What it stands for.
-pub(super) enum What {
-    /// A variable of its monitor, and its number there.
-    Variable(usize, Variable),
-    /// A gain, and its value.
-    Gain(Gain, f64),
-}
-
-impl What {
-    pub(super) fn name(&self) -> &str {
-        match self {
-            Self::Variable(_, variable) => &variable.name,
-            Self::Gain(gain, _) => &gain.name,
+impl<'s> One<'s> {
+    fn read(
+        member: &'s Member,
+        owner: &Rc<str>,
+        table: &Table<LinuxWindow>,
+        entry: Entry,
+    ) -> Result<Self, TableError> {
+        let name = match table.cell() {
+            Some(_) => format!("{owner}.{}", entry.name),
+            None => entry.name.to_string(),
+        };
+        let mut labels = Vec::new();
+        for number in 0..entry.labels.into() {
+            let label = table.label(&entry, number)?;
+            labels.push(label.unwrap_or_default().to_string());
         }
+        let kind = entry.kind;
+        Ok(Self {
+            member,
+            owner: owner.clone(),
+            name,
+            table: table.clone(),
+            entry,
+            of: Type { kind, labels },
+        })
     }
 
-    pub(super) fn unit(&self) -> &str {
-        match self {
-            Self::Variable(_, variable) => &variable.unit,
-            Self::Gain(gain, _) => gain.unit,
-        }
+    pub(super) fn is_field(&self) -> bool {
+        self.table.cell().is_some()
+    }
+
+    pub(super) const fn can_be_set(&self) -> bool {
+        self.entry.bounds.is_some()
+    }
+
+    /// Returns where it belongs: `processor:loop`.
+    pub(super) fn place(&self) -> String {
+        format!("{}:{}", self.member.name, self.owner)
+    }
+
+    /// Returns its names, from the shortest to the longest.
+    fn names(&self) -> [String; 3] {
+        let name = &self.name;
+        [
+            name.clone(),
+            format!("{}:{name}", self.member.name),
+            format!("{}:{name}", self.place()),
+        ]
     }
 }
 
-/// The variables and gains of some processors.
+/// What some processors show.
 pub(super) struct Known<'s> {
     pub(super) all: Vec<One<'s>>,
-    /// What could not be asked.
-    troubles: Vec<String>,
+    /// What could not be read.
+    pub(super) troubles: Vec<String>,
 }
 
 impl<'s> Known<'s> {
-    /// Those of processors of a system; one that does not answer hides no other.
+    /// Reads the tables of processors of a system; one that cannot be read hides no other.
     pub(super) fn all(view: &View, members: &[&'s Member]) -> Result<Self, AnyError> {
         let mut known = Self {
             all: Vec::new(),
@@ -67,7 +103,7 @@ impl<'s> Known<'s> {
                 _ => "the system",
             };
             let troubles = match known.troubles.as_slice() {
-                [] => "there are neither monitors nor servos".into(),
+                [] => "its programs show none".into(),
                 troubles => troubles.join("; "),
             };
             return Err(format!("{whose} has no variables: {troubles}").into());
@@ -76,20 +112,20 @@ impl<'s> Known<'s> {
     }
 
     fn add(&mut self, view: &View, member: &'s Member) -> Result<(), AnyError> {
-        let number = running::number(member);
-        if let Some(monitor) = view.monitor(number)? {
-            let variables = monitor.variables()?.into_iter();
-            self.all.extend(variables.map(|(number, variable)| One {
-                member,
-                what: What::Variable(number, variable),
-            }));
-        }
-        if let Some(mut servos) = view.servos(number)? {
-            self.all
-                .extend(servos.all()?.into_iter().map(|(gain, value)| One {
-                    member,
-                    what: What::Gain(gain, value),
-                }));
+        for variables in view.variables(running::number(member))? {
+            let owner = variables.name.into();
+            let read = variables.table.and_then(|table| {
+                let entries = table.entries();
+                let ones = entries.map(|entry| One::read(member, &owner, &table, entry?));
+                ones.collect::<Result<Vec<_>, _>>()
+            });
+            match read {
+                Ok(ones) => self.all.extend(ones),
+                Err(error) => {
+                    let trouble = format!("{}:{owner}: {error}", member.name);
+                    self.troubles.push(trouble);
+                }
+            }
         }
         Ok(())
     }
@@ -100,51 +136,55 @@ impl<'s> Known<'s> {
         }
     }
 
-    /// What a name stands for; names that two processors have begin with theirs and a colon.
+    /// Finds what a name stands for. A name that several have begins with the processor and a colon, or
+    /// with the processor and the loop.
     pub(super) fn find(&self, name: &str) -> Result<&One<'s>, String> {
-        let (processor, own) = match name.split_once(':') {
-            Some((processor, own)) => (Some(processor), own),
-            None => (None, name),
-        };
-        let mut found = self.all.iter().filter(|one| {
-            one.what.name() == own && processor.is_none_or(|wanted| one.member.name == wanted)
-        });
+        let mut found = self
+            .all
+            .iter()
+            .filter(|one| one.names().iter().any(|it| it == name));
         match (found.next(), found.next()) {
             (Some(one), None) => Ok(one),
-            (Some(one), Some(other)) => Err(format!(
-                "`{name}` is on several processors: write {}:{own} or {}:{own}",
-                one.member.name, other.member.name
-            )),
-            (None, _) => Err(self.unknown(own)),
+            (Some(one), Some(other)) => {
+                let [_, on_processor, in_loop] = one.names();
+                let [_, other_processor, other_loop] = other.names();
+                let (one, other) = if on_processor == other_processor {
+                    (in_loop, other_loop)
+                } else {
+                    (on_processor, other_processor)
+                };
+                Err(format!(
+                    "there are several `{name}`: write {one} or {other}"
+                ))
+            }
+            (None, _) => Err(self.unknown(name)),
         }
     }
 
     fn unknown(&self, name: &str) -> String {
-        let troubles = self.troubles.join("; ");
-        let troubles = if troubles.is_empty() {
-            troubles
-        } else {
-            format!("; {troubles}")
-        };
-        format!(
-            "there is no variable or gain `{name}`; {}{troubles}",
-            nearest(name, self.all.iter().map(|one| one.what.name()))
-        )
+        let own = name.rsplit_once(':').map_or(name, |(_, own)| own);
+        let mut text = format!(
+            "there is no variable or parameter `{name}`; {}",
+            nearest(own, self.all.iter().map(|one| one.name.as_str()))
+        );
+        for trouble in &self.troubles {
+            text.extend(["; ", trouble]);
+        }
+        text
     }
 
-    /// The gains that may have been meant.
-    pub(super) fn gains_like(&self, name: &str) -> String {
-        let gains = self.all.iter().filter_map(|one| match &one.what {
-            What::Gain(gain, _) => Some(gain.name.as_str()),
-            What::Variable(..) => None,
-        });
-        nearest(name, gains)
+    /// Returns the parameters that may have been meant.
+    pub(super) fn parameters_like(&self, name: &str) -> String {
+        let parameters = self.all.iter().filter(|one| one.can_be_set());
+        nearest(name, parameters.map(|one| one.name.as_str()))
     }
 }
 
-/// The names that are most like one.
+/// Returns the names that are most like `name`.
 fn nearest<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> String {
+    let names: BTreeSet<&str> = names.collect();
     let mut scored: Vec<(f64, &str)> = names
+        .into_iter()
         .map(|other| (strsim::jaro_winkler(name, other), other))
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));

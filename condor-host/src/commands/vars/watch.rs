@@ -1,35 +1,33 @@
 //! `condor vars watch`, and single looks at what is watched.
 
-use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use condor_hand::monitor::Variable;
-use condor_mbox::{Messenger, Processor};
+use condor_vars::{Merge, Merged, Value};
 use serde_json::{Map, Value as Json, json};
 
-use super::known::{Known, One, What};
+use super::known::{Known, One};
+use super::rows::{Rows, Sample, Source};
 use crate::cli::{AnyError, duration};
 use crate::commands::running::Running;
-use crate::commands::table::or_dash;
 use crate::commands::top::interrupted;
 use crate::commands::{How, print};
 use crate::control::Member;
 use crate::plain::{plain, plain_json};
 use crate::view::View;
-use crate::view::variables::{self, Sample, Value};
 
-/// How often rows are fetched.
-const LOOK: Duration = Duration::from_millis(5);
-/// How long the first row may take.
-const FIRST: Duration = Duration::from_secs(2);
+/// How long the rows of a loop wait for those of one that is silent.
+const HORIZON: Duration = Duration::from_millis(200);
+/// How long no row may come, at least.
+const SILENCE: Duration = Duration::from_secs(2);
 
 #[derive(Debug, Args)]
 pub(crate) struct Watch {
+    /// Their names, of any loops; what two processors have begins with PROCESSOR: or PROCESSOR:LOOP:
     #[arg(required = true)]
     names: Vec<String>,
-    /// A row every so many servo ticks
+    /// A row every so many ticks of each loop
     #[arg(long, value_name = "TICKS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
     /// Ends after this time
@@ -46,175 +44,215 @@ impl Watch {
         view.join()?;
         let members: Vec<&Member> = running.status.processors.iter().collect();
         let known = Known::all(&view, &members)?;
-        let mut chosen = Vec::new();
+        let mut columns = Vec::new();
         for name in &self.names {
             let one = known.find(name)?;
-            let What::Variable(number, variable) = &one.what else {
+            if one.is_field() {
                 return Err(format!(
-                    "`{name}` is a gain, which only changes when it is set; \
+                    "`{name}` is a field of a published cell, of which no loop writes rows; \
                      `vars get {name}` shows it"
                 )
                 .into());
-            };
-            chosen.push((one.member, *number, variable));
+            }
+            columns.push((name.as_str(), one));
         }
-        let [(member, ..), ..] = chosen.as_slice() else {
-            return Ok(());
-        };
-        if let Some((other, ..)) = chosen.iter().find(|(it, ..)| it.number != member.number) {
-            return Err(format!(
-                "a row is of one processor: watch the variables of {} and of {} with a command each",
-                member.name, other.name
-            )
-            .into());
-        }
-        let columns: Vec<_> = chosen
-            .iter()
-            .map(|(_, number, it)| (*number, *it))
-            .collect();
-        self.watch(&view, Processor(member.number), &columns)
-    }
-
-    fn watch(
-        &self,
-        view: &View,
-        processor: Processor,
-        columns: &[(usize, &Variable)],
-    ) -> Result<(), AnyError> {
-        let Some(monitor) = view.monitor(processor)? else {
-            return Err(format!("{processor} has no monitor any more").into());
-        };
         let end = interrupted()?;
-        let numbers: Vec<usize> = columns.iter().map(|(number, _)| *number).collect();
-        let mut watch = monitor.watch(view.post(), &numbers, self.every)?;
+        let ones: Vec<_> = columns.iter().map(|(_, one)| Some(*one)).collect();
+        let mut rows = Rows::of(&view, &ones, self.every)?;
+        let mut lines = Lines::new(columns, &rows.sources, self.how.json);
+        print(lines.titles())?;
         let begun = Instant::now();
-        let outcome = self.rows(view, &mut watch, columns, || {
+        let ends = || {
             end.load(Ordering::Relaxed) || self.limit.is_some_and(|limit| begun.elapsed() >= limit)
-        });
-        let lost = watch.lost();
-        let ended = watch.end();
-        let rows = outcome?;
-        ended?;
-        if self.how.json {
-            return print(format_args!("{}\n", json!({ "rows": rows, "lost": lost })));
-        }
-        eprintln!("{rows} rows, {lost} lost");
-        Ok(())
+        };
+        self.show(&running, &mut rows, &mut lines, ends)?;
+        self.summary(&rows.sources)
     }
 
-    fn rows(
+    /// Shows rows until it `ends`.
+    fn show(
         &self,
-        view: &View,
-        watch: &mut variables::Watch<'_>,
-        columns: &[(usize, &Variable)],
+        running: &Running,
+        rows: &mut Rows<'_>,
+        lines: &mut Lines<'_>,
         ends: impl Fn() -> bool,
-    ) -> Result<u64, AnyError> {
+    ) -> Result<(), AnyError> {
+        let patience = patience(&rows.sources, self.every);
+        let mut merge = Merge::new(rows.sources.len(), HORIZON);
+        let mut last = Instant::now();
+        loop {
+            let is_end = ends();
+            let read = rows.read(|source, sample| {
+                merge.push(source, sample.released, sample);
+            });
+            let mut ready: Vec<_> = core::iter::from_fn(|| merge.pop()).collect();
+            if is_end || read.is_err() {
+                ready.extend(merge.finish());
+            }
+            print(lines.of(&ready)?)?;
+            read?;
+            if is_end {
+                return Ok(());
+            }
+            if !ready.is_empty() {
+                last = Instant::now();
+            } else if last.elapsed() >= patience {
+                if !running.directory.is_running() {
+                    return Err(format!("the system `{}` has ended", running.status.system).into());
+                }
+                let silent = rows.silent();
+                if silent.len() == rows.sources.len() {
+                    return Err(silence(&silent).into());
+                }
+                last = Instant::now();
+            }
+            rows.pause()?;
+        }
+    }
+
+    /// Tells how many rows there were.
+    fn summary(&self, sources: &[Source<'_>]) -> Result<(), AnyError> {
         if !self.how.json {
-            print(titles(columns))?;
-        }
-        let mut rows = 0;
-        let begun = Instant::now();
-        while !ends() {
-            let mut text = String::new();
-            while let Some(sample) = watch.sample()? {
-                rows += 1;
-                if self.how.json {
-                    text += &plain_json(&object(&sample, columns))?;
-                    text.push('\n');
-                } else {
-                    text += &line(&sample, columns);
-                }
-                if ends() {
-                    break;
-                }
+            for source in sources {
+                let (name, rows, lost) = (source.name(), source.rows, source.lost());
+                eprintln!("{}: {rows} rows, {lost} lost", plain(&name));
             }
-            print(text)?;
-            if rows == 0 && begun.elapsed() >= FIRST.max(self.limit.unwrap_or_default()) {
-                return Err("its servo loop writes no rows: is it enabled? see `top`".into());
-            }
-            view.post().serve(LOOK)?;
+            return Ok(());
         }
-        Ok(rows)
+        let loops: Vec<_> = sources
+            .iter()
+            .map(|it| json!({ "loop": it.name(), "rows": it.rows, "lost": it.lost() }))
+            .collect();
+        let rows: u64 = sources.iter().map(|source| source.rows).sum();
+        let lost: u64 = sources.iter().map(Source::lost).sum();
+        let summary = json!({ "rows": rows, "lost": lost, "loops": loops });
+        print(format_args!("{}\n", plain_json(&summary)?))
     }
 }
 
-fn width(variable: &Variable) -> usize {
-    (variable.name.len() + variable.unit.len() + 3).max(12)
+/// Returns how long no row may come.
+fn patience(sources: &[Source<'_>], every: u32) -> Duration {
+    let periods = sources.iter().map(|source| source.period_s(every));
+    let several = Duration::try_from_secs_f64(4.0 * periods.fold(0.0, f64::max));
+    several.unwrap_or(Duration::MAX).max(SILENCE)
 }
 
-fn titles(columns: &[(usize, &Variable)]) -> String {
-    let cells = columns.iter().map(|(_, variable)| {
-        let title = match variable.unit.as_str() {
-            "" => variable.name.to_string(),
-            unit => format!("{} [{unit}]", variable.name),
+fn silence(silent: &[String]) -> String {
+    let silent = silent.join(", ");
+    format!("{silent}: there are no rows; is the loop enabled? see `top`")
+}
+
+/// Rows as lines of text, or of JSON.
+struct Lines<'s> {
+    columns: Vec<(&'s str, &'s One<'s>)>,
+    titles: Vec<String>,
+    /// The loops, by the number of the source, and the width of their column.
+    loops: Vec<String>,
+    width: usize,
+    is_json: bool,
+    /// The time of the first row.
+    begin_ns: Option<i128>,
+}
+
+impl<'s> Lines<'s> {
+    fn new(columns: Vec<(&'s str, &'s One<'s>)>, sources: &[Source<'_>], is_json: bool) -> Self {
+        let title = |(name, one): &(&str, &One<'_>)| match one.entry.unit.as_str() {
+            "" => format!("{name:>12}"),
+            unit => format!("{:>12}", format!("{name} [{unit}]")),
         };
-        format!("  {:>1$}", plain(&title), width(variable))
-    });
-    core::iter::once(format!("{:>10}", "tick"))
-        .chain(cells)
-        .chain(["\n".into()])
-        .collect()
-}
-
-fn line(sample: &Sample, columns: &[(usize, &Variable)]) -> String {
-    let cells = columns.iter().map(|(number, variable)| {
-        let value = or_dash(sample.value(*number, variable));
-        format!("  {value:>0$}", width(variable))
-    });
-    core::iter::once(format!("{:>10}", sample.tick))
-        .chain(cells)
-        .chain(["\n".into()])
-        .collect()
-}
-
-fn object(sample: &Sample, columns: &[(usize, &Variable)]) -> Json {
-    let mut object = Map::new();
-    object.insert("tick".into(), sample.tick.into());
-    for (number, variable) in columns {
-        let value = sample.value(*number, variable);
-        object.insert(variable.name.to_string(), json!(value));
+        let loops: Vec<_> = sources.iter().map(Source::name).collect();
+        Self {
+            titles: columns.iter().map(title).collect(),
+            columns,
+            width: loops.iter().map(String::len).max().unwrap_or(0),
+            loops,
+            is_json,
+            begin_ns: None,
+        }
     }
-    Json::Object(object)
+
+    fn titles(&self) -> String {
+        if self.is_json {
+            return String::new();
+        }
+        let head = ["time [s]", "loop", "tick"].map(String::from);
+        self.line(head, self.titles.iter().cloned())
+    }
+
+    fn of(&mut self, rows: &[Merged<Sample>]) -> Result<String, AnyError> {
+        let mut text = String::new();
+        for row in rows {
+            let owner = self.loops.get(row.source).cloned().unwrap_or_default();
+            if self.is_json {
+                text += &plain_json(&self.object(row, &owner))?;
+                text.push('\n');
+            } else {
+                let since = row.at_ns - *self.begin_ns.get_or_insert(row.at_ns);
+                #[expect(clippy::cast_precision_loss, reason = "microseconds are shown")]
+                let time = format!("{:.6}", since as f64 / 1e9);
+                let values = self.columns.iter().zip(&row.item.values);
+                let values = values.map(|((_, one), value)| {
+                    value.map(|value| one.of.brief(value)).unwrap_or_default()
+                });
+                text += &self.line([time, owner, row.item.tick.to_string()], values);
+            }
+        }
+        Ok(text)
+    }
+
+    fn line(
+        &self,
+        [time, owner, tick]: [String; 3],
+        cells: impl Iterator<Item = String>,
+    ) -> String {
+        let owners = self.width;
+        let head = format!("{time:>12}  {:owners$}  {tick:>10}", plain(&owner));
+        let cells = cells.zip(&self.titles).map(|(cell, title)| {
+            let width = title.chars().count();
+            format!("  {:>width$}", plain(&cell))
+        });
+        let line: String = core::iter::once(head).chain(cells).collect();
+        format!("{}\n", line.trim_end())
+    }
+
+    fn object(&self, row: &Merged<Sample>, owner: &str) -> Json {
+        let mut values = Map::new();
+        for ((name, one), value) in self.columns.iter().zip(&row.item.values) {
+            if let Some(value) = value {
+                values.insert((*name).to_owned(), one.of.json(*value));
+            }
+        }
+        let (tick, released_ns) = (row.item.tick, row.item.released.as_ns());
+        json!({ "loop": owner, "tick": tick, "released_ns": released_ns, "values": values })
+    }
 }
 
-/// The present values of those that are variables, in the order of `chosen`.
-pub(super) fn once(view: &View, chosen: &[&One<'_>]) -> Result<Vec<Option<Value>>, AnyError> {
+/// Returns the present values of the variables among `chosen`, in its order; `None` for the others.
+pub(super) fn once<'s>(
+    view: &'s View,
+    chosen: &[&'s One<'s>],
+) -> Result<Vec<Option<Value>>, AnyError> {
+    let has_rows = |one: &&One<'_>| !one.is_field() && !one.can_be_set();
+    let columns: Vec<_> = chosen
+        .iter()
+        .map(|one| Some(*one).filter(has_rows))
+        .collect();
+    let mut rows = Rows::of(view, &columns, 1)?;
     let mut values = vec![None; chosen.len()];
-    let mut of_processor: BTreeMap<u8, Vec<(usize, usize, &Variable)>> = BTreeMap::new();
-    for (place, one) in chosen.iter().enumerate() {
-        if let What::Variable(number, variable) = &one.what {
-            let of_processor = of_processor.entry(one.member.number).or_default();
-            of_processor.push((place, *number, variable));
-        }
-    }
-    for (processor, variables) in of_processor {
-        let Some(monitor) = view.monitor(Processor(processor))? else {
-            continue;
-        };
-        let numbers: Vec<usize> = variables.iter().map(|(_, number, _)| *number).collect();
-        let mut watch = monitor.watch(view.post(), &numbers, 1)?;
-        let sample = first(view, &mut watch);
-        watch.end()?;
-        let sample = sample?.ok_or_else(|| {
-            let processor = Processor(processor);
-            format!("the servo loop of {processor} writes no rows: is it enabled? see `top`")
-        })?;
-        for (place, number, variable) in variables {
-            if let Some(value) = values.get_mut(place) {
-                *value = sample.value(number, variable);
-            }
-        }
-    }
-    Ok(values)
-}
-
-fn first(view: &View, watch: &mut variables::Watch<'_>) -> Result<Option<Sample>, AnyError> {
     let begun = Instant::now();
-    while begun.elapsed() < FIRST {
-        if let Some(sample) = watch.sample()? {
-            return Ok(Some(sample));
+    let patience = patience(&rows.sources, 1);
+    loop {
+        rows.read(|_, sample| {
+            for (present, value) in values.iter_mut().zip(sample.values) {
+                *present = value.or(*present);
+            }
+        })?;
+        if rows.sources.iter().all(|source| source.rows > 0) {
+            return Ok(values);
         }
-        view.post().serve(LOOK)?;
+        if begun.elapsed() >= patience {
+            return Err(silence(&rows.silent()).into());
+        }
+        rows.pause()?;
     }
-    Ok(None)
 }

@@ -23,10 +23,8 @@ const TABLE: EventTable<1, 4> =
 pub(crate) struct Small;
 
 impl Program for Small {
-    type Error = String;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
-        Self::run_for(machine).map_err(|error| error.to_string())
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), condor_rt::Error> {
+        Self::run_for(machine).map_err(|error| condor_rt::Error::program(&error))
     }
 }
 

@@ -55,6 +55,18 @@ fn a_trap_ends_one_program_and_no_other() {
 
 #[test]
 #[ignore = "needs QEMU and images: cargo xtask riscv"]
+fn an_interrupt_that_nobody_handles_is_named_and_comes_no_more() {
+    let up = Up::start(&processors(), NEEDS);
+    up.load("h0", &["faulty", "interrupt"]);
+    up.read_terminal("h0", "not handled: vector 11, causes 0x2");
+    // The hart is rung as before.
+    up.load("h0", &["echo"]);
+    assert_eq!(up.ask(0, 6), 7);
+    up.end();
+}
+
+#[test]
+#[ignore = "needs QEMU and images: cargo xtask riscv"]
 fn a_program_that_does_not_listen_is_taken_away() {
     let up = Up::start(&processors(), NEEDS);
     up.load("h0", &["faulty", "spin"]);

@@ -115,7 +115,7 @@ impl Up {
         let output = Command::new(DRILLS)
             .env("XDG_RUNTIME_DIR", self.place.path())
             .args(["send", "--reply", "--json"])
-            .args([number.to_string(), "44".into(), value.to_string()])
+            .args([number.to_string(), "12".into(), value.to_string()])
             .output()
             .unwrap();
         let text = String::from_utf8_lossy(&output.stdout);

@@ -5,10 +5,11 @@ use condor_host::harts::{Map, map};
 use condor_mbox::riscv::MsipDoorbell;
 use condor_mbox::{Clock, Doorbell, Instant, Processor};
 use condor_rt::PROCESSORS;
-use riscv::register::time;
+use riscv::register::{mhartid, time};
 
 use crate::link;
 use crate::machine::{CLINT, MTIME_HZ};
+use crate::memory::{LEAST_BYTES, memory};
 
 /// As many as a machine has.
 pub(crate) const HARTS: usize = map::HARTS as usize;
@@ -36,6 +37,22 @@ static MSIPS: [Msip; HARTS] = [
     msip(6),
     msip(7),
 ];
+
+/// Rings the hart that is this processor, if one is.
+pub(crate) fn ring_processor(number: u8) {
+    let map = Map::read(&memory(LEAST_BYTES));
+    let hart = map.as_ref().ok().and_then(|map| map.hart_of(number));
+    if let Some(hart) = hart {
+        ring_hart(hart as usize);
+    }
+}
+
+/// Rings a hart.
+pub(crate) fn ring_hart(hart: usize) {
+    if let Some(bell) = of(mhartid::read()) {
+        bell.ring(Processor(hart as u8));
+    }
+}
 
 /// That of a hart.
 pub(crate) fn of(hart: usize) -> Option<&'static Msip> {

@@ -5,7 +5,7 @@ use condor_host::harts::{ARGUMENT_BYTES, Control, Map, MapError};
 use condor_mbox::{AccessError, CriticalSection, Processor, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
-use condor_rt::{Machine, PROCESSORS};
+use condor_rt::{Interrupts, Machine, PROCESSORS};
 
 use crate::bell::{self, HARTS, HartBell};
 use crate::machine::{CLINT, EXTERNAL, MTIME, RAM, SOFTWARE};
@@ -191,6 +191,10 @@ impl Machine for Hart {
     fn is_stopping(&self) -> bool {
         // The memory is there.
         self.control.is_asked_to_end().unwrap_or(false)
+    }
+
+    fn interrupts(&self) -> Option<Interrupts> {
+        Some(trap::interrupts())
     }
 
     fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {

@@ -20,6 +20,8 @@ pub(crate) struct Hooks {
     pub(crate) timed: Cell<bool>,
     /// Whether a ring came meanwhile.
     pub(crate) rung: Cell<bool>,
+    /// The causes of interrupts that nobody handles, as bits of `mie`.
+    pub(crate) unhandled: Cell<u32>,
 }
 
 impl Hooks {
@@ -29,6 +31,7 @@ impl Hooks {
             mail: Cell::new(None),
             timed: Cell::new(false),
             rung: Cell::new(false),
+            unhandled: Cell::new(0),
         }
     }
 
@@ -38,6 +41,7 @@ impl Hooks {
         self.mail.set(None);
         self.timed.set(false);
         self.rung.set(false);
+        self.unhandled.set(0);
     }
 }
 

@@ -4,22 +4,29 @@
 //! There is one port, and any hart may ring any process of the host. Who is to be rung is a bit in a
 //! word that all harts share; whichever hart holds the port sends what it finds there. Nobody waits
 //! for the port: while it is full, bits stay set, and its interrupt has them sent.
+//!
+//! [`Line`] is the driver of the port's interrupt alone. The bytes do not go through that of a serial
+//! port, [`Uart16550`](condor_dev::drivers::Uart16550): its buffers belong to one program, and this port to
+//! all harts, whatever they run.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use condor_dev::{Bus, Mmio};
+use condor_dev::{Attention, Bus, Driver, Mmio, Registers};
 use condor_host::harts::map;
 
+use crate::bell;
 use crate::machine::{RAM, UART, UART_BYTES};
 
 const DATA: usize = UART;
 const INTERRUPTS: usize = UART + 1;
 const FIFO: usize = UART + 2;
+const REASON: usize = UART + 2;
 const STATUS: usize = UART + 5;
 
 const RECEIVED: u8 = 1 << 0;
 const SENT: u8 = 1 << 1;
 const FIFO_ON: u8 = 0b111;
+const NO_REASON: u8 = 1 << 0;
 const READY: u8 = 1 << 0;
 const EMPTY: u8 = 1 << 5;
 
@@ -104,6 +111,30 @@ fn send_held(wanted: &AtomicU32) -> bool {
 }
 
 /// What the host has sent: the numbers of processors that it rings.
-pub(crate) fn received() -> impl Iterator<Item = u8> {
+fn received() -> impl Iterator<Item = u8> {
     core::iter::from_fn(|| (read(STATUS) & READY != 0).then(|| read(DATA)))
+}
+
+/// The port as a board that interrupts: passes on what it has received, and sends what had no room.
+#[derive(Debug)]
+pub(crate) struct Line(());
+
+impl Driver for Line {
+    const NEW: Self = Self(());
+    const READS: bool = false;
+    const WRITES: bool = false;
+
+    /// It is there; to read its first register would take a byte from it.
+    fn probe<B: Bus>(_: Registers<'_, B>) -> bool {
+        true
+    }
+
+    fn interrupt<B: Bus>(&self, _: Registers<'_, B>) -> Result<Attention, B::Error> {
+        if read(REASON) & NO_REASON != 0 {
+            return Ok(Attention::NotMine);
+        }
+        received().for_each(bell::ring_processor);
+        send();
+        Ok(Attention::Mine)
+    }
 }

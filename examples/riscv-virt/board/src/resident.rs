@@ -44,8 +44,9 @@ pub const SAVED: usize = BOARD as usize;
 /// ready. To be called first of all, with interrupts masked.
 pub fn prepare(why: Return, hart: u32) {
     if why == Return::Cold {
-        trap::listen();
+        trap::reset();
     }
+    trap::listen();
     hooks::change(hooks::Hooks::clear);
     if let Some(clint) = hart::clint(hart as usize) {
         clint.disarm();

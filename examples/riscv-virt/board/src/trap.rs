@@ -5,18 +5,21 @@
 //! served when they are done.
 
 use condor_dev::riscv::{Context, Plic};
-use condor_dev::{InterruptController as _, Level, Mmio, Vector};
-use condor_host::harts::{Control, Map, State};
-use condor_mbox::{Doorbell as _, Processor};
+use condor_dev::{Level, Mmio, Place, Switch, device_switch};
+use condor_host::harts::{Control, State};
 use condor_mos::riscv::preserving_floats;
+use condor_rt::Interrupts;
 use critical_section::CriticalSection;
 use riscv::register::{mhartid, mie, mstatus};
 
+use crate::bell::{self, ring_hart};
 use crate::hooks::{self, Hooks};
-use crate::machine::{MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, UART_VECTOR, cause};
+use crate::link::{self, Line};
+use crate::machine::{
+    MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, UART, UART_VECTOR, cause,
+};
 use crate::memory::{LEAST_BYTES, memory};
 use crate::resident::Return;
-use crate::{bell, link};
 
 core::arch::global_asm!(
     include_str!("trap.s"),
@@ -26,13 +29,17 @@ core::arch::global_asm!(
 
 /// The hart that the serial port interrupts.
 const RECEIVER: usize = 0;
-const UART: Vector = Vector(UART_VECTOR);
+
+device_switch! {
+    /// The boards that interrupt hart 0.
+    struct Boards { line: Line = [Place::at(UART).interrupting(UART_VECTOR, 1)] }
+}
 
 // SAFETY: the machine has a PLIC there, whose registers have four bytes.
 static REGISTERS: Mmio = unsafe { Mmio::new(PLIC, PLIC_BYTES) };
 
 /// The PLIC as hart 0 sees it, in machine mode.
-static INTERRUPTS: Plic<&Mmio> = Plic::new(
+static CONTROLLER: Plic<&Mmio> = Plic::new(
     &REGISTERS,
     PLIC,
     Context::new(0).unwrap(),
@@ -40,14 +47,36 @@ static INTERRUPTS: Plic<&Mmio> = Plic::new(
     Level(PLIC_HIGHEST),
 );
 
-/// Lets the host interrupt this hart, and has hart 0 pass on what the serial port receives, whatever the
-/// hart runs.
-pub(crate) fn listen() {
+/// Nobody opens a board.
+static BOARDS: Switch<&Mmio, &Plic<&Mmio>, Boards, 0> =
+    Switch::new(&REGISTERS, &CONTROLLER, Boards::new());
+
+/// Makes what interrupts hart 0 forget what was before.
+pub(crate) fn reset() {
     if mhartid::read() == RECEIVER {
         link::reset();
         // The range has all of its registers.
-        let _ = INTERRUPTS.reset();
-        INTERRUPTS.enable(UART, Level(1));
+        let _ = CONTROLLER.reset();
+    }
+}
+
+/// Has hart 0 pass on what the serial port receives, whatever the hart runs.
+pub(crate) fn listen() {
+    if mhartid::read() == RECEIVER {
+        BOARDS.start();
+    }
+}
+
+/// What became of the interrupts of this hart.
+pub(crate) fn interrupts() -> Interrupts {
+    let unhandled_causes = critical_section::with(|section| {
+        hooks::of_this(section).map_or(0, |hooks| hooks.unhandled.get())
+    });
+    let counts = BOARDS.interrupt_counts();
+    let mut unhandled = BOARDS.unhandled();
+    Interrupts {
+        unhandled_causes,
+        ..Interrupts::new(counts, &mut unhandled)
     }
 }
 
@@ -105,10 +134,19 @@ extern "C" fn condor_timer() {
 extern "C" fn condor_interrupt(cause: usize) {
     match cause {
         cause::SOFTWARE => software(),
-        cause::EXTERNAL => external(),
-        // Nothing else is enabled.
-        _ => {}
+        cause::EXTERNAL => BOARDS.on_interrupt(),
+        cause => unhandled(cause),
     }
+}
+
+/// Notes an interrupt that nobody handles, and has it come no more.
+fn unhandled(cause: usize) {
+    let bit = 1_usize.wrapping_shl(cause as u32);
+    if let Some(hooks) = hooks() {
+        hooks.unhandled.update(|causes| causes | bit as u32);
+    }
+    // SAFETY: nothing counts on it.
+    unsafe { core::arch::asm!("csrc mie, {bit}", bit = in(reg) bit) };
 }
 
 fn software() {
@@ -139,28 +177,6 @@ fn software() {
     unsafe {
         mstatus::clear_mie();
         mie::set_msoft();
-    }
-}
-
-fn external() {
-    while let Some(vector) = INTERRUPTS.claim() {
-        if vector == UART {
-            let map = Map::read(&memory(LEAST_BYTES));
-            for number in link::received() {
-                let hart = map.as_ref().ok().and_then(|map| map.hart_of(number));
-                if let Some(hart) = hart {
-                    ring_hart(hart as usize);
-                }
-            }
-            link::send();
-        }
-        INTERRUPTS.complete(vector);
-    }
-}
-
-fn ring_hart(hart: usize) {
-    if let Some(bell) = bell::of(mhartid::read()) {
-        bell.ring(Processor(hart as u8));
     }
 }
 

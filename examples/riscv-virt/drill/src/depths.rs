@@ -10,7 +10,7 @@ use core::time::Duration;
 use board::{Hart, HartTimer, MTIME, stack};
 use condor_mbox::{Call, Clock as _, Messenger, Processor, Vector};
 use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler};
-use condor_rt::{Machine as _, MailboxOf, Setup};
+use condor_rt::{Error, Machine as _, MailboxOf, Setup};
 use drills::Failure;
 use drills::stack::{Depths, NAME, NESTED};
 
@@ -34,7 +34,7 @@ const TOGETHER: Duration = Duration::from_secs(3);
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Measures, and publishes what came out.
-pub(crate) fn run(hart: &Hart) -> Result<(), Failure> {
+pub(crate) fn run(hart: &Hart) -> Result<(), Error> {
     // Its own mailbox, loops and interrupts: a level is to be what it is alone.
     let mut publisher = Setup::new(hart)?.publish::<Depths>(NAME)?;
     let state = State::default();
@@ -52,7 +52,7 @@ pub(crate) fn run(hart: &Hart) -> Result<(), Failure> {
     };
     let depths = levels.measure()?;
     if state.failed.load(Ordering::Relaxed) {
-        return Err(Failure::Wrong);
+        return Err(Failure::Wrong.into());
     }
     publisher.publish(&depths)?;
     Ok(())
@@ -106,7 +106,7 @@ struct Levels<'l, 'v> {
 }
 
 impl Levels<'_, '_> {
-    fn measure(&self) -> Result<Depths, Failure> {
+    fn measure(&self) -> Result<Depths, Error> {
         let Self { hart, state, .. } = self;
         let me = hart.number();
         let table = Scan::try_new(&RATES, Clock::of::<u64>(MTIME))?;
@@ -136,7 +136,7 @@ impl Levels<'_, '_> {
             // Rings of the loops are noted while they run, and serve nothing afterwards.
             hart.with_mail(
                 || (),
-                || -> Result<(), Failure> {
+                || -> Result<(), Error> {
                     depths.slow = self.alone(&scheduler, [SLOW, FAST], PERIOD_OF_SLOW)?;
                     depths.fast = self.alone(&scheduler, [FAST, SLOW], PERIOD_OF_FAST)?;
                     Ok(())
@@ -151,7 +151,7 @@ impl Levels<'_, '_> {
                 scheduler.enable(SLOW)?;
                 scheduler.enable(FAST)?;
                 stack::paint(hart);
-                let skipped = || -> Result<u32, Failure> {
+                let skipped = || -> Result<u32, Error> {
                     let (fast, slow) = (scheduler.statistics(FAST)?, scheduler.statistics(SLOW)?);
                     Ok(fast.skipped.wrapping_add(slow.skipped) as u32)
                 };
@@ -159,10 +159,10 @@ impl Levels<'_, '_> {
                     let before = skipped()?;
                     let end = hart.doorbell().now().after(TOGETHER);
                     self.background(me, end, false)?;
-                    Ok::<_, Failure>(skipped()?.wrapping_sub(before))
+                    Ok::<_, Error>(skipped()?.wrapping_sub(before))
                 })??;
                 depths.deepest = stack::deepest(hart);
-                Ok::<(), Failure>(())
+                Ok::<(), Error>(())
             })
         })?;
         depths.at_once = state.at_once.load(Ordering::Relaxed);
@@ -175,7 +175,7 @@ impl Levels<'_, '_> {
     }
 
     /// What the first of two loops takes above an idle background.
-    fn alone(&self, scheduler: &Two, loops: [LoopId; 2], ticks: u64) -> Result<u32, Failure> {
+    fn alone(&self, scheduler: &Two, loops: [LoopId; 2], ticks: u64) -> Result<u32, Error> {
         let [alone, not] = loops;
         scheduler.enable(alone)?;
         scheduler.disable(not)?;
@@ -186,21 +186,21 @@ impl Levels<'_, '_> {
                 // There is room for the next.
                 self.mailbox.serve(Duration::ZERO)?;
             }
-            Ok::<_, Failure>(())
+            Ok::<_, Error>(())
         })??;
         Ok(most)
     }
 
     /// What the mailbox interrupt takes above an idle background.
-    fn mailbox_alone(&self, me: Processor, nested: u32) -> Result<u32, Failure> {
+    fn mailbox_alone(&self, me: Processor, nested: u32) -> Result<u32, Error> {
         let mut most = 0;
         for _ in 0..LOOKS {
-            let taken = critical_section::with(|_| -> Result<_, Failure> {
+            let taken = critical_section::with(|_| -> Result<_, Error> {
                 let mut ticket = self.mailbox.begin(me, ASK, nested, Duration::ZERO)?;
                 let taken = stack::taken(self.hart, LONGER_THAN_HANDLER);
                 match ticket.poll()? {
                     Some(reply) if reply == nested => Ok(taken),
-                    _ => Err(Failure::Wrong),
+                    _ => Err(Failure::Wrong.into()),
                 }
             })?;
             most = most.max(taken);
@@ -216,7 +216,7 @@ impl Levels<'_, '_> {
         me: Processor,
         end: condor_mbox::Instant,
         alone: bool,
-    ) -> Result<u32, Failure> {
+    ) -> Result<u32, Error> {
         let deepest = Cell::new(0);
         let look = || deepest.set(stack::deepest(self.hart).max(deepest.get()));
         if alone {
@@ -237,7 +237,7 @@ impl Levels<'_, '_> {
             };
             drop(ticket);
             if reply != nested {
-                return Err(Failure::Wrong);
+                return Err(Failure::Wrong.into());
             }
             look();
             if self.hart.doorbell().now() >= end {

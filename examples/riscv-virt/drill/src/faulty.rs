@@ -1,36 +1,76 @@
 //! [`Faulty`]: a program that ends by a trap.
 
 use core::arch::asm;
+use core::time::Duration;
 
-use condor_rt::{Machine, Program};
+use condor_rt::{Error, Machine, Program, Setup};
 
 /// Joins, as any program does, and then does what its first argument says: `illegal`, `access`,
-/// `misaligned`, `stack` or `spin`, for ever.
+/// `misaligned`, `stack`, `spin`, for ever, or `interrupt`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Faulty;
 
 impl Program for Faulty {
-    type Error = drills::Failure;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), drills::Failure> {
-        drills::joined(machine, || match machine.argument(0) {
-            // SAFETY: the monitor takes the hart back.
-            Some("illegal") => unsafe { asm!("unimp") },
-            // SAFETY: nothing is there, and the monitor takes the hart back.
-            Some("access") => unsafe { asm!("ld zero, 0(zero)") },
-            // SAFETY: nothing is changed before it traps, and the monitor takes the hart back.
-            Some("misaligned") => unsafe {
-                asm!("addi t0, sp, 1", "amoadd.w zero, zero, (t0)", out("t0") _);
-            },
-            Some("stack") => {
-                descend(u64::MAX);
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        Setup::new(machine)?.console()?.background(|background| {
+            background.serve(Duration::from_millis(100))?;
+            match machine.argument(0) {
+                // SAFETY: the monitor takes the hart back.
+                Some("illegal") => unsafe { asm!("unimp") },
+                // SAFETY: nothing is there, and the monitor takes the hart back.
+                Some("access") => unsafe { asm!("ld zero, 0(zero)") },
+                // SAFETY: nothing is changed before it traps, and the monitor takes the hart back.
+                Some("misaligned") => unsafe {
+                    asm!("addi t0, sp, 1", "amoadd.w zero, zero, (t0)", out("t0") _);
+                },
+                Some("stack") => {
+                    descend(u64::MAX);
+                }
+                Some("interrupt") => {
+                    interrupt();
+                    if let Some(seen) = machine.interrupts() {
+                        let ([vector, ..], causes) =
+                            (seen.unhandled_vectors, seen.unhandled_causes);
+                        background.print(format_args!(
+                            "not handled: vector {vector}, causes {causes:#x}\r\n"
+                        ));
+                    }
+                    while !background.is_stopping() {
+                        background.serve(Duration::from_millis(100))?;
+                    }
+                }
+                Some("spin") => loop {
+                    core::hint::spin_loop();
+                },
+                _ => {}
             }
-            Some("spin") => loop {
-                core::hint::spin_loop();
-            },
-            _ => {}
+            Ok(())
         })
     }
+}
+
+/// Has a supervisor's software interrupt come, which nobody handles, and on hart 0 that of the clock of the
+/// day, of which there is no driver: the registers are those of Goldfish's, by whose source, 11, the
+/// machine's device tree says.
+fn interrupt() {
+    const CLOCK: usize = 0x10_1000;
+    const PLIC: usize = 0x0c00_0000;
+    const SOURCE: usize = 11;
+    let registers = [
+        (PLIC + 4 * SOURCE, 1),
+        (PLIC + 0x2000, 1 << 10 | 1 << SOURCE),
+        // Its interrupt enabled, and an alarm in the past: high word, low word.
+        (CLOCK + 0x10, 1),
+        (CLOCK + 0xc, 0),
+        (CLOCK + 0x8, 1),
+    ];
+    for (address, value) in registers {
+        // SAFETY: the machine has these registers, which have four bytes; the serial port's source stays
+        // enabled, and nobody else is at the clock.
+        unsafe { (address as *mut u32).write_volatile(value) };
+    }
+    // SAFETY: whoever does not handle it has it come no more.
+    unsafe { asm!("csrs mie, {bit}", "csrs mip, {bit}", bit = in(reg) 2) };
 }
 
 /// Goes deeper than any stack.

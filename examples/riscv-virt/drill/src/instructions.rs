@@ -12,7 +12,7 @@ use core::time::Duration;
 use board::{Hart, MTIME};
 use condor_mbox::{Call, Messenger, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer as _};
-use condor_rt::{Machine as _, MailboxOf, Setup};
+use condor_rt::{Error, Machine as _, MailboxOf, Setup};
 use drills::Failure;
 use drills::instructions::{Counts, NAME};
 
@@ -68,7 +68,7 @@ global_asm!(
 );
 
 /// Counts, and publishes what came out.
-pub(crate) fn run(hart: &Hart) -> Result<(), Failure> {
+pub(crate) fn run(hart: &Hart) -> Result<(), Error> {
     // Its own mailbox and loops: what they take alone is counted.
     let mut publisher = Setup::new(hart)?.publish::<Counts>(NAME)?;
     let mut counts = Counts::default();
@@ -142,7 +142,7 @@ fn known(hart: &Hart, counts: &mut Counts) {
 }
 
 /// What releases take from the background.
-fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Failure> {
+fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Error> {
     let table = EventTable::<LOOPS, EVENTS>::try_new(&RATES, Clock::of::<u64>(MTIME))?;
     let scheduler: Scheduler<_, LOOPS, EVENTS> = Scheduler::new(hart.platform(), table);
     let mut fast = |_| body::<0>();
@@ -165,7 +165,7 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Failure> {
             counts.releases_counted = taken_until(slowest, WARM_UP + HYPERPERIODS);
             counts.releases = runs().wrapping_sub(before);
         };
-        Ok::<_, Failure>(scheduler.run(background)?)
+        Ok::<_, Error>(scheduler.run(background)?)
     })?;
     counts.hyperperiods = HYPERPERIODS;
     counts.releases_each = RELEASES;
@@ -174,11 +174,7 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Failure> {
 }
 
 /// What messages to itself take.
-fn messages(
-    hart: &Hart,
-    mailbox: &MailboxOf<'_, Hart>,
-    counts: &mut Counts,
-) -> Result<(), Failure> {
+fn messages(hart: &Hart, mailbox: &MailboxOf<'_, Hart>, counts: &mut Counts) -> Result<(), Error> {
     let me = hart.number();
     for message in 0..WARM_UP + MESSAGES {
         let begun = counter();
@@ -190,7 +186,7 @@ fn messages(
         let replied = since(begun);
         sent?;
         if served? != 1 || reply? != message.wrapping_add(1) {
-            return Err(Failure::Wrong);
+            return Err(Failure::Wrong.into());
         }
         if message >= WARM_UP {
             counts.messages = counts.messages.wrapping_add(1);

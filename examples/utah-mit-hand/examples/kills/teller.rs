@@ -33,10 +33,8 @@ const COPIES: usize = 100;
 pub(crate) struct Teller;
 
 impl Program for Teller {
-    type Error = String;
-
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), String> {
-        tell(machine).map_err(|error| error.to_string())
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), condor_rt::Error> {
+        tell(machine).map_err(|error| condor_rt::Error::program(&error))
     }
 }
 

@@ -5,7 +5,7 @@ use core::fmt::{Arguments, Write};
 use condor_hand::servo::{JointGains, Mode, PositionLaw};
 use condor_hand::tendon::TensionGains;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
-use condor_rt::{Machine, MailboxOf};
+use condor_rt::{Error, Machine, MailboxOf};
 
 use super::drive::{Motion, Shared, with};
 use super::others::{Ball, Others};
@@ -13,7 +13,6 @@ use super::play::Player;
 use super::sequence::{Store, rest_between_stops};
 use super::servos::Servos;
 use super::words::{Problem, Words};
-use crate::failure::Failure;
 use crate::grasp::{self, Order};
 use crate::plant::{self, Which};
 use crate::start::{Console, say};
@@ -80,7 +79,7 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
     }
 
     /// Looks at the servos. All motion stops when a finger does not follow any more.
-    pub(super) fn watch(&mut self) -> Result<(), Failure> {
+    pub(super) fn watch(&mut self) -> Result<(), Error> {
         let (terminal, mailbox) = (self.terminal, self.mailbox);
         let has_lost = self
             .servos

@@ -4,12 +4,11 @@ use core::time::Duration;
 
 use condor_hand::config::ProcessorKind;
 use condor_mbox::{AccessError, Exchange, PeerState, Processor, Region, Vector};
-use condor_rt::{Machine, MailboxOf, numbers};
+use condor_rt::{Error, Machine, MailboxOf, numbers};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::words::Problem;
 use crate::desk::Desk;
-use crate::failure::Failure;
 use crate::start;
 use crate::{UtahMit, objects, plant, table};
 
@@ -94,7 +93,7 @@ impl<'r, 'v, M: Machine> Others<'r, 'v, M> {
         machine: &M,
         hand: &UtahMit,
         mailbox: &'r MailboxOf<'v, M>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, Error> {
         let mut processors = hand.processors.iter();
         let table = processors.find(|it| it.kind == ProcessorKind::Table);
         let table = match table {

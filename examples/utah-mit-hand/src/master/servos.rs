@@ -7,7 +7,7 @@ use condor_hand::message::{ServoClient, Status};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
 use condor_mbox::{Messenger, PeerState, Processor, Region};
-use condor_rt::{Machine, MailboxOf};
+use condor_rt::{Error, Machine, MailboxOf};
 
 use super::drive::{Life, Link, Motion, SERVOS, Seat, Shared, with};
 use super::words::Problem;
@@ -95,7 +95,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         shared: &'r Shared<'p, M::Window>,
         numbers: [u8; SERVOS],
         seats: [Seat; FINGERS],
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, Error> {
         let servo = |index: usize| {
             let number = numbers.get(index).copied().unwrap_or(0);
             let windows = machine.windows().into_iter().nth(number.into());
@@ -106,7 +106,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
                     *place = finger;
                 }
             }
-            Ok::<_, Failure>(Servo {
+            Ok::<_, Error>(Servo {
                 number,
                 fingers,
                 region: start::users(machine, number)?,
@@ -154,7 +154,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
     }
 
     /// Looks how all are. Gives whether a finger that followed does not any more.
-    pub(super) fn watch(&mut self, mut say: impl FnMut(Arguments<'_>)) -> Result<bool, Failure> {
+    pub(super) fn watch(&mut self, mut say: impl FnMut(Arguments<'_>)) -> Result<bool, Error> {
         let mut has_lost = false;
         for index in 0..SERVOS {
             has_lost |= self.watch_one(index, &mut say)?;
@@ -166,7 +166,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         &mut self,
         index: usize,
         say: &mut impl FnMut(Arguments<'_>),
-    ) -> Result<bool, Failure> {
+    ) -> Result<bool, Error> {
         let before = (0..FINGERS).filter(|&finger| self.follows(finger)).count();
         let Some(servo) = self.processors.get_mut(index) else {
             return Ok(false);

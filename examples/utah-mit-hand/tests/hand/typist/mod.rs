@@ -10,7 +10,7 @@ use condor_fs::server::{Options, Server};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Mailbox, Messenger, PeerState, Processor, Region, Waiting, Windows};
 use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
-use condor_rt::{Machine, PROCESSORS, Program, directory, loops, numbers};
+use condor_rt::{Error, Machine, PROCESSORS, Program, directory, loops, numbers};
 use condor_tty::layout::{ALIGNMENT, reply};
 use condor_tty::{Reader, Vectors};
 use utah_mit_hand::compile::{compile_motions, joint_names};
@@ -18,7 +18,7 @@ use utah_mit_hand::master::{Master, Wanted};
 use utah_mit_hand::plant::{Plant, Truth};
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
-use utah_mit_hand::{FINGERS, Failure, IMAGE, JOINTS, UtahMit, boards, objects};
+use utah_mit_hand::{FINGERS, IMAGE, JOINTS, UtahMit, boards, objects};
 
 pub(crate) const MASTER: Processor = Processor(0);
 pub(crate) const FIRST: Processor = Processor(1);
@@ -148,9 +148,9 @@ pub(crate) fn run_with<R: Send>(
 /// Runs a program, and another life of it after each end that was not the last.
 fn live(
     machine: &Simulated<LinuxBus>,
-    program: &impl Program<Error = Failure>,
+    program: &impl Program,
     ends: &[AtomicU64; PROCESSORS],
-) -> Result<(), Failure> {
+) -> Result<(), Error> {
     let end = &ends[machine.number().index()];
     let ending = Ending { machine, end };
     while !machine.is_stopping() {

@@ -1,0 +1,60 @@
+//! [`Clients`]: asks the loops of several processors.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::time::Duration;
+
+use condor_mbox::linux::LinuxWindow;
+use condor_vars::{Cell, Client, Value};
+
+use super::known::One;
+use crate::cli::AnyError;
+use crate::commands::running;
+use crate::view::{Post, View, ViewError};
+
+/// How long a loop may take to answer.
+pub(super) const ANSWER: Duration = Duration::from_secs(2);
+
+/// A client for each processor that was asked.
+pub(super) struct Clients<'v> {
+    view: &'v View,
+    all: BTreeMap<u8, Client<'v, Post, LinuxWindow>>,
+}
+
+impl<'v> Clients<'v> {
+    pub(super) const fn new(view: &'v View) -> Self {
+        Self {
+            view,
+            all: BTreeMap::new(),
+        }
+    }
+
+    /// Returns the client for the processor of a variable.
+    pub(super) fn of(
+        &mut self,
+        one: &One<'_>,
+    ) -> Result<&mut Client<'v, Post, LinuxWindow>, ViewError> {
+        let client = match self.all.entry(one.member.number) {
+            Entry::Occupied(occupied) => occupied.into_mut(),
+            Entry::Vacant(vacant) => vacant.insert(self.view.client(running::number(one.member))?),
+        };
+        Ok(client)
+    }
+
+    /// Returns the value of a parameter or of a field of a cell; `None` for a variable, whose values are
+    /// only in rows.
+    pub(super) fn value(&mut self, one: &One<'_>) -> Result<Option<Value>, AnyError> {
+        if one.is_field() {
+            let region = self.view.region(running::number(one.member))?;
+            let cell = Cell::open(&region, one.table.offset())?;
+            let mut bytes = vec![0; cell.bytes()];
+            cell.read(&mut bytes)?;
+            return Ok(one.entry.of_cell(&bytes));
+        }
+        if !one.can_be_set() {
+            return Ok(None);
+        }
+        let value = self.of(one)?.get(&one.table, &one.entry, ANSWER)?;
+        Ok(Some(value))
+    }
+}

@@ -1,0 +1,86 @@
+//! The program of the processors: a joint that shows what it does, and a terminal that echoes.
+
+use std::time::Duration;
+
+use condor_mbox::Vector;
+use condor_mos::Rate;
+use condor_rt::{Error, Machine, Program, Setup};
+use condor_vars::{Described, Field, Kind, Param, Var, choice};
+use core::mem::offset_of;
+use embedded_io::Read;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+const ADD: Vector = Vector(5);
+
+choice! {
+    /// What the joint does.
+    pub(crate) enum Mode {
+        /// Nothing.
+        Idle = "idle",
+        /// Stays where it is.
+        Hold = "hold",
+        /// Not to be asked for.
+        Fault = "fault",
+    }
+}
+
+#[derive(FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+struct Contact {
+    force: f32,
+    fingers: u32,
+}
+
+impl Described for Contact {
+    const FIELDS: &'static [Field] = &[
+        Field::new("force", "N", Kind::F32, offset_of!(Contact, force)).about("At the tip."),
+        Field::new("fingers", "", Kind::U32, offset_of!(Contact, fingers)),
+    ];
+}
+
+/// A joint whose position is half the number of the tick.
+pub(crate) struct Joint;
+
+impl Program for Joint {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        let position = Var::new("joint.position", "rad").about("Filtered.");
+        let ticks = Var::<u64>::new("ticks", "");
+        let beats = Var::<u32>::new("beats", "");
+        let stiffness = Param::new("joint.stiffness", "N m/rad", 2.0, 0.0..=50.0);
+        let mode = Param::new("mode", "", Mode::Idle, Mode::Idle..=Mode::Hold);
+        let is_soft = Param::new("soft", "", false, false..=true);
+        let mut setup = Setup::new(machine)?;
+        let mut contact = setup.publish_fields::<Contact>("contact")?;
+        setup
+            .console()?
+            .on(ADD, "add", &|call| call.data().wrapping_add(2))
+            .watch(&position)
+            .watch(&ticks)
+            .tune(&stiffness)
+            .tune(&mode)
+            .tune(&is_soft)
+            .servo("servo", Rate::hz(100), &mut |tick| {
+                position.set(0.5 * f64::from(tick.number));
+                ticks.set(tick.number.into());
+                let (force, fingers) = (1.5, 3);
+                // Memory that is gone shows in the background.
+                let _ = contact.publish(&Contact { force, fingers });
+            })
+            .watch(&beats)
+            .servo("slow", Rate::hz(20), &mut |tick| beats.set(tick.number))
+            .background(|background| {
+                let console = background.console()?.console(background.mailbox());
+                let mut typed = console.with_read_timeout(Duration::from_millis(1));
+                let mut line = [0; 64];
+                background.print(format_args!("hello\r\n"));
+                while !background.is_stopping() {
+                    background.serve(Duration::from_millis(20))?;
+                    if let Ok(count) = typed.read(&mut line) {
+                        let line = String::from_utf8_lossy(&line[..count]);
+                        background.print(format_args!("typed {}\r\n", line.trim()));
+                    }
+                }
+                Ok(())
+            })
+    }
+}
