@@ -7,6 +7,11 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
 
+// Documents of their own.
+#[cfg(all(feature = "sim", target_os = "linux"))]
+#[doc = include_str!("../MISTAKES.md")]
+pub mod mistakes {}
+
 // A program.
 mod error;
 mod list;

@@ -5,7 +5,7 @@ use embedded_hal::i2c::{self, NoAcknowledgeSource};
 use crate::bus::{AccessError, Bus, BusErrorKind};
 
 /// An I2C controller whose part with the 7-bit address `d` is what is at `d << 8` of a bus of models: a
-/// [`Board`](super::Board), a pair of them, or a bus of the feature `sim`.
+/// [`Joint`](super::Joint), or a bus of the feature `sim`.
 ///
 /// The first byte written is the number of a register, which advances with each further byte; a
 /// transaction begins at register 0. An absent part does not acknowledge its address.

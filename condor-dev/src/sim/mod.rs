@@ -1,13 +1,13 @@
-//! Parts as models of their registers: on a bus of their own without allocation, or on one with injected
-//! faults, for tests on any machine with std.
+//! Parts as models of their registers: in a joint, without allocation, or on a bus with injected faults, for
+//! tests on any machine with std.
 
 mod as5600;
-mod board;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 mod bus;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 mod controller;
 mod i2c;
+mod joint;
 mod pca9685;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 mod spi;
@@ -15,12 +15,12 @@ mod spi;
 mod uart;
 
 pub use as5600::As5600Model;
-pub use board::Board;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 pub use bus::Bus;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 pub use controller::Controller;
 pub use i2c::I2c;
+pub use joint::Joint;
 pub use pca9685::Pca9685Model;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 pub use spi::Spi;

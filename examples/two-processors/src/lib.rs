@@ -1,7 +1,6 @@
 //! The programs of two processors: a servo that holds a joint, and a master that moves it.
 #![no_std]
 
-mod joint;
 mod master;
 mod servo;
 

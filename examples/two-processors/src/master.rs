@@ -1,4 +1,4 @@
-//! The master: moves the joint through the angles of a file, and then to those that are typed.
+//! The master: moves the joint to the angles in a file, and to those that are typed.
 
 use core::time::Duration;
 
@@ -12,38 +12,35 @@ const PATIENCE: Duration = Duration::from_millis(100);
 pub struct Master;
 
 impl Program for Master {
-    type Error = Error;
-
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         Setup::new(machine)?
             .console()?
             .files()?
             .background(|background| {
-                let mut text = [0; 256];
+                let (mut text, mut line) = ([0; 256], [0; 16]);
                 let files = background.files()?;
-                let mut file = files.open("moves", OpenOptions::new().read())?;
-                let count = file.read(&mut text)?;
+                let count = files
+                    .open("moves", OpenOptions::new().read())?
+                    .read(&mut text)?;
                 let moves = str::from_utf8(text.get(..count).unwrap_or_default());
                 let mut moves = moves.unwrap_or_default().split_whitespace();
-                let mut target = 0_i32;
                 for pass in (0..20).cycle() {
-                    let mut line = [0; 16];
-                    let next = match background.read_line(&mut line, PATIENCE)? {
-                        _ if background.is_stopping() => return Ok(()),
-                        Some(typed) => typed,
-                        None if pass == 0 => moves.next().unwrap_or_default(),
-                        None => continue,
+                    let typed = background.read_line(&mut line, PATIENCE)?;
+                    if background.is_stopping() {
+                        break;
+                    }
+                    let next = if pass == 0 {
+                        typed.or_else(|| moves.next())
+                    } else {
+                        typed
                     };
-                    target = next.parse().unwrap_or(target);
-                    let call = (SERVO, MOVE, target as u32);
-                    match background
-                        .mailbox()
-                        .send_with_reply(call.0, call.1, call.2, PATIENCE)
-                    {
-                        Ok(at) => {
-                            background.print(format_args!("from {} to {target}\r\n", at as i32))
-                        }
-                        Err(error) => background.print(format_args!("servo: {error}\r\n")),
+                    let Some(angle) = next.and_then(|next| next.parse::<i32>().ok()) else {
+                        continue;
+                    };
+                    let mailbox = background.mailbox();
+                    match mailbox.send_with_reply(SERVO, MOVE, angle as u32, PATIENCE) {
+                        Ok(at) => background.print(format_args!("{} -> {angle}\r\n", at as i32)),
+                        Err(error) => background.print(format_args!("{error}\r\n")),
                     }
                 }
                 Ok(())

@@ -4,16 +4,14 @@ use core::f32::consts::TAU;
 use core::sync::atomic::{AtomicI32, Ordering::Relaxed};
 
 use condor_dev::drivers::{As5600, Pca9685};
-use condor_dev::sim::{As5600Model, Board, I2c, Pca9685Model};
+use condor_dev::sim::{I2c, Joint};
 use condor_dev::{I2cBus, Mode, NoInterrupts, Place, Switch, device_switch};
 use condor_rt::{Error, Machine, Param, Program, Rate, Setup, Var};
 
-use crate::joint::Joint;
 use crate::{MOVE, WHERE};
 
 const HZ: u16 = 400;
 const DAMPING_NM_S: f32 = 0.1;
-const STALL_NM: f32 = 2.0;
 
 device_switch! {
     struct Boards {
@@ -26,30 +24,19 @@ device_switch! {
 pub struct Servo;
 
 impl Program for Servo {
-    type Error = Error;
-
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
-        // With a real joint, `I2cBus::new` has the I2C controller of the board in place of these.
-        let motor_part = Board::new(0x4000, Pca9685Model::default());
-        let sensor_part = Board::new(0x3600, As5600Model::default());
-        let mut joint = Joint::default();
-        let i2c = I2cBus::new(I2c((&motor_part, &sensor_part)));
-
+        // With a real joint, `I2cBus::new` has the I2C controller of the board instead.
+        let joint = Joint::default();
+        let i2c = I2cBus::new(I2c(&joint));
         let boards = Switch::<_, _, _, 2>::new(i2c, NoInterrupts, Boards::new());
         boards.start();
-        let missing = |error| Error::program(&error);
-        let motor = boards
-            .open_typed(Boards::motor, 0, Mode::WRITE)
-            .map_err(missing)?;
-        let sensor = boards
-            .open_typed(Boards::sensor, 0, Mode::READ)
-            .map_err(missing)?;
+        let motor = boards.open_typed(Boards::motor, 0, Mode::WRITE)?;
+        let sensor = boards.open_typed(Boards::sensor, 0, Mode::READ)?;
 
         let position = Var::new("joint.position", "rad");
         let stiffness = Param::new("joint.stiffness", "N m/rad", 2.0_f32, 0.0..=20.0);
         let report_hz = Param::new("report.hz", "Hz", 1, 0..=20);
-        let (target, place) = (AtomicI32::new(0), AtomicI32::new(0));
-        let mut last = 0.0;
+        let (target, place, mut last) = (AtomicI32::new(0), AtomicI32::new(0), 0.0);
         Setup::new(machine)?
             .console()?
             .on(MOVE, "move", &|call| {
@@ -60,7 +47,7 @@ impl Program for Servo {
             .watch(&position)
             .tune(&stiffness)
             .servo("servo", Rate::hz(HZ.into()), &mut |_| {
-                joint.turn(1.0 / f32::from(HZ), &motor_part, &sensor_part);
+                joint.advance(1.0 / f32::from(HZ));
                 let Ok(step) = sensor.angle(sensor.registers) else {
                     return;
                 };
@@ -68,7 +55,7 @@ impl Program for Servo {
                 let error = target.load(Relaxed) as f32 / 1000.0 - angle;
                 let speed = (angle - last) * f32::from(HZ);
                 let torque = stiffness.get() * error - DAMPING_NM_S * speed;
-                let duty = (torque / STALL_NM * f32::from(Pca9685::CYCLE)) as i16;
+                let duty = (torque / Joint::STALL_NM * f32::from(Pca9685::CYCLE)) as i16;
                 let duties = [duty.max(0) as u16, duty.min(0).unsigned_abs()];
                 let _ = motor.set_duties(motor.registers, 0, &duties);
                 position.set(angle);
