@@ -27,6 +27,8 @@ const TYPED: usize = 128;
 pub(crate) const FILES: usize = 4;
 /// How long the file service may take, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(30);
+/// How often it is looked whether a line was typed.
+const LOOK: Duration = Duration::from_millis(20);
 /// How often the counts of the loops are shown.
 const REPORT_NS: u64 = 50_000_000;
 
@@ -164,7 +166,8 @@ impl<'b, M: Machine> Background<'b, M> {
             if left == 0 {
                 return Ok(None);
             }
-            self.serve(Duration::from_nanos(left))?;
+            // A ring that came just before the wait is not waited for longer.
+            self.serve(Duration::from_nanos(left).min(LOOK))?;
         }
         let typed = console.read(into).unwrap_or(0);
         let typed = str::from_utf8(into.get(..typed).unwrap_or_default());
@@ -239,8 +242,9 @@ impl<'b, M: Machine> Background<'b, M> {
     /// [`mbox::Error::Window`] if the own memory is gone.
     pub fn serve(&self, time: Duration) -> Result<(), Error> {
         let bell = self.machine.doorbell();
-        if M::MAIL_INTERRUPTS {
+        if self.machine.mail_interrupts() {
             bell.wait(bell.prepare(), bell.now().after(time), None);
+            self.mailbox.beat()?;
         } else {
             self.mailbox.serve(time)?;
         }

@@ -16,8 +16,8 @@ impl Programs for TwoProcessors {
 
     fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
         match name {
-            "master" => unsafe { linux::run(&Master, arguments) },
-            _ => unsafe { linux::run(&Servo, arguments) },
+            "master" => linux::run(&Master, arguments),
+            _ => linux::run(&Servo, arguments),
         }
     }
 

@@ -23,7 +23,7 @@ use condor_fs::FileSystem;
 use condor_hand::trajectory::{Generator, Limits};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Messenger, Published, Region};
-use condor_mos::{LoopId, Loops, Overrun, Rate};
+use condor_mos::{LoopId, Rate};
 use condor_rt::directory::Kind;
 use condor_rt::loops::LoopReports;
 use condor_rt::{Error, Machine, MailboxOf, Program, numbers};
@@ -154,49 +154,45 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
             others: Others::new(machine, hand, mailbox)?,
         };
 
-        let scheduler = start::scheduler(machine, Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1)))?;
-        let mut body = |_| {
+        let rate = Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1));
+        let body = || {
             drive::with(&shared, Drive::tick);
         };
         self.say(format_args!(
             "master of {}, trajectories at {rate_hz} Hz; `help` lists the commands",
             hand.name
         ));
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
-            let background = || {
-                let clock = machine.doorbell();
-                let mut shown = clock.now();
-                let mut watched = None;
-                let patience = shown.after(FIRST_LINE);
-                let mut listens = false;
-                reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
-                let mut attend = || {
-                    while !machine.is_stopping() {
-                        mailbox.serve(NAP)?;
-                        let now = clock.now();
-                        if now.ns_since(shown) >= REPORT_NS {
-                            shown = now;
-                            reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
-                        }
-                        if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
-                            watched = Some(now);
-                            for partner in &partners {
-                                partner.look()?;
-                            }
-                            commands.watch()?;
-                        }
-                        commands.play();
-                        listens = listens || commands.sees_all() || now >= patience;
-                        if listens {
-                            self.listen(&mut commands)?;
-                        }
+        start::with_loop(machine, rate, body, |loops| {
+            let clock = machine.doorbell();
+            let mut shown = clock.now();
+            let mut watched = None;
+            let patience = shown.after(FIRST_LINE);
+            let mut listens = false;
+            reports.publish(0, &loops.statistics(LoopId(0))?)?;
+            let mut attend = || {
+                while !machine.is_stopping() {
+                    mailbox.serve(NAP)?;
+                    let now = clock.now();
+                    if now.ns_since(shown) >= REPORT_NS {
+                        shown = now;
+                        reports.publish(0, &loops.statistics(LoopId(0))?)?;
                     }
-                    Ok(())
-                };
-                attend()
+                    if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
+                        watched = Some(now);
+                        for partner in &partners {
+                            partner.look()?;
+                        }
+                        commands.watch()?;
+                    }
+                    commands.play();
+                    listens = listens || commands.sees_all() || now >= patience;
+                    if listens {
+                        self.listen(&mut commands)?;
+                    }
+                }
+                Ok(())
             };
-            scheduler.run(background)?
+            attend()
         })
     }
 

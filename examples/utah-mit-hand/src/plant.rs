@@ -28,7 +28,7 @@ use core::cell::RefCell;
 
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Published, Region, Vector};
-use condor_mos::{LoopId, Loops, Overrun, Rate};
+use condor_mos::Rate;
 use condor_rt::directory::Kind;
 use condor_rt::loops::LoopReports;
 use condor_rt::{Error, Machine, MailboxOf, Program};
@@ -168,8 +168,7 @@ impl<M: Machine> Running<'_, '_, M> {
     ) -> Result<(), Error> {
         let (machine, arguments) = (self.machine, &self.arguments);
         let rate = Rate::new(arguments.rate_hz, 1).unwrap_or(Rate::hz(1));
-        let scheduler = start::scheduler(machine, rate)?;
-        let mut body = |_| {
+        let body = || {
             if let Some(truth) = with(self.shared, |robot| robot.tick(self.registers)) {
                 // Who reads finds the former one.
                 let _ = publisher.publish(&truth);
@@ -182,44 +181,40 @@ impl<M: Machine> Running<'_, '_, M> {
             format_args!("is the hand {name}, at {hz} Hz"),
         );
         let (mut resting, mut failures) = (0, 0);
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
-            let background = || {
-                let look = || {
-                    let seen = with(self.shared, |robot| (robot.tripped(), robot.failures()));
-                    let Some((now, failed)) = seen else {
-                        return Ok(());
-                    };
-                    for board in 0..u64::BITS {
-                        let is_new = (now ^ resting) >> board & 1 != 0;
-                        let ms = arguments.watchdog_ms;
-                        if is_new && now >> board & 1 != 0 {
-                            say::<M>(
-                                terminal,
-                                self.mailbox,
-                                format_args!("D/A board {board} rests: nothing came for {ms} ms"),
-                            );
-                        } else if is_new {
-                            say::<M>(
-                                terminal,
-                                self.mailbox,
-                                format_args!("D/A board {board} goes on"),
-                            );
-                        }
-                    }
-                    if failed != failures {
+        start::with_loop(machine, rate, body, |loops| {
+            let look = || {
+                let seen = with(self.shared, |robot| (robot.tripped(), robot.failures()));
+                let Some((now, failed)) = seen else {
+                    return Ok(());
+                };
+                for board in 0..u64::BITS {
+                    let is_new = (now ^ resting) >> board & 1 != 0;
+                    let ms = arguments.watchdog_ms;
+                    if is_new && now >> board & 1 != 0 {
                         say::<M>(
                             terminal,
                             self.mailbox,
-                            format_args!("{failed} ticks in which the robot or its bus failed"),
+                            format_args!("D/A board {board} rests: nothing came for {ms} ms"),
+                        );
+                    } else if is_new {
+                        say::<M>(
+                            terminal,
+                            self.mailbox,
+                            format_args!("D/A board {board} goes on"),
                         );
                     }
-                    (resting, failures) = (now, failed);
-                    Ok(())
-                };
-                start::attend(machine, self.mailbox, &scheduler, &mut reports, look)
+                }
+                if failed != failures {
+                    say::<M>(
+                        terminal,
+                        self.mailbox,
+                        format_args!("{failed} ticks in which the robot or its bus failed"),
+                    );
+                }
+                (resting, failures) = (now, failed);
+                Ok(())
             };
-            scheduler.run(background)?
+            start::attend(machine, self.mailbox, loops, &mut reports, look)
         })
     }
 }

@@ -43,7 +43,7 @@ use condor_hand::monitor::{
     FingerVariables, MONITOR, Monitor, MonitorHandler, MonitorObject, MonitorPlaces, ring_bytes,
 };
 use condor_mbox::{Call, MemoryWindow, Places, Processor, Published, Region};
-use condor_mos::{Latest, LoopId, Loops, Overrun, Rate};
+use condor_mos::{Latest, Rate};
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
 use condor_rt::{Error, Machine, MailboxOf, PROCESSORS, Program, Text, numbers};
@@ -328,8 +328,8 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
             writer,
             news: News::NOTHING,
         };
-        let scheduler = start::scheduler(machine, Rate::new(rate, 1).unwrap_or(Rate::hz(1)))?;
-        let mut body = |_| fingers.tick();
+        let often = Rate::new(rate, 1).unwrap_or(Rate::hz(1));
+        let body = || fingers.tick();
         let mut heard = News::NOTHING;
         let names = names(hand, self.served);
         partner.look()?;
@@ -340,24 +340,20 @@ impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
             self.mailbox,
             format_args!("serves {first} and {second} at {rate} Hz"),
         );
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
-            let background = || {
-                let look = || {
-                    partner.look()?;
-                    palm.look()?;
-                    let news = *reader.read();
-                    news.tell(&heard, names, |line| say::<M>(terminal, self.mailbox, line));
-                    heard = news;
-                    self.wind(&mut tape, terminal, false);
-                    Ok(())
-                };
-                start::attend(machine, self.mailbox, &scheduler, &mut reports, look)
+        let outcome = start::with_loop(machine, often, body, |loops| {
+            let look = || {
+                partner.look()?;
+                palm.look()?;
+                let news = *reader.read();
+                news.tell(&heard, names, |line| say::<M>(terminal, self.mailbox, line));
+                heard = news;
+                self.wind(&mut tape, terminal, false);
+                Ok(())
             };
-            let outcome = scheduler.run(background)?;
-            self.wind(&mut tape, terminal, true);
-            outcome
-        })
+            start::attend(machine, self.mailbox, loops, &mut reports, look)
+        });
+        self.wind(&mut tape, terminal, true);
+        outcome
     }
 
     fn files(&self) -> Result<Files<'r, 'v, M>, Failure> {

@@ -6,10 +6,10 @@ use core::time::Duration;
 use condor_fs::{Area, FileSystem, OpenOptions};
 use condor_hand::config::{Channel, ImageError, Wire};
 use condor_mbox::{Call, Clock, MemoryWindow, Messenger, Places, Region, Windows};
-use condor_mos::{LoopId, Loops, Rate, Scheduler};
+use condor_mos::{LoopId, Loops, Overrun, Rate};
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
-use condor_rt::{Error, Machine, MailboxOf, Text, numbers};
+use condor_rt::{Error, Machine, MailboxOf, ServoLoop, Text, numbers};
 use condor_tty::{Terminal, Vectors};
 
 use crate::boards::{Panel, Wires};
@@ -155,32 +155,39 @@ fn at_rest(hand: &UtahMit, channel: Channel) -> u32 {
     output.map_or(0, |output| output.counts(newtons.unwrap_or(0.0)))
 }
 
-/// A scheduler of one loop.
-pub(crate) fn scheduler<M: Machine>(
+/// Runs a loop, with a background.
+pub(crate) fn with_loop<M: Machine>(
     machine: &M,
     rate: Rate,
-) -> Result<Scheduler<M::Platform, 1, 1>, Error> {
-    Ok(Scheduler::with_rates(machine.platform(), &[rate])?)
+    mut body: impl FnMut() + Send,
+    background: impl FnOnce(&dyn Loops<Instant = u64>) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let servo = ServoLoop {
+        rate,
+        overrun: Overrun::Skip,
+        body: &mut |_| body(),
+    };
+    machine.with_loops(&mut [servo], background)?
 }
 
 /// The background: serves messages, shows the counts of the loop, and calls `look` each time, until
 /// the program is to end.
-pub(crate) fn attend<M: Machine, const E: usize>(
+pub(crate) fn attend<M: Machine>(
     machine: &M,
     mailbox: &MailboxOf<'_, M>,
-    scheduler: &Scheduler<M::Platform, 1, E>,
+    loops: &dyn Loops<Instant = u64>,
     reports: &mut LoopReports<M::Window, 1>,
     mut look: impl FnMut() -> Result<(), Error>,
 ) -> Result<(), Error> {
     let clock = machine.doorbell();
     let mut shown = clock.now();
-    reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
+    reports.publish(0, &loops.statistics(LoopId(0))?)?;
     while !machine.is_stopping() {
         mailbox.serve(NAP)?;
         let now = clock.now();
         if now.ns_since(shown) >= REPORT_NS {
             shown = now;
-            reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
+            reports.publish(0, &loops.statistics(LoopId(0))?)?;
             look()?;
         }
     }

@@ -20,7 +20,7 @@ use condor_hand::controller::{
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Call, Clock, Instant, Published, Region, Vector};
-use condor_mos::{LoopId, Loops, Overrun, Rate};
+use condor_mos::Rate;
 use condor_rt::directory::{Directory, Kind};
 use condor_rt::loops::LoopReports;
 use condor_rt::{Error, Machine, MailboxOf, Program};
@@ -262,7 +262,7 @@ impl<M: Machine> Running<'_, '_, M> {
         let panel = boards::open(machine.bus(), hand, number);
         let wires = start::wires(machine, self.mailbox, &panel, hand, number)?;
         let rate_hz = hand.rate_hz(processor);
-        let scheduler = start::scheduler(machine, Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1)))?;
+        let rate = Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1));
         let clock = machine.doorbell();
         let mut axes = Axes::<M> {
             hand,
@@ -273,28 +273,24 @@ impl<M: Machine> Running<'_, '_, M> {
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
         };
-        let mut body = |_| axes.tick();
+        let body = || axes.tick();
         let mut before = State::Off;
         say::<M>(
             terminal,
             self.mailbox,
             format_args!("moves the table at {rate_hz} Hz"),
         );
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut body)?;
-            let background = || {
-                let look = || {
-                    let state = with(self.shared, |table| table.controller.state());
-                    let state = state.map_or(before, State::of);
-                    if state != before {
-                        before = state;
-                        say::<M>(terminal, self.mailbox, format_args!("{state:?}"));
-                    }
-                    Ok(())
-                };
-                start::attend(machine, self.mailbox, &scheduler, &mut reports, look)
+        start::with_loop(machine, rate, body, |loops| {
+            let look = || {
+                let state = with(self.shared, |table| table.controller.state());
+                let state = state.map_or(before, State::of);
+                if state != before {
+                    before = state;
+                    say::<M>(terminal, self.mailbox, format_args!("{state:?}"));
+                }
+                Ok(())
             };
-            scheduler.run(background)?
+            start::attend(machine, self.mailbox, loops, &mut reports, look)
         })
     }
 }
