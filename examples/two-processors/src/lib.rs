@@ -9,7 +9,7 @@ pub use servo::Servo;
 
 use condor_rt::{Processor, Vector};
 
-/// The number of the servo, as in `system.toml`.
+/// The number of the servo, as in `condor.toml`.
 pub const SERVO: Processor = Processor(1);
 /// Moves the joint to an angle in mrad; the reply is where it is.
 pub const MOVE: Vector = Vector(1);

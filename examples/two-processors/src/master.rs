@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use condor_rt::{Error, Machine, Messenger as _, OpenOptions, Program, Setup};
+use condor_rt::{Background, Error, Machine, Messenger as _, OpenOptions, Program, Setup};
 
 use crate::{MOVE, SERVO};
 
@@ -13,37 +13,32 @@ pub struct Master;
 
 impl Program for Master {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
-        Setup::new(machine)?
-            .console()?
-            .files()?
-            .background(|background| {
-                let (mut text, mut line) = ([0; 256], [0; 16]);
-                let files = background.files()?;
-                let count = files
-                    .open("moves", OpenOptions::new().read())?
-                    .read(&mut text)?;
-                let moves = str::from_utf8(text.get(..count).unwrap_or_default());
-                let mut moves = moves.unwrap_or_default().split_whitespace();
-                for pass in (0..20).cycle() {
-                    let typed = background.read_line(&mut line, PATIENCE)?;
-                    if background.is_stopping() {
-                        break;
-                    }
-                    let next = if pass == 0 {
-                        typed.or_else(|| moves.next())
-                    } else {
-                        typed
-                    };
-                    let Some(angle) = next.and_then(|next| next.parse::<i32>().ok()) else {
-                        continue;
-                    };
-                    let mailbox = background.mailbox();
-                    match mailbox.send_with_reply(SERVO, MOVE, angle as u32, PATIENCE) {
-                        Ok(at) => background.print(format_args!("{} -> {angle}\r\n", at as i32)),
-                        Err(error) => background.print(format_args!("{error}\r\n")),
-                    }
-                }
-                Ok(())
-            })
+        Setup::new(machine)?.console()?.files()?.background(lead)
     }
+}
+
+fn lead<M: Machine>(background: &Background<'_, M>) -> Result<(), Error> {
+    let (mut text, mut line) = ([0; 256], [0; 16]);
+    let files = background.files()?;
+    let mut file = files.open("moves", OpenOptions::new().read())?;
+    let count = file.read(&mut text)?;
+    let moves = str::from_utf8(text.get(..count).unwrap_or_default());
+    let mut moves = moves.unwrap_or_default().split_whitespace();
+    // One angle of the file in two seconds.
+    for pass in (0..20).cycle() {
+        let typed = background.read_line(&mut line, PATIENCE)?;
+        if background.is_stopping() {
+            break;
+        }
+        let next = typed.or_else(|| (pass == 0).then(|| moves.next())?);
+        let Some(Ok(angle)) = next.map(str::parse::<i32>) else {
+            continue;
+        };
+        let mailbox = background.mailbox();
+        match mailbox.send_with_reply(SERVO, MOVE, angle as u32, PATIENCE) {
+            Ok(at) => background.print(format_args!("{} -> {angle}\r\n", at as i32)),
+            Err(error) => background.print(format_args!("{error}\r\n")),
+        }
+    }
+    Ok(())
 }

@@ -18,10 +18,7 @@ fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
         for expected in [500, -500] {
             machine.work(1_500_000_000);
             let at = mailbox.send_with_reply(SERVO, WHERE, 0, Duration::from_secs(1))? as i32;
-            assert!(
-                (at - expected).abs() < 10,
-                "{at} instead of {expected} mrad"
-            );
+            assert!((at - expected).abs() < 10, "{at} mrad");
             machine.work(500_000_000);
         }
         Ok::<_, Error>(())
