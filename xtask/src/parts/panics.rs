@@ -65,7 +65,7 @@ fn search(context: &Context, workspace: &str, packages: &[&str], target: &str) -
     Ok(functions)
 }
 
-fn list(origins: &[Origin]) -> String {
+pub(super) fn list(origins: &[Origin]) -> String {
     if origins.is_empty() {
         return "no call that leads there".into();
     }

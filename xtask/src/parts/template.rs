@@ -16,7 +16,7 @@ use crate::context::{Context, list, text};
 use crate::firmware::{self, HARTS, HARTS_TARGET};
 use crate::image::Image;
 use crate::outcome::Summary;
-use crate::parts::panics::PANICKED;
+use crate::parts::panics::{self, PANICKED};
 use crate::parts::test;
 use crate::programs;
 use crate::tools::{need_debian, need_target};
@@ -71,11 +71,8 @@ fn check(context: &Context, outside: &Path) -> Result<&'static str> {
     let build = format!("cargo build --offline --release -p {image} --target {HARTS_TARGET}");
     project.cargo(&build).run()?;
     let path = format!("target/{HARTS_TARGET}/release/{image}");
-    if Image::read(&project.directory.join(path))?
-        .origins_of(PANICKED)?
-        .is_some()
-    {
-        return Err(format!("{image} can panic").into());
+    if let Some(origins) = Image::read(&project.directory.join(path))?.origins_of(PANICKED)? {
+        return Err(format!("{image} can panic: {}", panics::list(&origins)).into());
     }
     if need_debian(
         context,
