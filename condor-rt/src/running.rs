@@ -24,7 +24,7 @@ use crate::servo::LOOPS;
 /// Characters that can be typed ahead.
 const TYPED: usize = 128;
 /// Files that a program can have open.
-pub(crate) const FILES: usize = 4;
+pub const FILES: usize = 4;
 /// How long the file service may take, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(30);
 /// How often it is looked whether a line was typed.

@@ -362,7 +362,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     ///
     /// A program that needs to know something before it can be set up, such as a configuration from a
     /// file, asks for that in the background of a first setup, and makes a second one: to others, the
-    /// second begins a new incarnation of the program.
+    /// second begins a new incarnation of the program. The terminal says by which error a background ended.
     ///
     /// # Errors
     /// What was wrong with the setup; those of the mailbox and of the loops; `background`'s.
@@ -370,7 +370,13 @@ impl<'e, M: Machine> Setup<'e, M> {
         &mut self,
         background: impl FnOnce(&Background<'_, M>) -> Result<R, Error>,
     ) -> Result<R, Error> {
-        self.run_with(background)?
+        self.run_with(|running| {
+            let outcome = background(running);
+            if let Err(error) = &outcome {
+                running.print(format_args!("ended: {error}\n"));
+            }
+            outcome
+        })?
     }
 
     fn run_with<R>(

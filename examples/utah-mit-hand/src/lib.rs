@@ -25,7 +25,6 @@ pub mod table;
 pub mod compile;
 
 mod failure;
-mod late;
 mod start;
 
 pub use failure::{Failure, Name, Words};

@@ -16,25 +16,18 @@
 //! | `wanted` | a published [`Wanted`] |
 
 use core::cell::RefCell;
-use core::fmt::Arguments;
 use core::time::Duration;
 
-use condor_fs::FileSystem;
 use condor_hand::trajectory::{Generator, Limits};
-use condor_mbox::published::Publisher;
-use condor_mbox::{Call, Clock, Messenger, Published, Region};
-use condor_mos::{LoopId, Rate};
-use condor_rt::directory::Kind;
-use condor_rt::loops::LoopReports;
-use condor_rt::{Error, Machine, MailboxOf, Program, numbers};
+use condor_mbox::{Clock, Processor};
+use condor_rt::{Error, Machine, Program, Setup, users};
 use condor_tty::ConsoleError;
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
 use crate::failure::Failure;
 use crate::grasp::{JOINTS_NAME, Partner};
-use crate::start::{self, Console, Ground, say};
-use crate::{FINGERS, JOINTS, UtahMit};
+use crate::{FINGERS, JOINTS, UtahMit, start};
 
 mod commands;
 mod drive;
@@ -57,10 +50,7 @@ use servos::Servos;
 /// The name of the published [`Wanted`].
 pub const WANTED_NAME: &str = "wanted";
 
-/// How long the background serves before it looks around.
-const NAP: Duration = Duration::from_millis(20);
-/// How often it shows the counts of the loop, and how often it looks at the servos.
-const REPORT_NS: u64 = 50_000_000;
+/// How often the background looks at the servos.
 const WATCH_NS: u64 = 100_000_000;
 /// How long the first line that is typed waits for the fingers, so that it may be `enable`.
 const FIRST_LINE: Duration = Duration::from_secs(2);
@@ -75,152 +65,102 @@ pub struct Master;
 
 impl Program for Master {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
-        let Ground {
-            own,
-            mut places,
-            mut directory,
-            terminal,
-            area,
-        } = Ground::<M, 1>::new(machine)?;
-        let reports = LoopReports::new(&own, &mut places, &mut directory, ["trajectories"])?;
-        let wanted: Published<Wanted> = places.published()?;
-        let publisher = wanted.publisher(own.clone())?;
-        let bytes = Published::<Wanted>::BYTES;
-        directory.enter(WANTED_NAME, Kind::Other, wanted.offset(), bytes)?;
-
-        let typed = |call: &Call<'_>| terminal.receive(call);
-        let open_files = area.handler();
-        let mut mailbox = start::mailbox(machine, &typed, &open_files)?;
-        mailbox.join()?;
-        let mailbox = &mailbox;
-
-        let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
-            let files =
-                FileSystem::connect(mailbox, numbers::FILES, own.clone(), area, FILES_TIMEOUT);
-            let files = files.map_err(|error| Failure::File {
-                name: crate::IMAGE,
-                error,
-            })?;
-            let running = Running {
-                machine,
-                mailbox,
-                hand: &hand,
-                terminal: &terminal,
-            };
-            running.serve(publisher, Store(files), reports)
-        });
-        start::told::<M>(&terminal, mailbox, outcome)
-    }
-}
-
-/// What the master runs on.
-struct Running<'r, 'v, M: Machine> {
-    machine: &'r M,
-    mailbox: &'r MailboxOf<'v, M>,
-    hand: &'r UtahMit,
-    terminal: &'r Console<M>,
-}
-
-impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
-    fn serve(
-        &self,
-        publisher: Publisher<Wanted, Region<M::Window>>,
-        store: Store<'r, 'v, M>,
-        mut reports: LoopReports<M::Window, 1>,
-    ) -> Result<(), Error> {
-        let (machine, hand, mailbox) = (self.machine, self.hand, self.mailbox);
-        let (numbers, seats) = servos::seats(hand)?;
-        let [a, b] = numbers;
+        let mut place = None;
+        let (hand, seated, generator) = start::configured(machine, &mut place, |_, hand| {
+            let limits = limits(hand);
+            let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
+            let period_s = 1.0 / f64::from(hand.trajectory_hz);
+            let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
+            Ok((hand, servos::seats(hand)?, generator))
+        })?;
+        let ([a, b], seats) = seated;
         let partners = [
-            Partner::new(start::users(machine, a)?, JOINTS_NAME),
-            Partner::new(start::users(machine, b)?, JOINTS_NAME),
+            Partner::new(users(machine, Processor(a))?, JOINTS_NAME),
+            Partner::new(users(machine, Processor(b))?, JOINTS_NAME),
         ];
         let rate_hz = hand.trajectory_hz;
-        let limits = limits(hand);
-        let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
         let period_s = 1.0 / f64::from(rate_hz);
-        let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
+
+        let mut setup = Setup::new(machine)?;
+        let publisher = setup.publish(WANTED_NAME)?;
         let drive = Drive::new(generator, seats, &partners, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
-        let servos = Servos::new(machine, hand, mailbox, &shared, numbers, seats)?;
-        let mut commands = Commands {
-            hand,
-            mailbox,
-            terminal: self.terminal,
-            shared: &shared,
-            servos,
-            player: Player::new(&limits),
-            store,
-            others: Others::new(machine, hand, mailbox)?,
-        };
-
-        let rate = Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1));
-        let body = || {
-            drive::with(&shared, Drive::tick);
-        };
-        self.say(format_args!(
-            "master of {}, trajectories at {rate_hz} Hz; `help` lists the commands",
-            hand.name
-        ));
-        start::with_loop(machine, rate, body, |loops| {
-            let clock = machine.doorbell();
-            let mut shown = clock.now();
-            let mut watched = None;
-            let patience = shown.after(FIRST_LINE);
-            let mut listens = false;
-            reports.publish(0, &loops.statistics(LoopId(0))?)?;
-            let mut attend = || {
-                while !machine.is_stopping() {
-                    mailbox.serve(NAP)?;
-                    let now = clock.now();
-                    if now.ns_since(shown) >= REPORT_NS {
-                        shown = now;
-                        reports.publish(0, &loops.statistics(LoopId(0))?)?;
-                    }
-                    if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
-                        watched = Some(now);
-                        for partner in &partners {
-                            partner.look()?;
-                        }
-                        commands.watch()?;
-                    }
-                    commands.play();
-                    listens = listens || commands.sees_all() || now >= patience;
-                    if listens {
-                        self.listen(&mut commands)?;
-                    }
-                }
-                Ok(())
-            };
-            attend()
-        })
+        setup
+            .console()?
+            .files()?
+            .servo("trajectories", start::rate(rate_hz), &mut |_| {
+                drive::with(&shared, Drive::tick);
+            })
+            .background(|background| {
+                background.print(format_args!(
+                    "master of {}, trajectories at {rate_hz} Hz; `help` lists the commands\n",
+                    hand.name
+                ));
+                let files = background.files()?;
+                files.set_timeout(FILES_TIMEOUT);
+                let commands = Commands {
+                    hand,
+                    background,
+                    shared: &shared,
+                    servos: Servos::new(background, hand, &shared, [a, b], seats)?,
+                    player: Player::new(&limits(hand)),
+                    store: Store(files),
+                    others: Others::new(machine, hand, background.mailbox())?,
+                };
+                attend(commands, &partners)
+            })
     }
+}
 
-    /// Obeys a line, if one has been typed.
-    fn listen(&self, commands: &mut Commands<'_, 'v, '_, M>) -> Result<(), Error> {
-        let mut console = self.terminal.console(self.mailbox);
-        console = console.with_read_timeout(Duration::ZERO);
-        let mut line = [0; LINE];
-        while console.read_ready().unwrap_or(false) {
-            match console.read(&mut line) {
-                Ok(count) => {
-                    let line = core::str::from_utf8(line.get(..count).unwrap_or(&[]));
-                    match line {
-                        Ok(line) => commands.obey(line),
-                        Err(_) => self.say(format_args!("that is no text")),
-                    }
-                }
-                Err(ConsoleError::Interrupted) => commands.obey("abort"),
-                Err(ConsoleError::Access(error)) => return Err(error.into()),
-                Err(_) => break,
+/// The background, until the program is to end.
+fn attend<M: Machine>(
+    mut commands: Commands<'_, '_, M>,
+    partners: &[Partner<M::Window>],
+) -> Result<(), Error> {
+    let background = commands.background;
+    let clock = background.machine().doorbell();
+    let mut watched = None;
+    let patience = clock.now().after(FIRST_LINE);
+    let mut listens = false;
+    start::attend(background, || {
+        let now = clock.now();
+        if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
+            watched = Some(now);
+            for partner in partners {
+                partner.look()?;
             }
+            commands.watch()?;
+        }
+        commands.play();
+        listens = listens || commands.sees_all() || now >= patience;
+        if listens {
+            listen(&mut commands)?;
         }
         Ok(())
-    }
+    })
+}
 
-    fn say(&self, line: Arguments<'_>) {
-        say::<M>(self.terminal, self.mailbox, line);
+/// Obeys a line, if one has been typed.
+fn listen<M: Machine>(commands: &mut Commands<'_, '_, M>) -> Result<(), Error> {
+    let background = commands.background;
+    let console = background.console()?.console(background.mailbox());
+    let mut console = console.with_read_timeout(Duration::ZERO);
+    let mut line = [0; LINE];
+    while console.read_ready().unwrap_or(false) {
+        match console.read(&mut line) {
+            Ok(count) => {
+                let line = core::str::from_utf8(line.get(..count).unwrap_or(&[]));
+                match line {
+                    Ok(line) => commands.obey(line),
+                    Err(_) => background.print(format_args!("that is no text\n")),
+                }
+            }
+            Err(ConsoleError::Interrupted) => commands.obey("abort"),
+            Err(ConsoleError::Access(error)) => return Err(error.into()),
+            Err(_) => break,
+        }
     }
+    Ok(())
 }
 
 /// The limits of all joints of the hand, with as much jerk as one tick changes the acceleration.

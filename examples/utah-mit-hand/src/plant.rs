@@ -26,18 +26,14 @@
 
 use core::cell::RefCell;
 
-use condor_mbox::published::Publisher;
-use condor_mbox::{Call, Published, Region, Vector};
-use condor_mos::Rate;
+use condor_mbox::Vector;
 use condor_rt::directory::Kind;
-use condor_rt::loops::LoopReports;
-use condor_rt::{Error, Machine, MailboxOf, Program};
+use condor_rt::{Error, Machine, Program, Setup};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::desk::Desk;
-use crate::start::{self, Console, Ground, say};
-use crate::{FINGERS, JOINTS, UtahMit};
+use crate::{FINGERS, JOINTS, start};
 
 mod arguments;
 mod ball;
@@ -86,7 +82,7 @@ pub struct Truth {
 }
 
 /// The robot, between handlers and the loop.
-type Shared = Mutex<RefCell<Option<Robot>>>;
+type Shared = Mutex<RefCell<Robot>>;
 
 /// The program.
 #[derive(Clone, Copy, Debug, Default)]
@@ -95,135 +91,70 @@ pub struct Plant;
 impl Program for Plant {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let arguments = Arguments::of(machine)?;
-        let Ground {
-            own,
-            mut places,
-            mut directory,
-            terminal,
-            area,
-        } = Ground::<M, 1>::new(machine)?;
-        let reports = LoopReports::new(&own, &mut places, &mut directory, ["plant"])?;
-        let truth: Published<Truth> = places.published()?;
-        let desk = Desk::<Request, Response>::new(&mut places)?;
-
-        let shared: Shared = Mutex::new(RefCell::new(None));
-        let typed = |call: &Call<'_>| terminal.receive(call);
-        let open_files = area.handler();
-        let asked = |call: &Call<'_>| desk.answer(call, &own, |request| respond(&shared, &request));
-        let mut mailbox = start::mailbox(machine, &typed, &open_files)?;
-        mailbox.set_vector(PLANT, &asked, NAME)?;
         let registers = Registers::new(machine.bus());
         // Boards of a former life answer no more.
         registers.unplug()?;
-        mailbox.join()?;
-        let mailbox = &mailbox;
-        directory.enter(
-            NAME,
-            Kind::Other,
-            desk.offset(),
-            Desk::<Request, Response>::BYTES,
-        )?;
-
-        let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
-            let robot = Robot::new(&hand, &arguments)?;
+        let mut place = None;
+        let (hand, robot) = start::configured(machine, &mut place, |_, hand| {
+            let robot = Robot::new(hand, &arguments)?;
             robot.show(&registers)?;
             registers.plug()?;
-            critical_section::with(|section| {
-                if let Ok(mut place) = shared.borrow(section).try_borrow_mut() {
-                    *place = Some(robot);
+            Ok((hand, robot))
+        })?;
+        let shared: Shared = Mutex::new(RefCell::new(robot));
+
+        let mut setup = Setup::new(machine)?;
+        let mut truth = setup.publish(TRUTH_NAME)?;
+        let desk = setup.place(NAME, Kind::Other, Desk::<Request, Response>::new)?;
+        let own = setup.own().clone();
+        setup
+            .console()?
+            .on(PLANT, NAME, &|call| {
+                desk.answer(call, &own, |request| respond(&shared, &request))
+            })
+            .servo("plant", start::rate(arguments.rate_hz), &mut |_| {
+                if let Some(now) = with(&shared, |robot| robot.tick(&registers)) {
+                    // Who reads finds the former one.
+                    let _ = truth.publish(&now);
                 }
-            });
-            let publisher = truth.publisher(own.clone())?;
-            let bytes = Published::<Truth>::BYTES;
-            directory.enter(TRUTH_NAME, Kind::Other, truth.offset(), bytes)?;
-            let running = Running {
-                machine,
-                mailbox,
-                shared: &shared,
-                registers: &registers,
-                arguments,
-            };
-            running.serve(&hand, publisher, reports, &terminal)
-        });
-        start::told::<M>(&terminal, mailbox, outcome)
-    }
-}
-
-/// What the robot runs on.
-struct Running<'r, 'v, M: Machine> {
-    machine: &'r M,
-    mailbox: &'r MailboxOf<'v, M>,
-    shared: &'r Shared,
-    registers: &'r Registers<M::Bus>,
-    arguments: Arguments,
-}
-
-impl<M: Machine> Running<'_, '_, M> {
-    fn serve(
-        &self,
-        hand: &UtahMit,
-        mut publisher: Publisher<Truth, Region<M::Window>>,
-        mut reports: LoopReports<M::Window, 1>,
-        terminal: &Console<M>,
-    ) -> Result<(), Error> {
-        let (machine, arguments) = (self.machine, &self.arguments);
-        let rate = Rate::new(arguments.rate_hz, 1).unwrap_or(Rate::hz(1));
-        let body = || {
-            if let Some(truth) = with(self.shared, |robot| robot.tick(self.registers)) {
-                // Who reads finds the former one.
-                let _ = publisher.publish(&truth);
-            }
-        };
-        let (name, hz) = (&hand.name, arguments.rate_hz);
-        say::<M>(
-            terminal,
-            self.mailbox,
-            format_args!("is the hand {name}, at {hz} Hz"),
-        );
-        let (mut resting, mut failures) = (0, 0);
-        start::with_loop(machine, rate, body, |loops| {
-            let look = || {
-                let seen = with(self.shared, |robot| (robot.tripped(), robot.failures()));
-                let Some((now, failed)) = seen else {
-                    return Ok(());
-                };
-                for board in 0..u64::BITS {
-                    let is_new = (now ^ resting) >> board & 1 != 0;
-                    let ms = arguments.watchdog_ms;
-                    if is_new && now >> board & 1 != 0 {
-                        say::<M>(
-                            terminal,
-                            self.mailbox,
-                            format_args!("D/A board {board} rests: nothing came for {ms} ms"),
-                        );
-                    } else if is_new {
-                        say::<M>(
-                            terminal,
-                            self.mailbox,
-                            format_args!("D/A board {board} goes on"),
-                        );
+            })
+            .background(|background| {
+                let (name, hz) = (&hand.name, arguments.rate_hz);
+                background.print(format_args!("is the hand {name}, at {hz} Hz\n"));
+                let (mut resting, mut failures) = (0, 0);
+                start::attend(background, || {
+                    let seen = with(&shared, |robot| (robot.tripped(), robot.failures()));
+                    let Some((now, failed)) = seen else {
+                        return Ok(());
+                    };
+                    for board in 0..u64::BITS {
+                        let is_new = (now ^ resting) >> board & 1 != 0;
+                        let ms = arguments.watchdog_ms;
+                        if is_new && now >> board & 1 != 0 {
+                            background.print(format_args!(
+                                "D/A board {board} rests: nothing came for {ms} ms\n"
+                            ));
+                        } else if is_new {
+                            background.print(format_args!("D/A board {board} goes on\n"));
+                        }
                     }
-                }
-                if failed != failures {
-                    say::<M>(
-                        terminal,
-                        self.mailbox,
-                        format_args!("{failed} ticks in which the robot or its bus failed"),
-                    );
-                }
-                (resting, failures) = (now, failed);
-                Ok(())
-            };
-            start::attend(machine, self.mailbox, loops, &mut reports, look)
-        })
+                    if failed != failures {
+                        background.print(format_args!(
+                            "{failed} ticks in which the robot or its bus failed\n"
+                        ));
+                    }
+                    (resting, failures) = (now, failed);
+                    Ok(())
+                })
+            })
     }
 }
 
-/// Does something with the robot, once there is one.
+/// Does something with the robot; `None` if that is in progress already.
 fn with<R>(shared: &Shared, work: impl FnOnce(&mut Robot) -> R) -> Option<R> {
     critical_section::with(|section| {
-        let mut place = shared.borrow(section).try_borrow_mut().ok()?;
-        place.as_mut().map(work)
+        let mut robot = shared.borrow(section).try_borrow_mut().ok()?;
+        Some(work(&mut robot))
     })
 }
 
@@ -231,7 +162,7 @@ fn respond(shared: &Shared, request: &Request) -> Response {
     let done = with(shared, |robot| {
         (requests::obey(robot, request), robot.resting())
     });
-    let (outcome, resting) = done.unwrap_or((Err(Refusal::NotStarted), 0));
+    let (outcome, resting) = done.unwrap_or((Err(Refusal::Busy), 0));
     Response {
         refusal: outcome.err().map_or(0, |refusal| refusal as u32),
         resting: resting as u32,

@@ -11,12 +11,12 @@
 //! program has failed then. Otherwise its terminal tells how many ticks there were, and the hash of
 //! what was put out: the FNV-1a of 64 bits over the bytes of the outputs' file.
 
-use condor_fs::{FileSystem, FileWriter, OpenOptions};
+use condor_fs::{FileWriter, OpenOptions};
 use condor_hand::controller::{FingerController, Tick};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::Sensed;
-use condor_mbox::{Call, MemoryWindow, Messenger};
-use condor_rt::{Error, Machine, MailboxOf, Program, Text, numbers};
+use condor_mbox::{MemoryWindow, Messenger};
+use condor_rt::{Background, Error, FILES, FilesOf, Machine, MailboxOf, Program, Setup, Text};
 use embedded_io::Write;
 use nalgebra::Vector3;
 use zerocopy::IntoBytes;
@@ -25,11 +25,8 @@ use crate::failure::Failure;
 use crate::grasp::Own;
 use crate::recording::{Fnv, Output, RecordingError, Replay as Arguments, Row, Rows};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
-use crate::start::{self, Console, Ground, say};
-use crate::{JOINTS, UtahMit};
+use crate::{JOINTS, UtahMit, start};
 
-/// The recording and what is put out.
-const FILES: usize = 2;
 /// Bytes of the recording that are read at once.
 const READ: usize = 256;
 
@@ -39,52 +36,30 @@ pub struct Replay;
 
 impl Program for Replay {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
-        let Ground {
-            own,
-            terminal,
-            area,
-            ..
-        } = Ground::<M, FILES>::new(machine)?;
-        let typed = |call: &Call<'_>| terminal.receive(call);
-        let open_files = area.handler();
-        let mut mailbox = start::mailbox(machine, &typed, &open_files)?;
-        mailbox.join()?;
-        let mailbox = &mailbox;
-        let outcome = start::configuration::<M, FILES>(mailbox, &own, area).and_then(|hand| {
-            let arguments = Arguments::of(machine)?;
-            let failed = |error| Failure::Recording {
-                name: Text::of(&arguments.from),
-                error,
-            };
-            let timeout = start::FILES_TIMEOUT;
-            let files = FileSystem::connect(mailbox, numbers::FILES, own.clone(), area, timeout)
-                .map_err(|error| failed(error.into()))?;
-            let replaying = Replaying {
-                machine,
-                mailbox,
-                terminal: &terminal,
-                hand: &hand,
-                arguments,
-            };
-            replaying.run(&files)
-        });
-        start::told::<M>(&terminal, mailbox, outcome)
+        Setup::new(machine)?
+            .console()?
+            .files()?
+            .background(|background| {
+                let hand = start::configuration(background)?;
+                let replaying = Replaying {
+                    background,
+                    hand: &hand,
+                    arguments: Arguments::of(machine)?,
+                };
+                replaying.run(&background.files()?)
+            })
     }
 }
 
 /// What a replay runs on.
-struct Replaying<'r, 'v, M: Machine> {
-    machine: &'r M,
-    mailbox: &'r MailboxOf<'v, M>,
-    terminal: &'r Console<M>,
+struct Replaying<'r, M: Machine> {
+    background: &'r Background<'r, M>,
     hand: &'r UtahMit,
     arguments: Arguments<'r>,
 }
 
-type Files<'r, 'v, M> = FileSystem<'r, MailboxOf<'v, M>, <M as Machine>::Window, FILES>;
-
-impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
-    fn run(&self, files: &Files<'r, 'v, M>) -> Result<(), Error> {
+impl<'r, M: Machine> Replaying<'r, M> {
+    fn run(&self, files: &FilesOf<'r, M>) -> Result<(), Error> {
         let Arguments { from, to } = self.arguments;
         let reading = |error: RecordingError| Failure::Recording {
             name: Text::of(&from),
@@ -112,7 +87,7 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
         let mut hash = Fnv::new();
         let mut difference = None;
         while let Some(row) = rows.next().map_err(reading)? {
-            if self.machine.is_stopping() {
+            if self.background.is_stopping() {
                 return Ok(());
             }
             let done = row.done;
@@ -129,22 +104,18 @@ impl<'r, 'v, M: Machine> Replaying<'r, 'v, M> {
             sink.put(output.as_bytes())?;
         }
         sink.close()?;
-        say::<M>(
-            self.terminal,
-            self.mailbox,
-            format_args!(
-                "replayed {} ticks of processor {number}: {:016x}",
-                rows.ticks(),
-                hash.value(),
-            ),
-        );
+        self.background.print(format_args!(
+            "replayed {} ticks of processor {number}: {:016x}\n",
+            rows.ticks(),
+            hash.value(),
+        ));
         difference.map_or(Ok(()), |error| Err(reading(error).into()))
     }
 
     fn sink<'f>(
-        files: &'f Files<'r, 'v, M>,
+        files: &'f FilesOf<'r, M>,
         to: Option<&'r str>,
-    ) -> Result<Sink<'f, 'r, MailboxOf<'v, M>, M::Window>, Error> {
+    ) -> Result<Sink<'f, 'r, MailboxOf<'r, M>, M::Window>, Error> {
         let name = to.unwrap_or_default();
         let options = OpenOptions::new().write().create().truncate();
         let file = to.map(|name| files.open(name, options)).transpose();

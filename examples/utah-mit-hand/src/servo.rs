@@ -26,34 +26,32 @@
 //! | `joints` | a published [`Joints`] |
 //! | `tracking` | a published [`Tracking`] |
 //! | `grasp` | [`GraspPlaces`] |
+//! | `recording` | the ring of a recording |
 //!
 //! When it ends it leaves its board of outputs open: the watchdog of that takes the tensions to the
 //! least ones more gently than closing it would.
 
-use core::cell::OnceCell;
+use core::fmt::Arguments;
+use core::time::Duration;
 
-use condor_fs::{Area, FileSystem, OpenOptions};
+use condor_dev::Bus;
+use condor_fs::OpenOptions;
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
-use condor_hand::kinematics::PlanarFinger;
-use condor_hand::message::{
-    BLOCK_BYTES, Identity, SERVO, ServoHandler, ServoLoop, ServoObject, ServoPlaces,
+use condor_hand::message::{Identity, SERVO, ServoObject, ServoPlaces};
+use condor_hand::monitor::{FingerVariables, MONITOR, MonitorObject, MonitorPlaces, ring_bytes};
+use condor_mbox::{MemoryWindow, Processor, Region};
+use condor_mos::Latest;
+use condor_rt::directory::Kind;
+use condor_rt::{
+    Background, Error, FILES, FilesOf, Machine, MailboxOf, PROCESSORS, Program, Setup, Text, users,
 };
-use condor_hand::monitor::{
-    FingerVariables, MONITOR, Monitor, MonitorHandler, MonitorObject, MonitorPlaces, ring_bytes,
-};
-use condor_mbox::{Call, MemoryWindow, Places, Processor, Published, Region};
-use condor_mos::{Latest, Rate};
-use condor_rt::directory::{Directory, Kind};
-use condor_rt::loops::LoopReports;
-use condor_rt::{Error, Machine, MailboxOf, PROCESSORS, Program, Text, numbers};
 
+use crate::boards::{self, Wires};
 use crate::failure::Failure;
-use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, Joints, NAME, Partner};
-use crate::late::Late;
+use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
 use crate::recording::{Head, Record, Recorder, RecordingError, Ring, Tape};
-use crate::start::{self, Console, Ground, say};
-use crate::{FINGERS, JOINTS, SERVED, UtahMit, boards, table};
+use crate::{FINGERS, JOINTS, SERVED, UtahMit, start, table};
 
 mod control;
 mod fingers;
@@ -76,116 +74,183 @@ type Variables = FingerVariables<SERVED, JOINTS>;
 const COLUMNS: u32 = 48;
 const ROWS: u32 = 512;
 pub(crate) const RING_BYTES: u32 = ring_bytes(Variables::COUNT as u32, COLUMNS, ROWS);
-/// Bytes of a request to the monitor, with its response.
-const MONITOR_BLOCK_BYTES: u32 = 128;
+/// The name of the loop.
+const LOOP: &str = "servo";
 
 /// The program.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Servo;
 
-/// Where the objects of the processor lie.
-#[derive(Clone, Copy)]
-struct Objects {
-    servos: ServoPlaces<SERVED, JOINTS>,
-    monitor: MonitorPlaces,
-    joints: Published<Joints>,
-    tracking: Published<Tracking>,
-    grasp: GraspPlaces,
-}
-
-impl Objects {
-    fn new<W: MemoryWindow>(
-        places: &mut Places,
-        directory: &mut Directory<W>,
-    ) -> Result<Self, Error> {
-        let objects = Self {
-            servos: ServoPlaces::new(places, PROCESSORS as u8)?,
-            monitor: MonitorPlaces::new(places, PROCESSORS as u8, RING_BYTES)?,
-            joints: places.published()?,
-            tracking: places.published()?,
-            grasp: GraspPlaces::new(places)?,
-        };
-        // The first of the servos' objects are the set-points, and the blocks come right after them.
-        let blocks = objects.servos.block(Processor(0)).unwrap_or(0);
-        let points = SERVED as u32 * Published::<[[u32; 6]; JOINTS]>::BYTES;
-        let servo_bytes = points + PROCESSORS as u32 * BLOCK_BYTES;
-        let first = blocks.saturating_sub(points);
-        directory.enter("servos", Kind::Servos, first, servo_bytes)?;
-        let first = objects.monitor.block(Processor(0)).unwrap_or(0);
-        let monitor_bytes = PROCESSORS as u32 * MONITOR_BLOCK_BYTES + RING_BYTES;
-        directory.enter("monitor", Kind::Monitor, first, monitor_bytes)?;
-        Ok(objects)
-    }
+/// What follows from the configuration alone.
+struct Configured<'h, 's, B: Bus> {
+    hand: &'h UtahMit,
+    fingers: [&'h Finger<JOINTS>; SERVED],
+    controllers: Controllers,
+    control: Control<'h>,
+    wires: Wires<'s, B>,
 }
 
 impl Program for Servo {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
-        let Ground {
-            own,
-            mut places,
-            mut directory,
-            terminal,
-            area,
-        } = Ground::<M, 1>::new(machine)?;
-        let reports = LoopReports::new(&own, &mut places, &mut directory, ["servo"])?;
-        let objects = Objects::new(&mut places, &mut directory)?;
+        let number = machine.number().0;
         let record = Record::of(machine)?;
-        let ring = record.map(|_| places.bytes(Ring::BYTES as usize));
-        let ring = ring.transpose()?;
-
-        let mut servo_object = ServoObject::new();
-        let mut monitor_object = MonitorObject::new();
-        let (servo_end, monitor_end) = (OnceCell::new(), OnceCell::new());
-        let (late_servo, late_monitor) = (Late::new(), Late::new());
-        let typed = |call: &Call<'_>| terminal.receive(call);
-        let open_files = area.handler();
-        let asked = |call: &Call<'_>| late_servo.answer(call, ServoHandler::answer);
-        let chosen = |call: &Call<'_>| late_monitor.answer(call, MonitorHandler::answer);
-        let mut mailbox = start::mailbox(machine, &typed, &open_files)?;
-        mailbox.set_vector(SERVO, &asked, "servos")?;
-        mailbox.set_vector(MONITOR, &chosen, "monitor")?;
-        mailbox.join()?;
-        let mailbox = &mailbox;
-
-        let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
-            let number = machine.number().0;
-            let served = served(&hand, number)?;
-            let controllers = controllers(&hand, served)?;
-            let (answers, servos) = servo_object.split(
-                Identity::new(&hand.name, names(&hand, served), rate_hz(&hand, number)),
-                &own,
-                objects.servos,
-                machine.exclusion(),
-                controllers,
-            )?;
-            late_servo.set(servo_end.get_or_init(|| answers));
-            let variables = Variables::new(entries(&hand, served)?);
-            let (answers, monitor) = monitor_object
-                .split(
-                    &own,
-                    objects.monitor,
-                    machine.exclusion(),
-                    rate_hz(&hand, number),
-                    variables.variables(),
-                    COLUMNS,
-                )
-                .map_err(Failure::from)?;
-            late_monitor.set(monitor_end.get_or_init(|| answers));
-            let running = Running {
-                machine,
-                mailbox,
-                own: &own,
-                hand: &hand,
-                number,
-                served,
-                objects,
-                area,
-                record: record.zip(ring),
-            };
-            running.serve(servos, monitor, &mut directory, reports, &terminal)
-        });
-        start::told::<M>(&terminal, mailbox, outcome)
+        let (mut place, mut panel) = (None, None);
+        let configured = start::configured(machine, &mut place, |background, hand| {
+            let served = served(hand, number)?;
+            let panel = panel.insert(boards::open(machine.bus(), hand, number));
+            Ok(Configured {
+                hand,
+                fingers: entries(hand, served)?,
+                controllers: controllers(hand, served)?,
+                control: Control::new(hand, number, served)?,
+                wires: start::wires(background, panel, hand)?,
+            })
+        })?;
+        serve(machine, configured, record)
     }
+}
+
+/// Runs the loop, until the program is to end.
+fn serve<M: Machine>(
+    machine: &M,
+    configured: Configured<'_, '_, M::Bus>,
+    record: Option<Record<'_>>,
+) -> Result<(), Error> {
+    let Configured {
+        hand,
+        fingers: entries,
+        controllers,
+        control,
+        wires,
+    } = configured;
+    let number = machine.number().0;
+    let names = entries.map(|finger| finger.name.as_str());
+    let rate_hz = rate_hz(hand, number);
+
+    let mut setup = Setup::new(machine)?;
+    setup.console()?;
+    let own = setup.own().clone();
+    let places = setup.place("servos", Kind::Servos, |places| {
+        ServoPlaces::new(places, PROCESSORS as u8)
+    })?;
+    let mut servo_object = ServoObject::new();
+    let identity = Identity::new(&hand.name, names, rate_hz);
+    let (asked, servos) =
+        servo_object.split(identity, &own, places, machine.exclusion(), controllers)?;
+    let places = setup.place("monitor", Kind::Monitor, |places| {
+        MonitorPlaces::new(places, PROCESSORS as u8, RING_BYTES)
+    })?;
+    let mut monitor_object = MonitorObject::new();
+    let variables = Variables::new(entries);
+    let (chosen, monitor) = monitor_object
+        .split(
+            &own,
+            places,
+            machine.exclusion(),
+            rate_hz,
+            variables.variables(),
+            COLUMNS,
+        )
+        .map_err(Failure::from)?;
+
+    let (other, table) = others(hand, number);
+    let partner = Partner::new(users(machine, other)?, JOINTS_NAME);
+    let palm = Partner::new(users(machine, table)?, table::PALM_NAME);
+    let grasp = setup.place(NAME, Kind::Other, GraspPlaces::new)?;
+    let mut told = Latest::new(News::NOTHING);
+    let (writer, mut reader) = told.split_mut();
+    let clock = machine.doorbell();
+    let ring = Ring::default();
+    let mut recording = None;
+    let mut recorder = None;
+    if let Some(record) = record {
+        let bytes = Ring::BYTES as usize;
+        let offset = setup
+            .files()?
+            .place("recording", Kind::Other, |places| places.bytes(bytes))?;
+        recorder = Some(Recorder::new(own.clone(), offset, &ring, record.ticks));
+        recording = Some(Recording {
+            file: record.file,
+            head: Head::new(number, rate_hz),
+            own: &own,
+            offset,
+            ring: &ring,
+        });
+    }
+    let mut fingers = Fingers::<M> {
+        hand,
+        control,
+        servos,
+        monitor,
+        wires,
+        grasp: GraspEnd::new(own.clone(), grasp, &partner)?,
+        palm: &palm,
+        accelerated: Heard::NOTHING,
+        joints: setup.publish(JOINTS_NAME)?,
+        tracker: Tracker::new(entries),
+        tracked: setup.publish(TRACKING_NAME)?,
+        clock: &clock,
+        last: None,
+        period_s: 1.0 / f64::from(rate_hz),
+        ticks: 0,
+        recorder,
+        writer,
+        news: News::NOTHING,
+    };
+    setup
+        .on(SERVO, "servos", &|call| asked.answer(call))
+        .on(MONITOR, "monitor", &|call| chosen.answer(call))
+        .servo(LOOP, start::rate(rate_hz), &mut |_| fingers.tick())
+        .background(|background| {
+            let say = |line: Arguments<'_>| background.print(format_args!("{line}\n"));
+            let [first, second] = names;
+            say(format_args!("serves {first} and {second} at {rate_hz} Hz"));
+            let mut heard = News::NOTHING;
+            attend(background, recording.as_ref(), || {
+                partner.look()?;
+                palm.look()?;
+                let news = *reader.read();
+                news.tell(&heard, names, say);
+                heard = news;
+                Ok(())
+            })
+        })
+}
+
+/// The background, until the program is to end: looks around, and writes what is recorded.
+fn attend<M: Machine>(
+    background: &Background<'_, M>,
+    recording: Option<&Recording<'_, M::Window>>,
+    mut look: impl FnMut() -> Result<(), Error>,
+) -> Result<(), Error> {
+    let files = recording.map(|_| background.files()).transpose()?;
+    let begun = recording.zip(files.as_ref());
+    let begun = begun.map(|(recording, files)| recording.begin::<M>(files));
+    let mut tape = begun.transpose()?;
+    start::attend(background, || {
+        look()?;
+        wind(background, recording, &mut tape, false);
+        Ok(())
+    })?;
+    if tape.is_some() {
+        // After this the loop records no more.
+        background.set_enabled(LOOP, false)?;
+        while background.statistics(LOOP)?.running > 0 {
+            background.serve(Duration::from_millis(1))?;
+        }
+    }
+    wind(background, recording, &mut tape, true);
+    Ok(())
+}
+
+/// The other servo processor and that of the table; without one, this one.
+fn others(hand: &UtahMit, number: u8) -> (Processor, Processor) {
+    let mut servos = hand.fingers.iter().filter_map(Finger::processor);
+    let other = servos.find(|&other| other != number);
+    let mut processors = hand.processors.iter();
+    let table = processors.find(|processor| processor.kind == ProcessorKind::Table);
+    let table = table.map_or(number, |processor| processor.number);
+    (Processor(other.unwrap_or(number)), Processor(table))
 }
 
 /// The fingers that a processor serves.
@@ -230,10 +295,6 @@ fn entries(hand: &UtahMit, [a, b]: [usize; SERVED]) -> Result<[&Finger<JOINTS>; 
     }
 }
 
-fn names(hand: &UtahMit, served: [usize; SERVED]) -> [&str; SERVED] {
-    served.map(|finger| hand.fingers.get(finger).map_or("", |finger| &finger.name))
-}
-
 #[allow(clippy::large_stack_arrays, reason = "nothing is allocated")]
 pub(crate) fn controllers(hand: &UtahMit, served: [usize; SERVED]) -> Result<Controllers, Failure> {
     let controller = |finger: usize, entry: &Finger<JOINTS>| {
@@ -245,180 +306,68 @@ pub(crate) fn controllers(hand: &UtahMit, served: [usize; SERVED]) -> Result<Con
     Ok([controller(a, first)?, controller(b, second)?])
 }
 
-type Files<'r, 'v, M> = FileSystem<'r, MailboxOf<'v, M>, <M as Machine>::Window, 1>;
-type ServoTape<'f, 'r, 'v, M> = Tape<'f, 'r, 'f, MailboxOf<'v, M>, <M as Machine>::Window, 1>;
+type ServoTape<'f, 'b, M> = Tape<'f, 'b, 'f, MailboxOf<'b, M>, <M as Machine>::Window, FILES>;
 
-/// What the servos of a processor run on.
-struct Running<'r, 'v, M: Machine> {
-    machine: &'r M,
-    mailbox: &'r MailboxOf<'v, M>,
-    own: &'r Region<M::Window>,
-    hand: &'r UtahMit,
-    number: u8,
-    served: [usize; SERVED],
-    objects: Objects,
-    area: Area<1>,
-    /// What is to be recorded, and where the ring for it lies.
-    record: Option<(Record<'r>, u32)>,
+/// A recording that is to be made: its file, and where the ring for it lies.
+struct Recording<'r, W> {
+    file: &'r str,
+    head: Head,
+    own: &'r Region<W>,
+    offset: u32,
+    ring: &'r Ring,
 }
 
-impl<'r, 'v, M: Machine> Running<'r, 'v, M> {
-    /// Opens the boards and runs the loop, until the program is to end.
-    fn serve(
+impl<'r, W: MemoryWindow + Clone> Recording<'r, W> {
+    /// Creates the file.
+    fn begin<'f, 'b, M: Machine<Window = W>>(
         &self,
-        servos: ServoLoop<'_, PlanarFinger, M::Window, SERVED, JOINTS>,
-        monitor: Monitor<'_, M::Window>,
-        directory: &mut Directory<M::Window>,
-        mut reports: LoopReports<M::Window, 1>,
-        terminal: &Console<M>,
-    ) -> Result<(), Error> {
-        let (machine, hand, number) = (self.machine, self.hand, self.number);
-        let others = hand.fingers.iter().filter_map(Finger::processor);
-        let other = others.clone().find(|&other| other != number);
-        let partner = Partner::new(start::users(machine, other.unwrap_or(number))?, JOINTS_NAME);
-        let mut processors = hand.processors.iter();
-        let table = processors.find(|processor| processor.kind == ProcessorKind::Table);
-        let table = table.map_or(number, |processor| processor.number);
-        let palm = Partner::new(start::users(machine, table)?, table::PALM_NAME);
-
-        let grasp = GraspEnd::new(self.own.clone(), self.objects.grasp, &partner)?;
-        let joints = self.objects.joints.publisher(self.own.clone())?;
-        directory.enter(
-            JOINTS_NAME,
-            Kind::Other,
-            self.objects.joints.offset(),
-            Published::<Joints>::BYTES,
-        )?;
-        let tracked = self.objects.tracking.publisher(self.own.clone())?;
-        let offset = self.objects.tracking.offset();
-        let bytes = Published::<Tracking>::BYTES;
-        directory.enter(TRACKING_NAME, Kind::Other, offset, bytes)?;
-        let offset = self.objects.grasp.offset();
-        directory.enter(NAME, Kind::Other, offset, GraspPlaces::BYTES)?;
-
-        let panel = boards::open(machine.bus(), hand, number);
-        let wires = start::wires(machine, self.mailbox, &panel, hand, number)?;
-        let mut told = Latest::new(News::NOTHING);
-        let (writer, mut reader) = told.split_mut();
-        let clock = machine.doorbell();
-        let rate = rate_hz(hand, number);
-        let ring = Ring::default();
-        let files = self.record.map(|_| self.files()).transpose()?;
-        let mut tape = self.tape(files.as_ref(), &ring)?;
-        let recorder = self
-            .record
-            .map(|(record, offset)| Recorder::new(self.own.clone(), offset, &ring, record.ticks));
-        let mut fingers = Fingers::<M> {
-            hand,
-            control: Control::new(hand, number, self.served)?,
-            servos,
-            monitor,
-            wires,
-            grasp,
-            palm: &palm,
-            accelerated: Heard::NOTHING,
-            joints,
-            tracker: Tracker::new(entries(hand, self.served)?),
-            tracked,
-            clock: &clock,
-            last: None,
-            period_s: 1.0 / f64::from(rate),
-            ticks: 0,
-            recorder,
-            writer,
-            news: News::NOTHING,
-        };
-        let often = Rate::new(rate, 1).unwrap_or(Rate::hz(1));
-        let body = || fingers.tick();
-        let mut heard = News::NOTHING;
-        let names = names(hand, self.served);
-        partner.look()?;
-        palm.look()?;
-        let [first, second] = names;
-        say::<M>(
-            terminal,
-            self.mailbox,
-            format_args!("serves {first} and {second} at {rate} Hz"),
-        );
-        let outcome = start::with_loop(machine, often, body, |loops| {
-            let look = || {
-                partner.look()?;
-                palm.look()?;
-                let news = *reader.read();
-                news.tell(&heard, names, |line| say::<M>(terminal, self.mailbox, line));
-                heard = news;
-                self.wind(&mut tape, terminal, false);
-                Ok(())
-            };
-            start::attend(machine, self.mailbox, loops, &mut reports, look)
-        });
-        self.wind(&mut tape, terminal, true);
-        outcome
-    }
-
-    fn files(&self) -> Result<Files<'r, 'v, M>, Failure> {
-        let (own, timeout) = (self.own.clone(), start::FILES_TIMEOUT);
-        FileSystem::connect(self.mailbox, numbers::FILES, own, self.area, timeout)
-            .map_err(|error| self.unrecorded(error.into()))
-    }
-
-    /// The file of the recording, if there is to be one.
-    fn tape<'f>(
-        &self,
-        files: Option<&'f Files<'r, 'v, M>>,
-        ring: &'f Ring,
-    ) -> Result<Option<ServoTape<'f, 'r, 'v, M>>, Failure> {
-        let (Some(files), Some((record, offset))) = (files, self.record) else {
-            return Ok(None);
-        };
+        files: &'f FilesOf<'b, M>,
+    ) -> Result<ServoTape<'f, 'b, M>, Failure>
+    where
+        'r: 'f,
+    {
         let options = OpenOptions::new().write().create().truncate();
-        let file = files.open(record.file, options);
-        let file = file.map_err(|error| self.unrecorded(error.into()))?;
-        let head = Head::new(self.number, rate_hz(self.hand, self.number));
-        Tape::new(file.writer(), head, self.own.clone(), offset, ring)
-            .map(Some)
-            .map_err(|error| self.unrecorded(error))
+        let file = files.open(self.file, options);
+        let file = file.map_err(|error| self.failed(error.into()))?;
+        Tape::new(
+            file.writer(),
+            self.head,
+            self.own.clone(),
+            self.offset,
+            self.ring,
+        )
+        .map_err(|error| self.failed(error))
     }
 
-    fn unrecorded(&self, error: RecordingError) -> Failure {
-        let name = self.record.map_or("", |(record, _)| record.file);
+    fn failed(&self, error: RecordingError) -> Failure {
         Failure::Recording {
-            name: Text::of(&name),
+            name: Text::of(&self.file),
             error,
         }
     }
+}
 
-    /// Writes what has been recorded, and all there will be if that `is_last`; says when it is over.
-    fn wind(
-        &self,
-        tape: &mut Option<ServoTape<'_, 'r, 'v, M>>,
-        terminal: &Console<M>,
-        is_last: bool,
-    ) {
-        let Some(mut this) = tape.take() else {
+/// Writes what has been recorded, and all there will be if that `is_last`; says when it is over.
+fn wind<M: Machine>(
+    background: &Background<'_, M>,
+    recording: Option<&Recording<'_, M::Window>>,
+    tape: &mut Option<ServoTape<'_, '_, M>>,
+    is_last: bool,
+) {
+    let (Some(recording), Some(mut this)) = (recording, tape.take()) else {
+        return;
+    };
+    let outcome = match this.wind() {
+        Ok(false) if !is_last => {
+            *tape = Some(this);
             return;
-        };
-        let outcome = match this.wind() {
-            Ok(false) if !is_last => {
-                *tape = Some(this);
-                return;
-            }
-            Ok(_) => this.finish(),
-            Err(error) => Err(error),
-        };
-        match outcome {
-            Ok(ticks) => {
-                let name = self.record.map_or("", |(record, _)| record.file);
-                say::<M>(
-                    terminal,
-                    self.mailbox,
-                    format_args!("recorded {ticks} ticks in {name}"),
-                );
-            }
-            Err(error) => {
-                let line = self.unrecorded(error);
-                say::<M>(terminal, self.mailbox, format_args!("{line}"));
-            }
         }
+        Ok(_) => this.finish(),
+        Err(error) => Err(error),
+    };
+    let file = recording.file;
+    match outcome {
+        Ok(ticks) => background.print(format_args!("recorded {ticks} ticks in {file}\n")),
+        Err(error) => background.print(format_args!("{}\n", recording.failed(error))),
     }
 }

@@ -19,19 +19,16 @@ use condor_hand::controller::{
 };
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_mbox::published::Publisher;
-use condor_mbox::{Call, Clock, Instant, Published, Region, Vector};
-use condor_mos::Rate;
-use condor_rt::directory::{Directory, Kind};
-use condor_rt::loops::LoopReports;
-use condor_rt::{Error, Machine, MailboxOf, Program};
+use condor_mbox::{Clock, Instant, Region, Vector};
+use condor_rt::directory::Kind;
+use condor_rt::{Error, Machine, Program, Setup};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::UtahMit;
 use crate::boards::{self, Wires};
 use crate::desk::Desk;
 use crate::failure::Failure;
-use crate::start::{self, Console, Ground, say};
+use crate::{UtahMit, start};
 
 /// The vector of requests to the table.
 pub const TABLE: Vector = Vector(3);
@@ -146,8 +143,8 @@ pub struct Response {
 pub enum Refusal {
     /// There is no such verb.
     Verb = 1,
-    /// The program has no configuration yet.
-    NotStarted = 2,
+    /// It is about something else.
+    Busy = 2,
     /// It has not been home, or has failed.
     NotReady = 3,
     /// A speed that is not above 0 and at most 1.
@@ -162,7 +159,7 @@ impl Refusal {
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
             1 => Some(Self::Verb),
-            2 => Some(Self::NotStarted),
+            2 => Some(Self::Busy),
             3 => Some(Self::NotReady),
             4 => Some(Self::Speed),
             5 => Some(Self::Motion),
@@ -172,7 +169,7 @@ impl Refusal {
 }
 
 /// The controller, between handlers and the loop.
-type Shared = Mutex<RefCell<Option<Driven>>>;
+type Shared = Mutex<RefCell<Driven>>;
 
 struct Driven {
     controller: TableController,
@@ -186,112 +183,54 @@ pub struct Table;
 
 impl Program for Table {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
-        let Ground {
-            own,
-            mut places,
-            mut directory,
-            terminal,
-            area,
-        } = Ground::<M, 1>::new(machine)?;
-        let reports = LoopReports::new(&own, &mut places, &mut directory, ["table"])?;
-        let palm: Published<Palm> = places.published()?;
-        let desk = Desk::<Request, Response>::new(&mut places)?;
-
-        let shared: Shared = Mutex::new(RefCell::new(None));
-        let typed = |call: &Call<'_>| terminal.receive(call);
-        let open_files = area.handler();
-        let asked = |call: &Call<'_>| desk.answer(call, &own, |request| respond(&shared, &request));
-        let mut mailbox = start::mailbox(machine, &typed, &open_files)?;
-        mailbox.set_vector(TABLE, &asked, NAME)?;
-        mailbox.join()?;
-        let mailbox = &mailbox;
-        directory.enter(
-            NAME,
-            Kind::Other,
-            desk.offset(),
-            Desk::<Request, Response>::BYTES,
-        )?;
-
-        let outcome = start::configuration::<M, 1>(mailbox, &own, area).and_then(|hand| {
-            let driven = Driven {
-                controller: TableController::new(&hand).map_err(Failure::from)?,
-                axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
-            };
-            critical_section::with(|section| {
-                if let Ok(mut place) = shared.borrow(section).try_borrow_mut() {
-                    *place = Some(driven);
-                }
-            });
-            let running = Running {
-                machine,
-                mailbox,
-                own: &own,
-                hand: &hand,
-                shared: &shared,
-            };
-            running.serve(palm, &mut directory, reports, &terminal)
-        });
-        start::told::<M>(&terminal, mailbox, outcome)
-    }
-}
-
-/// What the table runs on.
-struct Running<'r, 'v, M: Machine> {
-    machine: &'r M,
-    mailbox: &'r MailboxOf<'v, M>,
-    own: &'r Region<M::Window>,
-    hand: &'r UtahMit,
-    shared: &'r Shared,
-}
-
-impl<M: Machine> Running<'_, '_, M> {
-    fn serve(
-        &self,
-        palm: Published<Palm>,
-        directory: &mut Directory<M::Window>,
-        mut reports: LoopReports<M::Window, 1>,
-        terminal: &Console<M>,
-    ) -> Result<(), Error> {
-        let (machine, hand, number) = (self.machine, self.hand, self.machine.number().0);
-        let processor = hand
-            .processor(number)
-            .ok_or(Failure::NoProcessor { processor: number })?;
-        let publisher = palm.publisher(self.own.clone())?;
-        let bytes = Published::<Palm>::BYTES;
-        directory.enter(PALM_NAME, Kind::Other, palm.offset(), bytes)?;
-        let panel = boards::open(machine.bus(), hand, number);
-        let wires = start::wires(machine, self.mailbox, &panel, hand, number)?;
-        let rate_hz = hand.rate_hz(processor);
-        let rate = Rate::new(rate_hz, 1).unwrap_or(Rate::hz(1));
+        let number = machine.number().0;
+        let (mut place, mut panel) = (None, None);
+        let (hand, rate_hz, driven, wires) =
+            start::configured(machine, &mut place, |background, hand| {
+                let processor = hand.processor(number);
+                let processor = processor.ok_or(Failure::NoProcessor { processor: number })?;
+                let driven = Driven {
+                    controller: TableController::new(hand).map_err(Failure::from)?,
+                    axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
+                };
+                let panel = panel.insert(boards::open(machine.bus(), hand, number));
+                let wires = start::wires(background, panel, hand)?;
+                Ok((hand, hand.rate_hz(processor), driven, wires))
+            })?;
+        let shared: Shared = Mutex::new(RefCell::new(driven));
         let clock = machine.doorbell();
+
+        let mut setup = Setup::new(machine)?;
         let mut axes = Axes::<M> {
             hand,
-            shared: self.shared,
+            shared: &shared,
             wires,
-            publisher,
+            publisher: setup.publish(PALM_NAME)?,
             clock: &clock,
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
         };
-        let body = || axes.tick();
-        let mut before = State::Off;
-        say::<M>(
-            terminal,
-            self.mailbox,
-            format_args!("moves the table at {rate_hz} Hz"),
-        );
-        start::with_loop(machine, rate, body, |loops| {
-            let look = || {
-                let state = with(self.shared, |table| table.controller.state());
-                let state = state.map_or(before, State::of);
-                if state != before {
-                    before = state;
-                    say::<M>(terminal, self.mailbox, format_args!("{state:?}"));
-                }
-                Ok(())
-            };
-            start::attend(machine, self.mailbox, loops, &mut reports, look)
-        })
+        let desk = setup.place(NAME, Kind::Other, Desk::<Request, Response>::new)?;
+        let own = setup.own().clone();
+        setup
+            .console()?
+            .on(TABLE, NAME, &|call| {
+                desk.answer(call, &own, |request| respond(&shared, &request))
+            })
+            .servo(NAME, start::rate(rate_hz), &mut |_| axes.tick())
+            .background(|background| {
+                background.print(format_args!("moves the table at {rate_hz} Hz\n"));
+                let mut before = State::Off;
+                start::attend(background, || {
+                    let state = with(&shared, |table| table.controller.state());
+                    let state = state.map_or(before, State::of);
+                    if state != before {
+                        before = state;
+                        background.print(format_args!("{state:?}\n"));
+                    }
+                    Ok(())
+                })
+            })
     }
 }
 
@@ -339,11 +278,11 @@ impl<M: Machine> Axes<'_, M> {
     }
 }
 
-/// Does something with the controller, once there is one.
+/// Does something with the controller; `None` if that is in progress already.
 fn with<R>(shared: &Shared, work: impl FnOnce(&mut Driven) -> R) -> Option<R> {
     critical_section::with(|section| {
-        let mut place = shared.borrow(section).try_borrow_mut().ok()?;
-        place.as_mut().map(work)
+        let mut table = shared.borrow(section).try_borrow_mut().ok()?;
+        Some(work(&mut table))
     })
 }
 
@@ -352,7 +291,7 @@ fn respond(shared: &Shared, request: &Request) -> Response {
         let outcome = obey(table, request);
         (outcome, State::of(table.controller.state()))
     });
-    let (outcome, state) = done.unwrap_or((Err(Refusal::NotStarted), State::Off));
+    let (outcome, state) = done.unwrap_or((Err(Refusal::Busy), State::Off));
     Response {
         refusal: outcome.err().map_or(0, |refusal| refusal as u32),
         state: state as u32,

@@ -1,11 +1,11 @@
 //! [`Commands`]: what is typed.
 
-use core::fmt::{Arguments, Write};
+use core::fmt::Arguments;
 
 use condor_hand::servo::{JointGains, Mode, PositionLaw};
 use condor_hand::tendon::TensionGains;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
-use condor_rt::{Error, Machine, MailboxOf};
+use condor_rt::{Background, Error, Machine};
 
 use super::drive::{Motion, Shared, with};
 use super::others::{Ball, Others};
@@ -15,7 +15,6 @@ use super::servos::Servos;
 use super::words::{Problem, Words};
 use crate::grasp::{self, Order};
 use crate::plant::{self, Which};
-use crate::start::{Console, say};
 use crate::table::{self, State};
 use crate::{FINGERS, JOINTS, UtahMit};
 
@@ -47,18 +46,24 @@ clear                              mends all that
 const SECONDS: &str = "a time above 0, s";
 
 /// What commands need.
-pub(super) struct Commands<'r, 'v, 'p, M: Machine> {
+pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) hand: &'r UtahMit,
-    pub(super) mailbox: &'r MailboxOf<'v, M>,
-    pub(super) terminal: &'r Console<M>,
+    pub(super) background: &'r Background<'r, M>,
     pub(super) shared: &'r Shared<'p, M::Window>,
-    pub(super) servos: Servos<'r, 'v, 'p, M>,
+    pub(super) servos: Servos<'r, 'p, M>,
     pub(super) player: Player,
-    pub(super) store: Store<'r, 'v, M>,
-    pub(super) others: Others<'r, 'v, M>,
+    pub(super) store: Store<'r, M>,
+    pub(super) others: Others<'r, M>,
 }
 
-impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
+/// Says lines on the terminal.
+pub(super) fn said<'r, M: Machine>(
+    background: &'r Background<'r, M>,
+) -> impl Fn(Arguments<'_>) + 'r {
+    |line| background.print(format_args!("{line}\n"))
+}
+
+impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Obeys a line, or says why not.
     pub(super) fn obey(&mut self, line: &str) {
         let mut words = Words::of(line);
@@ -80,10 +85,7 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
 
     /// Looks at the servos. All motion stops when a finger does not follow any more.
     pub(super) fn watch(&mut self) -> Result<(), Error> {
-        let (terminal, mailbox) = (self.terminal, self.mailbox);
-        let has_lost = self
-            .servos
-            .watch(|line| say::<M>(terminal, mailbox, line))?;
+        let has_lost = self.servos.watch(said(self.background))?;
         if has_lost && self.stop() {
             self.say(format_args!("all motion stops"));
         }
@@ -92,10 +94,8 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
 
     /// Goes on with the motion that runs.
     pub(super) fn play(&mut self) {
-        let (terminal, mailbox) = (self.terminal, self.mailbox);
-        self.player.play(self.hand, self.shared, |line| {
-            say::<M>(terminal, mailbox, line);
-        });
+        let say = said(self.background);
+        self.player.play(self.hand, self.shared, say);
     }
 
     fn execute<'l>(&mut self, verb: &'l str, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -112,9 +112,8 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
             "disable" => return self.each_finger(words, Servos::disable),
             "run" => return self.run(words),
             "motions" => {
-                let (terminal, mailbox) = (self.terminal, self.mailbox);
-                self.store
-                    .list(|name| say::<M>(terminal, mailbox, format_args!("{name}")))?;
+                let say = said(self.background);
+                self.store.list(|name| say(format_args!("{name}")))?;
             }
             "pause" => {
                 with(self.shared, |drive| drive.generator.pause());
@@ -179,12 +178,11 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
     }
 
     fn say(&self, line: Arguments<'_>) {
-        say::<M>(self.terminal, self.mailbox, line);
+        said(self.background)(line);
     }
 
     fn help(&self) {
-        // What finds no room there is counted by the terminal.
-        let _ = self.terminal.console(self.mailbox).write_str(HELP);
+        self.background.print(format_args!("{HELP}"));
     }
 
     fn status(&mut self) {
@@ -264,7 +262,7 @@ impl<'r, 'v, 'p, M: Machine> Commands<'r, 'v, 'p, M> {
     fn each_finger<'l>(
         &mut self,
         words: &mut Words<'l>,
-        mut work: impl FnMut(&mut Servos<'r, 'v, 'p, M>, usize) -> Result<(), Problem<'static>>,
+        mut work: impl FnMut(&mut Servos<'r, 'p, M>, usize) -> Result<(), Problem<'static>>,
     ) -> Result<(), Problem<'l>> {
         let only = words.finger(self.hand)?;
         words.end()?;

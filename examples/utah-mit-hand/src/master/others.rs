@@ -4,12 +4,11 @@ use core::time::Duration;
 
 use condor_hand::config::ProcessorKind;
 use condor_mbox::{AccessError, Exchange, PeerState, Processor, Region, Vector};
-use condor_rt::{Error, Machine, MailboxOf, numbers};
+use condor_rt::{Error, Machine, MailboxOf, numbers, users};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::words::Problem;
 use crate::desk::Desk;
-use crate::start;
 use crate::{UtahMit, objects, plant, table};
 
 /// How long one of them may take to answer.
@@ -19,21 +18,21 @@ type Found<M, Q, R> =
     fn(&Region<<M as Machine>::Window>) -> Result<Option<Desk<Q, R>>, AccessError>;
 
 /// The end of who asks at a desk.
-type End<'r, 'v, M, Q, R> = Exchange<'r, MailboxOf<'v, M>, Region<<M as Machine>::Window>, Q, R>;
+type End<'r, M, Q, R> = Exchange<'r, MailboxOf<'r, M>, Region<<M as Machine>::Window>, Q, R>;
 
 /// A processor that answers requests at a desk.
-struct Remote<'r, 'v, M: Machine, Q, R> {
-    mailbox: &'r MailboxOf<'v, M>,
+struct Remote<'r, M: Machine, Q, R> {
+    mailbox: &'r MailboxOf<'r, M>,
     number: u8,
     region: Region<M::Window>,
     vector: Vector,
     find: Found<M, Q, R>,
     /// The life at whose desk it asks.
     life: u32,
-    exchange: Option<End<'r, 'v, M, Q, R>>,
+    exchange: Option<End<'r, M, Q, R>>,
 }
 
-impl<M: Machine, Q, R> Remote<'_, '_, M, Q, R>
+impl<M: Machine, Q, R> Remote<'_, M, Q, R>
 where
     Q: FromBytes + IntoBytes + Immutable,
     R: FromBytes + IntoBytes + Immutable,
@@ -66,9 +65,9 @@ where
 }
 
 /// What is around the fingers.
-pub(super) struct Others<'r, 'v, M: Machine> {
-    table: Option<Remote<'r, 'v, M, table::Request, table::Response>>,
-    plants: heapless::Vec<Remote<'r, 'v, M, plant::Request, plant::Response>, 8>,
+pub(super) struct Others<'r, M: Machine> {
+    table: Option<Remote<'r, M, table::Request, table::Response>>,
+    plants: heapless::Vec<Remote<'r, M, plant::Request, plant::Response>, 8>,
     /// The ball that is there, or would be put there: its centre and radius (m), and mass (kg).
     pub(super) ball: Ball,
 }
@@ -88,11 +87,11 @@ const BALL: Ball = Ball {
     mass: 0.05,
 };
 
-impl<'r, 'v, M: Machine> Others<'r, 'v, M> {
+impl<'r, M: Machine> Others<'r, M> {
     pub(super) fn new(
         machine: &M,
         hand: &UtahMit,
-        mailbox: &'r MailboxOf<'v, M>,
+        mailbox: &'r MailboxOf<'r, M>,
     ) -> Result<Self, Error> {
         let mut processors = hand.processors.iter();
         let table = processors.find(|it| it.kind == ProcessorKind::Table);
@@ -100,7 +99,7 @@ impl<'r, 'v, M: Machine> Others<'r, 'v, M> {
             Some(processor) => Some(Remote {
                 mailbox,
                 number: processor.number,
-                region: start::users(machine, processor.number)?,
+                region: users(machine, Processor(processor.number))?,
                 vector: table::TABLE,
                 find: objects::table::<M::Window> as Found<M, _, _>,
                 life: 0,
@@ -114,7 +113,7 @@ impl<'r, 'v, M: Machine> Others<'r, 'v, M> {
             let _ = plants.push(Remote {
                 mailbox,
                 number,
-                region: start::users(machine, number)?,
+                region: users(machine, Processor(number))?,
                 vector: plant::PLANT,
                 find: objects::plant::<M::Window> as Found<M, _, _>,
                 life: 0,

@@ -1,10 +1,10 @@
 //! [`Sequence`]: a sequence of motions in memory, and [`Store`]: in files.
 
-use condor_fs::{Errno, Error as FileError, FileSystem, OpenOptions};
+use condor_fs::{Errno, Error as FileError, OpenOptions};
 use condor_hand::math::clamp;
 use condor_hand::trajectory::image::{ImageError, Motions, append};
 use condor_hand::trajectory::{Generator, PrimitiveError, Target};
-use condor_rt::{Machine, MailboxOf};
+use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
 use super::words::{Path, Problem};
@@ -98,12 +98,10 @@ pub(super) fn rest_between_stops(hand: &UtahMit, motion: &mut Motion) {
     }
 }
 
-pub(super) type Files<'r, 'v, M> = FileSystem<'r, MailboxOf<'v, M>, <M as Machine>::Window, 1>;
-
 /// The sequences in files.
-pub(super) struct Store<'r, 'v, M: Machine>(pub(super) Files<'r, 'v, M>);
+pub(super) struct Store<'r, M: Machine>(pub(super) FilesOf<'r, M>);
 
-impl<M: Machine> Store<'_, '_, M> {
+impl<M: Machine> Store<'_, M> {
     /// Reads a sequence, which is checked.
     pub(super) fn load(&self, name: &str, into: &mut Sequence) -> Result<(), Problem<'static>> {
         let path = path(name, SUFFIX);

@@ -6,13 +6,12 @@ use core::time::Duration;
 use condor_hand::message::{ServoClient, Status};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
-use condor_mbox::{Messenger, PeerState, Processor, Region};
-use condor_rt::{Error, Machine, MailboxOf};
+use condor_mbox::{Clock as _, PeerState, Processor, Region};
+use condor_rt::{Background, Error, Machine, users};
 
 use super::drive::{Life, Link, Motion, SERVOS, Seat, Shared, with};
 use super::words::Problem;
 use crate::failure::Failure;
-use crate::start;
 use crate::{FINGERS, JOINTS, SERVED, UtahMit, objects};
 
 /// How long a servo may take to answer.
@@ -25,10 +24,11 @@ const ROOM_RAD: f64 = 0.02;
 const LEAVE_SPEED: f64 = 0.02;
 const NAP: Duration = Duration::from_millis(20);
 
-type Client<'r, 'v, M> = ServoClient<'r, MailboxOf<'v, M>, <M as Machine>::Window, SERVED, JOINTS>;
+type Client<'r, M> =
+    ServoClient<'r, condor_rt::MailboxOf<'r, M>, <M as Machine>::Window, SERVED, JOINTS>;
 
 /// One servo processor.
-struct Servo<'r, 'v, M: Machine> {
+struct Servo<'r, M: Machine> {
     number: u8,
     fingers: [usize; SERVED],
     region: Region<M::Window>,
@@ -37,17 +37,17 @@ struct Servo<'r, 'v, M: Machine> {
     life: Option<u32>,
     /// Whether it has ever been there.
     is_known: bool,
-    client: Option<Client<'r, 'v, M>>,
+    client: Option<Client<'r, M>>,
     status: [Option<Status<JOINTS>>; SERVED],
 }
 
 /// The servo processors.
-pub(super) struct Servos<'r, 'v, 'p, M: Machine> {
+pub(super) struct Servos<'r, 'p, M: Machine> {
     hand: &'r UtahMit,
-    mailbox: &'r MailboxOf<'v, M>,
+    background: &'r Background<'r, M>,
     shared: &'r Shared<'p, M::Window>,
     seats: [Seat; FINGERS],
-    processors: [Servo<'r, 'v, M>; SERVOS],
+    processors: [Servo<'r, M>; SERVOS],
 }
 
 /// The numbers of the servo processors, and where each finger is served.
@@ -87,17 +87,17 @@ pub(super) fn seats(hand: &UtahMit) -> Result<([u8; SERVOS], [Seat; FINGERS]), F
     Ok((numbers, seats))
 }
 
-impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
+impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     pub(super) fn new(
-        machine: &M,
+        background: &'r Background<'r, M>,
         hand: &'r UtahMit,
-        mailbox: &'r MailboxOf<'v, M>,
         shared: &'r Shared<'p, M::Window>,
         numbers: [u8; SERVOS],
         seats: [Seat; FINGERS],
     ) -> Result<Self, Error> {
         let servo = |index: usize| {
             let number = numbers.get(index).copied().unwrap_or(0);
+            let machine = background.machine();
             let windows = machine.windows().into_iter().nth(number.into());
             let windows = windows.ok_or(Failure::NoProcessor { processor: number })?;
             let mut fingers = [0; SERVED];
@@ -109,7 +109,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
             Ok::<_, Error>(Servo {
                 number,
                 fingers,
-                region: start::users(machine, number)?,
+                region: users(machine, Processor(number))?,
                 mail: windows.mail,
                 life: None,
                 is_known: false,
@@ -120,7 +120,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         let processors = [servo(0)?, servo(1)?];
         Ok(Self {
             hand,
-            mailbox,
+            background,
             shared,
             seats,
             processors,
@@ -171,7 +171,10 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
         let Some(servo) = self.processors.get_mut(index) else {
             return Ok(false);
         };
-        let state = self.mailbox.peer_state(Processor(servo.number))?;
+        let state = self
+            .background
+            .mailbox()
+            .peer_state(Processor(servo.number))?;
         let life = match state {
             PeerState::Up {
                 incarnation,
@@ -205,7 +208,7 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
                 }
             });
             servo.client = Some(ServoClient::new(
-                self.mailbox,
+                self.background.mailbox(),
                 Processor(servo.number),
                 &servo.region,
                 places,
@@ -281,11 +284,11 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
     pub(super) fn ask<R>(
         &mut self,
         finger: usize,
-        question: impl FnOnce(&mut Client<'r, 'v, M>, u32, Duration) -> R,
+        question: impl FnOnce(&mut Client<'r, M>, u32, Duration) -> R,
     ) -> Result<R, Problem<'static>> {
         let number = self.processor(finger);
         let absent = Problem::Absent(number);
-        let state = self.mailbox.peer_state(Processor(number))?;
+        let state = self.background.mailbox().peer_state(Processor(number))?;
         let Some(seat) = self.seats.get(finger) else {
             return Err(absent);
         };
@@ -330,11 +333,11 @@ impl<'r, 'v, 'p, M: Machine> Servos<'r, 'v, 'p, M> {
             self.ask(finger, |client, place, timeout| {
                 client.restart(place, timeout)
             })??;
-            let clock = self.mailbox.doorbell();
-            let deadline = condor_mbox::Clock::now(clock).after(REST);
+            let clock = self.background.machine().doorbell();
+            let deadline = clock.now().after(REST);
             status = self.refresh(finger)?;
-            while status.is_resting && condor_mbox::Clock::now(clock) < deadline {
-                self.mailbox.serve(NAP)?;
+            while status.is_resting && clock.now() < deadline {
+                self.background.serve(NAP)?;
                 status = self.refresh(finger)?;
             }
             if let Some(fault) = status.fault {

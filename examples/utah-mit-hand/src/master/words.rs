@@ -95,6 +95,8 @@ pub(super) enum Problem<'l> {
     Access(#[from] AccessError),
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
+    #[error(transparent)]
+    Program(#[from] condor_rt::Error),
 }
 
 /// The longest name of a motion.

@@ -78,8 +78,8 @@ pub struct Response {
 pub enum Refusal {
     /// There is no such verb.
     Verb = 1,
-    /// The program has no configuration yet.
-    NotStarted = 2,
+    /// It is about something else.
+    Busy = 2,
     /// There is no such finger, joint, sensor or tendon.
     NoSuchPart = 3,
     /// A number that is not finite, or is none that a ball can have.
@@ -94,7 +94,7 @@ impl Refusal {
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
             1 => Some(Self::Verb),
-            2 => Some(Self::NotStarted),
+            2 => Some(Self::Busy),
             3 => Some(Self::NoSuchPart),
             4 => Some(Self::Number),
             5 => Some(Self::NoBall),

@@ -3,7 +3,6 @@
 use core::time::Duration;
 
 use condor_hand::servo::Mode;
-use condor_mbox::Messenger;
 use condor_rt::Machine;
 use nalgebra::Vector3;
 
@@ -22,7 +21,7 @@ const TURNING: f64 = 5e-4;
 const AGREEMENT: u32 = 25;
 const NAP: Duration = Duration::from_millis(20);
 
-impl<M: Machine> Commands<'_, '_, '_, M> {
+impl<M: Machine> Commands<'_, '_, M> {
     /// Has all fingers that follow close on the ball, and hold it with a stiffness.
     pub(super) fn grasp<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let stiffness = words
@@ -101,7 +100,7 @@ impl<M: Machine> Commands<'_, '_, '_, M> {
             let processor = *processor;
             let mut last = None;
             for _ in 0..AGREEMENT {
-                self.mailbox.serve(NAP)?;
+                self.background.serve(NAP)?;
                 let report = places.reports(region)?.read().ok().map(|it| it.value);
                 last = report.filter(|report| report.order == *number);
                 match last.map(|report| report.state()) {
