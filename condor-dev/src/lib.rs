@@ -48,7 +48,7 @@ pub mod linux;
 pub mod riscv;
 #[doc(hidden)]
 pub mod set;
-#[cfg(all(feature = "sim", not(condor_loom), not(target_os = "none")))]
+#[cfg(all(feature = "models", not(condor_loom)))]
 pub mod sim;
 pub mod stdio;
 

@@ -4,25 +4,18 @@
 //!
 //! ```no_run
 //! use std::process::ExitCode;
-//! use condor_host::cli::{self, Programs};
+//! use condor_host::cli::{self, Table};
 //!
-//! struct Hand;
-//!
-//! impl Programs for Hand {
-//!     fn names(&self) -> &[&'static str] {
-//!         &["servo"]
-//!     }
-//!
-//!     fn run(&self, _name: &str, _arguments: Vec<String>) -> ExitCode {
-//!         ExitCode::SUCCESS // Here the program runs until it is told to end.
-//!     }
+//! fn servo(_arguments: Vec<String>) -> ExitCode {
+//!     ExitCode::SUCCESS // Here the program runs until it is told to end.
 //! }
 //!
 //! fn main() -> ExitCode {
-//!     cli::main(&Hand)
+//!     cli::main(&Table(&[("servo", servo)]))
 //! }
 //! ```
 
+mod new;
 mod requests;
 mod service;
 mod summary;
@@ -41,14 +34,14 @@ use crate::description::Description;
 use crate::plain::plain_lines;
 use crate::system::Directory;
 
-/// The programs that a binary has beside `condor`.
-pub trait Programs: Sync {
-    /// Their names: what may follow `program = "self"` as the first argument.
-    fn names(&self) -> &[&'static str];
+/// Runs a program with its arguments, in the process that a supervisor started for it; most call
+/// [`linux::run`](condor_rt::linux::run).
+pub type Run = fn(Vec<String>) -> ExitCode;
 
-    /// Runs one of them, in the process that a supervisor started for it; most call
-    /// [`linux::run`](condor_rt::linux::run).
-    fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode;
+/// The programs that a binary has beside `condor`; if there is nothing to say but what they are, a [`Table`].
+pub trait Programs: Sync {
+    /// The programs by their names, which may follow `program = "self"` as the first argument.
+    fn programs(&self) -> &[(&'static str, Run)];
 
     /// The description of the system that is meant when none is named.
     fn description(&self) -> Option<PathBuf> {
@@ -76,18 +69,14 @@ pub trait Programs: Sync {
     }
 }
 
-/// No programs: those of a system are files.
+/// Programs by their names, and nothing else to be said of them. The description that is meant when none is named
+/// is `condor.toml` in the working directory.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct NoPrograms;
+pub struct Table<'p>(pub &'p [(&'static str, Run)]);
 
-impl Programs for NoPrograms {
-    fn names(&self) -> &[&'static str] {
-        &[]
-    }
-
-    fn run(&self, name: &str, _: Vec<String>) -> ExitCode {
-        eprintln!("condor: this program has no program `{name}` of its own");
-        ExitCode::from(2)
+impl Programs for Table<'_> {
+    fn programs(&self) -> &[(&'static str, Run)] {
+        self.0
     }
 }
 
@@ -103,6 +92,8 @@ struct Line {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Makes a project of one's own: two processors, to begin with
+    New(new::New),
     /// Checks the description of a system, and explains every mistake
     Check {
         /// The description
@@ -192,6 +183,7 @@ fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
             return Ok(ExitCode::from(2));
         }
         None => return up::run(None, &line.up, programs),
+        Some(Command::New(new)) => new.run()?,
         Some(Command::Check { file }) => check(&description(file, programs), programs)?,
         Some(Command::Up(up)) => return up::run(up.file, &up.how, programs),
         Some(Command::Stop(one)) => requests::stop(one)?,
@@ -207,9 +199,21 @@ fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
         Some(Command::Vars(vars)) => vars.run()?,
         Some(Command::Tty(tty)) => tty.run()?,
         Some(Command::Service(service)) => service.run()?,
-        Some(Command::Program { name, arguments }) => return Ok(programs.run(&name, arguments)),
+        Some(Command::Program { name, arguments }) => {
+            let mut known = programs.programs().iter();
+            let Some((_, run)) = known.find(|(known, _)| *known == name) else {
+                eprintln!("{}: this program has no program `{name}` of its own", me());
+                return Ok(ExitCode::from(2));
+            };
+            return Ok(run(arguments));
+        }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What the programs are called.
+fn names(programs: &dyn Programs) -> Vec<&'static str> {
+    programs.programs().iter().map(|(name, _)| *name).collect()
 }
 
 /// The description that is meant.
@@ -219,7 +223,7 @@ fn description(file: Option<PathBuf>, programs: &dyn Programs) -> PathBuf {
 }
 
 fn check(file: &Path, programs: &dyn Programs) -> Result<(), AnyError> {
-    match Description::read(file, programs.names()) {
+    match Description::read(file, &names(programs)) {
         Ok(description) => {
             let count = description.processors.len();
             println!(

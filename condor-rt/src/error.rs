@@ -2,6 +2,7 @@
 
 use core::fmt::{self, Write as _};
 
+use condor_dev::OpenError;
 use condor_mbox::{AccessError, Vector};
 use condor_mos::{LoopError, RateError, StartError};
 use condor_tty::TerminalError;
@@ -28,6 +29,9 @@ pub enum Error {
     /// The file service.
     #[error(transparent)]
     Files(#[from] condor_fs::Error),
+    /// A board that cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError<'static>),
     /// The rates of the loops.
     #[error(transparent)]
     Rate(#[from] RateError),

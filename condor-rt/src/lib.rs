@@ -7,6 +7,11 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
 
+// Documents of their own.
+#[cfg(all(feature = "sim", target_os = "linux"))]
+#[doc = include_str!("../MISTAKES.md")]
+pub mod mistakes {}
+
 // A program.
 mod error;
 mod list;
@@ -46,6 +51,12 @@ pub mod linux;
     )
 ))]
 pub mod sim;
+
+// What most programs need of the crates below, so that they depend on this one alone.
+pub use condor_fs::OpenOptions;
+pub use condor_mbox::{Messenger, Processor, Vector};
+pub use condor_mos::Rate;
+pub use condor_vars::{Param, Var, Vars};
 
 pub use error::{Error, Text};
 pub use interrupts::Interrupts;

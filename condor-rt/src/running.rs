@@ -12,6 +12,7 @@ use condor_mbox::{Messenger, Processor, Region, Vector};
 use condor_mos::{LoopError, LoopId, Loops, Rate, Statistics};
 use condor_tty::Terminal;
 use condor_vars::{Param, Tune as _};
+use embedded_io::{Read as _, ReadReady as _};
 
 use crate::error::Error;
 use crate::interrupts::Interrupts;
@@ -26,6 +27,8 @@ const TYPED: usize = 128;
 pub const FILES: usize = 4;
 /// How long the file service may take, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(30);
+/// How often it is looked whether a line was typed.
+const LOOK: Duration = Duration::from_millis(20);
 /// How often the counts of the loops are shown.
 const REPORT_NS: u64 = 50_000_000;
 
@@ -143,6 +146,32 @@ impl<'b, M: Machine> Background<'b, M> {
             // What finds no room there is counted by the terminal.
             let _ = console.console(self.mailbox).write_fmt(text);
         }
+    }
+
+    /// Waits until a line is typed, for at most `time`, while messages are served; returns as much of it as
+    /// `into` has room for, without blanks at its ends, or `None` if none was typed.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] without a terminal; those of [`serve`](Self::serve).
+    pub fn read_line<'l>(
+        &self,
+        into: &'l mut [u8],
+        time: Duration,
+    ) -> Result<Option<&'l str>, Error> {
+        let mut console = self.console()?.console(self.mailbox);
+        let bell = self.machine.doorbell();
+        let end = bell.now().after(time);
+        while !console.read_ready().unwrap_or(false) {
+            let left = end.ns_since(bell.now());
+            if left == 0 {
+                return Ok(None);
+            }
+            // A ring that came just before the wait is not waited for longer.
+            self.serve(Duration::from_nanos(left).min(LOOK))?;
+        }
+        let typed = console.read(into).unwrap_or(0);
+        let typed = str::from_utf8(into.get(..typed).unwrap_or_default());
+        Ok(Some(typed.unwrap_or_default().trim()))
     }
 
     /// The host's files.

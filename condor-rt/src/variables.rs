@@ -2,6 +2,7 @@
 //! [`Setup`](crate::Setup) makes.
 
 use core::fmt;
+use core::num::NonZeroU64;
 
 use condor_mbox::{Doorbell, Evidence, LoadOrder, MemoryWindow as _, Processor, Windows, layout};
 use condor_mos::Rate;
@@ -26,8 +27,9 @@ pub(crate) type LoopSampler<'d, M> =
     Sampler<'d, <M as Machine>::Window, { 2 * VARIABLES }, PIECES, WATCHERS>;
 
 /// How many rows of all variables a ring has room for.
-pub(crate) const fn rows(rate: Rate) -> u32 {
-    rate.numerator() / rate.denominator() / KEPT
+pub(crate) fn rows(rate: Rate) -> u32 {
+    let hz = rate.numerator().checked_div(rate.denominator());
+    hz.unwrap_or(0) / KEPT
 }
 
 /// Why the variables of the loop `name` cannot be shown.
@@ -70,22 +72,26 @@ pub(crate) fn name_of(watched: &dyn Watch) -> Text<32> {
 
 /// Instants of a timer, in nanoseconds.
 #[derive(Clone, Copy)]
-pub(crate) struct Nanoseconds(Rate);
+pub(crate) struct Nanoseconds {
+    /// Ticks in as many seconds.
+    ticks: NonZeroU64,
+    seconds: u64,
+}
 
 impl Nanoseconds {
-    pub(crate) const fn of(frequency: Rate) -> Self {
-        Self(frequency)
+    pub(crate) fn of(frequency: Rate) -> Self {
+        Self {
+            // A rate has none of 0.
+            ticks: NonZeroU64::new(frequency.numerator().into()).unwrap_or(NonZeroU64::MIN),
+            seconds: frequency.denominator().into(),
+        }
     }
 
     /// As the clock of the processor's doorbell tells them.
     pub(crate) fn at(self, ticks: u64) -> u64 {
         const SECOND: u64 = 1_000_000_000;
-        let (ticks_in, seconds) = (
-            u64::from(self.0.numerator()),
-            u64::from(self.0.denominator()),
-        );
-        let whole = (ticks / ticks_in).wrapping_mul(SECOND * seconds);
-        let rest = (ticks % ticks_in).wrapping_mul(SECOND) / ticks_in;
-        whole.wrapping_add(rest.wrapping_mul(seconds))
+        let whole = (ticks / self.ticks).wrapping_mul(SECOND * self.seconds);
+        let rest = (ticks % self.ticks).wrapping_mul(SECOND) / self.ticks;
+        whole.wrapping_add(rest.wrapping_mul(self.seconds))
     }
 }

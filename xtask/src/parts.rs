@@ -20,6 +20,7 @@ mod qemu;
 mod riscv;
 mod seeds;
 mod suites;
+mod template;
 mod test;
 mod unsafe_code;
 
@@ -65,6 +66,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),
     Part::new("riscv", "the hand on bare-metal harts in QEMU, and drills", riscv::run),
+    Part::new("template", "the template, made outside of the tree, as processes and on a hart", template::run),
     Part::new("deny", "licences, duplicates, sources, advisories", deny::run),
     Part::new("loom", "the concurrency models: tests named loom", loom::run),
     Part::new("miri", "unit tests without undefined behaviour", miri::run),

@@ -63,8 +63,9 @@ impl Model for As5600Model {
     }
 
     fn write(&mut self, offset: usize, width: Width, value: u32) -> Option<()> {
-        if let Some(place @ 1..) = (offset < 9).then_some(offset) {
-            self.configuration[place] = value as u8;
+        // ZMCO counts what is burned.
+        if let Some(place) = self.configuration.get_mut(offset).filter(|_| offset > 0) {
+            *place = value as u8;
         }
         (width == Width::Bits8).then_some(())
     }

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use super::{Model, lock};
+use super::Model;
+use super::bus::lock;
 use crate::interrupt::{InterruptController, Level, Vector};
 
 /// An interrupt controller whose lines are the boards' own requests, or a test's; its clones are the

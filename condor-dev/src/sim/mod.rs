@@ -1,22 +1,33 @@
-//! A bus in memory: boards as models of their registers, with injected faults, for tests on any
-//! machine with std.
+//! Parts as models of their registers: in a joint, without allocation, or on a bus with injected faults, for
+//! tests on any machine with std.
 
 mod as5600;
+#[cfg(all(feature = "sim", not(target_os = "none")))]
+mod bus;
+#[cfg(all(feature = "sim", not(target_os = "none")))]
 mod controller;
+mod i2c;
+mod joint;
 mod pca9685;
-mod serial;
+#[cfg(all(feature = "sim", not(target_os = "none")))]
+mod spi;
+#[cfg(all(feature = "sim", not(target_os = "none")))]
 mod uart;
 
 pub use as5600::As5600Model;
+#[cfg(all(feature = "sim", not(target_os = "none")))]
+pub use bus::Bus;
+#[cfg(all(feature = "sim", not(target_os = "none")))]
 pub use controller::Controller;
+pub use i2c::I2c;
+pub use joint::Joint;
 pub use pca9685::Pca9685Model;
-pub use serial::{I2c, Spi};
+#[cfg(all(feature = "sim", not(target_os = "none")))]
+pub use spi::Spi;
+#[cfg(all(feature = "sim", not(target_os = "none")))]
 pub use uart::{LineFault, UartModel};
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-use crate::bus::{self, AccessError, BusErrorKind, Width};
+use crate::bus::Width;
 
 /// The registers of a board, and what happens when they are read and written.
 ///
@@ -34,108 +45,5 @@ pub trait Model: Send {
     /// Whether the board asks for its interrupt.
     fn interrupts(&self) -> bool {
         false
-    }
-}
-
-/// A bus with models on it; its clones are the same one.
-#[derive(Clone, Default)]
-pub struct Bus {
-    inside: Arc<Mutex<Inside>>,
-}
-
-#[derive(Default)]
-struct Inside {
-    /// By base address.
-    boards: BTreeMap<usize, Arc<Mutex<dyn Model>>>,
-    /// Accesses until one fails, for each fault that is to come.
-    faults: Vec<u64>,
-    accesses: u64,
-}
-
-impl Bus {
-    /// A bus without boards: every access is a bus error.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Puts a board on the bus, in place of any at the same address; gives a handle to what is
-    /// outside of the board.
-    pub fn insert<M: Model + 'static>(&self, base: usize, model: M) -> Arc<Mutex<M>> {
-        let model = Arc::new(Mutex::new(model));
-        self.inside().boards.insert(base, model.clone());
-        model
-    }
-
-    /// Takes the board at `base` away; accesses to it are bus errors from now on.
-    pub fn remove(&self, base: usize) {
-        self.inside().boards.remove(&base);
-    }
-
-    /// Has the access after `accesses` others fail, though a board is there.
-    pub fn fail_after(&self, accesses: u64) {
-        let mut inside = self.inside();
-        let at = inside.accesses + accesses;
-        inside.faults.push(at);
-    }
-
-    /// How many accesses there were.
-    #[must_use]
-    pub fn accesses(&self) -> u64 {
-        self.inside().accesses
-    }
-
-    fn inside(&self) -> MutexGuard<'_, Inside> {
-        lock(&self.inside)
-    }
-
-    fn access<R>(
-        &self,
-        address: usize,
-        width: Width,
-        access: impl FnOnce(&mut dyn Model, usize) -> Option<R>,
-    ) -> Result<R, AccessError> {
-        let error = |kind| AccessError { address, kind };
-        width.check(address)?;
-        let board = {
-            let mut inside = self.inside();
-            let now = inside.accesses;
-            inside.accesses += 1;
-            let before = inside.faults.len();
-            inside.faults.retain(|&fault| fault != now);
-            if inside.faults.len() != before {
-                return Err(error(BusErrorKind::NoAnswer));
-            }
-            let found = inside.boards.range(..=address).next_back();
-            found.map(|(&base, model)| (base, model.clone()))
-        };
-        let Some((base, model)) = board else {
-            return Err(error(BusErrorKind::NoAnswer));
-        };
-        let mut model = lock(&model);
-        if address - base + width.bytes() > model.size() {
-            return Err(error(BusErrorKind::NoAnswer));
-        }
-        access(&mut *model, address - base).ok_or(error(BusErrorKind::NoAnswer))
-    }
-}
-
-/// A model that panicked in a test is as good as before.
-pub(crate) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl bus::Bus for Bus {
-    type Error = AccessError;
-
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
-        self.access(address, width, |model, offset| model.read(offset, width))
-            .map(|value| value & width.mask())
-    }
-
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
-        self.access(address, width, |model, offset| {
-            model.write(offset, width, value & width.mask())
-        })
     }
 }

@@ -59,7 +59,8 @@ impl Model for Pca9685Model {
     }
 
     fn read(&mut self, offset: usize, width: Width) -> Option<u32> {
-        (width == Width::Bits8).then(|| self.0[offset].into())
+        let byte = *self.0.get(offset)?;
+        (width == Width::Bits8).then_some(byte.into())
     }
 
     fn write(&mut self, offset: usize, width: Width, value: u32) -> Option<()> {
@@ -83,17 +84,18 @@ impl Model for Pca9685Model {
             PRE_SCALE if self.0[MODE1] & SLEEP == 0 => {}
             PRE_SCALE => self.0[PRE_SCALE] = value.max(3),
             ALL_LED..PRE_SCALE => {
-                for channel in 0..16 {
-                    self.0[LED0 + 4 * channel + offset - ALL_LED] = value;
+                let first = LED0 + offset - ALL_LED;
+                for place in self.0.iter_mut().take(LED_END).skip(first).step_by(4) {
+                    *place = value;
                 }
             }
             LED0..LED_END => {
-                self.0[offset] = value;
+                *self.0.get_mut(offset)? = value;
                 if self.0[MODE1] & SLEEP == 0 {
                     self.0[MODE1] &= !RESTART;
                 }
             }
-            _ => self.0[offset] = value,
+            _ => *self.0.get_mut(offset)? = value,
         }
         (width == Width::Bits8).then_some(())
     }

@@ -16,7 +16,7 @@ device_switch! {
     }
 }
 
-type Arm = Switch<I2cBus<I2c>, NoInterrupts, Parts, 4>;
+type Arm = Switch<I2cBus<I2c<Bus>>, NoInterrupts, Parts, 4>;
 
 fn arm() -> (Bus, Arm, Arc<Mutex<Pca9685Model>>, Arc<Mutex<As5600Model>>) {
     let bus = Bus::new();

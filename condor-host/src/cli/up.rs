@@ -10,7 +10,7 @@ use clap::Args;
 use jiff::SignedDuration;
 
 use super::summary::Summary;
-use super::{AnyError, Programs, description};
+use super::{AnyError, Programs, description, names};
 use crate::description::{Description, Processor};
 use crate::plain::plain_lines;
 use crate::services::terminals;
@@ -88,7 +88,7 @@ pub(super) fn run(
     programs: &dyn Programs,
 ) -> Result<ExitCode, AnyError> {
     let file = description(file, programs);
-    let description = match Description::read(&file, programs.names()) {
+    let description = match Description::read(&file, &names(programs)) {
         Ok(description) => description,
         Err(mistakes) => {
             eprintln!("{mistakes}");
@@ -103,7 +103,7 @@ pub(super) fn run(
     }
     programs.prepare(&description)?;
     let options = Options {
-        own: programs.names().to_vec(),
+        own: names(programs),
         // Nobody reads it at once, and the log has it.
         echo: !how.attended,
         duration: how.duration,

@@ -5,6 +5,8 @@
 //! processor has a clock of its own, in nanoseconds since the beginning of all of them; the baton goes to
 //! whoever goes on first, of several to the one with the least number.
 //!
+//! [`System::files`] has the file service serve a directory in the same time.
+//!
 //! # What takes time
 //!
 //! | | takes |
@@ -30,6 +32,7 @@ mod baton;
 mod doorbell;
 mod error;
 mod exclusion;
+mod files;
 mod processor;
 mod system;
 mod timer;

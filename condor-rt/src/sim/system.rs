@@ -2,6 +2,7 @@
 
 use core::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
@@ -11,9 +12,10 @@ use condor_mbox::linux;
 
 use super::baton::{Baton, NEVER};
 use super::error::{Cause, Failure, SimError};
+use super::files;
 use super::processor::{Core, Processor, RANKS};
 use crate::machine::Program;
-use crate::numbers::PROCESSORS;
+use crate::numbers::{self, PROCESSORS};
 use crate::silent::Silent;
 
 /// A system of programs in virtual time, to be run once.
@@ -150,6 +152,16 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
             body(machine).map_err(|error| error.to_string())
         }));
         Ok(())
+    }
+
+    /// Has the file service serve the directory `root`.
+    ///
+    /// # Errors
+    /// [`SimError::Taken`] if it serves one already. What is wrong with the directory is an error of the
+    /// run.
+    pub fn files(&mut self, root: impl Into<PathBuf>) -> Result<(), SimError> {
+        let root = root.into();
+        self.host(numbers::FILES, move |machine| files::serve(machine, &root))
     }
 
     /// Runs all programs until they end by themselves; gives when the last one did, in nanoseconds.

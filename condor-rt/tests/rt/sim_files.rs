@@ -3,33 +3,15 @@
 
 use std::time::Duration;
 
-use condor_fs::server::{Options, Server};
-use condor_fs::wire::{FILES, OPEN_FILES};
+use condor_fs::wire::OPEN_FILES;
 use condor_fs::{Area, FileSystem, OpenOptions};
-use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region};
+use condor_mbox::{Call, MemoryWindow as _, Places, Processor, Region};
 use condor_rt::{Machine, numbers, sim};
 
 const CLIENT: Processor = Processor(2);
 const SECOND: Duration = Duration::from_secs(1);
 
 type AnyError = Box<dyn std::error::Error>;
-
-fn serve<M: Machine<Window = condor_mbox::linux::LinuxWindow>>(
-    machine: &M,
-    root: &std::path::Path,
-) -> Result<(), AnyError> {
-    let server = Server::new(root, Options::default())?;
-    let windows = machine.windows();
-    server.recover(&windows).unwrap();
-    let answer = |call: &Call<'_>| server.answer(call, &windows);
-    let mut mailbox = machine.mailbox()?;
-    mailbox.set_vector(FILES, &answer, "files")?;
-    mailbox.join()?;
-    while !machine.is_stopping() {
-        mailbox.serve(Duration::from_millis(100))?;
-    }
-    Ok(())
-}
 
 /// Writes a file and reads it again, with handlers running all the time.
 fn write_and_read<M: Machine>(machine: &M) -> Result<Vec<u8>, AnyError> {
@@ -68,11 +50,7 @@ fn files_of_a_run() -> u64 {
     let root = tempfile::tempdir().unwrap();
     let mut ended_at = 0;
     let mut system = sim::System::new(16384).unwrap();
-    system
-        .host(numbers::FILES, |machine| {
-            serve(machine, root.path()).map_err(|error| error.to_string())
-        })
-        .unwrap();
+    system.files(root.path()).unwrap();
     system
         .host(CLIENT, |machine| {
             let read = write_and_read(machine).map_err(|error| error.to_string())?;

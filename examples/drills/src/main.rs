@@ -11,7 +11,7 @@ mod summary;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use condor_host::cli::{self, AnyError, Programs};
+use condor_host::cli::{self, AnyError, Programs, Run};
 use condor_host::description::Description;
 use condor_host::system::Directory;
 use condor_rt::linux;
@@ -20,21 +20,15 @@ use drills::{Echo, Stress, Table};
 struct Drills;
 
 impl Programs for Drills {
-    fn names(&self) -> &[&'static str] {
-        &["echo", "stress", "table"]
-    }
-
-    fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
-        match name {
-            "echo" => linux::run(&Echo, arguments),
-            // SAFETY: its loops send and compute. They neither allocate nor print, and take no lock.
-            "stress" => unsafe { linux::run_allowing_signals(&Stress(|| 0), arguments) },
-            "table" => linux::run(&Table, arguments),
-            _ => {
-                eprintln!("drills: there is no program `{name}`");
-                ExitCode::from(2)
-            }
-        }
+    fn programs(&self) -> &[(&'static str, Run)] {
+        &[
+            ("echo", |arguments| linux::run(&Echo, arguments)),
+            ("stress", |arguments| {
+                // SAFETY: its loops send and compute. They neither allocate nor print, and take no lock.
+                unsafe { linux::run_allowing_signals(&Stress(|| 0), arguments) }
+            }),
+            ("table", |arguments| linux::run(&Table, arguments)),
+        ]
     }
 
     fn description(&self) -> Option<PathBuf> {

@@ -7,7 +7,7 @@ mod summary;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use condor_host::cli::{self, AnyError, Programs};
+use condor_host::cli::{self, AnyError, Programs, Run};
 use condor_host::description::Description;
 use condor_host::system::Directory;
 use condor_rt::linux;
@@ -26,22 +26,14 @@ const SYSTEM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml");
 struct Hand;
 
 impl Programs for Hand {
-    fn names(&self) -> &[&'static str] {
-        &["master", "plant", "replay", "servo", "table"]
-    }
-
-    fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
-        match name {
-            "master" => linux::run(&Master, arguments),
-            "plant" => linux::run(&Plant, arguments),
-            "replay" => linux::run(&Replay, arguments),
-            "servo" => linux::run(&Servo, arguments),
-            "table" => linux::run(&Table, arguments),
-            _ => {
-                eprintln!("utah-mit-hand: there is no program `{name}`");
-                ExitCode::from(2)
-            }
-        }
+    fn programs(&self) -> &[(&'static str, Run)] {
+        &[
+            ("master", |arguments| linux::run(&Master, arguments)),
+            ("plant", |arguments| linux::run(&Plant, arguments)),
+            ("replay", |arguments| linux::run(&Replay, arguments)),
+            ("servo", |arguments| linux::run(&Servo, arguments)),
+            ("table", |arguments| linux::run(&Table, arguments)),
+        ]
     }
 
     fn description(&self) -> Option<PathBuf> {

@@ -22,11 +22,11 @@ const SETS: [(&str, &str); 3] = [
     ),
     (
         "-p condor-dev -p condor-fs -p condor-hand -p condor-mbox -p condor-mos -p condor-tty",
-        "--features condor-dev/conformance,condor-dev/riscv,condor-fs/dev,condor-hand/mbox,\
+        "--features condor-dev/conformance,condor-dev/models,condor-dev/riscv,condor-fs/dev,condor-hand/mbox,\
          condor-hand/sim,condor-mbox/async,condor-mbox/conformance,condor-mbox/riscv,condor-mos/conformance,\
          condor-mos/cortex-m,condor-mos/riscv,condor-tty/dev",
     ),
-    ("-p utah-mit-hand", ""),
+    ("-p two-processors -p utah-mit-hand", ""),
 ];
 
 /// Nothing is run; the manifest has these optimized for the tests.

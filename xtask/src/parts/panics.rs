@@ -13,7 +13,7 @@ use crate::outcome::Summary;
 use crate::tools::need_target;
 
 /// What the panic handlers of the firmwares call.
-const PANICKED: &str = "condor_firmware_panicked";
+pub(super) const PANICKED: &str = "condor_firmware_panicked";
 /// What panics in a build with the feature of that purpose.
 const ON_PURPOSE: &str = "may_panic";
 
@@ -65,7 +65,7 @@ fn search(context: &Context, workspace: &str, packages: &[&str], target: &str) -
     Ok(functions)
 }
 
-fn list(origins: &[Origin]) -> String {
+pub(super) fn list(origins: &[Origin]) -> String {
     if origins.is_empty() {
         return "no call that leads there".into();
     }

@@ -16,7 +16,7 @@ mod teller;
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 
-use condor_host::cli::{self, Programs};
+use condor_host::cli::{self, Programs, Run};
 use condor_rt::linux;
 use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
@@ -32,18 +32,14 @@ const USAGE: &str = "usage: kills [--for SECONDSs] [--seed N]";
 struct Hand;
 
 impl Programs for Hand {
-    fn names(&self) -> &[&'static str] {
-        &["master", "plant", "servo", "table", "teller"]
-    }
-
-    fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
-        match name {
-            "master" => linux::run(&Master, arguments),
-            "plant" => linux::run(&Plant, arguments),
-            "servo" => linux::run(&Servo, arguments),
-            "table" => linux::run(&Table, arguments),
-            _ => linux::run(&Teller, arguments),
-        }
+    fn programs(&self) -> &[(&'static str, Run)] {
+        &[
+            ("master", |arguments| linux::run(&Master, arguments)),
+            ("plant", |arguments| linux::run(&Plant, arguments)),
+            ("servo", |arguments| linux::run(&Servo, arguments)),
+            ("table", |arguments| linux::run(&Table, arguments)),
+            ("teller", |arguments| linux::run(&Teller, arguments)),
+        ]
     }
 }
 

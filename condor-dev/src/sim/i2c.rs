@@ -1,0 +1,61 @@
+//! [`I2c`]: models behind two wires.
+
+use embedded_hal::i2c::{self, NoAcknowledgeSource};
+
+use crate::bus::{AccessError, Bus, BusErrorKind};
+
+/// An I2C controller whose part with the 7-bit address `d` is what is at `d << 8` of a bus of models: a
+/// [`Joint`](super::Joint), or a bus of the feature `sim`.
+///
+/// The first byte written is the number of a register, which advances with each further byte; a
+/// transaction begins at register 0. An absent part does not acknowledge its address.
+#[derive(Clone)]
+pub struct I2c<B>(pub B);
+
+impl<B> i2c::ErrorType for I2c<B> {
+    type Error = i2c::ErrorKind;
+}
+
+impl<B: Bus<Error = AccessError>> i2c::I2c for I2c<B> {
+    fn transaction(
+        &mut self,
+        part: u8,
+        operations: &mut [i2c::Operation<'_>],
+    ) -> Result<(), i2c::ErrorKind> {
+        let mut register = 0_u8;
+        // A register follows each start, which comes where reads turn into writes.
+        let mut started = true;
+        for operation in operations {
+            let done = match operation {
+                i2c::Operation::Read(into) => {
+                    started = true;
+                    into.iter_mut().try_for_each(|byte| {
+                        *byte = self
+                            .0
+                            .read8(usize::from(part) << 8 | usize::from(register))?;
+                        register = register.wrapping_add(1);
+                        Ok(())
+                    })
+                }
+                i2c::Operation::Write(from) => from.iter().try_for_each(|&byte| {
+                    if core::mem::take(&mut started) {
+                        register = byte;
+                        return Ok(());
+                    }
+                    let address = usize::from(part) << 8 | usize::from(register);
+                    register = register.wrapping_add(1);
+                    self.0.write8(address, byte)
+                }),
+            };
+            done.map_err(|error| {
+                i2c::ErrorKind::NoAcknowledge(match error.kind {
+                    BusErrorKind::NoAnswer | BusErrorKind::OutOfRange => {
+                        NoAcknowledgeSource::Address
+                    }
+                    _ => NoAcknowledgeSource::Unknown,
+                })
+            })?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,109 @@
+//! [`Joint`]: a motor driver, an angle sensor, and what turns between them.
+
+use core::f32::consts::TAU;
+
+use super::{As5600Model, Model, Pca9685Model};
+use crate::bus::{AccessError, Bus, BusErrorKind, Width};
+use crate::drivers::{As5600, Pca9685};
+use crate::stdio::Claim;
+
+const FRICTION_NM_S: f32 = 0.05;
+const INERTIA_KG_M2: f32 = 0.01;
+
+/// A joint that a motor turns, for programs without a heap too: the bus that is behind an
+/// [`I2c`](super::I2c).
+///
+/// At 0x40 is a [`Pca9685`] whose outputs 0 and 1 drive the motor in the one direction and in the other.
+/// At 0x36 is an [`As5600`], which sees the joint; it begins in the middle of the turn.
+///
+/// ```
+/// use condor_dev::drivers::{As5600, Pca9685};
+/// use condor_dev::sim::{I2c, Joint};
+/// use condor_dev::{I2cBus, Mode, NoInterrupts, Place, Switch, device_switch};
+///
+/// device_switch! {
+///     struct Boards {
+///         motor: Pca9685 = [Place::i2c(0x40)],
+///         sensor: As5600 = [Place::i2c(As5600::ADDRESS)],
+///     }
+/// }
+///
+/// let joint = Joint::default();
+/// let boards = Switch::<_, _, _, 2>::new(I2cBus::new(I2c(&joint)), NoInterrupts, Boards::new());
+/// boards.start();
+/// let motor = boards.open_typed(Boards::motor, 0, Mode::WRITE)?;
+/// let sensor = boards.open_typed(Boards::sensor, 0, Mode::READ)?;
+/// motor.set_duties(motor.registers, 0, &[Pca9685::CYCLE / 2, 0]).unwrap();
+/// for _ in 0..10 {
+///     joint.advance(0.002);
+/// }
+/// assert!((2049..2100).contains(&sensor.angle(sensor.registers).unwrap()));
+/// # Ok::<_, condor_dev::OpenError>(())
+/// ```
+pub struct Joint(Claim<Parts>);
+
+#[derive(Default)]
+struct Parts {
+    motor: Pca9685Model,
+    sensor: As5600Model,
+    /// rad, 0 in the middle of the sensor's turn.
+    angle: f32,
+    /// rad/s.
+    speed: f32,
+}
+
+impl Default for Joint {
+    /// A joint that rests, with its parts as they are after power came.
+    fn default() -> Self {
+        let joint = Self(Claim::new(Parts::default()));
+        joint.advance(0.0);
+        joint
+    }
+}
+
+impl Joint {
+    /// The torque with which the motor stands still when it is always on, N m.
+    pub const STALL_NM: f32 = 2.0;
+
+    /// Moves on by a time that is short to what changes, in seconds: a period of a servo loop. Nothing
+    /// moves while another context uses the bus.
+    pub fn advance(&self, seconds: f32) {
+        let Some(mut parts) = self.0.claim() else {
+            return;
+        };
+        let duty = |output| f32::from(parts.motor.duty(output).unwrap_or(0));
+        let torque = Self::STALL_NM * (duty(0) - duty(1)) / f32::from(Pca9685::CYCLE);
+        parts.speed += seconds * (torque - FRICTION_NM_S * parts.speed) / INERTIA_KG_M2;
+        parts.angle += seconds * parts.speed;
+        let step = (0.5 + parts.angle / TAU) * f32::from(As5600::TURN);
+        parts.sensor.angle = (step as i32).rem_euclid(As5600::TURN.into()).unsigned_abs() as u16;
+    }
+
+    fn access<R>(
+        &self,
+        address: usize,
+        access: impl FnOnce(&mut dyn Model, usize) -> Option<R>,
+    ) -> Result<R, AccessError> {
+        let error = |kind| AccessError { address, kind };
+        let mut parts = self.0.claim().ok_or(error(BusErrorKind::Busy))?;
+        let part: &mut dyn Model = match address >> 8 {
+            0x40 => &mut parts.motor,
+            0x36 => &mut parts.sensor,
+            _ => return Err(error(BusErrorKind::OutOfRange)),
+        };
+        access(part, address & 0xff).ok_or(error(BusErrorKind::NoAnswer))
+    }
+}
+
+impl Bus for Joint {
+    type Error = AccessError;
+
+    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+        self.access(address, |model, offset| model.read(offset, width))
+    }
+
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+        let value = value & width.mask();
+        self.access(address, |model, offset| model.write(offset, width, value))
+    }
+}

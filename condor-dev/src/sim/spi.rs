@@ -1,0 +1,59 @@
+//! [`Spi`]: a model behind four wires.
+
+use embedded_hal::spi::{self, SpiDevice};
+
+use super::Bus;
+use crate::bus::Bus as _;
+use crate::serial::SpiCommand;
+
+/// An SPI controller whose one part is the model at `base`.
+///
+/// The first byte that is written is the number of a register with the bits of `command`; it
+/// advances with each further byte. An absent part reads as ones.
+#[derive(Clone)]
+pub struct Spi {
+    /// The bus of the model.
+    pub bus: Bus,
+    /// The model's base.
+    pub base: usize,
+    /// The bits that the part expects beside a register's number.
+    pub command: SpiCommand,
+}
+
+impl spi::ErrorType for Spi {
+    type Error = spi::ErrorKind;
+}
+
+impl SpiDevice for Spi {
+    fn transaction(
+        &mut self,
+        operations: &mut [spi::Operation<'_, u8>],
+    ) -> Result<(), spi::ErrorKind> {
+        let flags = self.command.read | self.command.write;
+        let mut at = None;
+        for operation in operations {
+            match operation {
+                spi::Operation::Write(from) => {
+                    for &byte in *from {
+                        match &mut at {
+                            None => at = Some(self.base + usize::from(byte & !flags)),
+                            Some(register) => {
+                                let _ = self.bus.write8(*register, byte);
+                                *register += 1;
+                            }
+                        }
+                    }
+                }
+                spi::Operation::Read(into) => {
+                    for byte in into.iter_mut() {
+                        let register = at.get_or_insert(self.base);
+                        *byte = self.bus.read8(*register).unwrap_or(0xff);
+                        *register += 1;
+                    }
+                }
+                _ => return Err(spi::ErrorKind::Other),
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,107 @@
+//! `condor new`: a project of one's own, made from `examples/two-processors`.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::AnyError;
+
+/// Where the template is in Condor's source tree, and its name.
+const TEMPLATE: &str = "examples/two-processors";
+const NAME: &str = "two-processors";
+/// What is made there when it is built or run.
+const MADE: [&str; 3] = ["target", "Cargo.lock", ".condor-fs"];
+/// What only a package outside of another workspace has.
+const WORKSPACE: &str = "
+[workspace]
+members = [\"hart\"]
+
+[profile.release]
+debug = 1
+lto = \"fat\"
+";
+
+#[derive(Debug, Args)]
+pub(super) struct New {
+    /// The directory to make; its last part is the name of the package
+    directory: PathBuf,
+    /// Condor's source tree, on whose crates the project depends
+    #[arg(long, value_name = "CONDOR")]
+    path: PathBuf,
+}
+
+impl New {
+    pub(super) fn run(&self) -> Result<(), AnyError> {
+        let (directory, condor) = (self.directory.display(), self.path.display());
+        let name = self.directory.file_name().unwrap_or_default();
+        let name = name.to_str().filter(|name| is_package(name)).ok_or_else(|| {
+            format!(
+                "`{directory}` cannot be the name of a package: it begins with a small letter, and has small \
+                 letters, digits and `-` alone"
+            )
+        })?;
+        let tree = fs::canonicalize(&self.path).map_err(|error| format!("`{condor}`: {error}"))?;
+        let template = tree.join(TEMPLATE);
+        if !template.is_dir() {
+            let text = format!("`{condor}` is not Condor's source tree: it has no `{TEMPLATE}`");
+            return Err(text.into());
+        }
+        let plain = |path: &&str| !path.contains(['"', '\\']);
+        let tree_name = tree.to_str().filter(plain);
+        let tree_name =
+            tree_name.ok_or_else(|| format!("`{condor}` cannot be written in a manifest"))?;
+        fs::create_dir(&self.directory).map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => format!("`{directory}` exists: choose another name"),
+            _ => format!("`{directory}`: {error}"),
+        })?;
+        copy(&template, &self.directory, &|text| {
+            text.replace("../../../", "../../")
+                .replace("../../", &format!("{tree_name}/"))
+                .replace(NAME, name)
+                .replace(&NAME.replace('-', "_"), &name.replace('-', "_"))
+        })?;
+        let manifest = self.directory.join("Cargo.toml");
+        let text = fs::read_to_string(&manifest)? + WORKSPACE;
+        fs::write(manifest, text)?;
+        // The versions with which the crates are tested.
+        let lock = tree.join("Cargo.lock");
+        if lock.is_file() {
+            fs::copy(lock, self.directory.join("Cargo.lock"))?;
+        }
+        println!(
+            "`{directory}` is made. Its README.md says what to do next:\n\n    cd {directory}\n    \
+             cargo test         # both programs in virtual time\n    \
+             cargo run -- up    # both as processes of this machine; F1 is help"
+        );
+        Ok(())
+    }
+}
+
+/// Whether a package can have this name, and its crate, too.
+fn is_package(name: &str) -> bool {
+    let begins = name.starts_with(|first: char| first.is_ascii_lowercase());
+    let is_known = |one: char| one.is_ascii_lowercase() || one.is_ascii_digit() || one == '-';
+    begins && name.chars().all(is_known)
+}
+
+/// Copies what is in a directory, with its texts changed.
+fn copy(from: &Path, to: &Path, change: &dyn Fn(String) -> String) -> Result<(), AnyError> {
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        if MADE.iter().any(|made| entry.file_name() == *made) {
+            continue;
+        }
+        let (from, to) = (entry.path(), to.join(entry.file_name()));
+        if from.is_dir() {
+            fs::create_dir(&to)?;
+            copy(&from, &to, change)?;
+        } else {
+            let text = fs::read_to_string(&from);
+            let text = text.map_err(|error| format!("`{}`: {error}", from.display()))?;
+            fs::write(&to, change(text))?;
+        }
+    }
+    Ok(())
+}

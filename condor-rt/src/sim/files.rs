@@ -1,0 +1,34 @@
+//! The file service in virtual time.
+
+use core::error::Error;
+use core::time::Duration;
+use std::path::Path;
+
+use condor_dev::Bus;
+use condor_fs::server::{Options, Server};
+use condor_fs::wire::FILES;
+use condor_mbox::{Call, Messenger as _};
+
+use super::processor::Processor;
+use crate::machine::Machine as _;
+
+/// How long it serves before it looks whether it is to end.
+const NAP: Duration = Duration::from_millis(100);
+
+/// Serves `root` until the run is over.
+pub(super) fn serve<B: Bus + Clone + Sync>(
+    machine: &Processor<B>,
+    root: &Path,
+) -> Result<(), Box<dyn Error>> {
+    let server = Server::new(root, Options::default())?;
+    let windows = machine.windows();
+    server.recover(&windows)?;
+    let answer = |call: &Call<'_>| server.answer(call, &windows);
+    let mut mailbox = machine.mailbox()?;
+    mailbox.set_vector(FILES, &answer, "files")?;
+    mailbox.join()?;
+    while !machine.is_stopping() {
+        mailbox.serve(NAP)?;
+    }
+    Ok(())
+}

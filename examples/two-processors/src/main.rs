@@ -1,0 +1,14 @@
+//! `condor` with the programs of both processors.
+
+use std::process::ExitCode;
+
+use condor_host::cli::{self, Table};
+use condor_rt::linux;
+use two_processors::{Master, Servo};
+
+fn main() -> ExitCode {
+    cli::main(&Table(&[
+        ("master", |arguments| linux::run(&Master, arguments)),
+        ("servo", |arguments| linux::run(&Servo, arguments)),
+    ]))
+}

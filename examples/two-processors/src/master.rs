@@ -1,0 +1,44 @@
+//! The master: moves the joint to the angles in a file, and to those that are typed.
+
+use core::time::Duration;
+
+use condor_rt::{Background, Error, Machine, Messenger as _, OpenOptions, Program, Setup};
+
+use crate::{MOVE, SERVO};
+
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// The program.
+pub struct Master;
+
+impl Program for Master {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        Setup::new(machine)?.console()?.files()?.background(lead)
+    }
+}
+
+fn lead<M: Machine>(background: &Background<'_, M>) -> Result<(), Error> {
+    let (mut text, mut line) = ([0; 256], [0; 16]);
+    let files = background.files()?;
+    let mut file = files.open("moves", OpenOptions::new().read())?;
+    let count = file.read(&mut text)?;
+    let moves = str::from_utf8(text.get(..count).unwrap_or_default());
+    let mut moves = moves.unwrap_or_default().split_whitespace();
+    // One angle of the file in two seconds.
+    for pass in (0..20).cycle() {
+        let typed = background.read_line(&mut line, PATIENCE)?;
+        if background.is_stopping() {
+            break;
+        }
+        let next = typed.or_else(|| (pass == 0).then(|| moves.next())?);
+        let Some(Ok(angle)) = next.map(str::parse::<i32>) else {
+            continue;
+        };
+        let mailbox = background.mailbox();
+        match mailbox.send_with_reply(SERVO, MOVE, angle as u32, PATIENCE) {
+            Ok(at) => background.print(format_args!("{} -> {angle}\r\n", at as i32)),
+            Err(error) => background.print(format_args!("{error}\r\n")),
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,70 @@
+//! The servo: holds the joint where it was told to, with a motor driver and an angle sensor on I2C.
+
+use core::f32::consts::TAU;
+use core::sync::atomic::{AtomicI32, Ordering::Relaxed};
+
+use condor_dev::drivers::{As5600, Pca9685};
+use condor_dev::sim::{I2c, Joint};
+use condor_dev::{I2cBus, Mode, NoInterrupts, Place, Switch, device_switch};
+use condor_rt::{Error, Machine, Param, Program, Rate, Setup, Var};
+
+use crate::{MOVE, WHERE};
+
+const HZ: u16 = 400;
+const DAMPING_NM_S: f32 = 0.1;
+
+device_switch! {
+    struct Boards {
+        motor: Pca9685 = [Place::i2c(0x40)],
+        sensor: As5600 = [Place::i2c(As5600::ADDRESS)],
+    }
+}
+
+/// The program.
+pub struct Servo;
+
+impl Program for Servo {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        // With a real joint, `I2cBus::new` has the I2C controller of the board instead.
+        let joint = Joint::default();
+        let i2c = I2cBus::new(I2c(&joint));
+        let boards = Switch::<_, _, _, 2>::new(i2c, NoInterrupts, Boards::new());
+        boards.start();
+        let motor = boards.open_typed(Boards::motor, 0, Mode::WRITE)?;
+        let sensor = boards.open_typed(Boards::sensor, 0, Mode::READ)?;
+
+        let position = Var::new("joint.position", "rad");
+        let stiffness = Param::new("joint.stiffness", "N m/rad", 2.0_f32, 0.0..=20.0);
+        let report_hz = Param::new("report.hz", "Hz", 1, 0..=20);
+        let (target, place, mut last) = (AtomicI32::new(0), AtomicI32::new(0), 0.0);
+        Setup::new(machine)?
+            .console()?
+            .on(MOVE, "move", &|call| {
+                target.store(call.data() as i32, Relaxed);
+                place.load(Relaxed) as u32
+            })
+            .on(WHERE, "where", &|_| place.load(Relaxed) as u32)
+            .watch(&position)
+            .tune(&stiffness)
+            .servo("servo", Rate::hz(HZ.into()), &mut |_| {
+                joint.advance(1.0 / f32::from(HZ));
+                let Ok(step) = sensor.angle(sensor.registers) else {
+                    return;
+                };
+                let angle = (f32::from(step) / f32::from(As5600::TURN) - 0.5) * TAU;
+                let error = target.load(Relaxed) as f32 / 1000.0 - angle;
+                let speed = (angle - last) * f32::from(HZ);
+                let torque = stiffness.get() * error - DAMPING_NM_S * speed;
+                let duty = (torque / Joint::STALL_NM * f32::from(Pca9685::CYCLE)) as i16;
+                let duties = [duty.max(0) as u16, duty.min(0).unsigned_abs()];
+                let _ = motor.set_duties(motor.registers, 0, &duties);
+                position.set(angle);
+                place.store((angle * 1000.0) as i32, Relaxed);
+                last = angle;
+            })
+            .servo_at("report", &report_hz, &mut |tick| {
+                tick.print(format_args!("joint at {} mrad\r\n", place.load(Relaxed)));
+            })
+            .run()
+    }
+}

@@ -1,0 +1,28 @@
+//! Both programs in virtual time.
+
+use std::time::Duration;
+
+use condor_rt::{Error, Machine as _, Messenger as _, Processor, sim};
+use two_processors::{Master, SERVO, Servo, WHERE};
+
+#[test]
+fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
+    let mut system = sim::System::new(65536)?;
+    system.files(concat!(env!("CARGO_MANIFEST_DIR"), "/files"))?;
+    system.spawn(Processor(0), &Master)?;
+    system.spawn(SERVO, &Servo)?;
+    system.host(Processor(11), |machine| {
+        let mut mailbox = machine.mailbox()?;
+        mailbox.join()?;
+        // `files/moves` begins with 500, -500; each is held for two seconds.
+        for expected in [500, -500] {
+            machine.work(1_500_000_000);
+            let at = mailbox.send_with_reply(SERVO, WHERE, 0, Duration::from_secs(1))? as i32;
+            assert!((at - expected).abs() < 10, "{at} mrad");
+            machine.work(500_000_000);
+        }
+        Ok::<_, Error>(())
+    })?;
+    system.run_until(5_000_000_000)?;
+    Ok(())
+}

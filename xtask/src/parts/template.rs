@@ -1,0 +1,215 @@
+//! The template, as a new user has it: made outside of the tree, built, tested, and brought up.
+
+use std::env;
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::Result;
+use crate::command::{Line, command};
+use crate::context::{Context, list, text};
+use crate::firmware::{self, HARTS, HARTS_TARGET};
+use crate::image::Image;
+use crate::outcome::Summary;
+use crate::parts::panics::{self, PANICKED};
+use crate::parts::test;
+use crate::programs;
+use crate::tools::{need_debian, need_target};
+
+/// What the project is called, and its systems.
+const NAME: &str = "template-check";
+/// Lines of Rust that the template may have, without comments and empty lines.
+const LINES: usize = 150;
+/// How long it may take until the joint is where it was told to go.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+pub(crate) fn run(context: &Context) -> Result<Summary> {
+    let lines = lines(&context.root.join("examples/two-processors"))?;
+    if lines > LINES {
+        return Err(format!("the template has {lines} lines of Rust, and may have {LINES}").into());
+    }
+    // `condor` is one of the programs of `test`.
+    programs::build(&command(context, &test::build_line()))?;
+    let outside = env::temp_dir().join(format!("condor-{}", std::process::id()));
+    fs::create_dir_all(&outside)?;
+    let outcome = check(context, &outside);
+    fs::remove_dir_all(&outside)?;
+    let harts = outcome?;
+    Ok(Summary::of(format!(
+        "{lines} lines of Rust, as processes{harts}"
+    )))
+}
+
+fn check(context: &Context, outside: &Path) -> Result<&'static str> {
+    let condor = context.root.join("target/debug/condor");
+    let made = Command::new(condor)
+        .args(["new", NAME, "--path"])
+        .arg(&context.root)
+        .current_dir(outside)
+        .status()?;
+    if !made.success() {
+        return Err(format!("`condor new`: {made}").into());
+    }
+    let project = Project {
+        context,
+        directory: outside.join(NAME),
+    };
+    // Kept from run to run.
+    let target = context.root.join("target/template");
+    fs::create_dir_all(&target)?;
+    symlink(target, project.directory.join("target"))?;
+    project.cargo("cargo test --offline").run()?;
+    project.bring_up("condor.toml", NAME, true)?;
+
+    need_target(context, HARTS_TARGET)?;
+    let image = format!("{NAME}-hart");
+    let build = format!("cargo build --offline --release -p {image} --target {HARTS_TARGET}");
+    project.cargo(&build).run()?;
+    let path = format!("target/{HARTS_TARGET}/release/{image}");
+    if let Some(origins) = Image::read(&project.directory.join(path))?.origins_of(PANICKED)? {
+        return Err(format!("{image} can panic: {}", panics::list(&origins)).into());
+    }
+    if need_debian(
+        context,
+        "qemu-system-misc",
+        "qemu-system-riscv64",
+        &["qemu-utils"],
+    )
+    .is_err()
+        && env::var_os("CI").is_none()
+    {
+        return Ok(", not in QEMU, which is not here");
+    }
+    firmware::build(context, HARTS, &["monitor"], HARTS_TARGET, "release", &[])?;
+    project.bring_up("harts.toml", &format!("{NAME}-on-harts"), false)?;
+    Ok(" and on a hart")
+}
+
+/// Counts lines of Rust, and finds no unsafe code.
+fn lines(directory: &Path) -> Result<usize> {
+    let mut count = 0;
+    for entry in fs::read_dir(directory)? {
+        let path = entry?.path();
+        if path.is_dir() && !path.ends_with("target") {
+            count += lines(&path)?;
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let code = fs::read_to_string(&path)?;
+            if code.contains("unsafe") {
+                return Err(format!("{} has unsafe code", path.display()).into());
+            }
+            let code = code.lines().map(str::trim);
+            count += code
+                .filter(|line| !line.is_empty() && !line.starts_with("//"))
+                .count();
+        }
+    }
+    Ok(count)
+}
+
+struct Project<'c> {
+    context: &'c Context,
+    directory: PathBuf,
+}
+
+impl Project<'_> {
+    fn cargo(&self, line: &str) -> Line {
+        command(self.context, line)
+            .dir(&self.directory.to_string_lossy())
+            .env("CARGO_TARGET_DIR", "target")
+            .env("CARGO_PROFILE_DEV_DEBUG", "line-tables-only")
+    }
+
+    /// Brings a system up, moves the joint, sets a parameter, kills the servo if it is a process, and
+    /// takes the system down.
+    fn bring_up(&self, description: &str, system: &str, kills: bool) -> Result<()> {
+        let mut up = self.program(&["up", description, "--headless", "--for", "5m"]);
+        let up = Running(up.stdout(Stdio::null()).spawn()?);
+        self.until_at(system, 300)?;
+        self.ask(&["vars", "set", "joint.stiffness", "4", "--system", system])?;
+        self.ask(&["vars", "set", "report.hz", "5", "--system", system])?;
+        self.until_at(system, -400)?;
+        if kills {
+            self.kill_servo(system)?;
+            self.until_at(system, 200)?;
+        }
+        self.ask(&["down", "--system", system])?;
+        up.ended()
+    }
+
+    /// Has the joint move until it is there.
+    fn until_at(&self, system: &str, mrad: i32) -> Result<()> {
+        let data = mrad.cast_unsigned().to_string();
+        let begun = Instant::now();
+        loop {
+            // As long as the servo is not up, there is no answer.
+            let answer = self.ask(&[
+                "send", "servo", "1", &data, "--reply", "--json", "--system", system,
+            ]);
+            let reply = answer.and_then(|answer| Ok(serde_json::from_str::<Value>(&answer)?));
+            let at = reply
+                .as_ref()
+                .ok()
+                .and_then(|reply| reply["reply"].as_u64());
+            if at.is_some_and(|at| (at as u32).cast_signed().abs_diff(mrad) < 20) {
+                return Ok(());
+            }
+            if begun.elapsed() > PATIENCE {
+                return Err(
+                    format!("{system}: the joint does not get to {mrad}: {reply:?}").into(),
+                );
+            }
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn kill_servo(&self, system: &str) -> Result<()> {
+        let shown = self.ask(&["ps", "--json", "--system", system])?;
+        let shown: Value = serde_json::from_str(&shown)?;
+        let mut processors = list(&shown["processors"]).iter();
+        let servo = processors.find(|one| text(&one["name"]) == "servo");
+        let pid = servo.and_then(|servo| servo["pid"].as_u64());
+        let pid = pid.ok_or_else(|| format!("{system}: no process of the servo in {shown}"))?;
+        command(self.context, &format!("kill -KILL {pid}")).run()
+    }
+
+    fn ask(&self, arguments: &[&str]) -> Result<String> {
+        let output = self.program(arguments).output()?;
+        if !output.status.success() {
+            let said = String::from_utf8_lossy(&output.stderr);
+            return Err(format!("`{NAME} {}`: {said}", arguments.join(" ")).into());
+        }
+        Ok(String::from_utf8(output.stdout)?)
+    }
+
+    fn program(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(self.directory.join("target/debug").join(NAME));
+        command.args(arguments).current_dir(&self.directory);
+        command
+    }
+}
+
+/// A system that is up, and does not outlive a check that fails.
+struct Running(Child);
+
+impl Running {
+    fn ended(mut self) -> Result<()> {
+        let status = self.0.wait()?;
+        if status.success() {
+            return Ok(());
+        }
+        Err(format!("`{NAME} up`: {status}").into())
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // One that has ended is not there any more.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
