@@ -23,7 +23,7 @@
 //! | `headless` | lines that are typed at its terminal when all programs run, without user interface | `[]` |
 //! | `kind` | what the processor is: `"process"` of this machine, or `"hart"` of the other one | `"process"` |
 //! | `hart` | the hart, from 0 on without a gap | |
-//! | `loops` | how servo loops are released: `"signals"` or `"spin"` | `"signals"` |
+//! | `loops` | how servo loops run: in `"threads"`, in `"signals"` if the program allows it, or `"spin"` (see [`condor_rt::linux`]) | `"threads"` |
 //! | `cpu` | the CPU that the process keeps to | any |
 //! | `priority` | of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
 //! | `on_failure` | `"restart"`, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
@@ -54,6 +54,7 @@ use std::path::PathBuf;
 use crate::harts::{Map, MapError};
 
 pub(crate) use check::find_program;
+pub use condor_rt::linux::Loops;
 pub use mistake::{Mistake, Mistakes, Problem};
 pub(crate) use read::beside;
 
@@ -211,27 +212,6 @@ pub enum Kind {
     Process,
     /// This hart of the other machine.
     Hart(u32),
-}
-
-/// How servo loops are released.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Loops {
-    /// By a timer's signal.
-    Signals,
-    /// By a thread that looks at the clock all the time.
-    Spin,
-}
-
-impl Loops {
-    /// As the description and `CONDOR_LOOPS` say it.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Signals => "signals",
-            Self::Spin => "spin",
-        }
-    }
 }
 
 /// What follows when a program fails.

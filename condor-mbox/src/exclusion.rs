@@ -13,9 +13,25 @@ use core::marker::PhantomData;
 /// While `body` runs, no other context that shares the mailbox may enter a section: mask the
 /// interrupts that use it, or take a lock that no interrupt of the holder can wait for. A wrong
 /// implementation loses messages; it cannot make the program unsound.
+///
+/// Contexts that interrupt each other need no more. Where they run in parallel, as threads do, and several
+/// serve, [`begin_serving`](Self::begin_serving) lets one at a time take messages and run their handlers:
+/// then handlers start in the order in which their messages were sent.
 pub trait Exclusion {
     /// Runs `body` alone.
     fn with<R>(&self, body: impl FnOnce() -> R) -> R;
+
+    /// Returns whether the calling context may take messages. It may take more while it runs a handler,
+    /// and calls [`end_serving`](Self::end_serving) as often as this returned true.
+    fn begin_serving(&self) -> bool {
+        true
+    }
+
+    /// Ends what [`begin_serving`](Self::begin_serving) began; returns whether another context was
+    /// refused meanwhile. The mailbox rings its own doorbell then, so that this context looks again.
+    fn end_serving(&self) -> bool {
+        false
+    }
 }
 
 /// Sections of the [`critical-section`](critical_section) crate: the right choice wherever

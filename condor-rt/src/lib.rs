@@ -52,7 +52,7 @@ pub use interrupts::Interrupts;
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
 pub use running::{Background, Call, ConsoleOf, FILES, FilesOf, Tick};
-pub use servo::{LOOPS, ServoLoop};
+pub use servo::{LOOPS, ServoLoop, on_one_stack};
 pub use setup::{Body, HANDLERS, Handler, Setup, users};
 pub use silent::Silent;
 pub use variables::VARIABLES;

@@ -4,12 +4,12 @@ use condor_dev::Bus;
 use condor_mbox::{
     self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Waiting, Windows,
 };
-use condor_mos::{Loops, Platform};
+use condor_mos::{Loops, Rate};
 
 use crate::error::Error;
 use crate::interrupts::Interrupts;
 use crate::numbers::PROCESSORS;
-use crate::servo::{self, ServoLoop};
+use crate::servo::ServoLoop;
 
 /// The mailbox of a program on machine `M`.
 pub type MailboxOf<'v, M> = Mailbox<
@@ -35,13 +35,8 @@ pub trait Machine: Sync {
     type Doorbell: Doorbell + Clone + Sync;
     /// How background, handlers and loops keep apart.
     type Exclusion: Exclusion + Clone + Sync;
-    /// The timer, and how loops nest.
-    type Platform: Platform<Instant = u64> + Sync;
     /// The bus on which the boards are.
     type Bus: Bus + Clone + Sync;
-
-    /// Whether messages come with an interrupt, which [`with_mail`](Self::with_mail) has serve them.
-    const MAIL_INTERRUPTS: bool = false;
 
     /// The number of this processor.
     fn number(&self) -> Processor;
@@ -55,8 +50,8 @@ pub trait Machine: Sync {
     /// What keeps the contexts of this processor apart.
     fn exclusion(&self) -> Self::Exclusion;
 
-    /// The timer for a scheduler; one scheduler at a time has it.
-    fn platform(&self) -> Self::Platform;
+    /// Ticks per second of the timer by which loops are due.
+    fn timer_frequency(&self) -> Rate;
 
     /// The bus on which the boards are.
     fn bus(&self) -> Self::Bus;
@@ -86,15 +81,32 @@ pub trait Machine: Sync {
     /// Whether the program is to end; its background looks at least every 100 ms.
     fn is_stopping(&self) -> bool;
 
-    /// Runs `background`, while the mailbox interrupt, if there is [one](Self::MAIL_INTERRUPTS), calls
-    /// `serve`: [`Messenger::serve`](condor_mbox::Messenger::serve) with a time-out of zero, of a
-    /// mailbox that wants [all rings](condor_mbox::Mailbox::ring_always). Servo loops interrupt it.
+    /// Whether [`with_mail`](Self::with_mail) serves messages: by the mailbox interrupt of a hart, or by a
+    /// thread.
+    fn mail_interrupts(&self) -> bool {
+        false
+    }
+
+    /// Runs `background`, and serves messages meanwhile, if this machine [does](Self::mail_interrupts):
+    /// each ring calls `serve`, which is [`Messenger::serve`](condor_mbox::Messenger::serve) with a
+    /// time-out of zero, of a mailbox that wants [all rings](condor_mbox::Mailbox::ring_always), and
+    /// returns how many messages it has served. Servo loops are more urgent.
     ///
-    /// Without it messages are served where the background waits. With it, messages of one sender stay
-    /// in order only if the background does not serve, too: it polls instead of waiting.
-    fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {
+    /// A machine that does not, serves messages where the background waits. On one that does, the
+    /// background [waits for rings](condor_mbox::Doorbell::wait) and looks what handlers have done,
+    /// instead of serving: an interrupt between a message that the background has taken and the start of
+    /// its handler would serve a later one first. (A process keeps the order even then: one thread at a
+    /// time serves, and the background is rung again when handlers have run.)
+    ///
+    /// # Errors
+    /// Nothing can serve; `background` has not run then.
+    fn with_mail<R>(
+        &self,
+        serve: impl Fn() -> usize + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, Error> {
         let _ = serve;
-        background()
+        Ok(background())
     }
 
     /// What became of the interrupts of its boards so far; `None` if none interrupts.
@@ -104,7 +116,7 @@ pub trait Machine: Sync {
 
     /// Runs loops, by their numbers in `loops`, and `background`, which is given what it may ask of them.
     ///
-    /// On one stack, which they interrupt; a machine with another way to run loops has its own.
+    /// Where loops interrupt the background on its stack, this is [`on_one_stack`](crate::on_one_stack).
     ///
     /// # Errors
     /// The rates cannot be scheduled, or the loops cannot start; `background` has not run then.
@@ -112,19 +124,15 @@ pub trait Machine: Sync {
         &self,
         loops: &mut [ServoLoop<'_>],
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, Error>
-    where
-        Self: Sized,
-    {
-        servo::on_one_stack(self.platform(), loops, background)
-    }
+    ) -> Result<R, Error>;
 }
 
 /// A program for any [`Machine`].
 ///
-/// Its loops neither wait, nor allocate, print or lock: on most machines they are interrupts. What they
-/// and the background share lies in the windows, in a [`LoopLock`](condor_mos::LoopLock) or in a
-/// [`Latest`](condor_mos::Latest).
+/// Its loops neither wait, nor allocate, print or lock: on most machines they are interrupts. On others
+/// they run beside the background and the handlers at the same time. What they share lies in the windows,
+/// in an atomic, in a [`Latest`](condor_mos::Latest), in a [`LoopLock`](condor_mos::LoopLock), or is used
+/// in sections of the [exclusion](Machine::exclusion) or of `critical-section`.
 pub trait Program {
     /// Runs until the machine [is stopping](Machine::is_stopping).
     ///

@@ -213,8 +213,9 @@ impl<'b, M: Machine> Background<'b, M> {
     /// [`mbox::Error::Window`] if the own memory is gone.
     pub fn serve(&self, time: Duration) -> Result<(), Error> {
         let bell = self.machine.doorbell();
-        if M::MAIL_INTERRUPTS {
+        if self.machine.mail_interrupts() {
             bell.wait(bell.prepare(), bell.now().after(time), None);
+            self.mailbox.beat()?;
         } else {
             self.mailbox.serve(time)?;
         }

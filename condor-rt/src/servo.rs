@@ -21,8 +21,12 @@ pub struct ServoLoop<'b> {
     pub body: &'b mut (dyn FnMut(u64) + Send),
 }
 
-/// Runs loops on the stack of the background, which they interrupt.
-pub(crate) fn on_one_stack<P, R>(
+/// Runs loops on the stack of the background, which they interrupt: the
+/// [`with_loops`](crate::Machine::with_loops) of most machines.
+///
+/// # Errors
+/// Those of [`with_loops`](crate::Machine::with_loops).
+pub fn on_one_stack<P, R>(
     platform: P,
     loops: &mut [ServoLoop<'_>],
     background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,

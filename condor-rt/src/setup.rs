@@ -7,7 +7,7 @@ use condor_fs::Area;
 use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, AccessError, Clock as _, Instant, MemoryWindow, Messenger as _};
 use condor_mbox::{Places, Published, Region, Vector, Waiting};
-use condor_mos::{Loops, Overrun, Rate, Timer as _};
+use condor_mos::{Loops, Overrun, Rate};
 use condor_tty::{Terminal, Vectors};
 use condor_vars::{Catalog, Described, Param, Respond, Settings, Tune, VARS, Watch, describe};
 use heapless::Vec;
@@ -398,7 +398,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         let mut desks = [const { LoopDesk::new() }; LOOPS];
         let (servers, samplers) = self.tables(&mut desks, &watched, &tuned, &lives)?;
         let servers: Vec<&dyn Respond, LOOPS> = fitting(servers.iter().map(|one| one as _));
-        let time = Nanoseconds::of(self.machine.platform().frequency());
+        let time = Nanoseconds::of(self.machine.timer_frequency());
         let (machine, console, area) = (self.machine, self.console.as_ref(), self.area);
         let handlers = &self.handlers;
         let screen = console.map(|console| console as &dyn Screen);
@@ -431,7 +431,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         for (vector, name, _) in handlers.iter() {
             mailbox.set_vector(*vector, &dispatch, name)?;
         }
-        mailbox.ring_always(M::MAIL_INTERRUPTS)?;
+        mailbox.ring_always(machine.mail_interrupts())?;
         mailbox.join()?;
 
         let (mailbox, own) = (&mailbox, &self.own);
@@ -474,16 +474,14 @@ impl<'e, M: Machine> Setup<'e, M> {
             running.show_now(&mut running.reports.borrow_mut().1)?;
             Ok(background(&running))
         };
-        let serve = || {
-            // What is wrong with the own memory, the background finds out.
-            let _ = mailbox.serve(Duration::ZERO);
-        };
+        // What is wrong with the own memory, the background finds out.
+        let serve = || mailbox.serve(Duration::ZERO).unwrap_or(0);
         machine.with_mail(serve, || {
             if loops.is_empty() {
                 return run(None);
             }
             machine.with_loops(&mut loops, |loops| run(Some(loops)))?
-        })
+        })?
     }
 
     /// Makes the tables of the loops that have variables or parameters.

@@ -2,18 +2,15 @@
 
 use std::io::{Read, Write, pipe};
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use condor_hand::message::{ServoObject, ServoPlaces};
 use condor_mbox::{Clock as _, MemoryWindow, Messenger, Places, Processor, Region, Windows};
-use condor_mos::{
-    Clock, LoopId, Loops as _, Overrun, Rate, Scan, Scheduler, Statistics, Timer as _,
-};
+use condor_mos::{LoopId, Overrun, Rate, Statistics};
 use condor_rt::directory::Directory;
 use condor_rt::linux::{Environment, Loops, Process};
 use condor_rt::loops::LoopReports;
-use condor_rt::{Machine, MailboxOf, PROCESSORS};
+use condor_rt::{Machine, MailboxOf, PROCESSORS, ServoLoop};
 
 use super::servo::{Bench, Fingers};
 use crate::Result;
@@ -148,7 +145,7 @@ impl Turn<'_> {
         };
         // SAFETY: the loops compute, read the clock, and write to windows and to memory of their own,
         // on a stack of megabytes; the background stays there.
-        let machine = unsafe { Process::new(&environment, []) }?;
+        let machine = unsafe { Process::allowing_signals(&environment, []) }?;
         self.run_on(&machine)
     }
 
@@ -221,41 +218,34 @@ impl<M: Machine> Background<'_, '_, M> {
         mut tick: impl FnMut() + Send,
     ) -> Result<Counts> {
         let turn = self.turn;
-        let platform = self.machine.platform();
-        let clock = Clock::of::<u64>(platform.frequency());
-        let table = Scan::<1>::try_new(&[Rate::hz(turn.rate_hz)], clock).map_err(display)?;
-        let scheduler: Scheduler<_, 1, 0> = Scheduler::new(platform, table);
-        let scheduler = &scheduler;
         let bell = self.machine.doorbell();
         let begun_ns = bell.now().as_ns();
         let counted_ns = begun_ns + WARM_UP_NS;
         let end_ns = counted_ns + turn.length_ns();
         // A loop that takes all of the processor would keep the background from ever ending it.
-        let limit_ns = AtomicU64::new(end_ns + turn.length_ns() / 4);
+        let limit_ns = end_ns + turn.length_ns() / 4;
         let loops_bell = &bell;
         let mut body = |_| {
-            tick();
-            // Relaxed: written before the loop began.
-            if loops_bell.now().as_ns() > limit_ns.load(Ordering::Relaxed) {
-                scheduler.stop();
+            if loops_bell.now().as_ns() <= limit_ns {
+                tick();
             }
         };
-        let statistics = || scheduler.statistics(LoopId(0)).map_err(display);
-        scheduler.scope(|scope| {
-            scope
-                .assign(LoopId(0), Overrun::Skip, &mut body)
-                .map_err(display)?;
-            let background = || {
-                self.serve_until(counted_ns, || Ok(()))?;
-                let before = statistics()?;
-                self.serve_until(end_ns, || {
-                    reports.publish(0, &statistics()?).map_err(display)?;
-                    Ok(())
-                })?;
-                Ok(Counts::between(&before, &statistics()?, turn.releases))
-            };
-            scheduler.run(background).map_err(display)?
-        })
+        let servo = ServoLoop {
+            rate: Rate::hz(turn.rate_hz),
+            overrun: Overrun::Skip,
+            body: &mut body,
+        };
+        let ran = self.machine.with_loops(&mut [servo], |loops| {
+            let statistics = || loops.statistics(LoopId(0)).map_err(display);
+            self.serve_until(counted_ns, || Ok(()))?;
+            let before = statistics()?;
+            self.serve_until(end_ns, || {
+                reports.publish(0, &statistics()?).map_err(display)?;
+                Ok(())
+            })?;
+            Ok(Counts::between(&before, &statistics()?, turn.releases))
+        });
+        ran.map_err(display)?
     }
 
     fn serve_until(&self, end_ns: u64, mut show: impl FnMut() -> Result<()>) -> Result<()> {

@@ -270,10 +270,7 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
     let kinds = [("process", false), ("hart", true)];
     let is_hart = table.word("kind", &kinds).unwrap_or(false);
     let hart = check::keys_of_kind(text, &mut table, is_hart);
-    let loops = table.word(
-        "loops",
-        &[("signals", Loops::Signals), ("spin", Loops::Spin)],
-    );
+    let loops = table.word("loops", &Loops::ALL.map(|loops| (loops.word(), loops)));
     let cpu = table.optional_number("cpu", 0..=1023);
     let priority = table.optional_number("priority", 1..=99);
     let on_failure = table.word(
@@ -312,7 +309,7 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
             .as_ref()
             .map_or(Kind::Process, |hart| Kind::Hart(hart.value)),
         hart,
-        loops: loops.unwrap_or(Loops::Signals),
+        loops: loops.unwrap_or_default(),
         cpu: small(cpu),
         priority: priority.and_then(|priority| u8::try_from(priority).ok()),
         on_failure: on_failure.unwrap_or(OnFailure::Restart),

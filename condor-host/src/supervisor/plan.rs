@@ -11,9 +11,7 @@ use super::launch::{Image, Launch, LaunchError};
 use super::member::{Member, Plan};
 use super::process::Process;
 use crate::control;
-use crate::description::{
-    Description, Kind, Loops, OnFailure, Processor, Program, beside, find_program,
-};
+use crate::description::{Description, Kind, OnFailure, Processor, Program, beside, find_program};
 use crate::harts::{self, MachineMemory};
 use crate::services;
 use crate::system::Directory;
@@ -120,10 +118,7 @@ fn image(
 ) -> std::io::Result<Image> {
     let environment = Environment {
         bus: bus(description, directory),
-        loops: match processor.loops {
-            Loops::Signals => linux::Loops::Signals,
-            Loops::Spin => linux::Loops::Spin,
-        },
+        loops: processor.loops,
         cpu: processor.cpu.map(|cpu| cpu as usize),
         priority: processor.priority,
         ..basics(processor.number, description, directory)
@@ -154,7 +149,7 @@ fn basics(number: u8, description: &Description, directory: &Directory) -> Envir
         window_bytes: description.window_bytes,
         processor: Number(number),
         bus: None,
-        loops: linux::Loops::Signals,
+        loops: linux::Loops::default(),
         cpu: None,
         priority: None,
     }

@@ -62,7 +62,7 @@ fn what_is_left_out_has_a_default() {
     assert_eq!(processor.program, Program::Own);
     assert_eq!(
         (processor.kind, processor.loops),
-        (Kind::Process, Loops::Signals)
+        (Kind::Process, Loops::Threads)
     );
     assert_eq!((processor.cpu, processor.priority), (None, None));
     assert_eq!(
@@ -114,7 +114,8 @@ priority = 100
                     .with_file_name("no-such-program")
                     .display(),
             ),
-            "16:9: `quickly` is none of the choices here; it can be `signals`, `spin`".into(),
+            "16:9: `quickly` is none of the choices here; it can be `threads`, `signals`, `spin`"
+                .into(),
             "17:12: 100 is not a whole number from 1 to 99".into(),
         ]
     );

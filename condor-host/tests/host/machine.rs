@@ -78,7 +78,7 @@ impl Rig {
             window_bytes: 4096,
             processor: NUMBER,
             bus: None,
-            loops: Loops::Signals,
+            loops: Loops::Threads,
             cpu: None,
             priority: None,
         };

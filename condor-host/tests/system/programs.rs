@@ -12,18 +12,15 @@ fn program() {
     let words = std::env::var("CONDOR_TEST_PROGRAM").unwrap_or_default();
     let mut words = words.split(' ').map(String::from);
     let code = match words.next().as_deref() {
-        // SAFETY: the program has no loops.
-        Some("writer") => unsafe { condor_rt::linux::run(&Writer, words) },
-        // SAFETY: its loops compute and store.
-        Some("joint") => unsafe { condor_rt::linux::run(&Joint, words) },
+        Some("writer") => condor_rt::linux::run(&Writer, words),
+        Some("joint") => condor_rt::linux::run(&Joint, words),
         Some("printer") => {
             std::thread::spawn(|| {
                 loop {
                     println!("\x1b[2Jand on and on");
                 }
             });
-            // SAFETY: the program has no loops.
-            unsafe { condor_rt::linux::run(&Writer, words) }
+            condor_rt::linux::run(&Writer, words)
         }
         Some("parent") => {
             // One in the group of this program, and one that has detached itself.
@@ -32,8 +29,7 @@ fn program() {
                 let status = Command::new("sh").args(["-c", &command]).status();
                 assert!(status.is_ok_and(|status| status.success()));
             }
-            // SAFETY: the program has no loops.
-            unsafe { condor_rt::linux::run(&Writer, words) }
+            condor_rt::linux::run(&Writer, words)
         }
         _ => {
             eprintln!("this program fails");

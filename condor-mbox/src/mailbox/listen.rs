@@ -311,6 +311,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             return Ok(false);
         };
         let holder = self.peer(to)?;
+        let Some(_turn) = self.begin_turn() else {
+            return Ok(false);
+        };
         for (sender, heard) in self.peers.iter().zip(&self.listening.senders) {
             if let Some(entry) = self.hear_from(holder, sender, heard)? {
                 // The sender may wait for us to take it.

@@ -11,7 +11,7 @@ use crate::backend::Backend;
 use crate::doorbell::Doorbell as _;
 use crate::error::Error;
 use crate::exclusion::Exclusion as _;
-use crate::id::Vector;
+use crate::id::{Processor, Vector};
 use crate::layout::vector::{HANDLED, WORST};
 use crate::layout::{SLOTS, header, kind, status};
 use crate::mail::{At, Entry, Mail};
@@ -130,12 +130,23 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let _ = self.notice(peer);
     }
 
-    /// Beats the heart.
+    /// Lets this context take messages; `None` while one does that runs in parallel.
+    #[inline(always)]
+    pub(super) fn begin_turn(&self) -> Option<Turn<'_, B>> {
+        self.exclusion.begin_serving().then(|| Turn {
+            me: self.me,
+            doorbell: &self.doorbell,
+            exclusion: &self.exclusion,
+        })
+    }
+
+    /// Beats the heart, by which others see that this processor is not stuck. Every call that serves or
+    /// waits does so; a background calls this if it does neither, because an interrupt serves.
     ///
     /// # Errors
-    /// The own memory is gone.
+    /// [`Error::Window`] if the own memory is gone.
     #[inline(always)]
-    fn beat(&self) -> Result<(), Error> {
+    pub fn beat(&self) -> Result<(), Error> {
         let beat = self.beats.get().wrapping_add(1);
         self.beats.set(beat);
         self.own()?
@@ -196,6 +207,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         now: &mut Instant,
     ) -> bool {
         let Ok(own) = self.own() else { return false };
+        let Some(_turn) = self.begin_turn() else {
+            return false;
+        };
         let Some((taken, data, depth)) = self.exclusion.with(|| self.take(peer, &own)) else {
             return false;
         };
@@ -351,6 +365,22 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                     own.set(at, ns);
                 }
             });
+        }
+    }
+}
+
+/// The right of a context to take messages, until it is dropped.
+pub(super) struct Turn<'t, B: Backend> {
+    me: Processor,
+    doorbell: &'t B::Doorbell,
+    exclusion: &'t B::Exclusion,
+}
+
+impl<B: Backend> Drop for Turn<'_, B> {
+    #[inline(always)]
+    fn drop(&mut self) {
+        if self.exclusion.end_serving() {
+            self.doorbell.ring(self.me);
         }
     }
 }

@@ -16,18 +16,35 @@ const PROCESSOR: &str = "CONDOR_PROCESSOR";
 const BUS: &str = "CONDOR_BUS";
 const BUS_OFFSET: &str = "CONDOR_BUS_OFFSET";
 const BUS_BYTES: &str = "CONDOR_BUS_BYTES";
-const LOOPS: &str = "CONDOR_LOOPS";
+pub(super) const LOOPS: &str = "CONDOR_LOOPS";
 const CPU: &str = "CONDOR_CPU";
 const PRIORITY: &str = "CONDOR_PRIORITY";
 
 /// How the loops of a program come to run; see [the module](super).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Loops {
-    /// In signal handlers.
+    /// In a thread for each.
     #[default]
+    Threads,
+    /// In signal handlers.
     Signals,
     /// Where the background polls.
     Spin,
+}
+
+impl Loops {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Threads, Self::Signals, Self::Spin];
+
+    /// Returns its name, as `CONDOR_LOOPS` has it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Threads => "threads",
+            Self::Signals => "signals",
+            Self::Spin => "spin",
+        }
+    }
 }
 
 /// A file, or a part of one, that is mapped as a bus, at the bus address 0.
@@ -68,7 +85,7 @@ pub struct Environment {
     pub loops: Loops,
     /// The core for the program, if not any.
     pub cpu: Option<usize>,
-    /// Its priority of `SCHED_FIFO`, 1 to 99, if it has one.
+    /// Its priority of `SCHED_FIFO`, 1 to 99, if it has one; of which thread, [the module](super) says.
     pub priority: Option<u8>,
 }
 
@@ -83,15 +100,11 @@ impl Environment {
 
     /// That of a process that `command` will start.
     pub fn pass_to<'c>(&self, command: &'c mut Command) -> &'c mut Command {
-        let loops = match self.loops {
-            Loops::Signals => "signals",
-            Loops::Spin => "spin",
-        };
         command
             .env(SYSTEM, &self.system)
             .env(WINDOW_BYTES, self.window_bytes.to_string())
             .env(PROCESSOR, self.processor.0.to_string())
-            .env(LOOPS, loops);
+            .env(LOOPS, self.loops.word());
         let bus = self.bus.as_ref();
         let offset = bus.map(|bus| bus.offset).filter(|&offset| offset > 0);
         let optional = [
@@ -140,18 +153,14 @@ impl Environment {
             below,
             |&number: &u8| usize::from(number) < PROCESSORS,
         )?;
-        let loops = match optional(LOOPS) {
-            None => Loops::default(),
-            Some(value) if value == "signals" => Loops::Signals,
-            Some(value) if value == "spin" => Loops::Spin,
-            Some(value) => {
-                return Err(ProcessError::Wrong {
-                    variable: LOOPS,
-                    value,
-                    expected: "`signals` or `spin`",
-                });
-            }
-        };
+        let loops = optional(LOOPS).map_or(Ok(Loops::default()), |value| {
+            let known = Loops::ALL.into_iter().find(|one| value == one.word());
+            known.ok_or(ProcessError::Wrong {
+                variable: LOOPS,
+                value,
+                expected: "`threads`, `signals` or `spin`",
+            })
+        })?;
         let cpu = optional(CPU)
             .map(|value| number(CPU, value, "a number of a core, from 0 on", |_| true))
             .transpose()?;
@@ -237,7 +246,7 @@ mod tests {
         assert_eq!(read.unwrap(), all);
         let least = Environment {
             bus: None,
-            loops: Loops::Signals,
+            loops: Loops::Threads,
             cpu: None,
             priority: None,
             ..all
@@ -248,6 +257,7 @@ mod tests {
             (BUS_BYTES, "bytes"),
             (CPU, "cpu"),
             (PRIORITY, "priority"),
+            (LOOPS, "loops"),
         ] {
             let read = with(variable, None).unwrap();
             assert_ne!(read, with("", None).unwrap(), "{part}");
@@ -280,7 +290,7 @@ mod tests {
             (PROCESSOR, Some(""), "no CONDOR_PROCESSOR"),
             (BUS_OFFSET, Some("2"), "a multiple of 4"),
             (BUS_BYTES, Some("all"), "a multiple of 4"),
-            (LOOPS, Some("threads"), "`signals` or `spin`"),
+            (LOOPS, Some("fibres"), "`threads`, `signals` or `spin`"),
             (CPU, Some("-1"), "from 0 on"),
             (PRIORITY, Some("0"), "1 to 99"),
             (PRIORITY, Some("100"), "1 to 99"),

@@ -9,24 +9,30 @@ use std::time::{Duration, Instant};
 
 use condor_dev::linux::{Access, LinuxBus};
 use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, System, SystemError};
-use condor_mbox::{CriticalSection, Processor, Waiting, Windows};
-use condor_mos::linux::{Privileges, RealTime, Signals};
+use condor_mbox::{Clock as _, Doorbell as _, Processor, Waiting, Windows};
+use condor_mos::linux::{Privileges, RealTime, Signals, Threads};
+use condor_mos::{Loops, Rate};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::bell::ProcessBell;
 use super::bus::ProcessBus;
-use super::environment::{BusFile, Environment, Loops};
+use super::environment::{self, BusFile, Environment};
 use super::error::ProcessError;
+use super::sections::{ProcessSections, Server};
 use super::spinner::Spinner;
-use super::timer::{Kind, ProcessTimer};
+use super::timer::{NANOSECONDS, ProcessTimer};
+use crate::error::Error;
 use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
+use crate::servo::{self, LOOPS, ServoLoop, on_one_stack};
 use crate::silent::Silent;
 
 /// How long a number may still be held by a program that is being taken apart.
 const SUCCESSION: Duration = Duration::from_secs(5);
-/// How often it is looked for.
+/// How often it is looked for, and for rings that the memory cannot tell of.
 const LOOK: Duration = Duration::from_millis(5);
+/// How long the thread that serves messages sleeps at most.
+const NAP: Duration = Duration::from_millis(100);
 
 /// A process of Linux as a processor: the [`Machine`] of its program.
 ///
@@ -35,48 +41,64 @@ pub struct Process {
     number: Processor,
     windows: [Windows<LinuxWindow>; PROCESSORS],
     doorbell: LinuxDoorbell<PROCESSORS>,
-    /// There if loops are spun.
-    spinner: Option<Arc<Spinner>>,
+    way: Way,
     bus: ProcessBus,
     arguments: Vec<String>,
     stopping: Arc<AtomicBool>,
-    privileges: Privileges,
+}
+
+/// How loops run.
+enum Way {
+    /// In threads, of which the fastest has this priority; one thread at a time serves messages.
+    Threads(Option<u8>, Arc<Server>),
+    /// In signals: whoever made the machine has promised what [`Signals::new`] asks for.
+    Signals,
+    /// Where the background polls.
+    Spin(Arc<Spinner>),
 }
 
 impl Process {
     /// The processor that `environment` describes, with the program's arguments.
     ///
     /// Claims the number, for which it waits a few seconds if somebody still holds it; asks the kernel
-    /// for core and priority, which count for the calling thread; and handles SIGTERM and SIGINT.
+    /// for the core, which counts for the calling thread and those that it starts; and handles SIGTERM
+    /// and SIGINT.
+    ///
+    /// # Errors
+    /// [`ProcessError`]; [`ProcessError::Wrong`] if the environment has loops run in signals, which
+    /// [`allowing_signals`](Self::allowing_signals) permits.
+    pub fn new(
+        environment: &Environment,
+        arguments: impl IntoIterator<Item = String>,
+    ) -> Result<Self, ProcessError> {
+        if environment.loops == environment::Loops::Signals {
+            return Err(ProcessError::Wrong {
+                variable: environment::LOOPS,
+                value: environment::Loops::Signals.word().into(),
+                expected: "`threads` or `spin`, since this program's `main` does not allow signals",
+            });
+        }
+        Self::of(environment, arguments)
+    }
+
+    /// As [`new`](Self::new), and if `environment` says so, loops run in signals.
     ///
     /// # Safety
-    /// If `environment` has loops run in signals: whatever is connected to the
-    /// [platform](Machine::platform) of this machine keeps the contract of [`Signals::new`]. In short: loops neither allocate, print, lock nor wait; all of them
-    /// fit on the stack of the thread; and the background stays on that stack.
+    /// Then loops that run [on this machine](Machine::with_loops) keep the contract of [`Signals::new`].
+    /// In short: loops neither allocate, print, lock nor wait; all of them fit on the stack of the
+    /// thread; and the background stays on that stack.
     ///
     /// # Errors
     /// [`ProcessError`].
-    pub unsafe fn new(
+    pub unsafe fn allowing_signals(
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,
     ) -> Result<Self, ProcessError> {
-        Self::with_loops(environment, environment.loops, arguments)
+        Self::of(environment, arguments)
     }
 
-    /// As [`new`](Self::new), with loops that are spun, whatever `environment` says of them.
-    ///
-    /// # Errors
-    /// [`ProcessError`].
-    pub fn spinning(
+    fn of(
         environment: &Environment,
-        arguments: impl IntoIterator<Item = String>,
-    ) -> Result<Self, ProcessError> {
-        Self::with_loops(environment, Loops::Spin, arguments)
-    }
-
-    fn with_loops(
-        environment: &Environment,
-        loops: Loops,
         arguments: impl IntoIterator<Item = String>,
     ) -> Result<Self, ProcessError> {
         let system = System::at(&environment.system, environment.window_bytes)?;
@@ -91,34 +113,65 @@ impl Process {
         }
         let number = environment.processor;
         let (windows, doorbell) = succeed(&system, number)?.into_parts();
-        Ok(Self {
+        let (way, own_priority) = match environment.loops {
+            environment::Loops::Threads => {
+                (Way::Threads(environment.priority, Arc::default()), None)
+            }
+            environment::Loops::Signals => (Way::Signals, environment.priority),
+            environment::Loops::Spin => (Way::Spin(Arc::new(Spinner::new())), environment.priority),
+        };
+        // What threads start with they have from this one.
+        let mut wishes = urgent(own_priority).timer_slack(NonZeroU64::MIN);
+        if let Some(cpu) = environment.cpu {
+            wishes = wishes.pinned_to(cpu);
+        }
+        let machine = Self {
             number,
             windows,
             doorbell,
-            spinner: (loops == Loops::Spin).then(|| Arc::new(Spinner::new())),
+            way,
             bus,
             arguments: arguments.into_iter().collect(),
             stopping,
-            privileges: wishes(environment).request(),
-        })
+        };
+        machine.tell(&wishes.request());
+        Ok(machine)
     }
 
-    /// What the kernel said to core and priority.
-    #[must_use]
-    pub fn privileges(&self) -> &Privileges {
-        &self.privileges
+    /// Says on standard error what the kernel has refused.
+    fn tell(&self, privileges: &Privileges) {
+        for (what, error) in privileges.refused() {
+            eprintln!("{}: the kernel refuses {what}: {error}", self.number);
+        }
     }
 }
 
-fn wishes(environment: &Environment) -> RealTime {
-    let mut wishes = RealTime::none().timer_slack(NonZeroU64::MIN);
-    if let Some(cpu) = environment.cpu {
-        wishes = wishes.pinned_to(cpu);
+fn urgent(priority: Option<u8>) -> RealTime {
+    priority.map_or(RealTime::none(), |one| RealTime::none().priority(one))
+}
+
+/// Ends the thread that serves messages, also when the background unwinds.
+struct End<'e> {
+    ended: &'e AtomicBool,
+    bell: &'e LinuxDoorbell<PROCESSORS>,
+}
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        self.bell.ring(self.bell.number());
     }
-    if let Some(priority) = environment.priority {
-        wishes = wishes.priority(priority);
+}
+
+/// Has the program end when a handler has panicked, as it does where handlers run in the background.
+struct StopOnPanic<'s>(&'s AtomicBool);
+
+impl Drop for StopOnPanic<'_> {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            self.0.store(true, Ordering::Relaxed);
+        }
     }
-    wishes
 }
 
 /// Claims a number that its former program may still hold while it is taken apart.
@@ -161,8 +214,7 @@ fn map(bus: &BusFile) -> Result<LinuxBus, ProcessError> {
 impl Machine for Process {
     type Window = LinuxWindow;
     type Doorbell = ProcessBell;
-    type Exclusion = CriticalSection;
-    type Platform = ProcessTimer;
+    type Exclusion = ProcessSections;
     type Bus = ProcessBus;
 
     fn number(&self) -> Processor {
@@ -176,22 +228,17 @@ impl Machine for Process {
     fn doorbell(&self) -> ProcessBell {
         ProcessBell {
             doorbell: self.doorbell.clone(),
-            spinner: self.spinner.clone(),
+            spinner: match &self.way {
+                Way::Spin(spinner) => Some(spinner.clone()),
+                Way::Threads(..) | Way::Signals => None,
+            },
         }
     }
 
-    fn exclusion(&self) -> CriticalSection {
-        CriticalSection
-    }
-
-    fn platform(&self) -> ProcessTimer {
-        ProcessTimer(match &self.spinner {
-            // SAFETY: whoever made this machine with loops in signals has promised what is asked for.
-            None => Kind::Signals(unsafe { Signals::new() }),
-            Some(spinner) => Kind::Spin {
-                spinner: spinner.clone(),
-                clock: self.doorbell.clone(),
-            },
+    fn exclusion(&self) -> ProcessSections {
+        ProcessSections(match &self.way {
+            Way::Threads(_, server) => Some(server.clone()),
+            Way::Signals | Way::Spin(_) => None,
         })
     }
 
@@ -201,9 +248,9 @@ impl Machine for Process {
 
     /// A mailbox that is spun waits at its doorbell, where nothing but the timer is between two looks.
     fn waiting(&self) -> Waiting {
-        match self.spinner {
-            None => Waiting::default(),
-            Some(_) => Waiting::Sleep,
+        match self.way {
+            Way::Threads(..) | Way::Signals => Waiting::default(),
+            Way::Spin(_) => Waiting::Sleep,
         }
     }
 
@@ -213,5 +260,86 @@ impl Machine for Process {
 
     fn is_stopping(&self) -> bool {
         self.stopping.load(Ordering::Relaxed)
+    }
+
+    /// With loops in threads, messages are served in one, too.
+    fn mail_interrupts(&self) -> bool {
+        matches!(self.way, Way::Threads(..))
+    }
+
+    fn with_mail<R>(
+        &self,
+        serve: impl Fn() -> usize + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, Error> {
+        let Way::Threads(priority, _) = self.way else {
+            return Ok(background());
+        };
+        let (bell, ended) = (&self.doorbell, AtomicBool::new(false));
+        let attend = || {
+            // Below all loops.
+            let below = |highest: u8| highest.saturating_sub(LOOPS as u8).max(1);
+            self.tell(&urgent(priority.map(below)).request());
+            let _stop = StopOnPanic(&self.stopping);
+            // Relaxed: it comes with a ring, and no later than a nap.
+            while !ended.load(Ordering::Relaxed) {
+                let seen = bell.prepare();
+                while serve() > 0 {
+                    // The background was rung before the handlers ran, and now looks again.
+                    bell.ring(self.number);
+                }
+                // Without a ring nothing is served: then the heart beats only if the background does.
+                while bell.prepare() == seen && !ended.load(Ordering::Relaxed) {
+                    let until = bell.now().after(NAP);
+                    bell.wait(seen, until, None);
+                    if bell.prepare() == seen && bell.now() < until {
+                        // A signal, or memory that is gone.
+                        thread::sleep(LOOK);
+                    }
+                }
+            }
+        };
+        thread::scope(|scope| {
+            let thread = thread::Builder::new().name("mail".into());
+            let attending = thread.spawn_scoped(scope, attend);
+            attending.map_err(|error| {
+                Error::program(&format_args!("cannot start a thread for messages: {error}"))
+            })?;
+            let _end = End {
+                ended: &ended,
+                bell,
+            };
+            Ok(background())
+        })
+    }
+
+    fn timer_frequency(&self) -> Rate {
+        NANOSECONDS
+    }
+
+    fn with_loops<R>(
+        &self,
+        loops: &mut [ServoLoop<'_>],
+        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
+    ) -> Result<R, Error> {
+        match &self.way {
+            Way::Threads(priority, _) => {
+                let rates = servo::rates(loops)?;
+                let threads = Threads::new(&rates, urgent(*priority))?;
+                servo::run(&threads, loops, || {
+                    self.tell(&threads.privileges());
+                    background(&threads)
+                })
+            }
+            Way::Signals => {
+                // SAFETY: whoever allowed signals for this machine has promised what is asked for.
+                let timer = ProcessTimer::Signals(unsafe { Signals::new() });
+                on_one_stack(timer, loops, background)
+            }
+            Way::Spin(spinner) => {
+                let (spinner, clock) = (spinner.clone(), self.doorbell.clone());
+                on_one_stack(ProcessTimer::Spin { spinner, clock }, loops, background)
+            }
+        }
     }
 }

@@ -12,25 +12,25 @@ use crate::machine::{Machine as _, Program};
 /// `arguments` are those of the program alone, as they follow its name. Why it failed goes to standard
 /// error, as does what the kernel has refused.
 ///
+/// With `CONDOR_LOOPS=signals` it fails: see [`run_allowing_signals`].
+#[must_use]
+pub fn run<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>) -> ExitCode {
+    run_on(program, |environment| Process::new(environment, arguments))
+}
+
+/// As [`run`], for a program whose loops may also run in signals, if the environment says so.
+///
 /// # Safety
 /// The loops of `program` keep the contract of
-/// [`Signals::new`](condor_mos::linux::Signals::new), as for [`Process::new`].
+/// [`Signals::new`](condor_mos::linux::Signals::new), as for [`Process::allowing_signals`].
 #[must_use]
-pub unsafe fn run<P: Program>(
+pub unsafe fn run_allowing_signals<P: Program>(
     program: &P,
     arguments: impl IntoIterator<Item = String>,
 ) -> ExitCode {
     run_on(program, |environment| {
         // SAFETY: as the caller promises; the machine runs this program alone.
-        unsafe { Process::new(environment, arguments) }
-    })
-}
-
-/// As [`run`], with loops that are spun, whatever the environment says of them.
-#[must_use]
-pub fn spin<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>) -> ExitCode {
-    run_on(program, |environment| {
-        Process::spinning(environment, arguments)
+        unsafe { Process::allowing_signals(environment, arguments) }
     })
 }
 
@@ -46,9 +46,6 @@ fn run_on<P: Program>(
         }
     };
     let number = machine.number();
-    for (what, error) in machine.privileges().refused() {
-        eprintln!("{number}: the kernel refuses {what}: {error}");
-    }
     match program.run(&machine) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

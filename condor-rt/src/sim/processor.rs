@@ -7,15 +7,17 @@ use condor_dev::Bus;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{self as mbox, Windows};
 use condor_mos::sim::Processor as LocalTime;
-use condor_mos::{Armed, ConnectError, Platform as _, Rate, Timer as _};
+use condor_mos::{Armed, ConnectError, Loops, Platform as _, Rate, Timer as _};
 
 use super::baton::{Baton, LEAD_NS, NEVER, Until};
 use super::doorbell::Bell;
 use super::error::Cause;
 use super::exclusion::Uninterrupted;
 use super::timer::VirtualTimer;
+use crate::error::Error;
 use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
+use crate::servo::{ServoLoop, on_one_stack};
 
 /// How many nanoseconds it takes to read a clock in the background.
 pub const CLOCK_NS: u64 = 100;
@@ -82,6 +84,12 @@ impl<B> Processor<B> {
     /// Has the background compute for `ns`, or wait for nothing; others run meanwhile.
     pub fn work(&self, ns: u64) {
         self.core.pass(ns, 0);
+    }
+
+    /// The timer, and how loops nest.
+    #[must_use]
+    pub fn platform(&self) -> VirtualTimer {
+        VirtualTimer(self.core.clone())
     }
 
     pub(super) fn core(&self) -> &Core {
@@ -281,7 +289,6 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
     type Window = LinuxWindow;
     type Doorbell = Bell;
     type Exclusion = Uninterrupted;
-    type Platform = VirtualTimer;
     type Bus = B;
 
     fn number(&self) -> mbox::Processor {
@@ -300,10 +307,6 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
         Uninterrupted(self.core.clone())
     }
 
-    fn platform(&self) -> VirtualTimer {
-        VirtualTimer(self.core.clone())
-    }
-
     fn bus(&self) -> B {
         self.bus.clone()
     }
@@ -318,5 +321,17 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
 
     fn is_stopping(&self) -> bool {
         self.core.is_stopping()
+    }
+
+    fn timer_frequency(&self) -> Rate {
+        self.platform().frequency()
+    }
+
+    fn with_loops<R>(
+        &self,
+        loops: &mut [ServoLoop<'_>],
+        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
+    ) -> Result<R, Error> {
+        on_one_stack(self.platform(), loops, background)
     }
 }

@@ -1,104 +1,46 @@
-//! The parts of a process that spins keep the promises of their traits.
+//! The parts of a process keep the promises of their traits.
 #![cfg(feature = "linux")]
 
 use std::path::Path;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 use condor_dev::{Bus as _, BusErrorKind};
 use condor_mbox::linux::System;
-use condor_mbox::{Clock as _, Doorbell as _, Instant, Processor, conformance};
-use condor_mos::{Armed, ConnectError, Platform, Timer as _};
+use condor_mbox::{Doorbell as _, Processor, conformance};
 use condor_rt::linux::{BusFile, Environment, Loops, Process};
 use condor_rt::{Machine, PROCESSORS};
 
 const ME: Processor = Processor(3);
 const OTHER: Processor = Processor(4);
 
-fn environment(directory: &Path) -> Environment {
+fn environment(directory: &Path, loops: Loops) -> Environment {
     Environment {
         system: directory.join("mailbox"),
         window_bytes: 4096,
         processor: ME,
         bus: None,
-        loops: Loops::Spin,
+        loops,
         cpu: None,
         priority: None,
     }
 }
 
-fn with_machine(test: impl FnOnce(&Process, &System<PROCESSORS>)) {
+fn with_machine(loops: Loops, test: impl FnOnce(&Process, &System<PROCESSORS>)) {
     let directory = tempfile::tempdir().unwrap();
-    let environment = environment(directory.path());
-    let machine = Process::spinning(&environment, []).unwrap();
+    let environment = environment(directory.path(), loops);
+    let machine = Process::new(&environment, []).unwrap();
     let system = System::at(&environment.system, environment.window_bytes).unwrap();
     test(&machine, &system);
 }
 
 #[test]
 fn the_doorbell() {
-    with_machine(|machine, system| {
-        let other = system.claim(OTHER).unwrap();
-        let ring = || other.doorbell().ring(ME);
-        conformance::doorbell(&machine.doorbell(), ME, ring).unwrap();
-    });
-}
-
-#[test]
-fn the_timer() {
-    with_machine(|machine, _| {
-        let (timer, bell) = (machine.platform(), machine.doorbell());
-        let interrupts = AtomicU32::new(0);
-        let count = || {
-            interrupts.fetch_add(1, Ordering::Relaxed);
-        };
-        let verdict = timer.connect(count, || {
-            condor_mos::conformance::timer(
-                &timer,
-                || interrupts.load(Ordering::Relaxed),
-                || {
-                    bell.now();
-                },
-            )
+    for loops in [Loops::Threads, Loops::Spin] {
+        with_machine(loops, |machine, system| {
+            let other = system.claim(OTHER).unwrap();
+            let ring = || other.doorbell().ring(ME);
+            conformance::doorbell(&machine.doorbell(), ME, ring).unwrap();
         });
-        assert_eq!(verdict.unwrap(), Ok(()));
-    });
-}
-
-#[test]
-fn a_wait_calls_the_handler_and_goes_on() {
-    with_machine(|machine, _| {
-        let (timer, bell) = (machine.platform(), machine.doorbell());
-        let interrupts = AtomicU32::new(0);
-        let handler = || {
-            let count = interrupts.fetch_add(1, Ordering::Relaxed);
-            // A poll in the handler is none.
-            bell.now();
-            if count < 4 {
-                let _ = timer.arm(timer.now() + 1_000_000);
-            }
-        };
-        let begun = timer.now();
-        assert_eq!(timer.arm(begun), Armed::Past);
-        let background = || bell.wait(bell.prepare(), Instant::from_ns(begun + 50_000_000), None);
-        timer.connect(handler, background).unwrap();
-        assert_eq!(interrupts.load(Ordering::Relaxed), 5);
-        assert!(timer.now() >= begun + 50_000_000);
-        // What was connected is gone.
-        assert_eq!(timer.arm(begun), Armed::Past);
-        bell.now();
-        assert_eq!(interrupts.load(Ordering::Relaxed), 5);
-    });
-}
-
-#[test]
-fn one_scheduler_at_a_time() {
-    with_machine(|machine, _| {
-        let timer = machine.platform();
-        let inner = || machine.platform().connect(|| (), || ());
-        let outer = timer.connect(|| (), inner);
-        assert_eq!(outer, Ok(Err(ConnectError::Connected)));
-        assert_eq!(timer.connect(|| (), || ()), Ok(()));
-    });
+    }
 }
 
 #[test]
@@ -108,9 +50,9 @@ fn the_bus_is_the_file_from_address_0_on() {
     std::fs::write(&path, [0; 4096]).unwrap();
     let environment = Environment {
         bus: Some(BusFile::whole(path.clone())),
-        ..environment(directory.path())
+        ..environment(directory.path(), Loops::Threads)
     };
-    let machine = Process::spinning(&environment, []).unwrap();
+    let machine = Process::new(&environment, []).unwrap();
     machine.bus().write16(4094, 0xadc0).unwrap();
     assert_eq!(std::fs::read(&path).unwrap()[4094..], [0xc0, 0xad]);
     let error = machine.bus().read8(4096).unwrap_err();
@@ -125,31 +67,38 @@ fn the_bus_is_the_file_from_address_0_on() {
         }),
         ..environment
     };
-    let machine = Process::spinning(&environment, []).unwrap();
+    let machine = Process::new(&environment, []).unwrap();
     machine.bus().write32(508, 0x0102_0304).unwrap();
     assert_eq!(std::fs::read(&path).unwrap()[1532..1536], [4, 3, 2, 1]);
     let error = machine.bus().read8(512).unwrap_err();
     assert_eq!(error.kind, BusErrorKind::OutOfRange);
     drop(machine);
-    with_machine(|machine, _| {
+    with_machine(Loops::Threads, |machine, _| {
         let error = machine.bus().read32(0).unwrap_err();
         assert_eq!((error.kind, error.address), (BusErrorKind::NoAnswer, 0));
     });
 }
 
 #[test]
-fn what_the_kernel_refuses_is_told() {
+fn a_machine_has_its_number_and_its_arguments() {
     let directory = tempfile::tempdir().unwrap();
-    let environment = Environment {
-        cpu: Some(1_000_000),
-        ..environment(directory.path())
-    };
-    let machine = Process::spinning(&environment, ["a".to_owned()]).unwrap();
-    let refused: Vec<_> = machine.privileges().refused().map(|one| one.0).collect();
-    assert_eq!(refused, ["the thread on core 1000000"]);
+    let environment = environment(directory.path(), Loops::Threads);
+    let machine = Process::new(&environment, ["a".to_owned()]).unwrap();
     assert_eq!(
         (machine.argument(0), machine.argument(1)),
         (Some("a"), None)
     );
     assert_eq!(machine.number(), ME);
+}
+
+#[test]
+fn signals_must_be_allowed() {
+    let directory = tempfile::tempdir().unwrap();
+    let environment = environment(directory.path(), Loops::Signals);
+    let refused = Process::new(&environment, []).map(drop).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "CONDOR_LOOPS is \"signals\" in the environment: it must be `threads` or `spin`, since this \
+         program's `main` does not allow signals"
+    );
 }

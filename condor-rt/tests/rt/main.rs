@@ -2,6 +2,7 @@
 
 mod hostile_words;
 mod linux_conforms;
+mod linux_mail;
 mod one_text;
 mod setup;
 mod sim;

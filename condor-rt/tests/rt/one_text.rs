@@ -45,7 +45,7 @@ fn small_process() {
         return;
     }
     // SAFETY: its loop adds and stores.
-    let code = unsafe { linux::run(&Small, ["2".to_owned()]) };
+    let code = unsafe { linux::run_allowing_signals(&Small, ["2".to_owned()]) };
     assert_eq!(format!("{code:?}"), format!("{:?}", ExitCode::SUCCESS));
 }
 
@@ -72,7 +72,11 @@ fn start(environment: &Environment, change: impl FnOnce(&mut Command)) -> Child 
 
 fn as_process(loops: Loops) {
     let directory = tempfile::tempdir().unwrap();
-    let environment = environment(directory.path(), loops);
+    let environment = Environment {
+        // What the kernel refuses is told, and the program runs.
+        cpu: Some(1_000_000),
+        ..environment(directory.path(), loops)
+    };
     let system = System::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
     let claim = system.claim(VISITOR).unwrap();
     let child = start(&environment, |_| ());
@@ -90,7 +94,14 @@ fn as_process(loops: Loops) {
     let kill = Command::new("kill").arg(child.id().to_string()).status();
     assert!(kill.unwrap().success());
     let Output { status, stderr, .. } = child.wait_with_output().unwrap();
-    assert!(status.success(), "{}", String::from_utf8_lossy(&stderr));
+    let stderr = String::from_utf8_lossy(&stderr);
+    let refused = "the kernel refuses the thread on core 1000000";
+    assert!(status.success() && stderr.contains(refused), "{stderr}");
+}
+
+#[test]
+fn the_program_as_a_process_with_threads() {
+    as_process(Loops::Threads);
 }
 
 #[test]
@@ -106,7 +117,7 @@ fn the_program_as_a_process_that_spins() {
 #[test]
 fn a_successor_waits_for_the_number_and_a_bus_must_be_there() {
     let directory = tempfile::tempdir().unwrap();
-    let environment = environment(directory.path(), Loops::Signals);
+    let environment = environment(directory.path(), Loops::Threads);
     let system = System::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
     let held = system.claim(SMALL).unwrap();
     let mut child = start(&environment, |_| ());

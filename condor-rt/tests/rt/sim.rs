@@ -9,13 +9,10 @@ use condor_dev::linux::{Access, LinuxBus};
 use condor_mbox::{
     Call, Clock as _, Doorbell as _, Evidence, Instant, Messenger, Processor, Vector,
 };
-use condor_mos::{
-    Clock, EventTable, LoopId, Loops, Overrun, Platform, Rate, Scheduler, Timer as _,
-};
+use condor_mos::{LoopId, Loops, Overrun, Platform, Rate, Timer as _};
 use condor_rt::sim::{Cause, Failure, SimError, System};
-use condor_rt::{Error, Machine, Program};
+use condor_rt::{Error, Machine, Program, ServoLoop};
 
-const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
 const ADD: Vector = Vector(5);
 const SECOND: Duration = Duration::from_secs(1);
@@ -51,48 +48,47 @@ impl Program for Talker<'_> {
         let mut mailbox = machine.mailbox()?;
         mailbox.set_vector(ADD, &answer, "add")?;
         mailbox.join()?;
-        let table = EventTable::<2, 8>::new(&RATES, Clock::of::<u64>(NANOSECONDS));
-        let scheduler = Scheduler::new(machine.platform(), table);
+        let now = || doorbell.now().as_ns();
         let mut fast_runs = 0;
         let mut fast = |_| {
             fast_runs += 1;
-            self.note((number.0, scheduler.platform().now(), "fast", fast_runs));
+            self.note((number.0, now(), "fast", fast_runs));
         };
         let mut slow_runs = 0;
         let mut slow = |_| {
             slow_runs += 1;
-            self.note((number.0, scheduler.platform().now(), "slow", slow_runs));
+            self.note((number.0, now(), "slow", slow_runs));
         };
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut fast).unwrap();
-            scope.assign(LoopId(1), Overrun::Skip, &mut slow).unwrap();
-            let background = || {
-                let mut count = u32::from(number.0) * 1000;
-                while !machine.is_stopping() {
-                    for to in (0..PROGRAMS).filter(|&to| to != number.0) {
-                        count += 1;
-                        let reply = mailbox.send_with_reply(Processor(to), ADD, count, SECOND);
-                        let now = machine.doorbell().now().as_ns();
-                        match reply {
-                            Ok(reply) => self.note((number.0, now, "reply", reply)),
-                            Err(_) => self.note((number.0, now, "no reply", count)),
-                        }
-                    }
-                    let next = machine.doorbell().now().after(Duration::from_millis(5));
-                    while machine.doorbell().now() < next {
-                        mailbox.serve(Duration::from_millis(5)).unwrap();
+        let bodies: [&mut (dyn FnMut(u64) + Send); 2] = [&mut fast, &mut slow];
+        let mut rates = RATES.into_iter();
+        let mut loops = bodies.map(|body| ServoLoop {
+            rate: rates.next().unwrap(),
+            overrun: Overrun::Skip,
+            body,
+        });
+        let background = |loops: &dyn Loops<Instant = u64>| {
+            let mut count = u32::from(number.0) * 1000;
+            while !machine.is_stopping() {
+                for to in (0..PROGRAMS).filter(|&to| to != number.0) {
+                    count += 1;
+                    let reply = mailbox.send_with_reply(Processor(to), ADD, count, SECOND);
+                    match reply {
+                        Ok(reply) => self.note((number.0, now(), "reply", reply)),
+                        Err(_) => self.note((number.0, now(), "no reply", count)),
                     }
                 }
-            };
-            scheduler.run(background)
-        })?;
-        for id in 0..2 {
-            let counts = scheduler.statistics(LoopId(id)).unwrap();
-            let now = scheduler.platform().now();
-            self.note((number.0, now, "skipped", counts.skipped as u32));
-            self.note((number.0, now, "late", counts.worst_lateness));
-        }
-        Ok(())
+                let next = machine.doorbell().now().after(Duration::from_millis(5));
+                while machine.doorbell().now() < next {
+                    mailbox.serve(Duration::from_millis(5)).unwrap();
+                }
+            }
+            for id in 0..2 {
+                let counts = loops.statistics(LoopId(id)).unwrap();
+                self.note((number.0, now(), "skipped", counts.skipped as u32));
+                self.note((number.0, now(), "late", counts.worst_lateness));
+            }
+        };
+        machine.with_loops(&mut loops, background)
     }
 }
 

@@ -31,20 +31,15 @@ impl Programs for Hand {
     }
 
     fn run(&self, name: &str, arguments: Vec<String>) -> ExitCode {
-        // SAFETY: the loops of these programs neither allocate nor print. They take no lock of the
-        // host's: what they share with their backgrounds is in sections of the processor, which keep
-        // the signals out.
-        unsafe {
-            match name {
-                "master" => linux::run(&Master, arguments),
-                "plant" => linux::run(&Plant, arguments),
-                "replay" => linux::run(&Replay, arguments),
-                "servo" => linux::run(&Servo, arguments),
-                "table" => linux::run(&Table, arguments),
-                _ => {
-                    eprintln!("utah-mit-hand: there is no program `{name}`");
-                    ExitCode::from(2)
-                }
+        match name {
+            "master" => linux::run(&Master, arguments),
+            "plant" => linux::run(&Plant, arguments),
+            "replay" => linux::run(&Replay, arguments),
+            "servo" => linux::run(&Servo, arguments),
+            "table" => linux::run(&Table, arguments),
+            _ => {
+                eprintln!("utah-mit-hand: there is no program `{name}`");
+                ExitCode::from(2)
             }
         }
     }

@@ -6,18 +6,14 @@ use condor_mbox::{
     Backend, Call, Clock as _, Mailbox, MemoryWindow, Messenger, Places, Processor, Published,
     Region, Vector,
 };
-use condor_mos::{
-    Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Statistics, Timer as _,
-};
+use condor_mos::{LoopId, Overrun, Rate, Statistics};
 use condor_rt::directory::{self, Directory, Kind};
 use condor_rt::loops::{self, LoopReports};
-use condor_rt::{Machine, PROCESSORS, Program};
+use condor_rt::{Machine, PROCESSORS, Program, ServoLoop};
 
 pub(crate) const SMALL: Processor = Processor(1);
 pub(crate) const VISITOR: Processor = Processor(11);
 const ADD: Vector = Vector(5);
-const TABLE: EventTable<1, 4> =
-    EventTable::new(&[Rate::hz(400)], Clock::of::<u64>(Rate::hz(1_000_000_000)));
 
 /// A loop of 400 Hz that publishes its count, and a handler that adds its argument.
 pub(crate) struct Small;
@@ -51,7 +47,6 @@ impl Small {
         mailbox.set_vector(ADD, &add, "add")?;
         mailbox.join()?;
 
-        let scheduler = Scheduler::new(machine.platform(), TABLE);
         let (mut count, mut lost) = (0_u32, 0_u32);
         let mut servo = |_| {
             count += 1;
@@ -59,18 +54,18 @@ impl Small {
                 lost += 1;
             }
         };
-        scheduler.scope(|scope| {
-            scope.assign(LoopId(0), Overrun::Skip, &mut servo)?;
-            let background = || {
-                while !machine.is_stopping() {
-                    mailbox.serve(Duration::from_millis(20))?;
-                    reports.publish(0, &scheduler.statistics(LoopId(0))?)?;
-                }
-                Ok::<_, Box<dyn std::error::Error>>(())
-            };
-            scheduler.run(background)?
-        })?;
-        scheduler.platform().disarm();
+        let servo = ServoLoop {
+            rate: Rate::hz(400),
+            overrun: Overrun::Skip,
+            body: &mut servo,
+        };
+        machine.with_loops(&mut [servo], |loops| {
+            while !machine.is_stopping() {
+                mailbox.serve(Duration::from_millis(20))?;
+                reports.publish(0, &loops.statistics(LoopId(0))?)?;
+            }
+            Ok::<_, Box<dyn std::error::Error>>(())
+        })??;
         if lost > 0 {
             Err("memory is gone".into())
         } else {

@@ -4,8 +4,8 @@ use condor_dev::Mmio;
 use condor_host::harts::{ARGUMENT_BYTES, Control, Map, MapError};
 use condor_mbox::{AccessError, CriticalSection, Processor, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
-use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
-use condor_rt::{Interrupts, Machine, PROCESSORS};
+use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
+use condor_rt::{Error, Interrupts, Machine, PROCESSORS, ServoLoop, on_one_stack};
 
 use crate::bell::{self, HARTS, HartBell};
 use crate::machine::{CLINT, EXTERNAL, MTIME, RAM, SOFTWARE};
@@ -131,6 +131,12 @@ impl Hart {
         self.text(program)
     }
 
+    /// The timer for a scheduler; one scheduler at a time has it.
+    #[must_use]
+    pub const fn platform(&self) -> HartTimer {
+        HartTimer(self.clint)
+    }
+
     fn text(&self, index: usize) -> Option<&str> {
         let all = self.arguments.get(..self.arguments_len)?;
         let end = all.iter().rposition(|&byte| byte == 0)?;
@@ -143,10 +149,7 @@ impl Machine for Hart {
     type Window = StaticWindow<'static>;
     type Doorbell = HartBell;
     type Exclusion = CriticalSection;
-    type Platform = HartTimer;
     type Bus = Mmio;
-
-    const MAIL_INTERRUPTS: bool = true;
 
     fn number(&self) -> Processor {
         self.number
@@ -176,10 +179,6 @@ impl Machine for Hart {
         CriticalSection
     }
 
-    fn platform(&self) -> HartTimer {
-        HartTimer(self.clint)
-    }
-
     fn bus(&self) -> Mmio {
         self.bus
     }
@@ -197,8 +196,32 @@ impl Machine for Hart {
         Some(trap::interrupts())
     }
 
-    fn with_mail<R>(&self, serve: impl Fn() + Sync, background: impl FnOnce() -> R) -> R {
-        hooks::with(&serve, |hooks, hook| hooks.mail.set(hook), background)
+    fn mail_interrupts(&self) -> bool {
+        true
+    }
+
+    fn with_mail<R>(
+        &self,
+        serve: impl Fn() -> usize + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, Error> {
+        let serve = || {
+            serve();
+        };
+        let set = |hooks: &hooks::Hooks, hook| hooks.mail.set(hook);
+        Ok(hooks::with(&serve, set, background))
+    }
+
+    fn timer_frequency(&self) -> Rate {
+        self.platform().frequency()
+    }
+
+    fn with_loops<R>(
+        &self,
+        loops: &mut [ServoLoop<'_>],
+        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
+    ) -> Result<R, Error> {
+        on_one_stack(self.platform(), loops, background)
     }
 }
 

@@ -129,19 +129,21 @@ impl Levels<'_, '_> {
             scope.assign(FAST, Overrun::Skip, &mut fast)?;
             scope.assign(SLOW, Overrun::Skip, &mut slow)?;
             let serve = || {
-                if self.mailbox.serve(Duration::ZERO).is_err() {
+                let served = self.mailbox.serve(Duration::ZERO);
+                served.unwrap_or_else(|_| {
                     state.failed.store(true, Ordering::Relaxed);
-                }
+                    0
+                })
             };
             // Rings of the loops are noted while they run, and serve nothing afterwards.
             hart.with_mail(
-                || (),
+                || 0,
                 || -> Result<(), Error> {
                     depths.slow = self.alone(&scheduler, [SLOW, FAST], PERIOD_OF_SLOW)?;
                     depths.fast = self.alone(&scheduler, [FAST, SLOW], PERIOD_OF_FAST)?;
                     Ok(())
                 },
-            )?;
+            )??;
             hart.with_mail(serve, || {
                 for (nested, depth) in (0..).zip(&mut depths.mailbox) {
                     *depth = self.mailbox_alone(me, nested)?;
@@ -163,7 +165,7 @@ impl Levels<'_, '_> {
                 })??;
                 depths.deepest = stack::deepest(hart);
                 Ok::<(), Error>(())
-            })
+            })?
         })?;
         depths.at_once = state.at_once.load(Ordering::Relaxed);
         Ok(depths)

@@ -11,8 +11,9 @@ use condor_hand::servo::Mode;
 use condor_hand::trajectory::SetPoint;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Clock, Mailbox, Messenger, Processor, Region, Waiting, Windows};
+use condor_mos::{Loops, Rate};
 use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
-use condor_rt::{Machine, PROCESSORS, Program, directory, loops, numbers};
+use condor_rt::{Error, Machine, PROCESSORS, Program, ServoLoop, directory, loops, numbers};
 use condor_tty::Reader;
 use tempfile::TempDir;
 use utah_mit_hand::grasp::{Order, Report};
@@ -411,7 +412,6 @@ impl Machine for Ending<'_> {
     type Window = LinuxWindow;
     type Doorbell = Bell;
     type Exclusion = Uninterrupted;
-    type Platform = <Simulated<LinuxBus> as Machine>::Platform;
     type Bus = LinuxBus;
 
     fn number(&self) -> Processor {
@@ -430,8 +430,16 @@ impl Machine for Ending<'_> {
         self.machine.exclusion()
     }
 
-    fn platform(&self) -> Self::Platform {
-        self.machine.platform()
+    fn timer_frequency(&self) -> Rate {
+        self.machine.timer_frequency()
+    }
+
+    fn with_loops<R>(
+        &self,
+        loops: &mut [ServoLoop<'_>],
+        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
+    ) -> Result<R, Error> {
+        self.machine.with_loops(loops, background)
     }
 
     fn bus(&self) -> LinuxBus {

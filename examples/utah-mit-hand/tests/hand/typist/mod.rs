@@ -9,8 +9,9 @@ use condor_dev::linux::{Access, LinuxBus};
 use condor_fs::server::{Options, Server};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Mailbox, Messenger, PeerState, Processor, Region, Waiting, Windows};
+use condor_mos::{Loops, Rate};
 use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
-use condor_rt::{Error, Machine, PROCESSORS, Program, directory, loops, numbers};
+use condor_rt::{Error, Machine, PROCESSORS, Program, ServoLoop, directory, loops, numbers};
 use condor_tty::layout::{ALIGNMENT, reply};
 use condor_tty::{Reader, Vectors};
 use utah_mit_hand::compile::{compile_motions, joint_names};
@@ -414,7 +415,6 @@ impl Machine for Ending<'_> {
     type Window = LinuxWindow;
     type Doorbell = Bell;
     type Exclusion = Uninterrupted;
-    type Platform = <Simulated<LinuxBus> as Machine>::Platform;
     type Bus = LinuxBus;
 
     fn number(&self) -> Processor {
@@ -433,8 +433,16 @@ impl Machine for Ending<'_> {
         self.machine.exclusion()
     }
 
-    fn platform(&self) -> Self::Platform {
-        self.machine.platform()
+    fn timer_frequency(&self) -> Rate {
+        self.machine.timer_frequency()
+    }
+
+    fn with_loops<R>(
+        &self,
+        loops: &mut [ServoLoop<'_>],
+        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
+    ) -> Result<R, Error> {
+        self.machine.with_loops(loops, background)
     }
 
     fn bus(&self) -> LinuxBus {
