@@ -396,7 +396,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         let (windows, doorbell) = (self.machine.windows(), self.machine.doorbell());
         let lives = |processor| incarnation::<M, PROCESSORS>(&windows, &doorbell, processor);
         let mut desks = [const { LoopDesk::new() }; LOOPS];
-        let (servers, samplers) = self.tables(&mut desks, &watched, &tuned, &lives)?;
+        let (servers, mut samplers) = self.tables(&mut desks, &watched, &tuned, &lives)?;
         let servers: Vec<&dyn Respond, LOOPS> = fitting(servers.iter().map(|one| one as _));
         let time = Nanoseconds::of(self.machine.timer_frequency());
         let (machine, console, area) = (self.machine, self.console.as_ref(), self.area);
@@ -440,13 +440,14 @@ impl<'e, M: Machine> Setup<'e, M> {
             Some((param, Cell::new(one.rate.numerator())))
         });
         let rates_hz: Vec<_, LOOPS> = fitting(rates_hz);
-        let bodies = self.loops.iter_mut().zip(samplers);
+        // The list itself would panic where it ends.
+        let bodies = self.loops.iter_mut().zip(samplers.iter_mut());
         let bodies = bodies.map(|(one, sampler)| {
             let (rate, overrun) = (one.rate, one.overrun);
             (
                 rate,
                 overrun,
-                one.ticks::<M>(sampler, time, mailbox, screen),
+                one.ticks::<M>(sampler.take(), time, mailbox, screen),
             )
         });
         let mut bodies: Vec<_, LOOPS> = fitting(bodies);

@@ -27,7 +27,10 @@ pub(crate) type LoopSampler<'d, M> =
 
 /// How many rows of all variables a ring has room for.
 pub(crate) const fn rows(rate: Rate) -> u32 {
-    rate.numerator() / rate.denominator() / KEPT
+    match rate.numerator().checked_div(rate.denominator()) {
+        Some(hz) => hz / KEPT,
+        None => 0,
+    }
 }
 
 /// Why the variables of the loop `name` cannot be shown.
@@ -84,8 +87,12 @@ impl Nanoseconds {
             u64::from(self.0.numerator()),
             u64::from(self.0.denominator()),
         );
-        let whole = (ticks / ticks_in).wrapping_mul(SECOND * seconds);
-        let rest = (ticks % ticks_in).wrapping_mul(SECOND) / ticks_in;
+        // A rate is above 0.
+        let parts = |ticks: u64| ticks.checked_div(ticks_in).unwrap_or(0);
+        let whole = parts(ticks);
+        let rest = ticks.wrapping_sub(whole.wrapping_mul(ticks_in));
+        let whole = whole.wrapping_mul(SECOND * seconds);
+        let rest = parts(rest.wrapping_mul(SECOND));
         whole.wrapping_add(rest.wrapping_mul(seconds))
     }
 }
