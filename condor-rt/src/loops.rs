@@ -1,7 +1,7 @@
 //! The counts of a processor's servo loops, for whoever watches.
 //!
 //! The program's background publishes them, and any process that maps the window reads them. A loop is an
-//! object of [`Kind::Loop`](crate::objects::Kind::Loop) with its name: a [`Published`] record of 22 words,
+//! object of [`Kind::Loop`] with its name: a [`Published`] record of 22 words,
 //! which are rate and tick frequency as numerator and denominator, flags (bit 0 enabled, bit 1 faulted),
 //! the worst lateness and run, then the counts in the order of [`Statistics`] (`running` and `pending` in
 //! one word each, the others in two, low one first), and a zero.

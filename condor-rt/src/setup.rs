@@ -428,7 +428,8 @@ impl<'e, M: Machine> Setup<'e, M> {
             Some((param, Cell::new(one.rate.numerator())))
         });
         let rates_hz: Vec<_, LOOPS> = fitting(rates_hz);
-        let bodies = self.loops.iter_mut().zip(&mut samplers);
+        // The list itself would panic where it ends.
+        let bodies = self.loops.iter_mut().zip(samplers.iter_mut());
         let bodies = bodies.map(|(one, sampler)| {
             let (rate, overrun) = (one.rate, one.overrun);
             (

@@ -3,7 +3,6 @@
 use condor_fs::Error as FileError;
 use condor_hand::controller::{ControllerError, TableError};
 use condor_hand::kinematics::JointLimitsError;
-use condor_hand::monitor::MonitorError;
 use condor_hand::plant::PlantError;
 use thiserror::Error;
 
@@ -93,9 +92,6 @@ pub enum Failure {
     /// The table.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// The monitor of the controller's variables.
-    #[error(transparent)]
-    Monitor(#[from] MonitorError),
     /// The limits of the trajectories.
     #[error(transparent)]
     Trajectory(#[from] condor_hand::trajectory::TrajectoryError),

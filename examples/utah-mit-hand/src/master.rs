@@ -12,6 +12,7 @@
 //! | object | is |
 //! |---|---|
 //! | `console` | its terminal |
+//! | `trajectories` | its loop: counts and variables |
 //! | `wanted` | a published [`Wanted`] |
 
 use core::cell::RefCell;
@@ -21,6 +22,7 @@ use condor_hand::trajectory::{Generator, Limits};
 use condor_mbox::{Clock, Processor};
 use condor_rt::{Error, Machine, Program, Setup, users};
 use condor_tty::ConsoleError;
+use condor_vars::{Var, Vars};
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
@@ -84,11 +86,24 @@ impl Program for Master {
         let publisher = setup.publish(WANTED_NAME)?;
         let drive = Drive::new(generator, seats, &partners, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
+        let wanted = Vars::<f64, ALL>::numbered("joint", "rad");
+        let wanted = wanted.about("Where it is to be; joints in the order of the fingers.");
+        let loose =
+            Var::<u32>::new("loose", "").about("A bit for each finger that does not follow.");
         setup
             .console()?
             .files()?
+            .watch(&wanted)
+            .watch(&loose)
             .servo("trajectories", start::rate(rate_hz), &mut |_| {
-                drive::with(&shared, Drive::tick);
+                drive::with(&shared, |drive| {
+                    drive.tick();
+                    let points = drive.generator.set_points();
+                    for (joint, point) in points.iter().enumerate() {
+                        wanted.set(joint, point.position);
+                    }
+                    loose.set(drive.loose & ((1 << FINGERS) - 1));
+                });
             })
             .background(|background| {
                 background.print(format_args!(

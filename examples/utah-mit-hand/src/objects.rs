@@ -6,7 +6,6 @@
 //! another text, may have its objects elsewhere; look again after a call to it has failed.
 
 use condor_hand::message::ServoPlaces;
-use condor_hand::monitor::{MonitorPlaces, MonitorReader};
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use condor_rt::PROCESSORS;
 use condor_rt::objects::{self, Kind, Object};
@@ -15,7 +14,7 @@ use crate::desk::Desk;
 use crate::grasp::{self, GraspPlaces, Joints};
 use crate::master::{self, Wanted};
 use crate::plant::{self, Truth};
-use crate::servo::{self, RING_BYTES, Tracking};
+use crate::servo::{self, Tracking};
 use crate::table::{self, Palm};
 use crate::{JOINTS, SERVED};
 
@@ -30,31 +29,6 @@ pub fn servos<W: MemoryWindow>(
     object
         .map(|object| ServoPlaces::new(&mut from(region, &object)?, PROCESSORS as u8))
         .transpose()
-}
-
-/// The monitor of a servo processor, for requests; its ring is what
-/// [`MonitorPlaces::ring`] gives, and [`monitor_rows`] reads.
-///
-/// # Errors
-/// The memory's.
-pub fn monitor<W: MemoryWindow>(region: &Region<W>) -> Result<Option<MonitorPlaces>, AccessError> {
-    let object = objects::find(region, "monitor", Kind::Other)?;
-    object
-        .map(|object| MonitorPlaces::new(&mut from(region, &object)?, PROCESSORS as u8, RING_BYTES))
-        .transpose()
-}
-
-/// A reader of the rows of the monitor of a servo processor; `None` also while there is no ring yet.
-///
-/// # Errors
-/// The memory's.
-pub fn monitor_rows<W: MemoryWindow + Clone>(
-    region: &Region<W>,
-) -> Result<Option<MonitorReader<W>>, AccessError> {
-    let Some(places) = monitor(region)? else {
-        return Ok(None);
-    };
-    Ok(MonitorReader::open(places.ring(region)?).ok())
 }
 
 /// What a servo processor measures of its joints.

@@ -20,6 +20,7 @@
 //! | object | is |
 //! |---|---|
 //! | `console` | its terminal: boards that rest and go on |
+//! | `robot` | its loop: counts and variables |
 //! | `truth` | a published [`Truth`] |
 //! | `plant` | the blocks of [`PLANT`]: a [`Desk`] of [`Request`] and [`Response`] |
 
@@ -28,6 +29,7 @@ use core::cell::RefCell;
 use condor_mbox::Vector;
 use condor_rt::objects::Kind;
 use condor_rt::{Error, Machine, Program, Setup};
+use condor_vars::{Var, Vars};
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -101,6 +103,10 @@ impl Program for Plant {
             Ok((hand, robot))
         })?;
         let shared: Shared = Mutex::new(RefCell::new(robot));
+        let ball = Vars::<f64, 3>::new(&["ball.x", "ball.y", "ball.z"], "m");
+        let ball = ball.about("Its centre, in the axes of the palm; NaN without one.");
+        let touching = Var::<u64>::new("ball.touching", "").about("A bit for each finger.");
+        let resting = Var::<u64>::new("boards.resting", "").about("A bit for each D/A board.");
 
         let mut setup = Setup::new(machine)?;
         let mut truth = setup.publish(TRUTH_NAME)?;
@@ -111,8 +117,14 @@ impl Program for Plant {
             .on(PLANT, NAME, &|call| {
                 desk.answer(call, &own, |request| respond(&shared, &request))
             })
-            .servo("plant", start::rate(arguments.rate_hz), &mut |_| {
+            .watch(&ball)
+            .watch(&touching)
+            .watch(&resting)
+            .servo("robot", start::rate(arguments.rate_hz), &mut |_| {
                 if let Some(now) = with(&shared, |robot| robot.tick(&registers)) {
+                    ball.set_all(&now.ball);
+                    touching.set(now.touching);
+                    resting.set(now.resting);
                     // Who reads finds the former one.
                     let _ = truth.publish(&now);
                 }
@@ -120,14 +132,14 @@ impl Program for Plant {
             .background(|background| {
                 let (name, hz) = (&hand.name, arguments.rate_hz);
                 background.print(format_args!("is the hand {name}, at {hz} Hz\n"));
-                let (mut resting, mut failures) = (0, 0);
+                let (mut tripped, mut failures) = (0, 0);
                 start::attend(background, || {
                     let seen = with(&shared, |robot| (robot.tripped(), robot.failures()));
                     let Some((now, failed)) = seen else {
                         return Ok(());
                     };
                     for board in 0..u64::BITS {
-                        let is_new = (now ^ resting) >> board & 1 != 0;
+                        let is_new = (now ^ tripped) >> board & 1 != 0;
                         let ms = arguments.watchdog_ms;
                         if is_new && now >> board & 1 != 0 {
                             background.print(format_args!(
@@ -142,7 +154,7 @@ impl Program for Plant {
                             "{failed} ticks in which the robot or its bus failed\n"
                         ));
                     }
-                    (resting, failures) = (now, failed);
+                    (tripped, failures) = (now, failed);
                     Ok(())
                 })
             })

@@ -21,7 +21,7 @@
 //! |---|---|
 //! | `console` | its terminal: faults, and what becomes of grasps |
 //! | `servos` | [`ServoPlaces`]: set-points and requests, vector [`SERVO`] |
-//! | `monitor` | [`MonitorPlaces`]: blocks, then the ring; vector [`MONITOR`] |
+//! | `servo` | the variables of its loop: joints and tendons |
 //! | `joints` | a published [`Joints`] |
 //! | `tracking` | a published [`Tracking`] |
 //! | `grasp` | [`GraspPlaces`] |
@@ -38,7 +38,6 @@ use condor_fs::OpenOptions;
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
 use condor_hand::message::{Identity, SERVO, ServoObject, ServoPlaces};
-use condor_hand::monitor::{FingerVariables, MONITOR, MonitorObject, MonitorPlaces, ring_bytes};
 use condor_mbox::{MemoryWindow, Processor, Region};
 use condor_mos::Latest;
 use condor_rt::objects::Kind;
@@ -56,23 +55,18 @@ mod control;
 mod fingers;
 mod news;
 mod tracking;
+mod variables;
 
 pub(crate) use control::{Control, Controllers, Given, Servos};
 use fingers::Fingers;
 use news::News;
 use tracking::Tracker;
 pub use tracking::Tracking;
+use variables::Variables;
 
 /// The name of the published [`Tracking`].
 pub const TRACKING_NAME: &str = "tracking";
 
-/// What there is to watch.
-type Variables = FingerVariables<SERVED, JOINTS>;
-
-/// Values of a row of the monitor, and rows.
-const COLUMNS: u32 = 48;
-const ROWS: u32 = 512;
-pub(crate) const RING_BYTES: u32 = ring_bytes(Variables::COUNT as u32, COLUMNS, ROWS);
 /// The name of the loop.
 const LOOP: &str = "servo";
 
@@ -136,21 +130,7 @@ fn serve<M: Machine>(
     let identity = Identity::new(&hand.name, names, rate_hz);
     let (asked, servos) =
         servo_object.split(identity, &own, places, machine.exclusion(), controllers)?;
-    let places = setup.place("monitor", Kind::Other, |places| {
-        MonitorPlaces::new(places, PROCESSORS as u8, RING_BYTES)
-    })?;
-    let mut monitor_object = MonitorObject::new();
     let variables = Variables::new(entries);
-    let (chosen, monitor) = monitor_object
-        .split(
-            &own,
-            places,
-            machine.exclusion(),
-            rate_hz,
-            variables.variables(),
-            COLUMNS,
-        )
-        .map_err(Failure::from)?;
 
     let (other, table) = others(hand, number);
     let partner = Partner::new(users(machine, other)?, JOINTS_NAME);
@@ -180,7 +160,7 @@ fn serve<M: Machine>(
         hand,
         control,
         servos,
-        monitor,
+        variables: &variables,
         wires,
         grasp: GraspEnd::new(own.clone(), grasp, &partner)?,
         palm: &palm,
@@ -198,7 +178,7 @@ fn serve<M: Machine>(
     };
     setup
         .on(SERVO, "servos", &|call| asked.answer(call))
-        .on(MONITOR, "monitor", &|call| chosen.answer(call))
+        .watch(&variables)
         .servo(LOOP, start::rate(rate_hz), &mut |_| fingers.tick())
         .background(|background| {
             let say = |line: Arguments<'_>| background.print(format_args!("{line}\n"));

@@ -6,6 +6,7 @@
 //! | object | is |
 //! |---|---|
 //! | `console` | its terminal |
+//! | `axes` | its loop: counts and variables |
 //! | `palm` | a published [`Palm`] |
 //! | `table` | the blocks of [`TABLE`]: a [`Desk`] of [`Request`] and [`Response`] |
 //!
@@ -21,6 +22,7 @@ use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, Region, Vector};
 use condor_rt::objects::Kind;
 use condor_rt::{Error, Machine, Program, Setup};
+use condor_vars::Vars;
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -197,6 +199,7 @@ impl Program for Table {
                 Ok((hand, hand.rate_hz(processor), driven, wires))
             })?;
         let shared: Shared = Mutex::new(RefCell::new(driven));
+        let variables = Variables::new();
         let clock = machine.doorbell();
 
         let mut setup = Setup::new(machine)?;
@@ -205,6 +208,7 @@ impl Program for Table {
             shared: &shared,
             wires,
             publisher: setup.publish(PALM_NAME)?,
+            variables: &variables,
             clock: &clock,
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
@@ -216,7 +220,10 @@ impl Program for Table {
             .on(TABLE, NAME, &|call| {
                 desk.answer(call, &own, |request| respond(&shared, &request))
             })
-            .servo(NAME, start::rate(rate_hz), &mut |_| axes.tick())
+            .watch(&variables.position)
+            .watch(&variables.target)
+            .watch(&variables.force)
+            .servo("axes", start::rate(rate_hz), &mut |_| axes.tick())
             .background(|background| {
                 background.print(format_args!("moves the table at {rate_hz} Hz\n"));
                 let mut before = State::Off;
@@ -233,12 +240,30 @@ impl Program for Table {
     }
 }
 
+/// What the loop shows of the axes.
+struct Variables {
+    position: Vars<f64, AXES>,
+    target: Vars<f64, AXES>,
+    force: Vars<f64, AXES>,
+}
+
+impl Variables {
+    const fn new() -> Self {
+        Self {
+            position: Vars::numbered("table.position", "m").about("As the encoders measure it."),
+            target: Vars::numbered("table.target", "m"),
+            force: Vars::numbered("table.force", "N").about("What the drives get."),
+        }
+    }
+}
+
 /// All that happens in a tick of the table's loop.
 struct Axes<'r, M: Machine> {
     hand: &'r UtahMit,
     shared: &'r Shared,
     wires: Wires<'r, M::Bus>,
     publisher: Publisher<Palm, Region<M::Window>>,
+    variables: &'r Variables,
     clock: &'r M::Doorbell,
     last: Option<Instant>,
     period_s: f64,
@@ -272,6 +297,9 @@ impl<M: Machine> Axes<'_, M> {
             target: tick.target.map(|point| point.position),
             state: u64::from(State::of(tick.state) as u32),
         };
+        self.variables.position.set_all(&palm.position);
+        self.variables.target.set_all(&palm.target);
+        self.variables.force.set_all(&tick.force);
         // The servos take an acceleration that is not published any more for none.
         let _ = self.publisher.publish(&palm);
     }

@@ -3,7 +3,6 @@
 use condor_hand::controller::{FingerController, Tick};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::message::ServoLoop;
-use condor_hand::monitor::Monitor;
 use condor_hand::servo::Sensed;
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, MemoryWindow, Region};
@@ -31,7 +30,7 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) hand: &'r UtahMit,
     pub(super) control: Control<'r>,
     pub(super) servos: ServoLoop<'r, PlanarFinger, M::Window, SERVED, JOINTS>,
-    pub(super) monitor: Monitor<'r, M::Window>,
+    pub(super) variables: &'r Variables<'r>,
     pub(super) wires: Wires<'r, M::Bus>,
     pub(super) grasp: GraspEnd<'r, M::Window>,
     pub(super) palm: &'r Partner<M::Window>,
@@ -79,10 +78,7 @@ impl<M: Machine> Fingers<'_, M> {
             recorder.end(&output);
         }
         self.track(&measured.sensed, &ticks);
-        // A row that cannot be written is missing in the ring, and nowhere else.
-        let _ = self
-            .monitor
-            .tick(|number| Variables::word(number, &measured.sensed, &ticks));
+        self.variables.show(&measured.sensed, &ticks);
         let news = News {
             faults: ticks.map(|tick| tick.fault),
             grasp: self.control.grasp().report().news(),

@@ -237,7 +237,7 @@ impl Master<'_> {
                     .push(places.set_points(finger, &region).unwrap());
             }
         }
-        self.wait(0.3);
+        self.wait(0.28);
     }
 
     pub(crate) fn client<R>(

@@ -1,0 +1,173 @@
+//! [`Variables`]: what the servo loop shows of its fingers.
+
+use core::fmt::{self, Write};
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use condor_hand::config::Finger;
+use condor_hand::controller::Tick;
+use condor_hand::servo::Sensed;
+use condor_vars::{Description, Kind, Watch};
+
+use crate::{JOINTS, SERVED};
+
+/// Of each joint: name, unit, and what it is.
+const JOINT: [(&str, &str, &str); 11] = [
+    ("position", "rad", "Filtered."),
+    ("velocity", "rad/s", "The rate of the filtered position."),
+    ("target", "rad", "NaN where positions are not controlled."),
+    ("torque", "N m", "That of the desired tensions."),
+    ("error", "rad", "Target less position."),
+    ("flexor.tension", "N", "As its sensor measures it."),
+    ("flexor.desired", "N", "What it is to have."),
+    ("flexor.command", "N", "What its actuator gets."),
+    ("extensor.tension", "N", "As its sensor measures it."),
+    ("extensor.desired", "N", "What it is to have."),
+    ("extensor.command", "N", "What its actuator gets."),
+];
+/// Of each finger after its joints.
+const FINGER: [(&str, &str); 2] = [
+    (
+        "saturated",
+        "A bit for each joint whose tendons cannot give the torque that it needs.",
+    ),
+    ("fault", "The number of the fault's code plus 1; 0 without."),
+];
+const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
+
+/// What the servo loop shows of its fingers, under names such as `index.proximal.flexor.tension`.
+pub(super) struct Variables<'h> {
+    fingers: [&'h Finger<JOINTS>; SERVED],
+    words: [AtomicU32; SERVED * OF_FINGER],
+}
+
+impl<'h> Variables<'h> {
+    pub(super) const fn new(fingers: [&'h Finger<JOINTS>; SERVED]) -> Self {
+        Self {
+            fingers,
+            words: [const { AtomicU32::new(0) }; SERVED * OF_FINGER],
+        }
+    }
+
+    /// Shows what the fingers felt and did in a tick.
+    pub(super) fn show(
+        &self,
+        sensed: &[Sensed<f64, JOINTS>; SERVED],
+        ticks: &[Tick<JOINTS>; SERVED],
+    ) {
+        let (fingers, _) = self.words.as_chunks::<OF_FINGER>();
+        for (words, (sensed, tick)) in fingers.iter().zip(sensed.iter().zip(ticks)) {
+            let (joints, rest) = words.as_chunks::<{ JOINT.len() }>();
+            for (joint, words) in joints.iter().enumerate() {
+                let values = of_joint(joint, sensed, tick).into_iter().flatten();
+                for (word, value) in words.iter().zip(values) {
+                    word.store((value as f32).to_bits(), Relaxed);
+                }
+            }
+            let fault = tick.fault.map_or(0, |fault| fault.code as u32 + 1);
+            for (word, value) in rest.iter().zip([tick.output.saturated, fault]) {
+                word.store(value, Relaxed);
+            }
+        }
+    }
+}
+
+/// In the order of [`JOINT`]; `None` for a joint that there is not.
+fn of_joint(
+    joint: usize,
+    sensed: &Sensed<f64, JOINTS>,
+    tick: &Tick<JOINTS>,
+) -> Option<[f64; JOINT.len()]> {
+    let output = &tick.output;
+    let position = *output.position.get(joint)?;
+    let target = tick.target.get(joint)?.unwrap_or(f64::NAN);
+    let (tension, desired) = (sensed.tension.get(joint)?, output.tension.get(joint)?);
+    let command = output.command.get(joint)?;
+    Some([
+        position,
+        *output.velocity.get(joint)?,
+        target,
+        *output.torque.get(joint)?,
+        target - position,
+        tension.flexor,
+        desired.flexor,
+        command.flexor,
+        tension.extensor,
+        desired.extensor,
+        command.extensor,
+    ])
+}
+
+impl Watch for Variables<'_> {
+    fn words(&self) -> &[AtomicU32] {
+        &self.words
+    }
+
+    fn describe(&self, index: usize) -> Option<Description<'_>> {
+        let (kind, unit, about) = match part(index) {
+            Part::Joint(_, &(_, unit, about)) => (Kind::F32, unit, about),
+            Part::Finger(&(_, about)) => (Kind::U32, "", about),
+        };
+        (index < self.words.len()).then_some(Description {
+            kind,
+            unit,
+            about,
+            labels: &[],
+            bounds: [[0; 2]; 2],
+        })
+    }
+
+    fn name(&self, index: usize, to: &mut dyn Write) -> fmt::Result {
+        let finger = self.fingers.get(index / OF_FINGER).ok_or(fmt::Error)?;
+        match part(index) {
+            Part::Joint(joint, (name, ..)) => {
+                let joint = finger.joints.get(joint).ok_or(fmt::Error)?;
+                write!(to, "{}.{}.{name}", finger.name, joint.name)
+            }
+            Part::Finger((name, _)) => write!(to, "{}.{name}", finger.name),
+        }
+    }
+}
+
+/// What the variable of a number is of its finger.
+enum Part {
+    Joint(usize, &'static (&'static str, &'static str, &'static str)),
+    Finger(&'static (&'static str, &'static str)),
+}
+
+fn part(index: usize) -> Part {
+    let within = index % OF_FINGER;
+    let [saturated, fault] = &FINGER;
+    let joint = (within / JOINT.len() < JOINTS).then(|| JOINT.get(within % JOINT.len()));
+    match joint.flatten() {
+        Some(of_joint) => Part::Joint(within / JOINT.len(), of_joint),
+        None if within == JOINTS * JOINT.len() => Part::Finger(saturated),
+        None => Part::Finger(fault),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_word_has_a_name_of_its_own_and_its_kind() {
+        let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+        let hand = crate::UtahMit::from_toml(text, "utah-mit.toml").unwrap();
+        let variables = Variables::new([&hand.fingers[0], &hand.fingers[1]]);
+        let names: Vec<String> = (0..variables.words().len())
+            .map(|index| {
+                let mut name = String::new();
+                variables.name(index, &mut name).unwrap();
+                let kind = variables.describe(index).unwrap().kind;
+                let is_count = name.ends_with("fault") || name.ends_with("saturated");
+                assert_eq!(kind == Kind::U32, is_count, "{name}");
+                name
+            })
+            .collect();
+        assert_eq!(names[18], "index.proximal.flexor.command");
+        assert_eq!(names[OF_FINGER - 1], "index.fault");
+        assert_eq!(names[OF_FINGER], "middle.abduction.position");
+        assert!((1..names.len()).all(|index| !names[..index].contains(&names[index])));
+        assert!(variables.describe(names.len()).is_none());
+    }
+}
