@@ -41,10 +41,8 @@ pub mod math;
 mod pose;
 
 // The servos seen from other processors.
-#[cfg(all(feature = "mbox", not(condor_loom)))]
-pub mod message;
 #[cfg(feature = "mbox")]
-pub mod monitor;
+pub mod message;
 
 // A hand to try them on.
 #[cfg(feature = "sim")]

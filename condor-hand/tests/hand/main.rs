@@ -1,5 +1,4 @@
 //! What the crate promises. One program: what all of these share is compiled once.
-#![cfg(not(condor_loom))]
 
 // What is shared.
 #[cfg(feature = "text")]
@@ -28,7 +27,6 @@ mod trajectory;
 
 // Who asks and watches.
 mod message;
-mod monitor;
 
 // Whatever comes, and what is simulated.
 mod hostile_hand;
