@@ -476,7 +476,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 }
 
-/// A gain by the name that `condor vars` has for it, too.
+/// A gain by its name.
 fn gain<'g>(gains: &'g mut JointGains<f64>, name: &str) -> Option<&'g mut f64> {
     if let Some((side, name)) = name.split_once('.') {
         let TensionGains { kt, ki, kd, kv } = match side {
