@@ -13,7 +13,7 @@
 //! release, with a second release and a hand-over in shared memory in between, and whenever one of
 //! them were skipped the other would work with tensions or torques a period old.
 //!
-//! In each tick the loop reads every board once, publishes the [`Joints`], steps the law of a
+//! In each tick the loop reads every board once, publishes the [`Joints`](crate::grasp::Joints), steps the law of a
 //! [grasp](crate::grasp) if there is one, and then the controllers of the fingers, in a gravity less
 //! the acceleration that the table publishes; last it writes its board of outputs.
 //!
@@ -22,7 +22,7 @@
 //! | `console` | its terminal: faults, and what becomes of grasps |
 //! | `servos` | [`ServoPlaces`]: set-points and requests, vector [`SERVO`] |
 //! | `servo` | the variables of its loop: joints and tendons |
-//! | `joints` | a published [`Joints`] |
+//! | `joints` | a published [`Joints`](crate::grasp::Joints) |
 //! | `tracking` | a published [`Tracking`] |
 //! | `grasp` | [`GraspPlaces`] |
 //! | `recording` | the ring of a recording |
