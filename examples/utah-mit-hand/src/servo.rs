@@ -33,7 +33,6 @@
 use core::fmt::Arguments;
 use core::time::Duration;
 
-use condor_dev::Bus;
 use condor_fs::OpenOptions;
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
@@ -74,49 +73,32 @@ const LOOP: &str = "servo";
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Servo;
 
-/// What follows from the configuration alone.
-struct Configured<'h, 's, B: Bus> {
-    hand: &'h UtahMit,
-    fingers: [&'h Finger<JOINTS>; SERVED],
-    controllers: Controllers,
-    control: Control<'h>,
-    wires: Wires<'s, B>,
-}
-
 impl Program for Servo {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let number = machine.number().0;
         let record = Record::of(machine)?;
         let (mut place, mut panel) = (None, None);
-        let configured = start::configured(machine, &mut place, |background, hand| {
-            let served = served(hand, number)?;
+        let (hand, wires) = start::configured(machine, &mut place, |background, hand| {
             let panel = panel.insert(boards::open(machine.bus(), hand, number));
-            Ok(Configured {
-                hand,
-                fingers: entries(hand, served)?,
-                controllers: controllers(hand, served)?,
-                control: Control::new(hand, number, served)?,
-                wires: start::wires(background, panel, hand)?,
-            })
+            Ok((hand, start::wires(background, panel, hand)?))
         })?;
-        serve(machine, configured, record)
+        serve(machine, hand, wires, record)
     }
 }
 
 /// Runs the loop, until the program is to end.
+#[inline(never)]
 fn serve<M: Machine>(
     machine: &M,
-    configured: Configured<'_, '_, M::Bus>,
+    hand: &UtahMit,
+    wires: Wires<'_, M::Bus>,
     record: Option<Record<'_>>,
 ) -> Result<(), Error> {
-    let Configured {
-        hand,
-        fingers: entries,
-        controllers,
-        control,
-        wires,
-    } = configured;
     let number = machine.number().0;
+    let served = served(hand, number)?;
+    let entries = entries(hand, served)?;
+    let controllers = controllers(hand, served)?;
+    let control = Control::new(hand, number, served)?;
     let names = entries.map(|finger| finger.name.as_str());
     let rate_hz = rate_hz(hand, number);
 

@@ -25,13 +25,19 @@ pub(crate) fn configured<'h, M: Machine, R>(
     place: &'h mut Option<UtahMit>,
     make: impl FnOnce(&Background<'_, M>, &'h UtahMit) -> Result<R, Error>,
 ) -> Result<R, Error> {
+    // What is returned through all that a background runs in is on the stack many times.
+    let mut made = None;
     Setup::new(machine)?
         .console()?
         .files()?
         .background(|background| {
             let hand = place.insert(configuration(background)?);
-            make(background, hand)
-        })
+            made = Some(make(background, hand)?);
+            Ok(())
+        })?;
+    made.ok_or(Error::Missing {
+        what: "configuration",
+    })
 }
 
 /// The configuration, from the file service, as far as the boards of the rack can serve it.

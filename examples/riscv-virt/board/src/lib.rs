@@ -10,7 +10,7 @@
 //! board::program!(main);
 //!
 //! fn main(hart: board::Hart) -> u32 {
-//!     board::status(&Servo.run(&hart))
+//!     board::run(&Servo, &hart)
 //! }
 //! ```
 //!
@@ -37,7 +37,7 @@ pub use bell::HartBell;
 pub use hart::{Hart, HartError, HartTimer};
 pub use machine::MTIME;
 pub use memory::memory;
-pub use program::{start, status};
+pub use program::{run, start, status};
 
 /// What the monitor does that programs do not.
 pub mod resident;

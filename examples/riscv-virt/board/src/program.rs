@@ -1,5 +1,7 @@
 //! How a program begins and ends.
 
+use condor_rt::Program;
+
 use crate::hart::Hart;
 use crate::resident::{self, Return};
 use crate::trap;
@@ -60,6 +62,13 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
         let _ = control.end(main(hart));
     }
     trap::leave(Return::Ended)
+}
+
+/// Runs a program, and returns its status. Its frame is its own: that of a `main` with many programs has
+/// no room for all of them at once.
+#[inline(never)]
+pub fn run(program: &impl Program, hart: &Hart) -> u32 {
+    status(&program.run(hart))
 }
 
 /// The status for what came of a program.

@@ -7,7 +7,6 @@ mod faulty;
 mod instructions;
 
 use board::{Hart, stack, status};
-use condor_rt::Program as _;
 use drills::{Echo, Stress, Table};
 
 board::program!(main);
@@ -17,12 +16,12 @@ const NO_PROGRAM: u32 = 2;
 
 fn main(mut hart: Hart) -> u32 {
     match hart.program() {
-        Some("echo") => status(&Echo.run(&hart)),
-        Some("stress") => status(&Stress(|| stack::deepest(&hart)).run(&hart)),
-        Some("table") => status(&Table.run(&hart)),
+        Some("echo") => board::run(&Echo, &hart),
+        Some("stress") => board::run(&Stress(|| stack::deepest(&hart)), &hart),
+        Some("table") => board::run(&Table, &hart),
         Some("instructions") => status(&instructions::run(&hart)),
         Some("stack") => status(&depths::run(&hart)),
-        Some("faulty") => status(&faulty::Faulty.run(&hart)),
+        Some("faulty") => board::run(&faulty::Faulty, &hart),
         _ => NO_PROGRAM,
     }
 }

@@ -3,8 +3,7 @@
 #![no_std]
 #![no_main]
 
-use board::{Hart, status};
-use condor_rt::Program as _;
+use board::Hart;
 use utah_mit_hand::master::Master;
 use utah_mit_hand::replay::Replay;
 use utah_mit_hand::servo::Servo;
@@ -17,10 +16,10 @@ const NO_PROGRAM: u32 = 2;
 
 fn main(mut hart: Hart) -> u32 {
     match hart.program() {
-        Some("master") => status(&Master.run(&hart)),
-        Some("replay") => status(&Replay.run(&hart)),
-        Some("servo") => status(&Servo.run(&hart)),
-        Some("table") => status(&Table.run(&hart)),
+        Some("master") => board::run(&Master, &hart),
+        Some("replay") => board::run(&Replay, &hart),
+        Some("servo") => board::run(&Servo, &hart),
+        Some("table") => board::run(&Table, &hart),
         _ => NO_PROGRAM,
     }
 }

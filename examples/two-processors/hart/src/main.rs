@@ -2,10 +2,9 @@
 #![no_std]
 #![no_main]
 
-use condor_rt::Program as _;
 
 board::program!(main);
 
 fn main(hart: board::Hart) -> u32 {
-    board::status(&two_processors::Servo.run(&hart))
+    board::run(&two_processors::Servo, &hart)
 }
