@@ -67,14 +67,8 @@ pub struct Master;
 impl Program for Master {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let mut place = None;
-        let (hand, seated, generator) = start::configured(machine, &mut place, |_, hand| {
-            let limits = limits(hand);
-            let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
-            let period_s = 1.0 / f64::from(hand.trajectory_hz);
-            let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
-            Ok((hand, servos::seats(hand)?, generator))
-        })?;
-        let ([a, b], seats) = seated;
+        let hand = start::configured(machine, &mut place, |_, hand| Ok(hand))?;
+        let ([a, b], seats) = servos::seats(hand)?;
         let partners = [
             Partner::new(users(machine, Processor(a))?, JOINTS_NAME),
             Partner::new(users(machine, Processor(b))?, JOINTS_NAME),
@@ -84,6 +78,9 @@ impl Program for Master {
 
         let mut setup = Setup::new(machine)?;
         let publisher = setup.publish(WANTED_NAME)?;
+        let limits = limits(hand);
+        let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
+        let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
         let drive = Drive::new(generator, seats, &partners, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
         let wanted = Vars::<f64, ALL>::numbered("joint", "rad");
@@ -117,7 +114,7 @@ impl Program for Master {
                     background,
                     shared: &shared,
                     servos: Servos::new(background, hand, &shared, [a, b], seats)?,
-                    player: Player::new(&limits(hand)),
+                    player: Player::new(&limits),
                     store: Store(files),
                     others: Others::new(machine, hand, background.mailbox())?,
                 };

@@ -26,16 +26,16 @@ pub(crate) fn configured<'h, M: Machine, R>(
     make: impl FnOnce(&Background<'_, M>, &'h UtahMit) -> Result<R, Error>,
 ) -> Result<R, Error> {
     // What is returned through all that a background runs in is on the stack many times.
-    let mut made = None;
+    let mut result = None;
     Setup::new(machine)?
         .console()?
         .files()?
         .background(|background| {
             let hand = place.insert(configuration(background)?);
-            made = Some(make(background, hand)?);
+            result = Some(make(background, hand)?);
             Ok(())
         })?;
-    made.ok_or(Error::Missing {
+    result.ok_or(Error::Missing {
         what: "configuration",
     })
 }
