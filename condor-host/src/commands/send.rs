@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use condor_mbox::{LoadOrder, MemoryWindow, Messenger, PeerState, Processor, Vector, layout};
+use condor_mbox::{LoadOrder, MemoryWindow, Messenger, Processor, Vector, layout};
 use serde::Serialize;
 
 use super::number::word;
@@ -51,10 +51,6 @@ impl Send {
         let vector = vector(&self.vector, &member.name, &there)?;
         let post = view.join()?;
         let failed = |error| format!("{}, vector {}: {error}", member.name, vector.0);
-        // A program that has just begun acknowledges a visitor when it serves for the first time.
-        if matches!(post.peer_state(to)?, PeerState::Up { .. }) {
-            post.wait_for_peer(to, None, self.timeout).map_err(failed)?;
-        }
         let reply = if self.reply {
             let reply = post.send_with_reply(to, vector, self.data, self.timeout);
             Some(reply.map_err(failed)?)
