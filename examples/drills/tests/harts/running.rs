@@ -127,11 +127,11 @@ impl Up {
             let digits = digits.trim_start();
             let end = digits.find(|letter: char| !letter.is_ascii_digit());
             let digits = &digits[..end.unwrap_or(digits.len())];
-            match digits.parse() {
-                Ok(reply) => return reply,
-                Err(_) if error.contains("is not connected") && Instant::now() < deadline => {}
-                Err(_) => panic!("{number}: {text}{error}"),
+            if let Ok(reply) = digits.parse() {
+                return reply;
             }
+            let is_early = error.contains("is not connected") && Instant::now() < deadline;
+            assert!(is_early, "{number}: {text}{error}");
         }
     }
 
