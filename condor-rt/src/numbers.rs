@@ -44,7 +44,7 @@ const _: () = {
     }
 };
 
-/// What a vector is for that is not for programs.
+/// Returns what Condor uses a vector for; `None` if programs may use it.
 pub(crate) fn reserved(vector: Vector) -> Option<&'static str> {
     if OWN_VECTORS.contains(&vector.0) {
         return None;

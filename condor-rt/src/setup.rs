@@ -58,7 +58,7 @@ pub struct Setup<'e, M: Machine> {
     waiting: Waiting,
     handlers: List<(Vector, &'e str, Handler<'e>), HANDLERS>,
     loops: List<Loop<'e>, LOOPS>,
-    /// Of each loop in turn.
+    /// The variables, and below the parameters: those of the first loop, then those of the second, and so on.
     watched: List<&'e dyn Watch, VARIABLES>,
     tuned: List<&'e dyn Tune, VARIABLES>,
     wrong: Option<Error>,

@@ -81,7 +81,7 @@ impl Item<'_> {
     }
 }
 
-/// What is done with each entry of a table.
+/// A function that is called with each entry of a table, in order.
 pub(crate) type Body<'b> = dyn FnMut(&Item<'_>) -> Result<(), CatalogError> + 'b;
 
 impl<'e> Catalog<'e> {

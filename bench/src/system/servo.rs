@@ -1,6 +1,6 @@
 //! [`Fingers`]: the tick of a servo processor, from the counts of its sensors to those of its drives.
 //!
-//! It is the tick of the hand's program without what that does for others: a grasp, the variables, the
+//! It does what a tick of the hand's program does, but for what other processors need: a grasp, the variables, the
 //! acceleration of the table. Set-points come through shared memory in one tick of eight.
 
 use std::array;

@@ -13,7 +13,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 const ADD: Vector = Vector(5);
 
 choice! {
-    /// What the joint does.
+    /// The mode of the joint, as a variable of named values.
     pub(crate) enum Mode {
         /// Nothing.
         Idle = "idle",

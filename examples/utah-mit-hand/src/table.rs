@@ -144,7 +144,7 @@ pub struct Response {
 pub enum Refusal {
     /// There is no such verb.
     Verb = 1,
-    /// It is about something else.
+    /// It is busy with another request: ask again.
     Busy = 2,
     /// It has not been home, or has failed.
     NotReady = 3,
@@ -240,7 +240,7 @@ impl Program for Table {
     }
 }
 
-/// What the loop shows of the axes.
+/// The variables of the axes, which the loop sets in every tick.
 struct Variables {
     position: Vars<f64, AXES>,
     target: Vars<f64, AXES>,

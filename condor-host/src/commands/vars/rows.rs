@@ -31,7 +31,7 @@ pub(super) struct Source<'s> {
     /// One of its variables.
     one: &'s One<'s>,
     watcher: Watcher<LinuxWindow>,
-    /// What a row has, in its order.
+    /// The variables of a row, in the order of their values.
     fields: Vec<Field>,
     /// How many rows were read.
     pub(super) rows: u64,

@@ -78,7 +78,7 @@ pub struct Response {
 pub enum Refusal {
     /// There is no such verb.
     Verb = 1,
-    /// It is about something else.
+    /// It is busy with another request: ask again.
     Busy = 2,
     /// There is no such finger, joint, sensor or tendon.
     NoSuchPart = 3,
