@@ -1,6 +1,6 @@
 //! Servos as objects that answer messages (feature `mbox`).
 //!
-//! Any processor can tune, enable, disable, ask and restart any servo (memo, sections 3.5 and 4.2). A
+//! Any processor can enable, disable, ask and restart any servo (memo, sections 3.5 and 4.2). A
 //! servo processor owns a [`ServoObject`]: its [`ServoHandler`] answers messages in the background, its
 //! [`ServoLoop`] is the control of the fingers in the servo loop. The loop never serves and never
 //! waits: what a message asks for is left as a *state* in memory of the object that only its own
@@ -33,17 +33,13 @@
 //! | `Hello` | | | version, fingers, joints of a finger, servo ticks in a second, names of the hand (4 words) and of the finger (4 words) |
 //! | `Mode` | [`Mode`](crate::servo::Mode) | | number of the order |
 //! | `Target` | [`Mode`](crate::servo::Mode) | tensions of flexor and extensor, N; or torque, N m; or position, velocity, acceleration, rad and s | number of the order |
-//! | `Gains` | | | law, 13 gains |
-//! | `SetGains` | law: 0 PD, 1 computed torque | 13 gains | number of the order |
 //! | `Status` | | | 16 words of [`Status`], then the ticks of the loop |
 //! | `Restart` | | | number of the order |
-//! | `Outcome` | number of an order | word 4: 0 mode or target, 1 gains, 2 restart | |
+//! | `Outcome` | number of an order | word 4: 0 mode or target, 1 restart | |
 //!
-//! The gains are four of the law (`kp`, `kv`, `ki`, limit of the integral; or bandwidth in Hz, damping
-//! ratio, and two that do not count), that of the torque, and `kt`, `ki`, `kd`, `kv` of flexor and
-//! extensor. Word 0 of the response is 0 if all is well; 1 if another request was being answered and
-//! this one was not looked at; for `Outcome` 2 until the loop has come to the order, 3 if a later one
-//! took its place; anything else is the code of a [`Refusal`], and its values follow.
+//! Word 0 of the response is 0 if all is well; 1 if another request was being answered and this one was
+//! not looked at; for `Outcome` 2 until the loop has come to the order, 3 if a later one took its place;
+//! anything else is the code of a [`Refusal`], and its values follow.
 //!
 //! An order is checked once, in the copy that the handler makes. What only the servo knows, such as
 //! whether a position is within its limits, or whether the finger rests after a fault, the loop finds
@@ -73,7 +69,7 @@ use condor_mbox::Vector;
 /// The vector of a servo processor for requests to its servos.
 pub const SERVO: Vector = Vector(32);
 /// The version of the protocol.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Every joint of a finger, in place of the number of one.
 pub const ALL_JOINTS: u32 = u32::MAX;
 /// Words of a request, and of a response.
@@ -91,16 +87,12 @@ pub enum Verb {
     Mode = 2,
     /// A target, and its mode.
     Target = 3,
-    /// The gains of a joint, as its servo has them.
-    Gains = 4,
-    /// Other gains.
-    SetGains = 5,
     /// How the finger is.
-    Status = 6,
+    Status = 4,
     /// Forgets the latched faults.
-    Restart = 7,
+    Restart = 5,
     /// What became of an order.
-    Outcome = 8,
+    Outcome = 6,
 }
 
 impl Verb {
@@ -111,11 +103,9 @@ impl Verb {
             1 => Some(Self::Hello),
             2 => Some(Self::Mode),
             3 => Some(Self::Target),
-            4 => Some(Self::Gains),
-            5 => Some(Self::SetGains),
-            6 => Some(Self::Status),
-            7 => Some(Self::Restart),
-            8 => Some(Self::Outcome),
+            4 => Some(Self::Status),
+            5 => Some(Self::Restart),
+            6 => Some(Self::Outcome),
             _ => None,
         }
     }
@@ -126,13 +116,12 @@ pub(crate) type Request = [u32; REQUEST_WORDS];
 /// A response as it lies in its block.
 pub(crate) type Response = [u32; REQUEST_WORDS];
 
-/// The parts of what is asked of a joint or finger; an order replaces only those of its own part.
+/// What an order changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 enum Part {
     Drive = 0,
-    Gains = 1,
-    Restart = 2,
+    Restart = 1,
 }
 
 /// Word 0 of a response that is no refusal.

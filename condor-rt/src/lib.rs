@@ -56,7 +56,7 @@ pub mod sim;
 pub use condor_fs::OpenOptions;
 pub use condor_mbox::{Messenger, Processor, Vector};
 pub use condor_mos::Rate;
-pub use condor_vars::{Param, Var, Vars};
+pub use condor_vars::{Param, Params, Var, Vars};
 
 pub use error::{Error, Text};
 pub use interrupts::Interrupts;

@@ -276,7 +276,7 @@ impl<'b, M: Machine> Background<'b, M> {
             let Some((param, last)) = rate else {
                 continue;
             };
-            let [hz, _] = param.wanted();
+            let [hz, _] = param.wanted(0);
             if last.replace(hz) == hz {
                 continue;
             }

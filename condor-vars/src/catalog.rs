@@ -42,10 +42,10 @@ pub enum CatalogError {
         /// How many words it has.
         words: usize,
     },
-    /// A parameter whose initial value is not within its bounds.
+    /// A parameter, or one of a block, whose initial value is not within its bounds.
     #[error("the initial value of parameter {parameter} is out of bounds")]
     Initial {
-        /// The number of the parameter among all parameters.
+        /// The number of the parameter, or block, among all parameters.
         parameter: usize,
     },
     /// More than the layout or the object can hold.
@@ -95,7 +95,7 @@ impl<'e> Catalog<'e> {
         self.params
     }
 
-    /// Iterates over the blocks; a parameter is a block of one variable.
+    /// Iterates over the blocks; a parameter is a block, too.
     pub(crate) fn blocks(&self) -> impl Iterator<Item = &'e dyn Watch> + use<'e> {
         let params = self.params.iter().map(|param| *param as &'e dyn Watch);
         self.watched.iter().copied().chain(params)

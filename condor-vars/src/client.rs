@@ -118,6 +118,9 @@ impl From<AccessError> for RequestError {
 const PAUSE: Duration = Duration::from_micros(200);
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
+    /// How many bytes a client takes of its sender's users' region.
+    pub const BYTES: usize = Exchange::<'m, M, Region<W>, Block, Block>::BYTES;
+
     /// Makes a client whose block is the next of `places` in `own`, the sender's own users' region.
     ///
     /// # Errors

@@ -30,7 +30,7 @@ mod watcher;
 
 // What a program declares.
 pub use kind::{Kind, Value};
-pub use param::{Param, Refusal, Tune};
+pub use param::{Param, Params, Refusal, Tune};
 pub use scalar::{Scalar, Storage};
 pub use var::{Description, Var, Vars, Watch};
 

@@ -1,4 +1,4 @@
-//! [`Param`]: what others may set while a loop runs.
+//! [`Param`] and [`Params`]: what others may set while a loop runs.
 
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -6,7 +6,7 @@ use core::sync::atomic::AtomicU32 as Plain;
 
 use crate::scalar::{Scalar, Storage};
 use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom, fence};
-use crate::var::{Description, Watch, description};
+use crate::var::{Description, Names, Watch, description};
 
 /// A parameter of a loop: it has bounds, is changed by compare and set, and stays the same within a tick.
 ///
@@ -26,23 +26,39 @@ use crate::var::{Description, Watch, description};
 /// assert!(matches!(STIFFNESS.compare_and_set(2.0, 4.0), Err(Refusal::Conflict { .. })));
 /// ```
 #[derive(Debug)]
-pub struct Param<T: Scalar> {
-    name: &'static str,
+pub struct Param<T: Scalar>(Params<T, 1>);
+
+/// `N` parameters of one type with the same bounds: taken over all at once, by one look a tick.
+///
+/// Wrap them to give each a unit of its own, or names that are known only when the program runs, as
+/// [`Watch`] says.
+///
+/// ```
+/// use condor_vars::{Params, Tune};
+///
+/// static GAINS: Params<f64, 2> = Params::new(&["kp", "kv"], "", [2.0, 0.1], 0.0..=50.0);
+/// assert_eq!(GAINS.compare_and_set(1, 0.1, 0.2), Ok(()));
+/// GAINS.latch(); // a `Sampler` does this when a tick begins
+/// assert_eq!([GAINS.get(0), GAINS.get(1)], [Some(2.0), Some(0.2)]);
+/// ```
+#[derive(Debug)]
+pub struct Params<T: Scalar, const N: usize> {
+    names: Names<N>,
     unit: &'static str,
     about: &'static str,
-    initial: T,
+    initial: [T; N],
     bounds: RangeInclusive<T>,
-    /// The loop's value, from the first time that it is latched.
-    current: T::Storage,
+    /// The loop's values, from the first time that they are latched.
+    current: [T::Storage; N],
     /// The sequence of `current`, or [`NEVER`]; the loop's.
     taken: Plain,
-    /// The value that was accepted last, and its sequence; 0 of the initial value. Those who set have this
-    /// copy of their own, since loom loses the loop's loads of what its writers load as well.
-    accepted: T::Storage,
+    /// The values that were accepted last, and their sequence; 0 of the initial values. Those who set have
+    /// this copy of their own, since loom loses the loop's loads of what its writers load as well.
+    accepted: [T::Storage; N],
     asked: Plain,
     /// The sequence of `wanted`; odd while that is written.
     sequence: AtomicU32,
-    wanted: [AtomicU32; 2],
+    wanted: [[AtomicU32; 2]; N],
 }
 
 /// A sequence that no complete value has.
@@ -74,36 +90,21 @@ impl<T: Scalar> Param<T> {
             initial: T,
             bounds: RangeInclusive<T>,
         ) -> Self {
-            Self {
-                name,
-                unit,
-                about: "",
-                initial,
-                bounds,
-                current: T::Storage::ZERO,
-                taken: Plain::new(NEVER),
-                accepted: T::Storage::ZERO,
-                asked: Plain::new(0),
-                sequence: AtomicU32::new(0),
-                wanted: array_of!(AtomicU32::new(0); 2),
-            }
+            Self(Params::with(Names::One(name), unit, [initial], bounds))
         }
     }
 
     /// Adds a description, at most 128 bytes.
     #[must_use]
     pub const fn about(mut self, about: &'static str) -> Self {
-        self.about = about;
+        self.0.about = about;
         self
     }
 
     /// Returns its value, the same for a whole tick: for the loop that has it.
     #[inline]
     pub fn get(&self) -> T {
-        if self.taken.load(Ordering::Relaxed) == NEVER {
-            return self.initial;
-        }
-        T::from_words(self.current.load()).unwrap_or(self.initial)
+        self.0.get(0).unwrap_or_default()
     }
 
     /// Changes it from `expected` to `new`, from the next tick on.
@@ -114,44 +115,129 @@ impl<T: Scalar> Param<T> {
     /// # Errors
     /// [`Refusal::OutOfBounds`], [`Refusal::Conflict`].
     pub fn compare_and_set(&self, expected: T, new: T) -> Result<(), Refusal> {
-        self.compare_and_set_words(expected.to_words(), new.to_words())
+        self.0.compare_and_set(0, expected, new)
     }
 }
 
-/// A parameter, whatever its type. [`Param`] is the one there is.
-pub trait Tune: Watch {
-    /// [`Param::compare_and_set`], with the words of the values.
+impl<T: Scalar, const N: usize> Params<T, N> {
+    const_unless_loom! {
+        /// Makes parameters with these names and initial values, and the least and the greatest value that
+        /// each takes.
+        ///
+        /// An initial value that is not within the bounds is an error when the loop is set up.
+        #[must_use]
+        pub fn new(
+            names: &'static [&'static str; N],
+            unit: &'static str,
+            initial: [T; N],
+            bounds: RangeInclusive<T>,
+        ) -> Self {
+            Self::with(Names::Each(names), unit, initial, bounds)
+        }
+    }
+
+    const_unless_loom! {
+        fn with(
+            names: Names<N>,
+            unit: &'static str,
+            initial: [T; N],
+            bounds: RangeInclusive<T>,
+        ) -> Self {
+            Self {
+                names,
+                unit,
+                about: "",
+                initial,
+                bounds,
+                current: [const { T::Storage::ZERO }; N],
+                taken: Plain::new(NEVER),
+                accepted: [const { T::Storage::ZERO }; N],
+                asked: Plain::new(0),
+                sequence: AtomicU32::new(0),
+                wanted: array_of!(array_of!(AtomicU32::new(0); 2); N),
+            }
+        }
+    }
+
+    /// Adds a description of all of them, at most 128 bytes.
+    #[must_use]
+    pub const fn about(mut self, about: &'static str) -> Self {
+        self.about = about;
+        self
+    }
+
+    /// Returns the value of one of them, the same for a whole tick: for the loop that has it.
+    #[inline]
+    pub fn get(&self, index: usize) -> Option<T> {
+        let initial = *self.initial.get(index)?;
+        if self.taken.load(Ordering::Relaxed) == NEVER {
+            return Some(initial);
+        }
+        Some(T::from_words(self.current.get(index)?.load()).unwrap_or(initial))
+    }
+
+    /// Returns a number that is another one when a change has been taken over: for the loop that has them.
+    #[inline]
+    pub fn version(&self) -> u32 {
+        self.taken.load(Ordering::Relaxed)
+    }
+
+    /// Changes one of them from `expected` to `new`, as [`Param::compare_and_set`].
     ///
     /// # Errors
-    /// Those of [`Param::compare_and_set`].
-    fn compare_and_set_words(&self, expected: [u32; 2], new: [u32; 2]) -> Result<(), Refusal>;
+    /// [`Refusal::OutOfBounds`], [`Refusal::Conflict`].
+    pub fn compare_and_set(&self, index: usize, expected: T, new: T) -> Result<(), Refusal> {
+        self.compare_and_set_words(index, expected.to_words(), new.to_words())
+    }
+}
+
+/// Parameters, whatever their type: [`Param`], [`Params`], or what wraps them.
+///
+/// Their indices are those of [`Watch`].
+pub trait Tune: Watch {
+    /// [`Params::compare_and_set`], with the words of the values.
+    ///
+    /// # Errors
+    /// Those of [`Params::compare_and_set`].
+    fn compare_and_set_words(
+        &self,
+        index: usize,
+        expected: [u32; 2],
+        new: [u32; 2],
+    ) -> Result<(), Refusal>;
 
     /// Returns the words of the value that was accepted last, which the loop may not have taken over.
-    fn wanted(&self) -> [u32; 2];
+    fn wanted(&self, index: usize) -> [u32; 2];
 
     /// Takes over what was set, if it is complete: for the loop, when a tick begins. Never waits.
     fn latch(&self);
 
-    /// Whether the initial value is within the bounds.
+    /// Whether the initial values are within the bounds.
     fn is_sound(&self) -> bool;
 }
 
-impl<T: Scalar> Tune for Param<T> {
-    fn compare_and_set_words(&self, expected: [u32; 2], new: [u32; 2]) -> Result<(), Refusal> {
-        if !T::from_words(new).is_some_and(|value| self.bounds.contains(&value)) {
-            return Err(Refusal::OutOfBounds);
+impl<T: Scalar, const N: usize> Tune for Params<T, N> {
+    fn compare_and_set_words(
+        &self,
+        index: usize,
+        expected: [u32; 2],
+        new: [u32; 2],
+    ) -> Result<(), Refusal> {
+        let mut all: [_; N] = core::array::from_fn(|index| self.wanted(index));
+        let accepted = T::from_words(new).filter(|value| self.bounds.contains(value));
+        let place = all.get_mut(index).filter(|_| accepted.is_some());
+        let place = place.ok_or(Refusal::OutOfBounds)?;
+        if *place != expected {
+            return Err(Refusal::Conflict { present: *place });
         }
-        let present = self.wanted();
-        if present != expected {
-            return Err(Refusal::Conflict { present });
-        }
+        *place = new;
         let sequence = self.asked.load(Ordering::Relaxed);
         self.sequence.store(sequence | 1, Ordering::Relaxed);
         // A loop that reads any of the new words passes its fence after this one, so that it finds the
         // odd sequence or a later one.
         fence(Ordering::Release);
-        for (word, value) in self.wanted.iter().zip(new) {
-            word.store(value, Ordering::Relaxed);
+        for (word, value) in self.wanted.iter().flatten().zip(all.as_flattened()) {
+            word.store(*value, Ordering::Relaxed);
         }
         let next = match sequence.wrapping_add(2) {
             0 => 2,
@@ -159,16 +245,19 @@ impl<T: Scalar> Tune for Param<T> {
         };
         // Pairs with the first load of `latch`.
         self.sequence.store(next, Ordering::Release);
-        self.accepted.store(new);
+        for (accepted, words) in self.accepted.iter().zip(all) {
+            accepted.store(words);
+        }
         self.asked.store(next, Ordering::Relaxed);
         Ok(())
     }
 
-    fn wanted(&self) -> [u32; 2] {
-        match self.asked.load(Ordering::Relaxed) {
-            0 => self.initial.to_words(),
-            _ => self.accepted.load(),
-        }
+    fn wanted(&self, index: usize) -> [u32; 2] {
+        let words = match self.asked.load(Ordering::Relaxed) {
+            0 => self.initial.get(index).map(|value| value.to_words()),
+            _ => self.accepted.get(index).map(Storage::load),
+        };
+        words.unwrap_or_default()
     }
 
     #[inline]
@@ -179,36 +268,77 @@ impl<T: Scalar> Tune for Param<T> {
             return;
         }
         let words = if sequence == 0 {
-            self.initial.to_words()
+            self.initial.map(T::to_words)
         } else {
-            self.wanted.each_ref().map(|it| it.load(Ordering::Relaxed))
+            let load = |word: &AtomicU32| word.load(Ordering::Relaxed);
+            self.wanted.each_ref().map(|it| it.each_ref().map(load))
         };
         fence(Ordering::Acquire);
         if self.sequence.load(Ordering::Relaxed) == sequence {
-            self.current.store(words);
+            for (current, words) in self.current.iter().zip(words) {
+                current.store(words);
+            }
             self.taken.store(sequence, Ordering::Relaxed);
         }
     }
 
     fn is_sound(&self) -> bool {
-        self.bounds.contains(&self.initial)
+        (self.initial.iter()).all(|initial| self.bounds.contains(initial))
     }
 }
 
-impl<T: Scalar> Watch for Param<T> {
+impl<T: Scalar, const N: usize> Watch for Params<T, N> {
     fn words(&self) -> &[Plain] {
-        T::Storage::words(core::slice::from_ref(&self.current))
+        T::Storage::words(&self.current)
     }
 
     fn describe(&self, index: usize) -> Option<Description<'_>> {
         let bounds = [*self.bounds.start(), *self.bounds.end()].map(T::to_words);
-        (index == 0).then_some(Description {
+        (index < N).then_some(Description {
             bounds,
             ..description::<T>(self.unit, self.about)
         })
     }
 
-    fn name(&self, _: usize, to: &mut dyn fmt::Write) -> fmt::Result {
-        to.write_str(self.name)
+    fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
+        self.names.write(index, to)
+    }
+}
+
+impl<T: Scalar> Tune for Param<T> {
+    fn compare_and_set_words(
+        &self,
+        index: usize,
+        expected: [u32; 2],
+        new: [u32; 2],
+    ) -> Result<(), Refusal> {
+        self.0.compare_and_set_words(index, expected, new)
+    }
+
+    fn wanted(&self, index: usize) -> [u32; 2] {
+        self.0.wanted(index)
+    }
+
+    #[inline]
+    fn latch(&self) {
+        self.0.latch();
+    }
+
+    fn is_sound(&self) -> bool {
+        self.0.is_sound()
+    }
+}
+
+impl<T: Scalar> Watch for Param<T> {
+    fn words(&self) -> &[Plain] {
+        self.0.words()
+    }
+
+    fn describe(&self, index: usize) -> Option<Description<'_>> {
+        self.0.describe(index)
+    }
+
+    fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
+        self.0.name(index, to)
     }
 }

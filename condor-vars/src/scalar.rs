@@ -27,7 +27,7 @@ pub trait Scalar: Copy + Default + PartialOrd + Debug + Send + Sync + 'static {
 ///
 /// One context writes them. Another context that interrupts it, or runs beside it, may see one new word
 /// and one old.
-pub trait Storage: Sync + sealed::Sealed + 'static {
+pub trait Storage: Debug + Sync + sealed::Sealed + 'static {
     /// Zeros.
     const ZERO: Self;
 

@@ -100,8 +100,8 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
             verb::SELECT => self.alone(|| self.select(number, a, b)),
             verb::RELEASE => self.alone(|| self.release(number, a)),
             verb::GET => {
-                let param = self.param(number)?;
-                Ok(self.exclusion.with(|| param.wanted()))
+                let (param, index) = self.param(number)?;
+                Ok(self.exclusion.with(|| param.wanted(index)))
             }
             verb::SET => self.set(number, [a, b], [c, d]),
             _ => refused_with(response::NO_VERB, verb, 0),
@@ -170,35 +170,39 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
     }
 
     fn set(&self, number: u32, expected: [u32; 2], new: [u32; 2]) -> Outcome {
-        let param = self.param(number)?;
-        let set = || param.compare_and_set_words(expected, new);
+        let (param, index) = self.param(number)?;
+        let set = || param.compare_and_set_words(index, expected, new);
         match self.exclusion.with(set) {
             Ok(()) => Ok([0; 2]),
             Err(Refusal::Conflict {
                 present: [low, high],
             }) => refused_with(response::CONFLICT, low, high),
             Err(Refusal::OutOfBounds) => {
-                let bounds = param.describe(0).map_or([[0; 2]; 2], |it| it.bounds);
+                let bounds = param.describe(index).map_or([[0; 2]; 2], |it| it.bounds);
                 refused(response::OUT_OF_BOUNDS, bounds)
             }
         }
     }
 
-    fn param(&self, number: u32) -> Result<&'e dyn Tune, Refused> {
-        let (entries, params) = (self.shape.entries, self.catalog.params());
+    /// Finds the parameters that have the entry of a number, and which of them it is.
+    fn param(&self, number: u32) -> Result<(&'e dyn Tune, usize), Refused> {
+        let entries = self.shape.entries;
         if number >= entries {
             return refused_with(response::NO_ENTRY, entries, 0);
         }
         // Parameters come last.
-        let from_end = (entries - number) as usize;
-        match params
-            .len()
-            .checked_sub(from_end)
-            .and_then(|at| params.get(at))
-        {
-            Some(param) => Ok(*param),
-            None => refused_with(response::NO_PARAM, 0, 0),
+        let mut from_end = (entries - number) as usize;
+        for &param in self.catalog.params().iter().rev() {
+            let most = param.words().len();
+            let count = (0..most)
+                .take_while(|&index| param.describe(index).is_some())
+                .count();
+            match count.checked_sub(from_end) {
+                Some(index) => return Ok((param, index)),
+                None => from_end -= count,
+            }
         }
+        refused_with(response::NO_PARAM, 0, 0)
     }
 
     fn claimed(&self, number: u32, claim: u32) -> Result<&'e Slot<PIECES>, Refused> {

@@ -78,10 +78,22 @@ pub struct Vars<T: Scalar, const N: usize> {
 
 /// How the variables of a block are called.
 #[derive(Clone, Copy, Debug)]
-enum Names<const N: usize> {
+pub(crate) enum Names<const N: usize> {
+    One(&'static str),
     Each(&'static [&'static str; N]),
     Numbered(&'static str),
     Formatted(fn(usize, &mut dyn fmt::Write) -> fmt::Result),
+}
+
+impl<const N: usize> Names<N> {
+    pub(crate) fn write(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
+        match *self {
+            Self::One(name) => to.write_str(name),
+            Self::Each(names) => to.write_str(names.get(index).copied().unwrap_or_default()),
+            Self::Numbered(name) => write!(to, "{name}.{index}"),
+            Self::Formatted(name) => name(index, to),
+        }
+    }
 }
 
 impl<T: Scalar, const N: usize> Vars<T, N> {
@@ -199,11 +211,7 @@ impl<T: Scalar, const N: usize> Watch for Vars<T, N> {
     }
 
     fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
-        match self.names {
-            Names::Each(names) => to.write_str(names.get(index).copied().unwrap_or_default()),
-            Names::Numbered(name) => write!(to, "{name}.{index}"),
-            Names::Formatted(name) => name(index, to),
-        }
+        self.names.write(index, to)
     }
 }
 

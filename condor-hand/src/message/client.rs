@@ -6,14 +6,14 @@ use condor_mbox::{
 };
 
 use super::places::ServoPlaces;
-use super::words::{Put, Taken, put_gains, put_target, take_gains};
+use super::words::{Put, Taken, put_target};
 use super::{
     ALL_JOINTS, Part, REQUEST_WORDS, Refusal, Request, Response, SERVO, Status, VERSION, Verb,
     state,
 };
 use crate::config::Name;
 use crate::decimal::Decimal;
-use crate::servo::{JointGains, JointTarget, Mode};
+use crate::servo::{JointTarget, Mode};
 
 /// How long a servo processor is left alone that has not come to what it was asked: an order is done
 /// at the next tick of its loop.
@@ -194,39 +194,6 @@ where
         let (_, words) = request.split_at_mut(ARGUMENT);
         put_target(target, &mut Put::into(words));
         self.order(&request, Part::Drive, timeout)
-    }
-
-    /// The gains of a joint.
-    ///
-    /// # Errors
-    /// See [`ClientError`].
-    pub fn gains(
-        &mut self,
-        finger: u32,
-        joint: u32,
-        timeout: Duration,
-    ) -> Result<JointGains<f64>, ClientError> {
-        let response = self.ask(&request(Verb::Gains, finger, joint, 0), timeout)?;
-        let mut taken = self.check(&response)?;
-        let law = taken.word();
-        take_gains(law, &mut taken).map_err(|_| self.protocol(law))
-    }
-
-    /// Gives a joint other gains, all at once in one tick.
-    ///
-    /// # Errors
-    /// See [`ClientError`].
-    pub fn set_gains(
-        &mut self,
-        finger: u32,
-        joint: u32,
-        gains: &JointGains<f64>,
-        timeout: Duration,
-    ) -> Result<(), ClientError> {
-        let mut request = request(Verb::SetGains, finger, joint, 0);
-        let (_, words) = request.split_at_mut(ARGUMENT);
-        put_gains(gains, &mut Put::into(words));
-        self.order(&request, Part::Gains, timeout)
     }
 
     /// How a finger is.

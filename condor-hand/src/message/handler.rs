@@ -1,11 +1,8 @@
 use condor_mbox::{Call, Exclusion, MemoryWindow, Region, StaticWindow};
 
-use super::memory::{
-    FingerMemory, Identity, JointMemory, ORDER_GAINS, OUTCOME_GAINS, OUTCOME_PART, Order, Outcome,
-    ServoObject, kind, word,
-};
+use super::memory::{FingerMemory, Identity, JointMemory, Order, Outcome, ServoObject, kind, word};
 use super::places::ServoPlaces;
-use super::words::{Put, Taken, put_gains, put_target, take_gains, take_target};
+use super::words::{Put, Taken, put_target, take_target};
 use super::{ALL_JOINTS, Part, Refusal, Request, Response, VERSION, Verb, state};
 use crate::config::Name;
 use crate::servo::Mode;
@@ -119,24 +116,15 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
             }
             Verb::Mode => {
                 let mode = Mode::from_number(argument).ok_or(Refusal::Mode { mode: argument })?;
-                put.word(memory.order(joint, Part::Drive, |put| {
+                put.word(memory.order(joint, |put| {
                     put.words(&[kind::MODE, mode as u32]).numbers(&[0.0; 3]);
                 })?);
             }
             Verb::Target => {
                 let target = take_target(argument, &mut taken)?;
-                put.word(memory.order(joint, Part::Drive, |put| {
+                put.word(memory.order(joint, |put| {
                     put_target(&target, put.word(kind::TARGET));
                 })?);
-            }
-            Verb::SetGains => {
-                let gains = take_gains(argument, &mut taken)?;
-                put.word(memory.order(joint, Part::Gains, |put| put_gains(&gains, put))?);
-            }
-            Verb::Gains => {
-                let outcome = memory.joint(joint)?.last_outcome()?;
-                let gains = outcome.get(OUTCOME_GAINS..).unwrap_or(&[]);
-                put.words(gains);
             }
             Verb::Status => {
                 let (cell, window) = memory.report();
@@ -152,8 +140,7 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
             Verb::Outcome => {
                 let part = match taken.word() {
                     0 => Part::Drive,
-                    1 => Part::Gains,
-                    2 => Part::Restart,
+                    1 => Part::Restart,
                     part => return Err(Refusal::Part { part }.into()),
                 };
                 memory.outcome(joint, part, argument)?;
@@ -201,20 +188,13 @@ impl<const N: usize> FingerMemory<N> {
         Ok(number)
     }
 
-    /// Replaces one part of what joints are to do; gives the number of the order.
-    fn order(
-        &self,
-        joint: u32,
-        part: Part,
-        fill: impl Fn(&mut Put<'_>),
-    ) -> Result<u32, Unanswered> {
+    /// Replaces what joints are to do; gives the number of the order.
+    fn order(&self, joint: u32, fill: impl Fn(&mut Put<'_>)) -> Result<u32, Unanswered> {
         let chosen = self.chosen(joint)?;
         let number = self.next_order()?;
         for joint in chosen {
-            let mut order = joint.last_order().ok_or(BUSY)?;
-            let (drive, gains) = order.split_at_mut(ORDER_GAINS);
-            let words = if part == Part::Gains { gains } else { drive };
-            let mut put = Put::into(words);
+            let mut order = Order::default();
+            let mut put = Put::into(&mut order);
             put.word(number);
             fill(&mut put);
             joint.publish(&order)?;
@@ -237,8 +217,7 @@ impl<const N: usize> FingerMemory<N> {
         }
         for joint in chosen {
             let outcome = joint.last_outcome()?;
-            let (drive, rest) = outcome.split_at(OUTCOME_PART);
-            let mut taken = Taken::from(if part == Part::Gains { rest } else { drive });
+            let mut taken = Taken::from(&outcome);
             if taken.word() != number {
                 return Err(Unanswered::State(state::SUPERSEDED));
             }

@@ -6,7 +6,6 @@ use super::handler::ServoHandler;
 use super::places::ServoPlaces;
 use super::refusal;
 use super::servo_loop::ServoLoop;
-use super::words::GAINS;
 use crate::config::Name;
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
@@ -110,21 +109,16 @@ pub(super) struct JointMemory {
     outcome: StaticMemory<{ Published::<Outcome>::BYTES as usize / 4 }>,
 }
 
-/// What a joint is to do: the number of the order, a [`kind`], mode and three numbers; the number
-/// of the order, law and gains.
-pub(super) type Order = [u32; ORDER_GAINS + 2 + 2 * GAINS];
-pub(super) const ORDER_GAINS: usize = 9;
+/// What a joint is to do: the number of the order, a [`kind`], mode and three numbers.
+pub(super) type Order = [u32; 9];
 
-/// What became of it: for each part the number of the order and a refusal; then law and gains as
-/// the servo has them.
-pub(super) type Outcome = [u32; OUTCOME_GAINS + 1 + 2 * GAINS];
-pub(super) const OUTCOME_PART: usize = 1 + refusal::WORDS;
-pub(super) const OUTCOME_GAINS: usize = 2 * OUTCOME_PART;
+/// What became of it: the number of the order and a refusal.
+pub(super) type Outcome = [u32; 1 + refusal::WORDS];
 
 /// How a finger is: the words of a [`Status`](super::Status).
 pub(super) type Report = [u32; 16];
 
-/// What a joint's order asks for besides gains.
+/// What a joint's order asks for.
 pub(super) mod kind {
     pub(in super::super) const MODE: u32 = 1;
     pub(in super::super) const TARGET: u32 = 2;

@@ -2,12 +2,9 @@ use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Region, StaticWindow};
 use nalgebra::Vector3;
 
-use super::memory::{
-    FingerMemory, JointMemory, ORDER_GAINS, OUTCOME_GAINS, OUTCOME_PART, Order, Outcome, Report,
-    ServoObject, kind, word,
-};
+use super::memory::{FingerMemory, JointMemory, Order, Outcome, Report, ServoObject, kind, word};
 use super::places::{Points, ServoPlaces, take_points};
-use super::words::{Put, Taken, put_gains, take_gains, take_target};
+use super::words::{Put, Taken, take_target};
 use super::{Asked, Refusal, Status};
 use crate::controller::{FingerController, Tick};
 use crate::dynamics::Dynamics;
@@ -28,7 +25,8 @@ struct FingerLoop<'o, M, W, const N: usize> {
     /// The number of the last order of which all is done.
     settled: u32,
     restarts_asked: u32,
-    joints: [JointLoop; N],
+    /// The number of the last order that each joint has done.
+    done: [u32; N],
     points: Subscriber<Points<N>, Region<W>>,
     points_seen: u32,
     refused_set_points: u32,
@@ -36,13 +34,6 @@ struct FingerLoop<'o, M, W, const N: usize> {
     ticks: u32,
     report: Publisher<Report, StaticWindow<'o>>,
     reported: Report,
-}
-
-/// The numbers of the orders that a joint has done.
-#[derive(Clone, Copy, Debug, Default)]
-struct JointLoop {
-    drive: u32,
-    gains: u32,
 }
 
 impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: usize>
@@ -137,15 +128,9 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         let mut this = Self {
             settled: words.word(word::ORDERS)?,
             restarts_asked: words.word(word::RESTARTS)?,
-            joints: core::array::from_fn(|joint| {
+            done: core::array::from_fn(|joint| {
                 let order = memory.joints.get(joint).and_then(JointMemory::last_order);
-                order.map_or(JointLoop::default(), |order| {
-                    let (drive, gains) = order.split_at(ORDER_GAINS);
-                    JointLoop {
-                        drive: Taken::from(drive).word(),
-                        gains: Taken::from(gains).word(),
-                    }
-                })
+                order.map_or(0, |[number, ..]| number)
             }),
             points_seen: points.read().map_or(0, |latest| latest.sequence),
             points,
@@ -158,11 +143,9 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
             memory,
             words,
         };
-        for (number, joint) in memory.joints.iter().enumerate() {
-            let mut outcome = [0; size_of::<Outcome>() / 4];
-            this.put_gains(number, &mut outcome);
+        for joint in &memory.joints {
             let (cell, window) = joint.outcome();
-            cell.publisher(window)?.publish(&outcome)?;
+            cell.publisher(window)?.publish(&Outcome::default())?;
         }
         this.reported = this.status(0).words();
         this.report.publish(&this.reported)?;
@@ -214,33 +197,22 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         order: &Order,
         tell: &mut impl FnMut(&Asked<N>),
     ) -> Option<()> {
-        let (drive, gains) = order.split_at(ORDER_GAINS);
-        let (mut drive, mut gains) = (Taken::from(drive), Taken::from(gains));
-        let (drive_order, gains_order) = (drive.word(), gains.word());
-        let done = *self.joints.get(number)?;
-        if drive_order == done.drive && gains_order == done.gains {
+        let mut taken = Taken::from(order);
+        let order = taken.word();
+        let done = self.done.get_mut(number)?;
+        if order == *done {
             return Some(());
         }
+        *done = order;
+        let refusal = self.drive(number, &mut taken, tell).err();
+        let mut outcome = Outcome::default();
+        let mut put = Put::into(&mut outcome);
+        put.word(order);
+        if let Some(refusal) = refusal {
+            refusal.put(&mut put);
+        }
         let (cell, window) = joint.outcome();
-        let mut outcome = cell.subscriber(window).ok()?.read().ok()?.value;
-        if gains_order != done.gains {
-            let refusal = self.set_gains(number, &mut gains, tell).err();
-            let (_, of_gains) = outcome.split_at_mut(OUTCOME_PART);
-            put_outcome(gains_order, refusal, of_gains);
-        }
-        if drive_order != done.drive {
-            put_outcome(
-                drive_order,
-                self.drive(number, &mut drive, tell).err(),
-                &mut outcome,
-            );
-        }
-        self.put_gains(number, &mut outcome);
         cell.publisher(window).ok()?.publish(&outcome).ok()?;
-        if let Some(joint) = self.joints.get_mut(number) {
-            joint.drive = drive_order;
-            joint.gains = gains_order;
-        }
         Some(())
     }
 
@@ -261,28 +233,6 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
             self.controller.set_target(joint, target)
         };
         outcome.map_err(|error| Refusal::of_servo(joint as u32, &error))
-    }
-
-    fn set_gains(
-        &mut self,
-        joint: usize,
-        order: &mut Taken<'_>,
-        tell: &mut impl FnMut(&Asked<N>),
-    ) -> Result<(), Refusal> {
-        let law = order.word();
-        let gains = take_gains(law, order)?;
-        tell(&Asked::Gains { joint, gains });
-        let outcome = self.controller.set_gains(joint, &gains);
-        outcome.map_err(|error| Refusal::of_servo(joint as u32, &error))
-    }
-
-    fn put_gains(&self, joint: usize, outcome: &mut Outcome) {
-        if let (Some(gains), Some(words)) = (
-            self.controller.gains(joint),
-            outcome.get_mut(OUTCOME_GAINS..),
-        ) {
-            put_gains(gains, &mut Put::into(words));
-        }
     }
 
     /// Gives the controller the master's next set-points.
@@ -322,18 +272,6 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         let report = self.status(tick.output.saturated).words();
         if report != self.reported && self.report.publish(&report).is_ok() {
             self.reported = report;
-        }
-    }
-}
-
-/// The number of an order, and the refusal, or zeros.
-fn put_outcome(number: u32, refusal: Option<Refusal>, words: &mut [u32]) {
-    let mut put = Put::into(words);
-    put.word(number);
-    match refusal {
-        Some(refusal) => refusal.put(&mut put),
-        None => {
-            put.words(&[0; super::refusal::WORDS]);
         }
     }
 }

@@ -11,9 +11,9 @@ use condor_hand::message::{
     ALL_JOINTS, ClientError, Identity, REQUEST_WORDS, Refusal, SERVO, ServoClient, ServoLoop,
     ServoObject, ServoPlaces, Verb,
 };
-use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
+use condor_hand::servo::{JointTarget, Mode, Sensed};
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
-use condor_hand::tendon::{Pair, TensionGains};
+use condor_hand::tendon::Pair;
 use condor_hand::trajectory::SetPoint;
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::sim::{Mailbox, SimWindow, System};
@@ -142,39 +142,10 @@ impl Rig {
         core::array::from_fn(|joint| servos.controller(finger).unwrap().mode(joint).unwrap())
     }
 
-    fn gains(&self, finger: usize, joint: usize) -> JointGains<f64> {
-        let servos = &self.fingers.lock().unwrap().0;
-        *servos.controller(finger).unwrap().gains(joint).unwrap()
-    }
-
     fn ticks(&self, count: usize) {
         for _ in 0..count {
             tick(&self.fingers);
         }
-    }
-}
-
-fn other_gains() -> JointGains<f64> {
-    JointGains {
-        law: PositionLaw::ComputedTorque {
-            bandwidth_hz: 3.25,
-            damping_ratio: 0.9,
-        },
-        k_torque: 0.125,
-        tension: Pair {
-            flexor: TensionGains {
-                kt: 0.5,
-                ki: 0.25,
-                kd: 0.001,
-                kv: 2.0,
-            },
-            extensor: TensionGains {
-                kt: 0.75,
-                ki: 0.0,
-                kd: 0.002,
-                kv: 3.0,
-            },
-        },
     }
 }
 
@@ -281,37 +252,19 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
 }
 
 #[test]
-fn gains_change_whole_at_a_tick() {
+fn an_order_is_not_done_before_the_next_tick() {
     let rig = Rig::in_virtual_time();
     let mut client = rig.client();
-    let before = rig.gains(0, 2);
-    assert_eq!(client.gains(0, 2, SECOND), Ok(before));
-
-    // Without a tick nothing is in force.
     rig.ticking.store(false, Ordering::Relaxed);
     let short = Duration::from_millis(2);
-    let not_done = client.set_gains(0, 2, &other_gains(), short);
+    let not_done = client.enable(0, Some(2), Mode::Torque, short);
     assert!(
         matches!(not_done, Err(ClientError::NotDone { to: SLAVE, timeout, .. }) if timeout == short),
         "{not_done:?}"
     );
-    assert_eq!(rig.gains(0, 2), before);
-    rig.ticks(1);
-    assert_eq!(rig.gains(0, 2), other_gains());
-    assert_eq!(client.gains(0, 2, SECOND), Ok(other_gains()));
-
-    rig.ticking.store(true, Ordering::Relaxed);
-    let mut wrong = other_gains();
-    wrong.tension.extensor.ki = -1.0;
-    let (number, value) = (10, -1.0);
-    assert_eq!(
-        client.set_gains(0, 2, &wrong, SECOND),
-        Err(ClientError::Refused(Refusal::Number { number, value }))
-    );
-    assert_eq!(rig.gains(0, 2), other_gains());
-    client.set_gains(0, 2, &before, SECOND).unwrap();
-    assert_eq!(rig.gains(0, 2), before);
     assert_eq!(rig.modes(0), [Mode::Off; 4]);
+    rig.ticks(1);
+    assert_eq!(rig.modes(0)[2], Mode::Torque);
 }
 
 #[test]
@@ -479,22 +432,6 @@ fn word() -> impl Strategy<Value = u32> {
     ]
 }
 
-fn is_valid(gains: &JointGains<f64>) -> bool {
-    let law = match gains.law {
-        PositionLaw::Pd {
-            kp,
-            kv,
-            ki,
-            integral_nm,
-        } => [kp, kv, ki, integral_nm],
-        PositionLaw::ComputedTorque {
-            bandwidth_hz,
-            damping_ratio,
-        } => [bandwidth_hz, damping_ratio, 0.0, 0.0],
-    };
-    law.iter().all(|gain| gain.is_finite() && *gain >= 0.0)
-}
-
 #[test]
 fn whatever_a_peer_writes_the_servos_stay_valid() {
     let rig = Rig::in_virtual_time();
@@ -503,7 +440,7 @@ fn whatever_a_peer_writes_the_servos_stay_valid() {
     let words = prop::collection::vec(word(), REQUEST_WORDS);
     let points = prop::collection::vec((0..DATA_BYTES / 4, word()), 0..40);
     proptest!(|(words in words, data in points, own in any::<bool>(), offset in any::<u32>())| {
-        let before = ([rig.modes(0), rig.modes(1)], rig.gains(0, 1));
+        let before = [rig.modes(0), rig.modes(1)];
         rig.ticking.store(false, Ordering::Relaxed);
         // Anybody writes anything anywhere in the data of everybody, the set-points included.
         for (place, word) in &data {
@@ -516,8 +453,7 @@ fn whatever_a_peer_writes_the_servos_stay_valid() {
                 refused.fetch_add(1, Ordering::Relaxed);
                 rig.ticks(1);
                 // The set-points alone may have made a fault, which switches the finger off.
-                prop_assert_eq!(before.1, rig.gains(0, 1));
-                for (finger, modes) in before.0.into_iter().enumerate() {
+                for (finger, modes) in before.into_iter().enumerate() {
                     let fault = rig.fingers.lock().unwrap().0.controller(finger).unwrap().fault();
                     prop_assert!(fault.is_some() || modes == rig.modes(finger));
                 }
@@ -526,11 +462,6 @@ fn whatever_a_peer_writes_the_servos_stay_valid() {
             rig.master.send_with_reply(SLAVE, SERVO, offset, SECOND).unwrap();
         }
         rig.ticks(1);
-        for finger in 0..2 {
-            for joint in 0..4 {
-                prop_assert!(is_valid(&rig.gains(finger, joint)));
-            }
-        }
         let sensed = rig.fingers.lock().unwrap().1;
         for pair in sensed.iter().flat_map(|sensed| sensed.tension) {
             for tension in [pair.flexor, pair.extensor] {
@@ -567,10 +498,6 @@ fn threads_give_orders_while_the_loop_runs() {
                 client.enable(round % 2, None, mode, LONG).unwrap();
                 let status = client.status(round % 2, LONG).unwrap();
                 assert_eq!(status.modes, [mode; 4]);
-                let mut gains = other_gains();
-                gains.k_torque = f64::from(round) / 64.0;
-                client.set_gains(0, round % 4, &gains, LONG).unwrap();
-                assert_eq!(client.gains(0, round % 4, LONG), Ok(gains));
             }
         }));
         done.store(true, Ordering::Relaxed);

@@ -2,8 +2,8 @@
 
 use condor_mbox::Processor;
 use condor_vars::{
-    Catalog, Kind, Param, RequestError, Row, TableError, Tune, Value, Var, Vars, Watch, WatchError,
-    choice,
+    Catalog, Kind, Param, Params, RequestError, Row, TableError, Tune, Value, Var, Vars, Watch,
+    WatchError, choice,
 };
 
 use crate::support::{Loop, OWNER, Rig, TIMEOUT, ask, released, tick};
@@ -22,6 +22,7 @@ struct Hand {
     angles: Vars<f64, 3>,
     count: Var<i16>,
     mode: Var<Mode>,
+    limits: Params<u8, 2>,
     gain: Param<f32>,
     task: Param<Mode>,
 }
@@ -31,11 +32,12 @@ fn hand() -> (&'static Hand, Catalog<'static>) {
         angles: Vars::new(&["proximal", "medial", "distal"], "rad"),
         count: Var::new("count", "").about("Of grasps."),
         mode: Var::new("mode", ""),
+        limits: Params::new(&["least", "most"], "", [1, 9], 0..=10),
         gain: Param::new("gain", "N m/rad", 2.0, 0.5..=50.0),
         task: Param::new("task", "", Mode::Idle, Mode::Idle..=Mode::Hold),
     }));
     let watched: [&dyn Watch; 3] = [&hand.angles, &hand.count, &hand.mode];
-    let params: [&dyn Tune; 2] = [&hand.gain, &hand.task];
+    let params: [&dyn Tune; 3] = [&hand.gain, &hand.task, &hand.limits];
     let catalog = Catalog::new(Box::leak(Box::new(watched)), Box::leak(Box::new(params)));
     (hand, catalog)
 }
@@ -51,10 +53,10 @@ fn start(rows: u32) -> (Rig, &'static Hand, Loop) {
 fn a_table_says_what_there_is() {
     let (rig, _, _sampler) = start(4);
     let table = rig.table();
-    assert_eq!((table.len(), table.slots(), table.rate()), (7, 2, (400, 1)));
+    assert_eq!((table.len(), table.slots(), table.rate()), (9, 2, (400, 1)));
     let names: Vec<_> = table.entries().map(|it| it.unwrap().name).collect();
     let expected = [
-        "proximal", "medial", "distal", "count", "mode", "gain", "task",
+        "proximal", "medial", "distal", "count", "mode", "gain", "task", "least", "most",
     ];
     assert_eq!(names, expected);
     let count = table.find("count").unwrap().unwrap();
@@ -71,10 +73,10 @@ fn a_table_says_what_there_is() {
     assert_eq!(table.label(&mode, 3).unwrap(), None);
     assert_eq!(table.find("yaw").unwrap(), None);
     let missing = TableError::NoEntry {
-        number: 7,
-        entries: 7,
+        number: 9,
+        entries: 9,
     };
-    assert_eq!(table.entry(7), Err(missing));
+    assert_eq!(table.entry(9), Err(missing));
 }
 
 #[test]
@@ -188,6 +190,29 @@ fn a_parameter_is_changed_by_compare_and_set() {
     tick(&mut sampler, 1);
     assert_eq!(hand.task.get(), Mode::Hold);
 
+    // Of a block one is set, and the other stays.
+    let [least, most] = ["least", "most"].map(|name| table.find(name).unwrap().unwrap());
+    let [one, nine, ten, eleven] = [1, 9, 10, 11].map(Value::Uint);
+    let before = hand.limits.version();
+    assert_eq!(client.set(&table, &most, nine, ten, TIMEOUT), Ok(()));
+    let bounds = RequestError::OutOfBounds {
+        least: Value::Uint(0),
+        greatest: ten,
+    };
+    assert_eq!(client.set(&table, &most, ten, eleven, TIMEOUT), Err(bounds));
+    let conflict = RequestError::Conflict { present: one };
+    assert_eq!(
+        client.set(&table, &least, nine, ten, TIMEOUT),
+        Err(conflict)
+    );
+    assert_eq!(client.get(&table, &least, TIMEOUT), Ok(one));
+    let limits = || [0, 1, 2].map(|index| hand.limits.get(index));
+    assert_eq!(limits(), [Some(1), Some(9), None]);
+    assert_eq!(hand.limits.version(), before);
+    tick(&mut sampler, 2);
+    assert_eq!(limits(), [Some(1), Some(10), None]);
+    assert_ne!(hand.limits.version(), before);
+
     let count = table.find("count").unwrap().unwrap();
     let number = count.number;
     let refused = client.get(&table, &count, TIMEOUT);
@@ -283,10 +308,10 @@ fn requests_that_make_no_sense_are_refused() {
     let mut client = rig.client(&mailbox);
     let mut watcher = client.claim(&rig.table(), TIMEOUT).unwrap();
     let missing = TableError::NoEntry {
-        number: 7,
-        entries: 7,
+        number: 9,
+        entries: 9,
     };
-    let none = client.select(&mut watcher, &[7], 1, TIMEOUT);
+    let none = client.select(&mut watcher, &[9], 1, TIMEOUT);
     assert_eq!(none, Err(missing.into()));
     for (request, code) in [
         ([9, 0, 1, 0, 0, 0, 0, 0], 4),

@@ -22,6 +22,8 @@ use condor_hand::grasp::{
 use condor_hand::kinematics::Kinematics;
 use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+use condor_vars::{Described, Field, Kind};
+use core::mem::offset_of;
 use nalgebra::{Matrix6, Vector3, Vector4};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -57,6 +59,20 @@ pub struct Joints {
     pub order: u64,
     /// Ticks of the servo loop.
     pub ticks: u64,
+}
+
+impl Described for Joints {
+    const FIELDS: &'static [Field] = &[
+        Field::new("position", "rad", Kind::F64, offset_of!(Joints, position))
+            .repeated(SERVED * JOINTS)
+            .about("As measured; joints in the order of the fingers."),
+        Field::new("velocity", "rad/s", Kind::F64, offset_of!(Joints, velocity))
+            .repeated(SERVED * JOINTS)
+            .about("Filtered."),
+        Field::new("order", "", Kind::U64, offset_of!(Joints, order))
+            .about("The grasp order in force; 0 for none."),
+        Field::new("ticks", "", Kind::U64, offset_of!(Joints, ticks)),
+    ];
 }
 
 /// What a grasp is to be. All vectors are in the axes of the palm.

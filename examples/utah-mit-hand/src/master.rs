@@ -20,9 +20,10 @@ use core::time::Duration;
 
 use condor_hand::trajectory::{Generator, Limits};
 use condor_mbox::{Clock, Processor};
-use condor_rt::{Error, Machine, Program, Setup, users};
+use condor_rt::objects::Kind;
+use condor_rt::{Error, Machine, MailboxOf, Program, Setup, users};
 use condor_tty::ConsoleError;
-use condor_vars::{Var, Vars};
+use condor_vars::{Client, Var, Vars};
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
@@ -77,7 +78,7 @@ impl Program for Master {
         let period_s = 1.0 / f64::from(rate_hz);
 
         let mut setup = Setup::new(machine)?;
-        let publisher = setup.publish(WANTED_NAME)?;
+        let publisher = setup.publish_fields(WANTED_NAME)?;
         let limits = limits(hand);
         let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
         let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
@@ -87,6 +88,11 @@ impl Program for Master {
         let wanted = wanted.about("Where it is to be; joints in the order of the fingers.");
         let loose =
             Var::<u32>::new("loose", "").about("A bit for each finger that does not follow.");
+        let tuning = setup.place("tuning", Kind::Other, |places| {
+            let free = places.clone();
+            places.bytes(Client::<MailboxOf<'_, M>, M::Window>::BYTES)?;
+            Ok(free)
+        })?;
         setup
             .console()?
             .files()?
@@ -117,6 +123,7 @@ impl Program for Master {
                     player: Player::new(&limits),
                     store: Store(files),
                     others: Others::new(machine, hand, background.mailbox())?,
+                    tuning,
                 };
                 attend(commands, &partners)
             })

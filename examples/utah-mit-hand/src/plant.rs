@@ -24,10 +24,12 @@
 //! | `truth` | a published [`Truth`] |
 //! | `plant` | the blocks of [`PLANT`]: a [`Desk`] of [`Request`] and [`Response`] |
 
+use condor_vars::{Described, Field, Kind};
 use core::cell::RefCell;
+use core::mem::offset_of;
 
 use condor_mbox::Vector;
-use condor_rt::objects::Kind;
+use condor_rt::objects;
 use condor_rt::{Error, Machine, Program, Setup};
 use condor_vars::{Var, Vars};
 use critical_section::Mutex;
@@ -82,6 +84,34 @@ pub struct Truth {
     pub resting: u64,
 }
 
+impl Described for Truth {
+    const FIELDS: &'static [Field] = &[
+        Field::new("time_s", "s", Kind::F64, offset_of!(Truth, time_s))
+            .about("Since the robot began."),
+        Field::new("position", "rad", Kind::F64, offset_of!(Truth, position))
+            .repeated(FINGERS * JOINTS)
+            .about("Joints in the order of the fingers."),
+        Field::new("velocity", "rad/s", Kind::F64, offset_of!(Truth, velocity))
+            .repeated(FINGERS * JOINTS),
+        Field::new("tension", "N", Kind::F64, offset_of!(Truth, tension))
+            .repeated(2 * FINGERS * JOINTS)
+            .about("Of flexor and extensor."),
+        Field::new("table", "m", Kind::F64, offset_of!(Truth, table)).repeated(3),
+        Field::new("ball", "m", Kind::F64, offset_of!(Truth, ball))
+            .repeated(3)
+            .about("Its centre; NaN without one."),
+        Field::new("orientation", "", Kind::F64, offset_of!(Truth, orientation))
+            .repeated(4)
+            .about("Of the ball: a unit quaternion, the real part first."),
+        Field::new("touching", "", Kind::U64, offset_of!(Truth, touching))
+            .about("A bit for each finger that touches the ball."),
+        Field::new("sliding", "", Kind::U64, offset_of!(Truth, sliding))
+            .about("A bit for each finger that slides on it."),
+        Field::new("resting", "", Kind::U64, offset_of!(Truth, resting))
+            .about("A bit for each D/A board that rests."),
+    ];
+}
+
 /// The robot, between handlers and the loop.
 type Shared = Mutex<RefCell<Robot>>;
 
@@ -109,8 +139,8 @@ impl Program for Plant {
         let resting = Var::<u64>::new("boards.resting", "").about("A bit for each D/A board.");
 
         let mut setup = Setup::new(machine)?;
-        let mut truth = setup.publish(TRUTH_NAME)?;
-        let desk = setup.place(NAME, Kind::Other, Desk::<Request, Response>::new)?;
+        let mut truth = setup.publish_fields(TRUTH_NAME)?;
+        let desk = setup.place(NAME, objects::Kind::Other, Desk::<Request, Response>::new)?;
         let own = setup.own().clone();
         setup
             .console()?

@@ -21,7 +21,7 @@
 //! |---|---|
 //! | `console` | its terminal: faults, and what becomes of grasps |
 //! | `servos` | [`ServoPlaces`]: set-points and requests, vector [`SERVO`] |
-//! | `servo` | the variables of its loop: joints and tendons |
+//! | `servo` | the variables of its loop, joints and tendons, and its parameters, their gains |
 //! | `joints` | a published [`Joints`](crate::grasp::Joints) |
 //! | `tracking` | a published [`Tracking`] |
 //! | `grasp` | [`GraspPlaces`] |
@@ -52,12 +52,14 @@ use crate::{FINGERS, JOINTS, SERVED, UtahMit, start, table};
 
 mod control;
 mod fingers;
+mod gains;
 mod news;
 mod tracking;
 mod variables;
 
 pub(crate) use control::{Control, Controllers, Given, Servos};
 use fingers::Fingers;
+use gains::Gains;
 use news::News;
 use tracking::Tracker;
 pub use tracking::Tracking;
@@ -67,7 +69,7 @@ use variables::Variables;
 pub const TRACKING_NAME: &str = "tracking";
 
 /// The name of the loop.
-const LOOP: &str = "servo";
+pub const LOOP: &str = "servo";
 
 /// The program.
 #[derive(Clone, Copy, Debug, Default)]
@@ -108,6 +110,9 @@ fn serve<M: Machine>(
     let places = setup.place("servos", Kind::Other, |places| {
         ServoPlaces::new(places, PROCESSORS as u8)
     })?;
+    let gains = Gains::new(entries, |finger, joint| {
+        controllers.get(finger)?.gains(joint).copied()
+    });
     let mut servo_object = ServoObject::new();
     let identity = Identity::new(&hand.name, names, rate_hz);
     let (asked, servos) =
@@ -143,13 +148,15 @@ fn serve<M: Machine>(
         control,
         servos,
         variables: &variables,
+        gains: &gains,
+        tuned: gains.version(),
         wires,
         grasp: GraspEnd::new(own.clone(), grasp, &partner)?,
         palm: &palm,
         accelerated: Heard::NOTHING,
-        joints: setup.publish(JOINTS_NAME)?,
+        joints: setup.publish_fields(JOINTS_NAME)?,
         tracker: Tracker::new(entries),
-        tracked: setup.publish(TRACKING_NAME)?,
+        tracked: setup.publish_fields(TRACKING_NAME)?,
         clock: &clock,
         last: None,
         period_s: 1.0 / f64::from(rate_hz),
@@ -161,6 +168,8 @@ fn serve<M: Machine>(
     setup
         .on(SERVO, "servos", &|call| asked.answer(call))
         .watch(&variables)
+        .tune(&gains.laws)
+        .tune(&gains.numbers)
         .servo(LOOP, start::rate(rate_hz), &mut |_| fingers.tick())
         .background(|background| {
             let say = |line: Arguments<'_>| background.print(format_args!("{line}\n"));

@@ -12,7 +12,9 @@
 //!
 //! A table takes motions after it has been home.
 
+use condor_vars::{Described, Field, Kind};
 use core::cell::RefCell;
+use core::mem::offset_of;
 
 use condor_hand::controller::{
     AXES, TableController, TableError, TableState, read_table, write_table,
@@ -20,7 +22,7 @@ use condor_hand::controller::{
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, Region, Vector};
-use condor_rt::objects::Kind;
+use condor_rt::objects;
 use condor_rt::{Error, Machine, Program, Setup};
 use condor_vars::Vars;
 use critical_section::Mutex;
@@ -50,6 +52,26 @@ pub struct Palm {
     pub target: [f64; AXES],
     /// The number of a [`State`].
     pub state: u64,
+}
+
+impl Described for Palm {
+    const FIELDS: &'static [Field] = &[
+        Field::new(
+            "acceleration",
+            "m/s^2",
+            Kind::F64,
+            offset_of!(Palm, acceleration),
+        )
+        .repeated(3)
+        .about("Of the palm, in its own axes."),
+        Field::new("position", "m", Kind::F64, offset_of!(Palm, position))
+            .repeated(AXES)
+            .about("Where the axes are."),
+        Field::new("target", "m", Kind::F64, offset_of!(Palm, target))
+            .repeated(AXES)
+            .about("Where they are to be."),
+        Field::new("state", "", Kind::U64, offset_of!(Palm, state)),
+    ];
 }
 
 /// What the table is about.
@@ -207,13 +229,13 @@ impl Program for Table {
             hand,
             shared: &shared,
             wires,
-            publisher: setup.publish(PALM_NAME)?,
+            publisher: setup.publish_fields(PALM_NAME)?,
             variables: &variables,
             clock: &clock,
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
         };
-        let desk = setup.place(NAME, Kind::Other, Desk::<Request, Response>::new)?;
+        let desk = setup.place(NAME, objects::Kind::Other, Desk::<Request, Response>::new)?;
         let own = setup.own().clone();
         setup
             .console()?

@@ -45,7 +45,7 @@ impl Up {
         let hand = place.path().join("hand.toml").is_file();
         let hand = if hand { "hand = \"hand.toml\"\n" } else { "" };
         let text = format!(
-            "name = \"tested\"\nwindow_bytes = 262144\n{hand}[files]\nroot = \"files\"\n\
+            "name = \"tested\"\nwindow_bytes = 524288\n{hand}[files]\nroot = \"files\"\n\
              [machine]\nmemory_bytes = 67108864\nmonitor = {:?}\n{processors}",
             image("monitor"),
         );

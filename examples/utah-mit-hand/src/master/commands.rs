@@ -2,9 +2,9 @@
 
 use core::fmt::Arguments;
 
-use condor_hand::servo::{JointGains, Mode, PositionLaw};
-use condor_hand::tendon::TensionGains;
+use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
+use condor_mbox::Places;
 use condor_rt::{Background, Error, Machine};
 
 use super::drive::{Motion, Shared, with};
@@ -18,10 +18,11 @@ use crate::plant::{self, Which};
 use crate::table::{self, State};
 use crate::{FINGERS, JOINTS, UtahMit};
 
+mod gains;
 mod hold;
 mod shown;
 
-use shown::{Boards, Gains, Row, Titles};
+use shown::{Boards, Row, Titles};
 
 const HELP: &str = "\
 help                               this
@@ -54,6 +55,8 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) player: Player,
     pub(super) store: Store<'r, M>,
     pub(super) others: Others<'r, M>,
+    /// Where a client of parameters finds its room.
+    pub(super) tuning: Places,
 }
 
 /// Says lines on the terminal.
@@ -356,30 +359,6 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         Ok(())
     }
 
-    fn gains<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let (finger, joint) = words.joint(self.hand)?;
-        let joint = joint as u32;
-        let mut gains = self.servos.ask(finger, |client, finger, timeout| {
-            client.gains(finger, joint, timeout)
-        })??;
-        let mut is_changed = false;
-        while let Some(name) = words.next() {
-            let place = gain(&mut gains, name).ok_or(Problem::Gain(name))?;
-            *place = words.number("the value of a gain")?;
-            is_changed = true;
-        }
-        if is_changed {
-            self.servos.ask(finger, |client, finger, timeout| {
-                client.set_gains(finger, joint, &gains, timeout)
-            })??;
-        } else {
-            for line in Gains::LINES {
-                self.say(format_args!("{}", Gains(gains, line)));
-            }
-        }
-        Ok(())
-    }
-
     fn table<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let mut rest = words.peek();
         let verb = match rest.next() {
@@ -473,34 +452,6 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             numbers,
             ..plant::Request::default()
         })
-    }
-}
-
-/// A gain by its name.
-fn gain<'g>(gains: &'g mut JointGains<f64>, name: &str) -> Option<&'g mut f64> {
-    if let Some((side, name)) = name.split_once('.') {
-        let TensionGains { kt, ki, kd, kv } = match side {
-            "flexor" => &mut gains.tension.flexor,
-            "extensor" => &mut gains.tension.extensor,
-            _ => return None,
-        };
-        return match name {
-            "kt" => Some(kt),
-            "ki" => Some(ki),
-            "kd" => Some(kd),
-            "kv" => Some(kv),
-            _ => None,
-        };
-    }
-    match (&mut gains.law, name) {
-        (_, "k_torque") => Some(&mut gains.k_torque),
-        (PositionLaw::Pd { kp, .. }, "kp") => Some(kp),
-        (PositionLaw::Pd { kv, .. }, "kv") => Some(kv),
-        (PositionLaw::Pd { ki, .. }, "ki") => Some(ki),
-        (PositionLaw::Pd { integral_nm, .. }, "integral_nm") => Some(integral_nm),
-        (PositionLaw::ComputedTorque { bandwidth_hz, .. }, "bandwidth_hz") => Some(bandwidth_hz),
-        (PositionLaw::ComputedTorque { damping_ratio, .. }, "damping_ratio") => Some(damping_ratio),
-        _ => None,
     }
 }
 

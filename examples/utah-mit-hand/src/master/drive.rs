@@ -1,6 +1,8 @@
 //! [`Drive`]: the trajectory generator, and where its set-points go.
 
+use condor_vars::{Described, Field, Kind};
 use core::cell::RefCell;
+use core::mem::offset_of;
 
 use condor_hand::message::{ServoPlaces, SetPoints};
 use condor_hand::trajectory::{Generator, Observations, Primitive, SetPoint};
@@ -38,6 +40,18 @@ pub struct Wanted {
     pub position: [[f64; JOINTS]; FINGERS],
     /// How fast they are to be there, rad/s.
     pub velocity: [[f64; JOINTS]; FINGERS],
+}
+
+impl Described for Wanted {
+    const FIELDS: &'static [Field] = &[
+        Field::new("ticks", "", Kind::U64, offset_of!(Wanted, ticks)),
+        Field::new("loose", "", Kind::U64, offset_of!(Wanted, loose))
+            .about("A bit for each finger that does not follow."),
+        Field::new("position", "rad", Kind::F64, offset_of!(Wanted, position))
+            .repeated(ALL)
+            .about("Where the joints are to be at the next tick."),
+        Field::new("velocity", "rad/s", Kind::F64, offset_of!(Wanted, velocity)).repeated(ALL),
+    ];
 }
 
 /// A life of a servo processor, by which its objects are known.

@@ -7,15 +7,17 @@ use condor_hand::message::{ServoClient, Status};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
 use condor_mbox::{Clock as _, PeerState, Processor, Region};
+use condor_rt::objects::{self as names, Kind};
 use condor_rt::{Background, Error, Machine, users};
+use condor_vars::Table;
 
 use super::drive::{Life, Link, Motion, SERVOS, Seat, Shared, with};
 use super::words::Problem;
 use crate::failure::Failure;
-use crate::{FINGERS, JOINTS, SERVED, UtahMit, objects};
+use crate::{FINGERS, JOINTS, SERVED, UtahMit, objects, servo};
 
 /// How long a servo may take to answer.
-const ANSWER: Duration = Duration::from_millis(500);
+pub(super) const ANSWER: Duration = Duration::from_millis(500);
 /// How long a finger may take to its rest.
 const REST: Duration = Duration::from_secs(3);
 /// How joints leave the zones of their stops: so far, rad, and at most at this part of their limits of
@@ -303,6 +305,25 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             }
             _ => Err(absent),
         }
+    }
+
+    /// Finds the variables and parameters of the loop that serves a finger.
+    pub(super) fn table(
+        &mut self,
+        finger: usize,
+    ) -> Result<(Processor, Table<M::Window>), Problem<'static>> {
+        // The program is there that was seen.
+        self.ask(finger, |_, _, _| ())?;
+        let number = self.processor(finger);
+        let absent = || Problem::Absent(number);
+        let seat = self.seats.get(finger).ok_or_else(absent)?;
+        let known = self.processors.get(seat.servo).ok_or_else(absent)?;
+        let object =
+            names::find(&known.region, servo::LOOP, Kind::Variables)?.ok_or_else(absent)?;
+        Ok((
+            Processor(number),
+            Table::open(&known.region, object.offset)?,
+        ))
     }
 
     fn refresh(&mut self, finger: usize) -> Result<Status<JOINTS>, Problem<'static>> {

@@ -9,6 +9,7 @@ use condor_hand::trajectory::image::ImageError;
 use condor_hand::trajectory::{PrimitiveError, TrajectoryError};
 use condor_mbox::AccessError;
 use condor_mbox::exchange::ExchangeError;
+use condor_vars::{RequestError, TableError};
 use thiserror::Error;
 
 use crate::UtahMit;
@@ -32,8 +33,20 @@ pub(super) enum Problem<'l> {
     Joint(&'l str),
     #[error("\"{0}\" is no name of a motion: letters, digits, - and _, at most {max}", max = NAME_BYTES)]
     Name(&'l str),
-    #[error("the law has no gain \"{0}\"; `gains FINGER.JOINT` shows all")]
+    #[error("there is no gain \"{0}\"; `gains FINGER.JOINT` shows all")]
     Gain(&'l str),
+    #[error(
+        "{name} cannot be {value}; it may be {low} to {high}",
+        value = Decimal(*.value),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
+    Bounds {
+        name: &'l str,
+        value: f64,
+        low: f64,
+        high: f64,
+    },
     #[error("{0} is not enabled: `enable` takes it up where it is")]
     NotEnabled(Name),
     #[error("{0} is held by a grasp: `release` first")]
@@ -89,6 +102,10 @@ pub(super) enum Problem<'l> {
     Trajectory(#[from] TrajectoryError),
     #[error(transparent)]
     Client(#[from] ClientError),
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    #[error(transparent)]
+    Variables(#[from] TableError),
     #[error(transparent)]
     Exchange(#[from] ExchangeError),
     #[error(transparent)]

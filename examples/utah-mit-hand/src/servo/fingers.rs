@@ -2,7 +2,7 @@
 
 use condor_hand::controller::{FingerController, Tick};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::message::ServoLoop;
+use condor_hand::message::{Asked, ServoLoop};
 use condor_hand::servo::Sensed;
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, MemoryWindow, Region};
@@ -11,6 +11,7 @@ use condor_rt::Machine;
 use nalgebra::Vector3;
 
 use super::control::{Control, Given, Servos};
+use super::gains::Gains;
 use super::news::News;
 use super::{Tracker, Tracking, Variables};
 use crate::boards::Wires;
@@ -31,6 +32,9 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) control: Control<'r>,
     pub(super) servos: ServoLoop<'r, PlanarFinger, M::Window, SERVED, JOINTS>,
     pub(super) variables: &'r Variables<'r>,
+    pub(super) gains: &'r Gains<'r>,
+    /// The version of the gains that the controllers have.
+    pub(super) tuned: [u32; 2],
     pub(super) wires: Wires<'r, M::Bus>,
     pub(super) grasp: GraspEnd<'r, M::Window>,
     pub(super) palm: &'r Partner<M::Window>,
@@ -69,6 +73,11 @@ impl<M: Machine> Fingers<'_, M> {
             servos: &mut self.servos,
             recorder: self.recorder.as_mut(),
         };
+        let version = self.gains.version();
+        if version != self.tuned {
+            self.tuned = version;
+            servos.tune(self.gains);
+        }
         let ticks = self.control.step(&measured, &given, &mut servos);
         self.grasp.tell(self.control.grasp().report());
         let wires = &mut self.wires;
@@ -135,6 +144,27 @@ impl<M: Machine> Fingers<'_, M> {
 struct Told<'t, 'r, W> {
     servos: &'t mut ServoLoop<'r, PlanarFinger, W, SERVED, JOINTS>,
     recorder: Option<&'t mut Recorder<'r, W>>,
+}
+
+impl<W: MemoryWindow> Told<'_, '_, W> {
+    /// Gives the joints the gains that have changed.
+    #[cold]
+    fn tune(&mut self, tuned: &Gains<'_>) {
+        for (place, joint) in (0..SERVED).flat_map(|place| (0..JOINTS).map(move |it| (place, it))) {
+            let (Some(controller), Some(gains)) =
+                (self.servos.controller_mut(place), tuned.of(place, joint))
+            else {
+                continue;
+            };
+            // Gains within their bounds are accepted.
+            if controller.gains(joint) != Some(&gains)
+                && controller.set_gains(joint, &gains).is_ok()
+                && let Some(recorder) = &mut self.recorder
+            {
+                recorder.asked(place, &Asked::Gains { joint, gains });
+            }
+        }
+    }
 }
 
 impl<W: MemoryWindow> Own for Told<'_, '_, W> {

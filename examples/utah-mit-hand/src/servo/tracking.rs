@@ -2,6 +2,8 @@
 
 use condor_hand::config::Finger;
 use condor_hand::math::{abs, max, sqrt};
+use condor_vars::{Described, Field, Kind};
+use core::mem::offset_of;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{JOINTS, SERVED};
@@ -19,6 +21,20 @@ pub struct Tracking {
     peak: [[f64; JOINTS]; SERVED],
     /// How many ticks count.
     ticks: [[u64; JOINTS]; SERVED],
+}
+
+impl Described for Tracking {
+    const FIELDS: &'static [Field] = &[
+        Field::new("squares", "rad^2", Kind::F64, offset_of!(Tracking, squares))
+            .repeated(SERVED * JOINTS)
+            .about("Sums of the squares of the distances."),
+        Field::new("peak", "rad", Kind::F64, offset_of!(Tracking, peak))
+            .repeated(SERVED * JOINTS)
+            .about("The largest distance."),
+        Field::new("ticks", "", Kind::U64, offset_of!(Tracking, ticks))
+            .repeated(SERVED * JOINTS)
+            .about("How many ticks count."),
+    ];
 }
 
 /// What a tick adds to [`Tracking`].

@@ -6,11 +6,12 @@ use std::sync::Mutex;
 
 use condor_dev::Bus;
 use condor_fs::server::{Options, Server};
-use condor_hand::servo::{JointTarget, Mode, PositionLaw};
+use condor_hand::servo::{JointTarget, Mode};
 use condor_hand::tendon::Pair;
 use condor_mbox::{Processor, Region};
 use condor_rt::sim::System;
 use condor_rt::{Machine, Program, numbers};
+use condor_vars::Value;
 use utah_mit_hand::boards::{Board, address, output_counts, socket, zero_of};
 use utah_mit_hand::grasp::{Order, State};
 use utah_mit_hand::recording::{OUTPUTS, Output};
@@ -91,15 +92,11 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
         client
             .set_target(1, 3, &JointTarget::Torque(0.05), SOON)
             .unwrap();
-        let mut gains = client.gains(1, 2, SOON).unwrap();
-        gains.law = PositionLaw::Pd {
-            kp: 2.0,
-            kv: 0.03,
-            ki: 1.0,
-            integral_nm: 0.1,
-        };
-        client.set_gains(1, 2, &gains, SOON).unwrap();
     });
+    for (gain, value) in [("kp", 2.0), ("kv", 0.03), ("ki", 1.0), ("integral_nm", 0.1)] {
+        master.set(FIRST, &format!("middle.middle.{gain}"), Value::F64(value));
+    }
+    master.set(FIRST, "middle.middle.law", Value::Choice(0));
     master.stay(0.06);
     seen.push(registers(master));
     master.client(FIRST, |client| {

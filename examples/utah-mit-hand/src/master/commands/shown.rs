@@ -1,82 +1,17 @@
-//! What `status` and `gains` show, in lines of at most 80 columns.
+//! What `status` shows, in lines of at most 80 columns.
 
 use core::fmt::{self, Display, Write as _};
 
 use condor_hand::config::Finger;
 use condor_hand::decimal::Decimal;
 use condor_hand::message::Status;
-use condor_hand::servo::{JointGains, Mode, PositionLaw};
-use condor_hand::tendon::TensionGains;
+use condor_hand::servo::Mode;
 
 use crate::JOINTS;
 
 /// The columns of a name, and of how a finger is.
 const NAME: usize = 6;
 const CONDITION: usize = 10;
-
-/// One line of the gains of a joint, by their names.
-pub(super) struct Gains(pub(super) JointGains<f64>, pub(super) Line);
-
-/// What is in a line.
-#[derive(Clone, Copy)]
-pub(super) enum Line {
-    Law,
-    Flexor,
-    Extensor,
-}
-
-impl Gains {
-    pub(super) const LINES: [Line; 3] = [Line::Law, Line::Flexor, Line::Extensor];
-}
-
-impl Display for Gains {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let JointGains {
-            law,
-            k_torque,
-            tension,
-        } = &self.0;
-        let (side, TensionGains { kt, ki, kd, kv }) = match self.1 {
-            Line::Flexor => ("flexor", &tension.flexor),
-            Line::Extensor => ("extensor", &tension.extensor),
-            Line::Law => {
-                match law {
-                    PositionLaw::Pd {
-                        kp,
-                        kv,
-                        ki,
-                        integral_nm,
-                    } => write!(
-                        f,
-                        "kp {} kv {} ki {} integral_nm {}",
-                        Decimal(*kp),
-                        Decimal(*kv),
-                        Decimal(*ki),
-                        Decimal(*integral_nm)
-                    )?,
-                    PositionLaw::ComputedTorque {
-                        bandwidth_hz,
-                        damping_ratio,
-                    } => write!(
-                        f,
-                        "bandwidth_hz {} damping_ratio {}",
-                        Decimal(*bandwidth_hz),
-                        Decimal(*damping_ratio)
-                    )?,
-                }
-                return write!(f, " k_torque {}", Decimal(*k_torque));
-            }
-        };
-        write!(
-            f,
-            "{side}.kt {} {side}.ki {} {side}.kd {} {side}.kv {}",
-            Decimal(*kt),
-            Decimal(*ki),
-            Decimal(*kd),
-            Decimal(*kv)
-        )
-    }
-}
 
 /// Over the rows of fingers whose joints are called the same.
 pub(super) struct Titles<'h>(pub(super) &'h Finger<JOINTS>);

@@ -10,18 +10,21 @@ use condor_hand::message::{ServoClient, SetPoints};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::SetPoint;
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Call, Clock, Mailbox, Messenger, Processor, Region, Waiting, Windows};
+use condor_mbox::{
+    Call, Clock, Mailbox, MemoryWindow as _, Messenger, Places, Processor, Region, Waiting, Windows,
+};
 use condor_mos::{Loops, Rate};
 use condor_rt::objects::Kind;
 use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
 use condor_rt::{Error, Machine, PROCESSORS, Program, ServoLoop, loops, numbers};
 use condor_tty::Reader;
+use condor_vars::{Client, VARS, Value};
 use tempfile::TempDir;
 use utah_mit_hand::grasp::{Order, Report};
 use utah_mit_hand::plant::{self, Plant, Truth};
 use utah_mit_hand::servo::{Servo, Tracking};
 use utah_mit_hand::table::{self, Table};
-use utah_mit_hand::{FINGERS, IMAGE, JOINTS, SERVED, UtahMit, boards, grasp, objects};
+use utah_mit_hand::{FINGERS, IMAGE, JOINTS, SERVED, UtahMit, boards, grasp, objects, servo};
 use zerocopy::IntoBytes;
 
 pub(crate) const MASTER: Processor = Processor(0);
@@ -37,7 +40,7 @@ fn whole(number: f64) -> u64 {
 
 pub(crate) type Posture = [[f64; JOINTS]; FINGERS];
 
-pub(crate) const WINDOW_BYTES: u32 = 262_144;
+pub(crate) const WINDOW_BYTES: u32 = 524_288;
 const TICK_NS: u64 = 20_000_000;
 pub(crate) const SOON: Duration = Duration::from_secs(2);
 const HAND: &str = include_str!("../../../../../condor-hand/hands/utah-mit.toml");
@@ -249,6 +252,19 @@ impl Master<'_> {
         let places = objects::servos(&region).unwrap().unwrap();
         let mut client = ServoClient::new(self.mailbox, number, &region, places).unwrap();
         ask(&mut client)
+    }
+
+    /// Sets a parameter of a servo loop.
+    pub(crate) fn set(&self, number: Processor, name: &str, value: Value) {
+        let region = self.region(number);
+        let object = condor_rt::objects::find(&region, servo::LOOP, Kind::Variables);
+        let table = condor_vars::Table::open(&region, object.unwrap().unwrap().offset).unwrap();
+        let own = self.region(MASTER);
+        let mut places = Places::new(own.size());
+        let mut client = Client::new(self.mailbox, own, &mut places, number, VARS).unwrap();
+        let entry = table.find(name).unwrap().unwrap();
+        let former = client.get(&table, &entry, SOON).unwrap();
+        client.set(&table, &entry, former, value, SOON).unwrap();
     }
 
     pub(crate) fn enable(&self, number: Processor) {

@@ -29,7 +29,7 @@ pub(crate) const TABLE: Processor = Processor(3);
 pub(crate) const PLANT: Processor = Processor(4);
 const ALL: [Processor; 5] = [MASTER, FIRST, SECOND, TABLE, PLANT];
 
-const WINDOW_BYTES: u32 = 262_144;
+const WINDOW_BYTES: u32 = 524_288;
 const STEP_NS: u64 = 500_000;
 const SOON: Duration = Duration::from_secs(2);
 const HAND: &str = include_str!("../../../../../condor-hand/hands/utah-mit.toml");

@@ -1,0 +1,124 @@
+//! The command `gains`: it shows and sets the parameters of a joint.
+
+use core::fmt::Write as _;
+
+use condor_hand::decimal::Decimal;
+use condor_mbox::{MemoryWindow, Messenger};
+use condor_rt::{Machine, users};
+use condor_vars::layout::NAME_BYTES;
+use condor_vars::{Client, Entry, Table, VARS, Value};
+
+use super::super::servos::ANSWER;
+use super::super::words::{Problem, Words};
+use super::Commands;
+
+/// The columns of a line.
+const LINE: usize = 79;
+const LAW: &str = "the name of a law";
+
+impl<M: Machine> Commands<'_, '_, M> {
+    pub(super) fn gains<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let (finger, joint) = words.joint(self.hand)?;
+        let (to, table) = self.servos.table(finger)?;
+        let machine = self.background.machine();
+        let own = users(machine, machine.number())?;
+        let mailbox = self.background.mailbox();
+        let client = Client::new(mailbox, own, &mut self.tuning.clone(), to, VARS)?;
+        let entry = self.hand.fingers.get(finger);
+        let names = entry.and_then(|it| Some((&it.name, &it.joints.get(joint)?.name)));
+        let mut prefix = heapless::String::new();
+        if let Some((finger, joint)) = names {
+            // The names of a configuration are short enough.
+            let _ = write!(prefix, "{finger}.{joint}.");
+        }
+        let mut gains = Gains {
+            client,
+            table,
+            prefix,
+        };
+        if words.peek().next().is_none() {
+            return gains.show(|line| self.say(format_args!("{line}")));
+        }
+        while let Some(name) = words.next() {
+            gains.set(name, words)?;
+        }
+        Ok(())
+    }
+}
+
+/// The parameters of a joint.
+struct Gains<'m, C: Messenger + ?Sized, W> {
+    client: Client<'m, C, W>,
+    table: Table<W>,
+    /// What their names begin with.
+    prefix: heapless::String<NAME_BYTES>,
+}
+
+impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
+    /// Returns its name without that of the joint; `None` if it is none of this joint's.
+    fn name<'e>(&self, entry: &'e Entry) -> Option<&'e str> {
+        let name = entry.name.strip_prefix(self.prefix.as_str());
+        name.filter(|_| entry.bounds.is_some())
+    }
+
+    fn set<'l>(&mut self, name: &'l str, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let mut found = None;
+        for entry in self.table.entries() {
+            found = found.or(Some(entry?).filter(|entry| self.name(entry) == Some(name)));
+        }
+        let entry = found.ok_or(Problem::Gain(name))?;
+        let value = if let Some([Value::F64(low), Value::F64(high)]) = entry.bounds {
+            let value = words.number("the value of a gain")?;
+            if !(low..=high).contains(&value) {
+                return Err(Problem::Bounds {
+                    name,
+                    value,
+                    low,
+                    high,
+                });
+            }
+            Value::F64(value)
+        } else {
+            let word = words.word(LAW)?;
+            let is_it = |number: &u32| {
+                let label = self.table.label(&entry, *number);
+                matches!(label, Ok(Some(label)) if label == word)
+            };
+            let number = (0..entry.labels.into()).find(is_it);
+            Value::Choice(number.ok_or(Problem::Not { word, what: LAW })?)
+        };
+        let former = self.client.get(&self.table, &entry, ANSWER)?;
+        self.client
+            .set(&self.table, &entry, former, value, ANSWER)?;
+        Ok(())
+    }
+
+    /// Shows all, as many in a line as it has room for.
+    fn show(&mut self, say: impl Fn(&str)) -> Result<(), Problem<'static>> {
+        let mut line = heapless::String::<LINE>::new();
+        for entry in self.table.entries() {
+            let entry = entry?;
+            let Some(name) = self.name(&entry) else {
+                continue;
+            };
+            let mut text = heapless::String::<LINE>::new();
+            // A gain and its value are shorter than a line.
+            let _ = match self.client.get(&self.table, &entry, ANSWER)? {
+                Value::F64(value) => write!(text, "{name} {}", Decimal(value)),
+                Value::Choice(number) => {
+                    let label = self.table.label(&entry, number)?;
+                    write!(text, "{name} {}", label.as_deref().unwrap_or("?"))
+                }
+                _ => continue,
+            };
+            if line.len() + 2 + text.len() > LINE {
+                say(&line);
+                line.clear();
+            }
+            let gap = if line.is_empty() { "" } else { "  " };
+            let _ = write!(line, "{gap}{text}");
+        }
+        say(&line);
+        Ok(())
+    }
+}

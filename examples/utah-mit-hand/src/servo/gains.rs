@@ -1,0 +1,287 @@
+//! [`Gains`]: the gains of the joints, as parameters of the servo loop.
+
+use core::fmt::{self, Write};
+use core::sync::atomic::AtomicU32;
+
+use condor_hand::config::Finger;
+use condor_hand::servo::{JointGains, PositionLaw};
+use condor_hand::tendon::{Pair, TensionGains};
+use condor_vars::{Description, Params, Refusal, Tune, Watch, choice};
+
+use crate::{JOINTS, SERVED};
+
+/// Of each joint: name, unit, and what it is. All are numbers.
+const GAIN: [Names; 15] = [
+    ("kp", "N m/rad", "Of the law pd."),
+    ("kv", "N m s/rad", "Of the law pd."),
+    ("ki", "N m/(rad s)", "Of the law pd."),
+    (
+        "integral_nm",
+        "N m",
+        "The limit of the integral of the law pd.",
+    ),
+    ("bandwidth_hz", "Hz", "Of the law computed-torque."),
+    ("damping_ratio", "", "Of the law computed-torque."),
+    (
+        "k_torque",
+        "",
+        "How much of the torque's error is added to a torque.",
+    ),
+    ("flexor.kt", "", "Proportional, of the tension's servo."),
+    ("flexor.ki", "1/s", "Integral, of the tension's servo."),
+    ("flexor.kd", "s", "Derivative, of the tension's servo."),
+    (
+        "flexor.kv",
+        "N s/rad",
+        "Of the joint's velocity, in the tension's servo.",
+    ),
+    ("extensor.kt", "", "Proportional, of the tension's servo."),
+    ("extensor.ki", "1/s", "Integral, of the tension's servo."),
+    ("extensor.kd", "s", "Derivative, of the tension's servo."),
+    (
+        "extensor.kv",
+        "N s/rad",
+        "Of the joint's velocity, in the tension's servo.",
+    ),
+];
+const LAW: [Names; 1] = [("law", "", "How the joint follows positions.")];
+/// The greatest gain that is accepted.
+const MOST: f64 = 1e9;
+const ALL: usize = SERVED * JOINTS;
+const NUMBERS: usize = ALL * GAIN.len();
+
+type Names = (&'static str, &'static str, &'static str);
+
+choice! {
+    /// A law of position.
+    pub(super) enum Law {
+        /// [`PositionLaw::Pd`].
+        Pd = "pd",
+        /// [`PositionLaw::ComputedTorque`].
+        ComputedTorque = "computed-torque",
+    }
+}
+
+/// The gains of the joints of a processor, under names such as `index.proximal.flexor.kt`.
+///
+/// Both laws have their gains all the time; the one of `law` is in force.
+pub(super) struct Gains<'h> {
+    pub(super) laws: OfJoints<'h, Params<Law, ALL>>,
+    pub(super) numbers: OfJoints<'h, Params<f64, NUMBERS>>,
+}
+
+/// Parameters of joints, as many of each as there are names.
+pub(super) struct OfJoints<'h, P> {
+    fingers: [&'h Finger<JOINTS>; SERVED],
+    names: &'static [Names],
+    params: P,
+}
+
+impl<'h> Gains<'h> {
+    /// Begins with what the servos of these fingers have; `of` returns it, given finger and joint.
+    pub(super) fn new(
+        fingers: [&'h Finger<JOINTS>; SERVED],
+        of: impl Fn(usize, usize) -> Option<JointGains<f64>>,
+    ) -> Self {
+        let mut laws = [Law::Pd; ALL];
+        let mut numbers = [0.0; NUMBERS];
+        let (of_joints, _) = numbers.as_chunks_mut();
+        for (joint, (law, numbers)) in laws.iter_mut().zip(of_joints).enumerate() {
+            if let Some(gains) = of(joint / JOINTS, joint % JOINTS) {
+                (*law, *numbers) = split(&gains);
+            }
+        }
+        Self {
+            laws: OfJoints {
+                fingers,
+                names: &LAW,
+                params: Params::new(&[""; ALL], "", laws, Law::Pd..=Law::ComputedTorque),
+            },
+            numbers: OfJoints {
+                fingers,
+                names: &GAIN,
+                params: Params::new(&[""; NUMBERS], "", numbers, 0.0..=MOST),
+            },
+        }
+    }
+
+    /// Returns what differs from before when a change has been taken over.
+    pub(super) fn version(&self) -> [u32; 2] {
+        [self.laws.params.version(), self.numbers.params.version()]
+    }
+
+    /// Returns the gains of a joint in this tick.
+    pub(super) fn of(&self, finger: usize, joint: usize) -> Option<JointGains<f64>> {
+        let joint = finger * JOINTS + joint;
+        let law = self.laws.params.get(joint)?;
+        let first = joint * GAIN.len();
+        let number = |index| self.numbers.params.get(first + index);
+        let tendon = |index| {
+            Some(TensionGains {
+                kt: number(index)?,
+                ki: number(index + 1)?,
+                kd: number(index + 2)?,
+                kv: number(index + 3)?,
+            })
+        };
+        Some(JointGains {
+            law: match law {
+                Law::Pd => PositionLaw::Pd {
+                    kp: number(0)?,
+                    kv: number(1)?,
+                    ki: number(2)?,
+                    integral_nm: number(3)?,
+                },
+                Law::ComputedTorque => PositionLaw::ComputedTorque {
+                    bandwidth_hz: number(4)?,
+                    damping_ratio: number(5)?,
+                },
+            },
+            k_torque: number(6)?,
+            tension: Pair {
+                flexor: tendon(7)?,
+                extensor: tendon(11)?,
+            },
+        })
+    }
+}
+
+/// The law of a joint and its numbers, in the order of [`GAIN`]; those of the other law are 0.
+fn split(gains: &JointGains<f64>) -> (Law, [f64; GAIN.len()]) {
+    let (law, of_law) = match gains.law {
+        PositionLaw::Pd {
+            kp,
+            kv,
+            ki,
+            integral_nm,
+        } => (Law::Pd, [kp, kv, ki, integral_nm, 0.0, 0.0]),
+        PositionLaw::ComputedTorque {
+            bandwidth_hz,
+            damping_ratio,
+        } => (
+            Law::ComputedTorque,
+            [0.0, 0.0, 0.0, 0.0, bandwidth_hz, damping_ratio],
+        ),
+    };
+    let tendons = [gains.tension.flexor, gains.tension.extensor];
+    let tendons = tendons.map(|TensionGains { kt, ki, kd, kv }| [kt, ki, kd, kv]);
+    let torque = [gains.k_torque];
+    let all = of_law.iter().chain(&torque).chain(tendons.as_flattened());
+    let mut numbers = [0.0; GAIN.len()];
+    for (place, value) in numbers.iter_mut().zip(all) {
+        *place = *value;
+    }
+    (law, numbers)
+}
+
+impl<P: Tune> Watch for OfJoints<'_, P> {
+    fn words(&self) -> &[AtomicU32] {
+        self.params.words()
+    }
+
+    fn describe(&self, index: usize) -> Option<Description<'_>> {
+        let (_, unit, about) = *self.names.get(index % self.names.len())?;
+        Some(Description {
+            unit,
+            about,
+            ..self.params.describe(index)?
+        })
+    }
+
+    fn name(&self, index: usize, to: &mut dyn Write) -> fmt::Result {
+        let joint = index / self.names.len();
+        let finger = self.fingers.get(joint / JOINTS).ok_or(fmt::Error)?;
+        let joint = finger.joints.get(joint % JOINTS).ok_or(fmt::Error)?;
+        let (name, ..) = self.names.get(index % self.names.len()).ok_or(fmt::Error)?;
+        write!(to, "{}.{}.{name}", finger.name, joint.name)
+    }
+}
+
+impl<P: Tune> Tune for OfJoints<'_, P> {
+    fn compare_and_set_words(
+        &self,
+        index: usize,
+        expected: [u32; 2],
+        new: [u32; 2],
+    ) -> Result<(), Refusal> {
+        self.params.compare_and_set_words(index, expected, new)
+    }
+
+    fn wanted(&self, index: usize) -> [u32; 2] {
+        self.params.wanted(index)
+    }
+
+    fn latch(&self) {
+        self.params.latch();
+    }
+
+    fn is_sound(&self) -> bool {
+        self.params.is_sound()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gain_that_is_set_is_that_of_its_joint_alone() {
+        let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+        let hand = crate::UtahMit::from_toml(text, "utah-mit.toml").unwrap();
+        let tension = |kt| TensionGains {
+            kt,
+            ki: 0.25,
+            kd: 0.0,
+            kv: 3.0,
+        };
+        let first = |finger: usize, joint: usize| JointGains {
+            law: PositionLaw::ComputedTorque {
+                bandwidth_hz: 10.0 + f64::from(finger as u8),
+                damping_ratio: 1.0,
+            },
+            k_torque: f64::from(joint as u8),
+            tension: Pair {
+                flexor: tension(1.0),
+                extensor: tension(2.0),
+            },
+        };
+        let fingers = [&hand.fingers[0], &hand.fingers[1]];
+        let gains = Gains::new(fingers, |finger, joint| Some(first(finger, joint)));
+        let number = |wanted: &str| {
+            (0..NUMBERS).find(|&index| {
+                let mut name = String::new();
+                gains.numbers.name(index, &mut name).unwrap();
+                name == wanted
+            })
+        };
+        let kp = number("middle.proximal.kp").unwrap();
+        assert_eq!(gains.numbers.describe(kp).unwrap().unit, "N m/rad");
+        let params = &gains.numbers.params;
+        params.compare_and_set(kp, 0.0, 7.0).unwrap();
+        let kt = number("middle.proximal.extensor.kt").unwrap();
+        params.compare_and_set(kt, 2.0, 0.5).unwrap();
+        assert_eq!(
+            params.compare_and_set(kt, 0.5, -1.0),
+            Err(Refusal::OutOfBounds)
+        );
+        let before = gains.version();
+        assert_eq!(gains.of(1, 1), Some(first(1, 1)));
+        gains.numbers.latch();
+        assert_ne!(gains.version(), before);
+        let mut changed = first(1, 1);
+        changed.tension.extensor.kt = 0.5;
+        assert_eq!(gains.of(1, 1), Some(changed));
+        assert_eq!(gains.of(1, 2), Some(first(1, 2)));
+        assert_eq!(gains.of(0, 1), Some(first(0, 1)));
+        let laws = &gains.laws.params;
+        laws.compare_and_set(5, Law::ComputedTorque, Law::Pd)
+            .unwrap();
+        laws.latch();
+        let law = gains.of(1, 1).unwrap().law;
+        assert!(
+            matches!(law, PositionLaw::Pd { kp, .. } if (kp - 7.0).abs() < 1e-12),
+            "{law:?}"
+        );
+        assert_eq!(gains.of(2, 0), None);
+    }
+}
