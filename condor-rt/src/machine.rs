@@ -90,7 +90,8 @@ pub trait Machine: Sync {
     /// Runs `background`, and serves messages meanwhile, if this machine [does](Self::mail_interrupts):
     /// each ring calls `serve`, which is [`Messenger::serve`](condor_mbox::Messenger::serve) with a
     /// time-out of zero, of a mailbox that wants [all rings](condor_mbox::Mailbox::ring_always), and
-    /// returns how many messages it has served. Servo loops are more urgent.
+    /// returns how many messages it has served. Servo loops are more urgent. For rings that came before,
+    /// `background` begins by ringing this processor.
     ///
     /// A machine that does not, serves messages where the background waits. On one that does, the
     /// background [waits for rings](condor_mbox::Doorbell::wait) and looks what handlers have done,

@@ -5,8 +5,8 @@ use core::time::Duration;
 
 use condor_fs::Area;
 use condor_mbox::published::Publisher;
-use condor_mbox::{self as mbox, AccessError, Clock as _, Instant, MemoryWindow, Messenger as _};
-use condor_mbox::{Places, Published, Region, Vector, Waiting};
+use condor_mbox::{self as mbox, AccessError, Clock as _, Doorbell as _, Instant, MemoryWindow};
+use condor_mbox::{Messenger as _, Places, Published, Region, Vector, Waiting};
 use condor_mos::{Loops, Overrun, Rate};
 use condor_tty::{Terminal, Vectors};
 use condor_vars::{Catalog, Described, Param, Respond, Settings, Tune, VARS, Watch, describe};
@@ -466,6 +466,10 @@ impl<'e, M: Machine> Setup<'e, M> {
         // What is wrong with the own memory, the background finds out.
         let serve = || mailbox.serve(Duration::ZERO).unwrap_or(0);
         machine.with_mail(serve, || {
+            // Whoever rang since the mailbox joined, but before `serve` was connected, was not heard.
+            if machine.mail_interrupts() {
+                machine.doorbell().ring(machine.number());
+            }
             if loops.is_empty() {
                 return run(None);
             }

@@ -5,10 +5,12 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
 use condor_mbox::published::Subscriber;
-use condor_mbox::{MemoryWindow as _, Messenger, Places, Processor, Published, Vector};
-use condor_mos::{Overrun, Rate};
+use condor_mbox::{Clock as _, Doorbell as _, MemoryWindow as _, Messenger, Places, Processor};
+use condor_mbox::{Published, Vector, Windows};
+use condor_mos::{Loops, Overrun, Rate};
 use condor_rt::objects;
-use condor_rt::{Error, HANDLERS, LOOPS, Machine, Program, Setup, loops, sim, users};
+use condor_rt::{Error, HANDLERS, LOOPS, Machine, PROCESSORS, Program, ServoLoop, Setup};
+use condor_rt::{loops, sim, users};
 use condor_vars::{Cell, Client, Described, Field, Kind, Param, Table, VARS, Value, Var, Vars};
 use core::mem::offset_of;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -143,6 +145,109 @@ impl Program for Joint {
             })
             .run()
     }
+}
+
+/// A machine that listens to its mailbox interrupt long after the mailbox has joined.
+struct Late<'m, M>(&'m M);
+
+impl<M: Machine> Machine for Late<'_, M> {
+    type Window = M::Window;
+    type Doorbell = M::Doorbell;
+    type Exclusion = M::Exclusion;
+    type Bus = M::Bus;
+
+    fn number(&self) -> Processor {
+        self.0.number()
+    }
+
+    fn windows(&self) -> [Windows<M::Window>; PROCESSORS] {
+        self.0.windows()
+    }
+
+    fn doorbell(&self) -> M::Doorbell {
+        self.0.doorbell()
+    }
+
+    fn exclusion(&self) -> M::Exclusion {
+        self.0.exclusion()
+    }
+
+    fn timer_frequency(&self) -> Rate {
+        self.0.timer_frequency()
+    }
+
+    fn bus(&self) -> M::Bus {
+        self.0.bus()
+    }
+
+    fn argument(&self, index: usize) -> Option<&str> {
+        self.0.argument(index)
+    }
+
+    fn is_stopping(&self) -> bool {
+        self.0.is_stopping()
+    }
+
+    fn mail_interrupts(&self) -> bool {
+        true
+    }
+
+    fn with_mail<R>(
+        &self,
+        serve: impl Fn() -> usize + Sync,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, Error> {
+        let bell = self.doorbell();
+        let begin = bell.now().after(Duration::from_millis(100));
+        while bell.now() < begin {
+            bell.wait(bell.prepare(), begin, None);
+        }
+        let mut heard = bell.prepare();
+        let result = background();
+        let end = begin.after(Duration::from_millis(100));
+        loop {
+            // It ends with a ring, or too late.
+            bell.wait(heard, end, None);
+            if bell.now() >= end {
+                return Ok(result);
+            }
+            heard = bell.prepare();
+            serve();
+        }
+    }
+
+    fn with_loops<R>(
+        &self,
+        loops: &mut [ServoLoop<'_>],
+        background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
+    ) -> Result<R, Error> {
+        self.0.with_loops(loops, background)
+    }
+}
+
+struct Answers;
+
+impl Program for Answers {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        Setup::new(&Late(machine))?
+            .on(ADD, "add", &|call| call.data() + 1)
+            .background(|_| Ok(()))
+    }
+}
+
+#[test]
+fn who_rings_before_the_mailbox_interrupt_is_connected_is_answered() {
+    let mut system = sim::System::new(WINDOW_BYTES).unwrap();
+    system.spawn(SERVO, &Answers).unwrap();
+    system
+        .host(HOST, |machine| {
+            let mut mailbox = machine.mailbox()?;
+            mailbox.join()?;
+            assert_eq!(mailbox.send_with_reply(SERVO, ADD, 41, SECOND)?, 42);
+            Ok::<_, Error>(())
+        })
+        .unwrap();
+    system.run().unwrap();
 }
 
 #[test]

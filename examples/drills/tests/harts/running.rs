@@ -110,29 +110,23 @@ impl Up {
         self.client().ask(&request).unwrap();
     }
 
-    /// Sends a message to a processor that answers with what comes next; again while its program, which may
-    /// have begun just now, does not know the sender yet.
+    /// Sends a message to a processor that answers with what comes next.
     pub(crate) fn ask(&self, number: u8, value: u32) -> u32 {
-        let deadline = Instant::now() + DEADLINE;
-        loop {
-            let output = Command::new(DRILLS)
-                .env("XDG_RUNTIME_DIR", self.place.path())
-                .args(["send", "--reply", "--json"])
-                .args([number.to_string(), "12".into(), value.to_string()])
-                .output()
-                .unwrap();
-            let text = String::from_utf8_lossy(&output.stdout);
-            let error = String::from_utf8_lossy(&output.stderr);
-            let digits = text.rsplit_once("\"reply\":").map_or("", |(_, rest)| rest);
-            let digits = digits.trim_start();
-            let end = digits.find(|letter: char| !letter.is_ascii_digit());
-            let digits = &digits[..end.unwrap_or(digits.len())];
-            if let Ok(reply) = digits.parse() {
-                return reply;
-            }
-            let is_early = error.contains("is not connected") && Instant::now() < deadline;
-            assert!(is_early, "{number}: {text}{error}");
-        }
+        let output = Command::new(DRILLS)
+            .env("XDG_RUNTIME_DIR", self.place.path())
+            .args(["send", "--reply", "--json"])
+            .args([number.to_string(), "12".into(), value.to_string()])
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&output.stdout);
+        let error = String::from_utf8_lossy(&output.stderr);
+        let digits = text.rsplit_once("\"reply\":").map_or("", |(_, rest)| rest);
+        let digits = digits.trim_start();
+        let end = digits.find(|letter: char| !letter.is_ascii_digit());
+        let digits = &digits[..end.unwrap_or(digits.len())];
+        digits
+            .parse()
+            .unwrap_or_else(|_| panic!("{number}: {text}{error}"))
     }
 
     /// Reads a terminal until `text` has come.
