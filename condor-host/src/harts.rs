@@ -32,7 +32,7 @@ mod memory;
 #[cfg(all(feature = "harts", target_os = "linux"))]
 mod qemu;
 
-pub use control::{ARGUMENT_BYTES, Control, Fault, Order, State, cause_name};
+pub use control::{ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, Order, State, cause_name};
 #[cfg(all(feature = "harts", target_os = "linux"))]
 pub use image::{Image, ImageError, RAM};
 pub use map::{Map, MapError, Run};

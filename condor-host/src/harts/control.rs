@@ -7,6 +7,9 @@ use super::map::{Map, PAGE};
 /// Bytes of all arguments of a program, with a zero after each.
 pub const ARGUMENT_BYTES: usize = 512;
 
+/// Bytes of what a program says of why it has failed.
+pub const ERROR_BYTES: usize = 240;
+
 /// Written by the host.
 mod host {
     pub(super) const WANTED: u32 = 0;
@@ -23,6 +26,8 @@ mod hart {
     pub(super) const START: u32 = 1028;
     pub(super) const STATUS: u32 = 1032;
     pub(super) const FAULT: u32 = 1040;
+    pub(super) const ERROR_LEN: u32 = 1320;
+    pub(super) const ERROR: u32 = 1324;
 }
 
 const WAITS: u32 = 1;
@@ -214,6 +219,18 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(fault)
     }
 
+    /// Copies what the program has said of why it failed into the beginning of `into`; gives how many bytes
+    /// it has, 0 if the program has said nothing.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn error(&self, into: &mut [u8; ERROR_BYTES]) -> Result<usize, AccessError> {
+        let len = self.page.word(hart::ERROR_LEN)? as usize;
+        let len = len.min(ERROR_BYTES);
+        self.page.read(hart::ERROR, into.split_at_mut(len).0)?;
+        Ok(len)
+    }
+
     /// The monitor is up, or up again.
     ///
     /// # Errors
@@ -243,6 +260,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
     /// # Errors
     /// The memory's.
     pub fn begin(&self, start: u32) -> Result<(), AccessError> {
+        self.page.set_word(hart::ERROR_LEN, 0)?;
         self.page.set_word(hart::START, start)?;
         self.page.set_word(hart::STATE, RUNS)
     }
@@ -273,6 +291,19 @@ impl<W: MemoryWindow + Clone> Control<W> {
     /// The memory's.
     pub fn is_abandoned(&self) -> Result<bool, AccessError> {
         Ok(self.page.word(host::ABANDONED)? == self.page.word(hart::START)?)
+    }
+
+    /// The program says why it has failed. [`end`](Self::end) follows.
+    ///
+    /// A text that is too long is cut off at [`ERROR_BYTES`].
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn set_error(&self, error: &str) -> Result<(), AccessError> {
+        let error = error.as_bytes();
+        let error = error.split_at(error.len().min(ERROR_BYTES)).0;
+        self.page.write(hart::ERROR, error)?;
+        self.page.set_word(hart::ERROR_LEN, error.len() as u32)
     }
 
     /// The program has ended.

@@ -10,7 +10,9 @@ use condor_mbox::{Doorbell as _, Processor};
 
 use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 use super::process::Process;
-use crate::harts::{self, ARGUMENT_BYTES, Control, Fault, MachineMemory, Map, Order, State};
+use crate::harts::{
+    self, ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, MachineMemory, Map, Order, State,
+};
 use condor_rt::numbers::PROCESSORS;
 
 /// How long a hart may take to come back to its monitor.
@@ -56,7 +58,7 @@ pub struct Hart {
     program: Option<Program>,
     running: Option<Running>,
     ended: Option<Exit>,
-    /// What is to be said of a fault, beside how the program ended.
+    /// What is to be said of a fault or by the program itself, beside how it ended.
     report: Option<String>,
 }
 
@@ -129,6 +131,7 @@ impl Hart {
         };
         match state {
             State::Ended { start, status } if start == running.start => {
+                self.report = self.said();
                 Some(Exit::Status(status.cast_signed()))
             }
             State::Abandoned { start } if start == running.start => Some(Exit::Abandoned),
@@ -146,6 +149,14 @@ impl Hart {
                 (since.elapsed() >= BACK).then_some(Exit::Unreachable)
             }
         }
+    }
+
+    /// What the program has said of why it failed.
+    fn said(&self) -> Option<String> {
+        let mut error = [0; ERROR_BYTES];
+        let len = self.control.error(&mut error).unwrap_or(0);
+        let error = error.get(..len).filter(|error| !error.is_empty())?;
+        Some(String::from_utf8_lossy(error).into_owned())
     }
 
     fn told(&self, fault: &Fault) -> String {

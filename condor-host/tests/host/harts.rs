@@ -1,6 +1,8 @@
 //! What host and harts say to each other in the memory of a machine.
 
-use condor_host::harts::{ARGUMENT_BYTES, Control, Fault, Map, MapError, Order, State, map};
+use condor_host::harts::{
+    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, Map, MapError, Order, State, map,
+};
 use condor_mbox::{MemoryWindow, Region, StaticMemory};
 use proptest::prelude::*;
 
@@ -104,6 +106,7 @@ fn a_program_is_started_asked_and_abandoned() {
     assert_eq!(hart.is_asked_to_end(), Ok(false));
     host.ask_to_end(1).unwrap();
     assert_eq!(hart.is_asked_to_end(), Ok(true));
+    hart.set_error("no servo").unwrap();
     hart.end(7).unwrap();
     let ended = State::Ended {
         start: 1,
@@ -112,9 +115,13 @@ fn a_program_is_started_asked_and_abandoned() {
     assert_eq!(host.state(), Ok(ended));
     hart.wait().unwrap();
     assert_eq!(host.state(), Ok(ended), "how it ended stays");
+    let mut error = [0; ERROR_BYTES];
+    let len = host.error(&mut error).unwrap();
+    assert_eq!(&error[..len], b"no servo");
     assert_eq!(host.order(order), Ok(2));
     hart.begin(2).unwrap();
     assert_eq!(hart.is_asked_to_end(), Ok(false), "the former one was");
+    assert_eq!(host.error(&mut error), Ok(0), "that of the former one");
     assert_eq!(hart.is_abandoned(), Ok(false));
     host.abandon(2).unwrap();
     assert_eq!(hart.is_abandoned(), Ok(true));
@@ -135,7 +142,7 @@ fn a_program_is_started_asked_and_abandoned() {
 }
 
 #[test]
-fn arguments_that_are_too_long_are_cut_off() {
+fn texts_that_are_too_long_are_cut_off() {
     let memory = memory();
     let control = Control::new(&memory, 0).unwrap();
     let order = Order {
@@ -145,6 +152,10 @@ fn arguments_that_are_too_long_are_cut_off() {
     control.order(order).unwrap();
     let mut arguments = [0; ARGUMENT_BYTES];
     assert_eq!(control.arguments(&mut arguments), Ok(ARGUMENT_BYTES));
+    control.set_error(&"a".repeat(ERROR_BYTES + 3)).unwrap();
+    let mut error = [0; ERROR_BYTES];
+    assert_eq!(control.error(&mut error), Ok(ERROR_BYTES));
+    assert_eq!(error, [b'a'; ERROR_BYTES]);
     assert_eq!(
         control.fault(),
         Ok(Fault::default()),

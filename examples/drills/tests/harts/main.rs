@@ -55,6 +55,26 @@ fn a_trap_ends_one_program_and_no_other() {
 
 #[test]
 #[ignore = "needs QEMU and images: cargo xtask riscv"]
+fn a_program_that_fails_says_why_in_the_log() {
+    let up = Up::start(&processors(), NEEDS);
+    let refused = up.client().ask(&Request::Load {
+        processor: "h0".into(),
+        program: None,
+        arguments: vec!["table".into(), "to=nobody".into()],
+    });
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("`h0` does not run"), "{refused}");
+    let log = up.client().ask(&Request::Log { lines: 20 }).unwrap();
+    let log = log.lines.unwrap().join("\n");
+    let error = "h0: an argument is missing or wrong: NAME=PROCESSOR,PROCESSOR,…";
+    assert!(log.contains(error), "{log}");
+    up.load("h0", &["echo"]);
+    assert_eq!(up.ask(0, 6), 7);
+    up.end();
+}
+
+#[test]
+#[ignore = "needs QEMU and images: cargo xtask riscv"]
 fn an_interrupt_that_nobody_handles_is_named_and_comes_no_more() {
     let up = Up::start(&processors(), NEEDS);
     up.load("h0", &["faulty", "interrupt"]);

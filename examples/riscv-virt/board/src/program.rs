@@ -1,6 +1,9 @@
 //! How a program begins and ends.
 
-use condor_rt::Program;
+use core::fmt::Display;
+
+use condor_host::harts::ERROR_BYTES;
+use condor_rt::{Program, Text};
 
 use crate::hart::Hart;
 use crate::resident::{self, Return};
@@ -68,12 +71,16 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
 /// no room for all of them at once.
 #[inline(never)]
 pub fn run(program: &impl Program, hart: &Hart) -> u32 {
-    status(&program.run(hart))
+    status(&program.run(hart), hart)
 }
 
-/// The status for what came of a program.
-pub fn status<E>(outcome: &Result<(), E>) -> u32 {
-    u32::from(outcome.is_err())
+/// The status for what came of a program; why it has failed, the host's log shows.
+pub fn status<E: Display>(outcome: &Result<(), E>, hart: &Hart) -> u32 {
+    let Err(error) = outcome else { return 0 };
+    let error = Text::<ERROR_BYTES>::of(error);
+    // The page of the hart is there.
+    let _ = hart.control().set_error(error.as_str());
+    1
 }
 
 #[panic_handler]

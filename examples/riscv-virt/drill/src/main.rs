@@ -19,8 +19,8 @@ fn main(mut hart: Hart) -> u32 {
         Some("echo") => board::run(&Echo, &hart),
         Some("stress") => board::run(&Stress(|| stack::deepest(&hart)), &hart),
         Some("table") => board::run(&Table, &hart),
-        Some("instructions") => status(&instructions::run(&hart)),
-        Some("stack") => status(&depths::run(&hart)),
+        Some("instructions") => status(&instructions::run(&hart), &hart),
+        Some("stack") => status(&depths::run(&hart), &hart),
         Some("faulty") => board::run(&faulty::Faulty, &hart),
         _ => NO_PROGRAM,
     }
