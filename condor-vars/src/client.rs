@@ -35,7 +35,7 @@ pub enum RequestError {
     Table(#[from] TableError),
     /// The loop had not taken over the last selection by the deadline, or another request was being
     /// answered.
-    #[error("{to} was busy for {timeout:?}")]
+    #[error("{to} was busy for {} ms", .timeout.as_millis())]
     Busy {
         /// The processor.
         to: Processor,

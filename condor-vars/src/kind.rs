@@ -166,11 +166,14 @@ impl Value {
 }
 
 /// A choice shows as its number: its label is in the table.
+///
+/// Floating point has as many digits as tell it from all other numbers. Core has paths that panic where it
+/// prints them, and a control processor must have none.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::F32(value) => value.fmt(f),
-            Self::F64(value) => value.fmt(f),
+            Self::F32(value) => f.write_str(zmij::Buffer::new().format(*value)),
+            Self::F64(value) => f.write_str(zmij::Buffer::new().format(*value)),
             Self::Int(value) => value.fmt(f),
             Self::Uint(value) => value.fmt(f),
             Self::Bool(value) => value.fmt(f),

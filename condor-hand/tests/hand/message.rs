@@ -12,8 +12,8 @@ use condor_hand::message::{
     ServoObject, ServoPlaces, Verb,
 };
 use condor_hand::servo::{JointTarget, Mode, Sensed};
-use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::tendon::Pair;
+use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::trajectory::SetPoint;
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::sim::{Mailbox, SimWindow, System};

@@ -66,14 +66,14 @@ choice! {
 ///
 /// Both laws have their gains all the time; the one of `law` is in force.
 pub(super) struct Gains<'h> {
-    pub(super) laws: OfJoints<'h, Params<Law, ALL>>,
-    pub(super) numbers: OfJoints<'h, Params<f64, NUMBERS>>,
+    pub(super) laws: OfJoints<'h, Params<Law, ALL>, 1>,
+    pub(super) numbers: OfJoints<'h, Params<f64, NUMBERS>, { GAIN.len() }>,
 }
 
-/// Parameters of joints, as many of each as there are names.
-pub(super) struct OfJoints<'h, P> {
+/// Parameters of joints, `N` of each.
+pub(super) struct OfJoints<'h, P, const N: usize> {
     fingers: [&'h Finger<JOINTS>; SERVED],
-    names: &'static [Names],
+    names: &'static [Names; N],
     params: P,
 }
 
@@ -174,13 +174,13 @@ fn split(gains: &JointGains<f64>) -> (Law, [f64; GAIN.len()]) {
     (law, numbers)
 }
 
-impl<P: Tune> Watch for OfJoints<'_, P> {
+impl<P: Tune, const N: usize> Watch for OfJoints<'_, P, N> {
     fn words(&self) -> &[AtomicU32] {
         self.params.words()
     }
 
     fn describe(&self, index: usize) -> Option<Description<'_>> {
-        let (_, unit, about) = *self.names.get(index % self.names.len())?;
+        let (_, unit, about) = *self.names.get(index % N)?;
         Some(Description {
             unit,
             about,
@@ -189,15 +189,15 @@ impl<P: Tune> Watch for OfJoints<'_, P> {
     }
 
     fn name(&self, index: usize, to: &mut dyn Write) -> fmt::Result {
-        let joint = index / self.names.len();
+        let joint = index / N;
         let finger = self.fingers.get(joint / JOINTS).ok_or(fmt::Error)?;
         let joint = finger.joints.get(joint % JOINTS).ok_or(fmt::Error)?;
-        let (name, ..) = self.names.get(index % self.names.len()).ok_or(fmt::Error)?;
+        let (name, ..) = self.names.get(index % N).ok_or(fmt::Error)?;
         write!(to, "{}.{}.{name}", finger.name, joint.name)
     }
 }
 
-impl<P: Tune> Tune for OfJoints<'_, P> {
+impl<P: Tune, const N: usize> Tune for OfJoints<'_, P, N> {
     fn compare_and_set_words(
         &self,
         index: usize,
