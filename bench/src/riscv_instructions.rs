@@ -1,6 +1,6 @@
 //! `riscv-instructions`: what a release and a message cost on a hart, in instructions.
 //!
-//! The drill `instructions` of `examples/riscv-virt` runs on one hart of QEMU's machine `virt`, under
+//! The drill `instructions` of `bench/drills/hart` runs on one hart of QEMU's machine `virt`, under
 //! `-icount`, on the way that every program of a hart takes: its trap entry, its timer, its mailbox. It
 //! counts by itself, with `minstret`, and publishes what it found; here that is believed, or not.
 
@@ -27,8 +27,8 @@ const PATIENCE: Duration = Duration::from_secs(120);
 /// A tool is missing; the hart does not come to an end; it counts what is known as something else, or
 /// not the same in both runs.
 pub(crate) fn run(_: &Options) -> Result<Report> {
-    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/riscv-virt");
-    let images = firmware::build(&dir, TARGET, &["monitor", "drill"])?;
+    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../boards/qemu-virt");
+    let images = firmware::build(&dir, TARGET, &["monitor", "drills-hart"])?;
     let counts = count(&images)?;
     check(&counts)?;
     let again = count(&images)?;
@@ -48,7 +48,7 @@ pub(crate) fn run(_: &Options) -> Result<Report> {
 }
 
 fn count(images: &Path) -> Result<Counts> {
-    let hart = Alone::new(1, &images.join("drill"), &["instructions"])?;
+    let hart = Alone::new(1, &images.join("drills-hart"), &["instructions"])?;
     hart.play(&images.join("monitor"), SHIFT, PATIENCE)?;
     let counts = drills::published(&hart.region(0)?, NAME)?;
     Ok(counts.ok_or("the hart has published nothing")?)

@@ -7,7 +7,7 @@ use std::error::Error;
 
 use condor_dev::conformance::{self, Ground};
 use condor_dev::{Bus, BusErrorKind, Mode, NoInterrupts, Place, Switch, Width, device_switch};
-use example_boards::Adc16;
+use utah_mit_boards::Adc16;
 
 /// Boards behind a bridge. A request is a command (1, 2 or 4 bytes, 0x80 to write), the address
 /// and a value; an answer is a status and a value.

@@ -1,4 +1,4 @@
-//! What is built for targets of its own: the bare-metal examples, the images of harts beside a host, and
+//! What is built for targets of its own: the firmware tests, the images of harts beside a host, and
 //! the firmwares of the benchmarks.
 
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use crate::command::command;
 use crate::context::Context;
 
 /// Their workspace, relative to the root.
-pub(crate) const WORKSPACE: &str = "examples/bare-metal";
+pub(crate) const WORKSPACE: &str = "firmware-tests";
 
 /// The workspace of the firmwares whose instructions are counted, relative to the root.
 pub(crate) const BENCH: &str = "bench/firmware";
@@ -18,15 +18,15 @@ pub(crate) const BENCH: &str = "bench/firmware";
 pub(crate) const BENCH_TARGET: &str = "thumbv7m-none-eabi";
 
 /// The workspace of the images that harts run beside a host, relative to the root.
-pub(crate) const HARTS: &str = "examples/riscv-virt";
+pub(crate) const HARTS: &str = "boards/qemu-virt";
 
 /// What those are built for.
 pub(crate) const HARTS_TARGET: &str = "riscv64gc-unknown-none-elf";
 
 /// Those images.
-pub(crate) const HART_IMAGES: [&str; 3] = ["monitor", "drill", "hand"];
+pub(crate) const HART_IMAGES: [&str; 3] = ["monitor", "drills-hart", "utah-mit-hand-hart"];
 
-/// One of the examples.
+/// One of the firmware tests.
 pub(crate) struct Firmware {
     pub package: &'static str,
     /// The package of the checks that it makes.
@@ -45,8 +45,8 @@ pub(crate) struct Firmware {
 
 pub(crate) const FIRMWARES: [Firmware; 11] = [
     Firmware {
-        package: "riscv-virt",
-        exercise: "exercise",
+        package: "mbox-riscv",
+        exercise: "mbox-exercise",
         target: "riscv64gc-unknown-none-elf",
         device: false,
         qemu: "qemu-system-riscv64",
@@ -54,8 +54,8 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         machine: "-machine virt -smp 2 -bios none -nographic",
     },
     Firmware {
-        package: "cortex-m0",
-        exercise: "exercise",
+        package: "mbox-cortex-m",
+        exercise: "mbox-exercise",
         target: "thumbv6m-none-eabi",
         device: false,
         qemu: "qemu-system-arm",

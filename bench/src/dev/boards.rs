@@ -7,7 +7,7 @@ use condor_dev::{
     Bus, BusErrorKind, Device, DeviceError, Driver, Mode, NoInterrupts, Place, Registers, Switch,
     Width, device_switch,
 };
-use example_boards::Adc16;
+use utah_mit_boards::Adc16;
 
 /// Bytes of the bus.
 const SIZE: usize = 0x1000;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use condor_dev::{Bus, DeviceError, Driver, Fd, FdError, IoError, Mode, Registers};
-use example_boards::Adc16;
+use utah_mit_boards::Adc16;
 use vm_device::DeviceMmio;
 use vm_device::bus::{MmioAddress, MmioAddressOffset, MmioRange};
 use vm_device::device_manager::{IoManager, MmioManager};

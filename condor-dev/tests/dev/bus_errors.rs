@@ -6,7 +6,7 @@ use crate::boards::*;
 use condor_dev::drivers::Format;
 use condor_dev::sim::LineFault;
 use condor_dev::{Fd, Mode};
-use example_boards::Trigger;
+use utah_mit_boards::Trigger;
 
 /// Calls of a device, whose results are not looked at.
 type Session = fn(&Machine, Fd);

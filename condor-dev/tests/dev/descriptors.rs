@@ -5,9 +5,9 @@ use condor_dev::{
     Bus as _, Device, DeviceError, Driver, Fd, FdError, IoError, Mode, NoInterrupts, OpenError,
     Place, Presence, Registers, Switch, Width, device_switch,
 };
-use example_boards::Adc16;
-use example_boards::sim::AdcModel;
 use proptest::prelude::*;
+use utah_mit_boards::Adc16;
+use utah_mit_boards::sim::AdcModel;
 
 /// A board that remembers a byte.
 struct Latch(());

@@ -6,8 +6,8 @@ use crate::boards::*;
 use condor_dev::drivers::{Format, LineErrors};
 use condor_dev::sim::{Bus, LineFault, UartModel};
 use condor_dev::{BusErrorKind, DeviceError, IoError, Mode};
-use example_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
-use example_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
+use utah_mit_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
+use utah_mit_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
 
 #[test]
 fn probes_know_their_own_board_only() {

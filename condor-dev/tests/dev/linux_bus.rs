@@ -12,7 +12,7 @@ use condor_dev::{
 };
 use condor_mbox::linux::{Access as WindowAccess, LinuxWindow};
 use condor_mbox::{LoadOrder, MemoryWindow as _};
-use example_boards::Adc16;
+use utah_mit_boards::Adc16;
 
 const BASE: usize = 0xee00_0000;
 const BYTES: usize = 0x4000;

@@ -8,8 +8,8 @@ use condor_dev::{
     Switch, Timeout, device_switch,
 };
 use embedded_io::{Error as _, ErrorKind, Read, ReadReady, Write, WriteReady};
-use example_boards::Adc16;
-use example_boards::sim::AdcModel;
+use utah_mit_boards::Adc16;
+use utah_mit_boards::sim::AdcModel;
 
 device_switch! {
     struct Boards {

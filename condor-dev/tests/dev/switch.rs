@@ -5,8 +5,8 @@ use condor_dev::{
     Driver, FdError, InterruptCounts, IoError, Mmio, Mode, NoInterrupts, OpenError, Place,
     Presence, Registers, Switch, Vector, device_switch,
 };
-use example_boards::Adc16;
-use example_boards::sim::AdcModel;
+use utah_mit_boards::Adc16;
+use utah_mit_boards::sim::AdcModel;
 
 device_switch! {
     /// Two boards of which one is there.

@@ -16,8 +16,8 @@ use condor_fs::dev::{FileSwitch, OpenError, TransferError};
 use condor_fs::{Errno, Error, OpenOptions};
 use condor_mbox::linux::{LinuxWindow, System};
 use embedded_io::{Read, SeekFrom, Write};
-use example_boards::Adc16;
-use example_boards::sim::AdcModel;
+use utah_mit_boards::Adc16;
+use utah_mit_boards::sim::AdcModel;
 
 device_switch! {
     struct Boards {

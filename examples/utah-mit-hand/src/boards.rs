@@ -9,8 +9,8 @@
 
 use condor_dev::{Place, device_switch};
 use condor_hand::config::{Channel, Converter, Hand, Input, Output, Wire};
-use example_boards::{Adc16, Dac16, Encoder8};
 use thiserror::Error;
+use utah_mit_boards::{Adc16, Dac16, Encoder8};
 
 mod rack;
 mod wires;

@@ -41,8 +41,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     // The images that `panics` searches, and the programs of `test`.
     let images = firmware::build(context, HARTS, &HART_IMAGES, HARTS_TARGET, "release", &[])?;
     let mut tests = programs::build(&command(context, &test::build_line()))?;
-    let hand =
-        format!("target/debug/utah-mit-hand up {HARTS}/hand.toml --headless --for {HAND_SECONDS}s");
+    let hand = format!(
+        "target/debug/utah-mit-hand up examples/utah-mit-hand/harts.toml --headless --for {HAND_SECONDS}s"
+    );
     for run in 1.. {
         let (mut joints, mut has_motion) = (0, true);
         command(context, &hand).watch(|line| {
@@ -60,9 +61,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     let images = images.display();
     let exact =
-        format!("target/debug/drills exact {images}/monitor {images}/drill {EXACT_SECONDS}");
+        format!("target/debug/drills exact {images}/monitor {images}/drills-hart {EXACT_SECONDS}");
     command(context, &exact).run()?;
-    let stack = format!("target/debug/drills stack {images}/monitor {images}/drill");
+    let stack = format!("target/debug/drills stack {images}/monitor {images}/drills-hart");
     command(context, &stack).run()?;
     tests.retain(|program| program.name == "harts");
     let passed = programs::run(&tests, &["--ignored"])?;

@@ -9,8 +9,8 @@ use condor_dev::AccessError;
 use condor_dev::drivers::Uart16550;
 use condor_dev::sim::{Bus, Controller, UartModel};
 use condor_dev::{DeviceError, Driver, Fd, IoError, Mode, Place, Switch, Vector, device_switch};
-use example_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
-use example_boards::{Adc16, Dac16, Encoder8, Mpp};
+use utah_mit_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
+use utah_mit_boards::{Adc16, Dac16, Encoder8, Mpp};
 
 device_switch! {
     /// Every board that ships; parallel and serial ports share a vector each.

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use condor_dev::drivers::Format;
 use condor_dev::sim::{LineFault, Model};
 use condor_dev::{Fd, IoError, Mode, Switch};
-use example_boards::Trigger;
+use utah_mit_boards::Trigger;
 
 use super::Tally;
 use super::boards::{BOTH, Boards, Machine, outside};

@@ -2,8 +2,8 @@
 
 use condor_dev::{Bus, Device, Mode, NoInterrupts, OpenError, Switch};
 use condor_hand::config::{Channel, Hand};
-use example_boards::{Adc16, Dac16, Encoder8};
 use thiserror::Error;
+use utah_mit_boards::{Adc16, Dac16, Encoder8};
 
 use super::rack::{Boards, Rack};
 use super::{

@@ -1,7 +1,7 @@
 //! [`Registers`]: the robot's side of the boards, as the drivers of condor-dev describe their registers.
 
 use condor_dev::{Bus, BusError};
-use example_boards::{Adc16, Dac16, Encoder8};
+use utah_mit_boards::{Adc16, Dac16, Encoder8};
 
 use crate::boards::address;
 use crate::failure::Failure;

@@ -7,8 +7,8 @@ use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
 use condor_hand::plant::{self, DriveKind, Hand, Machine, Object, ObjectParameters, Stop, Surface};
 use condor_hand::tendon::{Pair, Pairs};
-use example_boards::Dac16;
 use nalgebra::Vector3;
+use utah_mit_boards::Dac16;
 
 use super::Truth;
 use super::arguments::Arguments;

@@ -1,0 +1,90 @@
+//! The interrupts in which the follower lives, nested into the leader's background.
+
+use core::ptr;
+use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
+use core::time::Duration;
+
+use condor_mbox::{Messenger, Processor, StaticWindow};
+use cortex_m_rt::exception;
+use mbox_exercise::{FOLLOWER, LEADER, Order, Resident};
+
+use crate::{Mail, locks};
+
+/// A processor that can be run from elsewhere.
+pub(crate) struct Runnable<'r, 'v> {
+    pub(crate) mailbox: &'r Mail<'v>,
+    pub(crate) resident: &'r Resident<StaticWindow<'static>>,
+}
+
+static LEADER_RUNS: AtomicPtr<Runnable<'static, 'static>> = AtomicPtr::new(ptr::null_mut());
+static FOLLOWER_RUNS: AtomicPtr<Runnable<'static, 'static>> = AtomicPtr::new(ptr::null_mut());
+/// How many requests were served in interrupts.
+static SERVED: AtomicU32 = AtomicU32::new(0);
+
+/// Runs `body` while others can run `processor`.
+pub(crate) fn running<R>(runnable: &Runnable<'_, '_>, body: impl FnOnce() -> R) -> R {
+    let slot = if runnable.mailbox.number() == LEADER {
+        &LEADER_RUNS
+    } else {
+        &FOLLOWER_RUNS
+    };
+    // One core: program order suffices.
+    slot.store(ptr::from_ref(runnable).cast_mut().cast(), Ordering::Relaxed);
+    let result = body();
+    slot.store(ptr::null_mut(), Ordering::Relaxed);
+    result
+}
+
+/// How many requests were served in interrupts.
+pub(crate) fn served() -> u32 {
+    SERVED.load(Ordering::Relaxed)
+}
+
+/// Serves on behalf of the processor that is not `me`, which waits in an interrupt.
+pub(crate) fn serve_other(me: Processor) {
+    if me == FOLLOWER {
+        with(&LEADER_RUNS, |leader| {
+            // It was there when it was published; if its memory is gone, nothing is served.
+            let _ = leader.mailbox.serve(Duration::ZERO);
+        });
+    } else {
+        serve_follower();
+    }
+}
+
+fn with(slot: &AtomicPtr<Runnable<'static, 'static>>, body: impl FnOnce(&Runnable<'_, '_>)) {
+    // SAFETY: `running`, in progress on this core, borrows what it stored, and takes it away
+    // again before it returns.
+    if let Some(runnable) = unsafe { slot.load(Ordering::Relaxed).as_ref() } {
+        body(runnable);
+    }
+}
+
+fn serve_follower() {
+    with(&FOLLOWER_RUNS, |follower| {
+        let order = follower.resident.order();
+        follower.resident.obey(order);
+        if matches!(order, Order::Hold | Order::Stop) {
+            return;
+        }
+        let served = follower.mailbox.serve(Duration::ZERO).unwrap_or(0);
+        let sum = SERVED.load(Ordering::Relaxed).wrapping_add(served as u32);
+        SERVED.store(sum, Ordering::Relaxed);
+    });
+}
+
+/// The follower's mailbox interrupt.
+#[exception]
+fn PendSV() {
+    serve_follower();
+}
+
+/// The follower's servo loop; it also looks for what came without a ring.
+#[exception]
+fn SysTick() {
+    with(&FOLLOWER_RUNS, |follower| {
+        // Memory that is gone stops the mailbox, too.
+        let _ = mbox_exercise::turn(follower.mailbox, follower.resident, &locks::All);
+    });
+    serve_follower();
+}
