@@ -4,14 +4,14 @@
 //!
 //! ```no_run
 //! use std::process::ExitCode;
-//! use condor_host::cli::{self, Table};
+//! use condor_host::cli::{self, Programs};
 //!
 //! fn servo(_arguments: Vec<String>) -> ExitCode {
 //!     ExitCode::SUCCESS // Here the program runs until it is told to end.
 //! }
 //!
 //! fn main() -> ExitCode {
-//!     cli::main(&Table(&[("servo", servo)]))
+//!     cli::main(&Programs(&[("servo", servo)]))
 //! }
 //! ```
 
@@ -38,8 +38,8 @@ use crate::system::Directory;
 /// [`linux::run`](condor_rt::linux::run).
 pub type Run = fn(Vec<String>) -> ExitCode;
 
-/// The programs that a binary has beside `condor`; if there is nothing to say but what they are, a [`Table`].
-pub trait Programs: Sync {
+/// What a binary adds to `condor`; if that is programs alone, [`Programs`] is one.
+pub trait Application: Sync {
     /// The programs by their names, which may follow `program = "self"` as the first argument.
     fn programs(&self) -> &[(&'static str, Run)];
 
@@ -48,8 +48,16 @@ pub trait Programs: Sync {
         None
     }
 
-    /// Makes what the programs of a system need, such as files that they load; called by `condor up`
-    /// before they are started.
+    /// Checks the configuration of the robot in the file `robot`, which the description names.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
+        Err(format!("{} has no use for {robot:?}; leave `robot` out", me()).into())
+    }
+
+    /// Makes what the programs of a system need, such as files that they load. `condor up` calls it before
+    /// it starts them; no other run of the system is alive then.
     ///
     /// # Errors
     /// Why it cannot be made; then the system is not started.
@@ -69,12 +77,12 @@ pub trait Programs: Sync {
     }
 }
 
-/// Programs by their names, and nothing else to be said of them. The description that is meant when none is named
-/// is `condor.toml` in the working directory.
+/// An application that adds programs alone, by their names. When no description is named, `condor.toml` in the
+/// working directory is meant.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Table<'p>(pub &'p [(&'static str, Run)]);
+pub struct Programs<'p>(pub &'p [(&'static str, Run)]);
 
-impl Programs for Table<'_> {
+impl Application for Programs<'_> {
     fn programs(&self) -> &[(&'static str, Run)] {
         self.0
     }
@@ -149,10 +157,10 @@ pub type AnyError = Box<dyn core::error::Error>;
 
 /// Runs what the arguments of this process say, and gives its exit status: 0 for success, 1 for
 /// failure, 2 for arguments that cannot be understood.
-pub fn main(programs: &dyn Programs) -> ExitCode {
+pub fn main(application: &dyn Application) -> ExitCode {
     // It exits by itself, with 2, if they cannot be understood.
     let line = Line::parse();
-    match run(line, programs) {
+    match run(line, application) {
         Ok(status) => status,
         // Whoever reads the output has seen enough of it.
         Err(error) if is_broken_pipe(&*error) => ExitCode::SUCCESS,
@@ -176,16 +184,16 @@ fn is_broken_pipe(error: &(dyn core::error::Error + 'static)) -> bool {
     error.is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
-fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
+fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> {
     match line.command {
-        None if programs.description().is_none() => {
+        None if application.description().is_none() => {
             Line::command().print_help()?;
             return Ok(ExitCode::from(2));
         }
-        None => return up::run(None, &line.up, programs),
+        None => return up::run(None, &line.up, application),
         Some(Command::New(new)) => new.run()?,
-        Some(Command::Check { file }) => check(&description(file, programs), programs)?,
-        Some(Command::Up(up)) => return up::run(up.file, &up.how, programs),
+        Some(Command::Check { file }) => check(&description(file, application), application)?,
+        Some(Command::Up(up)) => return up::run(up.file, &up.how, application),
         Some(Command::Stop(one)) => requests::stop(one)?,
         Some(Command::Start(one)) => requests::start(one)?,
         Some(Command::Load(load)) => requests::load(load)?,
@@ -200,7 +208,7 @@ fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
         Some(Command::Tty(tty)) => tty.run()?,
         Some(Command::Service(service)) => service.run()?,
         Some(Command::Program { name, arguments }) => {
-            let mut known = programs.programs().iter();
+            let mut known = application.programs().iter();
             let Some((_, run)) = known.find(|(known, _)| *known == name) else {
                 eprintln!("{}: this program has no program `{name}` of its own", me());
                 return Ok(ExitCode::from(2));
@@ -212,18 +220,19 @@ fn run(line: Line, programs: &dyn Programs) -> Result<ExitCode, AnyError> {
 }
 
 /// What the programs are called.
-fn names(programs: &dyn Programs) -> Vec<&'static str> {
-    programs.programs().iter().map(|(name, _)| *name).collect()
+pub(crate) fn names(application: &dyn Application) -> Vec<&'static str> {
+    let programs = application.programs().iter();
+    programs.map(|(name, _)| *name).collect()
 }
 
 /// The description that is meant.
-fn description(file: Option<PathBuf>, programs: &dyn Programs) -> PathBuf {
-    file.or_else(|| programs.description())
+fn description(file: Option<PathBuf>, application: &dyn Application) -> PathBuf {
+    file.or_else(|| application.description())
         .unwrap_or_else(|| "condor.toml".into())
 }
 
-fn check(file: &Path, programs: &dyn Programs) -> Result<(), AnyError> {
-    match Description::read(file, &names(programs)) {
+fn check(file: &Path, application: &dyn Application) -> Result<(), AnyError> {
+    match Description::read(file, application) {
         Ok(description) => {
             let count = description.processors.len();
             println!(

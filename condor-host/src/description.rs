@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `name` | the name of the system, which its running directory has, too | |
 //! | `window_bytes` | users' memory of each processor, a multiple of 4096 | |
-//! | `hand` | the file with the robot's configuration, compiled to `hand.image` among the files served | none |
+//! | `robot` | the file with the robot's configuration, for programs that need one | none |
 //! | `[bus]` `bytes` | the size of the file that all programs map as their bus, a multiple of 4096 | no bus |
 //! | `[machine]` | a machine of harts, see below | none |
 //! | `[files]` `root` | the directory that is served, made if there is none | nothing is served |
@@ -68,7 +68,7 @@ pub struct Description {
     /// Users' memory of each processor, in bytes.
     pub window_bytes: u32,
     /// The configuration of the robot.
-    pub hand: Option<PathBuf>,
+    pub robot: Option<PathBuf>,
     /// The bus on which the boards are.
     pub bus: Option<Bus>,
     /// The machine to which the harts belong.

@@ -10,7 +10,6 @@
 mod eye;
 mod hart;
 mod hearing;
-pub mod image;
 mod journal;
 pub mod keeper;
 mod launch;
@@ -33,6 +32,7 @@ use condor_mbox::linux::SystemError;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
+use crate::cli::AnyError;
 use crate::control::Status;
 use crate::control::server::Server;
 use crate::description::{Description, OnFailure};
@@ -110,9 +110,9 @@ pub enum UpError {
     /// The supervisor's mailbox.
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
-    /// The image of the robot's configuration.
-    #[error("the configuration of the hand: {0}")]
-    Image(#[from] image::CompileError),
+    /// What the application has to make before.
+    #[error("{0}")]
+    Prepare(AnyError),
     /// A processor that is not to be had.
     #[error(transparent)]
     Launch(#[from] LaunchError),
@@ -134,9 +134,10 @@ pub struct Summary {
 
 /// Brings the system up, and keeps it until it is told to end: by a request, by SIGINT, SIGTERM or
 /// SIGHUP, because the description says so, or because a service fails for good before the system is up.
-/// `started` is called when all programs have been
-/// given the chance to join, and gets the directory in which the system runs; `ending` before the
-/// programs are stopped, with how everything is; neither may ask the supervisor, which does nothing else meanwhile.
+/// `prepare` is called before a program is started, when no other run of the system is alive; `started` when
+/// all programs have been given the chance to join, with the directory in which the system runs; `ending`
+/// before the programs are stopped, with how everything is. None may ask the supervisor, which does nothing
+/// else meanwhile.
 ///
 /// The programs die with the thread that calls this, and their process groups when they end in order.
 /// Descendants that have left these groups are killed at the end if [`Options::adopts`] is set, and by a
@@ -147,6 +148,7 @@ pub struct Summary {
 pub fn run(
     description: &Description,
     options: Options,
+    prepare: impl FnOnce() -> Result<(), AnyError>,
     started: impl FnOnce(&Directory),
     ending: impl FnOnce(&Directory, &Status),
 ) -> Result<Summary, UpError> {
@@ -157,6 +159,7 @@ pub fn run(
     let log = place.directory.log();
     let journal = Journal::new(&log, options.echo).map_err(UpError::at("write", &log))?;
     let (listener, memory) = place.furnish(description)?;
+    prepare().map_err(UpError::Prepare)?;
     let eye = Eye::open(&place.directory, description.window_bytes)?;
     let members = plan::members(description, &place.directory, memory.as_ref(), &eye)?;
     let mut supervisor = Supervisor {

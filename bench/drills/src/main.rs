@@ -11,7 +11,7 @@ mod summary;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use condor_host::cli::{self, AnyError, Programs, Run};
+use condor_host::cli::{self, AnyError, Application, Run};
 use condor_host::description::Description;
 use condor_host::system::Directory;
 use condor_rt::linux;
@@ -19,7 +19,7 @@ use drills::{Echo, Stress, Table};
 
 struct Drills;
 
-impl Programs for Drills {
+impl Application for Drills {
     fn programs(&self) -> &[(&'static str, Run)] {
         &[
             ("echo", |arguments| linux::run(&Echo, arguments)),

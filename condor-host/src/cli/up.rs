@@ -10,7 +10,7 @@ use clap::Args;
 use jiff::SignedDuration;
 
 use super::summary::Summary;
-use super::{AnyError, Programs, description, names};
+use super::{AnyError, Application, description, names};
 use crate::description::{Description, Processor};
 use crate::plain::plain_lines;
 use crate::services::terminals;
@@ -85,10 +85,10 @@ fn keep() -> Result<ExitCode, AnyError> {
 pub(super) fn run(
     file: Option<PathBuf>,
     how: &How,
-    programs: &dyn Programs,
+    application: &dyn Application,
 ) -> Result<ExitCode, AnyError> {
-    let file = description(file, programs);
-    let description = match Description::read(&file, &names(programs)) {
+    let file = description(file, application);
+    let description = match Description::read(&file, application) {
         Ok(description) => description,
         Err(mistakes) => {
             eprintln!("{mistakes}");
@@ -101,9 +101,8 @@ pub(super) fn run(
     if !how.kept {
         return keep();
     }
-    programs.prepare(&description)?;
     let options = Options {
-        own: names(programs),
+        own: names(application),
         // Nobody reads it at once, and the log has it.
         echo: !how.attended,
         duration: how.duration,
@@ -113,6 +112,7 @@ pub(super) fn run(
     let ended = supervisor::run(
         &description,
         options,
+        || application.prepare(&description),
         |directory| {
             if how.headless && !how.attended {
                 type_lines(&description, directory);
@@ -132,7 +132,7 @@ pub(super) fn run(
             if !how.attended {
                 print_answers(&description, directory);
             }
-            if let Err(error) = programs.summarize(&description, directory) {
+            if let Err(error) = application.summarize(&description, directory) {
                 eprintln!("condor: no summary of the programs: {error}");
             }
         },

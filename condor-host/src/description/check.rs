@@ -8,13 +8,14 @@ use super::mistake::{Problem, nearest};
 use super::read::{Found, HART_NUMBERS, Places, beside};
 use super::tree::{At, Table, Text};
 use super::{Description, Kind, Program};
+use crate::cli::{Application, names};
 use crate::harts::{ARGUMENT_BYTES, Image};
 use condor_rt::numbers::PROGRAMS;
 
-/// Where the description stands, and what `"self"` can be.
+/// Where the description stands, and for which application.
 pub(super) struct Own<'o> {
     pub(super) file: &'o Path,
-    pub(super) names: &'o [&'static str],
+    pub(super) application: &'o dyn Application,
 }
 
 /// The program that is a machine of harts, if no other is named.
@@ -207,13 +208,13 @@ pub(super) fn program(
             }
         };
     }
-    let known = own.names.to_vec();
+    let known = names(own.application);
     let first = arguments.and_then(|arguments| arguments.value.first());
     let Some(word) = first else {
         text.wrong(&program.span, Problem::WhichOwnProgram { known });
         return None;
     };
-    if !own.names.contains(&word.as_str()) {
+    if !known.contains(&word.as_str()) {
         let problem = Problem::NoOwnProgram {
             word: word.clone(),
             nearest: nearest(word, &known),
@@ -265,22 +266,10 @@ pub(super) fn directory(text: &Text<'_>, root: &At<String>, own: &Own<'_>) -> Pa
 }
 
 /// The configuration of the robot, which must be right, too.
-pub(super) fn hand(text: &Text<'_>, hand: &At<String>, own: &Own<'_>, files: bool) -> PathBuf {
-    let path = beside(own.file, &hand.value);
-    match std::fs::read_to_string(&path) {
-        Ok(content) => {
-            let name = path.to_string_lossy();
-            if let Err(error) = crate::supervisor::image::read(&content, &name) {
-                text.wrong(&hand.span, Problem::Hand(error));
-            }
-        }
-        Err(source) => {
-            let path = path.clone();
-            text.wrong(&hand.span, Problem::NoHand { path, source });
-        }
-    }
-    if !files {
-        text.wrong(&hand.span, Problem::HandWithoutFiles);
+pub(super) fn robot(text: &Text<'_>, robot: &At<String>, own: &Own<'_>) -> PathBuf {
+    let path = beside(own.file, &robot.value);
+    if let Err(error) = own.application.check_robot(&path) {
+        text.wrong(&robot.span, Problem::Robot(error.to_string()));
     }
     path
 }

@@ -4,7 +4,6 @@ use core::fmt;
 use core::ops::Range;
 use std::path::PathBuf;
 
-use condor_hand::config::TextError;
 use thiserror::Error;
 
 use crate::harts::{ARGUMENT_BYTES, ImageError, MapError};
@@ -169,17 +168,9 @@ pub enum Problem {
         /// The path.
         path: PathBuf,
     },
-    /// The configuration of the robot cannot be read.
-    #[error("cannot read {path:?}: {source}")]
-    NoHand {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The configuration of the robot is wrong.
-    #[error("the configuration of the hand is wrong:\n{0}")]
-    Hand(TextError),
+    /// The application refuses the configuration of the robot.
+    #[error("{0}")]
+    Robot(String),
     /// A processor that is a hart of nothing.
     #[error("a hart belongs to a machine; add `[machine]`, or make it a process")]
     HartWithoutMachine,
@@ -255,9 +246,6 @@ pub enum Problem {
         /// What it is called.
         command: String,
     },
-    /// There is a hand, and nothing is served.
-    #[error("the image of the hand is served to the programs; add `[files]` with a `root`")]
-    HandWithoutFiles,
 }
 
 /// What a person may have meant.

@@ -12,6 +12,7 @@ use super::{
     Bus, Description, Files, Kind, Loops, Machine, MachineKind, OnFailure, Processor, Program,
     Terminals,
 };
+use crate::cli::Application;
 use crate::harts::map::HARTS;
 use condor_rt::numbers::PROGRAMS;
 
@@ -25,26 +26,29 @@ const RESTARTS: RangeInclusive<i64> = 0..=1_000_000;
 const LONGEST: usize = 32;
 
 impl Description {
-    /// Reads and checks the description in `file`; `own` are the names of the programs that
-    /// `"self"` can be.
+    /// Reads and checks the description in `file`, for this application.
     ///
     /// # Errors
     /// Every mistake that there is.
-    pub fn read(file: impl AsRef<Path>, own: &[&'static str]) -> Result<Self, Mistakes> {
+    pub fn read(file: impl AsRef<Path>, application: &dyn Application) -> Result<Self, Mistakes> {
         let file = file.as_ref();
         let name = file.to_string_lossy();
         let text = std::fs::read_to_string(file).map_err(|error| {
             let problem = Problem::Unreadable(error);
             Mistakes(vec![Mistake::at(&name, "", &(0..0), problem)])
         })?;
-        Self::from_toml(&text, file, own)
+        Self::from_toml(&text, file, application)
     }
 
     /// As [`read`](Self::read), of a text that stands in `file`.
     ///
     /// # Errors
     /// As there.
-    pub fn from_toml(text: &str, file: &Path, own: &[&'static str]) -> Result<Self, Mistakes> {
+    pub fn from_toml(
+        text: &str,
+        file: &Path,
+        application: &dyn Application,
+    ) -> Result<Self, Mistakes> {
         let name = file.to_string_lossy();
         let (table, errors) = DeTable::parse_recoverable(text);
         let mut text = Text::new(&name, text);
@@ -52,7 +56,7 @@ impl Description {
             text.syntax(&error.span().unwrap_or_default(), error.message());
         }
         let top = Table::new(&text, table.get_ref(), 0..0);
-        let description = system(&text, top, &Own { file, names: own });
+        let description = system(&text, top, &Own { file, application });
         // A value is missing only where something was found to be wrong.
         match description {
             Some(description) if text.is_right() => Ok(description),
@@ -65,7 +69,7 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
     let name = name(text, &mut top);
     let memory = top.span_within("machine", "memory_bytes");
     let window_bytes = top.number("window_bytes", PAGE..=MOST_BYTES, PAGE);
-    let hand = top.optional_text("hand", "the path of the hand's configuration");
+    let robot = top.optional_text("robot", "the path of the robot's configuration");
     let bus = top.table("bus").map(bus);
     let machine = top.table("machine").map(|table| machine(text, table, own));
     let files = top.table("files").map(|table| files(text, table, own));
@@ -81,7 +85,7 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
     check::processors(text, &processors);
     let span = machine.as_ref().map(|(_, span)| span);
     check::harts(text, &processors, span);
-    let hand = hand.map(|hand| check::hand(text, &hand, own, files.is_some()));
+    let robot = robot.map(|robot| check::robot(text, &robot, own));
     let machine = match machine {
         Some((machine, _)) => Some(machine?),
         None => None,
@@ -91,7 +95,7 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
         file: own.file.into(),
         name: name?.value,
         window_bytes: u32::try_from(window_bytes?.value).ok()?,
-        hand,
+        robot,
         bus: match bus {
             Some(bus) => Some(bus?),
             None => None,

@@ -146,9 +146,6 @@ impl Place {
         }
         if let Some(files) = &description.files {
             std::fs::create_dir_all(&files.root).map_err(UpError::at("make", &files.root))?;
-            if let Some(hand) = &description.hand {
-                super::image::compile(hand, &files.root)?;
-            }
         }
         let path = directory.control();
         let listener = UnixListener::bind(&path).map_err(UpError::at("listen at", &path))?;

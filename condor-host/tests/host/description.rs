@@ -3,12 +3,33 @@
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
+use condor_host::cli::{AnyError, Application, Programs, Run};
 use condor_host::description::{Description, Kind, Loops, OnFailure, Program};
 
 use crate::elf;
 
-const OWN: [&str; 2] = ["servo", "table"];
+/// An application for robots with legs.
+struct Walker(Programs<'static>);
+
+static OWN: Walker = Walker(Programs(&[
+    ("servo", |_| ExitCode::SUCCESS),
+    ("table", |_| ExitCode::SUCCESS),
+]));
+
+impl Application for Walker {
+    fn programs(&self) -> &[(&'static str, Run)] {
+        self.0.programs()
+    }
+
+    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
+        match std::fs::read_to_string(robot) {
+            Ok(text) if text.contains("legs") => Ok(()),
+            _ => Err(format!("it has no legs: {robot:?}").into()),
+        }
+    }
+}
 
 const RIGHT: &str = r#"
 name = "hand"
@@ -54,7 +75,7 @@ fn what_is_left_out_has_a_default() {
     let (place, file) = place();
     let description = Description::from_toml(RIGHT, &file, &OWN).unwrap();
     assert_eq!(description.files.unwrap().root, place.path().join("files"));
-    assert_eq!((description.hand, description.bus), (None, None));
+    assert_eq!((description.robot, description.bus), (None, None));
     assert_eq!(description.terminals.replay_bytes, 65536);
     assert_eq!(description.terminals.log_bytes, 4 << 20);
     assert_eq!(description.service_restarts, 20);
@@ -226,35 +247,20 @@ fn what_is_served_is_a_directory() {
 }
 
 #[test]
-fn the_hand_must_be_right_too() {
+fn the_application_checks_the_configuration_of_the_robot() {
     let (place, file) = place();
-    let text = RIGHT.replace("[files]", "hand = \"robot.toml\"\n[files]");
-    let path = place.path().join("robot.toml");
+    let text = RIGHT.replace("[files]", "robot = \"robot.toml\"\n[files]");
     let told_ = told(&text, &file);
-    assert!(
-        told_[0].starts_with(&format!("4:8: cannot read {path:?}: ")),
-        "{told_:?}"
-    );
-    let hand = include_str!("../../../condor-hand/hands/utah-mit.toml");
-    std::fs::write(&path, hand).unwrap();
+    let path = place.path().join("robot.toml");
+    let refusal = format!("4:9: it has no legs: {path:?}");
+    assert_eq!(told_, [refusal]);
+    std::fs::write(&path, "legs = 2").unwrap();
     assert_eq!(told(&text, &file), [""; 0]);
-    std::fs::write(&path, hand.replace("servo_hz", "srvo_hz")).unwrap();
-    let mistakes = Description::from_toml(&text, &file, &OWN).unwrap_err();
-    let text_ = mistakes.to_string();
-    let expected = format!(
-        "the configuration of the hand is wrong:\n{}:",
-        path.display()
-    );
-    assert!(
-        text_.contains(&expected) && text_.contains("did you mean `servo_hz`?"),
-        "{text_}"
-    );
-    std::fs::write(&path, hand).unwrap();
-    let text = text.replace("[files]\nroot = \"files\"\n", "");
-    assert_eq!(
-        told(&text, &file),
-        ["4:8: the image of the hand is served to the programs; add `[files]` with a `root`"]
-    );
+    let alone = Programs(OWN.0.programs());
+    let mistakes = Description::from_toml(&text, &file, &alone).unwrap_err();
+    let text = mistakes.to_string();
+    assert!(text.contains("has no use for"), "{text}");
+    assert!(text.contains("leave `robot` out"), "{text}");
 }
 
 #[test]

@@ -2,12 +2,12 @@
 
 use std::process::ExitCode;
 
-use condor_host::cli::{self, Table};
+use condor_host::cli::{self, Programs};
 use condor_rt::linux;
 use two_processors::{Master, Servo};
 
 fn main() -> ExitCode {
-    cli::main(&Table(&[
+    cli::main(&Programs(&[
         ("master", |arguments| linux::run(&Master, arguments)),
         ("servo", |arguments| linux::run(&Servo, arguments)),
     ]))

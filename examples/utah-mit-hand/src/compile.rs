@@ -1,17 +1,20 @@
-//! Motions that people write, as the files that the master loads.
+//! What people write, the hand's configuration and motions, as the files that programs load.
 
 use std::format;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::string::String;
+use std::vec;
 use std::vec::Vec;
 
+use condor_hand::config::{self, TextError};
 use condor_hand::trajectory::image::{ImageError, encode};
 use condor_hand::trajectory::motion::{MotionError, load};
 use thiserror::Error;
 
-use crate::{FINGERS, JOINTS, UtahMit};
+use crate::start::IMAGE_BYTES;
+use crate::{FINGERS, IMAGE, JOINTS, UtahMit};
 
 /// Bytes of a sequence that the master has room for.
 const BYTES: usize = crate::master::MOTION_BYTES;
@@ -28,7 +31,18 @@ pub enum CompileError {
         /// Why not.
         error: io::Error,
     },
-    /// What is written in a file.
+    /// The configuration of the hand is wrong.
+    #[error(transparent)]
+    Hand(#[from] TextError),
+    /// The configuration of the hand has no image.
+    #[error("{}: {error}", path.display())]
+    Image {
+        /// Its file.
+        path: PathBuf,
+        /// Why not.
+        error: config::ImageError,
+    },
+    /// What is written in the file of a motion.
     #[error("{}:{line}:{column}: {problem}", path.display())]
     Text {
         /// The file.
@@ -61,6 +75,49 @@ pub fn joint_names(hand: &UtahMit) -> Vec<String> {
     names.collect()
 }
 
+/// Reads the configuration of the hand.
+///
+/// # Errors
+/// [`CompileError::Io`], [`CompileError::Hand`].
+pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
+    let text = fs::read_to_string(path).map_err(io(path))?;
+    Ok(UtahMit::from_toml(&text, &path.to_string_lossy())?)
+}
+
+/// Compiles the configuration in the file `hand` to [`IMAGE`] in the directory `files`, which is made if it is
+/// not there, and the motions of a directory, if that is there, to `motions` in it.
+///
+/// # Errors
+/// The first thing that is wrong; what comes before it has been written.
+pub fn compile_all(hand: &Path, motions: &Path, files: &Path) -> Result<(), CompileError> {
+    fs::create_dir_all(files).map_err(io(files))?;
+    let configuration = read_hand(hand)?;
+    let mut image = vec![0; IMAGE_BYTES];
+    let len = configuration.to_image(&mut image).map_err(|error| {
+        let path = hand.to_path_buf();
+        CompileError::Image { path, error }
+    })?;
+    image.truncate(len);
+    replace(&files.join(IMAGE), &image)?;
+    if motions.is_dir() {
+        let names = joint_names(&configuration);
+        compile_motions(motions, &files.join("motions"), &names)?;
+    }
+    Ok(())
+}
+
+/// Writes a file: whoever reads it meanwhile finds the former one or this one.
+fn replace(path: &Path, content: &[u8]) -> Result<(), CompileError> {
+    let half = path.with_extension("half");
+    fs::write(&half, content).map_err(io(&half))?;
+    fs::rename(&half, path).map_err(io(path))
+}
+
+fn io(path: &Path) -> impl FnOnce(io::Error) -> CompileError + use<> {
+    let path = path.to_path_buf();
+    |error| CompileError::Io { path, error }
+}
+
 /// Compiles every `NAME.toml` of a directory to `NAME.motion` in `out`, which is made if it is not
 /// there; gives the names, in alphabetical order. Files in `out` that have no text are left alone.
 ///
@@ -71,10 +128,6 @@ pub fn compile_motions(
     out: &Path,
     names: &[impl AsRef<str>],
 ) -> Result<Vec<String>, CompileError> {
-    let io = |path: &Path| {
-        let path = path.to_path_buf();
-        |error| CompileError::Io { path, error }
-    };
     fs::create_dir_all(out).map_err(io(out))?;
     let mut paths = Vec::new();
     for entry in fs::read_dir(directory).map_err(io(directory))? {
@@ -93,11 +146,7 @@ pub fn compile_motions(
         let image = compile(&text, names).map_err(|problem| problem.at(&path))?;
         let name = path.file_stem().unwrap_or_default();
         let name = String::from(name.to_string_lossy());
-        let to = out.join(format!("{name}.motion"));
-        // Whoever reads meanwhile finds the former one or this one.
-        let half = out.join(format!("{name}.half"));
-        fs::write(&half, image).map_err(io(&half))?;
-        fs::rename(&half, &to).map_err(io(&to))?;
+        replace(&out.join(format!("{name}.motion")), &image)?;
         compiled.push(name);
     }
     Ok(compiled)

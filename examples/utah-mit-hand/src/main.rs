@@ -4,15 +4,14 @@
 
 mod summary;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use condor_host::cli::{self, AnyError, Programs, Run};
+use condor_host::cli::{self, AnyError, Application, Run};
 use condor_host::description::Description;
 use condor_host::system::Directory;
 use condor_rt::linux;
-use utah_mit_hand::UtahMit;
-use utah_mit_hand::compile::{compile_motions, joint_names};
+use utah_mit_hand::compile::{compile_all, read_hand};
 use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
 use utah_mit_hand::replay::Replay;
@@ -25,7 +24,7 @@ const SYSTEM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml");
 /// The programs that a processor may run.
 struct Hand;
 
-impl Programs for Hand {
+impl Application for Hand {
     fn programs(&self) -> &[(&'static str, Run)] {
         &[
             ("master", |arguments| linux::run(&Master, arguments)),
@@ -40,19 +39,17 @@ impl Programs for Hand {
         Some(SYSTEM.into())
     }
 
-    /// Compiles the motions that people write beside the served directory to those that the master loads.
+    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
+        read_hand(robot)?;
+        Ok(())
+    }
+
     fn prepare(&self, description: &Description) -> Result<(), AnyError> {
-        let (Some(file), Some(files)) = (&description.hand, &description.files) else {
+        let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Ok(());
         };
         let motions = files.root.with_file_name("motions");
-        if !motions.is_dir() {
-            return Ok(());
-        }
-        let text = std::fs::read_to_string(file)?;
-        let hand = UtahMit::from_toml(&text, &file.to_string_lossy())?;
-        compile_motions(&motions, &files.root.join("motions"), &joint_names(&hand))?;
-        Ok(())
+        Ok(compile_all(hand, &motions, &files.root)?)
     }
 
     fn summarize(&self, description: &Description, directory: &Directory) -> Result<(), AnyError> {

@@ -13,7 +13,7 @@ use crate::failure::Failure;
 use crate::{IMAGE, UtahMit, boards};
 
 /// Bytes of a compiled configuration, at most.
-const IMAGE_BYTES: usize = 16 * 1024;
+pub(crate) const IMAGE_BYTES: usize = 16 * 1024;
 /// How long a program waits for its boards.
 const BOARDS_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long the background serves before it looks around.

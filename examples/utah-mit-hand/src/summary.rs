@@ -8,6 +8,7 @@ use condor_host::system::Directory;
 use condor_host::view::View;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Processor, Region};
+use utah_mit_hand::compile::read_hand;
 use utah_mit_hand::{FINGERS, JOINTS, objects};
 
 /// Prints it.
@@ -66,9 +67,11 @@ fn print_joints(
 /// # Errors
 /// What cannot be read.
 pub(crate) fn of(description: &Description, directory: &Directory) -> Result<(), Box<dyn Error>> {
-    let file = description.hand.as_ref().ok_or("the system has no hand")?;
-    let text = std::fs::read_to_string(file)?;
-    let hand = Hand::from_toml(&text, &file.to_string_lossy())?;
+    let file = description
+        .robot
+        .as_ref()
+        .ok_or("the description has no `robot`")?;
+    let hand = read_hand(file)?;
     let view = View::open(&directory.system(description.window_bytes)?)?;
     print(&view, &hand)
 }

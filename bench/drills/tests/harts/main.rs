@@ -111,6 +111,7 @@ fn a_program_that_does_not_listen_is_taken_away() {
 #[ignore = "needs QEMU and images: cargo xtask riscv"]
 fn the_hand_is_controlled_by_the_same_bits_as_on_this_machine() {
     let hand = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/utah-mit-hand");
+    let condor = running::host_program("utah-mit-hand");
     let replay = |to: &str| format!("\"replay\", \"from=servo.rec\", \"to={to}\"");
     let processors = format!(
         "[[processors]]\nnumber = 0\nname = \"h0\"\nkind = \"hart\"\nhart = 0\nprogram = {:?}\n\
@@ -119,10 +120,11 @@ fn the_hand_is_controlled_by_the_same_bits_as_on_this_machine() {
          on_failure = \"leave\"\n",
         image("utah-mit-hand-hart"),
         replay("hart.out"),
-        running::host_program("utah-mit-hand"),
+        condor,
         replay("process.out"),
     );
-    let up = Up::prepared(&processors, NEEDS, |place| {
+    let keys = "robot = \"hand.toml\"\n";
+    let up = Up::prepared(&condor, keys, &processors, NEEDS, |place| {
         std::fs::copy(
             format!("{hand}/tests/data/servo.rec"),
             place.join("files/servo.rec"),

@@ -33,24 +33,29 @@ pub(crate) struct Up {
 
 impl Up {
     pub(crate) fn start(processors: &str, needs: &str) -> Self {
-        Self::prepared(processors, needs, |_| {})
+        Self::prepared(DRILLS.as_ref(), "", processors, needs, |_| {})
     }
 
-    /// Brings up a system with these processors, and waits until all have been started.
-    pub(crate) fn prepared(processors: &str, needs: &str, prepare: impl FnOnce(&Path)) -> Self {
+    /// Has `condor`, which is a program with this name or another, bring up a system with these keys and
+    /// processors, and waits until all have been started.
+    pub(crate) fn prepared(
+        condor: &Path,
+        keys: &str,
+        processors: &str,
+        needs: &str,
+        prepare: impl FnOnce(&Path),
+    ) -> Self {
         assert!(Path::new(&image("monitor")).is_file(), "needs {needs}");
         let place = tempfile::tempdir().unwrap();
         std::fs::create_dir(place.path().join("files")).unwrap();
         prepare(place.path());
-        let hand = place.path().join("hand.toml").is_file();
-        let hand = if hand { "hand = \"hand.toml\"\n" } else { "" };
         let text = format!(
-            "name = \"tested\"\nwindow_bytes = 524288\n{hand}[files]\nroot = \"files\"\n\
+            "name = \"tested\"\nwindow_bytes = 524288\n{keys}[files]\nroot = \"files\"\n\
              [machine]\nmemory_bytes = 67108864\nmonitor = {:?}\n{processors}",
             image("monitor"),
         );
         std::fs::write(place.path().join("tested.toml"), text).unwrap();
-        let mut child = Command::new(DRILLS)
+        let mut child = Command::new(condor)
             .env("XDG_RUNTIME_DIR", place.path())
             .arg("up")
             .arg(place.path().join("tested.toml"))

@@ -13,17 +13,21 @@ mod killer;
 mod system;
 mod teller;
 
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 
-use condor_host::cli::{self, Programs, Run};
+use condor_host::cli::{self, AnyError, Application, Run};
+use condor_host::description::Description;
 use condor_rt::linux;
+use utah_mit_hand::compile::{compile_all, read_hand};
 use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
 
 use drive::Seen;
+use system::PACKAGE;
 use teller::Teller;
 
 const USAGE: &str = "usage: kills [--for SECONDSs] [--seed N]";
@@ -31,7 +35,7 @@ const USAGE: &str = "usage: kills [--for SECONDSs] [--seed N]";
 /// The programs of the processors.
 struct Hand;
 
-impl Programs for Hand {
+impl Application for Hand {
     fn programs(&self) -> &[(&'static str, Run)] {
         &[
             ("master", |arguments| linux::run(&Master, arguments)),
@@ -40,6 +44,19 @@ impl Programs for Hand {
             ("table", |arguments| linux::run(&Table, arguments)),
             ("teller", |arguments| linux::run(&Teller, arguments)),
         ]
+    }
+
+    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
+        read_hand(robot)?;
+        Ok(())
+    }
+
+    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+        let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
+            return Err("the hand needs `robot` and `[files]`".into());
+        };
+        let motions = Path::new(PACKAGE).join("motions");
+        Ok(compile_all(hand, &motions, &files.root)?)
     }
 }
 

@@ -12,8 +12,6 @@ use condor_host::system::Directory;
 use condor_host::view::View;
 use condor_mbox::Processor;
 use rustix::process::{Pid, Signal, kill_process};
-use utah_mit_hand::UtahMit;
-use utah_mit_hand::compile::{compile_motions, joint_names};
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -21,7 +19,7 @@ pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 pub(crate) const DEADLINE: Duration = Duration::from_secs(60);
 pub(crate) const LOOK: Duration = Duration::from_millis(10);
 
-const PACKAGE: &str = env!("CARGO_MANIFEST_DIR");
+pub(crate) const PACKAGE: &str = env!("CARGO_MANIFEST_DIR");
 const NAME: &str = "kills";
 pub(crate) const MASTER: &str = "master";
 /// Names and numbers of the tellers.
@@ -225,8 +223,8 @@ fn describe(place: &Path) -> Outcome<PathBuf> {
     let lines = shipped.lines().map(|line| {
         if line.starts_with("name = \"utah-mit-hand\"") {
             format!("name = \"{NAME}\"\n")
-        } else if line.starts_with("hand = ") {
-            format!("hand = {:?}\n", hand.display().to_string())
+        } else if line.starts_with("robot = ") {
+            format!("robot = {:?}\n", hand.display().to_string())
         } else if line.starts_with("headless = ") {
             String::new()
         } else {
@@ -243,13 +241,6 @@ fn describe(place: &Path) -> Outcome<PathBuf> {
     }
     // However often they are killed, they are not given up.
     text += "\n[services]\nrestarts = 1000000\n";
-    let config = UtahMit::from_toml(&fs::read_to_string(&hand)?, &hand.to_string_lossy())?;
-    let files = place.join("files");
-    compile_motions(
-        &package.join("motions"),
-        &files.join("motions"),
-        &joint_names(&config),
-    )?;
     let description = place.join("system.toml");
     fs::write(&description, text)?;
     Ok(description)
