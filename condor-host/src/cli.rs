@@ -53,7 +53,12 @@ pub trait Application: Sync {
     /// # Errors
     /// What is wrong with it.
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
-        Err(format!("{} has no use for {robot:?}; leave `robot` out", me()).into())
+        Err(format!(
+            "{} has no use for {}; leave `robot` out",
+            me(),
+            robot.display()
+        )
+        .into())
     }
 
     /// Makes what the programs of a system need, such as files that they load. `condor up` calls it before

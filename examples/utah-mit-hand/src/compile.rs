@@ -4,11 +4,11 @@ use std::format;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::string::String;
+use std::string::{String, ToString as _};
 use std::vec;
 use std::vec::Vec;
 
-use condor_hand::config::{self, TextError};
+use condor_hand::config::TextError;
 use condor_hand::trajectory::image::{ImageError, encode};
 use condor_hand::trajectory::motion::{MotionError, load};
 use thiserror::Error;
@@ -34,14 +34,6 @@ pub enum CompileError {
     /// The configuration of the hand is wrong.
     #[error(transparent)]
     Hand(#[from] TextError),
-    /// The configuration of the hand has no image.
-    #[error("{}: {error}", path.display())]
-    Image {
-        /// Its file.
-        path: PathBuf,
-        /// Why not.
-        error: config::ImageError,
-    },
     /// What is written in the file of a motion.
     #[error("{}:{line}:{column}: {problem}", path.display())]
     Text {
@@ -54,9 +46,9 @@ pub enum CompileError {
         /// What is wrong, and what would be right.
         problem: String,
     },
-    /// A sequence that is too long for the master, or has another problem without a place.
+    /// A problem without a place, such as a sequence that is too long for the master.
     #[error("{}: {problem}", path.display())]
-    Sequence {
+    Whole {
         /// The file.
         path: PathBuf,
         /// What is wrong.
@@ -94,8 +86,8 @@ pub fn compile_all(hand: &Path, motions: &Path, files: &Path) -> Result<(), Comp
     let configuration = read_hand(hand)?;
     let mut image = vec![0; IMAGE_BYTES];
     let len = configuration.to_image(&mut image).map_err(|error| {
-        let path = hand.to_path_buf();
-        CompileError::Image { path, error }
+        let (path, problem) = (hand.to_path_buf(), error.to_string());
+        CompileError::Whole { path, problem }
     })?;
     image.truncate(len);
     replace(&files.join(IMAGE), &image)?;
@@ -172,11 +164,11 @@ impl Problem {
                 column,
                 problem,
             },
-            Self::Motion(error) => CompileError::Sequence {
+            Self::Motion(error) => CompileError::Whole {
                 path,
                 problem: format!("{error}"),
             },
-            Self::Image(error) => CompileError::Sequence {
+            Self::Image(error) => CompileError::Whole {
                 path,
                 problem: format!("{error}"),
             },
