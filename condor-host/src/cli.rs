@@ -11,7 +11,7 @@
 //! }
 //!
 //! fn main() -> ExitCode {
-//!     cli::main(&Programs(&[("servo", servo)]))
+//!     cli::main(&Programs::new(&[("servo", servo)]))
 //! }
 //! ```
 
@@ -31,6 +31,7 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 
 use crate::commands;
 use crate::description::Description;
+use crate::extension::Extension;
 use crate::plain::plain_lines;
 use crate::system::Directory;
 
@@ -46,6 +47,11 @@ pub trait Application: Sync {
     /// The description of the system that is meant when none is named.
     fn description(&self) -> Option<PathBuf> {
         None
+    }
+
+    /// What this binary adds to the kinds of processors and to the services.
+    fn extensions(&self) -> &[&'static dyn Extension] {
+        &[]
     }
 
     /// Checks the configuration of the robot in the file `robot`, which the description names.
@@ -84,12 +90,37 @@ pub trait Application: Sync {
 
 /// An application that adds programs alone, by their names. When no description is named, `condor.toml` in the
 /// working directory is meant.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Programs<'p>(pub &'p [(&'static str, Run)]);
+#[derive(Clone, Copy, Default)]
+pub struct Programs<'p> {
+    programs: &'p [(&'static str, Run)],
+    extensions: &'p [&'static dyn Extension],
+}
+
+impl<'p> Programs<'p> {
+    /// Programs by their names.
+    #[must_use]
+    pub const fn new(programs: &'p [(&'static str, Run)]) -> Self {
+        Self {
+            programs,
+            extensions: &[],
+        }
+    }
+
+    /// The same with these extensions.
+    #[must_use]
+    pub const fn with(mut self, extensions: &'p [&'static dyn Extension]) -> Self {
+        self.extensions = extensions;
+        self
+    }
+}
 
 impl Application for Programs<'_> {
     fn programs(&self) -> &[(&'static str, Run)] {
-        self.0
+        self.programs
+    }
+
+    fn extensions(&self) -> &[&'static dyn Extension] {
+        self.extensions
     }
 }
 
@@ -211,7 +242,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Vectors(vectors)) => vectors.run()?,
         Some(Command::Vars(vars)) => vars.run()?,
         Some(Command::Tty(tty)) => tty.run()?,
-        Some(Command::Service(service)) => service.run()?,
+        Some(Command::Service(service)) => service.run(application)?,
         Some(Command::Program { name, arguments }) => {
             let mut known = application.programs().iter();
             let Some((_, run)) = known.find(|(known, _)| *known == name) else {

@@ -105,8 +105,10 @@ pub struct Member {
     pub number: u8,
     /// What it is called.
     pub name: String,
-    /// What it is.
-    pub kind: Kind,
+    /// What it is: `service`, `process`, or the word of another kind of processors.
+    pub kind: String,
+    /// Whether its programs run on this machine, and share its clock.
+    pub runs_here: bool,
     /// What runs there: a path, or `self`.
     pub program: String,
     /// What the program is given.
@@ -119,29 +121,6 @@ pub struct Member {
     pub restarts: u32,
     /// How its program ended the last time, such as `exit status: 1` or `killed by SIGKILL`.
     pub last_exit: Option<String>,
-}
-
-/// What a processor is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-#[non_exhaustive]
-pub enum Kind {
-    /// A service of the system.
-    Service,
-    /// A process of this machine.
-    Process,
-    /// A hart of the system's other machine.
-    Hart,
-}
-
-impl core::fmt::Display for Kind {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.pad(match self {
-            Self::Service => "service",
-            Self::Process => "process",
-            Self::Hart => "hart",
-        })
-    }
 }
 
 /// How a processor is.

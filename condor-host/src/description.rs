@@ -6,7 +6,7 @@
 //! | `window_bytes` | users' memory of each processor, a multiple of 4096 | |
 //! | `robot` | the file with the robot's configuration, for programs that need one | none |
 //! | `[bus]` `bytes` | the size of the file that all programs map as their bus, a multiple of 4096 | no bus |
-//! | `[machine]` | a machine of harts, see below | none |
+//! | `[…]` | the table of an [extension](crate::extension) | none |
 //! | `[files]` `root` | the directory that is served, made if there is none | nothing is served |
 //! | `[files]` `read_only`, `quota_bytes`, `max_file_bytes` | what the programs may do there | everything |
 //! | `[terminals]` `replay_bytes` | how much of a terminal's past who attaches is shown | 65536 |
@@ -21,8 +21,7 @@
 //! | `program` | `"self"` for one of the program's own, or a file | |
 //! | `arguments` | what the program is given | `[]` |
 //! | `headless` | lines that are typed at its terminal when all programs run, without user interface | `[]` |
-//! | `kind` | what the processor is: `"process"` of this machine, or `"hart"` of the other one | `"process"` |
-//! | `hart` | the hart, from 0 on without a gap | |
+//! | `kind` | what the processor is: `"process"` of this machine, or the kind of an extension | `"process"` |
 //! | `loops` | how servo loops run: in `"threads"`, in `"signals"` if the program allows it, or `"spin"` (see [`condor_rt::linux`]) | `"threads"` |
 //! | `cpu` | the CPU that the process keeps to | any |
 //! | `priority` | of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
@@ -30,16 +29,7 @@
 //! | `restarts` | restarts in a minute, or in a row without that it joined, after which it has failed for good | 10 |
 //! | `stall_seconds` | how long a heart may stand still before that is a failure; 0: for ever | 5 |
 //!
-//! `loops`, `cpu` and `priority` are for processes alone. The program of a hart is an ELF file, as
-//! [`Image`](crate::harts::Image) takes it. With a machine the bus is a part of its memory.
-//!
-//! | key of `[machine]` | is | default |
-//! |---|---|---|
-//! | `kind` | `"qemu-riscv-virt"`: `qemu-system-riscv64 -machine virt` | `"qemu-riscv-virt"` |
-//! | `memory_bytes` | its memory, a multiple of 1048576 | |
-//! | `monitor` | the ELF file in which its harts come up | |
-//! | `qemu` | the program that is the machine | `"qemu-system-riscv64"` |
-//! | `options` | what that is given besides | `[]` |
+//! `loops`, `cpu` and `priority` are for processes alone; other kinds have keys of their own.
 //!
 //! Paths are relative to the description. A program is looked for there, then beside the running
 //! program, then in `PATH`.
@@ -51,15 +41,15 @@ mod tree;
 
 use std::path::PathBuf;
 
-use crate::harts::{Map, MapError};
+use crate::extension::Group;
 
-pub(crate) use check::find_program;
-pub use condor_rt::linux::Loops;
+pub use check::find_program;
 pub use mistake::{Mistake, Mistakes, Problem};
-pub(crate) use read::beside;
+pub use read::beside;
+pub use tree::{At, Keys};
 
 /// A system that passed every check.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub struct Description {
     /// The file that it was read from.
     pub file: PathBuf,
@@ -71,8 +61,6 @@ pub struct Description {
     pub robot: Option<PathBuf>,
     /// The bus on which the boards are.
     pub bus: Option<Bus>,
-    /// The machine to which the harts belong.
-    pub machine: Option<Machine>,
     /// What the file service serves.
     pub files: Option<Files>,
     /// How terminals are shown.
@@ -81,50 +69,18 @@ pub struct Description {
     pub service_restarts: u32,
     /// The processors, in the order in which they are started.
     pub processors: Vec<Processor>,
+    /// What extensions have in the system, in the order of the application.
+    pub(crate) groups: Vec<Entry>,
 }
 
-impl Description {
-    /// What lies where in the memory of the machine; `None` if there is none.
-    #[must_use]
-    pub fn map(&self) -> Option<Result<Map, MapError>> {
-        let machine = self.machine.as_ref()?;
-        let mut harts: Vec<_> = self
-            .processors
-            .iter()
-            .filter_map(|processor| match processor.kind {
-                Kind::Hart(hart) => Some((hart, processor.number)),
-                Kind::Process => None,
-            })
-            .collect();
-        harts.sort_unstable();
-        let numbers: Vec<_> = harts.into_iter().map(|(_, number)| number).collect();
-        let bus_bytes = self.bus.as_ref().map_or(0, |bus| bus.bytes);
-        let map = Map::new(machine.memory_bytes, &numbers, self.window_bytes, bus_bytes);
-        Some(map)
-    }
-}
-
-/// A machine whose memory this one sees.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Machine {
-    /// What it is.
-    pub kind: MachineKind,
-    /// Bytes of its memory.
-    pub memory_bytes: u32,
-    /// The program in which its harts come up.
-    pub monitor: PathBuf,
-    /// The program that is the machine.
-    pub qemu: PathBuf,
-    /// What that is given besides.
-    pub options: Vec<String>,
-}
-
-/// What a machine is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum MachineKind {
-    /// `qemu-system-riscv64 -machine virt`.
-    QemuRiscvVirt,
+/// What an extension has in the system.
+#[derive(Debug)]
+pub(crate) struct Entry {
+    /// The processors of this kind.
+    pub(crate) kind: Option<&'static str>,
+    /// The name of the service.
+    pub(crate) service: Option<&'static str>,
+    pub(crate) group: Box<dyn Group>,
 }
 
 /// A file that all programs map as their bus.
@@ -179,13 +135,9 @@ pub struct Processor {
     /// What is typed at its terminal, line by line, when all programs run and nobody else is to type.
     pub headless: Vec<String>,
     /// What the processor is.
-    pub kind: Kind,
-    /// How its servo loops are released.
-    pub loops: Loops,
-    /// The CPU that it keeps to.
-    pub cpu: Option<u32>,
-    /// Its priority of `SCHED_FIFO`, 1 to 99.
-    pub priority: Option<u8>,
+    pub kind: &'static str,
+    /// Whether its programs run on this machine.
+    pub runs_here: bool,
     /// What follows when its program fails.
     pub on_failure: OnFailure,
     /// Restarts in a minute after which it has failed for good.
@@ -202,16 +154,6 @@ pub enum Program {
     Own,
     /// The program in this file.
     File(PathBuf),
-}
-
-/// What a processor is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Kind {
-    /// A process of this machine.
-    Process,
-    /// This hart of the other machine.
-    Hart(u32),
 }
 
 /// What follows when a program fails.

@@ -4,7 +4,6 @@
 //! stopped.
 
 pub mod files;
-pub mod machine;
 pub mod terminals;
 
 use condor_mbox::linux::{Claim, SystemError};
@@ -30,18 +29,6 @@ pub enum ServiceError {
     /// The file server.
     #[error(transparent)]
     Files(#[from] condor_fs::server::ServerError),
-    /// The memory of a machine.
-    #[error(transparent)]
-    Memory(#[from] crate::harts::MemoryError),
-    /// A machine that does not start.
-    #[error(transparent)]
-    Launch(#[from] crate::supervisor::LaunchError),
-    /// The machine is off.
-    #[error("the machine ended: {exit}")]
-    MachineEnded {
-        /// How its process ended.
-        exit: crate::supervisor::Exit,
-    },
     /// A file of its own.
     #[error("cannot {doing} {path:?}: {source}")]
     File {

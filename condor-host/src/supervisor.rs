@@ -4,11 +4,10 @@
 //! ends, a ring of the mailbox, a request, a signal. The only thing that it looks at now and then
 //! are hearts.
 //!
-//! Programs are started behind [`Launch`]: as [`Process`]es of this machine, or on a [`Hart`] of another
-//! one.
+//! Programs are started behind [`Launch`]: as [`Process`]es of this machine, or as an
+//! [extension](crate::extension) does it.
 
 mod eye;
-mod hart;
 mod hearing;
 mod journal;
 pub mod keeper;
@@ -21,7 +20,6 @@ mod requests;
 mod signals;
 pub(crate) mod stat;
 
-pub use hart::{Hart, Power};
 pub use launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 pub use process::Process;
 
@@ -43,7 +41,7 @@ use journal::{CONDOR, Journal};
 use member::{Member, Phase, Then};
 use place::Place;
 use requests::Promise;
-pub(crate) use signals::Signals;
+pub use signals::Signals;
 
 /// Requests that are carried out in a turn; others come in the next one.
 const REQUESTS: usize = 16;
@@ -101,16 +99,10 @@ pub enum UpError {
     /// The windows.
     #[error(transparent)]
     Windows(#[from] SystemError),
-    /// The memory of a machine of harts.
-    #[error(transparent)]
-    Memory(#[from] crate::harts::MemoryError),
-    /// The memory of a machine cannot be laid out.
-    #[error("`memory_bytes` of the machine: {0}")]
-    Map(#[from] crate::harts::MapError),
     /// The supervisor's mailbox.
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
-    /// What the application has to make before.
+    /// What the application or an extension has to make before.
     #[error("{0}")]
     Prepare(AnyError),
     /// A processor that is not to be had.
@@ -158,10 +150,10 @@ pub fn run(
     let place = Place::take(&description.name)?;
     let log = place.directory.log();
     let journal = Journal::new(&log, options.echo).map_err(UpError::at("write", &log))?;
-    let (listener, memory) = place.furnish(description)?;
+    let (listener, furnished) = place.furnish(description)?;
     prepare().map_err(UpError::Prepare)?;
     let eye = Eye::open(&place.directory, description.window_bytes)?;
-    let members = plan::members(description, &place.directory, memory.as_ref(), &eye)?;
+    let members = plan::members(description, &place.directory, &furnished, &eye)?;
     let mut supervisor = Supervisor {
         description,
         options,

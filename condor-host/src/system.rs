@@ -7,8 +7,7 @@
 //! |---|---|
 //! | `mailbox/` | the windows, as [`condor_mbox::linux::System::at`] has them |
 //! | `bus` | the file that all programs map as their bus |
-//! | `memory` | the memory of a machine of harts, with the windows and the bus in it |
-//! | `link` | the socket to which the machine's serial line leads |
+//! | others | what an [extension](crate::extension) has made, such as the memory of a machine of harts |
 //! | `control` | the socket of the [control protocol](crate::control) |
 //! | `lock` | locked (`flock`) by the supervisor as long as it lives |
 //! | `pids` | the supervisor's process, then those that it started |
@@ -111,18 +110,6 @@ impl Directory {
     #[must_use]
     pub fn bus(&self) -> PathBuf {
         self.0.join("bus")
-    }
-
-    /// The file that is the memory of a machine of harts.
-    #[must_use]
-    pub fn memory(&self) -> PathBuf {
-        self.0.join("memory")
-    }
-
-    /// The socket to which the machine's serial line leads.
-    #[must_use]
-    pub fn link(&self) -> PathBuf {
-        self.0.join("link")
     }
 
     /// The socket of the control protocol.

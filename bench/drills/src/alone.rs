@@ -8,9 +8,9 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use condor_host::harts::{MachineMemory, Map, MapError, MemoryError, Order, Qemu, State};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{AccessError, Region, layout};
+use qemu_virt_host::{MachineMemory, Map, MapError, MemoryError, Order, Qemu, State};
 use tempfile::TempDir;
 
 const QEMU: &str = "qemu-system-riscv64";

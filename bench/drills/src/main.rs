@@ -13,9 +13,11 @@ use std::process::ExitCode;
 
 use condor_host::cli::{self, AnyError, Application, Run};
 use condor_host::description::Description;
+use condor_host::extension::Extension;
 use condor_host::system::Directory;
 use condor_rt::linux;
 use drills::{Echo, Stress, Table};
+use qemu_virt_host::HARTS;
 
 struct Drills;
 
@@ -29,6 +31,10 @@ impl Application for Drills {
             }),
             ("table", |arguments| linux::run(&Table, arguments)),
         ]
+    }
+
+    fn extensions(&self) -> &[&'static dyn Extension] {
+        &[HARTS]
     }
 
     fn description(&self) -> Option<PathBuf> {

@@ -4,5 +4,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    condor_host::cli::main(&condor_host::cli::Programs(&[]))
+    condor_host::cli::main(&condor_host::cli::Programs::new(&[]))
 }

@@ -6,10 +6,9 @@ use clap::Subcommand;
 use condor_fs::server::Options;
 use condor_mbox::Processor;
 
-use crate::harts::Qemu;
-use crate::services::machine;
+use super::{AnyError, Application};
+use crate::services::files;
 use crate::services::terminals::{self, Sizes};
-use crate::services::{ServiceError, files};
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Service {
@@ -23,19 +22,6 @@ pub(super) enum Service {
         #[arg(long)]
         max_file_bytes: Option<u64>,
     },
-    /// Serves a machine of harts
-    Machine {
-        #[arg(long)]
-        memory: PathBuf,
-        #[arg(long)]
-        link: PathBuf,
-        #[arg(long)]
-        qemu: PathBuf,
-        #[arg(long)]
-        monitor: PathBuf,
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        options: Vec<String>,
-    },
     /// Serves the terminals of the programs
     Terminals {
         directory: PathBuf,
@@ -46,6 +32,9 @@ pub(super) enum Service {
         #[arg(long)]
         log_bytes: u64,
     },
+    /// Runs the service of an extension
+    #[command(external_subcommand)]
+    Other(Vec<String>),
 }
 
 fn processor(text: &str) -> Result<(Processor, String), String> {
@@ -55,35 +44,21 @@ fn processor(text: &str) -> Result<(Processor, String), String> {
 }
 
 impl Service {
-    pub(super) fn run(self) -> Result<(), ServiceError> {
+    pub(super) fn run(self, application: &dyn Application) -> Result<(), AnyError> {
         match self {
             Self::Files {
                 root,
                 read_only,
                 quota_bytes,
                 max_file_bytes,
-            } => files::serve(
-                &root,
-                Options {
+            } => {
+                let options = Options {
                     read_only,
                     quota_bytes,
                     max_file_bytes,
                     ..Options::default()
-                },
-            ),
-            Self::Machine {
-                memory,
-                link,
-                qemu: command,
-                monitor,
-                options,
-            } => {
-                let qemu = Qemu {
-                    command,
-                    monitor,
-                    options,
                 };
-                machine::serve(&memory, &link, &qemu)
+                files::serve(&root, options)?;
             }
             Self::Terminals {
                 directory,
@@ -95,8 +70,16 @@ impl Service {
                     replay_bytes,
                     log_bytes,
                 };
-                terminals::serve(&directory, &processors, sizes)
+                terminals::serve(&directory, &processors, sizes)?;
+            }
+            Self::Other(words) => {
+                let (name, arguments) = words.split_first().ok_or("no service is named")?;
+                let mut extensions = application.extensions().iter();
+                let extension = extensions.find(|it| it.table() == Some(name.as_str()));
+                let extension = extension.ok_or_else(|| format!("there is no service `{name}`"))?;
+                extension.serve(arguments)?;
             }
         }
+        Ok(())
     }
 }

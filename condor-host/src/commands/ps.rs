@@ -86,7 +86,7 @@ fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
         table.row([
             row.member.number.to_string(),
             row.member.name.clone(),
-            row.member.kind.to_string(),
+            row.member.kind.clone(),
             row.member.state.to_string(),
             row.heart.presence.to_string(),
             row.heart.life.to_string(),

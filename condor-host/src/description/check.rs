@@ -1,15 +1,14 @@
 //! Whether what a description names is there, and goes together.
 
-use core::ops::Range;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
+use super::Program;
 use super::mistake::{Problem, nearest};
-use super::read::{Found, HART_NUMBERS, Places, beside};
-use super::tree::{At, Table, Text};
-use super::{Description, Kind, Program};
+use super::read::{Read, beside};
+use super::tree::{At, Text};
 use crate::cli::{Application, names};
-use crate::harts::{ARGUMENT_BYTES, Image};
+use crate::extension::Extension;
 use condor_rt::numbers::PROGRAMS;
 
 /// Where the description stands, and for which application.
@@ -18,17 +17,17 @@ pub(super) struct Own<'o> {
     pub(super) application: &'o dyn Application,
 }
 
-/// The program that is a machine of harts, if no other is named.
-const QEMU: &str = "qemu-system-riscv64";
-
 /// What a command would take for a processor.
-const SERVICES: [&str; 4] = ["files", "machine", "terminals", "supervisor"];
+const SERVICES: [&str; 3] = ["files", "terminals", "supervisor"];
 
-pub(super) fn processors(text: &Text<'_>, all: &[Found]) {
+pub(super) fn processors(text: &Text<'_>, all: &[Read<'_, '_>], extensions: &[&dyn Extension]) {
+    let all: Vec<_> = all.iter().map(|(common, ..)| common).collect();
+    let of_extensions = extensions.iter().filter_map(|extension| extension.table());
+    let services: Vec<_> = SERVICES.into_iter().chain(of_extensions).collect();
     for (index, one) in all.iter().enumerate() {
         let above = all.get(..index).unwrap_or_default();
         if let Some(name) = &one.name {
-            if SERVICES.contains(&name.value.as_str()) {
+            if services.contains(&name.value.as_str()) {
                 let name_ = name.value.clone();
                 text.wrong(&name.span, Problem::ServiceName { name: name_ });
             }
@@ -60,137 +59,19 @@ pub(super) fn processors(text: &Text<'_>, all: &[Found]) {
     }
 }
 
-/// The number of a hart, and no key that a processor of this kind has no use for.
-pub(super) fn keys_of_kind(
-    text: &Text<'_>,
-    table: &mut Table<'_, '_>,
-    is_hart: bool,
-) -> Option<At<u32>> {
-    let (keys, kind): (&[_], _) = if is_hart {
-        (&["loops", "cpu", "priority"], "process")
-    } else {
-        (&["hart"], "hart")
-    };
-    for key in keys {
-        if let Some(span) = table.span_of(key) {
-            text.wrong(&span, Problem::KeyOfOtherKind { key, kind });
-        }
-    }
-    if !is_hart {
-        let _ = table.optional_number_at("hart", HART_NUMBERS);
-        return None;
-    }
-    let number = table.number("hart", HART_NUMBERS, 1)?;
-    let value = u32::try_from(number.value).ok()?;
-    let span = number.span;
-    Some(At { value, span })
-}
-
-/// Harts are those of the machine at `machine`, each is one processor, and none is left out.
-pub(super) fn harts(text: &Text<'_>, all: &[Found], machine: Option<&Range<usize>>) {
-    let harts: Vec<_> = all.iter().filter_map(|one| one.hart.as_ref()).collect();
-    match (machine, harts.first()) {
-        (Some(span), None) => text.wrong(span, Problem::MachineWithoutHarts),
-        (None, Some(first)) => text.wrong(&first.span, Problem::HartWithoutMachine),
-        _ => {}
-    }
-    for (index, one) in harts.iter().enumerate() {
-        let mut above = harts.iter().take(index);
-        if let Some(other) = above.find(|other| other.value == one.value) {
-            let problem = Problem::DuplicateHart {
-                hart: one.value,
-                line: text.line(other.span.start),
-            };
-            text.wrong(&one.span, problem);
-        }
-    }
-    if let Some(last) = harts.iter().max_by_key(|hart| hart.value) {
-        let is_missing = |wanted: &u32| harts.iter().all(|hart| hart.value != *wanted);
-        if let Some(missing) = (0..last.value).find(is_missing) {
-            let hart = last.value;
-            text.wrong(&last.span, Problem::MissingHart { hart, missing });
-        }
-    }
-}
-
-/// The file of a hart's program, which is looked at when all else is right.
-pub(super) fn program_of_hart(
-    text: &Text<'_>,
-    program: &At<String>,
-    own: &Own<'_>,
-) -> Option<Program> {
+/// The file of a program that does not run on this machine.
+pub(super) fn file(text: &Text<'_>, program: &At<String>, own: &Own<'_>) -> Option<Program> {
     if program.value == "self" {
-        text.wrong(&program.span, Problem::OwnProgramOnHart);
+        let problem = "programs of this file are for this machine; name a file";
+        text.wrong(&program.span, Problem::Other(problem.into()));
         return None;
     }
-    Some(Program::File(beside(own.file, &program.value)))
-}
-
-/// The memory has room for everything, and each hart for its program.
-pub(super) fn programs_of_harts(
-    text: &Text<'_>,
-    description: &Description,
-    memory: &Range<usize>,
-    places: &[Places],
-) {
-    let map = match description.map() {
-        None => return,
-        Some(Ok(map)) => map,
-        Some(Err(error)) => return text.wrong(memory, Problem::Memory(error)),
-    };
-    for (processor, places) in description.processors.iter().zip(places) {
-        let (Kind::Hart(hart), Program::File(path)) = (processor.kind, &processor.program) else {
-            continue;
-        };
-        let path = path.clone();
-        match std::fs::read(&path) {
-            Ok(bytes) => {
-                if let Err(source) = Image::new(&bytes, &map, hart) {
-                    let problem = Problem::HartProgram { path, hart, source };
-                    text.wrong(&places.program, problem);
-                }
-            }
-            Err(source) => text.wrong(&places.program, Problem::NoFile { path, source }),
-        }
-        let found = processor.arguments.iter().map(|one| one.len() + 1).sum();
-        if found > ARGUMENT_BYTES {
-            text.wrong(&places.arguments, Problem::LongArguments { found });
-        }
+    let path = beside(own.file, &program.value);
+    if let Err(error) = std::fs::File::open(&path) {
+        let problem = format!("cannot read {}: {error}", path.display());
+        text.wrong(&program.span, Problem::Other(problem));
     }
-}
-
-/// The program in which harts come up.
-pub(super) fn monitor(text: &Text<'_>, monitor: &At<String>, own: &Own<'_>) -> PathBuf {
-    let path = beside(own.file, &monitor.value);
-    if let Err(source) = std::fs::File::open(&path) {
-        let path = path.clone();
-        text.wrong(&monitor.span, Problem::NoFile { path, source });
-    }
-    path
-}
-
-/// The program that is the machine, for the table at `machine`.
-pub(super) fn qemu(
-    text: &Text<'_>,
-    qemu: Option<At<String>>,
-    machine: &Range<usize>,
-    own: &Own<'_>,
-) -> Option<PathBuf> {
-    let qemu = qemu.unwrap_or_else(|| At {
-        value: QEMU.into(),
-        span: machine.clone(),
-    });
-    match find_program(own.file, &qemu.value) {
-        Ok(path) => Some(path),
-        Err(Problem::NoProgram { program, .. }) => {
-            text.wrong(&qemu.span, Problem::NoQemu { command: program });
-            None
-        }
-        Err(other) => {
-            text.wrong(&qemu.span, other);
-            None
-        }
-    }
+    Some(Program::File(path))
 }
 
 pub(super) fn program(
@@ -232,7 +113,7 @@ pub(super) fn program(
 ///
 /// # Errors
 /// [`Problem::NoProgram`], [`Problem::NotExecutable`].
-pub(crate) fn find_program(file: &Path, name: &str) -> Result<PathBuf, Problem> {
+pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, Problem> {
     let mut looked = vec![beside(file, name)];
     if let Ok(own) = std::env::current_exe() {
         looked.push(own.with_file_name(name));
@@ -269,7 +150,7 @@ pub(super) fn directory(text: &Text<'_>, root: &At<String>, own: &Own<'_>) -> Pa
 pub(super) fn robot(text: &Text<'_>, robot: &At<String>, own: &Own<'_>) -> PathBuf {
     let path = beside(own.file, &robot.value);
     if let Err(error) = own.application.check_robot(&path) {
-        text.wrong(&robot.span, Problem::Robot(error.to_string()));
+        text.wrong(&robot.span, Problem::Other(error.to_string()));
     }
     path
 }

@@ -6,8 +6,6 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::harts::{ARGUMENT_BYTES, ImageError, MapError};
-
 /// One thing that is wrong with a description.
 #[derive(Debug, Error)]
 #[error(
@@ -168,84 +166,9 @@ pub enum Problem {
         /// The path.
         path: PathBuf,
     },
-    /// The application refuses the configuration of the robot.
+    /// What the application or an extension tells.
     #[error("{0}")]
-    Robot(String),
-    /// A processor that is a hart of nothing.
-    #[error("a hart belongs to a machine; add `[machine]`, or make it a process")]
-    HartWithoutMachine,
-    /// A machine of which nothing is used.
-    #[error(
-        "no processor is a hart of this machine; add one with `kind = \"hart\"` and `hart = 0`"
-    )]
-    MachineWithoutHarts,
-    /// A hart that a processor above is.
-    #[error("the processor in line {line} is hart {hart}, too")]
-    DuplicateHart {
-        /// Which.
-        hart: u32,
-        /// The line of the other one.
-        line: usize,
-    },
-    /// A hart that no processor is.
-    #[error(
-        "this is hart {hart}, and no processor is hart {missing}; number them from 0 on without a gap"
-    )]
-    MissingHart {
-        /// Which.
-        hart: u32,
-        /// The one that is missing.
-        missing: u32,
-    },
-    /// A key that a processor of this kind has no use for.
-    #[error("`{key}` is for processors of kind \"{kind}\"")]
-    KeyOfOtherKind {
-        /// The key.
-        key: &'static str,
-        /// The kind.
-        kind: &'static str,
-    },
-    /// One of the own programs on a hart.
-    #[error("programs of this file are for this machine; a hart needs an ELF file for riscv64")]
-    OwnProgramOnHart,
-    /// A file that is not there.
-    #[error("cannot read {path:?}: {source}")]
-    NoFile {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A program that a hart cannot run.
-    #[error("{path:?} is no program for hart {hart}: {source}")]
-    HartProgram {
-        /// The file.
-        path: PathBuf,
-        /// The hart.
-        hart: u32,
-        /// What is wrong with it.
-        source: ImageError,
-    },
-    /// More arguments than a hart takes.
-    #[error(
-        "these have {found} bytes, each with a zero after it, and a hart takes {ARGUMENT_BYTES}"
-    )]
-    LongArguments {
-        /// What they have.
-        found: usize,
-    },
-    /// The memory of the machine cannot be laid out.
-    #[error("{0}")]
-    Memory(MapError),
-    /// The machine itself is missing.
-    #[error(
-        "there is no program `{command}`, which is to be the machine: install QEMU (package \
-         qemu-system-misc of Debian and Ubuntu), or say with `qemu` where it is"
-    )]
-    NoQemu {
-        /// What it is called.
-        command: String,
-    },
+    Other(String),
 }
 
 /// What a person may have meant.

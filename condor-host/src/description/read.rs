@@ -1,25 +1,19 @@
 //! From the text to a [`Description`].
 
-use core::ops::{Range, RangeInclusive};
+use core::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
 use super::check::{self, Own};
 use super::mistake::{Mistake, Mistakes, Problem};
-use super::tree::{At, Table, Text};
-use super::{
-    Bus, Description, Files, Kind, Loops, Machine, MachineKind, OnFailure, Processor, Program,
-    Terminals,
-};
+use super::tree::{At, Keys, Text};
+use super::{Bus, Description, Entry, Files, OnFailure, Processor, Program, Terminals};
 use crate::cli::Application;
-use crate::harts::map::HARTS;
+use crate::extension::{Extension, Found, FoundProcessor, PROCESSES};
 use condor_rt::numbers::PROGRAMS;
 
 const PAGE: i64 = 4096;
-const MIB: i64 = 1 << 20;
-/// The numbers that a hart may have.
-pub(super) const HART_NUMBERS: RangeInclusive<i64> = 0..=HARTS as i64 - 1;
 const MOST_BYTES: i64 = 1 << 30;
 const RESTARTS: RangeInclusive<i64> = 0..=1_000_000;
 /// Names become those of files and of sockets, whose paths are short.
@@ -55,7 +49,7 @@ impl Description {
         for error in errors {
             text.syntax(&error.span().unwrap_or_default(), error.message());
         }
-        let top = Table::new(&text, table.get_ref(), 0..0);
+        let top = Keys::new(&text, table.get_ref(), 0..0);
         let description = system(&text, top, &Own { file, application });
         // A value is missing only where something was found to be wrong.
         match description {
@@ -65,13 +59,16 @@ impl Description {
     }
 }
 
-fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Description> {
+fn system(text: &Text<'_>, mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
     let name = name(text, &mut top);
-    let memory = top.span_within("machine", "memory_bytes");
     let window_bytes = top.number("window_bytes", PAGE..=MOST_BYTES, PAGE);
     let robot = top.optional_text("robot", "the path of the robot's configuration");
     let bus = top.table("bus").map(bus);
-    let machine = top.table("machine").map(|table| machine(text, table, own));
+    let extensions = extensions(own.application);
+    let tables = extensions
+        .iter()
+        .map(|extension| top.table(extension.table()?));
+    let tables: Vec<_> = tables.collect();
     let files = top.table("files").map(|table| files(text, table, own));
     let terminals = top.table("terminals").map(terminals);
     let services = top.table("services").and_then(services);
@@ -79,80 +76,69 @@ fn system(text: &Text<'_>, mut top: Table<'_, '_>, own: &Own<'_>) -> Option<Desc
     let processors: Vec<_> = top
         .tables("processors", expected)
         .into_iter()
-        .map(|table| processor(text, table, own))
+        .map(|table| processor(text, table, &extensions, own))
         .collect();
     top.finish();
-    check::processors(text, &processors);
-    let span = machine.as_ref().map(|(_, span)| span);
-    check::harts(text, &processors, span);
+    check::processors(text, &processors, &extensions);
     let robot = robot.map(|robot| check::robot(text, &robot, own));
-    let machine = match machine {
-        Some((machine, _)) => Some(machine?),
-        None => None,
-    };
-    let places: Vec<_> = processors.iter().map(Found::places).collect();
-    let description = Description {
+    let bytes = |value: Option<At<i64>>| value.and_then(|it| u32::try_from(it.value).ok());
+    let window_bytes = bytes(window_bytes);
+    let bus_bytes = bus.as_ref().and_then(|bus| bus.as_ref());
+    let bus_bytes = bus_bytes.map_or(0, |bus| bus.bytes);
+    let mut groups = Vec::new();
+    let (mut whole, mut rest) = (Vec::new(), Vec::new());
+    for (common, kind, found) in processors {
+        whole.push(common.whole());
+        rest.push((kind, found));
+    }
+    for (place, (extension, keys)) in extensions.iter().zip(tables).enumerate() {
+        let mine = rest.extract_if(.., |(kind, _)| *kind == place);
+        let mut mine = Found {
+            file: own.file,
+            keys,
+            processors: mine.map(|(_, found)| found).collect(),
+            window_bytes: window_bytes.unwrap_or(PAGE as u32),
+            bus_bytes,
+        };
+        if mine.keys.is_some() || !mine.processors.is_empty() {
+            let group = extension.read(&mut mine);
+            groups.push(group.map(|group| Entry {
+                kind: extension.kind(),
+                service: extension.table(),
+                group,
+            }));
+        }
+        let processors = mine.processors.into_iter().map(|processor| processor.keys);
+        processors.chain(mine.keys).for_each(Keys::finish);
+    }
+    Some(Description {
         file: own.file.into(),
         name: name?.value,
-        window_bytes: u32::try_from(window_bytes?.value).ok()?,
+        window_bytes: window_bytes?,
         robot,
         bus: match bus {
             Some(bus) => Some(bus?),
             None => None,
         },
-        machine,
         files: match files {
             Some(files) => Some(files?),
             None => None,
         },
         terminals: terminals.unwrap_or_default(),
         service_restarts: services.unwrap_or(20),
-        processors: processors
-            .into_iter()
-            .map(Found::whole)
-            .collect::<Option<_>>()?,
-    };
-    if text.is_right() {
-        let memory = memory.unwrap_or(0..0);
-        check::programs_of_harts(text, &description, &memory, &places);
-    }
-    Some(description)
+        processors: whole.into_iter().collect::<Option<_>>()?,
+        groups: groups.into_iter().collect::<Option<_>>()?,
+    })
 }
 
-/// The machine, and where it stands.
-fn machine(
-    text: &Text<'_>,
-    mut table: Table<'_, '_>,
-    own: &Own<'_>,
-) -> (Option<Machine>, Range<usize>) {
-    let span = table.span();
-    let kinds = [("qemu-riscv-virt", MachineKind::QemuRiscvVirt)];
-    let kind = table.word("kind", &kinds);
-    let memory_bytes = table.number("memory_bytes", MIB..=MOST_BYTES, MIB);
-    let monitor = table.text(
-        "monitor",
-        "the path of the program in which the harts come up",
-    );
-    let qemu = table.optional_text("qemu", "the program that is the machine");
-    let options = table.texts("options");
-    table.finish();
-    let whole = || {
-        let (monitor, qemu) = (
-            monitor.map(|monitor| check::monitor(text, &monitor, own)),
-            check::qemu(text, qemu, &span, own),
-        );
-        Some(Machine {
-            kind: kind.unwrap_or(MachineKind::QemuRiscvVirt),
-            memory_bytes: u32::try_from(memory_bytes?.value).ok()?,
-            monitor: monitor?,
-            qemu: qemu?,
-            options: options.map(|options| options.value).unwrap_or_default(),
-        })
-    };
-    (whole(), span.clone())
+/// All extensions that there are.
+fn extensions(application: &dyn Application) -> Vec<&'static dyn Extension> {
+    let mut all = vec![PROCESSES];
+    all.extend_from_slice(application.extensions());
+    all
 }
 
-fn name(text: &Text<'_>, table: &mut Table<'_, '_>) -> Option<At<String>> {
+fn name(text: &Text<'_>, table: &mut Keys<'_, '_>) -> Option<At<String>> {
     let name = table.text("name", "a name in quotes")?;
     let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     let len = name.value.len();
@@ -167,7 +153,7 @@ fn name(text: &Text<'_>, table: &mut Table<'_, '_>) -> Option<At<String>> {
     None
 }
 
-fn bus(mut table: Table<'_, '_>) -> Option<Bus> {
+fn bus(mut table: Keys<'_, '_>) -> Option<Bus> {
     let bytes = table.number("bytes", PAGE..=MOST_BYTES, PAGE);
     table.finish();
     Some(Bus {
@@ -175,7 +161,7 @@ fn bus(mut table: Table<'_, '_>) -> Option<Bus> {
     })
 }
 
-fn files(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Option<Files> {
+fn files(text: &Text<'_>, mut table: Keys<'_, '_>, own: &Own<'_>) -> Option<Files> {
     let root = table.text("root", "the path of the directory that is served");
     let read_only = table.boolean("read_only").unwrap_or(false);
     let quota_bytes = table.optional_number("quota_bytes", 0..=i64::MAX);
@@ -190,13 +176,13 @@ fn files(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Option<Fil
 }
 
 /// How often a service is started again.
-fn services(mut table: Table<'_, '_>) -> Option<u32> {
+fn services(mut table: Keys<'_, '_>) -> Option<u32> {
     let restarts = table.optional_number("restarts", RESTARTS);
     table.finish();
     u32::try_from(restarts?).ok()
 }
 
-fn terminals(mut table: Table<'_, '_>) -> Terminals {
+fn terminals(mut table: Keys<'_, '_>) -> Terminals {
     let default = Terminals::default();
     let small = |value: Option<i64>| value.and_then(|value| u32::try_from(value).ok());
     let replay_bytes = small(table.optional_number("replay_bytes", 0..=MOST_BYTES));
@@ -211,30 +197,21 @@ fn terminals(mut table: Table<'_, '_>) -> Terminals {
     }
 }
 
-/// A processor, of which some may be missing.
-pub(super) struct Found {
+/// What all processors have; of one that is wrong, some may be missing.
+pub(super) struct Common {
     pub(super) number: Option<At<u8>>,
     pub(super) name: Option<At<String>>,
     program: Option<Program>,
     arguments: Vec<String>,
     headless: Vec<String>,
-    kind: Kind,
-    /// Of a hart: where its number, its program and its arguments stand.
-    pub(super) hart: Option<At<u32>>,
-    places: Places,
-    loops: Loops,
-    cpu: Option<u32>,
-    priority: Option<u8>,
+    kind: &'static str,
+    runs_here: bool,
     on_failure: OnFailure,
     restarts: u32,
     stall_seconds: u32,
 }
 
-impl Found {
-    fn places(&self) -> Places {
-        self.places.clone()
-    }
-
+impl Common {
     fn whole(self) -> Option<Processor> {
         Some(Processor {
             number: self.number?.value,
@@ -243,9 +220,7 @@ impl Found {
             arguments: self.arguments,
             headless: self.headless,
             kind: self.kind,
-            loops: self.loops,
-            cpu: self.cpu,
-            priority: self.priority,
+            runs_here: self.runs_here,
             on_failure: self.on_failure,
             restarts: self.restarts,
             stall_seconds: self.stall_seconds,
@@ -253,14 +228,15 @@ impl Found {
     }
 }
 
-/// Where what is checked at last stands.
-#[derive(Clone)]
-pub(super) struct Places {
-    pub(super) program: Range<usize>,
-    pub(super) arguments: Range<usize>,
-}
+/// A processor, and what is left for the extension of this place.
+pub(super) type Read<'a, 't> = (Common, usize, FoundProcessor<'a, 't>);
 
-fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found {
+fn processor<'a, 't>(
+    text: &Text<'_>,
+    mut table: Keys<'a, 't>,
+    extensions: &[&'static dyn Extension],
+    own: &Own<'_>,
+) -> Read<'a, 't> {
     let range = i64::from(*PROGRAMS.start())..=i64::from(*PROGRAMS.end());
     let number = table.number("number", range, 1).and_then(|number| {
         let value = u8::try_from(number.value).ok()?;
@@ -271,12 +247,11 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
     let program = table.text("program", "\"self\", or the path of a program");
     let arguments = table.texts("arguments");
     let headless = table.texts("headless");
-    let kinds = [("process", false), ("hart", true)];
-    let is_hart = table.word("kind", &kinds).unwrap_or(false);
-    let hart = check::keys_of_kind(text, &mut table, is_hart);
-    let loops = table.word("loops", &Loops::ALL.map(|loops| (loops.word(), loops)));
-    let cpu = table.optional_number("cpu", 0..=1023);
-    let priority = table.optional_number("priority", 1..=99);
+    let kinds = extensions.iter().enumerate();
+    let kinds = kinds.filter_map(|(place, it)| Some((it.kind()?, (place, it.runs_here()))));
+    let kinds: Vec<_> = kinds.collect();
+    let (place, runs_here) = table.word("kind", &kinds).unwrap_or((0, true));
+    let kind = extensions.get(place).and_then(|it| it.kind());
     let on_failure = table.word(
         "on_failure",
         &[
@@ -288,42 +263,46 @@ fn processor(text: &Text<'_>, mut table: Table<'_, '_>, own: &Own<'_>) -> Found 
     let restarts = table.optional_number("restarts", RESTARTS);
     let stall_seconds = table.optional_number("stall_seconds", 0..=86400);
     let small = |value: Option<i64>| value.and_then(|value| u32::try_from(value).ok());
-    let at = |key| table.span_of(key).unwrap_or_else(|| table.span());
-    let places = Places {
-        program: at("program"),
-        arguments: at("arguments"),
-    };
-    table.finish();
-    Found {
-        program: program.and_then(|program| {
-            if is_hart {
-                check::program_of_hart(text, &program, own)
-            } else {
-                check::program(text, &program, arguments.as_ref(), own)
-            }
-        }),
-        places,
-        number,
+    let span = program.as_ref().map(|program| program.span.clone());
+    let program = program.and_then(|program| {
+        if runs_here {
+            check::program(text, &program, arguments.as_ref(), own)
+        } else {
+            check::file(text, &program, own)
+        }
+    });
+    let arguments = arguments.unwrap_or_else(|| At {
+        value: Vec::new(),
+        span: table.span(),
+    });
+    let common = Common {
+        program: program.clone(),
+        number: number.clone(),
         name,
-        arguments: arguments
-            .map(|arguments| arguments.value)
-            .unwrap_or_default(),
+        arguments: arguments.value.clone(),
         headless: headless.map(|lines| lines.value).unwrap_or_default(),
-        kind: hart
-            .as_ref()
-            .map_or(Kind::Process, |hart| Kind::Hart(hart.value)),
-        hart,
-        loops: loops.unwrap_or_default(),
-        cpu: small(cpu),
-        priority: priority.and_then(|priority| u8::try_from(priority).ok()),
+        kind: kind.unwrap_or_default(),
+        runs_here,
         on_failure: on_failure.unwrap_or(OnFailure::Restart),
         restarts: small(restarts).unwrap_or(10),
         stall_seconds: small(stall_seconds).unwrap_or(5),
-    }
+    };
+    let file = match program {
+        Some(Program::File(value)) => span.map(|span| At { value, span }),
+        _ => None,
+    };
+    let found = FoundProcessor {
+        number: number.map(|number| number.value),
+        keys: table,
+        program: file,
+        arguments,
+    };
+    (common, place, found)
 }
 
-/// `path` as the description in `file` means it.
-pub(crate) fn beside(file: &Path, path: &str) -> PathBuf {
+/// Returns what `path` means in the description in `file`.
+#[must_use]
+pub fn beside(file: &Path, path: &str) -> PathBuf {
     let directory = file.parent().unwrap_or(Path::new(""));
     let joined = directory.join(path);
     std::path::absolute(&joined).unwrap_or(joined)

@@ -9,6 +9,7 @@ use toml::de::{DeTable, DeValue};
 use super::mistake::{Mistake, Mistakes, Problem, nearest, place};
 
 /// A text, and what is wrong with it.
+#[derive(Debug)]
 pub(super) struct Text<'t> {
     pub(super) file: &'t str,
     pub(super) content: &'t str,
@@ -62,14 +63,18 @@ impl<'t> Text<'t> {
 }
 
 /// A value and where it stands.
-#[derive(Clone)]
-pub(super) struct At<T> {
-    pub(super) value: T,
-    pub(super) span: Range<usize>,
+#[derive(Clone, Debug)]
+pub struct At<T> {
+    /// The value.
+    pub value: T,
+    /// The bytes of the description that say it.
+    pub span: Range<usize>,
 }
 
-/// A table whose keys are asked for one by one.
-pub(super) struct Table<'a, 't> {
+/// The keys of a table of a description, which are asked for one by one. What is wrong is told with its place
+/// when all has been read; a value that is wrong is `None`.
+#[derive(Debug)]
+pub struct Keys<'a, 't> {
     text: &'a Text<'t>,
     entries: &'a DeTable<'t>,
     /// Where a missing key is missing.
@@ -77,7 +82,7 @@ pub(super) struct Table<'a, 't> {
     known: Vec<&'static str>,
 }
 
-impl<'a, 't> Table<'a, 't> {
+impl<'a, 't> Keys<'a, 't> {
     pub(super) fn new(text: &'a Text<'t>, entries: &'a DeTable<'t>, span: Range<usize>) -> Self {
         Self {
             text,
@@ -85,6 +90,17 @@ impl<'a, 't> Table<'a, 't> {
             span,
             known: Vec::new(),
         }
+    }
+
+    /// Tells that something is wrong with what stands at `span`.
+    pub fn wrong(&self, span: &Range<usize>, problem: impl Into<String>) {
+        self.text.wrong(span, Problem::Other(problem.into()));
+    }
+
+    /// Returns the line of a byte of the description, from 1.
+    #[must_use]
+    pub fn line(&self, byte: usize) -> usize {
+        self.text.line(byte)
     }
 
     fn get(&mut self, key: &'static str) -> Option<&'a Spanned<DeValue<'t>>> {
@@ -114,16 +130,14 @@ impl<'a, 't> Table<'a, 't> {
         None
     }
 
-    pub(super) fn text(&mut self, key: &'static str, expected: &str) -> Option<At<String>> {
+    /// Returns the text of a key that must be there; `expected` says what it would be.
+    pub fn text(&mut self, key: &'static str, expected: &str) -> Option<At<String>> {
         let value = self.need(key, expected)?;
         self.as_text(value, expected)
     }
 
-    pub(super) fn optional_text(
-        &mut self,
-        key: &'static str,
-        expected: &str,
-    ) -> Option<At<String>> {
+    /// Returns the text of a key.
+    pub fn optional_text(&mut self, key: &'static str, expected: &str) -> Option<At<String>> {
         let value = self.get(key)?;
         self.as_text(value, expected)
     }
@@ -138,7 +152,8 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
-    pub(super) fn texts(&mut self, key: &'static str) -> Option<At<Vec<String>>> {
+    /// Returns the list of texts of a key.
+    pub fn texts(&mut self, key: &'static str) -> Option<At<Vec<String>>> {
         let value = self.get(key)?;
         let DeValue::Array(list) = value.get_ref() else {
             return self.unsuitable(value, "a list of texts");
@@ -152,7 +167,8 @@ impl<'a, 't> Table<'a, 't> {
         })
     }
 
-    pub(super) fn boolean(&mut self, key: &'static str) -> Option<bool> {
+    /// Returns the truth value of a key.
+    pub fn boolean(&mut self, key: &'static str) -> Option<bool> {
         let value = self.get(key)?;
         match value.get_ref() {
             DeValue::Boolean(value) => Some(*value),
@@ -160,8 +176,8 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
-    /// A whole number within `range`, and a multiple of `unit`.
-    pub(super) fn number(
+    /// Returns the whole number of a key that must be there: within `range`, and a multiple of `unit`.
+    pub fn number(
         &mut self,
         key: &'static str,
         range: RangeInclusive<i64>,
@@ -172,7 +188,8 @@ impl<'a, 't> Table<'a, 't> {
         self.as_number(value, &range, unit)
     }
 
-    pub(super) fn optional_number(
+    /// Returns the whole number of a key, which is within `range`.
+    pub fn optional_number(
         &mut self,
         key: &'static str,
         range: RangeInclusive<i64>,
@@ -180,7 +197,8 @@ impl<'a, 't> Table<'a, 't> {
         Some(self.optional_number_at(key, range)?.value)
     }
 
-    pub(super) fn optional_number_at(
+    /// Returns the whole number of a key, which is within `range`, and where it stands.
+    pub fn optional_number_at(
         &mut self,
         key: &'static str,
         range: RangeInclusive<i64>,
@@ -189,25 +207,17 @@ impl<'a, 't> Table<'a, 't> {
         self.as_number(value, &range, 1)
     }
 
-    /// Where the value of a key stands, if there is one.
-    pub(super) fn span_of(&self, key: &str) -> Option<Range<usize>> {
+    /// Returns where the value of a key stands, if there is one.
+    #[must_use]
+    pub fn span_of(&self, key: &str) -> Option<Range<usize>> {
         let mut entries = self.entries.iter();
         let entry = entries.find(|(other, _)| other.get_ref().as_ref() == key);
         entry.map(|(_, value)| value.span())
     }
 
-    /// Where a value of a table in this one stands.
-    pub(super) fn span_within(&self, table: &str, key: &str) -> Option<Range<usize>> {
-        let mut entries = self.entries.iter();
-        let (_, value) = entries.find(|(other, _)| other.get_ref().as_ref() == table)?;
-        let DeValue::Table(inner) = value.get_ref() else {
-            return None;
-        };
-        Table::new(self.text, inner, value.span()).span_of(key)
-    }
-
-    /// Where the table stands.
-    pub(super) fn span(&self) -> Range<usize> {
+    /// Returns where the table stands.
+    #[must_use]
+    pub fn span(&self) -> Range<usize> {
         self.span.clone()
     }
 
@@ -233,12 +243,8 @@ impl<'a, 't> Table<'a, 't> {
         None
     }
 
-    /// One of a few words.
-    pub(super) fn word<T: Copy>(
-        &mut self,
-        key: &'static str,
-        choices: &[(&'static str, T)],
-    ) -> Option<T> {
+    /// Returns what the word of a key stands for; `choices` are all words that are possible.
+    pub fn word<T: Copy>(&mut self, key: &'static str, choices: &[(&'static str, T)]) -> Option<T> {
         let value = self.get(key)?;
         let text = self.as_text(value, "a word")?;
         let choice = choices.iter().find(|(word, _)| *word == text.value);
@@ -255,15 +261,15 @@ impl<'a, 't> Table<'a, 't> {
         choice.map(|(_, choice)| *choice)
     }
 
-    pub(super) fn table(&mut self, key: &'static str) -> Option<Table<'a, 't>> {
+    pub(super) fn table(&mut self, key: &'static str) -> Option<Keys<'a, 't>> {
         let value = self.get(key)?;
         match value.get_ref() {
-            DeValue::Table(table) => Some(Table::new(self.text, table, value.span())),
+            DeValue::Table(table) => Some(Keys::new(self.text, table, value.span())),
             _ => self.unsuitable(value, "a table"),
         }
     }
 
-    pub(super) fn tables(&mut self, key: &'static str, expected: &str) -> Vec<Table<'a, 't>> {
+    pub(super) fn tables(&mut self, key: &'static str, expected: &str) -> Vec<Keys<'a, 't>> {
         let Some(value) = self.need(key, expected) else {
             return Vec::new();
         };
@@ -271,14 +277,14 @@ impl<'a, 't> Table<'a, 't> {
             return self.unsuitable(value, expected).unwrap_or_default();
         };
         let tables = list.iter().filter_map(|value| match value.get_ref() {
-            DeValue::Table(table) => Some(Table::new(self.text, table, value.span())),
+            DeValue::Table(table) => Some(Keys::new(self.text, table, value.span())),
             _ => self.unsuitable(value, "a table"),
         });
         tables.collect()
     }
 
     /// Says which keys nobody asked for.
-    pub(super) fn finish(self) -> Range<usize> {
+    pub(super) fn finish(self) {
         for (key, _) in self.entries {
             let name = key.get_ref().as_ref();
             if !self.known.contains(&name) {
@@ -291,7 +297,6 @@ impl<'a, 't> Table<'a, 't> {
                 self.text.wrong(&key.span(), problem);
             }
         }
-        self.span
     }
 }
 

@@ -4,7 +4,6 @@ use core::fmt;
 use std::os::fd::BorrowedFd;
 use std::path::PathBuf;
 
-use crate::harts::{ARGUMENT_BYTES, ImageError, MemoryError, cause_name};
 use condor_rt::linux::Environment;
 
 /// A processor as its supervisor handles it: a process of this machine, or a hart that is held in
@@ -23,6 +22,15 @@ pub trait Launch {
     /// # Errors
     /// [`LaunchError`]; nothing is loaded then.
     fn load(&mut self, image: &Image) -> Result<(), LaunchError>;
+
+    /// Checks whether `image` can be loaded when the program that runs has ended.
+    ///
+    /// # Errors
+    /// Those of [`load`](Self::load) that are known before.
+    fn check(&self, image: &Image) -> Result<(), LaunchError> {
+        let _ = image;
+        Ok(())
+    }
 
     /// Starts what was loaded.
     ///
@@ -103,7 +111,7 @@ pub enum Stop {
 }
 
 /// Whether a program runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RunState {
     /// Nothing has been started.
     Idle,
@@ -114,28 +122,17 @@ pub enum RunState {
 }
 
 /// How a program ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Exit {
     /// With this status; 0 is success.
     Status(i32),
     /// By this signal.
     Signal(i32),
-    /// By a trap that it does not handle.
-    Fault {
-        /// `mcause`.
-        cause: u64,
-        /// The instruction.
-        pc: u64,
-        /// `mtval`: the address, or the instruction.
-        value: u64,
-    },
-    /// It was taken off its processor.
-    Abandoned,
-    /// It was to be taken off its processor, which does not answer.
-    Unreachable,
-    /// With the machine on whose processor it ran.
-    MachineEnded,
+    /// With what it ran on.
+    Lost,
+    /// In another way, in words.
+    Other(String),
     /// Nobody can say.
     Unknown,
 }
@@ -148,15 +145,8 @@ impl fmt::Display for Exit {
                 Some(name) => write!(f, "killed by {name}"),
                 None => write!(f, "killed by signal {number}"),
             },
-            Self::Fault { cause, pc, value } => {
-                let name = cause_name(*cause);
-                write!(f, "{name} at {pc:#x}, value {value:#x}")
-            }
-            Self::Abandoned => f.write_str("killed: its hart is in the monitor again"),
-            Self::Unreachable => f.write_str(
-                "its hart does not come back to the monitor until `machine` is started again",
-            ),
-            Self::MachineEnded => f.write_str("its machine ended"),
+            Self::Lost => f.write_str("what it ran on ended"),
+            Self::Other(how) => f.write_str(how),
             Self::Unknown => f.write_str("ended, nobody knows how"),
         }
     }
@@ -172,33 +162,9 @@ pub enum LaunchError {
     /// The program of before runs.
     #[error("its program runs")]
     Runs,
-    /// The processor belongs to a machine that is not on.
-    #[error("its machine is not on, or its hart {hart} has not come up")]
-    Off {
-        /// Which hart.
-        hart: u32,
-    },
-    /// The file is no program for a hart.
-    #[error("{file:?} is no program for hart {hart}: {source}")]
-    Image {
-        /// Which hart.
-        hart: u32,
-        /// The file.
-        file: PathBuf,
-        /// What is wrong with it.
-        source: ImageError,
-    },
-    /// More arguments than a hart takes.
-    #[error(
-        "the arguments have {found} bytes, each with a zero after it, and a hart takes {ARGUMENT_BYTES}"
-    )]
-    Arguments {
-        /// What they have.
-        found: usize,
-    },
-    /// The memory of the machine.
+    /// What an extension says.
     #[error(transparent)]
-    Memory(#[from] MemoryError),
+    Other(Box<dyn core::error::Error + Send + Sync>),
     /// The operating system refuses.
     #[error("cannot {doing} {file:?}: {source}")]
     Os {

@@ -10,8 +10,9 @@ use super::eye::Eye;
 use super::hearing::{Hearing, LINES};
 use super::journal::Journal;
 use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
-use crate::control::{self, Kind, State};
+use crate::control::{self, State};
 use crate::description::OnFailure;
+use condor_rt::linux::Environment;
 
 /// How long a program may take to join.
 const JOIN: Duration = Duration::from_secs(10);
@@ -36,18 +37,22 @@ pub(super) struct Plan {
     /// In a minute, or in a row without that the program joined; then it has failed for good.
     pub(super) restarts: u32,
     pub(super) stall: Option<Duration>,
-    pub(super) kind: Kind,
+    /// That of a processor; `None` of a service.
+    pub(super) kind: Option<&'static str>,
+    pub(super) runs_here: bool,
 }
 
 impl Plan {
     pub(super) fn is_service(&self) -> bool {
-        self.kind == Kind::Service
+        self.kind.is_none()
     }
 }
 
 pub(super) struct Member {
     pub(super) plan: Plan,
     launch: Box<dyn Launch>,
+    /// What its programs are told.
+    pub(super) environment: Environment,
     hearing: Hearing,
     pub(super) phase: Phase,
     /// Whether its program has joined since it was last wished for.
@@ -103,6 +108,7 @@ impl Member {
         Ok(Self {
             plan,
             launch,
+            environment: image.environment.clone(),
             hearing: Hearing::default(),
             phase: Phase::Waiting { in_turn: true },
             has_joined: false,
@@ -121,13 +127,14 @@ impl Member {
         control::Member {
             number: self.plan.number.0,
             name: self.plan.name.clone(),
-            kind: self.plan.kind,
+            kind: self.plan.kind.unwrap_or("service").into(),
+            runs_here: self.plan.runs_here,
             program: self.plan.program.clone(),
             arguments: self.plan.arguments.clone(),
             pid: self.launch.process(),
             state: self.state(),
             restarts: self.restarts,
-            last_exit: self.last_exit.map(|exit| exit.to_string()),
+            last_exit: self.last_exit.as_ref().map(Exit::to_string),
         }
     }
 
@@ -224,8 +231,8 @@ impl Member {
             && let RunState::Ended(exit) = self.launch.state()
         {
             self.relay(now, journal);
+            self.ended(&exit, journal);
             self.last_exit = Some(exit);
-            self.ended(exit, journal);
         }
         match self.phase {
             Phase::Starting => self.look_for_join(eye, now, journal),
@@ -405,7 +412,7 @@ impl Member {
         self.has_joined = false;
     }
 
-    fn ended(&mut self, exit: Exit, journal: &mut Journal) {
+    fn ended(&mut self, exit: &Exit, journal: &mut Journal) {
         match self.phase {
             Phase::Ending {
                 then: Then::Stop, ..
@@ -419,12 +426,12 @@ impl Member {
                 self.wish();
                 self.tell(journal, format!("ended to be started again: {exit}"));
             }
-            Phase::Up { .. } if exit == Exit::Status(0) && !self.plan.is_service() => {
+            Phase::Up { .. } if *exit == Exit::Status(0) && !self.plan.is_service() => {
                 self.phase = Phase::Stopped;
                 self.tell(journal, "ended by itself, without failing");
             }
             // No fault of its own: it is started again with its machine, whatever the description says.
-            Phase::Starting | Phase::Up { .. } if exit == Exit::MachineEnded => {
+            Phase::Starting | Phase::Up { .. } if *exit == Exit::Lost => {
                 self.restarts += 1;
                 let until = Instant::now();
                 self.phase = Phase::Pausing { until };
@@ -478,7 +485,7 @@ impl Member {
 
     /// How it is, for somebody who asked it to run.
     pub(super) fn outcome(&self) -> Option<Result<(), String>> {
-        let exit = || match self.last_exit {
+        let exit = || match &self.last_exit {
             Some(exit) => format!("`{}` does not run: {exit}", self.plan.name),
             None => format!("`{}` does not run", self.plan.name),
         };

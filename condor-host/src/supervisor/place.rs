@@ -13,7 +13,7 @@ use rustix::process::{Pid, PidfdFlags, Signal};
 use super::UpError;
 use super::stat::started_at;
 use crate::description::Description;
-use crate::harts::MachineMemory;
+use crate::extension::Furnished;
 use crate::system::Directory;
 
 /// The directory, locked.
@@ -109,17 +109,17 @@ impl Place {
         self.silence()
     }
 
-    /// Removes what makes others believe that the system runs.
+    /// Removes what makes others believe that the system runs: all files but the lock and the logs.
     fn silence(&self) -> Result<(), UpError> {
-        let directory = &self.directory;
-        for path in [
-            directory.control(),
-            directory.pids(),
-            directory.bus(),
-            directory.memory(),
-            directory.link(),
-        ] {
-            absent(std::fs::remove_file(&path)).map_err(UpError::at("remove", &path))?;
+        let path = self.directory.path();
+        for entry in std::fs::read_dir(path).map_err(UpError::at("read", path))? {
+            let entry = entry.map_err(UpError::at("read", path))?;
+            let name = entry.file_name();
+            let stays = ["lock", "log", "log.old"].iter().any(|it| name == *it);
+            let path = entry.path();
+            if !stays && !path.is_dir() {
+                absent(std::fs::remove_file(&path)).map_err(UpError::at("remove", &path))?;
+            }
         }
         Ok(())
     }
@@ -128,17 +128,18 @@ impl Place {
     pub(super) fn furnish(
         &self,
         description: &Description,
-    ) -> Result<(UnixListener, Option<MachineMemory>), UpError> {
+    ) -> Result<(UnixListener, Vec<Box<dyn Furnished>>), UpError> {
         let directory = &self.directory;
         for path in [directory.mailbox(), directory.terminals()] {
             std::fs::create_dir(&path).map_err(UpError::at("make", &path))?;
         }
-        let mut memory = None;
-        if let Some(map) = description.map() {
-            let made = MachineMemory::create(directory.memory(), &map?)?;
-            made.system(&directory.mailbox())?;
-            memory = Some(made);
-        } else if let Some(bus) = &description.bus {
+        let groups = description.groups.iter();
+        let furnished = groups.map(|entry| entry.group.furnish(directory));
+        let furnished: Vec<_> = furnished
+            .collect::<Result<_, _>>()
+            .map_err(UpError::Prepare)?;
+        let has_bus = furnished.iter().any(|it| it.bus().is_some());
+        if let Some(bus) = description.bus.as_ref().filter(|_| !has_bus) {
             let path = directory.bus();
             let file = File::create_new(&path).map_err(UpError::at("make", &path))?;
             file.set_len(bus.bytes.into())
@@ -149,7 +150,7 @@ impl Place {
         }
         let path = directory.control();
         let listener = UnixListener::bind(&path).map_err(UpError::at("listen at", &path))?;
-        Ok((listener, memory))
+        Ok((listener, furnished))
     }
 
     /// Notes which processes belong to the system, the supervisor first.

@@ -1,22 +1,21 @@
 //! Which programs a description starts, and with what.
 
+use std::path::Path;
 use std::time::Duration;
 
 use condor_mbox::Processor as Number;
 
 use super::UpError;
 use super::eye::Eye;
-use super::hart::{self, Hart, Machine, Power};
-use super::launch::{Image, Launch, LaunchError};
+use super::launch::{Image, Launch};
 use super::member::{Member, Plan};
 use super::process::Process;
-use crate::control;
-use crate::description::{Description, Kind, OnFailure, Processor, Program, beside, find_program};
-use crate::harts::{self, MachineMemory};
+use crate::description::{Description, OnFailure, Program, beside, find_program};
+use crate::extension::Furnished;
 use crate::services;
 use crate::system::Directory;
-use condor_rt::linux::{self, BusFile, Environment};
-use condor_rt::numbers::{FILES, MACHINE, TERMINALS};
+use condor_rt::linux::{BusFile, Environment, Loops};
+use condor_rt::numbers::{FILES, TERMINALS};
 
 /// How long the heart of a service may stand still.
 const SERVICE_STALL: Duration = Duration::from_secs(10);
@@ -25,32 +24,36 @@ const SERVICE_STALL: Duration = Duration::from_secs(10);
 pub(super) fn members(
     description: &Description,
     directory: &Directory,
-    memory: Option<&MachineMemory>,
+    furnished: &[Box<dyn Furnished>],
     eye: &Eye,
 ) -> Result<Vec<Member>, UpError> {
-    let own = std::env::current_exe().map_err(UpError::at("find", "this program".as_ref()))?;
+    let system = System {
+        own: std::env::current_exe().map_err(UpError::at("find", "this program".as_ref()))?,
+        description,
+        directory,
+    };
     let mut members = Vec::new();
-    let power = Power::new();
-    if let (Some(machine), Some(memory)) = (&description.machine, memory) {
-        let arguments = services::machine::arguments(machine, directory);
-        let launch = Machine::new(memory.clone(), power.clone());
-        let launch = Box::new(launch);
-        let (place, it) = ((description, directory), (MACHINE, "machine"));
-        members.push(service(it, &own, arguments, launch, place)?);
+    let groups = || description.groups.iter().zip(furnished);
+    for (entry, furnished) in groups() {
+        if let (Some(name), Some(service)) = (entry.service, furnished.service()) {
+            let arguments = [vec!["service".into(), name.into()], service.arguments].concat();
+            members.push(system.service(name, service.number, arguments, service.launch)?);
+        }
     }
     if let Some(files) = &description.files {
         let arguments = services::files::arguments(files);
-        let (place, it) = ((description, directory), (FILES, "files"));
-        let launch = Box::new(Process::new());
-        members.push(service(it, &own, arguments, launch, place)?);
+        members.push(system.service("files", FILES, arguments, Box::new(Process::new()))?);
     }
     let arguments = services::terminals::arguments(description, directory);
-    let (place, it) = ((description, directory), (TERMINALS, "terminals"));
-    let launch = Box::new(Process::new());
-    members.push(service(it, &own, arguments, launch, place)?);
+    members.push(system.service("terminals", TERMINALS, arguments, Box::new(Process::new()))?);
+
+    let lies = furnished.iter().find_map(|furnished| furnished.bus());
+    let bus = description.bus.as_ref();
+    let bus = lies.or_else(|| bus.map(|_| BusFile::whole(directory.bus())));
     for processor in &description.processors {
+        let number = Number(processor.number);
         let plan = Plan {
-            number: Number(processor.number),
+            number,
             name: processor.name.clone(),
             program: match &processor.program {
                 Program::Own => "self".into(),
@@ -61,125 +64,93 @@ pub(super) fn members(
             restarts: processor.restarts,
             stall: (processor.stall_seconds > 0)
                 .then(|| Duration::from_secs(processor.stall_seconds.into())),
-            kind: match processor.kind {
-                Kind::Process => control::Kind::Process,
-                Kind::Hart(_) => control::Kind::Hart,
-            },
+            kind: Some(processor.kind),
+            runs_here: processor.runs_here,
         };
-        let image = image(
-            processor,
-            &processor.program,
-            &processor.arguments,
-            description,
-            directory,
-        )
-        .map_err(UpError::at("find", "this program".as_ref()))?;
-        let launch: Box<dyn Launch> = match processor.kind {
-            Kind::Process => Box::new(Process::new()),
-            Kind::Hart(hart) => {
-                let memory = memory.cloned().ok_or(LaunchError::Off { hart })?;
-                let doorbell = eye.doorbell();
-                Box::new(Hart::new(memory, hart, doorbell, power.clone())?)
-            }
-        };
+        let mut environment = system.environment(number);
+        environment.bus.clone_from(&bus);
+        let mut groups = groups();
+        let (_, group) = groups
+            .find(|(entry, _)| entry.kind == Some(processor.kind))
+            .ok_or_else(|| UpError::Prepare(format!("no kind `{}`", processor.kind).into()))?;
+        let launch = group.launch(number, &mut environment, eye.doorbell());
+        let launch = launch.map_err(UpError::Prepare)?;
+        let (file, arguments) = runs(&system.own, &processor.program, &processor.arguments);
+        let image = Image::new(file, arguments, environment);
         members.push(Member::new(plan, &image, launch)?);
     }
     Ok(members)
 }
 
-fn service(
-    (number, name): (Number, &str),
-    own: &std::path::Path,
-    arguments: Vec<String>,
-    launch: Box<dyn Launch>,
-    (description, directory): (&Description, &Directory),
-) -> Result<Member, UpError> {
-    let environment = basics(number.0, description, directory);
-    let image = Image::new(own.into(), arguments.clone(), environment);
-    let plan = Plan {
-        number,
-        name: name.into(),
-        program: "self".into(),
-        arguments,
-        on_failure: OnFailure::Restart,
-        restarts: description.service_restarts,
-        stall: Some(SERVICE_STALL),
-        kind: control::Kind::Service,
-    };
-    Ok(Member::new(plan, &image, launch)?)
+/// What all programs of a system are told.
+struct System<'s> {
+    own: std::path::PathBuf,
+    description: &'s Description,
+    directory: &'s Directory,
 }
 
-fn image(
-    processor: &Processor,
-    program: &Program,
-    arguments: &[String],
-    description: &Description,
-    directory: &Directory,
-) -> std::io::Result<Image> {
-    let environment = Environment {
-        bus: bus(description, directory),
-        loops: processor.loops,
-        cpu: processor.cpu.map(|cpu| cpu as usize),
-        priority: processor.priority,
-        ..basics(processor.number, description, directory)
-    };
-    let (file, arguments) = match program {
-        Program::Own => {
-            let mut all = vec!["program".into()];
-            all.extend_from_slice(arguments);
-            (std::env::current_exe()?, all)
+impl System<'_> {
+    fn service(
+        &self,
+        name: &str,
+        number: Number,
+        arguments: Vec<String>,
+        launch: Box<dyn Launch>,
+    ) -> Result<Member, UpError> {
+        let image = Image::new(
+            self.own.clone(),
+            arguments.clone(),
+            self.environment(number),
+        );
+        let plan = Plan {
+            number,
+            name: name.into(),
+            program: "self".into(),
+            arguments,
+            on_failure: OnFailure::Restart,
+            restarts: self.description.service_restarts,
+            stall: Some(SERVICE_STALL),
+            kind: None,
+            runs_here: true,
+        };
+        Ok(Member::new(plan, &image, launch)?)
+    }
+
+    fn environment(&self, processor: Number) -> Environment {
+        Environment {
+            system: self.directory.mailbox(),
+            window_bytes: self.description.window_bytes,
+            processor,
+            bus: None,
+            loops: Loops::default(),
+            cpu: None,
+            priority: None,
         }
-        Program::File(path) => (path.clone(), arguments.to_vec()),
-    };
-    Ok(Image::new(file, arguments, environment))
-}
-
-/// Where the bus is: in the memory of the machine, if there is one.
-fn bus(description: &Description, directory: &Directory) -> Option<BusFile> {
-    match description.map() {
-        Some(map) => harts::bus(&directory.memory(), &map.ok()?),
-        None => (description.bus.as_ref()).map(|_| BusFile::whole(directory.bus())),
     }
 }
 
-/// What every process of the system is told.
-fn basics(number: u8, description: &Description, directory: &Directory) -> Environment {
-    Environment {
-        system: directory.mailbox(),
-        window_bytes: description.window_bytes,
-        processor: Number(number),
-        bus: None,
-        loops: linux::Loops::default(),
-        cpu: None,
-        priority: None,
+/// The file that runs, and its arguments.
+fn runs(own: &Path, program: &Program, arguments: &[String]) -> (std::path::PathBuf, Vec<String>) {
+    match program {
+        Program::Own => {
+            let arguments = [&["program".into()], arguments].concat();
+            (own.into(), arguments)
+        }
+        Program::File(path) => (path.clone(), arguments.to_vec()),
     }
 }
 
 /// Another program for a processor.
 pub(super) fn reload(
     description: &Description,
-    directory: &Directory,
-    number: u8,
+    member: &Member,
     program: &str,
     arguments: &[String],
     own: &[&'static str],
 ) -> Result<Image, String> {
-    let mut processors = description.processors.iter();
-    let Some(processor) = processors.find(|processor| processor.number == number) else {
-        return Err(format!("there is no processor {number}"));
-    };
-    if let Kind::Hart(hart) = processor.kind {
-        let file = beside(&description.file, program);
-        let map = description.map().and_then(Result::ok);
-        // Told before the program that runs is stopped.
-        let checked = map.map_or(Ok(()), |map| hart::read(&file, &map, hart).map(drop));
-        let checked = checked.and_then(|()| hart::flat(arguments).map(drop));
-        checked.map_err(|error| error.to_string())?;
-        let program = Program::File(file);
-        return image(processor, &program, arguments, description, directory)
-            .map_err(|error| error.to_string());
-    }
-    let program = if program == "self" {
+    let program = if !member.plan.runs_here {
+        Program::File(beside(&description.file, program))
+    } else if program == "self" {
         let first = arguments.first().map_or("", String::as_str);
         if !own.contains(&first) {
             return Err(format!("`{first}` is none of {}", own.join(", ")));
@@ -189,5 +160,11 @@ pub(super) fn reload(
         let path = find_program(&description.file, program);
         Program::File(path.map_err(|problem| problem.to_string())?)
     };
-    image(processor, &program, arguments, description, directory).map_err(|error| error.to_string())
+    let own = std::env::current_exe().map_err(|error| error.to_string())?;
+    let (file, arguments) = runs(&own, &program, arguments);
+    let image = Image::new(file, arguments, member.environment.clone());
+    // Told before the program that runs is stopped.
+    let checked = member.launch().check(&image);
+    checked.map_err(|error| error.to_string())?;
+    Ok(image)
 }

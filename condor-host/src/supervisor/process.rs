@@ -128,7 +128,7 @@ impl Launch for Process {
             self.running = None;
             self.ended = Some(exit);
         }
-        self.ended.map_or(RunState::Idle, RunState::Ended)
+        self.ended.clone().map_or(RunState::Idle, RunState::Ended)
     }
 
     fn ended(&self) -> Option<BorrowedFd<'_>> {

@@ -132,8 +132,7 @@ impl Supervisor<'_> {
         let program = program.unwrap_or_else(|| member.plan.program.clone());
         let image = plan::reload(
             self.description,
-            &self.place.directory,
-            member.plan.number.0,
+            member,
             &program,
             &arguments,
             &self.options.own,

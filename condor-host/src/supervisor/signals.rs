@@ -7,15 +7,19 @@ use std::os::unix::net::UnixStream;
 use signal_hook::SigId;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-/// Signals that are taken, as long as this lives.
-pub(crate) struct Signals {
+/// Signals that do not end this process as long as this lives, for a service that puts things in order first.
+#[derive(Debug)]
+pub struct Signals {
     reader: UnixStream,
     registered: Vec<SigId>,
 }
 
 impl Signals {
-    /// Those that tell a program to end.
-    pub(crate) fn new() -> std::io::Result<Self> {
+    /// Takes the signals that tell a program to end: SIGHUP, SIGINT and SIGTERM.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn new() -> std::io::Result<Self> {
         Self::of(&[SIGHUP, SIGINT, SIGTERM])
     }
 
@@ -34,13 +38,14 @@ impl Signals {
         Ok(this)
     }
 
-    /// Readable when one has come.
-    pub(crate) fn descriptor(&self) -> BorrowedFd<'_> {
+    /// Returns a descriptor that is readable when one has come.
+    #[must_use]
+    pub fn descriptor(&self) -> BorrowedFd<'_> {
         self.reader.as_fd()
     }
 
-    /// How many have come since the last look.
-    pub(crate) fn taken(&mut self) -> usize {
+    /// Returns how many have come since the last look.
+    pub fn taken(&mut self) -> usize {
         self.reader.read(&mut [0; 16]).unwrap_or(0)
     }
 }

@@ -1,19 +1,16 @@
 //! Every mistake of a description is told, with its place and with what would be right.
-#![cfg(feature = "program")]
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use condor_host::cli::{AnyError, Application, Programs, Run};
-use condor_host::description::{Description, Kind, Loops, OnFailure, Program};
-
-use crate::elf;
+use condor_host::description::{Description, OnFailure, Program};
 
 /// An application for robots with legs.
 struct Walker(Programs<'static>);
 
-static OWN: Walker = Walker(Programs(&[
+static OWN: Walker = Walker(Programs::new(&[
     ("servo", |_| ExitCode::SUCCESS),
     ("table", |_| ExitCode::SUCCESS),
 ]));
@@ -26,7 +23,7 @@ impl Application for Walker {
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
         match std::fs::read_to_string(robot) {
             Ok(text) if text.contains("legs") => Ok(()),
-            _ => Err(format!("it has no legs: {robot:?}").into()),
+            _ => Err(format!("it has no legs: {}", robot.display()).into()),
         }
     }
 }
@@ -81,11 +78,8 @@ fn what_is_left_out_has_a_default() {
     assert_eq!(description.service_restarts, 20);
     let processor = &description.processors[0];
     assert_eq!(processor.program, Program::Own);
-    assert_eq!(
-        (processor.kind, processor.loops),
-        (Kind::Process, Loops::Threads)
-    );
-    assert_eq!((processor.cpu, processor.priority), (None, None));
+    assert_eq!(processor.kind, "process");
+    assert!(processor.runs_here);
     assert_eq!(
         (processor.on_failure, processor.restarts),
         (OnFailure::Restart, 10)
@@ -252,11 +246,11 @@ fn the_application_checks_the_configuration_of_the_robot() {
     let text = RIGHT.replace("[files]", "robot = \"robot.toml\"\n[files]");
     let told_ = told(&text, &file);
     let path = place.path().join("robot.toml");
-    let refusal = format!("4:9: it has no legs: {path:?}");
+    let refusal = format!("4:9: it has no legs: {}", path.display());
     assert_eq!(told_, [refusal]);
     std::fs::write(&path, "legs = 2").unwrap();
     assert_eq!(told(&text, &file), [""; 0]);
-    let alone = Programs(OWN.0.programs());
+    let alone = OWN.0;
     let mistakes = Description::from_toml(&text, &file, &alone).unwrap_err();
     let text = mistakes.to_string();
     assert!(text.contains("has no use for"), "{text}");
@@ -270,191 +264,5 @@ fn a_file_that_is_not_there_is_told() {
     assert!(
         text.starts_with(&format!("{}:1:1: cannot read it: ", file.display())),
         "{text}"
-    );
-}
-
-const HARTS: &str = r#"
-name = "hand"
-window_bytes = 262144
-[bus]
-bytes = 16384
-[machine]
-memory_bytes = 33554432
-monitor = "monitor.elf"
-qemu = "qemu"
-options = ["-icount", "shift=0"]
-[[processors]]
-number = 4
-name = "plant"
-program = "self"
-arguments = ["servo", "a"]
-[[processors]]
-number = 1
-name = "a"
-kind = "hart"
-hart = 1
-program = "servo.elf"
-arguments = ["a"]
-[[processors]]
-number = 0
-name = "b"
-kind = "hart"
-hart = 0
-program = "servo.elf"
-"#;
-
-/// A place with all files that `HARTS` names.
-fn place_of_harts() -> (tempfile::TempDir, PathBuf) {
-    let (place, file) = place();
-    let executable = std::fs::Permissions::from_mode(0o755);
-    for name in ["monitor.elf", "servo.elf", "qemu"] {
-        std::fs::write(place.path().join(name), elf::File::pie().build()).unwrap();
-    }
-    std::fs::set_permissions(place.path().join("qemu"), executable).unwrap();
-    (place, file)
-}
-
-#[test]
-fn a_machine_is_laid_out_by_its_harts() {
-    let (place, file) = place_of_harts();
-    let description = Description::from_toml(HARTS, &file, &OWN).unwrap();
-    let map = description.map().unwrap().unwrap();
-    assert_eq!(
-        map.numbers.as_slice(),
-        [0, 1],
-        "by the numbers of the harts"
-    );
-    assert_eq!((map.memory_bytes, map.bus_bytes), (32 << 20, 16384));
-    let machine = description.machine.unwrap();
-    assert_eq!(machine.monitor, place.path().join("monitor.elf"));
-    assert_eq!(machine.qemu, place.path().join("qemu"));
-    assert_eq!(machine.options, ["-icount", "shift=0"]);
-    assert_eq!(description.processors[1].kind, Kind::Hart(1));
-    let servo = Program::File(place.path().join("servo.elf"));
-    assert_eq!(description.processors[1].program, servo);
-    let (_place, file) = place_of_harts();
-    let without = Description::from_toml(RIGHT, &file, &OWN).unwrap();
-    assert_eq!(without.map(), None);
-}
-
-#[test]
-fn mistakes_with_machines_are_told() {
-    let cases = [
-        (
-            "hart = 0",
-            "hart = 1",
-            "27:8: the processor in line 20 is hart 1, too",
-            2,
-        ),
-        (
-            "hart = 0",
-            "hart = 2",
-            "27:8: this is hart 2, and no processor is hart 0; number them from 0 on without a gap",
-            1,
-        ),
-        (
-            "hart = 0",
-            "",
-            "23:1: the key `hart` is missing here; it is a whole number from 0 to 7",
-            2,
-        ),
-        (
-            "hart = 0",
-            "hart = 0\ncpu = 1",
-            "28:7: `cpu` is for processors of kind \"process\"",
-            1,
-        ),
-        (
-            "arguments = [\"servo\", \"a\"]",
-            "arguments = [\"servo\", \"a\"]\nhart = 3",
-            "16:8: `hart` is for processors of kind \"hart\"",
-            1,
-        ),
-        (
-            "\"servo.elf\"\narguments = [\"a\"]",
-            "\"self\"\narguments = [\"servo\"]",
-            "21:11: programs of this file are for this machine; a hart needs an ELF file for riscv64",
-            1,
-        ),
-        (
-            "qemu = \"qemu\"",
-            "qemu = \"qemu-system-none\"",
-            "9:8: there is no program `qemu-system-none`, which is to be the machine: install QEMU \
-             (package qemu-system-misc of Debian and Ubuntu), or say with `qemu` where it is",
-            1,
-        ),
-        (
-            "monitor.elf",
-            "no.elf",
-            "8:11: cannot read \"PLACE/no.elf\": No such file or directory (os error 2)",
-            1,
-        ),
-        (
-            "memory_bytes = 33554432",
-            "memory_bytes = 7340032",
-            "7:16: the memory has 0x700000 bytes, and the machine needs 0x",
-            1,
-        ),
-        (
-            "memory_bytes = 33554432",
-            "memory_bytes = 4096",
-            "7:16: 4096 is not a multiple of 1048576 from 1048576 to 1073741824",
-            1,
-        ),
-        (
-            "program = \"servo.elf\"\narguments",
-            "program = \"none.elf\"\narguments",
-            "21:11: cannot read \"PLACE/none.elf\": No such file or directory (os error 2)",
-            1,
-        ),
-        (
-            "program = \"servo.elf\"\narguments",
-            "program = \"hand.toml\"\narguments",
-            "21:11: \"PLACE/hand.toml\" is no program for hart 1: it is no ELF file",
-            1,
-        ),
-        (
-            "name = \"b\"",
-            "name = \"machine\"",
-            "25:8: `machine` is the name of a service",
-            1,
-        ),
-        ("\"-icount\", ", "", "", 0),
-    ];
-    for (part, instead, expected, count) in cases {
-        let (place, file) = place_of_harts();
-        let text = HARTS.replacen(part, instead, 1);
-        std::fs::write(&file, &text).unwrap();
-        let told = told(&text, &file);
-        let expected = expected.replace("PLACE", &place.path().display().to_string());
-        assert_eq!(told.len(), count, "{instead}: {told:#?}");
-        if count > 0 {
-            let found = told.iter().any(|one| one.starts_with(&expected));
-            assert!(found, "{told:#?}\nexpected {expected}");
-        }
-    }
-    let long = format!("arguments = [\"{}\"]", "a".repeat(512));
-    let (_place, file) = place_of_harts();
-    let told = told(&HARTS.replace("arguments = [\"a\"]", &long), &file);
-    let expected = "22:13: these have 513 bytes, each with a zero after it, and a hart takes 512";
-    assert_eq!(told, [expected]);
-}
-
-#[test]
-fn harts_and_machines_go_together() {
-    let (_place, file) = place_of_harts();
-    let (before, rest) = HARTS.split_once("[machine]").unwrap();
-    let (machine, processors) = rest.split_once("[[processors]]").unwrap();
-    let told_ = told(&format!("{before}[[processors]]{processors}"), &file);
-    assert_eq!(
-        told_,
-        ["15:8: a hart belongs to a machine; add `[machine]`, or make it a process"]
-    );
-    let text = format!("{RIGHT}\n[machine]{machine}");
-    let told = told(&text, &file);
-    let expected = "11:1: no processor is a hart of this machine";
-    assert!(
-        told.len() == 1 && told[0].contains(expected.split_once(' ').unwrap().1),
-        "{told:#?}"
     );
 }

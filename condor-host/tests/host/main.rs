@@ -1,8 +1,3 @@
-//! Descriptions, machines of harts, and their programs.
+//! Descriptions of systems.
 
 mod description;
-#[cfg(feature = "harts")]
-mod elf;
-mod harts;
-mod machine;
-mod programs_of_harts;

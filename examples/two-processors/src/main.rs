@@ -4,11 +4,13 @@ use std::process::ExitCode;
 
 use condor_host::cli::{self, Programs};
 use condor_rt::linux;
+use qemu_virt_host::HARTS;
 use two_processors::{Master, Servo};
 
 fn main() -> ExitCode {
-    cli::main(&Programs(&[
+    let programs = Programs::new(&[
         ("master", |arguments| linux::run(&Master, arguments)),
         ("servo", |arguments| linux::run(&Servo, arguments)),
-    ]))
+    ]);
+    cli::main(&programs.with(&[HARTS]))
 }

@@ -9,8 +9,10 @@ use std::process::ExitCode;
 
 use condor_host::cli::{self, AnyError, Application, Run};
 use condor_host::description::Description;
+use condor_host::extension::Extension;
 use condor_host::system::Directory;
 use condor_rt::linux;
+use qemu_virt_host::HARTS;
 use utah_mit_hand::compile::{compile_all, read_hand};
 use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
@@ -37,6 +39,10 @@ impl Application for Hand {
 
     fn description(&self) -> Option<PathBuf> {
         Some(SYSTEM.into())
+    }
+
+    fn extensions(&self) -> &[&'static dyn Extension] {
+        &[HARTS]
     }
 
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {

@@ -1,7 +1,7 @@
 //! [`HartBell`]: the doorbell of a hart, which rings harts by their software interrupts and the host by
 //! the serial port.
 
-use condor_host::harts::{Map, map};
+use qemu_virt_host::{Map, map};
 use condor_mbox::riscv::MsipDoorbell;
 use condor_mbox::{Clock, Doorbell, Instant, Processor};
 use condor_rt::PROCESSORS;

@@ -1,7 +1,7 @@
 //! [`Hart`]: a hart as the machine of a program.
 
 use condor_dev::Mmio;
-use condor_host::harts::{ARGUMENT_BYTES, Control, Map, MapError};
+use qemu_virt_host::{ARGUMENT_BYTES, Control, Map, MapError};
 use condor_mbox::{AccessError, CriticalSection, Processor, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};

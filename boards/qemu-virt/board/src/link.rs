@@ -12,7 +12,7 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use condor_dev::{Attention, Bus, Driver, Mmio, Registers};
-use condor_host::harts::map;
+use qemu_virt_host::map;
 
 use crate::bell;
 use crate::machine::{RAM, UART, UART_BYTES};

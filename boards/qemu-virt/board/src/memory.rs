@@ -1,6 +1,6 @@
 //! [`memory`]: the RAM of the machine, as far as others see it.
 
-use condor_host::harts::map;
+use qemu_virt_host::map;
 use condor_mbox::{Region, StaticWindow};
 
 use crate::machine::RAM;

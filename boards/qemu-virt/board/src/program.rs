@@ -2,7 +2,7 @@
 
 use core::fmt::Display;
 
-use condor_host::harts::ERROR_BYTES;
+use qemu_virt_host::ERROR_BYTES;
 use condor_rt::{Program, Text};
 
 use crate::hart::Hart;

@@ -2,8 +2,8 @@
 
 use core::time::Duration;
 
-use condor_host::harts::map::{BOARD, GUARD_BYTES, STACK_BYTES};
-use condor_host::harts::{Fault, Map};
+use qemu_virt_host::map::{BOARD, GUARD_BYTES, STACK_BYTES};
+use qemu_virt_host::{Fault, Map};
 use condor_mos::Timer as _;
 use riscv::register::{mcause, mepc, mstatus, mtval};
 

@@ -5,7 +5,7 @@
 
 use core::arch::asm;
 
-use condor_host::harts::map::STACK_BYTES;
+use qemu_virt_host::map::STACK_BYTES;
 
 use crate::hart::Hart;
 use crate::machine::{CLINT, RAM};

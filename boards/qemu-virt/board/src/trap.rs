@@ -6,7 +6,7 @@
 
 use condor_dev::riscv::{Context, Plic};
 use condor_dev::{Level, Mmio, Place, Switch, device_switch};
-use condor_host::harts::{Control, State};
+use qemu_virt_host::{Control, State};
 use condor_mos::riscv::preserving_floats;
 use condor_rt::Interrupts;
 use critical_section::CriticalSection;

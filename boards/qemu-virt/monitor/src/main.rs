@@ -10,7 +10,7 @@ use core::time::Duration;
 
 use board::Hart;
 use board::resident::{self, Return};
-use condor_host::harts::{Map, State, map};
+use qemu_virt_host::{Map, State, map};
 use condor_mbox::{Clock as _, Doorbell as _};
 use condor_rt::Machine as _;
 
@@ -44,7 +44,7 @@ extern "C" fn condor_monitor(why: usize, number: u32) -> ! {
 fn settle(
     hart: &Hart,
     why: Return,
-    fault: Option<&condor_host::harts::Fault>,
+    fault: Option<&qemu_virt_host::Fault>,
 ) -> Result<(), condor_mbox::AccessError> {
     let control = hart.control();
     let running = matches!(control.state()?, State::Runs { .. });

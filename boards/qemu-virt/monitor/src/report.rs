@@ -4,7 +4,7 @@ use core::fmt::{self, Write as _};
 use core::time::Duration;
 
 use board::Hart;
-use condor_host::harts::Fault;
+use qemu_virt_host::Fault;
 use condor_mbox::{AccessError, Call, Clock as _, MemoryWindow, Messenger, Places, Region};
 use condor_rt::Machine as _;
 use condor_rt::objects::{Kind, ObjectError, ObjectTable};

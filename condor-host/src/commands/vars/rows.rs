@@ -10,7 +10,6 @@ use condor_vars::{TableError, Value, WatchError, Watcher};
 use super::clients::{ANSWER, Clients};
 use super::known::One;
 use crate::cli::AnyError;
-use crate::control::Kind;
 use crate::view::View;
 
 /// How often rows are fetched.
@@ -119,13 +118,14 @@ impl<'s> Rows<'s> {
                 };
                 source.rows += 1;
                 let released_ns = row.released.as_ns();
-                // Processes share this host's clock. Harts share another: their first row counts as
-                // released now.
-                let ahead_ns = match one.member.kind {
-                    Kind::Hart => *self
+                // What runs here shares this host's clock. All others share another: their first row counts
+                // as released now.
+                let ahead_ns = if one.member.runs_here {
+                    0
+                } else {
+                    *self
                         .ahead_ns
-                        .get_or_insert(now.as_ns().wrapping_sub(released_ns)),
-                    _ => 0,
+                        .get_or_insert(now.as_ns().wrapping_sub(released_ns))
                 };
                 let sample = Sample {
                     tick: row.tick,

@@ -21,7 +21,7 @@ impl Launch for Nothing {
     }
 }
 
-fn member(place: &std::path::Path, kind: Kind) -> (Member, Journal) {
+fn member(place: &std::path::Path, kind: Option<&'static str>) -> (Member, Journal) {
     let plan = Plan {
         number: Processor(1),
         name: "a".into(),
@@ -31,6 +31,7 @@ fn member(place: &std::path::Path, kind: Kind) -> (Member, Journal) {
         restarts: 3,
         stall: None,
         kind,
+        runs_here: true,
     };
     let environment = condor_rt::linux::Environment {
         system: place.into(),
@@ -52,7 +53,7 @@ fn member(place: &std::path::Path, kind: Kind) -> (Member, Journal) {
 #[test]
 fn what_does_not_run_though_nobody_stopped_it_has_failed() {
     let place = tempfile::tempdir().expect("a directory");
-    let (mut member, mut journal) = member(place.path(), Kind::Process);
+    let (mut member, mut journal) = member(place.path(), Some("process"));
     assert!(member.has_failed(), "it waits for its turn");
     member.started = Some(Instant::now());
     for phase in [Phase::Starting, Phase::Failed] {
@@ -61,11 +62,11 @@ fn what_does_not_run_though_nobody_stopped_it_has_failed() {
     }
     member.phase = Phase::Up { stalled: false };
     assert!(!member.has_failed());
-    member.ended(Exit::Status(3), &mut journal);
+    member.ended(&Exit::Status(3), &mut journal);
     assert!(member.has_failed(), "it is about to be started again");
     member.phase = Phase::Up { stalled: false };
     assert!(!member.has_failed(), "once may happen");
-    member.ended(Exit::Status(3), &mut journal);
+    member.ended(&Exit::Status(3), &mut journal);
     member.phase = Phase::Up { stalled: false };
     assert!(member.has_failed(), "it is in a loop of failures");
     member.started = Instant::now().checked_sub(2 * SHORT);
@@ -77,11 +78,11 @@ fn what_does_not_run_though_nobody_stopped_it_has_failed() {
 #[test]
 fn lives_that_never_join_count_however_long_they_take() {
     let place = tempfile::tempdir().expect("a directory");
-    let (mut member, mut journal) = member(place.path(), Kind::Service);
+    let (mut member, mut journal) = member(place.path(), None);
     for restart in 1..=3 {
         member.phase = Phase::Starting;
         member.started = Some(Instant::now());
-        member.ended(Exit::Unknown, &mut journal);
+        member.ended(&Exit::Unknown, &mut journal);
         assert!(matches!(member.phase, Phase::Pausing { .. }), "{restart}");
         // As if each had taken more than a minute.
         for then in &mut member.recent {
@@ -89,11 +90,11 @@ fn lives_that_never_join_count_however_long_they_take() {
         }
     }
     member.phase = Phase::Starting;
-    member.ended(Exit::Unknown, &mut journal);
+    member.ended(&Exit::Unknown, &mut journal);
     assert_eq!(member.phase, Phase::Failed);
     // One that had joined for long begins anew.
     member.life_joined = true;
     member.phase = Phase::Up { stalled: false };
-    member.ended(Exit::Unknown, &mut journal);
+    member.ended(&Exit::Unknown, &mut journal);
     assert!(matches!(member.phase, Phase::Pausing { .. }));
 }

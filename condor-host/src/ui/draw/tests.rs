@@ -19,7 +19,8 @@ fn member(number: u8, name: &str, state: State) -> Member {
     Member {
         number,
         name: name.into(),
-        kind: crate::control::Kind::Process,
+        kind: "process".into(),
+        runs_here: true,
         program: "self".into(),
         arguments: Vec::new(),
         pid: Some(4000 + u32::from(number)),

@@ -21,11 +21,11 @@ use condor_mbox::{Messenger, Processor, SingleContext};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
-use super::ServiceError;
-use crate::description::Machine;
-use crate::harts::{MachineMemory, Qemu, State};
-use crate::supervisor::{Image, Launch, Process, RunState, Signals, Stop};
-use crate::system::{Directory, Windows};
+use condor_host::cli::AnyError;
+use condor_host::supervisor::{Image, Launch, Process, RunState, Signals, Stop};
+use condor_host::system::Windows;
+
+use crate::{MachineMemory, Qemu, State};
 use condor_rt::linux::Environment;
 use condor_rt::numbers::{MACHINE, PROCESSORS};
 
@@ -44,9 +44,9 @@ const SUCCESSION: Duration = Duration::from_secs(5);
 /// `link` is made.
 ///
 /// # Errors
-/// [`ServiceError`]; [`ServiceError::MachineEnded`] if QEMU ends.
-pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError> {
-    let mut signals = Signals::new().map_err(ServiceError::Events)?;
+/// Why it cannot serve; how QEMU ended, if it did.
+pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
+    let mut signals = Signals::new()?;
     let environment = Environment::read()?;
     let memory = MachineMemory::open(memory)?;
     let system = Windows::at(&environment.system, environment.window_bytes)?;
@@ -56,14 +56,14 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError
 
     match std::fs::remove_file(link) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            return Err(ServiceError::at("remove", link)(error));
+            return Err(at("remove", link)(error));
         }
         _ => {}
     }
-    let listener = UnixListener::bind(link).map_err(ServiceError::at("listen at", link))?;
+    let listener = UnixListener::bind(link).map_err(at("listen at", link))?;
     listener
         .set_nonblocking(true)
-        .map_err(ServiceError::at("listen at", link))?;
+        .map_err(at("listen at", link))?;
     let mut machine = Process::new();
     let arguments = qemu.arguments(&memory, Some(link));
     let image = Image::new(qemu.command.clone(), arguments, environment);
@@ -79,7 +79,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError
         machine.output(&mut |line| eprintln!("{line}"));
         if let RunState::Ended(exit) = machine.state() {
             machine.output(&mut |line| eprintln!("{line}"));
-            return Err(ServiceError::MachineEnded { exit });
+            return Err(format!("the machine ended: {exit}").into());
         }
         if signals.taken() > 0 {
             return end(&mut machine, mailbox);
@@ -88,7 +88,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError
             && let Some(stream) = accepted(&listener, link)?
         {
             let started = Bridge::start(stream, doorbells.clone());
-            bridge = Some(started.map_err(ServiceError::Events)?);
+            bridge = Some(started?);
         }
         bell.drain();
         if is_up {
@@ -111,13 +111,19 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), ServiceError
     }
 }
 
+/// Says what was tried with a file.
+fn at(doing: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> AnyError + use<> {
+    let path = path.display().to_string();
+    move |error| format!("cannot {doing} {path}: {error}").into()
+}
+
 /// Waits until something happens.
 fn wait(
     machine: &Process,
     signals: &Signals,
     bell: &impl AsFd,
     most: Duration,
-) -> Result<(), ServiceError> {
+) -> Result<(), AnyError> {
     let limit = Timespec::try_from(most).unwrap_or_default();
     let mut polled = vec![
         PollFd::new(bell, PollFlags::IN),
@@ -128,14 +134,14 @@ fn wait(
     }
     match rustix::event::poll(&mut polled, Some(&limit)) {
         Ok(_) | Err(Errno::INTR) => Ok(()),
-        Err(error) => Err(ServiceError::Events(error.into())),
+        Err(error) => Err(error.into()),
     }
 }
 
 type Post = Mailbox<'static, PROCESSORS, SingleContext>;
 
 /// Switches the machine off.
-fn end(machine: &mut Process, mut mailbox: Post) -> Result<(), ServiceError> {
+fn end(machine: &mut Process, mut mailbox: Post) -> Result<(), AnyError> {
     machine.stop(Stop::Ask)?;
     let begun = Instant::now();
     while machine.state() == RunState::Runs && begun.elapsed() < END {
@@ -149,7 +155,7 @@ fn end(machine: &mut Process, mut mailbox: Post) -> Result<(), ServiceError> {
 fn hold(
     system: &Windows,
     memory: &MachineMemory,
-) -> Result<Vec<(Processor, LinuxDoorbell<PROCESSORS>)>, ServiceError> {
+) -> Result<Vec<(Processor, LinuxDoorbell<PROCESSORS>)>, AnyError> {
     let mut doorbells = Vec::new();
     for &number in &memory.map().numbers {
         let number = Processor(number);
@@ -177,22 +183,22 @@ fn succeed(system: &Windows, number: Processor) -> Result<Claim<PROCESSORS>, Sys
 }
 
 /// The machine's end of the link, once it has connected.
-fn accepted(listener: &UnixListener, link: &Path) -> Result<Option<UnixStream>, ServiceError> {
+fn accepted(listener: &UnixListener, link: &Path) -> Result<Option<UnixStream>, AnyError> {
     match listener.accept() {
         Ok((stream, _)) => {
             // Not inherited from the listener on Linux, and not relied on.
             stream
                 .set_nonblocking(false)
-                .map_err(ServiceError::at("take a connection at", link))?;
+                .map_err(at("take a connection at", link))?;
             Ok(Some(stream))
         }
         Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => Ok(None),
-        Err(error) => Err(ServiceError::at("take a connection at", link)(error)),
+        Err(error) => Err(at("take a connection at", link)(error)),
     }
 }
 
 /// The harts that are not in their monitor yet.
-fn not_up(memory: &MachineMemory) -> Result<Vec<u32>, ServiceError> {
+fn not_up(memory: &MachineMemory) -> Result<Vec<u32>, AnyError> {
     let mut missing = Vec::new();
     for hart in 0..memory.map().harts() {
         let state = memory.control(hart)?.state().map_err(memory.at())?;
@@ -201,20 +207,4 @@ fn not_up(memory: &MachineMemory) -> Result<Vec<u32>, ServiceError> {
         }
     }
     Ok(missing)
-}
-
-/// The arguments with which the program starts it.
-pub(crate) fn arguments(machine: &Machine, directory: &Directory) -> Vec<String> {
-    let mut arguments: Vec<String> = ["service", "machine"].map(Into::into).into();
-    for (option, path) in [
-        ("--memory", directory.memory()),
-        ("--link", directory.link()),
-        ("--qemu", machine.qemu.clone()),
-        ("--monitor", machine.monitor.clone()),
-    ] {
-        arguments.extend([option.into(), path.to_string_lossy().into_owned()]);
-    }
-    arguments.push("--".into());
-    arguments.extend_from_slice(&machine.options);
-    arguments
 }

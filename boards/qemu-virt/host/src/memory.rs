@@ -236,7 +236,8 @@ impl MachineMemory {
 }
 
 /// The bus of a machine whose memory is the file `path`.
-pub(crate) fn bus(path: &Path, map: &Map) -> Option<BusFile> {
+#[must_use]
+pub fn bus(path: &Path, map: &Map) -> Option<BusFile> {
     (map.bus_bytes > 0).then(|| BusFile {
         path: path.into(),
         offset: map.bus.into(),

@@ -1,6 +1,5 @@
 //! Harts as processors of a supervisor, with a thread in place of each hart and a pair of sockets in
 //! place of the serial line.
-#![cfg(feature = "program")]
 
 use std::io::{Read, Write};
 use std::net::Shutdown;
@@ -9,13 +8,13 @@ use std::path::PathBuf;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use condor_host::harts::{ARGUMENT_BYTES, Fault, MachineMemory, Map, RAM, State};
-use condor_host::services::machine::Bridge;
-use condor_host::supervisor::{Exit, Hart, Image, Launch, LaunchError, Power, RunState, Stop};
+use condor_host::supervisor::{Exit, Image, Launch, LaunchError, RunState, Stop};
 use condor_mbox::linux::{Claim, LinuxDoorbell};
 use condor_mbox::{Clock, Doorbell, MemoryWindow, Processor};
 use condor_rt::linux::{Environment, Loops};
 use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
+use qemu_virt_host::service::Bridge;
+use qemu_virt_host::{ARGUMENT_BYTES, Fault, Hart, MachineMemory, Map, Power, RAM, State};
 
 use crate::elf;
 
@@ -185,10 +184,9 @@ fn a_program_is_started_stopped_and_replaced() {
     assert!(matches!(rig.hart.start(), Err(LaunchError::NotLoaded)));
     rig.hart.load(&image).unwrap();
     assert!(!rig.hart.is_ready());
-    assert!(matches!(
-        rig.hart.start(),
-        Err(LaunchError::Off { hart: HART })
-    ));
+    let refused = rig.hart.start().unwrap_err().to_string();
+    let expected = format!("its machine is not on, or its hart {HART} has not come up");
+    assert_eq!(refused, expected);
     rig.switch_on();
     assert!(rig.hart.is_ready());
     let supervisor = rig.supervisor.doorbell().clone();
@@ -206,7 +204,8 @@ fn a_program_is_started_stopped_and_replaced() {
     rig.run(&["wait"]);
     rig.until_it_runs();
     rig.hart.stop(Stop::Force).unwrap();
-    assert_eq!(rig.exit(), Exit::Abandoned);
+    let how = "killed: its hart is in the monitor again";
+    assert_eq!(rig.exit(), Exit::Other(how.into()));
     // As it was before: what it changed in its data is not there any more.
     let data = rig.memory.map().programs.at(HART) + elf::OBJECT as u32;
     rig.memory.region().write(data, &[9; 8]).unwrap();
@@ -229,15 +228,6 @@ fn a_fault_is_told_with_its_place() {
     rig.run(&["fault"]);
     let exit = rig.exit();
     let pc = RAM + u64::from(rig.memory.map().programs.at(HART)) + elf::ENTRY + 2;
-    let value = 0x1000_0000;
-    assert_eq!(
-        exit,
-        Exit::Fault {
-            cause: 5,
-            pc,
-            value
-        }
-    );
     let expected = format!("load access fault at {pc:#x}, value 0x10000000");
     assert_eq!(exit.to_string(), expected);
     let mut lines = Vec::new();
@@ -259,7 +249,8 @@ fn a_hart_that_does_not_come_back_is_given_up() {
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!(rig.hart.state(), RunState::Runs);
     rig.hart.stop(Stop::Force).unwrap();
-    assert_eq!(rig.exit(), Exit::Unreachable);
+    let exit = rig.exit().to_string();
+    assert!(exit.starts_with("its hart does not come back"), "{exit}");
     assert!(matches!(rig.hart.start(), Err(LaunchError::Runs)));
     rig.end();
 }
@@ -271,7 +262,7 @@ fn what_runs_ends_with_its_machine() {
     rig.run(&["wait"]);
     rig.until_it_runs();
     rig.power.switch(false);
-    assert_eq!(rig.exit(), Exit::MachineEnded);
+    assert_eq!(rig.exit(), Exit::Lost);
     assert!(!rig.hart.is_ready());
     rig.memory.reset().unwrap();
     rig.power.switch(true);
@@ -282,7 +273,7 @@ fn what_runs_ends_with_its_machine() {
     rig.until_it_runs();
     // Off and on between two looks.
     rig.power.switch(true);
-    assert_eq!(rig.exit(), Exit::MachineEnded);
+    assert_eq!(rig.exit(), Exit::Lost);
     rig.end();
 }
 
@@ -292,11 +283,8 @@ fn what_a_hart_cannot_run_is_refused() {
     let mut image = rig.image(&["wait"]);
     image.arguments = vec!["a".repeat(ARGUMENT_BYTES)];
     let error = rig.hart.load(&image).unwrap_err();
-    let found = ARGUMENT_BYTES + 1;
-    assert!(
-        matches!(error, LaunchError::Arguments { found: it } if it == found),
-        "{error}"
-    );
+    let expected = format!("these arguments have {} bytes", ARGUMENT_BYTES + 1);
+    assert!(error.to_string().starts_with(&expected), "{error}");
     image.arguments = vec!["a".repeat(ARGUMENT_BYTES - 1)];
     rig.hart.load(&image).unwrap();
     std::fs::write(&image.file, "#!/bin/sh").unwrap();

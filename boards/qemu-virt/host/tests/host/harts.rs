@@ -1,10 +1,10 @@
 //! What host and harts say to each other in the memory of a machine.
 
-use condor_host::harts::{
-    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, Map, MapError, Order, State, map,
-};
 use condor_mbox::{MemoryWindow, Region, StaticMemory};
 use proptest::prelude::*;
+use qemu_virt_host::{
+    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, Map, MapError, Order, State, map,
+};
 
 const MEMORY: u32 = 16 << 20;
 

@@ -8,15 +8,22 @@ use std::time::{Duration, Instant};
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{Doorbell as _, Processor};
 
-use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
-use super::process::Process;
-use crate::harts::{
-    self, ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, MachineMemory, Map, Order, State,
+use condor_host::supervisor::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
+
+use crate::{
+    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, ImageError, MachineMemory, Map, MemoryError,
+    Order, State, cause_name,
 };
 use condor_rt::numbers::PROCESSORS;
 
 /// How long a hart may take to come back to its monitor.
 const BACK: Duration = Duration::from_secs(3);
+
+/// How a program ended that was taken off its hart.
+const ABANDONED: &str = "killed: its hart is in the monitor again";
+/// How it ended if its hart does not answer.
+const UNREACHABLE: &str =
+    "its hart does not come back to the monitor until `machine` is started again";
 
 /// Whether a machine is on, for its harts: who switches it says so here. Clones are the same.
 #[derive(Clone, Debug, Default)]
@@ -46,6 +53,59 @@ impl Power {
     }
 }
 
+/// Why a hart does not do what it is told.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HartError {
+    /// The hart belongs to a machine that is not on.
+    #[error("its machine is not on, or its hart {hart} has not come up")]
+    Off {
+        /// Which hart.
+        hart: u32,
+    },
+    /// The file is no program for a hart.
+    #[error("{file:?} is no program for hart {hart}: {source}")]
+    Image {
+        /// Which hart.
+        hart: u32,
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        source: ImageError,
+    },
+    /// The file cannot be read.
+    #[error("cannot read {file:?}: {source}")]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// The answer of the operating system.
+        source: std::io::Error,
+    },
+    /// More arguments than a hart takes.
+    #[error(
+        "these arguments have {found} bytes, each with a zero after it, and a hart takes {ARGUMENT_BYTES}"
+    )]
+    Arguments {
+        /// What they have.
+        found: usize,
+    },
+    /// The memory of the machine.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+}
+
+impl From<MemoryError> for LaunchError {
+    fn from(error: MemoryError) -> Self {
+        HartError::from(error).into()
+    }
+}
+
+impl From<HartError> for LaunchError {
+    fn from(error: HartError) -> Self {
+        Self::Other(Box::new(error))
+    }
+}
+
 /// A hart of a machine: a program is copied into its range, and its [`Control`] says what becomes of it.
 #[derive(Debug)]
 pub struct Hart {
@@ -65,7 +125,7 @@ pub struct Hart {
 #[derive(Debug)]
 struct Program {
     file: PathBuf,
-    image: harts::Image,
+    image: crate::Image,
     arguments: Vec<u8>,
 }
 
@@ -87,17 +147,17 @@ impl Hart {
         hart: u32,
         doorbell: LinuxDoorbell<PROCESSORS>,
         power: Power,
-    ) -> Result<Self, LaunchError> {
+    ) -> Result<Self, HartError> {
         let map = memory.map();
         let number = usize::try_from(hart)
             .ok()
             .and_then(|hart| map.numbers.get(hart).copied());
-        let number = number.ok_or(harts::ImageError::Hart {
+        let number = number.ok_or(ImageError::Hart {
             hart,
             harts: map.harts(),
         });
         Ok(Self {
-            number: Processor(number.map_err(harts::MemoryError::from)?),
+            number: Processor(number.map_err(MemoryError::from)?),
             place: hart,
             control: memory.control(hart)?,
             memory,
@@ -110,7 +170,7 @@ impl Hart {
         })
     }
 
-    fn reach(&self, stop: Stop, running: Running) -> Result<(), LaunchError> {
+    fn reach(&self, stop: Stop, running: Running) -> Result<(), HartError> {
         let said = match stop {
             Stop::Ask => self.control.ask_to_end(running.start),
             Stop::Force => self.control.abandon(running.start),
@@ -123,7 +183,7 @@ impl Hart {
     /// How the program ended, if it has.
     fn exit(&mut self, running: Running) -> Option<Exit> {
         if self.power.count() != running.power {
-            return Some(Exit::MachineEnded);
+            return Some(Exit::Lost);
         }
         // The memory is gone: nobody can say what the hart does.
         let Ok(state) = self.control.state() else {
@@ -134,19 +194,19 @@ impl Hart {
                 self.report = self.said();
                 Some(Exit::Status(status.cast_signed()))
             }
-            State::Abandoned { start } if start == running.start => Some(Exit::Abandoned),
+            State::Abandoned { start } if start == running.start => {
+                Some(Exit::Other(ABANDONED.into()))
+            }
             State::Faulted { start } if start == running.start => {
                 let fault = self.control.fault().unwrap_or_default();
                 self.report = Some(self.told(&fault));
-                Some(Exit::Fault {
-                    cause: fault.cause,
-                    pc: fault.pc,
-                    value: fault.value,
-                })
+                let Fault { pc, value, .. } = fault;
+                let name = cause_name(fault.cause);
+                Some(Exit::Other(format!("{name} at {pc:#x}, value {value:#x}")))
             }
             _ => {
                 let since = running.abandoned?;
-                (since.elapsed() >= BACK).then_some(Exit::Unreachable)
+                (since.elapsed() >= BACK).then(|| Exit::Other(UNREACHABLE.into()))
             }
         }
     }
@@ -182,13 +242,12 @@ impl Hart {
 }
 
 /// The program in `file` for a hart, without putting it anywhere.
-pub(super) fn read(file: &Path, map: &Map, hart: u32) -> Result<harts::Image, LaunchError> {
-    let bytes = std::fs::read(file).map_err(|source| LaunchError::Os {
-        doing: "read",
+fn read(file: &Path, map: &Map, hart: u32) -> Result<crate::Image, HartError> {
+    let bytes = std::fs::read(file).map_err(|source| HartError::Unreadable {
         file: file.into(),
         source,
     })?;
-    harts::Image::new(&bytes, map, hart).map_err(|source| LaunchError::Image {
+    crate::Image::new(&bytes, map, hart).map_err(|source| HartError::Image {
         hart,
         file: file.into(),
         source,
@@ -196,7 +255,7 @@ pub(super) fn read(file: &Path, map: &Map, hart: u32) -> Result<harts::Image, La
 }
 
 /// Arguments as a hart is given them.
-pub(super) fn flat(arguments: &[String]) -> Result<Vec<u8>, LaunchError> {
+pub(crate) fn flat(arguments: &[String]) -> Result<Vec<u8>, HartError> {
     let mut flat = Vec::new();
     for argument in arguments {
         flat.extend(argument.as_bytes());
@@ -204,12 +263,18 @@ pub(super) fn flat(arguments: &[String]) -> Result<Vec<u8>, LaunchError> {
     }
     let found = flat.len();
     if found > ARGUMENT_BYTES {
-        return Err(LaunchError::Arguments { found });
+        return Err(HartError::Arguments { found });
     }
     Ok(flat)
 }
 
 impl Launch for Hart {
+    fn check(&self, image: &Image) -> Result<(), LaunchError> {
+        read(&image.file, self.memory.map(), self.place)?;
+        flat(&image.arguments)?;
+        Ok(())
+    }
+
     fn load(&mut self, image: &Image) -> Result<(), LaunchError> {
         if self.running.is_some() {
             return Err(LaunchError::Runs);
@@ -228,8 +293,8 @@ impl Launch for Hart {
         let power = self.power.count();
         match self.control.state().map_err(self.memory.at())? {
             State::Runs { .. } => return Err(LaunchError::Runs),
-            State::Off => return Err(LaunchError::Off { hart: self.place }),
-            _ if !Power::is_on(power) => return Err(LaunchError::Off { hart: self.place }),
+            State::Off => return Err(HartError::Off { hart: self.place }.into()),
+            _ if !Power::is_on(power) => return Err(HartError::Off { hart: self.place }.into()),
             _ => {}
         }
         let region = self.memory.region();
@@ -275,7 +340,7 @@ impl Launch for Hart {
             self.running = None;
             self.ended = Some(exit);
         }
-        self.ended.map_or(RunState::Idle, RunState::Ended)
+        self.ended.clone().map_or(RunState::Idle, RunState::Ended)
     }
 
     fn output(&mut self, line: &mut dyn FnMut(&str)) -> bool {
@@ -287,14 +352,14 @@ impl Launch for Hart {
 }
 
 /// The process that is a machine, or dies with it.
-pub(super) struct Machine {
+pub(crate) struct Machine {
     process: Process,
     memory: MachineMemory,
     power: Power,
 }
 
 impl Machine {
-    pub(super) fn new(memory: MachineMemory, power: Power) -> Self {
+    pub(crate) fn new(memory: MachineMemory, power: Power) -> Self {
         Self {
             process: Process::new(),
             memory,

@@ -1,10 +1,9 @@
 //! ELF files as programs of harts: placed, relocated, or refused with the reason.
-#![cfg(feature = "harts")]
 
 use crate::elf::{DYN, EXEC, File, Segment};
-use condor_host::harts::{Image, ImageError, MachineMemory, Map, MemoryError, RAM};
 use condor_mbox::MemoryWindow;
 use proptest::prelude::*;
+use qemu_virt_host::{Image, ImageError, MachineMemory, Map, MemoryError, RAM};
 
 use crate::elf;
 
@@ -208,7 +207,7 @@ fn a_memory_is_what_its_map_says() {
     let claim = system.claim(condor_mbox::Processor(3)).unwrap();
     claim.windows()[9].data.write(64, b"users' data").unwrap();
     memory.reset().unwrap();
-    assert_eq!(control.state(), Ok(condor_host::harts::State::Off));
+    assert_eq!(control.state(), Ok(qemu_virt_host::State::Off));
     let mut text = [0; 11];
     let users = map().data.at(9) + 64;
     memory.region().read(users, &mut text).unwrap();

@@ -1,0 +1,242 @@
+//! [`HARTS`]: harts of another machine as a kind of processors, and the machine as a service.
+
+use core::ops::RangeInclusive;
+use std::path::PathBuf;
+
+use condor_host::cli::AnyError;
+use condor_host::description::{At, beside, find_program};
+use condor_host::extension::{Extension, Found, Furnished, Group, Service};
+use condor_host::supervisor::Launch;
+use condor_host::system::Directory;
+use condor_mbox::Processor;
+use condor_mbox::linux::LinuxDoorbell;
+use condor_rt::linux::{BusFile, Environment};
+use condor_rt::numbers::{MACHINE, PROCESSORS};
+
+use crate::hart::{Machine, flat};
+use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, bus, map, service};
+
+const MIB: i64 = 1 << 20;
+const MOST_BYTES: i64 = 1 << 30;
+const HART_NUMBERS: RangeInclusive<i64> = 0..=map::HARTS as i64 - 1;
+/// The program that is the machine, if no other is named.
+const QEMU: &str = "qemu-system-riscv64";
+
+/// Harts of QEMU's RISC-V machine `virt`: `kind = "hart"`, and the table `[machine]`.
+pub const HARTS: &dyn Extension = &Harts;
+
+struct Harts;
+
+impl Extension for Harts {
+    fn kind(&self) -> Option<&'static str> {
+        Some("hart")
+    }
+
+    fn table(&self) -> Option<&'static str> {
+        Some("machine")
+    }
+
+    fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
+        let (harts, mut is_right) = harts(found);
+        let Some(keys) = &mut found.keys else {
+            let text = "a hart belongs to a machine; add `[machine]`, or make it a process";
+            if let Some((first, hart)) = found.processors.first().zip(harts.first()) {
+                first.keys.wrong(&hart.span, text);
+            }
+            return None;
+        };
+        if found.processors.is_empty() {
+            let text = "no processor is a hart of this machine; add one with `kind = \"hart\"` and `hart = 0`";
+            keys.wrong(&keys.span(), text);
+            is_right = false;
+        }
+        keys.word("kind", &[("qemu-riscv-virt", ())]);
+        let memory_bytes = keys.number("memory_bytes", MIB..=MOST_BYTES, MIB);
+        let expected = "the path of the program in which the harts come up";
+        let monitor = keys.text("monitor", expected);
+        let command = keys.optional_text("qemu", "the program that is the machine");
+        let options = keys.texts("options");
+        let command = command.unwrap_or_else(|| At {
+            value: QEMU.into(),
+            span: keys.span(),
+        });
+        let command_path = find_program(found.file, &command.value);
+        if command_path.is_err() {
+            let name = &command.value;
+            let text = format!(
+                "there is no program `{name}`, which is to be the machine: install QEMU (package \
+                 qemu-system-misc of Debian and Ubuntu), or say with `qemu` where it is"
+            );
+            keys.wrong(&command.span, text);
+        }
+        let (memory_bytes, monitor) = (memory_bytes?, monitor?);
+        let path = beside(found.file, &monitor.value);
+        if let Err(error) = std::fs::File::open(&path) {
+            keys.wrong(
+                &monitor.span,
+                format!("cannot read {}: {error}", path.display()),
+            );
+        }
+        let qemu = Qemu {
+            command: command_path.ok()?,
+            monitor: path,
+            options: options.map(|options| options.value).unwrap_or_default(),
+        };
+        if !is_right {
+            return None;
+        }
+        let numbers = found.processors.iter().zip(&harts);
+        let numbers = numbers.map(|(one, hart)| Some((hart.value, one.number?)));
+        let mut numbers = numbers.collect::<Option<Vec<_>>>()?;
+        numbers.sort_unstable();
+        let numbers: Vec<_> = numbers.into_iter().map(|(_, number)| number).collect();
+        let bytes = u32::try_from(memory_bytes.value).ok()?;
+        let map = match Map::new(bytes, &numbers, found.window_bytes, found.bus_bytes) {
+            Ok(map) => map,
+            Err(error) => {
+                keys.wrong(&memory_bytes.span, error.to_string());
+                return None;
+            }
+        };
+        programs(found, &harts, &map)?;
+        Some(Box::new(HartGroup { map, qemu }))
+    }
+
+    fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {
+        let [memory, link, command, monitor, options @ ..] = arguments else {
+            return Err("expected MEMORY LINK QEMU MONITOR OPTIONS…".into());
+        };
+        let qemu = Qemu {
+            command: command.into(),
+            monitor: monitor.into(),
+            options: options.to_vec(),
+        };
+        service::serve(memory.as_ref(), link.as_ref(), &qemu)
+    }
+}
+
+/// The harts of all processors that have one, and whether each is one processor and none is left out.
+fn harts(found: &mut Found<'_, '_>) -> (Vec<At<u32>>, bool) {
+    let mut harts: Vec<At<u32>> = Vec::new();
+    let mut is_right = true;
+    for processor in &mut found.processors {
+        let keys = &mut processor.keys;
+        let hart = keys.number("hart", HART_NUMBERS, 1);
+        let Some((value, hart)) = hart.and_then(|it| Some((u32::try_from(it.value).ok()?, it)))
+        else {
+            is_right = false;
+            continue;
+        };
+        let span = hart.span;
+        if let Some(other) = harts.iter().find(|other| other.value == value) {
+            let line = keys.line(other.span.start);
+            is_right = false;
+            keys.wrong(
+                &span,
+                format!("the processor in line {line} is hart {value}, too"),
+            );
+        }
+        harts.push(At { value, span });
+    }
+    if let Some(last) = harts.iter().max_by_key(|hart| hart.value)
+        && let Some(first) = found.processors.first()
+    {
+        let is_missing = |wanted: &u32| harts.iter().all(|hart| hart.value != *wanted);
+        if let Some(missing) = (0..last.value).find(is_missing) {
+            let text = format!(
+                "this is hart {}, and no processor is hart {missing}; number them from 0 on without a gap",
+                last.value
+            );
+            first.keys.wrong(&last.span, text);
+            is_right = false;
+        }
+    }
+    (harts, is_right)
+}
+
+/// Each hart has room for its program.
+fn programs(found: &Found<'_, '_>, harts: &[At<u32>], map: &Map) -> Option<()> {
+    let mut is_right = true;
+    for (processor, At { value: hart, .. }) in found.processors.iter().zip(harts) {
+        let program = processor.program.as_ref()?;
+        let path = &program.value;
+        let bytes = std::fs::read(path).ok()?;
+        if let Err(error) = Image::new(&bytes, map, *hart) {
+            let text = format!("{} is no program for hart {hart}: {error}", path.display());
+            processor.keys.wrong(&program.span, text);
+            is_right = false;
+        }
+        if let Err(error) = flat(&processor.arguments.value) {
+            processor
+                .keys
+                .wrong(&processor.arguments.span, error.to_string());
+            is_right = false;
+        }
+    }
+    is_right.then_some(())
+}
+
+#[derive(Debug)]
+struct HartGroup {
+    map: Map,
+    qemu: Qemu,
+}
+
+impl Group for HartGroup {
+    fn furnish(&self, directory: &Directory) -> Result<Box<dyn Furnished>, AnyError> {
+        let path = directory.path().join("memory");
+        let memory = MachineMemory::create(&path, &self.map)?;
+        memory.system(&directory.mailbox())?;
+        Ok(Box::new(FurnishedHarts {
+            link: directory.path().join("link"),
+            path,
+            memory,
+            qemu: self.qemu.clone(),
+            power: Power::new(),
+        }))
+    }
+}
+
+struct FurnishedHarts {
+    path: PathBuf,
+    link: PathBuf,
+    memory: MachineMemory,
+    qemu: Qemu,
+    power: Power,
+}
+
+impl Furnished for FurnishedHarts {
+    fn bus(&self) -> Option<BusFile> {
+        bus(&self.path, self.memory.map())
+    }
+
+    fn service(&self) -> Option<Service> {
+        let Qemu {
+            command,
+            monitor,
+            options,
+        } = &self.qemu;
+        let paths = [&self.path, &self.link, command, monitor];
+        let paths = paths.map(|path| path.to_string_lossy().into_owned());
+        Some(Service {
+            number: MACHINE,
+            arguments: paths.into_iter().chain(options.iter().cloned()).collect(),
+            launch: Box::new(Machine::new(self.memory.clone(), self.power.clone())),
+        })
+    }
+
+    fn launch(
+        &self,
+        number: Processor,
+        _: &mut Environment,
+        doorbell: LinuxDoorbell<PROCESSORS>,
+    ) -> Result<Box<dyn Launch>, AnyError> {
+        let mut numbers = self.memory.map().numbers.iter();
+        let hart = numbers.position(|it| *it == number.0);
+        let hart = hart
+            .and_then(|hart| u32::try_from(hart).ok())
+            .unwrap_or(u32::MAX);
+        let hart = Hart::new(self.memory.clone(), hart, doorbell, self.power.clone())?;
+        Ok(Box::new(hart))
+    }
+}

@@ -1,0 +1,30 @@
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(any(feature = "std", test)), no_std)]
+
+mod control;
+#[cfg(feature = "extension")]
+mod extension;
+#[cfg(feature = "extension")]
+mod hart;
+#[cfg(feature = "host")]
+mod image;
+pub mod map;
+#[cfg(feature = "host")]
+mod memory;
+#[cfg(feature = "host")]
+mod qemu;
+#[cfg(feature = "extension")]
+pub mod service;
+
+pub use control::{ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, Order, State, cause_name};
+#[cfg(feature = "extension")]
+pub use extension::HARTS;
+#[cfg(feature = "extension")]
+pub use hart::{Hart, HartError, Power};
+#[cfg(feature = "host")]
+pub use image::{Image, ImageError, RAM};
+pub use map::{Map, MapError, Run};
+#[cfg(feature = "host")]
+pub use memory::{MachineMemory, MemoryError, bus};
+#[cfg(feature = "host")]
+pub use qemu::Qemu;
