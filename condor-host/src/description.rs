@@ -16,7 +16,7 @@
 //!
 //! | key of a processor | is | default |
 //! |---|---|---|
-//! | `number` | 0 to 7 | |
+//! | `number` | 0 to 11 | |
 //! | `name` | what commands call it | |
 //! | `program` | `"self"` for one of the program's own, or a file | |
 //! | `arguments` | what the program is given | `[]` |
@@ -124,7 +124,7 @@ impl Default for Terminals {
 /// A processor and its program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Processor {
-    /// Its number, 0 to 7.
+    /// Its number, 0 to 11.
     pub number: u8,
     /// What commands call it.
     pub name: String,

@@ -128,9 +128,8 @@ pub trait Furnished {
 
 /// A service of an extension, which runs as long as the system.
 pub struct Service {
-    /// Its number.
-    pub number: Processor,
-    /// What [`Extension::serve`] is given.
+    /// What [`Extension::serve`] is given. The number of the service is in its
+    /// [environment](condor_rt::linux::Environment::read).
     pub arguments: Vec<String>,
     /// What runs it: a [`Process`], or something around one.
     pub launch: Box<dyn Launch>,

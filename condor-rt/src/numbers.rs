@@ -6,20 +6,22 @@ use condor_mbox::{Processor, Vector};
 use condor_tty::Vectors;
 
 /// How many numbers a system has.
-pub const PROCESSORS: usize = 16;
+pub const PROCESSORS: usize = 32;
 
 /// The numbers that a system description gives to its processors.
-pub const PROGRAMS: RangeInclusive<u8> = 0..=7;
-/// The file service.
-pub const FILES: Processor = Processor(8);
-/// The terminals.
-pub const TERMINALS: Processor = Processor(9);
+pub const PROGRAMS: RangeInclusive<u8> = 0..=11;
+/// The numbers of services.
+pub const SERVICES: RangeInclusive<u8> = 12..=19;
 /// Who starts, watches and stops all others.
-pub const SUPERVISOR: Processor = Processor(10);
-/// Who serves a machine of harts; a visitor's number where there is none.
-pub const MACHINE: Processor = Processor(15);
+pub const SUPERVISOR: Processor = Processor(12);
+/// The file service.
+pub const FILES: Processor = Processor(13);
+/// The terminals.
+pub const TERMINALS: Processor = Processor(14);
+/// The numbers of the services that an application adds, in their order.
+pub const EXTENSIONS: RangeInclusive<u8> = 15..=*SERVICES.end();
 /// User interfaces, commands and other programs that come and go.
-pub const VISITORS: RangeInclusive<u8> = 11..=15;
+pub const VISITORS: RangeInclusive<u8> = 20..=31;
 
 /// The vectors that a program may use for messages of its own; libraries for robots have those from 32 on.
 pub const OWN_VECTORS: RangeInclusive<u8> = 0..=39;

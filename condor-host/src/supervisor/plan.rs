@@ -15,7 +15,7 @@ use crate::extension::Furnished;
 use crate::services;
 use crate::system::Directory;
 use condor_rt::linux::{BusFile, Environment, Loops};
-use condor_rt::numbers::{FILES, TERMINALS};
+use condor_rt::numbers::{EXTENSIONS, FILES, TERMINALS};
 
 /// How long the heart of a service may stand still.
 const SERVICE_STALL: Duration = Duration::from_secs(10);
@@ -34,10 +34,18 @@ pub(super) fn members(
     };
     let mut members = Vec::new();
     let groups = || description.groups.iter().zip(furnished);
+    let mut numbers = EXTENSIONS;
     for (entry, furnished) in groups() {
         if let (Some(name), Some(service)) = (entry.service, furnished.service()) {
+            let number = numbers.next().ok_or_else(|| {
+                let text = format!(
+                    "`{name}` is one service too many: {} may be added",
+                    EXTENSIONS.len()
+                );
+                UpError::Prepare(text.into())
+            })?;
             let arguments = [vec!["service".into(), name.into()], service.arguments].concat();
-            members.push(system.service(name, service.number, arguments, service.launch)?);
+            members.push(system.service(name, Number(number), arguments, service.launch)?);
         }
     }
     if let Some(files) = &description.files {

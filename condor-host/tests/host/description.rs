@@ -96,7 +96,7 @@ window_bytes = 1000
 root = "files"
 raed_only = true
 [[processors]]
-number = 8
+number = 12
 name = "a b"
 program = "self"
 arguments = ["sevro"]
@@ -115,11 +115,11 @@ priority = 100
             "2:1: there is no key `nam` here; did you mean `name`?".into(),
             "3:16: 1000 is not a multiple of 4096 from 4096 to 1073741824".into(),
             "6:1: there is no key `raed_only` here; did you mean `read_only`?".into(),
-            "8:10: 8 is not a whole number from 0 to 7".into(),
+            "8:10: 12 is not a whole number from 0 to 11".into(),
             "9:8: \"a b\" cannot be a name: take 1 to 32 letters, digits, `-` and `_`".into(),
             "11:13: this program has no program `sevro` of its own; did you mean `servo`?".into(),
             "12:14: `rstart` is none of the choices here; did you mean `restart`?".into(),
-            "13:1: the key `number` is missing here; it is a whole number from 0 to 7".into(),
+            "13:1: the key `number` is missing here; it is a whole number from 0 to 11".into(),
             "14:8: the number 5 stands where a name in quotes should be".into(),
             format!(
                 "15:11: there is no program `no-such-program`; looked for {}, {}, and in PATH",
@@ -145,7 +145,7 @@ fn names_and_numbers_are_there_once() {
     };
     assert_eq!(
         one(&more(4, "other")),
-        "12:10: the processor in line 7 has the number 4, too; free are 0, 1, 2, 3, 5, 6, 7"
+        "12:10: the processor in line 7 has the number 4, too; free are 0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11"
     );
     assert_eq!(
         one(&more(3, "plant")),

@@ -65,7 +65,7 @@ fn processors_and_their_loops_are_shown() {
     assert_eq!(b["heart"]["presence"], "up");
     assert_eq!((&b["state"], &b["loops"]), (&"running".into(), &2.into()));
     assert_eq!(b["terminals"][0]["name"], "console");
-    assert_eq!(b["terminals"][0]["reader"], 9);
+    assert_eq!(b["terminals"][0]["reader"], 14);
     let table = text(&up, &["ps", "--system", "tested"]);
     assert!(table.starts_with("tested: up "), "{table}");
     assert!(
@@ -110,7 +110,7 @@ fn messages_are_sent_and_counted() {
 
     let wrong = complaint(&up, &["send", "c", "5", "1"]);
     assert!(
-        wrong.contains("there are a (0), b (1), files (8)"),
+        wrong.contains("there are a (0), b (1), files (13)"),
         "{wrong}"
     );
     let wrong = complaint(&up, &["send", "b", "ad", "1"]);
@@ -488,7 +488,7 @@ fn when_all_visitors_are_there_the_next_is_told_who_they_are() {
         wrong.contains("all numbers for visitors are taken"),
         "{wrong}"
     );
-    assert!(wrong.contains(&format!("{this} (number 11)")), "{wrong}");
+    assert!(wrong.contains(&format!("{this} (number 20)")), "{wrong}");
     drop(views);
     text(&up, &["ps"]);
 }

@@ -34,7 +34,7 @@ fn a_system_comes_up_and_goes_down() {
     let running = |number, name: &str| (number, name.to_owned(), State::Running);
     assert_eq!(
         names(&status.services),
-        [running(8, "files"), running(9, "terminals")]
+        [running(13, "files"), running(14, "terminals")]
     );
     assert_eq!(
         names(&status.processors),

@@ -145,8 +145,8 @@ impl Environment {
         let window_bytes = number(WINDOW_BYTES, window_bytes, bytes, |&bytes: &u32| {
             bytes.is_multiple_of(4)
         })?;
-        let below = "a number of a processor, 0 to 15";
-        const { assert!(PROCESSORS == 16, "what is expected says so") };
+        let below = "a number of a processor, 0 to 31";
+        const { assert!(PROCESSORS == 32, "what is expected says so") };
         let processor = number(
             PROCESSOR,
             needed(PROCESSOR, below)?,
@@ -286,7 +286,7 @@ mod tests {
                 "\"4097\" in the environment: it must be a number of bytes that is a multiple of 4",
             ),
             (WINDOW_BYTES, None, "no CONDOR_WINDOW_BYTES"),
-            (PROCESSOR, Some("16"), "0 to 15"),
+            (PROCESSOR, Some("32"), "0 to 31"),
             (PROCESSOR, Some(""), "no CONDOR_PROCESSOR"),
             (BUS_OFFSET, Some("2"), "a multiple of 4"),
             (BUS_BYTES, Some("all"), "a multiple of 4"),

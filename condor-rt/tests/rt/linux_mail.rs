@@ -11,7 +11,7 @@ use condor_rt::linux::{Environment, Loops, Process};
 use condor_rt::{Background, Error, PROCESSORS, Setup};
 
 const ME: Processor = Processor(3);
-const VISITOR: Processor = Processor(11);
+const VISITOR: Processor = Processor(20);
 const COUNT: Vector = Vector(1);
 const PATIENCE: Duration = Duration::from_secs(20);
 const WINDOW_BYTES: u32 = 16384;

@@ -18,7 +18,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 const ADD: Vector = Vector(1);
 const ASK: Vector = Vector(2);
 const SERVO: Processor = Processor(1);
-const HOST: Processor = Processor(11);
+const HOST: Processor = Processor(20);
 const SECOND: Duration = Duration::from_secs(1);
 const WINDOW_BYTES: u32 = 65536;
 

@@ -263,10 +263,10 @@ fn numbers_are_checked() {
     system.host(Processor(15), idle).unwrap();
     let error = system.host(Processor(15), idle).unwrap_err();
     assert!(matches!(error, SimError::Taken { .. }), "{error}");
-    let error = system.host(Processor(16), idle).unwrap_err();
+    let error = system.host(Processor(32), idle).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "processor 16 does not exist: a system has 16 processors"
+        "processor 32 does not exist: a system has 32 processors"
     );
     assert_eq!(system.run().unwrap(), 0);
 }

@@ -11,7 +11,7 @@ fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
     system.files(concat!(env!("CARGO_MANIFEST_DIR"), "/files"))?;
     system.spawn(Processor(0), &Master)?;
     system.spawn(SERVO, &Servo)?;
-    system.host(Processor(11), |machine| {
+    system.host(Processor(20), |machine| {
         let mut mailbox = machine.mailbox()?;
         mailbox.join()?;
         // `files/moves` begins with 500, -500; each is held for two seconds.

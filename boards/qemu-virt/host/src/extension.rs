@@ -11,7 +11,7 @@ use condor_host::system::Directory;
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxDoorbell;
 use condor_rt::linux::{BusFile, Environment};
-use condor_rt::numbers::{MACHINE, PROCESSORS};
+use condor_rt::numbers::PROCESSORS;
 
 use crate::hart::{Machine, flat};
 use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, bus, map, service};
@@ -219,7 +219,6 @@ impl Furnished for FurnishedHarts {
         let paths = [&self.path, &self.link, command, monitor];
         let paths = paths.map(|path| path.to_string_lossy().into_owned());
         Some(Service {
-            number: MACHINE,
             arguments: paths.into_iter().chain(options.iter().cloned()).collect(),
             launch: Box::new(Machine::new(self.memory.clone(), self.power.clone())),
         })

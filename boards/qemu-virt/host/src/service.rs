@@ -1,8 +1,7 @@
 //! A machine of harts: QEMU, the numbers of the harts, and the link on which both sides ring.
 //!
 //! While the service lives, so does the machine, and the numbers of its harts are held: peers see in
-//! that evidence that a hart is alive. It joins when all harts have come up, with the number
-//! [`MACHINE`].
+//! that evidence that a hart is alive. It joins when all harts have come up.
 //!
 //! The link is the serial line of the machine. Each byte on it is the number of a processor that is
 //! rung: from here that of a hart, from there that of a process. Nothing else is sent.
@@ -27,7 +26,7 @@ use condor_host::system::Windows;
 
 use crate::{MachineMemory, Qemu, State};
 use condor_rt::linux::Environment;
-use condor_rt::numbers::{MACHINE, PROCESSORS};
+use condor_rt::numbers::PROCESSORS;
 
 /// The time between two beats of the own heart.
 const BEAT: Duration = Duration::from_millis(500);
@@ -50,7 +49,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
     let environment = Environment::read()?;
     let memory = MachineMemory::open(memory)?;
     let system = Windows::at(&environment.system, environment.window_bytes)?;
-    let mut mailbox = succeed(&system, MACHINE)?.mailbox_with(SingleContext::new())?;
+    let mut mailbox = succeed(&system, environment.processor)?.mailbox_with(SingleContext::new())?;
     let doorbells = hold(&system, &memory)?;
     memory.reset()?;
 

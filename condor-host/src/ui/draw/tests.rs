@@ -41,8 +41,8 @@ fn model() -> Model {
         pid: 1,
         uptime: 12.0,
         services: vec![
-            member(8, "files", State::Running),
-            member(9, "terminals", State::Running),
+            member(13, "files", State::Running),
+            member(14, "terminals", State::Running),
         ],
         // The robot first, as in a description: windows go by number.
         processors: processors.rev().collect(),
@@ -119,7 +119,7 @@ const MESSAGES: [&str; 2] = [
 ];
 const FILES: [&str; 3] = [
     "serves    /srv/hand/files",
-    "state     running, process 4008, 0 restarts",
+    "state     running, process 4013, 0 restarts",
     "requests  815, 4.5 a second",
 ];
 const LOG: [&str; 1] = ["15:28:52.078 servo-a: joined after 0.1 s"];

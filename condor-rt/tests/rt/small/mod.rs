@@ -8,7 +8,7 @@ use condor_rt::objects::{self, Kind};
 use condor_rt::{Error, Machine, PROCESSORS, Program, Setup, loops};
 
 pub(crate) const SMALL: Processor = Processor(1);
-pub(crate) const VISITOR: Processor = Processor(11);
+pub(crate) const VISITOR: Processor = Processor(20);
 const ADD: Vector = Vector(5);
 
 /// A loop of 400 Hz that publishes its count, and a handler that adds its argument.

@@ -63,10 +63,10 @@ fn what_cannot_be_laid_out_is_said() {
         Err(MapError::Harts { found: 9 })
     );
     assert_eq!(
-        Map::new(MEMORY, &[0, 16], 65536, 0),
+        Map::new(MEMORY, &[0, 32], 65536, 0),
         Err(MapError::Number {
             hart: 1,
-            number: 16
+            number: 32
         })
     );
     assert_eq!(
