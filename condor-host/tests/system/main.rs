@@ -2,6 +2,7 @@
 
 mod bounds;
 mod commands;
+mod extensions;
 mod family;
 mod joint;
 mod programs;

@@ -28,6 +28,8 @@ pub(crate) struct Up {
     /// What it writes to standard error.
     told: Mutex<Receiver<String>>,
     options: Vec<String>,
+    /// The program that is `condor`.
+    condor: PathBuf,
 }
 
 impl Up {
@@ -40,6 +42,23 @@ impl Up {
 
     /// Brings up a system with these processors, in a directory that is prepared before.
     pub(crate) fn launch(processors: &str, options: &[&str], prepare: impl FnOnce(&Path)) -> Self {
+        Self::launch_by(CONDOR.as_ref(), processors, options, prepare)
+    }
+
+    /// The same by the example `extension`.
+    pub(crate) fn extended(processors: &str) -> Self {
+        let condor = Path::new(CONDOR).with_file_name("examples/extension");
+        let up = Self::launch_by(&condor, processors, &[], |_| {});
+        up.wait_until_started();
+        up
+    }
+
+    fn launch_by(
+        condor: &Path,
+        processors: &str,
+        options: &[&str],
+        prepare: impl FnOnce(&Path),
+    ) -> Self {
         let place = tempfile::tempdir().unwrap();
         let script = format!(
             "#!/bin/sh\nCONDOR_TEST_PROGRAM=\"$*\" exec {this} --exact programs::program --ignored --nocapture >&2\n",
@@ -53,12 +72,13 @@ impl Up {
         std::fs::write(place.path().join("tested.toml"), text).unwrap();
         let options: Vec<_> = options.iter().map(|&option| option.into()).collect();
         prepare(place.path());
-        let (child, told) = spawn(&place, &options);
+        let (child, told) = spawn(condor, &place, &options);
         Self {
             place,
             child,
             told,
             options,
+            condor: condor.into(),
         }
     }
 
@@ -84,7 +104,7 @@ impl Up {
     /// Brings the same system up again, after its supervisor was killed.
     pub(crate) fn again(mut self) -> Self {
         self.child.wait().unwrap();
-        (self.child, self.told) = spawn(&self.place, &self.options);
+        (self.child, self.told) = spawn(&self.condor, &self.place, &self.options);
         self.wait_until_started();
         self
     }
@@ -123,7 +143,7 @@ impl Up {
 
     /// A command of `condor` for this system.
     pub(crate) fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = command(&self.place);
+        let mut command = command(&self.condor, &self.place);
         command.args(arguments);
         if arguments == ["up", "--headless"] {
             command.arg(self.place.path().join("tested.toml"));
@@ -213,15 +233,19 @@ pub(crate) const fn this() -> &'static str {
     "program"
 }
 
-fn command(place: &tempfile::TempDir) -> Command {
-    let mut command = Command::new(CONDOR);
+fn command(condor: &Path, place: &tempfile::TempDir) -> Command {
+    let mut command = Command::new(condor);
     command.env("XDG_RUNTIME_DIR", place.path());
     command
 }
 
-fn spawn(place: &tempfile::TempDir, options: &[String]) -> (Child, Mutex<Receiver<String>>) {
+fn spawn(
+    condor: &Path,
+    place: &tempfile::TempDir,
+    options: &[String],
+) -> (Child, Mutex<Receiver<String>>) {
     let description: PathBuf = place.path().join("tested.toml");
-    let mut child = command(place)
+    let mut child = command(condor, place)
         .arg("up")
         .arg(description)
         .arg("--headless")

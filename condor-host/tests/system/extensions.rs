@@ -1,0 +1,61 @@
+//! The kind of processors and the service of the example `extension`.
+
+use condor_host::control::{Request, State};
+
+use crate::running::{Up, wait};
+
+const SYSTEM: &str = r#"
+[adder]
+amount = 7
+[[processors]]
+number = 11
+name = "polite"
+kind = "nice"
+level = 5
+program = "THIS"
+arguments = ["writer"]
+"#;
+
+fn niceness(process: u32) -> String {
+    let status = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
+    let (_, after_name) = status.rsplit_once(')').unwrap();
+    after_name.split_whitespace().nth(16).unwrap().into()
+}
+
+fn sum(up: &Up, data: &str) -> String {
+    let output = up.run(&["send", "adder", "1", data, "--reply"]);
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn a_kind_of_processors_and_a_service_run_like_those_of_condor() {
+    let up = Up::extended(SYSTEM);
+    let status = up.status();
+    let [service, ..] = &status.services[..] else {
+        panic!("{status:?}");
+    };
+    assert_eq!((service.name.as_str(), service.number), ("adder", 15));
+    let [polite] = &status.processors[..] else {
+        panic!("{status:?}");
+    };
+    assert_eq!((polite.kind.as_str(), polite.number), ("nice", 11));
+    assert_eq!(niceness(polite.pid.unwrap()), "5");
+    assert!(sum(&up, "35").starts_with("42 "));
+
+    // They are started again, and other programs can be loaded.
+    let events = up.events();
+    crate::running::kill(service.pid.unwrap());
+    let events = wait(events, "adder", State::Running);
+    assert!(sum(&up, "1").starts_with("8 "));
+    crate::running::kill(polite.pid.unwrap());
+    wait(events, "polite", State::Running);
+    let load = Request::Load {
+        processor: "polite".into(),
+        program: None,
+        arguments: vec!["joint".into()],
+    };
+    up.client().ask(&load).unwrap();
+    let polite = up.status().processors.remove(0);
+    assert_eq!(polite.arguments, ["joint"]);
+    assert_eq!(niceness(polite.pid.unwrap()), "5");
+}
