@@ -43,6 +43,11 @@ pub(super) enum Action {
         entries: isize,
     },
     MenuDo,
+    /// A letter, and one less, of the program that is typed.
+    Letter(char),
+    Erase,
+    /// The program that was typed is to run.
+    Load,
     CloseWindow,
     Leave(Leaving),
     /// The size has changed.
@@ -113,6 +118,9 @@ fn in_popup(popup: Popup, code: KeyCode) -> Option<Action> {
         (Popup::Menu { .. }, KeyCode::Left) => menu(-1, 0),
         (Popup::Menu { .. }, KeyCode::Right) => menu(1, 0),
         (Popup::Menu { .. }, KeyCode::Enter) => Some(Action::MenuDo),
+        (Popup::Program { .. }, KeyCode::Char(letter)) => Some(Action::Letter(letter)),
+        (Popup::Program { .. }, KeyCode::Backspace) => Some(Action::Erase),
+        (Popup::Program { .. }, KeyCode::Enter) => Some(Action::Load),
         (Popup::Leave, KeyCode::Char('l') | KeyCode::Enter) => {
             Some(Action::Leave(Leaving::Running))
         }

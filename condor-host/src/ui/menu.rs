@@ -7,11 +7,13 @@ use super::feed::News;
 use super::input::Action;
 use super::model::{Leaving, Model, Page, Popup};
 use super::tool;
-use crate::control::{Client, ClientError, Member, Request};
+use crate::control::{Client, ClientError, Request};
 use crate::system::Directory;
 
 /// What can be done to a processor, before its tools.
-pub(super) const ORDERS: [&str; 3] = ["stop", "start", "restart"];
+pub(super) const ORDERS: [&str; 4] = ["stop", "start", "restart", LOAD];
+/// Another program, which is typed.
+const LOAD: &str = "load …";
 
 /// Asks the supervisor, without holding up the picture.
 #[derive(Debug)]
@@ -28,11 +30,12 @@ impl Doer {
         }
     }
 
-    fn order(&self, order: &'static str, member: &Member) {
+    /// Sends requests about `processor`, one after the other, which are called `order` together.
+    fn order(&self, order: &'static str, processor: &str, requests: Vec<Request>) {
         let (directory, news) = (self.directory.clone(), self.news.clone());
-        let processor = member.name.clone();
+        let processor = processor.to_owned();
         thread::spawn(move || {
-            let text = match ask(&directory, order, &processor) {
+            let text = match ask(&directory, &requests) {
                 Ok(()) => format!("{processor}: {order} is done"),
                 Err(error) => format!("{processor}: no {order}: {error}"),
             };
@@ -42,23 +45,27 @@ impl Doer {
     }
 }
 
-fn ask(directory: &Directory, order: &str, processor: &str) -> Result<(), ClientError> {
+fn ask(directory: &Directory, requests: &[Request]) -> Result<(), ClientError> {
     let mut client = Client::connect(directory)?;
-    let stop = || Request::Stop {
+    for request in requests {
+        client.ask(request)?;
+    }
+    Ok(())
+}
+
+/// What is asked of the supervisor for an order.
+fn requests(order: &str, processor: &str) -> Vec<Request> {
+    let stop = Request::Stop {
         processor: processor.into(),
     };
-    let start = || Request::Start {
+    let start = Request::Start {
         processor: processor.into(),
     };
     match order {
-        "stop" => client.ask(&stop())?,
-        "start" => client.ask(&start())?,
-        _ => {
-            client.ask(&stop())?;
-            client.ask(&start())?
-        }
-    };
-    Ok(())
+        "stop" => vec![stop],
+        "start" => vec![start],
+        _ => vec![stop, start],
+    }
 }
 
 /// Does it; says how the person leaves, if so.
@@ -86,6 +93,11 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
         Action::ClosePopup => model.popup = None,
         Action::MenuMove { members, entries } => move_by(model, members, entries),
         Action::MenuDo => carry_out(model, doer),
+        Action::Letter(letter) => model.typed.push(letter),
+        Action::Erase => {
+            model.typed.pop();
+        }
+        Action::Load => load(model, doer),
         Action::CloseWindow => {
             if let Page::Window(id) = model.focus {
                 model.forget(id);
@@ -128,15 +140,25 @@ fn turned(place: usize, by: isize, count: usize) -> usize {
 }
 
 fn carry_out(model: &mut Model, doer: &Doer) {
-    let Some(Popup::Menu { member, entry }) = model.popup.take() else {
+    let Some(Popup::Menu {
+        member: place,
+        entry,
+    }) = model.popup.take()
+    else {
         return;
     };
-    let Some(member) = model.members.get(member).cloned() else {
+    let Some(member) = model.members.get(place).cloned() else {
         return;
     };
     if let Some(order) = ORDERS.get(entry) {
+        if *order == LOAD {
+            let words = [core::slice::from_ref(&member.program), &member.arguments].concat();
+            model.typed = words.join(" ");
+            model.popup = Some(Popup::Program { member: place });
+            return;
+        }
         model.notice = Some(format!("{}: {order} …", member.name));
-        return doer.order(order, &member);
+        return doer.order(order, &member.name, requests(order, &member.name));
     }
     let tool = model.tools.get(entry - ORDERS.len()).cloned();
     let Some(tool) = tool else {
@@ -159,4 +181,22 @@ fn carry_out(model: &mut Model, doer: &Doer) {
             model.notice = Some(format!("{} cannot be started: {error}", tool.name));
         }
     }
+}
+
+/// Has a processor run the program that was typed: its file, then its arguments.
+fn load(model: &mut Model, doer: &Doer) {
+    let Some(Popup::Program { member }) = model.popup.take() else {
+        return;
+    };
+    let Some(member) = model.members.get(member) else {
+        return;
+    };
+    let mut words = model.typed.split_whitespace().map(String::from);
+    let request = Request::Load {
+        processor: member.name.clone(),
+        program: words.next(),
+        arguments: words.collect(),
+    };
+    model.notice = Some(format!("{}: load …", member.name));
+    doer.order("load", &member.name, vec![request]);
 }

@@ -41,6 +41,10 @@ pub(super) enum Popup {
         member: usize,
         entry: usize,
     },
+    /// The program that the processor of this place is to run is being typed.
+    Program {
+        member: usize,
+    },
     Leave,
 }
 
@@ -81,6 +85,8 @@ pub(super) struct Model {
     pub(super) zoomed: bool,
     pub(super) popup: Option<Popup>,
     pub(super) notice: Option<String>,
+    /// What is typed into the popup in front.
+    pub(super) typed: String,
     /// How far each table is scrolled.
     pub(super) scrolled: [usize; 4],
     pub(super) tools: Vec<Tool>,
@@ -114,6 +120,7 @@ impl Model {
             zoomed: false,
             popup: None,
             notice: None,
+            typed: String::new(),
             scrolled: [0; 4],
             tools,
             size: (80, 24),

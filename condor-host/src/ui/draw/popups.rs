@@ -6,6 +6,7 @@ use ratatui::style::Stylize;
 use ratatui::text::Line;
 use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
 
+use crate::plain::plain;
 use crate::ui::menu::ORDERS;
 use crate::ui::model::{Model, Popup};
 
@@ -13,7 +14,7 @@ const HELP: &str = "\
 What is typed goes to the window in front, except
 
  F1          this help; also ? in tables
- F2          actions: stop, start, restart, tools
+ F2          actions: stop, start, restart, load, tools
  F3  F4      window to the left, to the right
  Alt-1 …     window of this number
  F5          the window alone, and back
@@ -52,6 +53,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, popup: Popup) {
             show(frame, " Leave ", lines);
         }
         Popup::Menu { member, entry } => menu(frame, model, member, entry),
+        Popup::Program { member } => program(frame, model, member),
     }
 }
 
@@ -76,6 +78,22 @@ fn menu(frame: &mut Frame<'_>, model: &Model, member: usize, entry: usize) {
     lines.push(Line::raw("Up Down choose, Enter does it, Esc not;").dim());
     lines.push(Line::raw("Left Right: another processor").dim());
     show(frame, " Actions ", lines);
+}
+
+fn program(frame: &mut Frame<'_>, model: &Model, member: usize) {
+    let Some(member) = model.members.get(member) else {
+        return;
+    };
+    let lines = vec![
+        Line::raw(format!(
+            "What {} runs: a program, then its arguments",
+            member.name
+        ))
+        .bold(),
+        Line::raw(format!("{}▏", plain(&model.typed))),
+        Line::raw("Enter loads and starts it, Esc does not").dim(),
+    ];
+    show(frame, " Load ", lines);
 }
 
 /// In the middle, as large as needed.

@@ -181,7 +181,7 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
     expect(
         &lines,
         &[
-            "F2          actions: stop, start, restart, tools",
+            "F2          actions: stop, start, restart, load, tools",
             "Any key closes",
         ],
     );
@@ -190,9 +190,19 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
         entry: 3,
     });
     let lines = picture(&mut model, SMALL);
+    let seen = [
+        "servo-a is running",
+        "restart",
+        "load …",
+        "debugger: gdb -p 4001",
+    ];
+    expect(&lines, &seen);
+    model.popup = Some(Popup::Program { member: 3 });
+    model.typed = "self servo".into();
+    let lines = picture(&mut model, SMALL);
     expect(
         &lines,
-        &["servo-a is running", "restart", "debugger: gdb -p 4001"],
+        &["What servo-a runs", "self servo▏", "Esc does not"],
     );
     model.popup = Some(Popup::Leave);
     expect(&picture(&mut model, SMALL), &["d  take the system down"]);

@@ -103,6 +103,10 @@ fn what_is_in_front_takes_all_keys() {
         entry: 0,
     });
     assert_eq!(asked(&here, KeyCode::Enter), Some(Action::MenuDo));
+    here.popup = Some(Popup::Program { member: 0 });
+    assert_eq!(asked(&here, KeyCode::Char('x')), Some(Action::Letter('x')));
+    assert_eq!(asked(&here, KeyCode::Backspace), Some(Action::Erase));
+    assert_eq!(asked(&here, KeyCode::Enter), Some(Action::Load));
     here.popup = Some(Popup::Help);
     assert_eq!(asked(&here, KeyCode::Char('x')), Some(Action::ClosePopup));
 }
