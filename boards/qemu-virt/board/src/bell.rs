@@ -1,10 +1,10 @@
 //! [`HartBell`]: the doorbell of a hart, which rings harts by their software interrupts and the host by
 //! the serial port.
 
-use qemu_virt_host::{Map, map};
 use condor_mbox::riscv::MsipDoorbell;
 use condor_mbox::{Clock, Doorbell, Instant, Processor};
 use condor_rt::PROCESSORS;
+use qemu_virt_host::{Map, map};
 use riscv::register::{mhartid, time};
 
 use crate::link;

@@ -1,11 +1,11 @@
 //! [`Hart`]: a hart as the machine of a program.
 
 use condor_dev::Mmio;
-use qemu_virt_host::{ARGUMENT_BYTES, Control, Map, MapError};
 use condor_mbox::{AccessError, CriticalSection, Processor, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
 use condor_rt::{Error, Interrupts, Machine, PROCESSORS, ServoLoop, on_one_stack};
+use qemu_virt_host::{ARGUMENT_BYTES, Control, Map, MapError};
 
 use crate::bell::{self, HARTS, HartBell};
 use crate::machine::{CLINT, EXTERNAL, MTIME, RAM, SOFTWARE};

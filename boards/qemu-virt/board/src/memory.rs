@@ -1,7 +1,7 @@
 //! [`memory`]: the RAM of the machine, as far as others see it.
 
-use qemu_virt_host::map;
 use condor_mbox::{Region, StaticWindow};
+use qemu_virt_host::map;
 
 use crate::machine::RAM;
 

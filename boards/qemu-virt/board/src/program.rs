@@ -2,8 +2,8 @@
 
 use core::fmt::Display;
 
-use qemu_virt_host::ERROR_BYTES;
 use condor_rt::{Program, Text};
+use qemu_virt_host::ERROR_BYTES;
 
 use crate::hart::Hart;
 use crate::resident::{self, Return};

@@ -2,9 +2,9 @@
 
 use core::time::Duration;
 
+use condor_mos::Timer as _;
 use qemu_virt_host::map::{BOARD, GUARD_BYTES, STACK_BYTES};
 use qemu_virt_host::{Fault, Map};
-use condor_mos::Timer as _;
 use riscv::register::{mcause, mepc, mstatus, mtval};
 
 use crate::machine::{RAM, SWITCH};

@@ -6,10 +6,10 @@
 
 use condor_dev::riscv::{Context, Plic};
 use condor_dev::{Level, Mmio, Place, Switch, device_switch};
-use qemu_virt_host::{Control, State};
 use condor_mos::riscv::preserving_floats;
 use condor_rt::Interrupts;
 use critical_section::CriticalSection;
+use qemu_virt_host::{Control, State};
 use riscv::register::{mhartid, mie, mstatus};
 
 use crate::bell::{self, ring_hart};

@@ -10,9 +10,9 @@ use core::time::Duration;
 
 use board::Hart;
 use board::resident::{self, Return};
-use qemu_virt_host::{Map, State, map};
 use condor_mbox::{Clock as _, Doorbell as _};
 use condor_rt::Machine as _;
+use qemu_virt_host::{Map, State, map};
 
 core::arch::global_asm!(
     include_str!("start.s"),

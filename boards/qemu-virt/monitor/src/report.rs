@@ -4,11 +4,11 @@ use core::fmt::{self, Write as _};
 use core::time::Duration;
 
 use board::Hart;
-use qemu_virt_host::Fault;
 use condor_mbox::{AccessError, Call, Clock as _, MemoryWindow, Messenger, Places, Region};
 use condor_rt::Machine as _;
 use condor_rt::objects::{Kind, ObjectError, ObjectTable};
 use condor_tty::{Terminal, TerminalError, Vectors};
+use qemu_virt_host::Fault;
 
 const SHOWN_BYTES: u32 = 4096;
 /// How long the host may take to show it.
