@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::error::Error;
 
 use condor_dev::conformance::{self, Ground};
-use condor_dev::{Bus, BusErrorKind, Mode, NoInterrupts, Place, Switch, Width, device_switch};
+use condor_dev::{Bus, BusErrorKind, Location, Mode, NoInterrupts, Switch, Width, device_switch};
 use utah_mit_boards::Adc16;
 
 /// Boards behind a bridge. A request is a command (1, 2 or 4 bytes, 0x80 to write), the address
@@ -99,7 +99,7 @@ impl Link for FarEnd {
 
 device_switch! {
     struct Boards {
-        adc: Adc16 = [Place::at(0x100), Place::at(0x180)],
+        adc: Adc16 = [Location::at(0x100), Location::at(0x180)],
     }
 }
 

@@ -92,4 +92,4 @@ pub use serial::{I2cBus, SpiBus, SpiCommand};
 pub use set::{DeviceSet, Kind};
 pub use stream::{Descriptors, Looks, Stream, StreamError, Timeout, Wait};
 pub use switch::{IoError, OpenError, Switch};
-pub use unit::{Place, Presence, Unit};
+pub use unit::{Location, Presence, Unit};

@@ -9,7 +9,7 @@ use crate::stdio::Claim;
 /// The registers of all parts on one I2C bus, through any [`I2c`] of embedded-hal.
 ///
 /// Register `r` of the part with the 7-bit address `d` is at `d << 8 | r`; see
-/// [`Place::i2c`](crate::Place::i2c). Registers have 8 bits; a wider access moves two or four of them
+/// [`Location::i2c`](crate::Location::i2c). Registers have 8 bits; a wider access moves two or four of them
 /// in one transfer, in the processor's byte order, and so does a block of up to 64. A part that
 /// does not advance its register number by itself is accessed by bytes only.
 ///

@@ -6,7 +6,7 @@ pub use crate::dispatch::Line;
 use crate::driver::Driver;
 use crate::fd::Entry;
 use crate::interrupt::Vector;
-use crate::unit::{Place, Unit};
+use crate::unit::{Location, Unit};
 
 /// The boards that may exist, kind by kind; [`device_switch!`](crate::device_switch) writes it.
 ///
@@ -93,7 +93,7 @@ pub trait Visitor {
 ///
 /// # Panics
 /// If the set has too many: it does not compile.
-const fn nth(kinds: &[(&str, &[Place])], mut number: usize) -> Option<(u16, Place)> {
+const fn nth(kinds: &[(&str, &[Location])], mut number: usize) -> Option<(u16, Location)> {
     assert!(kinds.len() <= Entry::MOST, "a set has too many devices");
     let mut kind = 0;
     while kind < kinds.len() {
@@ -111,7 +111,7 @@ const fn nth(kinds: &[(&str, &[Place])], mut number: usize) -> Option<(u16, Plac
 /// How many of the places interrupt.
 #[doc(hidden)]
 #[must_use]
-pub const fn links(kinds: &[(&str, &[Place])]) -> usize {
+pub const fn links(kinds: &[(&str, &[Location])]) -> usize {
     let (mut count, mut number) = (0, 0);
     while let Some((_, place)) = nth(kinds, number) {
         if place.interrupt().is_some() {
@@ -128,7 +128,7 @@ pub const fn links(kinds: &[(&str, &[Place])]) -> usize {
 /// If two boards have one address, or one vector at two levels: the set does not compile.
 #[doc(hidden)]
 #[must_use]
-pub const fn chain<const N: usize>(kinds: &[(&str, &[Place])]) -> [Link; N] {
+pub const fn chain<const N: usize>(kinds: &[(&str, &[Location])]) -> [Link; N] {
     let none = Link {
         vector: Vector(0),
         slot: 0,
@@ -153,7 +153,7 @@ pub const fn chain<const N: usize>(kinds: &[(&str, &[Place])]) -> [Link; N] {
 }
 
 /// Compares a place with those of the boards before `number`.
-const fn check(place: Place, kinds: &[(&str, &[Place])], number: usize) {
+const fn check(place: Location, kinds: &[(&str, &[Location])], number: usize) {
     let mut other = 0;
     while other < number
         && let Some((_, before)) = nth(kinds, other)
@@ -174,14 +174,14 @@ const fn check(place: Place, kinds: &[(&str, &[Place])], number: usize) {
 ///
 /// ```
 /// use condor_dev::drivers::Uart16550;
-/// use condor_dev::{Place, device_switch};
+/// use condor_dev::{Location, device_switch};
 ///
 /// device_switch! {
 ///     /// What the crate of a hand may hold.
 ///     pub struct HandDevices {
 ///         uart: Uart16550 = [
-///             Place::at(0xee00_0000).interrupting(64, 3),
-///             Place::at(0xee00_1000).interrupting(64, 3),
+///             Location::at(0xee00_0000).interrupting(64, 3),
+///             Location::at(0xee00_1000).interrupting(64, 3),
 ///         ],
 ///     }
 /// }
@@ -196,11 +196,11 @@ const fn check(place: Place, kinds: &[(&str, &[Place])], number: usize) {
 /// Two boards at one address do not compile:
 ///
 /// ```compile_fail
-/// # use condor_dev::{Place, device_switch};
+/// # use condor_dev::{Location, device_switch};
 /// # use condor_dev::drivers::Uart16550;
 /// device_switch! {
 ///     struct Twice {
-///         uart: Uart16550 = [Place::at(0x1000), Place::at(0x1000)],
+///         uart: Uart16550 = [Location::at(0x1000), Location::at(0x1000)],
 ///     }
 /// }
 /// static DEVICES: Twice = Twice::new();
@@ -209,13 +209,13 @@ const fn check(place: Place, kinds: &[(&str, &[Place])], number: usize) {
 /// Nor do boards that share a vector at different levels:
 ///
 /// ```compile_fail
-/// # use condor_dev::{Place, device_switch};
+/// # use condor_dev::{Location, device_switch};
 /// # use condor_dev::drivers::Uart16550;
 /// device_switch! {
 ///     struct Uneven {
 ///         uart: Uart16550 = [
-///             Place::at(0x1000).interrupting(64, 3),
-///             Place::at(0x2000).interrupting(64, 4),
+///             Location::at(0x1000).interrupting(64, 3),
+///             Location::at(0x2000).interrupting(64, 4),
 ///         ],
 ///     }
 /// }
@@ -231,12 +231,12 @@ macro_rules! device_switch {
     ) => {
         $(#[$attribute])*
         $visibility struct $set {
-            $($device: [$crate::Unit<$driver>; <[$crate::Place]>::len(&[$($place),+])],)+
+            $($device: [$crate::Unit<$driver>; <[$crate::Location]>::len(&[$($place),+])],)+
             lines: [$crate::set::Line; Self::LINKS.len()],
         }
 
         impl $set {
-            const PLACES: &'static [(&'static str, &'static [$crate::Place])] =
+            const PLACES: &'static [(&'static str, &'static [$crate::Location])] =
                 &[$((stringify!($device), &[$($place),+]),)+];
             const LINKS: [$crate::set::Link; $crate::set::links(Self::PLACES)] =
                 $crate::set::chain(Self::PLACES);
@@ -269,7 +269,7 @@ macro_rules! device_switch {
 
         impl $crate::set::DeviceSet for $set {
             const KINDS: &'static [(&'static str, u8)] = &[
-                $((stringify!($device), <[$crate::Place]>::len(&[$($place),+]) as u8),)+
+                $((stringify!($device), <[$crate::Location]>::len(&[$($place),+]) as u8),)+
             ];
             const CHAIN: &'static [$crate::set::Link] = &Self::LINKS;
 

@@ -1,4 +1,4 @@
-//! [`Unit`]: one board of a switch, and [`Place`]: where it is.
+//! [`Unit`]: one board of a switch, and [`Location`]: where it is.
 
 use core::sync::atomic::{AtomicU8, AtomicU16, Ordering};
 
@@ -8,12 +8,12 @@ use crate::interrupt::{Level, Vector};
 
 /// Where a board may be, as the system configuration file of the memo says it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     base: usize,
     interrupt: Option<(Vector, Level)>,
 }
 
-impl Place {
+impl Location {
     /// A board at a bus address, which does not interrupt.
     #[must_use]
     pub const fn at(base: usize) -> Self {
@@ -69,7 +69,7 @@ pub enum Presence {
 /// A driver's board at its place.
 #[derive(Debug)]
 pub struct Unit<D> {
-    pub(crate) place: Place,
+    pub(crate) place: Location,
     pub(crate) driver: D,
     presence: AtomicU8,
     /// How many descriptors are open, with [`EXCLUSIVE`] and [`CHANGING`].
@@ -84,7 +84,7 @@ const CHANGING: u16 = 1 << 14;
 impl<D: Driver> Unit<D> {
     /// A board that start-up will look for.
     #[must_use]
-    pub const fn new(place: Place) -> Self {
+    pub const fn new(place: Location) -> Self {
         Self {
             place,
             driver: D::NEW,
@@ -95,7 +95,7 @@ impl<D: Driver> Unit<D> {
 
     /// Where it is.
     #[must_use]
-    pub const fn place(&self) -> Place {
+    pub const fn place(&self) -> Location {
         self.place
     }
 

@@ -20,7 +20,7 @@ use condor_hand::grasp::{
 };
 use condor_hand::kinematics::{JointLimits, PlanarFinger, Redundancy};
 use condor_hand::math;
-use condor_hand::plant::{self, DriveKind, Machine, Object, ObjectParameters, Stop};
+use condor_hand::plant::{self, DriveKind, Object, ObjectParameters, PlantModel, Stop};
 use condor_hand::servo::{JointTarget, Sensed};
 use nalgebra::{Vector3, Vector4};
 
@@ -126,7 +126,7 @@ impl<const M: usize> Bench<M> {
     /// The fingers stand a millimetre from the ball.
     fn new(numbers: [usize; M]) -> Result<Self, Box<dyn Error>> {
         let hand = Hand::<4, 4>::from_toml(HAND, "utah-mit.toml")?;
-        let machine = Machine {
+        let machine = PlantModel {
             actuator: DriveKind::exact,
             joint_stop: Stop {
                 stiffness: 50.0,

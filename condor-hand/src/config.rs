@@ -41,7 +41,7 @@
 //! |---|---|
 //! | the file itself | [`Hand`]: name, rates, gravity |
 //! | `[faults]`, `[contact]` | [`FaultPolicy`], [`Contact`] |
-//! | `[[processors]]` | [`Processor`]: number, kind, rate, and how long its work takes |
+//! | `[[processors]]` | [`ControlProcessor`]: number, kind, rate, and how long its work takes |
 //! | `[[table.axes]]` | [`Axis`] of the table that carries the hand, if there is one |
 //! | `[[fingers]]` | [`Finger`]: name, base, form |
 //! | `[[fingers.joints]]` | [`Joint`]: proximal first; its processor, sensor, servo, tendons and link |
@@ -87,11 +87,11 @@ pub use finger::{
     Shape, SoftStop, Tendon,
 };
 pub use hand::{
-    Axis, AxisServo, Contact, FaultPolicy, Hand, Limits, PROCESSORS, Processor, ProcessorKind,
-    Table,
+    Axis, AxisServo, Contact, ControlProcessor, FaultPolicy, Hand, Limits, PROCESSORS,
+    ProcessorKind, Table,
 };
 pub use image::ImageError;
-pub use mistake::{Field, Mistake, Owner, Place, WireEnd, WirePart};
+pub use mistake::{Field, Mistake, Owner, ValuePlace, WireEnd, WirePart};
 pub use rotation::Rotation;
 #[cfg(feature = "text")]
 pub use text::{Problem, TextError};

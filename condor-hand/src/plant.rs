@@ -38,7 +38,7 @@ pub use joint::{JointParameters, Stop};
 pub use pneumatic::{Elastic, Pneumatic};
 
 // What a configuration says of them.
-pub use configured::Machine;
+pub use configured::PlantModel;
 
 // What they touch, and what carries them.
 pub use contact::{Contact, Ground, Surface};

@@ -26,7 +26,7 @@ use std::time::Duration;
 use condor_host::cli::{self, AnyError, Programs};
 use condor_host::extension::{Extension, Found, Furnished, Group, Service};
 use condor_host::supervisor::{Image, Launch, LaunchError, Process, RunState, Signals, Stop};
-use condor_host::system::{Directory, Windows};
+use condor_host::system::{SystemDirectory, Windows};
 use condor_mbox::linux::LinuxDoorbell;
 use condor_mbox::{Call, Messenger, Processor, SingleContext, Vector};
 use condor_rt::linux::Environment;
@@ -61,7 +61,7 @@ impl Extension for Nice {
 }
 
 impl Group for Levels {
-    fn furnish(&self, _: &Directory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
         Ok(Box::new(self.clone()))
     }
 }
@@ -152,7 +152,7 @@ impl Extension for Adder {
 }
 
 impl Group for Amount {
-    fn furnish(&self, _: &Directory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
         Ok(Box::new(self.clone()))
     }
 }

@@ -33,7 +33,7 @@ use crate::commands;
 use crate::description::Description;
 use crate::extension::Extension;
 use crate::plain::plain_lines;
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 
 /// Runs a program with its arguments, in the process that a supervisor started for it; most call
 /// [`linux::run`](condor_rt::linux::run).
@@ -82,7 +82,11 @@ pub trait Application: Sync {
     ///
     /// # Errors
     /// Why it cannot be said.
-    fn summarize(&self, description: &Description, directory: &Directory) -> Result<(), AnyError> {
+    fn summarize(
+        &self,
+        description: &Description,
+        directory: &SystemDirectory,
+    ) -> Result<(), AnyError> {
         let _ = (description, directory);
         Ok(())
     }

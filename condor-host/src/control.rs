@@ -116,7 +116,7 @@ pub struct Member {
     /// The process, while there is one.
     pub pid: Option<u32>,
     /// How it is.
-    pub state: State,
+    pub state: MemberState,
     /// How often it was started again after a failure.
     pub restarts: u32,
     /// How its program ended the last time, such as `exit status: 1` or `killed by SIGKILL`.
@@ -127,7 +127,7 @@ pub struct Member {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
-pub enum State {
+pub enum MemberState {
     /// It waits for its turn, or its program has not joined yet.
     Starting,
     /// Its program has joined.
@@ -142,7 +142,7 @@ pub enum State {
     Restarting,
 }
 
-impl State {
+impl MemberState {
     /// The word that stands for it in JSON.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -157,7 +157,7 @@ impl State {
     }
 }
 
-impl core::fmt::Display for State {
+impl core::fmt::Display for MemberState {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.pad(self.word())
     }
@@ -175,7 +175,7 @@ pub struct Event {
     pub text: String,
     /// The state into which the processor came thereby.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub state: Option<State>,
+    pub state: Option<MemberState>,
 }
 
 impl core::fmt::Display for Event {

@@ -68,7 +68,7 @@ pub struct Description {
     /// Restarts of a service in a minute after which it has failed for good.
     pub service_restarts: u32,
     /// The processors, in the order in which they are started.
-    pub processors: Vec<Processor>,
+    pub processors: Vec<ProcessorEntry>,
     /// What extensions have in the system, in the order of the application.
     pub(crate) groups: Vec<Entry>,
 }
@@ -123,13 +123,13 @@ impl Default for Terminals {
 
 /// A processor and its program.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Processor {
+pub struct ProcessorEntry {
     /// Its number, 0 to 11.
     pub number: u8,
     /// What commands call it.
     pub name: String,
     /// What runs on it.
-    pub program: Program,
+    pub program: ProgramEntry,
     /// What the program is given.
     pub arguments: Vec<String>,
     /// What is typed at its terminal, line by line, when all programs run and nobody else is to type.
@@ -149,7 +149,7 @@ pub struct Processor {
 /// What runs on a processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Program {
+pub enum ProgramEntry {
     /// One of the running program's own, named by the first argument.
     Own,
     /// The program in this file.

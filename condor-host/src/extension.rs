@@ -18,7 +18,7 @@ use condor_rt::numbers::PROCESSORS;
 use crate::cli::AnyError;
 use crate::description::{At, Keys};
 use crate::supervisor::{Launch, Process};
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 
 /// A kind of processors, a service, or both.
 pub trait Extension: Sync {
@@ -95,7 +95,7 @@ pub trait Group: Debug {
     ///
     /// # Errors
     /// Why it cannot be made; the system does not come up.
-    fn furnish(&self, directory: &Directory) -> Result<Box<dyn Furnished>, AnyError>;
+    fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError>;
 }
 
 /// What an extension has in a system that comes up.
@@ -180,7 +180,7 @@ struct Settings {
 struct ProcessGroup(Vec<Settings>);
 
 impl Group for ProcessGroup {
-    fn furnish(&self, _: &Directory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
         Ok(Box::new(self.clone()))
     }
 }

@@ -34,12 +34,12 @@ use crate::cli::AnyError;
 use crate::control::Status;
 use crate::control::server::Server;
 use crate::description::{Description, OnFailure};
-use crate::system::{Directory, FindError};
+use crate::system::{FindError, SystemDirectory};
 use eye::Eye;
 pub(crate) use journal::last as last_lines;
 use journal::{CONDOR, Journal};
 use member::{Member, Phase, Then};
-use place::Place;
+use place::RunDirectory;
 use requests::Promise;
 pub use signals::Signals;
 
@@ -141,13 +141,13 @@ pub fn run(
     description: &Description,
     options: Options,
     prepare: impl FnOnce() -> Result<(), AnyError>,
-    started: impl FnOnce(&Directory),
-    ending: impl FnOnce(&Directory, &Status),
+    started: impl FnOnce(&SystemDirectory),
+    ending: impl FnOnce(&SystemDirectory, &Status),
 ) -> Result<Summary, UpError> {
     if options.adopts {
         keeper::adopt().map_err(UpError::Events)?;
     }
-    let place = Place::take(&description.name)?;
+    let place = RunDirectory::take(&description.name)?;
     let log = place.directory.log();
     let journal = Journal::new(&log, options.echo).map_err(UpError::at("write", &log))?;
     let (listener, furnished) = place.furnish(description)?;
@@ -200,7 +200,7 @@ struct Supervisor<'d> {
     /// Which processes there are stands in their file.
     is_noted: bool,
     down: Option<Down>,
-    place: Place,
+    place: RunDirectory,
 }
 
 /// How far the end has come.
@@ -214,8 +214,8 @@ enum Down {
 impl Supervisor<'_> {
     fn keep(
         &mut self,
-        started: impl FnOnce(&Directory),
-        ending: impl FnOnce(&Directory, &Status),
+        started: impl FnOnce(&SystemDirectory),
+        ending: impl FnOnce(&SystemDirectory, &Status),
     ) -> Result<Summary, UpError> {
         let (mut started, mut ending) = (Some(started), Some(ending));
         let mut summary = None;

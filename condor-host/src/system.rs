@@ -68,9 +68,9 @@ impl core::fmt::Display for Running<'_> {
 
 /// The directory of a system, which may run or not.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Directory(PathBuf);
+pub struct SystemDirectory(PathBuf);
 
-impl Directory {
+impl SystemDirectory {
     /// That of the system `name` of this user, which is made if there is none.
     ///
     /// # Errors
@@ -170,9 +170,9 @@ pub type Windows = condor_mbox::linux::System<PROCESSORS>;
 ///
 /// # Errors
 /// [`FindError`].
-pub fn find(name: Option<&str>) -> Result<Directory, FindError> {
+pub fn find(name: Option<&str>) -> Result<SystemDirectory, FindError> {
     let mut running = running()?;
-    let names = |running: &[Directory]| running.iter().map(Directory::name).collect();
+    let names = |running: &[SystemDirectory]| running.iter().map(SystemDirectory::name).collect();
     if let Some(name) = name {
         let place = running
             .iter()
@@ -199,7 +199,7 @@ pub fn find(name: Option<&str>) -> Result<Directory, FindError> {
 ///
 /// # Errors
 /// [`FindError::Directory`].
-pub fn running() -> Result<Vec<Directory>, FindError> {
+pub fn running() -> Result<Vec<SystemDirectory>, FindError> {
     let path = all()?;
     let at = |source| FindError::Directory {
         doing: "read",
@@ -208,12 +208,12 @@ pub fn running() -> Result<Vec<Directory>, FindError> {
     };
     let mut running = Vec::new();
     for entry in std::fs::read_dir(&path).map_err(at)? {
-        let directory = Directory(entry.map_err(at)?.path());
+        let directory = SystemDirectory(entry.map_err(at)?.path());
         if directory.is_running() {
             running.push(directory);
         }
     }
-    running.sort_by_key(Directory::name);
+    running.sort_by_key(SystemDirectory::name);
     Ok(running)
 }
 

@@ -35,7 +35,7 @@ use ratatui::backend::CrosstermBackend;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::control::{Client, ClientError};
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 use feed::{Feed, News};
 use guard::Guard;
 use look::Look;
@@ -99,7 +99,7 @@ pub enum UiError {
 ///
 /// # Errors
 /// [`UiError`]; the terminal is as before.
-pub fn run(directory: &Directory, tools: Vec<Tool>) -> Result<(), UiError> {
+pub fn run(directory: &SystemDirectory, tools: Vec<Tool>) -> Result<(), UiError> {
     let status = Client::connect(directory)?.status()?;
     let mut model = Model::new(&status, tools);
     let end = Arc::new(AtomicBool::new(false));

@@ -15,7 +15,7 @@ use crate::process::Overrun;
 use crate::rate::Rate;
 use crate::record::{Counts, Histograms, Keep};
 use crate::schedule::EventTable;
-use crate::state::{Running, Start, State};
+use crate::state::{Running, SchedulerState, Start};
 use crate::statistics::Statistics;
 use crate::sync::{Ordering, const_unless_loom};
 use crate::timer::Armed;
@@ -36,7 +36,7 @@ pub struct LoopId(pub u8);
 /// background, from loops and from handlers, and are short critical sections.
 pub struct Scheduler<P: Platform, const L: usize, const E: usize, K: Keep = Counts> {
     platform: P,
-    state: Masked<State<P::Instant, L, E, K>>,
+    state: Masked<SchedulerState<P::Instant, L, E, K>>,
 }
 
 impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
@@ -66,7 +66,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         pub const fn keeping(platform: P, schedule: EventTable<L, E>) -> Self {
             Self {
                 platform,
-                state: Masked::new(State::new(schedule)),
+                state: Masked::new(SchedulerState::new(schedule)),
             }
         }
     }
@@ -375,7 +375,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     #[cold]
     fn catch_up(&self, section: CriticalSection<'_>) -> P::Instant {
         catch_up(&self.platform, || {
-            self.state.with(section, State::pass_event)
+            self.state.with(section, SchedulerState::pass_event)
         })
     }
 
@@ -389,11 +389,11 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
 
     /// Looks on from outside, for tests.
     #[cfg(all(test, not(condor_loom)))]
-    pub(crate) fn look<R>(&self, f: impl FnOnce(&State<P::Instant, L, E, K>) -> R) -> R {
+    pub(crate) fn look<R>(&self, f: impl FnOnce(&SchedulerState<P::Instant, L, E, K>) -> R) -> R {
         section(|section| self.state.with(section, |state| f(state)))
     }
 
-    fn with_state<R>(&self, f: impl FnOnce(&mut State<P::Instant, L, E, K>) -> R) -> R {
+    fn with_state<R>(&self, f: impl FnOnce(&mut SchedulerState<P::Instant, L, E, K>) -> R) -> R {
         section(|section| {
             if P::VECTORS {
                 self.settle(section);
@@ -405,8 +405,9 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     /// Passes what was due while the fastest loop runs, where the timer cannot interrupt it.
     fn settle(&self, section: CriticalSection<'_>) {
         let now = self.platform.now();
-        let overdue =
-            |state: &mut State<P::Instant, L, E, K>| state.runs_fastest() && state.is_overdue(now);
+        let overdue = |state: &mut SchedulerState<P::Instant, L, E, K>| {
+            state.runs_fastest() && state.is_overdue(now)
+        };
         if self.state.with(section, overdue) {
             self.catch_up_and_pend(section);
         }
@@ -436,7 +437,7 @@ impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Loops for Sche
             if P::VECTORS {
                 self.settle(section);
             }
-            self.state.with(section, State::stop);
+            self.state.with(section, SchedulerState::stop);
             self.platform.disarm();
         });
     }

@@ -1,4 +1,4 @@
-//! [`State`]: what is due, what runs next, what was interrupted. All decisions, and no platform.
+//! [`SchedulerState`]: what is due, what runs next, what was interrupted. All decisions, and no platform.
 
 use crate::body::Body;
 use crate::error::LoopError;
@@ -13,7 +13,7 @@ use crate::statistics::Statistics;
 ///
 /// Sets of loops are words with a bit for each rank. Every method is one step that nothing may
 /// interrupt.
-pub(crate) struct State<I, const L: usize, const E: usize, K> {
+pub(crate) struct SchedulerState<I, const L: usize, const E: usize, K> {
     pub(crate) schedule: EventTable<L, E>,
     /// When the next event is due.
     due: I,
@@ -69,7 +69,7 @@ impl Snapshot {
     }
 }
 
-impl<I: Instant, const L: usize, const E: usize, K: Record> State<I, L, E, K> {
+impl<I: Instant, const L: usize, const E: usize, K: Record> SchedulerState<I, L, E, K> {
     pub(crate) const fn new(schedule: EventTable<L, E>) -> Self {
         Self {
             schedule,

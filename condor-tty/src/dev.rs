@@ -11,7 +11,7 @@
 //!
 //! use condor_dev::sim::Bus;
 //! use condor_dev::stdio::{self, Buffering, Output};
-//! use condor_dev::{Mode, NoInterrupts, Place, Stream, Switch, device_switch};
+//! use condor_dev::{Mode, NoInterrupts, Location, Stream, Switch, device_switch};
 //! use condor_mbox::sim::{Mailbox, SimWindow, System};
 //! use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
 //! use condor_tty::dev::{AnyTerminal, Terminals, TerminalBoard, Tty};
@@ -35,7 +35,7 @@
 //! }
 //!
 //! device_switch! {
-//!     struct Devices { tty: Tty<Panel> = [Place::at(0)] }
+//!     struct Devices { tty: Tty<Panel> = [Location::at(0)] }
 //! }
 //! type Hand = Switch<Bus, NoInterrupts, Devices, 4>;
 //!

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{AccessError, Region, layout};
-use qemu_virt_host::{MachineMemory, Map, MapError, MemoryError, Order, Qemu, State};
+use qemu_virt_host::{HartState, MachineMemory, Map, MapError, MemoryError, Order, Qemu};
 use tempfile::TempDir;
 
 const QEMU: &str = "qemu-system-riscv64";
@@ -64,7 +64,7 @@ pub enum AloneError {
         /// Whose.
         hart: u8,
         /// What became of it.
-        state: State,
+        state: HartState,
     },
     /// Harts that run for ever.
     #[error("{running} harts have not come to an end within {patience:?}")]
@@ -117,8 +117,8 @@ impl Alone {
             let mut running = 0;
             for hart in 0..self.harts {
                 match self.memory.control(hart.into())?.state()? {
-                    State::Ended { status: 0, .. } => {}
-                    State::Off | State::Waits | State::Runs { .. } => running += 1,
+                    HartState::Ended { status: 0, .. } => {}
+                    HartState::Off | HartState::Waits | HartState::Runs { .. } => running += 1,
                     state => return Err(AloneError::Hart { hart, state }),
                 }
             }

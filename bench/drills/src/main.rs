@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use condor_host::cli::{self, AnyError, Application, Run};
 use condor_host::description::Description;
 use condor_host::extension::Extension;
-use condor_host::system::Directory;
+use condor_host::system::SystemDirectory;
 use condor_rt::linux;
 use drills::{Echo, Stress, Table};
 use qemu_virt_host::HARTS;
@@ -41,7 +41,11 @@ impl Application for Drills {
         Some(concat!(env!("CARGO_MANIFEST_DIR"), "/stress.toml").into())
     }
 
-    fn summarize(&self, description: &Description, directory: &Directory) -> Result<(), AnyError> {
+    fn summarize(
+        &self,
+        description: &Description,
+        directory: &SystemDirectory,
+    ) -> Result<(), AnyError> {
         summary::of(description, directory)
     }
 }

@@ -2,7 +2,7 @@
 
 use condor_host::cli::AnyError;
 use condor_host::description::Description;
-use condor_host::system::Directory;
+use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Processor, Region};
@@ -13,7 +13,7 @@ use drills::table::{self, Times};
 ///
 /// # Errors
 /// The memory's; a processor that has counted something wrong, or has not come to an end.
-pub(crate) fn of(description: &Description, directory: &Directory) -> Result<(), AnyError> {
+pub(crate) fn of(description: &Description, directory: &SystemDirectory) -> Result<(), AnyError> {
     let view = View::open(&directory.system(description.window_bytes)?)?;
     let mut regions = Vec::new();
     for processor in &description.processors {

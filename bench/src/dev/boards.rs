@@ -4,8 +4,8 @@ use std::cell::UnsafeCell;
 use std::ffi::c_void;
 
 use condor_dev::{
-    Bus, BusErrorKind, Device, DeviceError, Driver, Mode, NoInterrupts, Place, Registers, Switch,
-    Width, device_switch,
+    Bus, BusErrorKind, Device, DeviceError, Driver, Location, Mode, NoInterrupts, Registers,
+    Switch, Width, device_switch,
 };
 use utah_mit_boards::Adc16;
 
@@ -137,10 +137,10 @@ pub(super) const PORT: usize = 0x700;
 device_switch! {
     /// The port comes last, which is the longest way through the switch.
     pub(super) struct Boards {
-        adc: Adc16 = [Place::at(0x000), Place::at(0x100)],
-        lamps: Lamps = [Place::at(0x200), Place::at(0x300)],
-        counter: Counter = [Place::at(0x400), Place::at(0x500)],
-        port: Port = [Place::at(0x600), Place::at(PORT)],
+        adc: Adc16 = [Location::at(0x000), Location::at(0x100)],
+        lamps: Lamps = [Location::at(0x200), Location::at(0x300)],
+        counter: Counter = [Location::at(0x400), Location::at(0x500)],
+        port: Port = [Location::at(0x600), Location::at(PORT)],
     }
 }
 

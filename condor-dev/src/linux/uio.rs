@@ -24,7 +24,7 @@ use crate::interrupt::{InterruptController, Level, Vector};
 /// let interrupts = UioInterrupts::new([(Vector(64), device.into())])?;
 /// # condor_dev::device_switch! {
 /// #     struct Boards {
-/// #         uart: condor_dev::drivers::Uart16550 = [condor_dev::Place::at(0x1000).interrupting(64, 1)],
+/// #         uart: condor_dev::drivers::Uart16550 = [condor_dev::Location::at(0x1000).interrupting(64, 1)],
 /// #     }
 /// # }
 /// # let switch = condor_dev::Switch::<_, _, _, 1>::new(bus(), &interrupts, Boards::new());

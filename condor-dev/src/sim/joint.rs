@@ -19,12 +19,12 @@ const INERTIA_KG_M2: f32 = 0.01;
 /// ```
 /// use condor_dev::drivers::{As5600, Pca9685};
 /// use condor_dev::sim::{I2c, Joint};
-/// use condor_dev::{I2cBus, Mode, NoInterrupts, Place, Switch, device_switch};
+/// use condor_dev::{I2cBus, Mode, NoInterrupts, Location, Switch, device_switch};
 ///
 /// device_switch! {
 ///     struct Boards {
-///         motor: Pca9685 = [Place::i2c(0x40)],
-///         sensor: As5600 = [Place::i2c(As5600::ADDRESS)],
+///         motor: Pca9685 = [Location::i2c(0x40)],
+///         sensor: As5600 = [Location::i2c(As5600::ADDRESS)],
 ///     }
 /// }
 ///

@@ -9,10 +9,10 @@ use embedded_io::ErrorKind;
 use super::input::StandardInput;
 use super::output::StandardOutput;
 
-type Place<T> = Mutex<Cell<Option<&'static T>>>;
+type Registered<T> = Mutex<Cell<Option<&'static T>>>;
 
-static OUTPUT: Place<dyn StandardOutput> = Mutex::new(Cell::new(None));
-static INPUT: Place<dyn StandardInput> = Mutex::new(Cell::new(None));
+static OUTPUT: Registered<dyn StandardOutput> = Mutex::new(Cell::new(None));
+static INPUT: Registered<dyn StandardInput> = Mutex::new(Cell::new(None));
 /// Bytes that were printed while there was no output.
 static UNHEARD: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
 
@@ -46,7 +46,7 @@ impl embedded_io::Error for StdioError {
 #[error("it is set once, and has been")]
 pub struct AlreadySet;
 
-fn set<T: ?Sized>(place: &Place<T>, value: &'static T) -> Result<(), AlreadySet> {
+fn set<T: ?Sized>(place: &Registered<T>, value: &'static T) -> Result<(), AlreadySet> {
     critical_section::with(|section| {
         let place = place.borrow(section);
         if place.get().is_some() {
@@ -57,7 +57,7 @@ fn set<T: ?Sized>(place: &Place<T>, value: &'static T) -> Result<(), AlreadySet>
     })
 }
 
-fn get<T: ?Sized>(place: &Place<T>) -> Option<&'static T> {
+fn get<T: ?Sized>(place: &Registered<T>) -> Option<&'static T> {
     critical_section::with(|section| place.borrow(section).get())
 }
 

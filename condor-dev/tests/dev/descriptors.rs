@@ -2,8 +2,8 @@
 
 use condor_dev::sim::{Bus, Model};
 use condor_dev::{
-    Bus as _, Device, DeviceError, Driver, Fd, FdError, IoError, Mode, NoInterrupts, OpenError,
-    Place, Presence, Registers, Switch, Width, device_switch,
+    Bus as _, Device, DeviceError, Driver, Fd, FdError, IoError, Location, Mode, NoInterrupts,
+    OpenError, Presence, Registers, Switch, Width, device_switch,
 };
 use proptest::prelude::*;
 use utah_mit_boards::Adc16;
@@ -87,8 +87,8 @@ impl Model for LatchModel {
 
 device_switch! {
     struct Boards {
-        adc: Adc16 = [Place::at(0x1000)],
-        latch: Latch = [Place::at(0x2000), Place::at(0x3000), Place::at(0x4000)],
+        adc: Adc16 = [Location::at(0x1000)],
+        latch: Latch = [Location::at(0x2000), Location::at(0x3000), Location::at(0x4000)],
     }
 }
 

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex};
 
 use condor_dev::sim::{Bus, Controller, Model};
 use condor_dev::{
-    Attention, Bus as _, DeviceError, Driver, InterruptController, InterruptCounts, Level, Place,
-    Registers, Switch, Vector, Width, device_switch,
+    Attention, Bus as _, DeviceError, Driver, InterruptController, InterruptCounts, Level,
+    Location, Registers, Switch, Vector, Width, device_switch,
 };
 
 /// A board with one register: reading says whether it asks, writing serves it.
@@ -127,12 +127,12 @@ const STRANGER: u16 = 50;
 device_switch! {
     struct Bells {
         bell: Bell = [
-            Place::at(0x000).interrupting(SHARED.0, 1),
-            Place::at(0x100).interrupting(SHARED.0, 1),
-            Place::at(0x200).interrupting(SHARED.0, 1),
-            Place::at(0x300).interrupting(ONE.0, 2),
-            Place::at(0x400).interrupting(OTHER.0, 2),
-            Place::at(0x500).interrupting(INNOCENT.0, 1),
+            Location::at(0x000).interrupting(SHARED.0, 1),
+            Location::at(0x100).interrupting(SHARED.0, 1),
+            Location::at(0x200).interrupting(SHARED.0, 1),
+            Location::at(0x300).interrupting(ONE.0, 2),
+            Location::at(0x400).interrupting(OTHER.0, 2),
+            Location::at(0x500).interrupting(INNOCENT.0, 1),
         ],
     }
 }

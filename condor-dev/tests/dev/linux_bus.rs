@@ -7,7 +7,7 @@ use std::process::Command;
 
 use condor_dev::linux::{Access, LinuxBus, MapError};
 use condor_dev::{
-    AccessError, Bus, BusErrorKind, Mode, NoInterrupts, OpenError, Place, Presence, Switch,
+    AccessError, Bus, BusErrorKind, Location, Mode, NoInterrupts, OpenError, Presence, Switch,
     device_switch,
 };
 use condor_mbox::linux::{Access as WindowAccess, LinuxWindow};
@@ -116,7 +116,7 @@ fn many_threads_lose_at_once() {
 
 device_switch! {
     struct Boards {
-        adc: Adc16 = [Place::at(BASE + 0x100), Place::at(BASE + 0x2000)],
+        adc: Adc16 = [Location::at(BASE + 0x100), Location::at(BASE + 0x2000)],
     }
 }
 

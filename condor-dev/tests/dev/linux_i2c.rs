@@ -7,7 +7,7 @@ use std::io;
 use std::os::fd::AsRawFd as _;
 
 use condor_dev::drivers::{As5600, Pca9685};
-use condor_dev::{Bus as _, I2cBus, Mode, NoInterrupts, Place, Switch, device_switch};
+use condor_dev::{Bus as _, I2cBus, Location, Mode, NoInterrupts, Switch, device_switch};
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, Operation};
 
 /// A controller of the kernel by its `SMBus` calls, the only ones that `i2c-stub` has.
@@ -97,8 +97,8 @@ impl I2c for Smbus {
 
 device_switch! {
     struct Parts {
-        servos: Pca9685 = [Place::i2c(0x40)],
-        angle: As5600 = [Place::i2c(As5600::ADDRESS)],
+        servos: Pca9685 = [Location::i2c(0x40)],
+        angle: As5600 = [Location::i2c(As5600::ADDRESS)],
     }
 }
 

@@ -5,14 +5,14 @@ use std::sync::{Arc, Mutex};
 use condor_dev::drivers::{As5600, Magnet, Pca9685};
 use condor_dev::sim::{As5600Model, Bus, I2c, Pca9685Model};
 use condor_dev::{
-    Bus as _, BusErrorKind, DeviceError, I2cBus, Mode, NoInterrupts, OpenError, Place, Presence,
+    Bus as _, BusErrorKind, DeviceError, I2cBus, Location, Mode, NoInterrupts, OpenError, Presence,
     Registers, Switch, device_switch,
 };
 
 device_switch! {
     struct Parts {
-        servos: Pca9685 = [Place::i2c(0x40), Place::i2c(0x41)],
-        angle: As5600 = [Place::i2c(As5600::ADDRESS)],
+        servos: Pca9685 = [Location::i2c(0x40), Location::i2c(0x41)],
+        angle: As5600 = [Location::i2c(As5600::ADDRESS)],
     }
 }
 

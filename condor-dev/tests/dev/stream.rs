@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use condor_dev::sim::Bus;
 use condor_dev::{
-    Descriptors, Fd, FdError, IoError, Looks, Mode, NoInterrupts, Place, Stream, StreamError,
+    Descriptors, Fd, FdError, IoError, Location, Looks, Mode, NoInterrupts, Stream, StreamError,
     Switch, Timeout, device_switch,
 };
 use embedded_io::{Error as _, ErrorKind, Read, ReadReady, Write, WriteReady};
@@ -13,7 +13,7 @@ use utah_mit_boards::sim::AdcModel;
 
 device_switch! {
     struct Boards {
-        adc: Adc16 = [Place::at(0x1000)],
+        adc: Adc16 = [Location::at(0x1000)],
     }
 }
 

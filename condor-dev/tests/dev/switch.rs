@@ -2,7 +2,7 @@
 
 use condor_dev::sim::{Bus, Controller};
 use condor_dev::{
-    Driver, FdError, InterruptCounts, IoError, Mmio, Mode, NoInterrupts, OpenError, Place,
+    Driver, FdError, InterruptCounts, IoError, Location, Mmio, Mode, NoInterrupts, OpenError,
     Presence, Registers, Switch, Vector, device_switch,
 };
 use utah_mit_boards::Adc16;
@@ -12,8 +12,8 @@ device_switch! {
     /// Two boards of which one is there.
     struct Boards {
         adc: Adc16 = [
-            Place::at(0x1000).interrupting(64, 3),
-            Place::at(0x2000).interrupting(64, 3),
+            Location::at(0x1000).interrupting(64, 3),
+            Location::at(0x2000).interrupting(64, 3),
         ],
     }
 }
@@ -124,8 +124,8 @@ fn a_vector_that_nobody_claims_is_disabled() {
 device_switch! {
     /// Two devices of one driver.
     struct Twins {
-        left: Adc16 = [Place::at(0x1000)],
-        right: Adc16 = [Place::at(0x2000)],
+        left: Adc16 = [Location::at(0x1000)],
+        right: Adc16 = [Location::at(0x2000)],
     }
 }
 
@@ -170,7 +170,7 @@ fn a_device_is_opened_by_the_name_of_its_field() {
 struct Watched;
 
 device_switch! {
-    struct WatchedBoards { watched: Watched = [Place::at(0)] }
+    struct WatchedBoards { watched: Watched = [Location::at(0)] }
 }
 
 static WATCHED: Switch<Mmio, NoInterrupts, WatchedBoards, 2> = Switch::new(

@@ -11,7 +11,7 @@ use crate::bus::{Bus, Registers, Width};
 use crate::driver::{Attention, Driver};
 use crate::interrupt::{InterruptController, Level, Vector};
 use crate::switch::Switch;
-use crate::unit::Place;
+use crate::unit::Location;
 
 /// A board that is one register: how often it asks. Writing serves it once.
 struct Bell;
@@ -91,9 +91,9 @@ const STRANGERS: [Vector; 2] = [Vector(50), Vector(51)];
 crate::device_switch! {
     struct Bells {
         bell: Bell = [
-            Place::at(0).interrupting(10, 1),
-            Place::at(1).interrupting(10, 1),
-            Place::at(2).interrupting(20, 2),
+            Location::at(0).interrupting(10, 1),
+            Location::at(1).interrupting(10, 1),
+            Location::at(2).interrupting(20, 2),
         ],
     }
 }

@@ -49,11 +49,11 @@ pub struct FileSwitch<
 struct Files<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     system: FileSystem<'m, S, W, FILES>,
     /// Of the blocks of the file system: block and descriptor have one index.
-    places: [Place; FILES],
+    places: [Location; FILES],
 }
 
 #[derive(Clone, Copy)]
-struct Place {
+struct Location {
     generation: u16,
     /// `None` if no descriptor is open.
     mode: Option<Mode>,
@@ -129,7 +129,7 @@ where
                 "a descriptor has 16 bits for its number"
             );
         };
-        let free = Place {
+        let free = Location {
             generation: 0,
             mode: None,
         };

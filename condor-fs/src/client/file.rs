@@ -4,7 +4,7 @@ use condor_mbox::{MemoryWindow, Messenger};
 use embedded_io::{ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
 use super::operation::After;
-use super::{Buffer, Error, FileSystem, Kept, Lent, Open, State, request, whole};
+use super::{Buffer, Error, FileSystem, Kept, Lent, Open, SessionState, request, whole};
 use crate::errno::Errno;
 use crate::wire::{Operation, Request, Span, Status, block, halves, open as flag};
 
@@ -117,7 +117,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         let alone = self.enter()?;
         for (index, cell) in self.files.iter().enumerate() {
             let deadline = self.clear()?;
-            if cell.get().state == State::Left {
+            if cell.get().state == SessionState::Left {
                 let after = After::Dropped { file: index };
                 let request = self.about(Operation::Close, index)?;
                 match self.perform_next(&alone, &request, after, deadline) {
@@ -127,7 +127,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
             }
         }
         let deadline = self.clear()?;
-        let free = |cell: &core::cell::Cell<Open>| cell.get().state == State::Free;
+        let free = |cell: &core::cell::Cell<Open>| cell.get().state == SessionState::Free;
         let index = self.files.iter().position(free).ok_or(Errno::MFILE)?;
         let path = self.put_path(index, path)?;
         let at = self.area.block(index);
@@ -148,7 +148,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.change(index, |open| {
             *open = Open {
                 // Nobody else may take it while the operation is in doubt.
-                state: State::Held,
+                state: SessionState::Held,
                 flags,
                 path_len: path.len,
                 ..Open::NONE
@@ -162,7 +162,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         };
         let after = After::Opened { file: index };
         self.perform_next(&alone, &request, after, deadline)?;
-        self.change(index, |open| open.state = State::Held);
+        self.change(index, |open| open.state = SessionState::Held);
         Ok(index)
     }
 
@@ -176,7 +176,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     }
 
     pub(super) fn leave(&self, index: usize) {
-        self.change(index, |open| open.state = State::Left);
+        self.change(index, |open| open.state = SessionState::Left);
     }
 
     pub(super) fn close_block(&self, index: usize) -> Result<(), Error> {

@@ -59,7 +59,7 @@ pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: u
 /// What is known of a block.
 #[derive(Clone, Copy, Default)]
 struct Open {
-    state: State,
+    state: SessionState,
     handle: u64,
     flags: u32,
     position: u64,
@@ -67,7 +67,7 @@ struct Open {
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
-enum State {
+enum SessionState {
     #[default]
     Free,
     /// Somebody has it.
@@ -188,7 +188,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Drop
 
 impl Open {
     const NONE: Self = Self {
-        state: State::Free,
+        state: SessionState::Free,
         handle: 0,
         flags: 0,
         position: 0,

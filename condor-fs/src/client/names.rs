@@ -3,7 +3,7 @@
 use condor_mbox::{LoadOrder, MemoryWindow, Messenger, StoreOrder};
 
 use super::operation::After;
-use super::{Error, FileSystem, State, request};
+use super::{Error, FileSystem, SessionState, request};
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, Span, Status};
 
@@ -110,7 +110,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         for (file, cell) in self.files.iter().enumerate() {
             let mut open = cell.get();
             let path = self.area.path(file);
-            if open.state == State::Free
+            if open.state == SessionState::Free
                 || open.path_len < from_len
                 || !self.equal(path, from, from_len)?
                 || (open.path_len > from_len && self.byte(path.saturating_add(from_len))? != b'/')

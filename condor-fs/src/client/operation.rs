@@ -6,7 +6,7 @@ use core::time::Duration;
 
 use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger};
 
-use super::{Error, FileSystem, State};
+use super::{Error, FileSystem, SessionState};
 use crate::errno::Errno;
 use crate::wire::{self, Evidence, Request, Status, block, slot, state};
 
@@ -273,16 +273,18 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                 self.set_sequence(at.wrapping_add(block::HANDLE), handle)?;
                 // Whoever opens it and is told so in time, holds it.
                 self.change(file, |open| {
-                    open.state = State::Left;
+                    open.state = SessionState::Left;
                     open.handle = handle;
                 });
             }
-            (After::Opened { file }, None) => self.change(file, |open| open.state = State::Free),
+            (After::Opened { file }, None) => {
+                self.change(file, |open| open.state = SessionState::Free)
+            }
             // A handle that the server does not know is closed all the same.
             (After::Closed { file } | After::Dropped { file }, _) => {
                 let at = self.area.block(file);
                 self.own.set_word(at.wrapping_add(block::HANDLE), 0)?;
-                self.change(file, |open| open.state = State::Free);
+                self.change(file, |open| open.state = SessionState::Free);
             }
             (After::Moved { file } | After::Buffered { file }, Some(done)) => {
                 self.change(file, |open| {

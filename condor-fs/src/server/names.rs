@@ -9,7 +9,7 @@ use rustix::io::Errno as Linux;
 use super::error::Stop;
 use super::log::{Log, Outcome};
 use super::open_files::{Opened, system_flags, unique_name};
-use super::tree::{OWN, Place, about};
+use super::tree::{NameIn, OWN, about};
 use super::{Job, Server, Step, Steps};
 use crate::errno::Errno;
 use crate::wire::{Evidence, MAX_PATH, Span, Status, open as flag, rename};
@@ -240,7 +240,7 @@ impl<S: Steps> Server<S> {
     pub(super) fn finish_rename(
         &self,
         job: &Job<'_>,
-        places: &Result<(Place, Place), Errno>,
+        places: &Result<(NameIn, NameIn), Errno>,
         source: Evidence,
     ) -> Result<bool, Stop> {
         let found = match places {
@@ -267,8 +267,8 @@ impl<S: Steps> Server<S> {
     fn set_exchanged_aside(
         &self,
         job: &Job<'_>,
-        from: &Place,
-        to: &Place,
+        from: &NameIn,
+        to: &NameIn,
         target: Evidence,
     ) -> Result<(), Stop> {
         self.set_aside(job, from, target).inspect_err(|_| {
@@ -281,7 +281,7 @@ impl<S: Steps> Server<S> {
     }
 
     /// Takes the name from a file that is open: it stays until it is closed.
-    fn set_aside(&self, job: &Job<'_>, place: &Place, evidence: Evidence) -> Result<(), Stop> {
+    fn set_aside(&self, job: &Job<'_>, place: &NameIn, evidence: Evidence) -> Result<(), Stop> {
         self.tree.set_aside(place, &job.unique_name())?;
         self.reached(job, Step::Aside);
         self.mark_or_discard(job, evidence)?;
@@ -344,9 +344,9 @@ fn gone(errno: Errno) -> Result<bool, Stop> {
 
 /// What is to be removed; nothing if a former life has removed it.
 pub(super) fn remaining(
-    place: Result<Place, Errno>,
+    place: Result<NameIn, Errno>,
     log: &Log<'_>,
-) -> Result<Option<(Place, Evidence, Status)>, Stop> {
+) -> Result<Option<(NameIn, Evidence, Status)>, Stop> {
     let staged = log.staged()?;
     let found = place.and_then(|place| {
         let (evidence, status) = place.about()?;

@@ -30,10 +30,10 @@ const TRIES: usize = 8;
 /// What a tree counts, and the most that it may.
 pub(super) struct Quota {
     most: Option<u64>,
-    state: Mutex<State>,
+    state: Mutex<QuotaState>,
 }
 
-struct State {
+struct QuotaState {
     used: u64,
     /// Until then the tree is not counted again.
     next: Instant,
@@ -49,7 +49,7 @@ impl Quota {
         };
         Ok(Self {
             most,
-            state: Mutex::new(State {
+            state: Mutex::new(QuotaState {
                 used,
                 next: rested(begun, Instant::now()),
             }),
@@ -57,7 +57,7 @@ impl Quota {
     }
 
     /// A panic elsewhere leaves numbers that are whole.
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, QuotaState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -311,7 +311,7 @@ mod tests {
         let begun = Instant::now();
         let quota = Quota {
             most: Some(1000),
-            state: Mutex::new(State {
+            state: Mutex::new(QuotaState {
                 used: 900,
                 next: begun,
             }),

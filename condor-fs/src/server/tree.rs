@@ -41,14 +41,14 @@ pub(super) struct Tree {
 }
 
 /// A name in a directory.
-pub(super) struct Place {
+pub(super) struct NameIn {
     pub(super) parent: OwnedFd,
     pub(super) name: CString,
     /// The path ended with a slash.
     pub(super) directory: bool,
 }
 
-impl Place {
+impl NameIn {
     /// The same, if it is a name that can be made and removed; else what Linux answers to `.` and
     /// to `..` in its place.
     pub(super) fn named(self, dot: Errno, dots: Errno) -> Result<Self, Errno> {
@@ -140,7 +140,7 @@ impl Tree {
 
     /// The directory and the last component of a path; of the directory all links are followed, as
     /// far as they stay inside.
-    pub(super) fn place(&self, path: &[u8]) -> Result<Place, Errno> {
+    pub(super) fn place(&self, path: &[u8]) -> Result<NameIn, Errno> {
         let kept = path.len() - path.iter().rev().take_while(|byte| **byte == b'/').count();
         let (stripped, directory) = (&path[..kept], kept < path.len());
         let (parent, name) = match stripped.iter().rposition(|byte| *byte == b'/') {
@@ -156,7 +156,7 @@ impl Tree {
             return Err(Errno::NOENT);
         }
         let name = CString::new(name).map_err(|_| Errno::INVAL)?;
-        Ok(Place {
+        Ok(NameIn {
             parent,
             name,
             directory,
@@ -229,7 +229,7 @@ impl Tree {
     }
 
     /// Moves what has a name to a name of its own in the server's directory.
-    pub(super) fn set_aside(&self, place: &Place, unique: &CStr) -> Result<(), Linux> {
+    pub(super) fn set_aside(&self, place: &NameIn, unique: &CStr) -> Result<(), Linux> {
         let flags = RenameFlags::NOREPLACE;
         rustix::fs::renameat_with(&place.parent, &*place.name, &self.stage, unique, flags)
     }

@@ -9,7 +9,7 @@ use crate::support::{CLIENT, FILES, Mail, N, Supervisor, disk};
 use condor_dev::sim::Bus;
 use condor_dev::stdio::{self, BufReader, BufWriter, Buffering, Output, ReadLine};
 use condor_dev::{
-    BusError, BusErrorKind, Descriptors, Fd, FdError, IoError, Looks, Mode, NoInterrupts, Place,
+    BusError, BusErrorKind, Descriptors, Fd, FdError, IoError, Location, Looks, Mode, NoInterrupts,
     Stream, StreamError, Switch, device_switch,
 };
 use condor_fs::dev::{FileSwitch, OpenError, TransferError};
@@ -21,7 +21,7 @@ use utah_mit_boards::sim::AdcModel;
 
 device_switch! {
     struct Boards {
-        adc: Adc16 = [Place::at(0x1000)],
+        adc: Adc16 = [Location::at(0x1000)],
     }
 }
 

@@ -11,7 +11,7 @@ use condor_hand::servo::Sensed;
 use condor_hand::tendon::{Pair, Pairs};
 use nalgebra::SVector;
 
-use super::rig::{FINGERS, JOINTS, OfJoints, Plant, Result, State};
+use super::rig::{FINGERS, HandState, JOINTS, OfJoints, Plant, Result};
 
 const COUNT: usize = FINGERS * JOINTS;
 
@@ -52,7 +52,7 @@ impl Process {
         })
     }
 
-    fn ask(&mut self, request: &str) -> Result<State> {
+    fn ask(&mut self, request: &str) -> Result<HandState> {
         writeln!(self.requests, "{request}")
             .map_err(|error| format!("the plant takes no request: {error}"))?;
         let answer = self
@@ -77,7 +77,7 @@ impl Drop for Process {
 }
 
 impl Plant for Process {
-    fn reset(&mut self, positions: &OfJoints<f64>) -> Result<State> {
+    fn reset(&mut self, positions: &OfJoints<f64>) -> Result<HandState> {
         let mut request = "reset".to_owned();
         for position in positions.iter().flatten() {
             write!(request, " {position}")?;
@@ -85,7 +85,7 @@ impl Plant for Process {
         self.ask(&request)
     }
 
-    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<State> {
+    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<HandState> {
         let mut request = "step".to_owned();
         for pair in commands.iter().flatten() {
             write!(request, " {} {}", pair.flexor, pair.extensor)?;
@@ -95,7 +95,7 @@ impl Plant for Process {
 }
 
 /// Positions, rates, which sensors do not tell, and tensions.
-fn state(numbers: &[f64]) -> State {
+fn state(numbers: &[f64]) -> HandState {
     std::array::from_fn(|finger| Sensed {
         position: SVector::from_fn(|joint, _| numbers[JOINTS * finger + joint]),
         tension: std::array::from_fn(|joint| {

@@ -5,7 +5,7 @@ use std::error::Error;
 use condor_hand::config;
 use condor_hand::controller::{FingerController, Tick};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::plant::{DriveKind, Finger, Hand, Machine, Stop, Surface};
+use condor_hand::plant::{DriveKind, Finger, Hand, PlantModel, Stop, Surface};
 use condor_hand::servo::{Mode, Sensed};
 use condor_hand::tendon::{Pair, Pairs};
 use condor_hand::trajectory::SetPoint;
@@ -31,14 +31,14 @@ pub(crate) fn shipped() -> Result<Configuration> {
 /// A hand that takes tensions and gives positions and tensions.
 pub(crate) trait Plant {
     /// Puts the joints at rest at these positions, rad, without tension.
-    fn reset(&mut self, positions: &OfJoints<f64>) -> Result<State>;
+    fn reset(&mut self, positions: &OfJoints<f64>) -> Result<HandState>;
 
     /// Holds commands (N) for one period of the servos.
-    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<State>;
+    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<HandState>;
 }
 
 /// What the sensors of a hand say.
-pub(crate) type State = [Sensed<f64, JOINTS>; FINGERS];
+pub(crate) type HandState = [Sensed<f64, JOINTS>; FINGERS];
 
 /// The plant of this package, with the integration of `MuJoCo`.
 pub(crate) struct Simulated {
@@ -47,7 +47,7 @@ pub(crate) struct Simulated {
 
 impl Simulated {
     pub(crate) fn new(configuration: &Configuration) -> Result<Self> {
-        let machine = Machine {
+        let machine = PlantModel {
             actuator: DriveKind::euler,
             joint_stop: Stop {
                 stiffness: 5.0,
@@ -81,7 +81,7 @@ impl Simulated {
         })
     }
 
-    fn state(&self) -> State {
+    fn state(&self) -> HandState {
         self.hand.fingers().map(|finger| Sensed {
             position: *finger.q(),
             tension: *finger.tensions(),
@@ -90,14 +90,14 @@ impl Simulated {
 }
 
 impl Plant for Simulated {
-    fn reset(&mut self, positions: &OfJoints<f64>) -> Result<State> {
+    fn reset(&mut self, positions: &OfJoints<f64>) -> Result<HandState> {
         for (finger, &positions) in self.hand.fingers_mut().iter_mut().zip(positions) {
             finger.reset(positions.into(), [Pair::both(0.0); JOINTS])?;
         }
         Ok(self.state())
     }
 
-    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<State> {
+    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<HandState> {
         self.hand.step(commands)?;
         Ok(self.state())
     }
@@ -112,7 +112,7 @@ pub(crate) fn posture() -> [f64; JOINTS] {
 pub(crate) struct Rig<P> {
     plant: P,
     pub(crate) fingers: [FingerController<PlanarFinger, JOINTS>; FINGERS],
-    pub(crate) state: State,
+    pub(crate) state: HandState,
     gravity: Vector3<f64>,
     period_s: f64,
     substeps: u32,

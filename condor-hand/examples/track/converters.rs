@@ -7,7 +7,7 @@ use condor_hand::controller::{read_finger, write_finger};
 use condor_hand::servo::Sensed;
 use condor_hand::tendon::{Pair, Pairs};
 
-use super::rig::{Configuration, FINGERS, JOINTS, OfJoints, Plant, Result, State};
+use super::rig::{Configuration, FINGERS, HandState, JOINTS, OfJoints, Plant, Result};
 
 /// A plant with wires: what controllers know of it are counts of 12 bits, or as many as are
 /// configured.
@@ -15,7 +15,7 @@ pub(crate) struct Converters<P> {
     configuration: Configuration,
     plant: P,
     /// What the sensors would say without converters.
-    truth: State,
+    truth: HandState,
 }
 
 /// What is on the boards of one direction.
@@ -37,12 +37,12 @@ impl<P: Plant> Converters<P> {
         }
     }
 
-    pub(crate) fn truth(&self) -> &State {
+    pub(crate) fn truth(&self) -> &HandState {
         &self.truth
     }
 
     /// What controllers read of the plant.
-    fn read(&self) -> State {
+    fn read(&self) -> HandState {
         let mut boards = Boards::new();
         let mut convert = |input: &Input, value| {
             boards.insert(place(input.channel()), input.counts(value));
@@ -63,12 +63,12 @@ impl<P: Plant> Converters<P> {
 }
 
 impl<P: Plant> Plant for Converters<P> {
-    fn reset(&mut self, positions: &OfJoints<f64>) -> Result<State> {
+    fn reset(&mut self, positions: &OfJoints<f64>) -> Result<HandState> {
         self.truth = self.plant.reset(positions)?;
         Ok(self.read())
     }
 
-    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<State> {
+    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<HandState> {
         let mut boards = Boards::new();
         for (finger, command) in self.configuration.fingers.iter().zip(commands) {
             write_finger(finger, command, |channel, counts| {

@@ -33,7 +33,7 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     /// What fingertips are expected to touch.
     pub contact: Option<Contact>,
     /// The processors.
-    pub processors: Vec<Processor, PROCESSORS>,
+    pub processors: Vec<ControlProcessor, PROCESSORS>,
     /// The table that carries the hand, or the palm.
     pub table: Option<Table>,
     /// The fingers.
@@ -48,7 +48,7 @@ fn transition_s() -> f64 {
 /// A control processor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Processor {
+pub struct ControlProcessor {
     /// The number by which joints and axes name it.
     pub number: u8,
     /// What it does.

@@ -14,7 +14,7 @@ pub enum Owner {
     /// The hand as a whole.
     Hand,
     /// The processor of this number.
-    Processor(u8),
+    ControlProcessor(u8),
     /// An axis of the table.
     Axis(Name),
     /// A finger.
@@ -30,7 +30,7 @@ pub enum Owner {
 
 /// Which value.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct ValuePlace {
     /// What has it.
     pub owner: Owner,
     /// The way to it from there.
@@ -67,7 +67,7 @@ pub enum Mistake {
     #[error("{place} is {value}, which is no finite number", value = Decimal(*.value))]
     NotFinite {
         /// Which number.
-        place: Place,
+        place: ValuePlace,
         /// Its value.
         value: f64,
     },
@@ -75,7 +75,7 @@ pub enum Mistake {
     #[error("{place} is {value}; it must be above 0", value = Decimal(*.value))]
     NotPositive {
         /// Which number.
-        place: Place,
+        place: ValuePlace,
         /// Its value.
         value: f64,
     },
@@ -87,7 +87,7 @@ pub enum Mistake {
     )]
     TooSmall {
         /// Which number.
-        place: Place,
+        place: ValuePlace,
         /// Its value.
         value: f64,
         /// The least value.
@@ -101,7 +101,7 @@ pub enum Mistake {
     )]
     TooLarge {
         /// Which number.
-        place: Place,
+        place: ValuePlace,
         /// Its value.
         value: f64,
         /// The largest value.
@@ -116,7 +116,7 @@ pub enum Mistake {
     )]
     Restless {
         /// The bandwidth.
-        place: Place,
+        place: ValuePlace,
         /// What it is, Hz.
         bandwidth_hz: f64,
         /// The largest that the joint bears, Hz.
@@ -130,7 +130,7 @@ pub enum Mistake {
     )]
     Order {
         /// The number that must be below the other.
-        place: Place,
+        place: ValuePlace,
         /// Its value.
         value: f64,
         /// The other number, of the same owner.
@@ -142,7 +142,7 @@ pub enum Mistake {
     #[error("{place} is 0: all counts would mean the same")]
     ZeroGain {
         /// Which gain.
-        place: Place,
+        place: ValuePlace,
     },
     /// A value that a converter must have, but cannot.
     #[error(
@@ -152,7 +152,7 @@ pub enum Mistake {
     )]
     BeyondConverter {
         /// Which converter.
-        place: Place,
+        place: ValuePlace,
         /// The value that it must read or make.
         value: f64,
         /// The counts that this takes.
@@ -167,7 +167,7 @@ pub enum Mistake {
     )]
     Cutoff {
         /// Which cutoff.
-        place: Place,
+        place: ValuePlace,
         /// Its value, Hz.
         cutoff_hz: f64,
         /// The rate of the loop, Hz.
@@ -182,7 +182,7 @@ pub enum Mistake {
     )]
     NotRotation {
         /// Which rotation.
-        place: Place,
+        place: ValuePlace,
         /// The largest error of an entry of `RᵀR`.
         error: f64,
         /// The determinant, which must be 1.
@@ -195,7 +195,7 @@ pub enum Mistake {
     )]
     NotUnit {
         /// Which axis.
-        place: Place,
+        place: ValuePlace,
         /// Its length.
         length: f64,
     },
@@ -203,13 +203,13 @@ pub enum Mistake {
     #[error("{place} is no inertia of a body")]
     NotInertia {
         /// Which inertia.
-        place: Place,
+        place: ValuePlace,
     },
     /// A name with no letter in it.
     #[error("{place} is empty")]
     NoName {
         /// Which name.
-        place: Place,
+        place: ValuePlace,
     },
     /// A name that another thing of the same kind has.
     #[error("the name of {owner} is taken already")]
@@ -221,7 +221,7 @@ pub enum Mistake {
     #[error("{place} is empty")]
     Empty {
         /// What has no entries.
-        place: Place,
+        place: ValuePlace,
     },
     /// Two processors with one number.
     #[error("there are two processors of number {number}")]
@@ -268,7 +268,7 @@ pub enum Mistake {
     )]
     Rate {
         /// Which rate.
-        place: Place,
+        place: ValuePlace,
         /// Its value, Hz.
         rate_hz: u32,
         /// The rate of the trajectories, Hz.
@@ -309,7 +309,7 @@ pub enum Mistake {
     )]
     OwnArm {
         /// Which arm.
-        place: Place,
+        place: ValuePlace,
         /// Its value, m.
         arm: f64,
     },
@@ -349,7 +349,7 @@ pub enum Mistake {
     #[error("{place} is not on the x axis; a planar finger's links are")]
     OffAxis {
         /// Which centre or inertia.
-        place: Place,
+        place: ValuePlace,
     },
     /// A joint of a chain without a mount.
     #[error("{owner} has no `mount`, which a joint of a chain needs")]
@@ -369,7 +369,7 @@ impl fmt::Display for Owner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Hand => f.write_str("the hand"),
-            Self::Processor(number) => write!(f, "processor {number}"),
+            Self::ControlProcessor(number) => write!(f, "processor {number}"),
             Self::Axis(name) => write!(f, "axis `{name}`"),
             Self::Finger(name) => write!(f, "finger `{name}`"),
             Self::Joint { finger, joint } => write!(f, "joint `{joint}` of finger `{finger}`"),
@@ -377,7 +377,7 @@ impl fmt::Display for Owner {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for ValuePlace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "`{}` of {}", self.field, self.owner)
     }

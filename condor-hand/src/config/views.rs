@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, SVector, Vector3};
 
 use super::{
-    Body, Channel, Finger, Form, Hand, Input, Joint, Motion, Output, Processor, ProcessorKind,
-    Shape, Wire,
+    Body, Channel, ControlProcessor, Finger, Form, Hand, Input, Joint, Motion, Output,
+    ProcessorKind, Shape, Wire,
 };
 use crate::Pose;
 use crate::kinematics::{self, Chain, PlanarFinger, Rod};
@@ -28,7 +28,7 @@ pub struct MotionLimits<const JOINTS: usize> {
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// The processor of this number.
     #[must_use]
-    pub fn processor(&self, number: u8) -> Option<&Processor> {
+    pub fn processor(&self, number: u8) -> Option<&ControlProcessor> {
         self.processors
             .iter()
             .find(|processor| processor.number == number)
@@ -36,7 +36,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 
     /// How often the loop of a processor runs, Hz.
     #[must_use]
-    pub fn rate_hz(&self, processor: &Processor) -> u32 {
+    pub fn rate_hz(&self, processor: &ControlProcessor) -> u32 {
         processor.rate_hz.unwrap_or(match processor.kind {
             ProcessorKind::Servo | ProcessorKind::Table => self.servo_hz,
             ProcessorKind::Master => self.trajectory_hz,
@@ -61,7 +61,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// The part of a processor's time that its loop takes: its rate times the time of the loop and
     /// of all joints or axes that it serves.
     #[must_use]
-    pub fn load(&self, processor: &Processor) -> f64 {
+    pub fn load(&self, processor: &ControlProcessor) -> f64 {
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
         let axes = self.table.iter().flat_map(|table| &table.axes);
         let served = joints

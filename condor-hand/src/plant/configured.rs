@@ -13,7 +13,7 @@ use crate::tendon::{ArmError, Pair};
 
 /// What a configuration does not say of the machine that it is for.
 #[derive(Clone, Copy, Debug)]
-pub struct Machine {
+pub struct PlantModel {
     /// How an actuator with this small-signal pole (Hz) follows its command.
     pub actuator: fn(f64) -> DriveKind,
     /// What a joint meets at its limits; the springs of the configuration are those of the servos.
@@ -50,7 +50,7 @@ fn time_constant_s(pole_hz: f64) -> f64 {
     1.0 / (core::f64::consts::TAU * pole_hz)
 }
 
-impl Machine {
+impl PlantModel {
     /// What a finger of a configuration is besides its mechanism.
     ///
     /// A place without a joint gets one that nothing moves.

@@ -5,7 +5,7 @@
     reason = "a number of the file is the number of the hand, to the last bit"
 )]
 
-use condor_hand::config::{Form, Hand, Output, Processor, ProcessorKind};
+use condor_hand::config::{ControlProcessor, Form, Hand, Output, ProcessorKind};
 use condor_hand::math::{sin_cos, sqrt};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::Rectification;
@@ -241,7 +241,7 @@ fn room_to_spare_changes_nothing() {
 fn a_processor_without_a_rate_has_that_of_its_kind() {
     let mut hand = utah();
     hand.servo_hz = 800;
-    let rate = |processor: &Processor| hand.rate_hz(processor);
+    let rate = |processor: &ControlProcessor| hand.rate_hz(processor);
     assert_eq!(
         hand.processors.iter().map(rate).collect::<Vec<_>>(),
         [50, 800, 800, 800]

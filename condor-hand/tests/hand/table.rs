@@ -8,7 +8,7 @@ use condor_hand::controller::{
     write_table,
 };
 use condor_hand::math::max;
-use condor_hand::plant::{self, DriveKind, Machine, Stop, Surface};
+use condor_hand::plant::{self, DriveKind, PlantModel, Stop, Surface};
 use condor_hand::servo::{Mode, Sensed};
 use condor_hand::trajectory::{
     Pace, Primitive, PrimitiveError, Profile, Progress, SetPoint, Target,
@@ -26,8 +26,8 @@ fn hand() -> Hand<4, 4> {
     Hand::from_toml(TEXT, "utah-mit.toml").unwrap()
 }
 
-fn machine() -> Machine {
-    Machine {
+fn machine() -> PlantModel {
+    PlantModel {
         actuator: DriveKind::exact,
         joint_stop: Stop {
             stiffness: 5.0,

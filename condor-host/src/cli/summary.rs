@@ -7,7 +7,7 @@ use crate::commands::table::{Left, Right, Table, or_dash};
 use crate::commands::{running, top, vectors};
 use crate::control::Status;
 use crate::plain::plain_json;
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 use crate::view::{LoopRates, VectorCounts, View};
 
 /// What the windows said before the programs were stopped.
@@ -30,7 +30,7 @@ impl Summary {
     ///
     /// # Errors
     /// The windows'.
-    pub(super) fn look(directory: &Directory, status: &Status) -> Result<Self, AnyError> {
+    pub(super) fn look(directory: &SystemDirectory, status: &Status) -> Result<Self, AnyError> {
         let view = View::open(&directory.system(status.window_bytes)?)?;
         let mut summary = Self::default();
         for member in status.processors.iter().chain(&status.services) {

@@ -12,7 +12,7 @@ use super::{AnyError, Which};
 use crate::control::Client;
 use crate::plain::plain_lines;
 use crate::supervisor::{self, stat};
-use crate::system::{self, Directory};
+use crate::system::{self, SystemDirectory};
 use crate::ui::{self, Tool};
 
 /// Lines of the log that are shown if the system fails.
@@ -66,7 +66,7 @@ pub(super) fn up(
     limit: Option<Duration>,
     tools: &Tools,
 ) -> Result<ExitCode, AnyError> {
-    let directory = Directory::of(name)?;
+    let directory = SystemDirectory::of(name)?;
     let output = directory.path().join("output");
     let changed = || std::fs::metadata(directory.log()).and_then(|log| log.modified());
     let before = changed().ok();
@@ -118,7 +118,7 @@ fn spawn(file: &Path, limit: Option<Duration>, output: File) -> Result<Child, An
 }
 
 /// Whether that process keeps the supervisor of the running system.
-fn is_supervisor(directory: &Directory, keeper: u32) -> bool {
+fn is_supervisor(directory: &SystemDirectory, keeper: u32) -> bool {
     let client = Client::connect(directory);
     let status = client.and_then(|mut client| client.status());
     status.is_ok_and(|status| stat::parent(status.pid) == Some(keeper))

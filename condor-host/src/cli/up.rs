@@ -11,11 +11,11 @@ use jiff::SignedDuration;
 
 use super::summary::Summary;
 use super::{AnyError, Application, description, names};
-use crate::description::{Description, Processor};
+use crate::description::{Description, ProcessorEntry};
 use crate::plain::plain_lines;
 use crate::services::terminals;
 use crate::supervisor::{self, Options, keeper};
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 
 #[derive(Debug, Args)]
 pub(super) struct Up {
@@ -148,14 +148,14 @@ pub(super) fn run(
 }
 
 /// The processors at whose terminals lines are typed.
-fn typed_at(description: &Description) -> impl Iterator<Item = &Processor> {
+fn typed_at(description: &Description) -> impl Iterator<Item = &ProcessorEntry> {
     let processors = description.processors.iter();
     processors.filter(|processor| !processor.headless.is_empty())
 }
 
 /// Prints what was said at the terminals at which lines were typed.
-fn print_answers(description: &Description, directory: &Directory) {
-    for Processor { name, .. } in typed_at(description) {
+fn print_answers(description: &Description, directory: &SystemDirectory) {
+    for ProcessorEntry { name, .. } in typed_at(description) {
         match std::fs::read(terminals::log(&directory.terminals(), name)) {
             Ok(said) => {
                 let said = plain_lines(&String::from_utf8_lossy(&said));
@@ -167,8 +167,8 @@ fn print_answers(description: &Description, directory: &Directory) {
 }
 
 /// Types what the description says.
-fn type_lines(description: &Description, directory: &Directory) {
-    for Processor { name, headless, .. } in typed_at(description) {
+fn type_lines(description: &Description, directory: &SystemDirectory) {
+    for ProcessorEntry { name, headless, .. } in typed_at(description) {
         let text = headless.join("\n") + "\n";
         if let Err(error) = terminals::type_in(directory, name, text.as_bytes()) {
             eprintln!("condor: nothing can be typed at the terminal of {name}: {error}");

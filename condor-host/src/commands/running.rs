@@ -4,7 +4,7 @@ use condor_mbox::Processor;
 
 use crate::cli::{AnyError, Which};
 use crate::control::{Client, Member, Status};
-use crate::system::{self, Directory};
+use crate::system::{self, SystemDirectory};
 use crate::view::View;
 
 /// There is no such processor.
@@ -16,7 +16,7 @@ pub(super) struct Unknown {
 }
 
 pub(super) struct Running {
-    pub(super) directory: Directory,
+    pub(super) directory: SystemDirectory,
     pub(super) status: Status,
 }
 

@@ -10,7 +10,7 @@ use rustix::net::sockopt::{Timeout, set_socket_timeout};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 
 use super::{Answer, Event, Request, Status};
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 
 /// How long a supervisor may take to answer what it answers at once.
 const ANSWER: Duration = Duration::from_secs(15);
@@ -73,7 +73,7 @@ impl Client {
     ///
     /// # Errors
     /// [`ClientError::Connect`].
-    pub fn connect(directory: &Directory) -> Result<Self, ClientError> {
+    pub fn connect(directory: &SystemDirectory) -> Result<Self, ClientError> {
         let path = directory.control();
         match connect(&path) {
             Ok(stream) => Ok(Self {
@@ -204,9 +204,9 @@ mod tests {
 
     use super::*;
 
-    fn listener() -> (tempfile::TempDir, Directory, UnixListener) {
+    fn listener() -> (tempfile::TempDir, SystemDirectory, UnixListener) {
         let place = tempfile::tempdir().expect("a directory");
-        let directory = Directory::at(place.path().into());
+        let directory = SystemDirectory::at(place.path().into());
         let listener = UnixListener::bind(directory.control()).expect("room");
         (place, directory, listener)
     }

@@ -3,7 +3,7 @@
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use super::Program;
+use super::ProgramEntry;
 use super::mistake::{Problem, nearest};
 use super::read::{Read, beside};
 use super::tree::{At, Text};
@@ -60,7 +60,7 @@ pub(super) fn processors(text: &Text<'_>, all: &[Read<'_, '_>], extensions: &[&d
 }
 
 /// The file of a program that does not run on this machine.
-pub(super) fn file(text: &Text<'_>, program: &At<String>, own: &Own<'_>) -> Option<Program> {
+pub(super) fn file(text: &Text<'_>, program: &At<String>, own: &Own<'_>) -> Option<ProgramEntry> {
     if program.value == "self" {
         let problem = "programs of this file are for this machine; name a file";
         text.wrong(&program.span, Problem::Other(problem.into()));
@@ -71,7 +71,7 @@ pub(super) fn file(text: &Text<'_>, program: &At<String>, own: &Own<'_>) -> Opti
         let problem = format!("cannot read {}: {error}", path.display());
         text.wrong(&program.span, Problem::Other(problem));
     }
-    Some(Program::File(path))
+    Some(ProgramEntry::File(path))
 }
 
 pub(super) fn program(
@@ -79,10 +79,10 @@ pub(super) fn program(
     program: &At<String>,
     arguments: Option<&At<Vec<String>>>,
     own: &Own<'_>,
-) -> Option<Program> {
+) -> Option<ProgramEntry> {
     if program.value != "self" {
         return match find_program(own.file, &program.value) {
-            Ok(path) => Some(Program::File(path)),
+            Ok(path) => Some(ProgramEntry::File(path)),
             Err(problem) => {
                 text.wrong(&program.span, problem);
                 None
@@ -105,7 +105,7 @@ pub(super) fn program(
         text.wrong(span, problem);
         return None;
     }
-    Some(Program::Own)
+    Some(ProgramEntry::Own)
 }
 
 /// The file of a program: relative to the description in `file`, else beside the running program,

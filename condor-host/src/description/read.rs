@@ -8,7 +8,7 @@ use toml::de::DeTable;
 use super::check::{self, Own};
 use super::mistake::{Mistake, Mistakes, Problem};
 use super::tree::{At, Keys, Text};
-use super::{Bus, Description, Entry, Files, OnFailure, Processor, Program, Terminals};
+use super::{Bus, Description, Entry, Files, OnFailure, ProcessorEntry, ProgramEntry, Terminals};
 use crate::cli::Application;
 use crate::extension::{Extension, Found, FoundProcessor, PROCESSES};
 use condor_rt::numbers::PROGRAMS;
@@ -201,7 +201,7 @@ fn terminals(mut table: Keys<'_, '_>) -> Terminals {
 pub(super) struct Common {
     pub(super) number: Option<At<u8>>,
     pub(super) name: Option<At<String>>,
-    program: Option<Program>,
+    program: Option<ProgramEntry>,
     arguments: Vec<String>,
     headless: Vec<String>,
     kind: &'static str,
@@ -212,8 +212,8 @@ pub(super) struct Common {
 }
 
 impl Common {
-    fn whole(self) -> Option<Processor> {
-        Some(Processor {
+    fn whole(self) -> Option<ProcessorEntry> {
+        Some(ProcessorEntry {
             number: self.number?.value,
             name: self.name?.value,
             program: self.program?,
@@ -288,7 +288,7 @@ fn processor<'a, 't>(
         stall_seconds: small(stall_seconds).unwrap_or(5),
     };
     let file = match program {
-        Some(Program::File(value)) => span.map(|span| At { value, span }),
+        Some(ProgramEntry::File(value)) => span.map(|span| At { value, span }),
         _ => None,
     };
     let found = FoundProcessor {

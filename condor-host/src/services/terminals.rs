@@ -42,7 +42,7 @@ use rustix::io::Errno;
 use super::{ServiceError, claim};
 use crate::description::Description;
 use crate::supervisor::Signals;
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 use condor_rt::numbers::TERMINALS;
 pub use station::Sizes;
 use station::Station;
@@ -151,12 +151,12 @@ fn forget(typed: &OwnedFd) {
 ///
 /// # Errors
 /// The file's.
-pub fn type_in(directory: &Directory, name: &str, characters: &[u8]) -> io::Result<()> {
+pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io::Result<()> {
     typing::add(&mut keyboard(directory, name)?, characters)
 }
 
 /// The file to which is added what is typed at the terminal of the processor `name`.
-pub(crate) fn keyboard(directory: &Directory, name: &str) -> io::Result<File> {
+pub(crate) fn keyboard(directory: &SystemDirectory, name: &str) -> io::Result<File> {
     typing::open(&typing::file_of(&log(&directory.terminals(), name)))
 }
 
@@ -166,7 +166,7 @@ pub(crate) fn log(directory: &Path, name: &str) -> PathBuf {
 }
 
 /// The arguments with which the program starts it.
-pub(crate) fn arguments(description: &Description, directory: &Directory) -> Vec<String> {
+pub(crate) fn arguments(description: &Description, directory: &SystemDirectory) -> Vec<String> {
     let mut arguments: Vec<String> = ["service", "terminals"].map(Into::into).into();
     let terminals = &description.terminals;
     for (option, bytes) in [

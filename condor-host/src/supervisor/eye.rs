@@ -9,7 +9,7 @@ use condor_mbox::{
 };
 
 use super::UpError;
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
 
 /// The supervisor's mailbox, which looks at others and has nothing to say.
@@ -20,7 +20,7 @@ pub(super) struct Eye {
 }
 
 impl Eye {
-    pub(super) fn open(directory: &Directory, window_bytes: u32) -> Result<Self, UpError> {
+    pub(super) fn open(directory: &SystemDirectory, window_bytes: u32) -> Result<Self, UpError> {
         let claim = directory.system(window_bytes)?.claim(SUPERVISOR)?;
         let doorbell = claim.doorbell().clone();
         let bell = doorbell.pollable();

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use jiff::Timestamp;
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-use crate::control::{Event, State};
+use crate::control::{Event, MemberState};
 use crate::plain::plain;
 
 /// The log is in memory: at this size it becomes the old log, in the place of the one before. Bytes.
@@ -55,7 +55,12 @@ impl Journal {
     }
 
     /// Writes an event. A log that cannot be written is no reason to stop a robot.
-    pub(super) fn tell(&mut self, source: &str, text: impl Into<String>, state: Option<State>) {
+    pub(super) fn tell(
+        &mut self,
+        source: &str,
+        text: impl Into<String>,
+        state: Option<MemberState>,
+    ) {
         let text = text.into();
         let mut text = plain(&text).into_owned();
         if text.len() > LONGEST {

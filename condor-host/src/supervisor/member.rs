@@ -10,7 +10,7 @@ use super::eye::Eye;
 use super::hearing::{Hearing, LINES};
 use super::journal::Journal;
 use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
-use crate::control::{self, State};
+use crate::control::{self, MemberState};
 use crate::description::OnFailure;
 use condor_rt::linux::Environment;
 
@@ -138,17 +138,17 @@ impl Member {
         }
     }
 
-    fn state(&self) -> State {
+    fn state(&self) -> MemberState {
         match self.phase {
-            Phase::Stopped => State::Stopped,
-            Phase::Waiting { .. } | Phase::Starting => State::Starting,
+            Phase::Stopped => MemberState::Stopped,
+            Phase::Waiting { .. } | Phase::Starting => MemberState::Starting,
             Phase::Up { stalled: true }
             | Phase::Ending {
                 then: Then::Fail, ..
-            } => State::Stalled,
-            Phase::Up { .. } | Phase::Ending { .. } => State::Running,
-            Phase::Pausing { .. } => State::Restarting,
-            Phase::Failed => State::Failed,
+            } => MemberState::Stalled,
+            Phase::Up { .. } | Phase::Ending { .. } => MemberState::Running,
+            Phase::Pausing { .. } => MemberState::Restarting,
+            Phase::Failed => MemberState::Failed,
         }
     }
 

@@ -14,11 +14,11 @@ use super::UpError;
 use super::stat::started_at;
 use crate::description::Description;
 use crate::extension::Furnished;
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 
 /// The directory, locked.
-pub(super) struct Place {
-    pub(super) directory: Directory,
+pub(super) struct RunDirectory {
+    pub(super) directory: SystemDirectory,
     /// The kernel drops the lock with the file, however the supervisor ends.
     _lock: File,
 }
@@ -26,10 +26,10 @@ pub(super) struct Place {
 /// How long a process of the run before may take to die, s.
 const DYING_S: i64 = 10;
 
-impl Place {
+impl RunDirectory {
     /// Takes the directory of the system, and removes what a run before left there.
     pub(super) fn take(name: &str) -> Result<Self, UpError> {
-        let directory = Directory::of(name)?;
+        let directory = SystemDirectory::of(name)?;
         let path = directory.lock();
         let lock = File::options()
             .write(true)

@@ -10,10 +10,10 @@ use super::eye::Eye;
 use super::launch::{Image, Launch};
 use super::member::{Member, Plan};
 use super::process::Process;
-use crate::description::{Description, OnFailure, Program, beside, find_program};
+use crate::description::{Description, OnFailure, ProgramEntry, beside, find_program};
 use crate::extension::Furnished;
 use crate::services;
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 use condor_rt::linux::{BusFile, Environment, Loops};
 use condor_rt::numbers::{EXTENSIONS, FILES, TERMINALS};
 
@@ -23,7 +23,7 @@ const SERVICE_STALL: Duration = Duration::from_secs(10);
 /// The services, then the processors in the order of the description.
 pub(super) fn members(
     description: &Description,
-    directory: &Directory,
+    directory: &SystemDirectory,
     furnished: &[Box<dyn Furnished>],
     eye: &Eye,
 ) -> Result<Vec<Member>, UpError> {
@@ -64,8 +64,8 @@ pub(super) fn members(
             number,
             name: processor.name.clone(),
             program: match &processor.program {
-                Program::Own => "self".into(),
-                Program::File(path) => path.display().to_string(),
+                ProgramEntry::Own => "self".into(),
+                ProgramEntry::File(path) => path.display().to_string(),
             },
             arguments: processor.arguments.clone(),
             on_failure: processor.on_failure,
@@ -94,7 +94,7 @@ pub(super) fn members(
 struct System<'s> {
     own: std::path::PathBuf,
     description: &'s Description,
-    directory: &'s Directory,
+    directory: &'s SystemDirectory,
 }
 
 impl System<'_> {
@@ -138,13 +138,17 @@ impl System<'_> {
 }
 
 /// The file that runs, and its arguments.
-fn runs(own: &Path, program: &Program, arguments: &[String]) -> (std::path::PathBuf, Vec<String>) {
+fn runs(
+    own: &Path,
+    program: &ProgramEntry,
+    arguments: &[String],
+) -> (std::path::PathBuf, Vec<String>) {
     match program {
-        Program::Own => {
+        ProgramEntry::Own => {
             let arguments = [&["program".into()], arguments].concat();
             (own.into(), arguments)
         }
-        Program::File(path) => (path.clone(), arguments.to_vec()),
+        ProgramEntry::File(path) => (path.clone(), arguments.to_vec()),
     }
 }
 
@@ -157,16 +161,16 @@ pub(super) fn reload(
     own: &[&'static str],
 ) -> Result<Image, String> {
     let program = if !member.plan.runs_here {
-        Program::File(beside(&description.file, program))
+        ProgramEntry::File(beside(&description.file, program))
     } else if program == "self" {
         let first = arguments.first().map_or("", String::as_str);
         if !own.contains(&first) {
             return Err(format!("`{first}` is none of {}", own.join(", ")));
         }
-        Program::Own
+        ProgramEntry::Own
     } else {
         let path = find_program(&description.file, program);
-        Program::File(path.map_err(|problem| problem.to_string())?)
+        ProgramEntry::File(path.map_err(|problem| problem.to_string())?)
     };
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     let (file, arguments) = runs(&own, &program, arguments);

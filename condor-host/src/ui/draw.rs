@@ -13,7 +13,7 @@ use super::layout::{self, Layout};
 use super::model::{Model, Page};
 use super::screen;
 use super::window::Window;
-use crate::control::State;
+use crate::control::MemberState;
 
 pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     let layout = layout::layout(frame.area(), model);
@@ -44,7 +44,7 @@ fn draw_tabs(frame: &mut Frame<'_>, model: &Model, layout: &Layout) {
 }
 
 /// How the processor of a window is.
-fn state(model: &Model, window: &Window) -> Option<State> {
+fn state(model: &Model, window: &Window) -> Option<MemberState> {
     let mut members = model.members.iter();
     let member = members.find(|member| member.number == window.processor);
     member.map(|member| member.state)
@@ -52,9 +52,9 @@ fn state(model: &Model, window: &Window) -> Option<State> {
 
 fn color(model: &Model, window: &Window) -> Color {
     match state(model, window) {
-        Some(State::Running) => Color::Green,
-        Some(State::Starting | State::Restarting) => Color::Yellow,
-        Some(State::Stalled | State::Failed) => Color::Red,
+        Some(MemberState::Running) => Color::Green,
+        Some(MemberState::Starting | MemberState::Restarting) => Color::Yellow,
+        Some(MemberState::Stalled | MemberState::Failed) => Color::Red,
         _ => Color::DarkGray,
     }
 }

@@ -13,7 +13,7 @@ use super::model::by_number;
 use super::window::WindowId;
 use crate::control::{Client, ClientError, Request, Status};
 use crate::services::terminals;
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 
 /// The time between two looks at the processors.
 const STATUS: Duration = Duration::from_millis(500);
@@ -44,11 +44,11 @@ pub(super) enum News {
 /// The threads end with the process, or when nobody hears them any more.
 #[derive(Debug)]
 pub(super) struct Feed {
-    directory: Directory,
+    directory: SystemDirectory,
 }
 
 impl Feed {
-    pub(super) fn start(directory: &Directory, status: &Status, news: &Sender<News>) -> Self {
+    pub(super) fn start(directory: &SystemDirectory, status: &Status, news: &Sender<News>) -> Self {
         let keys = news.clone();
         thread::spawn(move || keyboard(&keys));
         let (place, answers) = (directory.clone(), news.clone());
@@ -65,7 +65,7 @@ impl Feed {
         }
     }
 
-    pub(super) const fn directory(&self) -> &Directory {
+    pub(super) const fn directory(&self) -> &SystemDirectory {
         &self.directory
     }
 }
@@ -83,7 +83,7 @@ fn keyboard(news: &Sender<News>) {
     }
 }
 
-fn supervisor(directory: &Directory, news: &Sender<News>) {
+fn supervisor(directory: &SystemDirectory, news: &Sender<News>) {
     loop {
         let ended: Result<(), ClientError> = Client::connect(directory).and_then(|mut client| {
             loop {
@@ -104,7 +104,7 @@ fn supervisor(directory: &Directory, news: &Sender<News>) {
     }
 }
 
-fn log(directory: &Directory, news: &Sender<News>) {
+fn log(directory: &SystemDirectory, news: &Sender<News>) {
     loop {
         // Why it cannot be followed, the thread of the states tells.
         if let Ok(false) = follow(directory, news) {
@@ -115,7 +115,7 @@ fn log(directory: &Directory, news: &Sender<News>) {
 }
 
 /// False if nobody hears.
-fn follow(directory: &Directory, news: &Sender<News>) -> Result<bool, ClientError> {
+fn follow(directory: &SystemDirectory, news: &Sender<News>) -> Result<bool, ClientError> {
     let events = Client::connect(directory)?.events()?;
     let before = Client::connect(directory)?.ask(&Request::Log { lines: LOG_LINES })?;
     let lines = before.lines.unwrap_or_default();
@@ -137,7 +137,7 @@ fn follow(directory: &Directory, news: &Sender<News>) -> Result<bool, ClientErro
     Ok(true)
 }
 
-fn terminal(directory: &Directory, name: &str, id: WindowId, news: &Sender<News>) {
+fn terminal(directory: &SystemDirectory, name: &str, id: WindowId, news: &Sender<News>) {
     loop {
         if let Ok(stream) = UnixStream::connect(directory.terminal(name))
             && let Ok(input) = terminals::keyboard(directory, name)

@@ -10,20 +10,20 @@ use super::model::{Model, Served};
 use crate::cli::AnyError;
 use crate::control::Client;
 use crate::plain::plain;
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 use crate::view::{LoopSample, View};
 use condor_rt::numbers::FILES;
 
 /// The counts of a running system, and those of the look before.
 pub(super) struct Look {
-    directory: Directory,
+    directory: SystemDirectory,
     view: Option<View>,
     loops: HashMap<u8, LoopSample>,
     served: Option<(Instant, u32)>,
 }
 
 impl Look {
-    pub(super) fn new(directory: &Directory) -> Self {
+    pub(super) fn new(directory: &SystemDirectory) -> Self {
         Self {
             directory: directory.clone(),
             view: None,
@@ -80,7 +80,7 @@ impl Look {
     }
 }
 
-fn open(directory: &Directory) -> Result<View, AnyError> {
+fn open(directory: &SystemDirectory) -> Result<View, AnyError> {
     let status = Client::connect(directory)?.status()?;
     Ok(View::open(&directory.system(status.window_bytes)?)?)
 }

@@ -8,7 +8,7 @@ use super::input::Action;
 use super::model::{Leaving, Model, Page, Popup};
 use super::tool;
 use crate::control::{Client, ClientError, Request};
-use crate::system::Directory;
+use crate::system::SystemDirectory;
 
 /// What can be done to a processor, before its tools.
 pub(super) const ORDERS: [&str; 4] = ["stop", "start", "restart", LOAD];
@@ -18,12 +18,12 @@ const LOAD: &str = "load …";
 /// Asks the supervisor, without holding up the picture.
 #[derive(Debug)]
 pub(super) struct Doer {
-    directory: Directory,
+    directory: SystemDirectory,
     news: Sender<News>,
 }
 
 impl Doer {
-    pub(super) fn new(directory: &Directory, news: Sender<News>) -> Self {
+    pub(super) fn new(directory: &SystemDirectory, news: Sender<News>) -> Self {
         Self {
             directory: directory.clone(),
             news,
@@ -45,7 +45,7 @@ impl Doer {
     }
 }
 
-fn ask(directory: &Directory, requests: &[Request]) -> Result<(), ClientError> {
+fn ask(directory: &SystemDirectory, requests: &[Request]) -> Result<(), ClientError> {
     let mut client = Client::connect(directory)?;
     for request in requests {
         client.ask(request)?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use condor_host::cli::{AnyError, Application, Programs, Run};
-use condor_host::description::{Description, OnFailure, Program};
+use condor_host::description::{Description, OnFailure, ProgramEntry};
 
 /// An application for robots with legs.
 struct Walker(Programs<'static>);
@@ -77,7 +77,7 @@ fn what_is_left_out_has_a_default() {
     assert_eq!(description.terminals.log_bytes, 4 << 20);
     assert_eq!(description.service_restarts, 20);
     let processor = &description.processors[0];
-    assert_eq!(processor.program, Program::Own);
+    assert_eq!(processor.program, ProgramEntry::Own);
     assert_eq!(processor.kind, "process");
     assert!(processor.runs_here);
     assert_eq!(
@@ -209,10 +209,10 @@ fn a_program_is_looked_for_and_must_be_one() {
     assert_eq!(told(&text, &file), [expected]);
     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).unwrap();
     let description = Description::from_toml(&text, &file, &OWN).unwrap();
-    assert_eq!(description.processors[0].program, Program::File(path));
+    assert_eq!(description.processors[0].program, ProgramEntry::File(path));
     let text = RIGHT.replace("\"self\"", "\"sh\"");
     let description = Description::from_toml(&text, &file, &OWN).unwrap();
-    let Program::File(path) = &description.processors[0].program else {
+    let ProgramEntry::File(path) = &description.processors[0].program else {
         panic!("it is in PATH");
     };
     assert!(path.is_absolute() && path.ends_with("sh"), "{path:?}");

@@ -1,6 +1,6 @@
 //! What a program, a service or a full disk does to the others: nothing without end.
 
-use condor_host::control::State;
+use condor_host::control::MemberState;
 
 use crate::running::{self, Up, kill};
 use crate::supervisor::TWO;
@@ -15,7 +15,7 @@ fn a_program_that_prints_without_end_holds_nobody_up() {
     let text = std::fs::read_to_string(&log).unwrap();
     assert!(text.contains("\\u{1b}[2Jand on and on\n"), "{text}");
     assert!(!text.contains('\x1b'), "{text}");
-    assert_eq!(up.status().processors[1].state, State::Running);
+    assert_eq!(up.status().processors[1].state, MemberState::Running);
     up.interrupt();
     assert_eq!(up.end().0, Some(0));
 }
@@ -42,7 +42,11 @@ fn a_service_that_never_serves_is_given_up_and_the_system_does_not_come_up() {
 fn a_service_that_fails_again_and_again_is_given_up_and_the_robot_goes_on() {
     let up = Up::start(&format!("[services]\nrestarts = 2\n{TWO}"), &[]);
     let before = up.status().processors;
-    for state in [State::Running, State::Running, State::Failed] {
+    for state in [
+        MemberState::Running,
+        MemberState::Running,
+        MemberState::Failed,
+    ] {
         let events = up.events();
         kill(up.status().services[1].pid.unwrap());
         running::wait(events, "terminals", state);
@@ -53,10 +57,10 @@ fn a_service_that_fails_again_and_again_is_given_up_and_the_robot_goes_on() {
     assert_eq!(up.status().processors, before);
     // Who starts it has it tried again.
     up.run(&["start", "terminals"]);
-    assert_eq!(up.status().services[1].state, State::Running);
+    assert_eq!(up.status().services[1].state, MemberState::Running);
     let events = up.events();
     up.run(&["stop", "files"]);
-    running::wait(events, "files", State::Stopped);
+    running::wait(events, "files", MemberState::Stopped);
     up.run(&["down"]);
     // What was stopped has not failed.
     assert_eq!(up.end().0, Some(0));
@@ -70,7 +74,7 @@ fn a_note_that_cannot_be_written_takes_nothing_down() {
     std::fs::create_dir(&part).unwrap();
     let events = up.events();
     kill(up.status().processors[0].pid.unwrap());
-    running::wait(events, "a", State::Running);
+    running::wait(events, "a", MemberState::Running);
     let told = up.wait_until_told("cannot write");
     assert!(told.contains(&format!("{part:?}")), "{told}");
     std::fs::remove_dir(&part).unwrap();

@@ -1,6 +1,6 @@
 //! The kind of processors and the service of the example `extension`.
 
-use condor_host::control::{Request, State};
+use condor_host::control::{MemberState, Request};
 
 use crate::running::{Up, wait};
 
@@ -45,10 +45,10 @@ fn a_kind_of_processors_and_a_service_run_like_those_of_condor() {
     // They are started again, and other programs can be loaded.
     let events = up.events();
     crate::running::kill(service.pid.unwrap());
-    let events = wait(events, "adder", State::Running);
+    let events = wait(events, "adder", MemberState::Running);
     assert!(sum(&up, "1").starts_with("8 "));
     crate::running::kill(polite.pid.unwrap());
-    wait(events, "polite", State::Running);
+    wait(events, "polite", MemberState::Running);
     let load = Request::Load {
         processor: "polite".into(),
         program: None,

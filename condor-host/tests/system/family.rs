@@ -1,7 +1,7 @@
 //! Descendants of programs: whatever they have done to get away, none outlives the supervisor.
 
 use crate::running::{self, Up, kill, wait_for_end};
-use condor_host::control::State;
+use condor_host::control::MemberState;
 
 const PARENT: &str = r#"
     [[processors]]
@@ -29,7 +29,7 @@ fn the_group_of_a_program_ends_with_it() {
     let events = up.events();
     kill(up.status().processors[0].pid.unwrap());
     wait_for_end(child);
-    running::wait(events, "a", State::Running);
+    running::wait(events, "a", MemberState::Running);
 }
 
 #[test]

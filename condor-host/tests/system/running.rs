@@ -9,8 +9,8 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, ClientError, Events, Request, State, Status};
-use condor_host::system::Directory;
+use condor_host::control::{Client, ClientError, Events, MemberState, Request, Status};
+use condor_host::system::SystemDirectory;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::process::{Pid, PidfdFlags, Signal};
 
@@ -109,8 +109,8 @@ impl Up {
         self
     }
 
-    pub(crate) fn directory(&self) -> Directory {
-        Directory::at(self.place.path().join("condor/tested"))
+    pub(crate) fn directory(&self) -> SystemDirectory {
+        SystemDirectory::at(self.place.path().join("condor/tested"))
     }
 
     pub(crate) fn client(&self) -> Client {
@@ -266,7 +266,7 @@ fn spawn(
 }
 
 /// Waits until a processor has come into a state.
-pub(crate) fn wait(mut events: Events, name: &str, state: State) -> Events {
+pub(crate) fn wait(mut events: Events, name: &str, state: MemberState) -> Events {
     let mut told = String::new();
     for event in events.by_ref() {
         let event = event.unwrap_or_else(|error| panic!("{error}; before:\n{told}"));

@@ -4,7 +4,7 @@ use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
 
 use crate::running::{self, DEADLINE, Up, kill, wait_for_end};
-use condor_host::control::{Request, State};
+use condor_host::control::{MemberState, Request};
 use condor_host::services::terminals::type_in;
 
 /// Two processors, which write lines and echo what is typed.
@@ -31,7 +31,7 @@ fn a_system_comes_up_and_goes_down() {
         let members = members.map(|member| (member.number, member.name.clone(), member.state));
         members.collect::<Vec<_>>()
     };
-    let running = |number, name: &str| (number, name.to_owned(), State::Running);
+    let running = |number, name: &str| (number, name.to_owned(), MemberState::Running);
     assert_eq!(
         names(&status.services),
         [running(13, "files"), running(14, "terminals")]
@@ -69,7 +69,7 @@ fn a_killed_processor_is_started_again_and_the_others_go_on() {
     let before = up.status();
     let events = up.events();
     kill(before.processors[0].pid.unwrap());
-    running::wait(events, "a", State::Running);
+    running::wait(events, "a", MemberState::Running);
     let after = up.status();
     assert_eq!(after.processors[0].restarts, 1);
     assert_eq!(
@@ -107,14 +107,14 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     let other = up.status().processors[1].clone();
     up.run(&["stop", "a"]);
     let stopped = up.status().processors[0].clone();
-    assert_eq!((stopped.state, stopped.pid), (State::Stopped, None));
+    assert_eq!((stopped.state, stopped.pid), (MemberState::Stopped, None));
     assert_eq!(stopped.last_exit.as_deref(), Some("exit status 0"));
     up.run(&["start", "0"]);
-    assert_eq!(up.status().processors[0].state, State::Running);
+    assert_eq!(up.status().processors[0].state, MemberState::Running);
     let this = running::this();
     up.run(&["load", "a", this, "writer", "other"]);
     let loaded = up.status().processors[0].clone();
-    assert_eq!((loaded.state, loaded.restarts), (State::Running, 0));
+    assert_eq!((loaded.state, loaded.restarts), (MemberState::Running, 0));
     assert_eq!(loaded.arguments, ["writer", "other"]);
     up.read_terminal("a", "writer other 0\r\n");
     up.run(&["load", "a"]);
@@ -163,9 +163,9 @@ fn a_program_that_fails_again_and_again_has_failed_for_good() {
     "#;
     let up = Up::start(text, &[]);
     let failed = up.status().processors[0].clone();
-    assert_eq!((failed.state, failed.restarts), (State::Failed, 2));
+    assert_eq!((failed.state, failed.restarts), (MemberState::Failed, 2));
     assert_eq!(failed.last_exit.as_deref(), Some("exit status 3"));
-    assert_eq!(up.status().processors[1].state, State::Running);
+    assert_eq!(up.status().processors[1].state, MemberState::Running);
     let log = String::from_utf8(up.run(&["log"]).stdout).unwrap();
     assert!(log.contains("a: this program fails"), "{log}");
     up.run(&["down"]);
@@ -202,8 +202,8 @@ fn a_program_whose_heart_stands_still_is_started_again() {
     let events = up.events();
     let mut terminal = up.terminal("a");
     terminal.write_all(b"stall\r").unwrap();
-    let events = running::wait(events, "a", State::Stalled);
-    running::wait(events, "a", State::Running);
+    let events = running::wait(events, "a", MemberState::Stalled);
+    running::wait(events, "a", MemberState::Running);
     assert_eq!(up.status().processors[0].restarts, 1);
 }
 
@@ -213,7 +213,7 @@ fn the_log_of_a_terminal_has_every_line_once_whatever_is_killed() {
     for _ in 0..10 {
         let events = up.events();
         kill(up.status().services[1].pid.unwrap());
-        running::wait(events, "terminals", State::Running);
+        running::wait(events, "terminals", MemberState::Running);
         // It goes on where the one before stopped, or this never comes.
         let already = up.lines("a");
         up.read_terminal("a", &format!("writer {}\r\n", already + 50));
@@ -273,7 +273,7 @@ fn what_is_typed_reaches_the_program_once_whatever_is_killed() {
         type_some(20);
         kill(up.status().services[1].pid.unwrap());
         type_some(20);
-        running::wait(events, "terminals", State::Running);
+        running::wait(events, "terminals", MemberState::Running);
     }
     let last = type_some(1);
     up.read_terminal("a", &format!("typed line {}\r\n", last - 1));
@@ -303,9 +303,9 @@ fn the_file_service_is_started_again() {
     let up = Up::start(TWO, &[]);
     let events = up.events();
     kill(up.status().services[0].pid.unwrap());
-    running::wait(events, "files", State::Running);
+    running::wait(events, "files", MemberState::Running);
     let files = up.status().services[0].clone();
-    assert_eq!((files.restarts, files.state), (1, State::Running));
+    assert_eq!((files.restarts, files.state), (1, MemberState::Running));
 }
 
 #[test]

@@ -19,7 +19,7 @@ pub(crate) fn play(number: u32) -> Result<(), AnyError> {
     let claim = System::<N>::inherited()?.claim(VICTIM)?;
     let board = Board::new(&claim);
     board.set_victim(Victim::Claimed, number);
-    let state = State {
+    let state = VictimState {
         board: &board,
         number,
         life: AtomicU32::new(0),
@@ -32,7 +32,7 @@ pub(crate) fn play(number: u32) -> Result<(), AnyError> {
 }
 
 /// What the handlers know.
-struct State<'b> {
+struct VictimState<'b> {
     board: &'b Board,
     number: u32,
     life: AtomicU32,
@@ -40,7 +40,7 @@ struct State<'b> {
     latest: [AtomicU32; N],
 }
 
-impl State<'_> {
+impl VictimState<'_> {
     /// One life; it ends when the aim is the beginning of lives.
     fn live(&self, claim: &Claim<N>, random: &mut Random) -> Result<(), AnyError> {
         let board = self.board;
@@ -196,7 +196,7 @@ impl State<'_> {
 
 /// The victim's own messages in one life.
 struct Talk<'t, 'v> {
-    state: &'t State<'t>,
+    state: &'t VictimState<'t>,
     mailbox: &'t Mailbox<'v, N>,
     life: u32,
     numbers: [Cell<u32>; SURVIVORS.len()],

@@ -23,7 +23,7 @@ const MOST_TEXT: u64 = 16 * 1024;
 
 /// An open directory of a system.
 #[derive(Debug)]
-pub(super) struct Directory {
+pub(super) struct OpenDirectory {
     path: PathBuf,
     descriptor: OwnedFd,
     device_and_inode: (u64, u64),
@@ -32,7 +32,7 @@ pub(super) struct Directory {
     mode: Mode,
 }
 
-impl Directory {
+impl OpenDirectory {
     /// Opens the directory at `path`, and creates it before if there is none; `None` if it was
     /// removed in between. A link at `path` itself is not followed: where others may write, one of
     /// them could have put it there.
@@ -450,7 +450,7 @@ mod tests {
             let found = fs::metadata(path).expect("it is there");
             found.permissions().mode() & 0o7777
         };
-        let directory = Directory::open(&path).unwrap().expect("it is there");
+        let directory = OpenDirectory::open(&path).unwrap().expect("it is there");
         let (bell, moved) = (path.join("0.bell"), path.join("moved"));
         let node = directory.node_of_fifo("0.bell").unwrap();
         let node = node.expect("it was made");

@@ -3,7 +3,7 @@
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 
-use super::directory::Directory;
+use super::directory::OpenDirectory;
 use super::error::SystemError;
 use super::family::{Family, label};
 use super::memory::{LOCK_BYTES, Memory};
@@ -14,7 +14,7 @@ use crate::layout::header;
 /// Opens and maps the objects of a system; `None` stands for a directory that was removed meanwhile.
 pub(super) enum Objects<'a> {
     Directory {
-        place: Directory,
+        place: OpenDirectory,
         /// Where the windows are, if not in files of the directory.
         memory: Option<Opened>,
     },

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use super::claim::Claim;
 use super::description;
-use super::directory::Directory;
+use super::directory::OpenDirectory;
 use super::error::SystemError;
 use super::family::Family;
 use super::lock;
@@ -30,12 +30,12 @@ const ATTEMPTS: u32 = 16;
 /// It holds no number itself; see the [module](super) for the choice of place.
 #[derive(Clone, Debug)]
 pub struct System<const N: usize> {
-    place: Place,
+    place: Home,
     user_bytes: u32,
 }
 
 #[derive(Clone, Debug)]
-enum Place {
+enum Home {
     Directory {
         path: PathBuf,
         own: bool,
@@ -114,7 +114,7 @@ impl<const N: usize> System<N> {
         memory: Option<Box<Memory>>,
         user_bytes: u32,
     ) -> Result<Self, SystemError> {
-        let system = Self::new(Place::Directory { path, own, memory }, user_bytes)?;
+        let system = Self::new(Home::Directory { path, own, memory }, user_bytes)?;
         system.objects()?;
         Ok(system)
     }
@@ -128,10 +128,10 @@ impl<const N: usize> System<N> {
     pub fn family(user_bytes: u32) -> Result<Self, SystemError> {
         let data_bytes = data_bytes(user_bytes)?;
         let family = Family::new(N, Self::MAIL_BYTES, data_bytes)?;
-        Self::new(Place::Family(Arc::new(family)), user_bytes)
+        Self::new(Home::Family(Arc::new(family)), user_bytes)
     }
 
-    fn new(place: Place, user_bytes: u32) -> Result<Self, SystemError> {
+    fn new(place: Home, user_bytes: u32) -> Result<Self, SystemError> {
         const {
             assert!(
                 N >= 1 && N <= Processor::MAX_COUNT,
@@ -150,11 +150,11 @@ impl<const N: usize> System<N> {
     pub fn pass_to<'a>(&self, child: &'a mut Command) -> &'a mut Command {
         let mut description = OsString::from(format!("{N} {} ", self.user_bytes));
         match &self.place {
-            Place::Directory { path, .. } => {
+            Home::Directory { path, .. } => {
                 description.push("at ");
                 description.push(path);
             }
-            Place::Family(family) => {
+            Home::Family(family) => {
                 description.push("family");
                 for descriptor in family.descriptors() {
                     description.push(format!(" {}", descriptor.as_raw_fd()));
@@ -202,7 +202,7 @@ impl<const N: usize> System<N> {
                     .filter(|all| all.len() == 3 * N && all.iter().all(|&one| one >= 0))
                     .ok_or_else(|| refused("it needs three descriptors for every processor"))?;
                 let family = Family::inherit(&descriptors, Self::MAIL_BYTES, data_bytes)?;
-                Self::new(Place::Family(Arc::new(family)), user_bytes)
+                Self::new(Home::Family(Arc::new(family)), user_bytes)
             }
             _ => Err(refused("the kind of place is unknown")),
         }
@@ -302,10 +302,10 @@ impl<const N: usize> System<N> {
 
     fn objects(&self) -> Result<Objects<'_>, SystemError> {
         match &self.place {
-            Place::Family(family) => Ok(Objects::Family(family)),
-            Place::Directory { path, own, memory } => {
+            Home::Family(family) => Ok(Objects::Family(family)),
+            Home::Directory { path, own, memory } => {
                 for _ in 0..ATTEMPTS {
-                    let Some(place) = Directory::open(path)? else {
+                    let Some(place) = OpenDirectory::open(path)? else {
                         continue;
                     };
                     if *own {
@@ -351,8 +351,8 @@ impl<const N: usize> System<N> {
 
     fn unsteady(&self) -> SystemError {
         let path = match &self.place {
-            Place::Directory { path, .. } => path.clone(),
-            Place::Family(_) => PathBuf::new(),
+            Home::Directory { path, .. } => path.clone(),
+            Home::Family(_) => PathBuf::new(),
         };
         SystemError::Unsteady {
             path,

@@ -11,9 +11,9 @@ const WORDS: usize = LINE as usize / 4;
 
 /// The data cache of one processor: it fetches lines whole, keeps what was written until it is cleaned
 /// or evicted, and at random evicts lines, and fetches lines that nobody asked for.
-pub(super) struct Cache(Mutex<State>);
+pub(super) struct Cache(Mutex<CacheState>);
 
-struct State {
+struct CacheState {
     /// The lines of each memory, found by its address.
     memories: Vec<(usize, Vec<Line>)>,
     random: u64,
@@ -34,7 +34,7 @@ struct Line {
 
 impl Cache {
     pub(super) fn new(seed: u64) -> Self {
-        Self(Mutex::new(State {
+        Self(Mutex::new(CacheState {
             memories: Vec::new(),
             random: seed | 1,
         }))
@@ -74,12 +74,12 @@ impl Cache {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, CacheState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl State {
+impl CacheState {
     /// Those of `memory`, held or not.
     fn lines(&mut self, memory: &[AtomicU32]) -> &mut [Line] {
         let address = memory.as_ptr().addr();

@@ -16,7 +16,7 @@ use crate::time::{Clock, Instant};
 use crate::windows::Windows;
 
 /// What a processor does while another one waits, in virtual time.
-type Program = Arc<dyn Fn() + Send + Sync>;
+type Body = Arc<dyn Fn() + Send + Sync>;
 
 /// `N` simulated processors; clones are the same system.
 ///
@@ -71,14 +71,14 @@ pub struct SimDoorbell {
 
 struct Bells {
     processors: usize,
-    state: Mutex<State>,
+    state: Mutex<SystemState>,
     rung: Condvar,
     /// Real time counts from here; `None` in virtual time.
     begun: Option<std::time::Instant>,
 }
 
 #[derive(Default)]
-struct State {
+struct SystemState {
     virtual_ns: u64,
     of: BTreeMap<Processor, Bell>,
 }
@@ -91,7 +91,7 @@ struct Bell {
     spurious_next: u32,
     stalled: bool,
     dead: bool,
-    program: Option<Program>,
+    program: Option<Body>,
 }
 
 /// How far virtual time moves when somebody reads the clock.
@@ -240,12 +240,12 @@ impl<const N: usize> System<N> {
 }
 
 impl Bells {
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, SystemState> {
         // A panic of one processor's test does not stop the others.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn programs(&self, except: Processor) -> Vec<Program> {
+    fn programs(&self, except: Processor) -> Vec<Body> {
         let state = self.lock();
         let running = state
             .of

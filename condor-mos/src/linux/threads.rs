@@ -23,7 +23,7 @@ use crate::rate::Rate;
 use crate::record::{Counts, Histograms, Keep};
 use crate::schedule::EventTable;
 use crate::scheduler::LoopId;
-use crate::state::{Running, State};
+use crate::state::{Running, SchedulerState};
 use crate::statistics::Statistics;
 
 /// Runs servo loops at their rates, each in a thread of its own.
@@ -82,7 +82,7 @@ struct Slot<K> {
 /// One loop: a scheduler's memory with a single loop, and its thread.
 struct LoopThread<K> {
     rate: Rate,
-    state: State<u64, 1, 0, K>,
+    state: SchedulerState<u64, 1, 0, K>,
     /// The thread is to end.
     quit: bool,
     /// Its number and priority, while it runs.
@@ -208,7 +208,7 @@ impl<K: Keep> Threads<K> {
         let loops = rates.iter().zip(phases).map(|(&rate, phase)| {
             let thread = LoopThread {
                 rate,
-                state: State::new(EventTable::phased(&[rate], &[phase], CLOCK)?),
+                state: SchedulerState::new(EventTable::phased(&[rate], &[phase], CLOCK)?),
                 quit: false,
                 number: None,
                 priority: None,

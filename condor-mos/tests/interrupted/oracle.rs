@@ -2,7 +2,7 @@
 
 use crate::process::Overrun;
 use crate::record::Counts as Kept;
-use crate::state::State;
+use crate::state::SchedulerState;
 
 /// Ticks per second: a multiple of all rates, so that every instant is exact.
 pub(super) const FREQUENCY: u32 = 12;
@@ -29,7 +29,7 @@ struct Counts {
 }
 
 impl<const L: usize> Snapshot<L> {
-    pub(super) fn of<const E: usize>(state: &State<u64, L, E, Kept>) -> Self {
+    pub(super) fn of<const E: usize>(state: &SchedulerState<u64, L, E, Kept>) -> Self {
         let loops = std::array::from_fn(|number| {
             let loops = state.snapshot(number).expect("a loop");
             Counts {

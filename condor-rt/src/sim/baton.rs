@@ -22,14 +22,14 @@ pub(super) const NEVER: u64 = u64::MAX;
 /// What passes from thread to thread. Its state is changed only by who runs, so nobody waits for the
 /// lock.
 pub(super) struct Baton {
-    state: Mutex<State>,
+    state: Mutex<BatonState>,
     /// Who runs.
     holder: AtomicUsize,
     /// Each processor's thread, once it is there.
     threads: [OnceLock<Thread>; PROCESSORS],
 }
 
-struct State {
+struct BatonState {
     /// From when on programs are to stop.
     stop_at: u64,
     of: [Bell; PROCESSORS],
@@ -67,7 +67,7 @@ impl Baton {
             rings: 0,
         };
         Self {
-            state: Mutex::new(State {
+            state: Mutex::new(BatonState {
                 stop_at: NEVER,
                 of: [bell; PROCESSORS],
             }),
@@ -199,7 +199,7 @@ impl Baton {
     }
 
     /// Gives the baton to who goes on first.
-    fn give(&self, state: MutexGuard<'_, State>) {
+    fn give(&self, state: MutexGuard<'_, BatonState>) {
         let (_, first) = state.first();
         self.holder.store(first, Ordering::Release);
         // Under the lock, as in `first_turn`: a thread that is not there yet will see that it holds.
@@ -216,13 +216,13 @@ impl Baton {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, BatonState> {
         // Nothing panics while it is locked.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl State {
+impl BatonState {
     /// Who goes on first, and when; nobody's number if all have ended.
     fn first(&self) -> (u64, usize) {
         let alive = self.of.iter().enumerate().filter(|(_, bell)| bell.alive);

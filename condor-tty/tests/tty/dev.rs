@@ -8,7 +8,7 @@ use std::time::Duration;
 use condor_dev::sim::Bus;
 use condor_dev::stdio::{self, Buffering, Input, Output};
 use condor_dev::{
-    FdError, IoError, Looks, Mode, NoInterrupts, OpenError, Place, Stream, StreamError, Switch,
+    FdError, IoError, Location, Looks, Mode, NoInterrupts, OpenError, Stream, StreamError, Switch,
     device_switch,
 };
 use condor_mbox::sim::{Mailbox, SimWindow, System};
@@ -44,7 +44,7 @@ impl Terminals for Panel {
 device_switch! {
     struct Devices {
         tty: Tty<Panel> = [
-            Place::at(0), Place::at(1), Place::at(2), Place::at(3), Place::at(4), Place::at(5),
+            Location::at(0), Location::at(1), Location::at(2), Location::at(3), Location::at(4), Location::at(5),
         ],
     }
 }

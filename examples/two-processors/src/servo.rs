@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicI32, Ordering::Relaxed};
 
 use condor_dev::drivers::{As5600, Pca9685};
 use condor_dev::sim::{I2c, Joint};
-use condor_dev::{I2cBus, Mode, NoInterrupts, Place, Switch, device_switch};
+use condor_dev::{I2cBus, Location, Mode, NoInterrupts, Switch, device_switch};
 use condor_rt::{Error, Machine, Param, Program, Rate, Setup, Var};
 
 use crate::{MOVE, WHERE};
@@ -15,8 +15,8 @@ const DAMPING_NM_S: f32 = 0.1;
 
 device_switch! {
     struct Boards {
-        motor: Pca9685 = [Place::i2c(0x40)],
-        sensor: As5600 = [Place::i2c(As5600::ADDRESS)],
+        motor: Pca9685 = [Location::i2c(0x40)],
+        sensor: As5600 = [Location::i2c(As5600::ADDRESS)],
     }
 }
 

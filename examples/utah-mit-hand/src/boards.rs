@@ -7,7 +7,7 @@
 //! its counts into the lowest *n* bits of its register. The registers of outputs count from 0 V, which
 //! is what a drive gets while nobody has its board open: from the counts that mean nothing (0 N).
 
-use condor_dev::{Place, device_switch};
+use condor_dev::{Location, device_switch};
 use condor_hand::config::{Channel, Converter, Hand, Input, Output, Wire};
 use thiserror::Error;
 use utah_mit_boards::{Adc16, Dac16, Encoder8};
@@ -42,18 +42,18 @@ device_switch! {
     #[derive(Debug)]
     pub struct HandBoards {
         adc: Adc16 = [
-            Place::at(address::ADC[0]),
-            Place::at(address::ADC[1]),
-            Place::at(address::ADC[2]),
-            Place::at(address::ADC[3]),
+            Location::at(address::ADC[0]),
+            Location::at(address::ADC[1]),
+            Location::at(address::ADC[2]),
+            Location::at(address::ADC[3]),
         ],
         dac: Dac16 = [
-            Place::at(address::DAC[0]),
-            Place::at(address::DAC[1]),
-            Place::at(address::DAC[2]),
-            Place::at(address::DAC[3]),
+            Location::at(address::DAC[0]),
+            Location::at(address::DAC[1]),
+            Location::at(address::DAC[2]),
+            Location::at(address::DAC[3]),
         ],
-        encoder: Encoder8 = [Place::at(address::ENCODER)],
+        encoder: Encoder8 = [Location::at(address::ENCODER)],
     }
 }
 

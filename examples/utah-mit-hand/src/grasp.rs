@@ -224,7 +224,7 @@ fn matrix(rows: &[[f64; 6]; 6]) -> Matrix6<f64> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 #[non_exhaustive]
-pub enum State {
+pub enum GraspState {
     /// Nothing.
     Idle = 0,
     /// It waits for the other processor.
@@ -291,9 +291,9 @@ pub struct Report {
 }
 
 impl Report {
-    const NOTHING: Self = Self::new(0, State::Idle, Reason::None);
+    const NOTHING: Self = Self::new(0, GraspState::Idle, Reason::None);
 
-    const fn new(order: u64, state: State, reason: Reason) -> Self {
+    const fn new(order: u64, state: GraspState, reason: Reason) -> Self {
         Self {
             order,
             state: state as u64,
@@ -304,19 +304,19 @@ impl Report {
         }
     }
 
-    pub(crate) const fn news(&self) -> (u64, State, Reason) {
+    pub(crate) const fn news(&self) -> (u64, GraspState, Reason) {
         (self.order, self.state(), self.reason())
     }
 
     /// What it does.
     #[must_use]
-    pub const fn state(&self) -> State {
+    pub const fn state(&self) -> GraspState {
         match self.state {
-            1 => State::Waiting,
-            2 => State::Holding,
-            3 => State::Refused,
-            4 => State::Left,
-            _ => State::Idle,
+            1 => GraspState::Waiting,
+            2 => GraspState::Holding,
+            3 => GraspState::Refused,
+            4 => GraspState::Left,
+            _ => GraspState::Idle,
         }
     }
 

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use condor_host::cli::{self, AnyError, Application, Run};
 use condor_host::description::Description;
 use condor_host::extension::Extension;
-use condor_host::system::Directory;
+use condor_host::system::SystemDirectory;
 use condor_rt::linux;
 use qemu_virt_host::HARTS;
 use utah_mit_hand::compile::{compile_all, read_hand};
@@ -58,7 +58,11 @@ impl Application for Hand {
         Ok(compile_all(hand, &motions, &files.root)?)
     }
 
-    fn summarize(&self, description: &Description, directory: &Directory) -> Result<(), AnyError> {
+    fn summarize(
+        &self,
+        description: &Description,
+        directory: &SystemDirectory,
+    ) -> Result<(), AnyError> {
         summary::of(description, directory)
     }
 }

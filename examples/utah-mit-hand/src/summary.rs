@@ -4,7 +4,7 @@ use std::error::Error;
 
 use condor_hand::config::{Finger, Hand};
 use condor_host::description::Description;
-use condor_host::system::Directory;
+use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Processor, Region};
@@ -66,7 +66,10 @@ fn print_joints(
 ///
 /// # Errors
 /// What cannot be read.
-pub(crate) fn of(description: &Description, directory: &Directory) -> Result<(), Box<dyn Error>> {
+pub(crate) fn of(
+    description: &Description,
+    directory: &SystemDirectory,
+) -> Result<(), Box<dyn Error>> {
     let file = description
         .robot
         .as_ref()

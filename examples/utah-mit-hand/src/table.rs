@@ -50,7 +50,7 @@ pub struct Palm {
     pub position: [f64; AXES],
     /// Where they are to be, m.
     pub target: [f64; AXES],
-    /// The number of a [`State`].
+    /// The number of a [`TableStatus`].
     pub state: u64,
 }
 
@@ -78,7 +78,7 @@ impl Described for Palm {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
-pub enum State {
+pub enum TableStatus {
     /// Nothing drives it.
     Off = 0,
     /// It goes home.
@@ -91,7 +91,7 @@ pub enum State {
     Failed = 4,
 }
 
-impl State {
+impl TableStatus {
     const fn of(state: TableState) -> Self {
         match state {
             TableState::Starting { .. } | TableState::Homing => Self::Homing,
@@ -155,7 +155,7 @@ pub struct Request {
 pub struct Response {
     /// The number of a [`Refusal`]; 0 if what was asked for is done, or on its way.
     pub refusal: u32,
-    /// The number of the [`State`] that it is in now.
+    /// The number of the [`TableStatus`] that it is in now.
     pub state: u32,
 }
 
@@ -248,10 +248,10 @@ impl Program for Table {
             .servo("axes", start::rate(rate_hz), &mut |_| axes.tick())
             .background(|background| {
                 background.print(format_args!("moves the table at {rate_hz} Hz\n"));
-                let mut before = State::Off;
+                let mut before = TableStatus::Off;
                 start::attend(background, || {
                     let state = with(&shared, |table| table.controller.state());
-                    let state = state.map_or(before, State::of);
+                    let state = state.map_or(before, TableStatus::of);
                     if state != before {
                         before = state;
                         background.print(format_args!("{state:?}\n"));
@@ -317,7 +317,7 @@ impl<M: Machine> Axes<'_, M> {
             acceleration: tick.acceleration.into(),
             position,
             target: tick.target.map(|point| point.position),
-            state: u64::from(State::of(tick.state) as u32),
+            state: u64::from(TableStatus::of(tick.state) as u32),
         };
         self.variables.position.set_all(&palm.position);
         self.variables.target.set_all(&palm.target);
@@ -338,9 +338,9 @@ fn with<R>(shared: &Shared, work: impl FnOnce(&mut Driven) -> R) -> Option<R> {
 fn respond(shared: &Shared, request: &Request) -> Response {
     let done = with(shared, |table| {
         let outcome = obey(table, request);
-        (outcome, State::of(table.controller.state()))
+        (outcome, TableStatus::of(table.controller.state()))
     });
-    let (outcome, state) = done.unwrap_or((Err(Refusal::Busy), State::Off));
+    let (outcome, state) = done.unwrap_or((Err(Refusal::Busy), TableStatus::Off));
     Response {
         refusal: outcome.err().map_or(0, |refusal| refusal as u32),
         state: state as u32,

@@ -6,8 +6,8 @@ use core::num::NonZeroU16;
 use checks::Checks;
 use condor_dev::drivers::{Format, Uart16550};
 use condor_dev::{
-    AccessError, Bus as _, BusErrorKind, Device, FdError, InterruptController, IoError, Mmio, Mode,
-    OpenError, Place, Presence, Switch, Vector, device_switch,
+    AccessError, Bus as _, BusErrorKind, Device, FdError, InterruptController, IoError, Location,
+    Mmio, Mode, OpenError, Presence, Switch, Vector, device_switch,
 };
 use utah_mit_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
 
@@ -16,11 +16,11 @@ use crate::BASE;
 device_switch! {
     /// A board of each kind, and one that is not there.
     pub struct Boards {
-        mpp: Mpp = [Place::at(BASE).interrupting(64, 3)],
-        adc: Adc16 = [Place::at(BASE + 0x100), Place::at(BASE + 0x1000)],
-        dac: Dac16 = [Place::at(BASE + 0x200)],
-        encoder: Encoder8 = [Place::at(BASE + 0x300)],
-        uart: Uart16550<1, 16> = [Place::at(BASE + 0x400).interrupting(64, 3)],
+        mpp: Mpp = [Location::at(BASE).interrupting(64, 3)],
+        adc: Adc16 = [Location::at(BASE + 0x100), Location::at(BASE + 0x1000)],
+        dac: Dac16 = [Location::at(BASE + 0x200)],
+        encoder: Encoder8 = [Location::at(BASE + 0x300)],
+        uart: Uart16550<1, 16> = [Location::at(BASE + 0x400).interrupting(64, 3)],
     }
 }
 
@@ -318,7 +318,7 @@ fn serial<C: InterruptController>(checks: &mut Checks<'_>, switch: &Devices<C>) 
     checks.same("the port is closed", switch.close(fd), Ok(()));
     checks.that(
         "its vector is known",
-        Place::at(UART)
+        Location::at(UART)
             .interrupting(64, 3)
             .interrupt()
             .map(|(vector, _)| vector)

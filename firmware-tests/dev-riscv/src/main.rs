@@ -19,7 +19,8 @@ use checks::Checks;
 use condor_dev::drivers::Uart16550;
 use condor_dev::riscv::{GuardedMmio, Plic, on_fault};
 use condor_dev::{
-    Bus as _, BusErrorKind, Mode, NoInterrupts, OpenError, Place, Presence, Switch, device_switch,
+    Bus as _, BusErrorKind, Location, Mode, NoInterrupts, OpenError, Presence, Switch,
+    device_switch,
 };
 use dev_exercise::{Boards, Devices, Memory};
 use machine::{BUS, NOWHERE, UART, UART_VECTOR, VIRTIO, plic, print, switch_off};
@@ -40,10 +41,10 @@ device_switch! {
     /// What this machine might have.
     struct Machine {
         uart: Serial = [
-            Place::at(UART).interrupting(UART_VECTOR, 1),
-            Place::at(NOWHERE).interrupting(UART_VECTOR, 1),
+            Location::at(UART).interrupting(UART_VECTOR, 1),
+            Location::at(NOWHERE).interrupting(UART_VECTOR, 1),
         ],
-        adc: Adc16 = [Place::at(NOWHERE + 0x1000), Place::at(VIRTIO)],
+        adc: Adc16 = [Location::at(NOWHERE + 0x1000), Location::at(VIRTIO)],
     }
 }
 

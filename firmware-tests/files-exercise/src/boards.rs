@@ -4,7 +4,7 @@ use core::cell::Cell;
 
 use checks::Checks;
 use condor_dev::{
-    BusErrorKind, Fd, FdError, IoError, Mode, NoInterrupts, OpenError, Place, Presence, Switch,
+    BusErrorKind, Fd, FdError, IoError, Location, Mode, NoInterrupts, OpenError, Presence, Switch,
     device_switch,
 };
 use condor_mbox::{CriticalSection, Places};
@@ -39,7 +39,7 @@ impl Terminals for Panel {
 
 device_switch! {
     pub(crate) struct Boards {
-        tty: condor_tty::dev::Tty<Panel> = [Place::at(0), Place::at(1)],
+        tty: condor_tty::dev::Tty<Panel> = [Location::at(0), Location::at(1)],
     }
 }
 

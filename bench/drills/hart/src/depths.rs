@@ -37,7 +37,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 pub(crate) fn run(hart: &Hart) -> Result<(), Error> {
     // Its own mailbox, loops and interrupts: a level is to be what it is alone.
     let mut publisher = Setup::new(hart)?.publish::<Depths>(NAME)?;
-    let state = State::default();
+    let state = Reached::default();
     let ask = |call: &Call<'_>| state.answer(hart, call);
     let tick = |_: &Call<'_>| 0;
     let mut mailbox = hart.mailbox()?;
@@ -60,7 +60,7 @@ pub(crate) fn run(hart: &Hart) -> Result<(), Error> {
 
 /// What levels tell each other. One hart: what an interrupt has stored is there.
 #[derive(Default)]
-struct State {
+struct Reached {
     in_handler: AtomicBool,
     in_slow: AtomicBool,
     /// How often the fast loop ran above both.
@@ -68,7 +68,7 @@ struct State {
     failed: AtomicBool,
 }
 
-impl State {
+impl Reached {
     /// Asks back, as often as it is told to; the innermost handler computes.
     fn answer(&self, hart: &Hart, call: &Call<'_>) -> u32 {
         let Some(rest) = call.data().checked_sub(1) else {
@@ -102,7 +102,7 @@ type Two = Scheduler<HartTimer, 2, 0>;
 struct Levels<'l, 'v> {
     hart: &'l Hart,
     mailbox: &'l MailboxOf<'v, Hart>,
-    state: &'l State,
+    state: &'l Reached,
 }
 
 impl Levels<'_, '_> {

@@ -5,7 +5,7 @@ mod running;
 
 use std::time::Duration;
 
-use condor_host::control::{Request, State};
+use condor_host::control::{MemberState, Request};
 use running::{Up, image};
 
 const NEEDS: &str = "QEMU and images: cargo xtask riscv";
@@ -38,7 +38,7 @@ fn a_trap_ends_one_program_and_no_other() {
     for (what, told) in TRAPS {
         let mut events = up.events();
         up.load("h0", &["faulty", what]);
-        running::wait(&mut events, "h0", State::Failed);
+        running::wait(&mut events, "h0", MemberState::Failed);
         let member = up.member("h0");
         let exit = member.last_exit.unwrap();
         assert!(exit.starts_with(told), "{what}: {exit}");
@@ -96,7 +96,7 @@ fn a_program_that_does_not_listen_is_taken_away() {
         })
         .unwrap();
     let member = up.member("h0");
-    assert_eq!(member.state, State::Stopped);
+    assert_eq!(member.state, MemberState::Stopped);
     let exit = member.last_exit.unwrap();
     assert!(exit.contains("in the monitor again"), "{exit}");
     up.load("h0", &["echo"]);

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, Events, Member, Request, State};
-use condor_host::system::Directory;
+use condor_host::control::{Client, Events, Member, MemberState, Request};
+use condor_host::system::SystemDirectory;
 
 /// How long anything may take on a machine that has much else to do.
 const DEADLINE: Duration = Duration::from_secs(120);
@@ -80,8 +80,8 @@ impl Up {
         self.place.path()
     }
 
-    fn directory(&self) -> Directory {
-        Directory::at(self.place.path().join("condor/tested"))
+    fn directory(&self) -> SystemDirectory {
+        SystemDirectory::at(self.place.path().join("condor/tested"))
     }
 
     pub(crate) fn client(&self) -> Client {
@@ -100,7 +100,7 @@ impl Up {
     }
 
     /// What changes when a program is started anew.
-    pub(crate) fn pid_and_state(&self, name: &str) -> (Option<u32>, State, u32) {
+    pub(crate) fn pid_and_state(&self, name: &str) -> (Option<u32>, MemberState, u32) {
         let member = self.member(name);
         (member.pid, member.state, member.restarts)
     }
@@ -155,8 +155,8 @@ impl Up {
         loop {
             let member = self.member(name);
             match member.state {
-                State::Stopped => return,
-                State::Failed => panic!("{name}: {:?}", member.last_exit),
+                MemberState::Stopped => return,
+                MemberState::Failed => panic!("{name}: {:?}", member.last_exit),
                 _ => assert!(Instant::now() < deadline, "{name} does not end"),
             }
             std::thread::yield_now();
@@ -178,7 +178,7 @@ impl Drop for Up {
 }
 
 /// Waits until a processor has come into a state.
-pub(crate) fn wait(events: &mut Events, name: &str, state: State) {
+pub(crate) fn wait(events: &mut Events, name: &str, state: MemberState) {
     let mut told = String::new();
     for event in events.by_ref() {
         let event = event.unwrap_or_else(|error| panic!("{error}; before:\n{told}"));

@@ -5,11 +5,11 @@
 //! served when they are done.
 
 use condor_dev::riscv::{Context, Plic};
-use condor_dev::{Level, Mmio, Place, Switch, device_switch};
+use condor_dev::{Level, Location, Mmio, Switch, device_switch};
 use condor_mos::riscv::preserving_floats;
 use condor_rt::Interrupts;
 use critical_section::CriticalSection;
-use qemu_virt_host::{Control, State};
+use qemu_virt_host::{Control, HartState};
 use riscv::register::{mhartid, mie, mstatus};
 
 use crate::bell::{self, ring_hart};
@@ -32,7 +32,7 @@ const RECEIVER: usize = 0;
 
 device_switch! {
     /// The boards that interrupt hart 0.
-    struct Boards { line: Line = [Place::at(UART).interrupting(UART_VECTOR, 1)] }
+    struct Boards { line: Line = [Location::at(UART).interrupting(UART_VECTOR, 1)] }
 }
 
 // SAFETY: the machine has a PLIC there, whose registers have four bytes.
@@ -184,7 +184,7 @@ fn is_abandoned(hart: usize) -> bool {
     let control = Control::new(&memory(LEAST_BYTES), hart as u32);
     // The memory is there.
     control.is_ok_and(|control| {
-        matches!(control.state(), Ok(State::Runs { .. })) && control.is_abandoned() == Ok(true)
+        matches!(control.state(), Ok(HartState::Runs { .. })) && control.is_abandoned() == Ok(true)
     })
 }
 

@@ -38,7 +38,7 @@ const FAULTED: u32 = 5;
 
 /// How a hart is. Starts are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub enum HartState {
     /// It has not come up.
     Off,
     /// It is in the monitor, and has run nothing.
@@ -142,19 +142,19 @@ impl<W: MemoryWindow + Clone> Control<W> {
     ///
     /// # Errors
     /// The memory's.
-    pub fn state(&self) -> Result<State, AccessError> {
+    pub fn state(&self) -> Result<HartState, AccessError> {
         let state = self.page.word(hart::STATE)?;
         let start = self.page.word(hart::START)?;
         Ok(match state {
-            WAITS => State::Waits,
-            RUNS => State::Runs { start },
-            ENDED => State::Ended {
+            WAITS => HartState::Waits,
+            RUNS => HartState::Runs { start },
+            ENDED => HartState::Ended {
                 start,
                 status: self.page.word(hart::STATUS)?,
             },
-            ABANDONED => State::Abandoned { start },
-            FAULTED => State::Faulted { start },
-            _ => State::Off,
+            ABANDONED => HartState::Abandoned { start },
+            FAULTED => HartState::Faulted { start },
+            _ => HartState::Off,
         })
     }
 
@@ -196,7 +196,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(host::ABANDONED, start)
     }
 
-    /// What ended a program whose state is [`Faulted`](State::Faulted).
+    /// What ended a program whose state is [`Faulted`](HartState::Faulted).
     ///
     /// # Errors
     /// The memory's.
@@ -237,7 +237,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
     /// The memory's.
     pub fn wait(&self) -> Result<(), AccessError> {
         match self.state()? {
-            State::Off => self.page.set_word(hart::STATE, WAITS),
+            HartState::Off => self.page.set_word(hart::STATE, WAITS),
             _ => Ok(()),
         }
     }

@@ -7,13 +7,13 @@ use condor_host::cli::AnyError;
 use condor_host::description::{At, beside, find_program};
 use condor_host::extension::{Extension, Found, Furnished, Group, Service};
 use condor_host::supervisor::Launch;
-use condor_host::system::Directory;
+use condor_host::system::SystemDirectory;
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxDoorbell;
 use condor_rt::linux::{BusFile, Environment};
 use condor_rt::numbers::PROCESSORS;
 
-use crate::hart::{Machine, flat};
+use crate::hart::{MachineProcess, flat};
 use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, bus, map, service};
 
 const MIB: i64 = 1 << 20;
@@ -183,7 +183,7 @@ struct HartGroup {
 }
 
 impl Group for HartGroup {
-    fn furnish(&self, directory: &Directory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
         let path = directory.path().join("memory");
         let memory = MachineMemory::create(&path, &self.map)?;
         memory.system(&directory.mailbox())?;
@@ -220,7 +220,7 @@ impl Furnished for FurnishedHarts {
         let paths = paths.map(|path| path.to_string_lossy().into_owned());
         Some(Service {
             arguments: paths.into_iter().chain(options.iter().cloned()).collect(),
-            launch: Box::new(Machine::new(self.memory.clone(), self.power.clone())),
+            launch: Box::new(MachineProcess::new(self.memory.clone(), self.power.clone())),
         })
     }
 

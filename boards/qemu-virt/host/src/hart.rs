@@ -11,8 +11,8 @@ use condor_mbox::{Doorbell as _, Processor};
 use condor_host::supervisor::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
 
 use crate::{
-    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, ImageError, MachineMemory, Map, MemoryError,
-    Order, State, cause_name,
+    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, ImageError, MachineMemory, Map,
+    MemoryError, Order, cause_name,
 };
 use condor_rt::numbers::PROCESSORS;
 
@@ -115,7 +115,7 @@ pub struct Hart {
     control: Control<LinuxWindow>,
     doorbell: LinuxDoorbell<PROCESSORS>,
     power: Power,
-    program: Option<Program>,
+    program: Option<LoadedProgram>,
     running: Option<Running>,
     ended: Option<Exit>,
     /// What is to be said of a fault or by the program itself, beside how it ended.
@@ -123,7 +123,7 @@ pub struct Hart {
 }
 
 #[derive(Debug)]
-struct Program {
+struct LoadedProgram {
     file: PathBuf,
     image: crate::Image,
     arguments: Vec<u8>,
@@ -190,14 +190,14 @@ impl Hart {
             return Some(Exit::Unknown);
         };
         match state {
-            State::Ended { start, status } if start == running.start => {
+            HartState::Ended { start, status } if start == running.start => {
                 self.report = self.said();
                 Some(Exit::Status(status.cast_signed()))
             }
-            State::Abandoned { start } if start == running.start => {
+            HartState::Abandoned { start } if start == running.start => {
                 Some(Exit::Other(ABANDONED.into()))
             }
-            State::Faulted { start } if start == running.start => {
+            HartState::Faulted { start } if start == running.start => {
                 let fault = self.control.fault().unwrap_or_default();
                 self.report = Some(self.told(&fault));
                 let Fault { pc, value, .. } = fault;
@@ -279,7 +279,7 @@ impl Launch for Hart {
         if self.running.is_some() {
             return Err(LaunchError::Runs);
         }
-        self.program = Some(Program {
+        self.program = Some(LoadedProgram {
             file: image.file.clone(),
             image: read(&image.file, self.memory.map(), self.place)?,
             arguments: flat(&image.arguments)?,
@@ -292,8 +292,8 @@ impl Launch for Hart {
         let program = self.program.as_ref().ok_or(LaunchError::NotLoaded)?;
         let power = self.power.count();
         match self.control.state().map_err(self.memory.at())? {
-            State::Runs { .. } => return Err(LaunchError::Runs),
-            State::Off => return Err(HartError::Off { hart: self.place }.into()),
+            HartState::Runs { .. } => return Err(LaunchError::Runs),
+            HartState::Off => return Err(HartError::Off { hart: self.place }.into()),
             _ if !Power::is_on(power) => return Err(HartError::Off { hart: self.place }.into()),
             _ => {}
         }
@@ -328,7 +328,10 @@ impl Launch for Hart {
     }
 
     fn is_ready(&self) -> bool {
-        let is_up = self.control.state().is_ok_and(|state| state != State::Off);
+        let is_up = self
+            .control
+            .state()
+            .is_ok_and(|state| state != HartState::Off);
         is_up && Power::is_on(self.power.count())
     }
 
@@ -352,13 +355,13 @@ impl Launch for Hart {
 }
 
 /// The process that is a machine, or dies with it.
-pub(crate) struct Machine {
+pub(crate) struct MachineProcess {
     process: Process,
     memory: MachineMemory,
     power: Power,
 }
 
-impl Machine {
+impl MachineProcess {
     pub(crate) fn new(memory: MachineMemory, power: Power) -> Self {
         Self {
             process: Process::new(),
@@ -368,7 +371,7 @@ impl Machine {
     }
 }
 
-impl Launch for Machine {
+impl Launch for MachineProcess {
     fn load(&mut self, image: &Image) -> Result<(), LaunchError> {
         self.process.load(image)
     }

@@ -24,7 +24,7 @@ use condor_host::cli::AnyError;
 use condor_host::supervisor::{Image, Launch, Process, RunState, Signals, Stop};
 use condor_host::system::Windows;
 
-use crate::{MachineMemory, Qemu, State};
+use crate::{HartState, MachineMemory, Qemu};
 use condor_rt::linux::Environment;
 use condor_rt::numbers::PROCESSORS;
 
@@ -201,7 +201,7 @@ fn not_up(memory: &MachineMemory) -> Result<Vec<u32>, AnyError> {
     let mut missing = Vec::new();
     for hart in 0..memory.map().harts() {
         let state = memory.control(hart)?.state().map_err(memory.at())?;
-        if state == State::Off {
+        if state == HartState::Off {
             missing.push(hart);
         }
     }

@@ -12,7 +12,7 @@ use board::Hart;
 use board::resident::{self, Return};
 use condor_mbox::{Clock as _, Doorbell as _};
 use condor_rt::Machine as _;
-use qemu_virt_host::{Map, State, map};
+use qemu_virt_host::{HartState, Map, map};
 
 core::arch::global_asm!(
     include_str!("start.s"),
@@ -47,7 +47,7 @@ fn settle(
     fault: Option<&qemu_virt_host::Fault>,
 ) -> Result<(), condor_mbox::AccessError> {
     let control = hart.control();
-    let running = matches!(control.state()?, State::Runs { .. });
+    let running = matches!(control.state()?, HartState::Runs { .. });
     match (why, fault) {
         (Return::Cold, _) => resident::guard_stack(hart.map(), hart.hart()),
         (Return::Abandoned, _) => control.leave()?,

@@ -8,22 +8,22 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use condor_dev::AccessError;
 use condor_dev::drivers::Uart16550;
 use condor_dev::sim::{Bus, Controller, UartModel};
-use condor_dev::{DeviceError, Driver, Fd, IoError, Mode, Place, Switch, Vector, device_switch};
+use condor_dev::{DeviceError, Driver, Fd, IoError, Location, Mode, Switch, Vector, device_switch};
 use utah_mit_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
 use utah_mit_boards::{Adc16, Dac16, Encoder8, Mpp};
 
 device_switch! {
     /// Every board that ships; parallel and serial ports share a vector each.
     pub struct Boards {
-        adc: Adc16 = [Place::at(ADC)],
-        dac: Dac16 = [Place::at(DAC)],
-        encoder: Encoder8 = [Place::at(ENCODER)],
+        adc: Adc16 = [Location::at(ADC)],
+        dac: Dac16 = [Location::at(DAC)],
+        encoder: Encoder8 = [Location::at(ENCODER)],
         mpp: Mpp = [
-            Place::at(MPP[0]).interrupting(65, 3),
-            Place::at(MPP[1]).interrupting(65, 3),
+            Location::at(MPP[0]).interrupting(65, 3),
+            Location::at(MPP[1]).interrupting(65, 3),
         ],
-        uart: Uart16550<1, 32> = [Place::at(UART[0]).interrupting(66, 2)],
-        uart4: Uart16550<4, 32> = [Place::at(UART[1]).interrupting(66, 2)],
+        uart: Uart16550<1, 32> = [Location::at(UART[0]).interrupting(66, 2)],
+        uart4: Uart16550<4, 32> = [Location::at(UART[1]).interrupting(66, 2)],
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::place::{Bound, Examiner, Root, owner};
 use crate::config::{
-    Axis, Channel, Hand, Mistake, Processor, ProcessorKind, Wire, WireEnd, WirePart,
+    Axis, Channel, ControlProcessor, Hand, Mistake, ProcessorKind, Wire, WireEnd, WirePart,
 };
 
 use super::finger::{converters, limits, unit};
@@ -20,7 +20,7 @@ pub(super) fn rates<const F: usize, const J: usize>(
     examiner.number(Root::Hand, "servo_hz", servo_hz, Bound::AtMost(most))?;
     for (index, processor) in hand.processors.iter().enumerate() {
         if let Some(rate_hz) = processor.rate_hz {
-            rate(examiner, Root::Processor(index), "rate_hz", rate_hz)?;
+            rate(examiner, Root::ControlProcessor(index), "rate_hz", rate_hz)?;
         }
     }
     Ok(())
@@ -108,7 +108,7 @@ pub(super) fn processors<const F: usize, const J: usize>(
         return Err(Mistake::Empty { place });
     }
     for (index, processor) in hand.processors.iter().enumerate() {
-        let root = Root::Processor(index);
+        let root = Root::ControlProcessor(index);
         let number = processor.number;
         if hand
             .processors
@@ -136,7 +136,7 @@ pub(super) fn processor<'a, const F: usize, const J: usize>(
     root: Root,
     number: u8,
     needed: ProcessorKind,
-) -> Result<&'a Processor, Mistake> {
+) -> Result<&'a ControlProcessor, Mistake> {
     let hand = examiner.hand;
     match hand.processor(number) {
         Some(processor) if processor.kind == needed => Ok(processor),
@@ -279,7 +279,7 @@ pub(super) fn load<const F: usize, const J: usize>(
     for (index, processor) in hand.processors.iter().enumerate() {
         let load = hand.load(processor);
         if load > processor.budget {
-            examiner.wrong(Root::Processor(index), "budget");
+            examiner.wrong(Root::ControlProcessor(index), "budget");
             return Err(Mistake::Load {
                 number: processor.number,
                 load,

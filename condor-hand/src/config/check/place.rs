@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Write};
 
-use super::super::{Field, Hand, Mistake, Name, Owner, Place};
+use super::super::{Field, Hand, Mistake, Name, Owner, ValuePlace};
 
 /// The way to a value from the top of the file, such as `fingers[1].joints[2].limits.low`.
 pub(in crate::config) type Path = heapless::String<63, u8>;
@@ -11,7 +11,7 @@ pub(in crate::config) type Path = heapless::String<63, u8>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Root {
     Hand,
-    Processor(usize),
+    ControlProcessor(usize),
     Axis(usize),
     Finger(usize),
     Joint(usize, usize),
@@ -37,7 +37,7 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
     }
 
     /// Notes the way to a value that is wrong.
-    pub(super) fn wrong(&mut self, root: Root, field: &str) -> Place {
+    pub(super) fn wrong(&mut self, root: Root, field: &str) -> ValuePlace {
         self.path.clear();
         // A way longer than the path leads to what is around the value.
         let _ = write!(
@@ -175,7 +175,7 @@ pub(super) fn join(table: &str, field: &str) -> Field {
 pub(super) fn resolve<const FINGERS: usize, const JOINTS: usize>(
     hand: &Hand<FINGERS, JOINTS>,
     path: &str,
-) -> Place {
+) -> ValuePlace {
     if let Some((finger, rest)) = entry(path, "fingers[") {
         return match entry(rest, "joints[") {
             Some((joint, field)) => place(hand, Root::Joint(finger, joint), field),
@@ -183,7 +183,7 @@ pub(super) fn resolve<const FINGERS: usize, const JOINTS: usize>(
         };
     }
     if let Some((processor, field)) = entry(path, "processors[") {
-        return place(hand, Root::Processor(processor), field);
+        return place(hand, Root::ControlProcessor(processor), field);
     }
     match entry(path, "table.axes[") {
         Some((axis, field)) => place(hand, Root::Axis(axis), field),
@@ -201,8 +201,8 @@ fn place<const FINGERS: usize, const JOINTS: usize>(
     hand: &Hand<FINGERS, JOINTS>,
     root: Root,
     field: &str,
-) -> Place {
-    Place {
+) -> ValuePlace {
+    ValuePlace {
         owner: owner(hand, root),
         field: join(field, ""),
     }
@@ -216,9 +216,9 @@ pub(super) fn owner<const FINGERS: usize, const JOINTS: usize>(
     let joint = |index: usize, joint| hand.joint(index, joint).map(|joint| joint.name.clone());
     match root {
         Root::Hand => Owner::Hand,
-        Root::Processor(index) => {
+        Root::ControlProcessor(index) => {
             let processor = hand.processors.get(index);
-            Owner::Processor(processor.map_or(0, |processor| processor.number))
+            Owner::ControlProcessor(processor.map_or(0, |processor| processor.number))
         }
         Root::Axis(index) => {
             let axis = hand.table.as_ref().and_then(|table| table.axes.get(index));
@@ -236,7 +236,7 @@ impl fmt::Display for Root {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Hand => Ok(()),
-            Self::Processor(index) => write!(f, "processors[{index}]"),
+            Self::ControlProcessor(index) => write!(f, "processors[{index}]"),
             Self::Axis(index) => write!(f, "table.axes[{index}]"),
             Self::Finger(index) => write!(f, "fingers[{index}]"),
             Self::Joint(finger, joint) => write!(f, "fingers[{finger}].joints[{joint}]"),

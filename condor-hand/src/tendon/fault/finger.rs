@@ -35,7 +35,7 @@ pub struct Observation<T: Real, const N: usize> {
 pub struct FingerMonitor<T: Real, const N: usize> {
     limits: FaultLimits<T, N>,
     usual: AllUsual<T, N>,
-    state: State<T, N>,
+    state: FingerState<T, N>,
 }
 
 /// The bounds within which a tick passes all checks.
@@ -49,7 +49,7 @@ struct AllUsual<T, const N: usize> {
 
 /// All that `clear` forgets.
 #[derive(Clone, Copy, Debug)]
-struct State<T, const N: usize> {
+struct FingerState<T, const N: usize> {
     tendons: [Pair<(Tendon, FaultSet)>; N],
     joints: [(Joint, FaultSet); N],
     tendon_places: [Places<T, 2>; N],
@@ -62,7 +62,7 @@ struct State<T, const N: usize> {
     first: Option<Fault>,
 }
 
-impl<T: Real, const N: usize> State<T, N> {
+impl<T: Real, const N: usize> FingerState<T, N> {
     fn new() -> Self {
         Self {
             tendons: [Pair::both((Tendon::default(), FaultSet::default())); N],
@@ -110,7 +110,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
                 set_point_age_s: threshold(&limits.set_point_age_s),
             },
             limits,
-            state: State::new(),
+            state: FingerState::new(),
         })
     }
 
@@ -199,7 +199,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         age_s: T,
     ) {
         let Self { limits, state, .. } = self;
-        let State {
+        let FingerState {
             tendons,
             joints,
             tendon_places,
@@ -217,14 +217,14 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
             let sites = FaultSite::tendons(joint);
             let (tendon, latched) = &mut state.flexor;
             let mut moved = places.of(0);
-            State::<T, N>::judge(first, sites.flexor, latched, |latch| {
+            FingerState::<T, N>::judge(first, sites.flexor, latched, |latch| {
                 let (desired, measured) = (desired.flexor, measured.flexor);
                 tendon.update(&limits.flexor, &mut moved, desired, measured, latch);
             });
             places.set(0, moved);
             let (tendon, latched) = &mut state.extensor;
             let mut moved = places.of(1);
-            State::<T, N>::judge(first, sites.extensor, latched, |latch| {
+            FingerState::<T, N>::judge(first, sites.extensor, latched, |latch| {
                 let (desired, measured) = (desired.extensor, measured.extensor);
                 tendon.update(&limits.extensor, &mut moved, desired, measured, latch);
             });
@@ -237,13 +237,13 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
             .enumerate()
         {
             let mut moved = joint_places.of(joint);
-            State::<T, N>::judge(first, FaultSite::Joint(joint), latched, |latch| {
+            FingerState::<T, N>::judge(first, FaultSite::Joint(joint), latched, |latch| {
                 let sample = (measured, lost & 1 << joint == 0);
                 state.update(limits, &mut moved, desired, sample, latch);
             });
             joint_places.set(joint, moved);
         }
-        State::<T, N>::judge(first, FaultSite::Finger, finger, |latch| {
+        FingerState::<T, N>::judge(first, FaultSite::Finger, finger, |latch| {
             let (longest, oldest) = (&limits.period_s, &limits.set_point_age_s);
             let is_late = period.misses(longest.samples, period_s, longest.value);
             latch.report(FaultCode::MissedDeadline, is_late, period_s);
@@ -291,6 +291,6 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
 
     /// Forgets all faults, and all samples.
     pub fn clear(&mut self) {
-        self.state = State::new();
+        self.state = FingerState::new();
     }
 }

@@ -1,18 +1,18 @@
 //! The simulated hand of a configuration.
 
 use condor_hand::config::Hand;
-use condor_hand::plant::{DriveKind, Machine, PlantError, Stop, Surface};
+use condor_hand::plant::{DriveKind, PlantError, PlantModel, Stop, Surface};
 use condor_hand::tendon::Pair;
 use nalgebra::{Vector3, Vector4};
 
 use crate::support::geometry;
 
-fn machine() -> Machine {
+fn machine() -> PlantModel {
     let stop = Stop {
         stiffness: 1e4,
         damping: 100.0,
     };
-    Machine {
+    PlantModel {
         actuator: DriveKind::exact,
         joint_stop: stop,
         axis_stop: stop,

@@ -15,7 +15,7 @@ const SMALL: (u16, u16) = (80, 24);
 const LARGE: (u16, u16) = (200, 50);
 const NAMES: [&str; 5] = ["master", "servo-a", "servo-b", "table", "plant"];
 
-fn member(number: u8, name: &str, state: State) -> Member {
+fn member(number: u8, name: &str, state: MemberState) -> Member {
     Member {
         number,
         name: name.into(),
@@ -32,7 +32,7 @@ fn member(number: u8, name: &str, state: State) -> Member {
 
 fn model() -> Model {
     let processors = (0..5).zip(NAMES);
-    let processors = processors.map(|(number, name)| member(number, name, State::Running));
+    let processors = processors.map(|(number, name)| member(number, name, MemberState::Running));
     let status = Status {
         system: "utah-mit-hand".into(),
         file: "hand.toml".into(),
@@ -41,8 +41,8 @@ fn model() -> Model {
         pid: 1,
         uptime: 12.0,
         services: vec![
-            member(13, "files", State::Running),
-            member(14, "terminals", State::Running),
+            member(13, "files", MemberState::Running),
+            member(14, "terminals", MemberState::Running),
         ],
         // The robot first, as in a description: windows go by number.
         processors: processors.rev().collect(),
@@ -216,7 +216,7 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
 #[test]
 fn what_is_wrong_is_said() {
     let mut model = model();
-    model.members[3].state = State::Failed;
+    model.members[3].state = MemberState::Failed;
     model.hear(News::Closed(WindowId(2)));
     model.hear(News::Gone("the supervisor ended".into()));
     model.blind = Some("all numbers for visitors are taken".into());

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use condor_dev::AccessError;
 use condor_dev::sim::{Bus, Controller};
-use condor_dev::{Fd, IoError, Mode, Place, Switch, Vector, device_switch};
+use condor_dev::{Fd, IoError, Location, Mode, Switch, Vector, device_switch};
 use utah_mit_boards::Mpp;
 use utah_mit_boards::sim::MppModel;
 
@@ -15,8 +15,8 @@ device_switch! {
     /// The system configuration file: where parallel ports may be.
     struct Boards {
         mpp: Mpp = [
-            Place::at(0xee00_0000).interrupting(65, 3),
-            Place::at(0xee00_0100).interrupting(65, 3),
+            Location::at(0xee00_0000).interrupting(65, 3),
+            Location::at(0xee00_0100).interrupting(65, 3),
         ],
     }
 }

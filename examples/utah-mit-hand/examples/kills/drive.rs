@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use condor_host::control::State;
+use condor_host::control::MemberState;
 
 use crate::killer::{Killer, Kills, Screen};
 use crate::system::{Counts, DEADLINE, LOOK, MASTER, Outcome, TELLERS, Up};
@@ -70,7 +70,7 @@ pub(crate) fn run(length: Duration, random: Option<u64>) -> Outcome<Seen> {
     let after = up.status()?;
     for (before, after) in before.processors.iter().zip(&after.processors) {
         let same = before.pid == after.pid && after.restarts == 0;
-        if !same || after.state != State::Running {
+        if !same || after.state != MemberState::Running {
             let text = format!("{} did not live on: {before:?}, then {after:?}", after.name);
             seen.wrong.push(text);
         }

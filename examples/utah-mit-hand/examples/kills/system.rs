@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, State, Status};
+use condor_host::control::{Client, MemberState, Status};
 use condor_host::services::terminals::type_in;
-use condor_host::system::Directory;
+use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_mbox::Processor;
 use rustix::process::{Pid, Signal, kill_process};
@@ -70,7 +70,7 @@ impl Up {
         loop {
             if let Ok(status) = up.status()
                 && status.processors.len() > TELLERS.len()
-                && all(&status, |state| state == State::Running)
+                && all(&status, |state| state == MemberState::Running)
             {
                 break;
             }
@@ -85,8 +85,8 @@ impl Up {
         Ok(up)
     }
 
-    pub(crate) fn directory(&self) -> Directory {
-        Directory::at(self.place.path().join("condor").join(NAME))
+    pub(crate) fn directory(&self) -> SystemDirectory {
+        SystemDirectory::at(self.place.path().join("condor").join(NAME))
     }
 
     pub(crate) fn files(&self) -> PathBuf {
@@ -156,7 +156,7 @@ impl Up {
             .status()?
             .services
             .iter()
-            .all(|it| it.state == State::Running)
+            .all(|it| it.state == MemberState::Running)
         {
             if Instant::now() > deadline {
                 return Err(format!("the services do not run:\n{}", self.told()).into());
@@ -210,7 +210,7 @@ pub(crate) fn kill(process: u32) -> Outcome<()> {
     Ok(kill_process(process, Signal::KILL)?)
 }
 
-fn all(status: &Status, is: impl Fn(State) -> bool) -> bool {
+fn all(status: &Status, is: impl Fn(MemberState) -> bool) -> bool {
     let members = status.services.iter().chain(&status.processors);
     members.map(|member| member.state).all(is)
 }

@@ -10,7 +10,7 @@ use condor_hand::servo::{JointTarget, Mode};
 use condor_mbox::MemoryWindow;
 use nalgebra::{Vector3, Vector4};
 
-use super::{Joints, LEAST_FINGERS, Order, Reason, Report, State};
+use super::{GraspState, Joints, LEAST_FINGERS, Order, Reason, Report};
 use crate::servo::Given;
 use crate::{FINGERS, Failure, JOINTS, SERVED, UtahMit};
 
@@ -165,10 +165,10 @@ impl GraspLaw {
         if let Some((number, order)) = told.order {
             if order.fingers == 0 {
                 self.let_go(own);
-                return Report::new(number, State::Idle, Reason::None);
+                return Report::new(number, GraspState::Idle, Reason::None);
             }
             if let Err(reason) = self.take(number, &order, own) {
-                return Report::new(number, State::Refused, reason);
+                return Report::new(number, GraspState::Refused, reason);
             }
         }
         if self.number == 0 {
@@ -179,7 +179,7 @@ impl GraspLaw {
             Err(reason) => {
                 let number = self.number;
                 self.let_go(own);
-                Report::new(number, State::Left, reason)
+                Report::new(number, GraspState::Left, reason)
             }
         }
     }
@@ -234,7 +234,7 @@ impl GraspLaw {
     ) -> Result<Report, Reason> {
         let partner = self.hear(given)?;
         let Some(partner) = partner else {
-            return Ok(Report::new(self.number, State::Waiting, Reason::None));
+            return Ok(Report::new(self.number, GraspState::Waiting, Reason::None));
         };
         if self.law.is_none() {
             self.law = Some(self.engage(felt, &partner, gravity)?);
@@ -272,7 +272,7 @@ impl GraspLaw {
             squeeze_share: step.squeeze_share,
             deviation: step.deviation,
             margins: step.margins,
-            ..Report::new(self.number, State::Holding, Reason::None)
+            ..Report::new(self.number, GraspState::Holding, Reason::None)
         })
     }
 
@@ -497,7 +497,7 @@ mod tests {
         gravity: &Vector3<f64>,
         told: &Told,
         said: f64,
-    ) -> State {
+    ) -> GraspState {
         let [first, second] = [0, 1].map(|_| Vector4::from(POSTURE[0]));
         let mut felt = Felt {
             position: [first, second],
@@ -548,19 +548,19 @@ mod tests {
         for _ in 0..5 {
             assert_eq!(
                 tick(&mut law, &mut fingers, &gravity, &told, good),
-                State::Idle
+                GraspState::Idle
             );
         }
         told.order = Some((1, order));
         assert_eq!(
             tick(&mut law, &mut fingers, &gravity, &told, good),
-            State::Holding
+            GraspState::Holding
         );
         told.order = None;
         for said in [f64::NAN, f64::INFINITY, good + 0.3] {
             for said in [said, good, good] {
                 let state = tick(&mut law, &mut fingers, &gravity, &told, said);
-                assert_eq!(state, State::Holding, "{said}");
+                assert_eq!(state, GraspState::Holding, "{said}");
             }
         }
     }

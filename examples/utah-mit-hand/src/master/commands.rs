@@ -15,7 +15,7 @@ use super::servos::Servos;
 use super::words::{Problem, Words};
 use crate::grasp::{self, Order};
 use crate::plant::{self, Which};
-use crate::table::{self, State};
+use crate::table::{self, TableStatus};
 use crate::{FINGERS, JOINTS, UtahMit};
 
 mod gains;
@@ -393,7 +393,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         verb: table::Verb,
         speed: f64,
         to: [f64; 3],
-    ) -> Result<State, Problem<'static>> {
+    ) -> Result<TableStatus, Problem<'static>> {
         self.others.table(&table::Request {
             verb: verb as u32,
             zero: 0,

@@ -131,15 +131,14 @@ impl<'r, M: Machine> Others<'r, M> {
     pub(super) fn table(
         &mut self,
         request: &table::Request,
-    ) -> Result<table::State, Problem<'static>> {
+    ) -> Result<table::TableStatus, Problem<'static>> {
         let table = self.table.as_mut().ok_or(Problem::NoTable)?;
         let response = table.ask(request)?;
         match table::Refusal::from_number(response.refusal) {
             Some(refusal) => Err(Problem::Table(refusal)),
             None if response.refusal != 0 => Err(Problem::Answer(response.refusal)),
-            None => {
-                table::State::from_number(response.state).ok_or(Problem::Answer(response.state))
-            }
+            None => table::TableStatus::from_number(response.state)
+                .ok_or(Problem::Answer(response.state)),
         }
     }
 

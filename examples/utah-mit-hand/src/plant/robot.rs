@@ -5,7 +5,9 @@ use condor_hand::config::{Input, Output as Dac, Wire};
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
-use condor_hand::plant::{self, DriveKind, Hand, Machine, Object, ObjectParameters, Stop, Surface};
+use condor_hand::plant::{
+    self, DriveKind, Hand, Object, ObjectParameters, PlantModel, Stop, Surface,
+};
 use condor_hand::tendon::{Pair, Pairs};
 use nalgebra::Vector3;
 use utah_mit_boards::Dac16;
@@ -28,7 +30,7 @@ const INPUTS: usize = 3 * FINGERS * JOINTS + AXES;
 const AXES: usize = 3;
 
 /// What the configuration does not say of the robot, with one update for each tick.
-pub const MACHINE: Machine = Machine {
+pub const MACHINE: PlantModel = PlantModel {
     actuator: DriveKind::exact,
     joint_stop: Stop {
         stiffness: 50.0,

@@ -15,11 +15,11 @@ pub(super) struct Watchdog<const L: usize> {
     ramp: u32,
     /// Ticks since something was asked for; at rest, since the rest began.
     ticks: u32,
-    state: State,
+    state: WatchState,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+enum WatchState {
     /// Nothing has been asked for yet.
     New,
     Refreshed,
@@ -47,7 +47,7 @@ impl<const L: usize> Watchdog<L> {
             patience,
             ramp,
             ticks: 0,
-            state: State::New,
+            state: WatchState::New,
         }
     }
 
@@ -58,35 +58,35 @@ impl<const L: usize> Watchdog<L> {
             Told::Values(values) => {
                 self.asked = values;
                 self.ticks = 0;
-                self.state = State::Refreshed;
+                self.state = WatchState::Refreshed;
             }
-            Told::Closed if self.state == State::Refreshed => self.rest(),
-            Told::Nothing if self.state == State::Refreshed && self.ticks >= self.patience => {
+            Told::Closed if self.state == WatchState::Refreshed => self.rest(),
+            Told::Nothing if self.state == WatchState::Refreshed && self.ticks >= self.patience => {
                 self.rest();
             }
             Told::Closed | Told::Nothing => {}
         }
         match self.state {
-            State::New => self.least,
-            State::Refreshed => self.asked,
-            State::Rests => self.on_the_way(),
+            WatchState::New => self.least,
+            WatchState::Refreshed => self.asked,
+            WatchState::Rests => self.on_the_way(),
         }
     }
 
     /// Whether it rests because nothing comes any more.
     pub(super) fn is_tripped(&self) -> bool {
-        self.state == State::Rests
+        self.state == WatchState::Rests
     }
 
     /// Whether its outputs are those of the watchdog.
     pub(super) fn is_resting(&self) -> bool {
-        self.state != State::Refreshed
+        self.state != WatchState::Refreshed
     }
 
     fn rest(&mut self) {
         self.from = self.asked;
         self.ticks = 0;
-        self.state = State::Rests;
+        self.state = WatchState::Rests;
     }
 
     fn on_the_way(&self) -> [f64; L] {

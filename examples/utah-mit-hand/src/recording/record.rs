@@ -31,7 +31,7 @@ pub(crate) struct Ring {
 /// How a recording goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
-pub(crate) enum State {
+pub(crate) enum TapeState {
     Running = 0,
     /// All ticks that were asked for are in the ring.
     Complete = 1,
@@ -43,16 +43,16 @@ impl Ring {
     /// More than half a second of any hand's ticks.
     pub(crate) const BYTES: u32 = 64 * 1024;
 
-    pub(crate) fn state(&self) -> State {
+    pub(crate) fn state(&self) -> TapeState {
         // Acquire: pairs with `set_state`, so that the last tick is seen.
         match self.state.load(Ordering::Acquire) {
-            0 => State::Running,
-            1 => State::Complete,
-            _ => State::Lost,
+            0 => TapeState::Running,
+            1 => TapeState::Complete,
+            _ => TapeState::Lost,
         }
     }
 
-    pub(crate) fn set_state(&self, state: State) {
+    pub(crate) fn set_state(&self, state: TapeState) {
         // Release: after all that was put in.
         self.state.store(state as u32, Ordering::Release);
     }
@@ -155,7 +155,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         self.record(kind::DONE, done.as_bytes(), &[]);
         if !self.has_room {
             self.left = 0;
-            self.ring.set_state(State::Lost);
+            self.ring.set_state(TapeState::Lost);
             return;
         }
         // Relaxed: only the loop changes it. Release: after all bytes of the tick.
@@ -166,12 +166,12 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         self.ring.put.store(self.put, Ordering::Release);
         self.left -= 1;
         if self.left == 0 {
-            self.ring.set_state(State::Complete);
+            self.ring.set_state(TapeState::Complete);
         }
     }
 
     fn is_running(&self) -> bool {
-        self.left > 0 && self.ring.state() == State::Running
+        self.left > 0 && self.ring.state() == TapeState::Running
     }
 
     fn record(&mut self, kind: u32, first: &[u8], second: &[u8]) {

@@ -5,7 +5,7 @@ use condor_mbox::{MemoryWindow, Messenger, Region};
 use embedded_io::Write;
 use zerocopy::IntoBytes;
 
-use super::record::{Ring, State};
+use super::record::{Ring, TapeState};
 use super::{Head, RecordingError, kind};
 
 /// Bytes that are taken out of the ring at once.
@@ -48,13 +48,13 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         let state = self.ring.state();
         let outcome = self.empty();
         if outcome.is_err() {
-            self.ring.set_state(State::Lost);
+            self.ring.set_state(TapeState::Lost);
         }
         outcome?;
         match state {
-            State::Running => Ok(false),
-            State::Complete => Ok(true),
-            State::Lost => {
+            TapeState::Running => Ok(false),
+            TapeState::Complete => Ok(true),
+            TapeState::Lost => {
                 // What there is of it can still be looked at.
                 self.file.flush()?;
                 Err(RecordingError::Behind {

@@ -5,13 +5,13 @@ use core::fmt::Arguments;
 use condor_hand::tendon::fault::Fault;
 
 use crate::SERVED;
-use crate::grasp::{Reason, State};
+use crate::grasp::{GraspState, Reason};
 
 /// What the loop tells the background, which tells people of what has changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct News {
     pub(super) faults: [Option<Fault>; SERVED],
-    pub(super) grasp: (u64, State, Reason),
+    pub(super) grasp: (u64, GraspState, Reason),
     /// Transfers of boards that failed; wraps.
     pub(super) failures: u32,
 }
@@ -19,7 +19,7 @@ pub(super) struct News {
 impl News {
     pub(super) const NOTHING: Self = Self {
         faults: [None; SERVED],
-        grasp: (0, State::Idle, Reason::None),
+        grasp: (0, GraspState::Idle, Reason::None),
         failures: 0,
     };
 
@@ -41,11 +41,13 @@ impl News {
             let (order, state, reason) = self.grasp;
             let why = reason.as_str();
             match state {
-                State::Idle => say(format_args!("grasp {order}: let go")),
-                State::Waiting => say(format_args!("grasp {order}: waiting for the other fingers")),
-                State::Holding => say(format_args!("grasp {order}: holding")),
-                State::Refused => say(format_args!("grasp {order} refused: {why}")),
-                State::Left => say(format_args!("grasp {order} ended: {why}")),
+                GraspState::Idle => say(format_args!("grasp {order}: let go")),
+                GraspState::Waiting => {
+                    say(format_args!("grasp {order}: waiting for the other fingers"))
+                }
+                GraspState::Holding => say(format_args!("grasp {order}: holding")),
+                GraspState::Refused => say(format_args!("grasp {order} refused: {why}")),
+                GraspState::Left => say(format_args!("grasp {order} ended: {why}")),
             }
         }
         if self.failures != before.failures {

@@ -4,7 +4,7 @@
 use condor_hand::controller::FingerController;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{max, min};
-use condor_hand::plant::{self, Machine};
+use condor_hand::plant::{self, PlantModel};
 use condor_hand::servo::{Mode, Sensed};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{Fault, FaultCode, FaultSite};
@@ -30,7 +30,7 @@ const MOTIONS: [(&str, &str); 7] = [
 ];
 
 /// The robot of the hand system, updated at 10 kHz.
-const MACHINE: Machine = Machine {
+const MACHINE: PlantModel = PlantModel {
     updates: 25,
     ..plant_of_the_hand::MACHINE
 };

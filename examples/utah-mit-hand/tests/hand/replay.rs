@@ -13,7 +13,7 @@ use condor_rt::sim::System;
 use condor_rt::{Machine, Program, numbers};
 use condor_vars::Value;
 use utah_mit_hand::boards::{Board, address, output_counts, socket, zero_of};
-use utah_mit_hand::grasp::{Order, State};
+use utah_mit_hand::grasp::{GraspState, Order};
 use utah_mit_hand::recording::{OUTPUTS, Output};
 use utah_mit_hand::replay::Replay;
 use utah_mit_hand::{objects, plant, table};
@@ -112,14 +112,14 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     master.grasp(&order);
     master.hold(0.06);
     let report = master.report(FIRST);
-    assert_eq!(report.state(), State::Holding, "{:?}", report.reason());
+    assert_eq!(report.state(), GraspState::Holding, "{:?}", report.reason());
     seen.push(registers(master));
     order.fingers = 0b1;
     master.grasp(&order);
     master.hold(0.04);
     master.grasp(&Order::RELEASE);
     master.hold(0.06);
-    assert_eq!(master.report(FIRST).state(), State::Idle);
+    assert_eq!(master.report(FIRST).state(), GraspState::Idle);
     // A finger fails, and is whole again.
     let broken = plant::Request {
         verb: plant::Verb::CutTendon as u32,

@@ -2,7 +2,7 @@
 
 use condor_hand::kinematics::{JointLimits, Redundancy};
 use nalgebra::{Vector3, Vector4};
-use utah_mit_hand::grasp::{Order, Reason, State};
+use utah_mit_hand::grasp::{GraspState, Order, Reason};
 use utah_mit_hand::{plant, table};
 
 use crate::rig::{FIRST, Master, Posture, SECOND, hand, run};
@@ -125,8 +125,8 @@ fn the_table_goes_home_and_where_it_is_sent_and_the_fingers_stay() {
         master.stay(0.5);
         let answer = master.ask_table(&ask(table::Verb::Status, [0.0; 3]));
         assert_eq!(
-            table::State::from_number(answer.state),
-            Some(table::State::Ready)
+            table::TableStatus::from_number(answer.state),
+            Some(table::TableStatus::Ready)
         );
         let far = master.ask_table(&ask(table::Verb::Move, [0.3, 0.0, 0.0]));
         assert_eq!(
@@ -207,7 +207,7 @@ fn take_ball(master: &mut Master<'_>) {
     assert_eq!(master.ask_plant(&let_go).refusal, 0);
     master.wait(2.5);
     for number in [FIRST, SECOND] {
-        assert_eq!(master.report(number).state(), State::Holding);
+        assert_eq!(master.report(number).state(), GraspState::Holding);
     }
     assert_eq!(master.truth().unwrap().touching, 0b1111);
 }
@@ -238,7 +238,7 @@ fn a_ball_that_both_processors_hold_gives_way_as_ordered() {
         let held = master.truth().unwrap().position;
         master.grasp(&Order::RELEASE);
         master.hold(0.5);
-        assert_eq!(master.report(FIRST).state(), State::Idle);
+        assert_eq!(master.report(FIRST).state(), GraspState::Idle);
         let released = master.truth().unwrap().position;
         for (is, was) in released.as_flattened().iter().zip(held.as_flattened()) {
             assert!((is - was).abs() < 0.05, "{is} in place of {was}");
@@ -252,7 +252,7 @@ fn a_grasp_ends_when_the_other_processor_does() {
         take_ball(master);
         master.wait(2.5);
         let report = master.report(FIRST);
-        assert_eq!(report.state(), State::Left);
+        assert_eq!(report.state(), GraspState::Left);
         assert_eq!(report.reason(), Reason::Partner);
     });
     assert!(seen.said[0].contains("grasp 2: holding"), "{:?}", seen.said);
@@ -283,7 +283,10 @@ fn orders_that_no_grasp_can_be_are_refused_and_change_nothing() {
             master.stay(0.04);
             for number in [FIRST, SECOND] {
                 let report = master.report(number);
-                assert_eq!((report.state(), report.reason()), (State::Refused, reason));
+                assert_eq!(
+                    (report.state(), report.reason()),
+                    (GraspState::Refused, reason)
+                );
             }
         }
         assert!(master.peak_rad() < 0.02);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use condor_host::cli::Programs;
-use condor_host::description::{Description, Program};
+use condor_host::description::{Description, ProgramEntry};
 use qemu_virt_host::{HARTS as EXTENSION, Map, Qemu};
 
 use crate::elf;
@@ -73,7 +73,7 @@ fn a_machine_is_laid_out_by_its_harts() {
         .iter()
         .map(|processor| processor.kind);
     assert!(kinds.eq(["process", "hart", "hart"]));
-    let servo = Program::File(place.path().join("servo.elf"));
+    let servo = ProgramEntry::File(place.path().join("servo.elf"));
     assert_eq!(description.processors[1].program, servo);
     let shown = format!("{description:?}");
     let qemu = Qemu {

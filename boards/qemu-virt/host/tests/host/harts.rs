@@ -3,7 +3,7 @@
 use condor_mbox::{MemoryWindow, Region, StaticMemory};
 use proptest::prelude::*;
 use qemu_virt_host::{
-    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, Map, MapError, Order, State, map,
+    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, Map, MapError, Order, map,
 };
 
 const MEMORY: u32 = 16 << 20;
@@ -87,9 +87,9 @@ fn a_program_is_started_asked_and_abandoned() {
         Control::new(&memory, 1).unwrap(),
         Control::new(&memory, 1).unwrap(),
     );
-    assert_eq!(host.state(), Ok(State::Off));
+    assert_eq!(host.state(), Ok(HartState::Off));
     hart.wait().unwrap();
-    assert_eq!(host.state(), Ok(State::Waits));
+    assert_eq!(host.state(), Ok(HartState::Waits));
     assert_eq!(hart.wanted(), Ok(None));
     let order = Order {
         entry: 0x20_0000,
@@ -102,13 +102,13 @@ fn a_program_is_started_asked_and_abandoned() {
     let mut arguments = [0; ARGUMENT_BYTES];
     let len = hart.arguments(&mut arguments).unwrap();
     assert_eq!(&arguments[..len], b"servo\0a\0");
-    assert_eq!(host.state(), Ok(State::Runs { start: 1 }));
+    assert_eq!(host.state(), Ok(HartState::Runs { start: 1 }));
     assert_eq!(hart.is_asked_to_end(), Ok(false));
     host.ask_to_end(1).unwrap();
     assert_eq!(hart.is_asked_to_end(), Ok(true));
     hart.set_error("no servo").unwrap();
     hart.end(7).unwrap();
-    let ended = State::Ended {
+    let ended = HartState::Ended {
         start: 1,
         status: 7,
     };
@@ -126,7 +126,7 @@ fn a_program_is_started_asked_and_abandoned() {
     host.abandon(2).unwrap();
     assert_eq!(hart.is_abandoned(), Ok(true));
     hart.leave().unwrap();
-    assert_eq!(host.state(), Ok(State::Abandoned { start: 2 }));
+    assert_eq!(host.state(), Ok(HartState::Abandoned { start: 2 }));
     let mut fault = Fault {
         cause: 2,
         pc: 0x8000_1234_5678_9abc,
@@ -137,7 +137,7 @@ fn a_program_is_started_asked_and_abandoned() {
     fault.registers[30] = 31;
     hart.set_fault(&fault).unwrap();
     hart.fail().unwrap();
-    assert_eq!(host.state(), Ok(State::Faulted { start: 2 }));
+    assert_eq!(host.state(), Ok(HartState::Faulted { start: 2 }));
     assert_eq!(host.fault(), Ok(fault));
 }
 

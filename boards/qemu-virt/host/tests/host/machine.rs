@@ -14,7 +14,7 @@ use condor_mbox::{Clock, Doorbell, MemoryWindow, Processor};
 use condor_rt::linux::{Environment, Loops};
 use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
 use qemu_virt_host::service::Bridge;
-use qemu_virt_host::{ARGUMENT_BYTES, Fault, Hart, MachineMemory, Map, Power, RAM, State};
+use qemu_virt_host::{ARGUMENT_BYTES, Fault, Hart, HartState, MachineMemory, Map, Power, RAM};
 
 use crate::elf;
 
@@ -106,7 +106,7 @@ impl Rig {
     fn until_it_runs(&self) {
         let control = self.memory.control(HART).unwrap();
         let begun = Instant::now();
-        while !matches!(control.state(), Ok(State::Runs { .. })) {
+        while !matches!(control.state(), Ok(HartState::Runs { .. })) {
             assert!(begun.elapsed() < DEADLINE, "it is not started");
             std::thread::yield_now();
         }
@@ -157,7 +157,7 @@ fn monitor(memory: &MachineMemory, mut line: UnixStream) -> Vec<u8> {
             if line.write_all(&[200, SUPERVISOR.0]).is_err() {
                 break;
             }
-        } else if matches!(control.state(), Ok(State::Runs { .. })) {
+        } else if matches!(control.state(), Ok(HartState::Runs { .. })) {
             if control.is_abandoned().unwrap() {
                 control.leave().unwrap();
             } else if control.is_asked_to_end().unwrap() {

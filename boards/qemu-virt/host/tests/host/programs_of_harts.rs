@@ -207,7 +207,7 @@ fn a_memory_is_what_its_map_says() {
     let claim = system.claim(condor_mbox::Processor(3)).unwrap();
     claim.windows()[9].data.write(64, b"users' data").unwrap();
     memory.reset().unwrap();
-    assert_eq!(control.state(), Ok(qemu_virt_host::State::Off));
+    assert_eq!(control.state(), Ok(qemu_virt_host::HartState::Off));
     let mut text = [0; 11];
     let users = map().data.at(9) + 64;
     memory.region().read(users, &mut text).unwrap();

@@ -7,7 +7,7 @@ use condor_rt::Machine;
 use nalgebra::Vector3;
 
 use super::{Commands, FINGERS, JOINTS, Order, Problem, Words, grasp, with};
-use crate::grasp::{LEAST_FINGERS, State};
+use crate::grasp::{GraspState, LEAST_FINGERS};
 use crate::master::drive::SERVOS;
 use crate::objects;
 
@@ -92,9 +92,9 @@ impl<M: Machine> Commands<'_, '_, M> {
             let _ = numbers.push(places.orders(region)?.give(order)?);
         }
         let wanted = if order.fingers == 0 {
-            State::Idle
+            GraspState::Idle
         } else {
-            State::Holding
+            GraspState::Holding
         };
         for ((processor, region, places), number) in given.iter().zip(&numbers) {
             let processor = *processor;
@@ -105,7 +105,7 @@ impl<M: Machine> Commands<'_, '_, M> {
                 last = report.filter(|report| report.order == *number);
                 match last.map(|report| report.state()) {
                     Some(state) if state == wanted => break,
-                    Some(State::Refused | State::Left) => break,
+                    Some(GraspState::Refused | GraspState::Left) => break,
                     _ => {}
                 }
             }
