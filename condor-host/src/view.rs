@@ -36,6 +36,17 @@ pub type Post = Mailbox<'static, PROCESSORS, SingleContext>;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
+    /// The object table of a processor is of another version.
+    #[error(
+        "{processor} has an object table of version {found}, and this program reads version {expected}",
+        expected = objects::VERSION
+    )]
+    Version {
+        /// Which processor.
+        processor: Processor,
+        /// The version of its table.
+        found: u32,
+    },
     /// As many visitors as there can be are there.
     #[error(
         "all numbers for visitors are taken, by the {}: end one of these programs first",
@@ -184,10 +195,15 @@ impl View {
     /// What the object table of `processor` has of a kind.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`], [`ViewError::Memory`].
+    /// [`ViewError::Mailbox`], [`ViewError::Memory`], [`ViewError::Version`].
     pub fn objects(&self, processor: Processor, kind: Kind) -> Result<Vec<Object>, ViewError> {
         let region = self.region(processor)?;
         let at = |source| ViewError::Memory { processor, source };
+        if let Some(found) = objects::version(&region).map_err(at)?
+            && found != objects::VERSION
+        {
+            return Err(ViewError::Version { processor, found });
+        }
         let all = objects::all(&region).map_err(at)?;
         let of_kind = all.filter(|object| object.as_ref().map_or(true, |it| it.kind == kind));
         of_kind.collect::<Result<_, _>>().map_err(at)

@@ -26,7 +26,8 @@ use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use crate::error::Text;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"COBJ");
-const VERSION: u32 = 1;
+/// The version of the table.
+pub const VERSION: u32 = 1;
 
 /// Bytes that the table takes before its entries.
 pub const BYTES: u32 = 16;
@@ -199,16 +200,26 @@ impl<W: MemoryWindow> ObjectTable<W> {
     }
 }
 
+/// The version of the table of a processor, whose users' region is `region`; `None` if there is no table, or not
+/// yet. The objects of a table of another version than [`VERSION`] cannot be read.
+///
+/// # Errors
+/// The memory's.
+pub fn version<W: MemoryWindow>(region: &Region<W>) -> Result<Option<u32>, AccessError> {
+    let is_there = region.word(word::MAGIC)? == MAGIC;
+    let version = region.word(word::VERSION)?;
+    Ok(is_there.then_some(version))
+}
+
 /// The objects in the table of a processor, whose users' region is `region`; none if there is no
-/// table, or not yet.
+/// table of this [`VERSION`], or not yet.
 ///
 /// # Errors
 /// The memory's.
 pub fn all<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<impl Iterator<Item = Result<Object, AccessError>> + '_, AccessError> {
-    let is_there = region.word(word::MAGIC)? == MAGIC && region.word(word::VERSION)? == VERSION;
-    let first = if is_there {
+    let first = if version(region)? == Some(VERSION) {
         region.word(word::FIRST)?
     } else {
         0

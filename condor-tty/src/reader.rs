@@ -96,7 +96,10 @@ pub enum ReaderError {
     #[error(transparent)]
     Access(#[from] AccessError),
     /// There is no terminal of this layout.
-    #[error("no terminal at offset {offset:#x}: magic {magic:#x}, version {version}")]
+    #[error(
+        "no terminal of version {VERSION} and magic {MAGIC:#x} at offset {offset:#x}: found version {version} and \
+         magic {magic:#x}"
+    )]
     NoTerminal {
         /// Where it was looked for.
         offset: u32,

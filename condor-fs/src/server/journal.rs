@@ -16,8 +16,12 @@ use super::limit::check_file_limit;
 use super::tree::{OWN, Tree};
 use crate::wire::{halves, whole};
 
-/// Bytes of the file.
-const BYTES: u32 = 32;
+/// The first two words of the file. A file of zeros is a new one.
+const MAGIC: u32 = u32::from_le_bytes(*b"CFSJ");
+const VERSION: u32 = 1;
+/// Where the record begins, and what all takes, in bytes.
+const RECORD: u32 = 8;
+const BYTES: u32 = RECORD + 32;
 const NAME: &str = "journal";
 
 /// A mapped file, which outlives the process that wrote it.
@@ -71,7 +75,7 @@ impl Journal {
     /// What was begun has ended. A record that stays because this fails does no harm: the slot says that
     /// the operation is done, or the client has gone on to another one.
     pub(super) fn end(&self) {
-        let _ = self.lock().store(0, 0, StoreOrder::Release);
+        let _ = self.lock().store(RECORD, 0, StoreOrder::Release);
     }
 
     /// What is in progress.
@@ -106,7 +110,31 @@ fn map(tree: &Tree) -> io::Result<LinuxWindow> {
         }
         outcome => outcome?,
     }
-    LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).map_err(io::Error::other)
+    let window = LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).map_err(io::Error::other)?;
+    check(&window)?;
+    Ok(window)
+}
+
+/// Refuses a file that is none of this version, and begins a new one.
+fn check(window: &LinuxWindow) -> io::Result<()> {
+    let load = |at| {
+        window
+            .load(at, LoadOrder::Relaxed)
+            .map_err(io::Error::other)
+    };
+    let (magic, version) = (load(0)?, load(4)?);
+    match (magic, version) {
+        (MAGIC, VERSION) => Ok(()),
+        (0, 0) => {
+            // The magic comes last: with it there is a version.
+            let words = [(4, VERSION), (0, MAGIC)].into_iter();
+            let mut stored = words.map(|(at, word)| window.store(at, word, StoreOrder::Release));
+            stored.try_for_each(|stored| stored.map_err(io::Error::other))
+        }
+        _ => Err(io::Error::other(format!(
+            "it has magic {magic:#x} and version {version}, and this server reads {MAGIC:#x} and {VERSION}"
+        ))),
+    }
 }
 
 /// The first word is 0 while the others change: half a record is none.
@@ -123,15 +151,15 @@ fn write(window: &LinuxWindow, record: &Record) -> Result<(), LinuxWindowError> 
         record.slot,
         record.table,
     ];
-    for (word, at) in words.into_iter().zip((0..).step_by(4)) {
+    for (word, at) in words.into_iter().zip((RECORD..).step_by(4)) {
         window.store(at, word, StoreOrder::Release)?;
     }
-    window.store(0, 1, StoreOrder::Release)
+    window.store(RECORD, 1, StoreOrder::Release)
 }
 
 fn read(window: &LinuxWindow) -> Result<Option<Record>, LinuxWindowError> {
-    let mut words = [0; BYTES as usize / 4];
-    for (word, at) in words.iter_mut().zip((0..).step_by(4)) {
+    let mut words = [0; (BYTES - RECORD) as usize / 4];
+    for (word, at) in words.iter_mut().zip((RECORD..).step_by(4)) {
         *word = window.load(at, LoadOrder::Acquire)?;
     }
     let [
@@ -160,7 +188,7 @@ fn read(window: &LinuxWindow) -> Result<Option<Record>, LinuxWindowError> {
 mod tests {
     use super::*;
 
-    const RECORD: Record = Record {
+    const BEGUN: Record = Record {
         processor: Processor(7),
         session: u64::MAX - 1,
         sequence: whole(3, 2),
@@ -174,11 +202,28 @@ mod tests {
         let tree = Tree::open(root.path()).unwrap();
         let journal = Journal::open(&tree, root.path()).unwrap();
         assert_eq!(journal.read().unwrap(), None);
-        journal.begin(&tree, &RECORD).unwrap();
+        journal.begin(&tree, &BEGUN).unwrap();
         let next = Journal::open(&tree, root.path()).unwrap();
-        assert_eq!(next.read().unwrap(), Some(RECORD));
+        assert_eq!(next.read().unwrap(), Some(BEGUN));
         next.end();
         assert_eq!(journal.read().unwrap(), None);
+    }
+
+    #[test]
+    fn a_journal_of_another_version_is_refused() {
+        let root = tempfile::tempdir().unwrap();
+        let tree = Tree::open(root.path()).unwrap();
+        Journal::open(&tree, root.path()).unwrap();
+        let path = root.path().join(".condor-fs/journal");
+        let mut content = std::fs::read(&path).unwrap();
+        assert_eq!(content[..8], *b"CFSJ\x01\0\0\0");
+        content[4] = 9;
+        std::fs::write(&path, content).unwrap();
+        let Err(ServerError::Journal { source, .. }) = Journal::open(&tree, root.path()) else {
+            panic!("it was taken");
+        };
+        let expected = "version 9, and this server reads 0x4a534643 and 1";
+        assert!(source.to_string().ends_with(expected), "{source}");
     }
 
     #[test]
@@ -189,15 +234,15 @@ mod tests {
         let path = root.path().join(".condor-fs/journal");
         let file = std::fs::File::options().write(true).open(&path).unwrap();
         file.set_len(0).unwrap();
-        journal.begin(&tree, &RECORD).unwrap();
+        journal.begin(&tree, &BEGUN).unwrap();
         let next = Journal::open(&tree, root.path()).unwrap();
-        assert_eq!(next.read().unwrap(), Some(RECORD));
+        assert_eq!(next.read().unwrap(), Some(BEGUN));
 
         file.set_len(0).unwrap();
         std::fs::remove_file(&path).unwrap();
         std::fs::create_dir(&path).unwrap();
         assert!(journal.read().is_err(), "what is gone is not nothing");
-        let error = journal.begin(&tree, &RECORD).unwrap_err();
+        let error = journal.begin(&tree, &BEGUN).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::IsADirectory);
         let error = Journal::open(&tree, root.path()).err().unwrap();
         assert!(error.to_string().contains("journal"), "{error}");

@@ -5,6 +5,7 @@ use std::process::Stdio;
 
 use crate::running::{self, Up};
 use condor_host::view::{View, ViewError};
+use condor_mbox::Processor;
 use condor_rt::numbers::VISITORS;
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -470,6 +471,17 @@ fn a_terminal_can_be_typed_at_from_a_script() {
     assert!(child.wait().unwrap().success());
     let wrong = complaint(&up, &["tty", "files"]);
     assert!(wrong.contains("there are a (0), b (1)"), "{wrong}");
+}
+
+#[test]
+fn an_object_table_of_another_version_is_refused() {
+    let up = start();
+    let view = View::open(&up.directory().system(65536).unwrap()).unwrap();
+    let b = view.region(Processor(1)).unwrap();
+    b.set_word(4, 9).unwrap();
+    let wrong = complaint(&up, &["top", "--once"]);
+    let expected = "processor 1 has an object table of version 9, and this program reads version 1";
+    assert!(wrong.contains(expected), "{wrong}");
 }
 
 #[test]

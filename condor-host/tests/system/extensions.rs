@@ -16,10 +16,19 @@ program = "THIS"
 arguments = ["writer"]
 "#;
 
-fn niceness(process: u32) -> String {
-    let status = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
-    let (_, after_name) = status.rsplit_once(')').unwrap();
-    after_name.split_whitespace().nth(16).unwrap().into()
+/// How much more a process gives way to others than this one.
+fn niceness(process: u32) -> i32 {
+    let nice = |process: u32| -> i32 {
+        let status = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
+        let (_, after_name) = status.rsplit_once(')').unwrap();
+        after_name
+            .split_whitespace()
+            .nth(16)
+            .unwrap()
+            .parse()
+            .unwrap()
+    };
+    nice(process) - nice(std::process::id())
 }
 
 fn sum(up: &Up, data: &str) -> String {
@@ -39,7 +48,7 @@ fn a_kind_of_processors_and_a_service_run_like_those_of_condor() {
         panic!("{status:?}");
     };
     assert_eq!((polite.kind.as_str(), polite.number), ("nice", 11));
-    assert_eq!(niceness(polite.pid.unwrap()), "5");
+    assert_eq!(niceness(polite.pid.unwrap()), 5);
     assert!(sum(&up, "35").starts_with("42 "));
 
     // They are started again, and other programs can be loaded.
@@ -57,5 +66,5 @@ fn a_kind_of_processors_and_a_service_run_like_those_of_condor() {
     up.client().ask(&load).unwrap();
     let polite = up.status().processors.remove(0);
     assert_eq!(polite.arguments, ["joint"]);
-    assert_eq!(niceness(polite.pid.unwrap()), "5");
+    assert_eq!(niceness(polite.pid.unwrap()), 5);
 }

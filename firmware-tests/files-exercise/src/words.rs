@@ -211,7 +211,7 @@ fn errors_of_terminals(checks: &mut Checks<'_>) {
             magic,
             version,
         },
-        "no terminal at offset 0x40: magic 0xbad, version 3",
+        "no terminal of version 1 and magic 0x59545443 at offset 0x40: found version 3 and magic 0xbad",
     );
     reads(
         &ReaderError::NotReady { offset },

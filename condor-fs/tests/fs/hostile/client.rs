@@ -18,6 +18,8 @@ use condor_mbox::{MemoryWindow, Region, Windows, layout::BELL_BYTES};
 use super::Source;
 
 /// The window is the middle of its memory: a page of guards before it and behind it.
+/// Where the journal has its record, in bytes.
+const RECORD: u64 = 8;
 const PAGE: u32 = 4096;
 const WINDOW: u32 = 2 * PAGE;
 const GUARD: [u8; PAGE as usize] = [0xa5; PAGE as usize];
@@ -248,9 +250,11 @@ impl World {
         for (bytes, word) in journal.chunks_mut(4).zip(words) {
             bytes.copy_from_slice(&word.to_le_bytes());
         }
-        self.journal.write_all_at(&journal, 0).unwrap();
+        self.journal.write_all_at(&journal, RECORD).unwrap();
         self.server.recover(&self.windows).unwrap();
-        self.journal.read_exact_at(&mut journal[..4], 0).unwrap();
+        self.journal
+            .read_exact_at(&mut journal[..4], RECORD)
+            .unwrap();
         assert_eq!(journal[..4], [0; 4], "it has come to its end");
     }
 
