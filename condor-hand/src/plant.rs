@@ -6,7 +6,7 @@
 //! that carries the palm. A [`SensorBank`] turns what is into what converters report, with noise and
 //! scripted [`SensorFault`]s.
 //!
-//! A [`Machine`] makes all of that from a configuration, and what a configuration does not say.
+//! A [`PlantModel`] makes all of that from a configuration, and what a configuration does not say.
 //!
 //! The same calls give the same bits, on every target. Nothing here allocates or panics. All
 //! vectors are in the axes of the palm.

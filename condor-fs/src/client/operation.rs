@@ -278,7 +278,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                 });
             }
             (After::Opened { file }, None) => {
-                self.change(file, |open| open.state = SessionState::Free)
+                self.change(file, |open| open.state = SessionState::Free);
             }
             // A handle that the server does not know is closed all the same.
             (After::Closed { file } | After::Dropped { file }, _) => {

@@ -43,7 +43,7 @@ impl News {
             match state {
                 GraspState::Idle => say(format_args!("grasp {order}: let go")),
                 GraspState::Waiting => {
-                    say(format_args!("grasp {order}: waiting for the other fingers"))
+                    say(format_args!("grasp {order}: waiting for the other fingers"));
                 }
                 GraspState::Holding => say(format_args!("grasp {order}: holding")),
                 GraspState::Refused => say(format_args!("grasp {order} refused: {why}")),
