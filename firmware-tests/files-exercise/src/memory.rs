@@ -1,11 +1,6 @@
-//! [`Memory`]: what the two processors share, and the host's disk.
-
-use core::cell::RefCell;
+//! [`Memory`]: what the two processors share.
 
 use condor_mbox::{Processor, StaticMemory, StaticWindow, Windows, layout};
-use critical_section::Mutex;
-
-use crate::disk::Disk;
 
 /// The processors of the system.
 pub(crate) const PROCESSORS: usize = 2;
@@ -19,13 +14,11 @@ const DATA_WORDS: usize = 3072 / 4;
 /// The host's users have nothing in its `data`.
 const HOST_DATA_WORDS: usize = layout::BELL_BYTES as usize / 4 + 16;
 
-/// The windows of the two processors, and the disk; it belongs into a `static`.
+/// The windows of the two processors; it belongs into a `static`.
 pub struct Memory {
     mail: [StaticMemory<MAIL_WORDS>; PROCESSORS],
     host: StaticMemory<HOST_DATA_WORDS>,
     hand: StaticMemory<DATA_WORDS>,
-    /// The host's own.
-    pub(crate) disk: Mutex<RefCell<Disk>>,
 }
 
 impl Memory {
@@ -36,7 +29,6 @@ impl Memory {
             mail: [const { StaticMemory::new() }; PROCESSORS],
             host: StaticMemory::new(),
             hand: StaticMemory::new(),
-            disk: Mutex::new(RefCell::new(Disk::new())),
         }
     }
 

@@ -14,15 +14,11 @@ use condor_mbox::{
 use condor_tty::{Terminal, Vectors};
 
 use crate::bell::{Bell, Turns};
-use crate::disk::Kind;
+use crate::host::Host;
 use crate::memory::{HAND, HOST, Memory, PROCESSORS};
-use crate::server::Server;
 use crate::trouble::Trouble;
 use crate::viewer::Viewer;
-use crate::{
-    boards, buffered, descriptors, directories, doubt, files, names, terminals, typing, words,
-    writing,
-};
+use crate::{boards, calls, descriptors, errors, terminals, typing, writing};
 
 /// Nothing here takes as long, unless something is broken.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
@@ -57,7 +53,8 @@ pub(crate) struct Pair<'p> {
     pub(crate) host: &'p Mail<'p>,
     /// Whether the host takes its turns.
     pub(crate) attentive: &'p Cell<bool>,
-    pub(crate) server: &'p Server<'static>,
+    /// Its file service.
+    pub(crate) files: &'p Host<'static>,
     pub(crate) viewer: &'p Viewer,
     pub(crate) own: Region<Window>,
     pub(crate) area: Layout,
@@ -72,7 +69,7 @@ pub(crate) struct Pair<'p> {
 
 /// Makes every call, and checks what comes of it.
 pub fn everything(checks: &mut Checks<'_>, memory: &'static Memory, now: fn() -> Instant) {
-    words::words(checks);
+    errors::errors(checks);
     let exercised = together(checks, memory, now);
     checks.same("what must succeed does", exercised, Ok(()));
 }
@@ -92,15 +89,8 @@ fn together(
     let (interrupts, told) = (AtomicU32::new(0), AtomicU32::new(0));
     let receive = |call: &Call<'_>| terminal.receive_and(call, || count(&interrupts));
     let receive_second = |call: &Call<'_>| second.receive(call);
-    let server = Server::new(&memory.disk, own);
-    critical_section::with(|token| {
-        // The host has a link, which clients cannot make.
-        if let Ok(mut disk) = memory.disk.borrow(token).try_borrow_mut() {
-            let made = disk.make(b"latest", Kind::Link).is_ok();
-            checks.that("the host's disk has room", made);
-        }
-    });
-    let serve = |call: &Call<'_>| server.serve(call);
+    let files = Host::new(own);
+    let serve = |call: &Call<'_>| files.serve(call);
     let ring = |_: &Call<'_>| {
         count(&told);
         0
@@ -148,7 +138,7 @@ fn together(
         hand: &hand,
         host: &host,
         attentive: &attentive,
-        server: &server,
+        files: &files,
         viewer: &viewer,
         own,
         area,
@@ -161,13 +151,11 @@ fn together(
 }
 
 fn exercise(checks: &mut Checks<'_>, pair: &Pair<'_>, places: &mut Places) -> Result<(), Trouble> {
-    let system = files::connect(checks, pair)?;
-    files::files(checks, &system)?;
-    files::several(checks, pair, &system)?;
-    directories::directories(checks, &system)?;
-    names::names(checks, &system)?;
-    buffered::buffered(checks, pair, &system)?;
-    doubt::doubt(checks, pair, &system, places)?;
+    let system = calls::connect(checks, pair)?;
+    calls::files(checks, pair, &system)?;
+    calls::names(checks, pair, &system)?;
+    calls::buffers(checks, pair, &system, places)?;
+    calls::buffered(checks, pair, &system)?;
     terminals::terminals(checks, pair, places)?;
     writing::writing(checks, pair)?;
     typing::typing(checks, pair)?;

@@ -8,7 +8,7 @@ use condor_tty::{
 };
 use embedded_io::Write as _;
 
-use crate::files::System;
+use crate::calls::System;
 use crate::memory::HOST;
 use crate::pair::{OTHERS, PATIENCE, Pair, RING, Tty};
 use crate::trouble::Trouble;
@@ -114,6 +114,7 @@ pub(crate) fn lives(
     pair.viewer.attach(own, second.offset(), HOST, OTHERS)?;
     second.set_policy(Policy::Block { timeout: PATIENCE })?;
     let mut console = second.console(pair.hand);
+    pair.files.fail(condor_fs::Errno::NOENT);
     if let Err(error) = system.status("gone") {
         checks.that(
             "an error is shown",

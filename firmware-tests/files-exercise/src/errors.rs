@@ -1,0 +1,97 @@
+//! Errors as people read them: each is printed, which must not panic.
+
+use core::fmt::Display;
+
+use checks::Checks;
+use condor_fs::{Errno, Error, Kept};
+use condor_mbox::window::WindowErrorKind;
+use condor_mbox::{AccessError, Error as MailError, Vector};
+use condor_tty::{ConsoleError, ReaderError, TerminalError};
+use embedded_io::{Error as _, ErrorKind};
+
+use crate::memory::{HAND, HOST};
+use crate::pair::Window;
+use crate::text::Text;
+
+const ACCESS: AccessError = AccessError {
+    offset: 0x40,
+    len: 4,
+    size: 0x20,
+    kind: WindowErrorKind::OutOfBounds,
+};
+const NOBODY: MailError = MailError::NoHandler {
+    to: HAND,
+    vector: Vector(40),
+};
+
+/// Prints one of each.
+#[inline(never)]
+pub(crate) fn errors(checks: &mut Checks<'_>) {
+    checks.group("errors");
+    let (server, cause) = (HOST, Some(NOBODY));
+    let late = Error::TimedOut { server, cause };
+    let (error, buffer) = (late, None);
+    let kept: Kept<Window> = Kept { error, buffer };
+    let (offset, life, magic, version) = (0x40, 2, 0xbad, 3);
+    let (attached, word, value) = (0x102, 20, 0xff);
+    let ends: [(&dyn Display, &str); 13] = [
+        (&Error::from(Errno::NOENT), "(ENOENT)"),
+        (&Error::from(Errno(999)), "error 999"),
+        (
+            &late,
+            "did not answer in time: processor 1 has no handler for vector 40",
+        ),
+        (
+            &Error::NotBegun {
+                server,
+                cause: None,
+            },
+            "what was asked before in time",
+        ),
+        (&kept, "for vector 40"),
+        (&Error::from(ACCESS), "OutOfBounds"),
+        (
+            &TerminalError::Capacity { capacity: 100 },
+            "from 8 to 1073741824",
+        ),
+        (&TerminalError::Offset { offset }, "below 2^30"),
+        (
+            &ReaderError::NoTerminal {
+                offset,
+                magic,
+                version,
+            },
+            "found version 3 and magic 0xbad",
+        ),
+        (
+            &ReaderError::Restarted { offset, life },
+            "has a new life, 2",
+        ),
+        (
+            &ReaderError::Displaced { offset, attached },
+            "at offset 0x40: 0x102",
+        ),
+        (
+            &ReaderError::Broken {
+                offset,
+                word,
+                value,
+            },
+            "word 20 is 0xff",
+        ),
+        (&ConsoleError::TimedOut { lost: 7 }, "7 bytes were given up"),
+    ];
+    for (error, end) in ends {
+        let text = Text::<128>::of(error);
+        checks.that(end, text.bytes().ends_with(end.as_bytes()));
+    }
+    checks.same("errors have kinds", late.kind(), ErrorKind::TimedOut);
+    checks.same(
+        "of terminals, too",
+        ConsoleError::Interrupted.kind(),
+        ErrorKind::Interrupted,
+    );
+    checks.same("what is late has no number", late.errno(), None);
+    checks.same("numbers have names", Errno::STALE.name(), Some("ESTALE"));
+    checks.same("and meanings", Errno::NOSPC.meaning(), "No space left");
+}
