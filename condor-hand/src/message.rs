@@ -23,14 +23,14 @@
 //! | word of the request | |
 //! |---|---|
 //! | 0 | a [`Verb`] |
-//! | 1 | the finger, counted from 0 on this processor |
+//! | 1 | the finger of the hand, from 0 |
 //! | 2 | the joint, from 0; [`ALL_JOINTS`] |
 //! | 3 | the argument |
 //! | 4 … | numbers |
 //!
 //! | verb | argument | numbers | response from word 1 on |
 //! |---|---|---|---|
-//! | `Hello` | | | version, fingers, joints of a finger, servo ticks in a second, names of the hand (4 words) and of the finger (4 words) |
+//! | `Hello` | | | version, a bit for each finger that the processor serves, joints of a finger, servo ticks in a second, names of the hand (4 words) and of the finger (4 words) |
 //! | `Mode` | [`Mode`](crate::servo::Mode) | | number of the order |
 //! | `Target` | [`Mode`](crate::servo::Mode) | tensions of flexor and extensor, N; or torque, N m; or position, velocity, acceleration, rad and s | number of the order |
 //! | `Status` | | | 16 words of [`Status`], then the ticks of the loop |
@@ -69,7 +69,7 @@ use condor_mbox::Vector;
 /// The vector of a servo processor for requests to its servos.
 pub const SERVO: Vector = Vector(32);
 /// The version of the protocol.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Every joint of a finger, in place of the number of one.
 pub const ALL_JOINTS: u32 = u32::MAX;
 /// Words of a request, and of a response.

@@ -73,6 +73,18 @@ pub trait Loops: Inside + Sync {
     where
         Self: Sized;
 
+    /// The same, beginning at an instant as [`start_at`](Self::start_at).
+    ///
+    /// # Errors
+    /// [`StartError`]; `background` has not run then.
+    fn run_from<R>(
+        &self,
+        instant: Self::Instant,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, StartError>
+    where
+        Self: Sized;
+
     /// Begins: all enabled loops are due now, each after its phase.
     ///
     /// # Errors

@@ -414,14 +414,32 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
     }
 }
 
-impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Loops for Scheduler<P, L, E, K> {
-    fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError> {
+impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K> {
+    fn run_schedule<R>(
+        &self,
+        at: Option<P::Instant>,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, StartError> {
         let program = || {
-            self.start()?;
+            self.begin_schedule(at)?;
             let _stop = Stop(self);
             Ok(background())
         };
         self.platform.connect(|| self.on_timer(), program)?
+    }
+}
+
+impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Loops for Scheduler<P, L, E, K> {
+    fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError> {
+        self.run_schedule(None, background)
+    }
+
+    fn run_from<R>(
+        &self,
+        instant: P::Instant,
+        background: impl FnOnce() -> R,
+    ) -> Result<R, StartError> {
+        self.run_schedule(Some(instant), background)
     }
 
     fn start(&self) -> Result<(), StartError> {

@@ -74,8 +74,8 @@ impl Call<'_> {
 
 /// One run of a loop: when it was due, and what it can do.
 pub struct Tick<'t> {
-    /// When it was due, in ticks of the machine's timer.
-    pub due: u64,
+    /// When it was due, by the machine's clock.
+    pub due: Instant,
     /// How many runs came before it; wraps.
     pub number: u32,
     pub(crate) messenger: &'t (dyn Messenger + Sync),

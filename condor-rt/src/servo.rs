@@ -1,5 +1,7 @@
 //! [`ServoLoop`], and how a machine runs loops.
 
+use core::num::NonZeroU64;
+
 use condor_mos::{LoopId, Loops, Overrun, Platform, Rate, RateError, Scheduler};
 use heapless::Vec;
 
@@ -35,8 +37,34 @@ where
     P: Platform<Instant = u64> + Sync,
 {
     let rates = rates(loops)?;
+    let start = first_release(platform.now(), platform.frequency(), &rates);
     let scheduler = Scheduler::<_, LOOPS, ENTRIES>::with_rates(platform, &rates)?;
-    run(&scheduler, loops, || background(&scheduler))
+    run(&scheduler, loops, start, || background(&scheduler))
+}
+
+/// When loops begin: at the next instant in the middle of a period of the fastest of them, counted
+/// from the beginning of the machine's time.
+///
+/// So loops of the same rate are released at the same instants on all processors that have one clock,
+/// and those of a rate that is twice, four times, … as high between them.
+pub(crate) fn first_release(now: u64, frequency: Rate, rates: &[Rate]) -> u64 {
+    let next = || {
+        let fastest = rates.iter().max()?;
+        let product = |a: u32, b: u32| NonZeroU64::new(u64::from(a) * u64::from(b));
+        // A period is `ticks / of` ticks of the timer; `ticks` of the timer are a whole number of them.
+        let ticks = product(frequency.numerator(), fastest.denominator())?;
+        let of = product(frequency.denominator(), fastest.numerator())?;
+        let half = of.checked_mul(const { NonZeroU64::new(2).unwrap() })?;
+        let whole = ceiling((now % ticks).checked_mul(half.get())?, ticks) / 2;
+        let middle = ceiling((2 * whole + 1).checked_mul(ticks.get())?, half);
+        (now - now % ticks).checked_add(middle)
+    };
+    // With numbers that no processor has, they begin now.
+    next().unwrap_or(now)
+}
+
+fn ceiling(dividend: u64, divisor: NonZeroU64) -> u64 {
+    dividend / divisor + u64::from(dividend % divisor != 0)
 }
 
 /// The rates of loops, in their order.
@@ -55,12 +83,41 @@ pub(crate) fn rates(loops: &[ServoLoop<'_>]) -> Result<Vec<Rate, LOOPS>, RateErr
 pub(crate) fn run<R>(
     by: &impl Loops<Instant = u64>,
     loops: &mut [ServoLoop<'_>],
+    start: u64,
     background: impl FnOnce() -> R,
 ) -> Result<R, Error> {
     by.scope(|scope| {
         for (id, one) in (0..).map(LoopId).zip(loops) {
             scope.assign(id, one.overrun, &mut one.body)?;
         }
-        Ok(by.run(background)?)
+        Ok(by.run_from(start, background)?)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn loops_begin_in_the_middle_of_a_period() {
+        let ns = Rate::hz(1_000_000_000);
+        let at = |now, frequency, rate| first_release(now, frequency, &[rate, Rate::hz(1)]);
+        for now in [0, 1, 1_250_000] {
+            assert_eq!(at(now, ns, Rate::hz(400)), 1_250_000);
+        }
+        for now in [1_250_001, 2_500_000, 3_750_000] {
+            assert_eq!(at(now, ns, Rate::hz(400)), 3_750_000);
+        }
+        // The instants of 50 Hz are between those of 400 Hz.
+        let slow = at(86_400_000_000_001, ns, Rate::hz(50));
+        assert_eq!((slow % 20_000_000, slow % 2_500_000), (10_000_000, 0));
+        // A period of 10 000 000 / 3 ns: the beginning of the third is 6 666 667.
+        assert_eq!(at(5_000_001, ns, Rate::hz(300)), 8_333_334);
+        // 2.5 Hz by a timer of 32 768 Hz: a period of 13 107.2 ticks.
+        let rate = Rate::new(5, 2).unwrap();
+        assert_eq!(at(0, Rate::hz(32_768), rate), 6_554);
+        assert_eq!(at(6_555, Rate::hz(32_768), rate), 19_661);
+        assert_eq!(first_release(7, ns, &[]), 7);
+        assert_eq!(at(u64::MAX, ns, Rate::hz(400)), u64::MAX);
+    }
 }

@@ -93,6 +93,7 @@ impl Loop<'_> {
     ) -> impl FnMut(u64) + Send {
         let mut number = 0_u64;
         move |due| {
+            let due = Instant::from_ns(time.at(due));
             // Without its own memory it has no watchers; the body runs all the same.
             if let Some(sampler) = &mut sampler {
                 let _ = sampler.begin();
@@ -107,7 +108,7 @@ impl Loop<'_> {
                 });
             }
             if let Some(sampler) = &mut sampler {
-                let _ = sampler.end(number, Instant::from_ns(time.at(due)));
+                let _ = sampler.end(number, due);
             }
             number += 1;
         }
@@ -281,6 +282,10 @@ impl<'e, M: Machine> Setup<'e, M> {
     }
 
     /// Runs `body` at `rate`. A release that comes before it has finished is skipped and counted.
+    ///
+    /// The loops of a program begin in the middle of a period of the fastest of them, counted from the
+    /// beginning of the machine's time: loops of one rate are due at the same instants on all processors
+    /// that have one clock.
     pub fn servo(&mut self, name: &'e str, rate: Rate, body: Body<'e>) -> &mut Self {
         self.servo_with(name, rate, Overrun::Skip, body)
     }

@@ -37,8 +37,8 @@ pub struct Hello {
     pub hand: Name,
     /// The finger.
     pub finger: Name,
-    /// How many fingers of the hand the processor serves.
-    pub fingers: u32,
+    /// A bit for each finger of the hand that the processor serves.
+    pub served: u32,
     /// Joints of a finger.
     pub joints: u32,
     /// Servo ticks in a second, Hz.
@@ -140,11 +140,11 @@ where
         if found != VERSION {
             return Err(ClientError::Version { to: self.to, found });
         }
-        let (fingers, joints, servo_hz) = (taken.word(), taken.word(), taken.word());
+        let (served, joints, servo_hz) = (taken.word(), taken.word(), taken.word());
         Ok(Hello {
             hand: self.name(&mut taken)?,
             finger: self.name(&mut taken)?,
-            fingers,
+            served,
             joints,
             servo_hz,
         })

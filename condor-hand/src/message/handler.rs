@@ -12,6 +12,8 @@ use crate::servo::Mode;
 pub struct ServoHandler<'o, W, X, const F: usize, const N: usize> {
     object: &'o ServoObject<F, N>,
     identity: Identity<F>,
+    /// A bit for each finger of the hand that this processor serves.
+    served: u32,
     region: Region<W>,
     places: ServoPlaces<F, N>,
     exclusion: X,
@@ -38,6 +40,7 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
     pub(super) const fn new(
         object: &'o ServoObject<F, N>,
         identity: Identity<F>,
+        served: u32,
         region: Region<W>,
         places: ServoPlaces<F, N>,
         exclusion: X,
@@ -45,6 +48,7 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
         Self {
             object,
             identity,
+            served,
             region,
             places,
             exclusion,
@@ -98,8 +102,11 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
         let (finger, joint, argument) = (taken.word(), taken.word(), taken.word());
         let no_finger = Refusal::NoFinger {
             finger,
-            fingers: F as u32,
+            served: self.served,
         };
+        if self.served.checked_shr(finger).unwrap_or(0) & 1 == 0 {
+            return Err(no_finger.into());
+        }
         let (Some(memory), Some(name)) = (
             self.object.fingers.get(finger as usize),
             self.identity.fingers.get(finger as usize),
@@ -110,7 +117,7 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
         put.word(state::DONE);
         match verb {
             Verb::Hello => {
-                put.words(&[VERSION, F as u32, N as u32, self.identity.servo_hz])
+                put.words(&[VERSION, self.served, N as u32, self.identity.servo_hz])
                     .words(&name_words(&self.identity.hand))
                     .words(&name_words(name));
             }

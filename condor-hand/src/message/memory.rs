@@ -10,7 +10,8 @@ use crate::config::Name;
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
 
-/// `F` fingers of `N` joints on one processor, as an object that answers messages.
+/// The fingers of `N` joints that one processor serves, of a hand of `F`, as an object that answers
+/// messages.
 ///
 /// It is memory that no other processor reaches, through which its two ends, [`ServoHandler`] and
 /// [`ServoLoop`], hand states to each other without locks.
@@ -35,12 +36,13 @@ use crate::dynamics::Dynamics;
 ///
 /// // The processor of one finger.
 /// let ram = Region::users(windows.data)?;
-/// let places = ServoPlaces::<1, 4>::new(&mut Places::new(ram.size()), 2)?;
-/// let identity = Identity::new(&hand.name, [&finger.name], hand.servo_hz);
+/// let places = ServoPlaces::<4, 4>::new(&mut Places::new(ram.size()), 2)?;
+/// let names = ["index", "middle", "ring", "thumb"];
+/// let identity = Identity::new(&hand.name, names, hand.servo_hz);
 /// let controller = FingerController::new(&hand, finger, finger.chain())?;
 /// let mut object = ServoObject::new();
 /// let (handler, mut servos) =
-///     object.split(identity, &ram, places, CriticalSection, [controller])?;
+///     object.split(identity, &ram, places, CriticalSection, [Some(controller), None, None, None])?;
 /// let handler = |call: &Call<'_>| handler.answer(call);
 /// let mut slave = system.mailbox(SLAVE)?;
 /// slave.set_vector(SERVO, &handler, "servos")?;
@@ -88,7 +90,7 @@ pub type ServoEnds<'o, M, W, X, const F: usize, const N: usize> =
 pub struct Identity<const F: usize> {
     /// The hand.
     pub hand: Name,
-    /// Its fingers that this processor serves.
+    /// Its fingers.
     pub fingers: [Name; F],
     /// Servo ticks in a second, Hz.
     pub servo_hz: u32,
@@ -159,7 +161,7 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
     /// An object of which nothing has been asked.
     #[must_use]
     pub const fn new() -> Self {
-        const { assert!(F > 0, "a processor without fingers has no servos") };
+        const { assert!(F > 0 && F <= 32, "a hand has 1 to 32 fingers") };
         const { assert!(N > 0 && N <= 32, "a finger has 1 to 32 joints") };
         Self {
             desk: StaticMemory::new(),
@@ -170,8 +172,9 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
     /// The two ends: for the background and for the servo loop.
     ///
     /// `region` is the users' region of the processor's own `data`; `exclusion` keeps apart the
-    /// contexts in which the mailbox may call the handler. What was asked before, and the set-points
-    /// that lie in the window from before, are not done.
+    /// contexts in which the mailbox may call the handler. Fingers of the hand that this processor does
+    /// not serve have no controller. What was asked before, and the set-points that lie in the window
+    /// from before, are not done.
     ///
     /// # Errors
     /// `OutOfBounds` if the places are not in the region; [`MemoryWindow::load`].
@@ -181,7 +184,7 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
         region: &Region<W>,
         places: ServoPlaces<F, N>,
         exclusion: X,
-        controllers: [FingerController<M, N>; F],
+        controllers: [Option<FingerController<M, N>>; F],
     ) -> Result<ServoEnds<'_, M, W, X, F, N>, AccessError>
     where
         M: Dynamics<f64, N>,
@@ -190,8 +193,12 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
     {
         places.check(region)?;
         let this = &*self;
+        let served = (0..).zip(&controllers);
+        let served = served.fold(0, |mask, (finger, controller)| {
+            mask | u32::from(controller.is_some()) << finger
+        });
         let servos = ServoLoop::new(this, region, places, controllers)?;
-        let handler = ServoHandler::new(this, identity, region.clone(), places, exclusion);
+        let handler = ServoHandler::new(this, identity, served, region.clone(), places, exclusion);
         Ok((handler, servos))
     }
 }

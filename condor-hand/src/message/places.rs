@@ -48,7 +48,7 @@ impl<const F: usize, const N: usize> ServoPlaces<F, N> {
     /// The writer of the set-points of a finger; there must be only one at a time.
     ///
     /// # Errors
-    /// As [`Published::publisher`]; `OutOfBounds` for a finger that the processor does not have.
+    /// As [`Published::publisher`]; `OutOfBounds` for a finger that the hand does not have.
     pub fn set_points<W: MemoryWindow + Clone>(
         &self,
         finger: usize,

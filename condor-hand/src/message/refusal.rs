@@ -14,13 +14,13 @@ pub enum Refusal {
         /// The number of the verb.
         verb: u32,
     },
-    /// A finger that the processor does not have.
-    #[error("there is no finger {finger}; the processor has {fingers}, from 0")]
+    /// A finger that the processor does not serve.
+    #[error("the processor does not serve finger {finger}, counted from 0")]
     NoFinger {
-        /// The finger that was named.
+        /// The finger that was named, from 0.
         finger: u32,
-        /// How many there are.
-        fingers: u32,
+        /// A bit for each finger of the hand that it serves.
+        served: u32,
     },
     /// A joint that the finger does not have, or all joints where one is meant.
     #[error("there is no joint {joint}; the finger has {joints}, from 0")]
@@ -126,7 +126,7 @@ impl Refusal {
     pub(super) fn put(&self, put: &mut Put<'_>) {
         let (words, numbers) = match *self {
             Self::Verb { verb } => ([16, verb, 0], [0.0; 3]),
-            Self::NoFinger { finger, fingers } => ([17, finger, fingers], [0.0; 3]),
+            Self::NoFinger { finger, served } => ([17, finger, served], [0.0; 3]),
             Self::NoJoint { joint, joints } => ([18, joint, joints], [0.0; 3]),
             Self::Mode { mode } => ([19, mode, 0], [0.0; 3]),
             Self::Law { law } => ([20, law, 0], [0.0; 3]),
@@ -164,7 +164,7 @@ impl Refusal {
             16 => Self::Verb { verb: a },
             17 => Self::NoFinger {
                 finger: a,
-                fingers: b,
+                served: b,
             },
             18 => Self::NoJoint {
                 joint: a,
@@ -252,7 +252,7 @@ mod tests {
             Refusal::Verb { verb: 7 },
             Refusal::NoFinger {
                 finger: 9,
-                fingers: 2,
+                served: 2,
             },
             Refusal::NoJoint { joint, joints: 3 },
             Refusal::Mode { mode: 5 },

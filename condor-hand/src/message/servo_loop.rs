@@ -14,7 +14,7 @@ use crate::servo::{Mode, Sensed};
 /// messages asked for.
 #[derive(Debug)]
 pub struct ServoLoop<'o, M, W, const F: usize, const N: usize> {
-    fingers: [FingerLoop<'o, M, W, N>; F],
+    fingers: [Option<FingerLoop<'o, M, W, N>>; F],
 }
 
 #[derive(Debug)]
@@ -43,28 +43,17 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: 
         object: &'o ServoObject<F, N>,
         region: &Region<W>,
         places: ServoPlaces<F, N>,
-        controllers: [FingerController<M, N>; F],
+        controllers: [Option<FingerController<M, N>>; F],
     ) -> Result<Self, AccessError> {
-        let mut fingers = heapless::Vec::<_, F>::new();
-        for (finger, (controller, memory)) in
-            controllers.into_iter().zip(&object.fingers).enumerate()
-        {
-            let points = places.subscriber(finger, region)?;
-            // As many as there is room for: all have F.
-            let _ = fingers.push(FingerLoop::new(controller, memory, points)?);
+        let mut fingers = [const { None }; F];
+        let all = fingers.iter_mut().zip(controllers).zip(&object.fingers);
+        for (finger, ((place, controller), memory)) in all.enumerate() {
+            if let Some(controller) = controller {
+                let points = places.subscriber(finger, region)?;
+                *place = Some(FingerLoop::new(controller, memory, points)?);
+            }
         }
-        match fingers.into_array() {
-            Ok(fingers) => Ok(Self { fingers }),
-            // Only a finger without place could be missing, and that was an error above.
-            Err(_) => places.check(region).and_then(|()| {
-                Err(AccessError {
-                    offset: 0,
-                    len: F,
-                    size: region.size(),
-                    kind: condor_mbox::window::WindowErrorKind::OutOfBounds,
-                })
-            }),
-        }
+        Ok(Self { fingers })
     }
 }
 
@@ -72,7 +61,7 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     ServoLoop<'_, M, W, F, N>
 {
     /// One tick of a finger, as [`FingerController::tick`], after what messages and the master have
-    /// asked for since the last one; `None` for a finger that the processor does not have.
+    /// asked for since the last one; `None` for a finger that the processor does not serve.
     ///
     /// It neither waits nor serves, whatever peers write.
     pub fn tick(
@@ -94,7 +83,7 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
         period_s: f64,
         mut tell: impl FnMut(&Asked<N>),
     ) -> Option<Tick<N>> {
-        let finger = self.fingers.get_mut(finger)?;
+        let finger = self.fingers.get_mut(finger)?.as_mut()?;
         finger.obey(&mut tell);
         finger.follow(&mut tell);
         let tick = finger.controller.tick(sensed, gravity, period_s);
@@ -105,15 +94,15 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     /// The controller of a finger.
     #[must_use]
     pub fn controller(&self, finger: usize) -> Option<&FingerController<M, N>> {
-        self.fingers.get(finger).map(|finger| &finger.controller)
+        let finger = self.fingers.get(finger)?.as_ref()?;
+        Some(&finger.controller)
     }
 
     /// The controller of a finger, for what the program of this processor does itself.
     #[must_use]
     pub fn controller_mut(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
-        self.fingers
-            .get_mut(finger)
-            .map(|finger| &mut finger.controller)
+        let finger = self.fingers.get_mut(finger)?.as_mut()?;
+        Some(&mut finger.controller)
     }
 }
 

@@ -140,7 +140,7 @@ fn the_processors_are_those_of_the_memo() {
         .map(|processor| hand.rate_hz(processor));
     assert_eq!(rates.collect::<Vec<_>>(), [50, 400, 400, 400]);
     // 400 Hz times 150 µs and eight joints of 200 µs.
-    assert!((hand.load(hand.processor(1).unwrap()) - 0.7).abs() < 1e-12);
+    assert!((hand.load(hand.processor(1).unwrap()) - 0.38).abs() < 1e-12);
     // Sixteen positions and 32 tensions in, 32 tensions out, and three axes of the table.
     assert_eq!(hand.wires().count(), 16 + 32 + 32 + 6);
 }

@@ -211,16 +211,16 @@ cases! {
         "[[fingers]]\nname = \"b\"" => "[[fingers]]\nname = \"d\"\nbase = {}\nform = { chain = { tip = [0, 0, 0] } }\njoints = []\n\n[[fingers]]\nname = \"b\"",
         "hand.toml:84:10: `joints` of finger `d` is empty\n    []";
     processor_twice: UTAH,
-        "number = 3" => "number = 2",
+        "number = 5" => "number = 2",
         "hand.toml:53:10: there are two processors of number 2\n    2";
     no_processor: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 9 }",
         "hand.toml:221:32: joint `abduction` of finger `ring` is on processor 9, which the hand does not have\n    9";
     wrong_kind: UTAH,
-        "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 3 }",
-        "hand.toml:221:32: joint `abduction` of finger `ring` is on processor 3, which is a table; it needs a servo\n    3";
+        "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 5 }",
+        "hand.toml:221:32: joint `abduction` of finger `ring` is on processor 5, which is a table; it needs a servo\n    5";
     axis_on_a_servo: UTAH,
-        "direction = [0.0, 1.0, 0.0]\nprocessor = 3" => "direction = [0.0, 1.0, 0.0]\nprocessor = 1",
+        "direction = [0.0, 1.0, 0.0]\nprocessor = 5" => "direction = [0.0, 1.0, 0.0]\nprocessor = 1",
         "hand.toml:75:13: axis `y` is on processor 1, which is a servo; it needs a table\n    1";
     split_finger: UTAH,
         "adc = { board = 0, channel = 6 }" => "processor = 2\nadc = { board = 0, channel = 6 }",
@@ -235,7 +235,7 @@ cases! {
         "trajectory_hz = 50 " => "trajectory_hz = 0 ",
         "hand.toml:11:17: `trajectory_hz` of the hand is 0; it must be above 0\n    0";
     load: UTAH,
-        "joint_us = 200.0" => "joint_us = 240.0",
+        "joint_us = 100.0" => "joint_us = 240.0",
         "hand.toml:43:10: processor 1 would be busy for 0.828 of its time; its budget is 0.8\n    0.8";
     same_adc_channel: UTAH,
         "adc = { board = 0, channel = 13 }" => "adc = { board = 0, channel = 2 }",

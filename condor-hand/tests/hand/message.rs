@@ -82,7 +82,7 @@ impl Rig {
         );
         let controllers = [0, 1].map(|finger| {
             let finger = &hand.fingers[finger];
-            FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap()
+            Some(FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap())
         });
         let object = Box::leak(Box::new(ServoObject::new()));
         let (handler, servos) = object
@@ -159,13 +159,13 @@ fn a_processor_says_which_servos_it_has() {
             (hello.hand, hello.finger),
             (hand().name, finger.name.clone())
         );
-        assert_eq!((hello.fingers, hello.joints, hello.servo_hz), (2, 4, 400));
+        assert_eq!((hello.served, hello.joints, hello.servo_hz), (0b11, 4, 400));
     }
     let refused = client.hello(2, SECOND).unwrap_err();
-    let (finger, fingers) = (2, 2);
+    let (finger, served) = (2, 0b11);
     assert_eq!(
         refused,
-        ClientError::Refused(Refusal::NoFinger { finger, fingers })
+        ClientError::Refused(Refusal::NoFinger { finger, served })
     );
 }
 

@@ -333,7 +333,11 @@ fn rank(rates: &[Rate], number: usize) -> usize {
 
 impl<K: Keep> Loops for Threads<K> {
     fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError> {
-        self.start()?;
+        self.run_from(time::now(), background)
+    }
+
+    fn run_from<R>(&self, instant: u64, background: impl FnOnce() -> R) -> Result<R, StartError> {
+        self.start_at(instant)?;
         let _stop = Stop(self);
         Ok(background())
     }

@@ -325,8 +325,10 @@ impl Machine for Process {
         match &self.way {
             Way::Threads(priority, _) => {
                 let rates = servo::rates(loops)?;
+                let now = self.doorbell.now().as_ns();
+                let start = servo::first_release(now, NANOSECONDS, &rates);
                 let threads = Threads::new(&rates, urgent(*priority))?;
-                servo::run(&threads, loops, || {
+                servo::run(&threads, loops, start, || {
                     self.tell(&threads.privileges());
                     background(&threads)
                 })

@@ -23,7 +23,7 @@ pub mod address {
     /// The analog-to-digital boards.
     pub const ADC: [usize; 4] = [0x0000, 0x0100, 0x0200, 0x0300];
     /// The digital-to-analog boards.
-    pub const DAC: [usize; 4] = [0x1000, 0x1100, 0x1200, 0x1300];
+    pub const DAC: [usize; 6] = [0x1000, 0x1100, 0x1200, 0x1300, 0x1400, 0x1500];
     /// The encoder board.
     pub const ENCODER: usize = 0x2000;
     /// Bytes of the bus on which all of them are.
@@ -52,6 +52,8 @@ device_switch! {
             Location::at(address::DAC[1]),
             Location::at(address::DAC[2]),
             Location::at(address::DAC[3]),
+            Location::at(address::DAC[4]),
+            Location::at(address::DAC[5]),
         ],
         encoder: Encoder8 = [Location::at(address::ENCODER)],
     }
@@ -279,9 +281,9 @@ mod tests {
         let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
         let mut hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml").unwrap();
         assert_eq!(check(&hand), Ok(()));
-        // The first tendon of the third finger, on the board of the first two.
-        hand.fingers[2].joints[0].flexor.dac.channel = 15;
-        hand.fingers[1].joints[3].extensor.dac.channel = 16;
+        // The first tendon of the third finger, on the board of the second.
+        hand.fingers[2].joints[0].flexor.dac.board = 0;
+        hand.fingers[2].joints[0].flexor.dac.channel = 31;
         let refused = check(&hand).unwrap_err();
         assert!(matches!(refused, BoardError::Shared { board: 0 | 1, .. }));
         let text = refused.to_string();

@@ -14,7 +14,7 @@ use condor_hand::trajectory::motion::{MotionError, load};
 use thiserror::Error;
 
 use crate::start::IMAGE_BYTES;
-use crate::{FINGERS, IMAGE, JOINTS, UtahMit};
+use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
 
 /// Bytes of a sequence that the master has room for.
 const BYTES: usize = crate::master::MOTION_BYTES;
@@ -70,10 +70,16 @@ pub fn joint_names(hand: &UtahMit) -> Vec<String> {
 /// Reads the configuration of the hand.
 ///
 /// # Errors
-/// [`CompileError::Io`], [`CompileError::Hand`].
+/// [`CompileError::Io`], [`CompileError::Hand`]; [`CompileError::Whole`] for a hand that the boards of
+/// the rack cannot serve.
 pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
     let text = fs::read_to_string(path).map_err(io(path))?;
-    Ok(UtahMit::from_toml(&text, &path.to_string_lossy())?)
+    let hand = UtahMit::from_toml(&text, &path.to_string_lossy())?;
+    boards::check(&hand).map_err(|error| {
+        let (path, problem) = (path.to_path_buf(), error.to_string());
+        CompileError::Whole { path, problem }
+    })?;
+    Ok(hand)
 }
 
 /// Compiles the configuration in the file `hand` to [`IMAGE`] in the directory `files`, which is made if it is

@@ -49,17 +49,11 @@ pub enum Failure {
         /// What was wrong.
         kind: condor_dev::BusErrorKind,
     },
-    /// A configuration that gives this processor another number of fingers than it can serve.
-    #[error(
-        "the configuration gives processor {processor} {fingers} fingers; a servo serves {serves}"
-    )]
-    Fingers {
+    /// A configuration that gives a servo processor no finger.
+    #[error("the configuration gives processor {processor} no finger to serve")]
+    NoFinger {
         /// The processor.
         processor: u8,
-        /// How many fingers it has there.
-        fingers: usize,
-        /// How many it must have.
-        serves: usize,
     },
     /// A configuration without this processor.
     #[error("the configuration has no processor {processor}")]

@@ -1,20 +1,22 @@
 //! A grasp: what the master orders, what the servo processors tell of it, and the law on them.
 //!
-//! The stiffness of a held object is a law of all its fingers, which two processors serve. Each of
-//! them computes the whole law in its servo loop, with its own joints as it has just measured them and
-//! the other's as that one [published](Joints) them last, at most a period ago, and uses the torques
-//! of its own fingers. So no torque waits for a message, and the rate of the law is that of the servos.
+//! The stiffness of a held object is a law of all its fingers, which one to four processors serve. It is
+//! computed for each finger by itself, in the servo loop of its processor: with the joints of this finger
+//! as they have just been measured, and those of all others as they were [published](Joints) in the tick
+//! before, also if they are on the same processor. The torques of this finger are then used. So no torque
+//! waits for a message, the rate of the law is that of the servos, and it makes no difference which
+//! processor serves which finger.
 //!
-//! The master writes the same [`Order`] for each of the two, by an [`OrderWriter`] in the object named
-//! [`NAME`] of its object table. It says which fingers, where their tips are to be, and with which
-//! stiffness; [`tips`] computes the present ones. On entry a processor takes the tips that there are
+//! The master writes the same [`Order`] for each servo processor, by an [`OrderWriter`] in the object
+//! named [`NAME`] of its object table. It says which fingers, where their tips are to be, and with which
+//! stiffness; [`tips`] computes the present ones. On entry a finger takes the tips that there are
 //! as the desired ones, so nothing jumps, and passes in `ramp_s` to what was ordered, squeeze and
 //! feed-forward included; later orders for the same fingers ramp from what is in force. Letting go
 //! leaves the joints in position mode where they are.
 //!
-//! A processor leaves a grasp by itself, its joints holding their positions, if the other one falls
-//! silent or leaves, if one of its own fingers has a fault, if somebody gives its joints another mode,
-//! or if the law has no answer. The [`Report`] tells why. A master that dies is no reason.
+//! A finger leaves a grasp by itself, its joints holding their positions, if another one leaves or its
+//! processor falls silent, if it has a fault, if somebody gives its joints another mode, or if the law
+//! has no answer. The [`Report`] of its processor tells why. A master that dies is no reason.
 
 use condor_hand::grasp::{
     Friction, GraspError, GraspTuning, Posture, SpatialGain, Squeeze, Surface, TorqueLimits, Wrench,
@@ -27,15 +29,15 @@ use core::mem::offset_of;
 use nalgebra::{Matrix6, Vector3, Vector4};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::{FINGERS, JOINTS, SERVED, UtahMit};
+use crate::{FINGERS, JOINTS, UtahMit};
 
 mod end;
 mod law;
 mod partner;
 
 pub(crate) use end::{GraspEnd, Told};
-pub(crate) use law::{Felt, GraspLaw, Own};
-pub(crate) use partner::{Heard, Partner};
+pub(crate) use law::{Felt, Grasp, Own};
+pub(crate) use partner::{Due, Heard, Partner};
 
 /// The name of [`GraspPlaces`] in the object table of a servo processor.
 pub const NAME: &str = "grasp";
@@ -45,18 +47,22 @@ pub const JOINTS_NAME: &str = "joints";
 /// The fewest fingers that give an object a stiffness.
 pub const LEAST_FINGERS: u32 = 3;
 
-/// The joints of a servo processor, published in every tick: a `Published<Joints>`.
+/// The joints that a servo processor measures, published in every tick: a `Published<Joints>`.
 ///
-/// Fingers are in the order of the configuration.
-#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+/// Fingers are those of the hand; what is of a finger that the processor does not serve does not count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Joints {
     /// As measured in this tick, rad; NaN for what no sensor said.
-    pub position: [[f64; JOINTS]; SERVED],
+    pub position: [[f64; JOINTS]; FINGERS],
     /// Filtered, of the tick before, rad/s.
-    pub velocity: [[f64; JOINTS]; SERVED],
-    /// The number of the grasp order in force here; 0 for none.
-    pub order: u64,
+    pub velocity: [[f64; JOINTS]; FINGERS],
+    /// The number of the grasp order in force for each finger; 0 for none.
+    pub order: [u64; FINGERS],
+    /// A bit for each finger that the processor serves.
+    pub served: u64,
+    /// When the tick was due, ns of the processor's clock.
+    pub due_ns: u64,
     /// Ticks of the servo loop.
     pub ticks: u64,
 }
@@ -64,15 +70,45 @@ pub struct Joints {
 impl Described for Joints {
     const FIELDS: &'static [Field] = &[
         Field::new("position", "rad", Kind::F64, offset_of!(Joints, position))
-            .repeated(SERVED * JOINTS)
+            .repeated(FINGERS * JOINTS)
             .about("As measured; joints in the order of the fingers."),
         Field::new("velocity", "rad/s", Kind::F64, offset_of!(Joints, velocity))
-            .repeated(SERVED * JOINTS)
+            .repeated(FINGERS * JOINTS)
             .about("Filtered."),
         Field::new("order", "", Kind::U64, offset_of!(Joints, order))
-            .about("The grasp order in force; 0 for none."),
+            .repeated(FINGERS)
+            .about("The grasp order in force for each finger; 0 for none."),
+        Field::new("served", "", Kind::U64, offset_of!(Joints, served))
+            .about("A bit for each finger of this processor; others do not count."),
+        Field::new("due_ns", "ns", Kind::U64, offset_of!(Joints, due_ns)),
         Field::new("ticks", "", Kind::U64, offset_of!(Joints, ticks)),
     ];
+}
+
+impl Joints {
+    /// Adds the fingers of another processor.
+    pub(crate) fn add(&mut self, other: &Self) {
+        let all = self.position.iter_mut().zip(&mut self.velocity);
+        let all = all.zip(&mut self.order);
+        let others = other.position.iter().zip(&other.velocity);
+        let others = others.zip(&other.order);
+        for (finger, (((position, velocity), order), from)) in all.zip(others).enumerate() {
+            if other.serves(finger) {
+                ((*position, *velocity), *order) = ((*from.0.0, *from.0.1), *from.1);
+            }
+        }
+        self.served |= other.served;
+    }
+
+    pub(crate) const fn serves(&self, finger: usize) -> bool {
+        finger < FINGERS && self.served >> finger & 1 != 0
+    }
+}
+
+impl Due for Joints {
+    fn due_ns(&self) -> u64 {
+        self.due_ns
+    }
 }
 
 /// What a grasp is to be. All vectors are in the axes of the palm.
@@ -227,7 +263,7 @@ fn matrix(rows: &[[f64; 6]; 6]) -> Matrix6<f64> {
 pub enum GraspState {
     /// Nothing.
     Idle = 0,
-    /// It waits for the other processor.
+    /// It waits for the processors of other fingers.
     Waiting = 1,
     /// The law is in force.
     Holding = 2,
@@ -250,9 +286,9 @@ pub enum Reason {
     Tuning = 2,
     /// The tips lie on a line, or the law has no answer for another reason.
     Law = 3,
-    /// The processor of other fingers publishes no joints, or has left the grasp.
+    /// Another finger has left the grasp, or its processor publishes no joints.
     Partner = 4,
-    /// One of the own fingers has a fault.
+    /// A finger has a fault.
     Fault = 5,
     /// Somebody gave a joint another mode.
     Switched = 6,
@@ -267,7 +303,7 @@ impl Reason {
             Self::Fingers => "a grasp has three fingers or more that the hand has",
             Self::Tuning => "a number that no grasp can have",
             Self::Law => "the tips determine no motion of the object",
-            Self::Partner => "the processor of the other fingers does not take part",
+            Self::Partner => "another finger does not take part",
             Self::Fault => "a finger has a fault",
             Self::Switched => "a joint was given another mode",
         }
@@ -301,6 +337,26 @@ impl Report {
             squeeze_share: 0.0,
             deviation: [0.0; 6],
             margins: [0.0; FINGERS],
+        }
+    }
+
+    /// The one of two that tells more: the end of a grasp before its course, and a cause before what it
+    /// leads to.
+    const fn or(self, other: Self) -> Self {
+        if other.weight() > self.weight() {
+            other
+        } else {
+            self
+        }
+    }
+
+    const fn weight(&self) -> u32 {
+        match (self.state(), self.reason()) {
+            (GraspState::Idle, _) => 0,
+            (GraspState::Holding, _) => 1,
+            (GraspState::Waiting, _) => 2,
+            (_, Reason::Partner) => 3,
+            _ => 4,
         }
     }
 
@@ -443,8 +499,8 @@ pub fn tips(hand: &UtahMit, joints: &[[f64; JOINTS]; FINGERS]) -> Option<[[f64; 
     Some(tips)
 }
 
-/// The joints of all fingers in the order of the configuration, from what servo processors published:
-/// `published` gives that of a processor. `None` while one has published nothing.
+/// The joints of all fingers, from what servo processors published: `published` gives that of a
+/// processor. `None` while one has published nothing.
 #[must_use]
 pub fn joints(
     hand: &UtahMit,
@@ -452,11 +508,7 @@ pub fn joints(
 ) -> Option<[[f64; JOINTS]; FINGERS]> {
     let mut all = [[0.0; JOINTS]; FINGERS];
     for (number, (joints, finger)) in all.iter_mut().zip(&hand.fingers).enumerate() {
-        let processor = finger.processor()?;
-        let place = hand
-            .fingers_on(processor)
-            .position(|(index, _)| index == number)?;
-        *joints = *published(processor)?.position.get(place)?;
+        *joints = *published(finger.processor()?)?.position.get(number)?;
     }
     Some(all)
 }

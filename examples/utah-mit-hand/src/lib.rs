@@ -33,8 +33,6 @@ pub use failure::{Failure, Name, Words};
 pub const FINGERS: usize = 4;
 /// Joints of a finger.
 pub const JOINTS: usize = 4;
-/// Fingers that a servo processor serves.
-pub const SERVED: usize = 2;
 
 /// The configuration of the hand.
 pub type UtahMit = condor_hand::config::Hand<FINGERS, JOINTS>;

@@ -1,7 +1,7 @@
 //! The program of the master: trajectories, and what is typed at its terminal.
 //!
 //! Its loop makes set-points at the configuration's `trajectory_hz` and publishes them to the servos of
-//! both processors. Its background watches them and obeys commands; `help` lists those. It takes no
+//! all processors. Its background watches them and obeys commands; `help` lists those. It takes no
 //! arguments.
 //!
 //! A finger follows only after somebody has said `enable`, and from where it is then. The set-points of
@@ -43,7 +43,7 @@ pub use drive::Wanted;
 pub use sequence::MOTION_BYTES;
 
 use commands::Commands;
-use drive::{ALL, Drive};
+use drive::{ALL, Drive, OfServos};
 use others::Others;
 use play::Player;
 use sequence::Store;
@@ -69,11 +69,15 @@ impl Program for Master {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         let mut place = None;
         let hand = start::configured(machine, &mut place, |_, hand| Ok(hand))?;
-        let ([a, b], seats) = servos::seats(hand)?;
-        let partners = [
-            Partner::new(users(machine, Processor(a))?, JOINTS_NAME),
-            Partner::new(users(machine, Processor(b))?, JOINTS_NAME),
-        ];
+        let (numbers, seats) = servos::seats(hand)?;
+        let mut partners = OfServos::new();
+        for &number in &numbers {
+            // As many as there are.
+            let _ = partners.push(Partner::new(
+                users(machine, Processor(number))?,
+                JOINTS_NAME,
+            ));
+        }
         let rate_hz = hand.trajectory_hz;
         let period_s = 1.0 / f64::from(rate_hz);
 
@@ -119,7 +123,7 @@ impl Program for Master {
                     hand,
                     background,
                     shared: &shared,
-                    servos: Servos::new(background, hand, &shared, [a, b], seats)?,
+                    servos: Servos::new(background, hand, &shared, &numbers, seats)?,
                     player: Player::new(&limits),
                     store: Store(files),
                     others: Others::new(machine, hand, background.mailbox())?,

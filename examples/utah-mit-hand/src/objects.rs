@@ -16,7 +16,7 @@ use crate::master::{self, Wanted};
 use crate::plant::{self, Truth};
 use crate::servo::{self, Tracking};
 use crate::table::{self, Palm};
-use crate::{JOINTS, SERVED};
+use crate::{FINGERS, JOINTS};
 
 /// Requests and set-points of a servo processor.
 ///
@@ -24,7 +24,7 @@ use crate::{JOINTS, SERVED};
 /// The memory's.
 pub fn servos<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<ServoPlaces<SERVED, JOINTS>>, AccessError> {
+) -> Result<Option<ServoPlaces<FINGERS, JOINTS>>, AccessError> {
     let object = objects::find(region, "servos", Kind::Other)?;
     object
         .map(|object| ServoPlaces::new(&mut from(region, &object)?, PROCESSORS as u8))

@@ -6,22 +6,21 @@
 //!
 //! # The file
 //!
-//! All numbers are little-endian. First come 24 bytes: "CREC", the version of the format (1), the
-//! number of the processor, ticks in a second, fingers of the processor (2) and joints of a finger
-//! (4), each 32 bits. Then come records: a word of 32 bits, kind in its lowest 8 bits and
+//! All numbers are little-endian. First come 24 bytes: "CREC", the version of the format (2), the
+//! number of the processor, ticks in a second, fingers of the hand (4) and joints of a finger (4), each 32 bits. Then come records: a word of 32 bits, kind in its lowest 8 bits and
 //! length of what follows in words in the others.
 //!
 //! | kind | words | what follows |
 //! |---|---|---|
-//! | 1 tick | 16 | the time since the last tick as the loop took it, s (64 bits); the counts of 24 inputs (16 bits each): of each finger and joint position, flexor, extensor; a bit for each that could not be read, its counts are 0 (32 bits); 0 (32 bits) |
+//! | 1 tick | 28 | the time since the last tick as the loop took it, s (64 bits); the counts of 48 inputs (16 bits each): of each finger and joint position, flexor, extensor; a bit for each that could not be read, its counts are 0 (64 bits) |
 //! | 2 palm | 6 | its acceleration from this tick on, m/s² (3 of 64 bits); 0 before the first |
 //! | 3 order | 200 | the number of a grasp's order (64 bits), an [`Order`](crate::grasp::Order) |
-//! | 4 partner | 36 | the [`Joints`](crate::grasp::Joints) of the other servo processor, as far as the law of a grasp heard them |
-//! | 5 asked | | the finger among those of the processor; an [`Asked`](condor_hand::message::Asked) in words |
-//! | 6 done | 10 | the counts of 16 outputs (16 bits each): of each finger and joint flexor, extensor; the hash (64 bits) |
+//! | 4 others | 78 | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |
+//! | 5 asked | | the finger; an [`Asked`](condor_hand::message::Asked) in words |
+//! | 6 done | 18 | the counts of 32 outputs (16 bits each): of each finger and joint flexor, extensor; the hash (64 bits) |
 //! | 7 end | 1 | how many ticks there were |
 //!
-//! A tick is a record of kind 1, those of kinds 2 to 5 that it has, and one of kind 6. The hash is the
+//! What is of a finger on another processor is 0. A tick is a record of kind 1, those of kinds 2 to 5 that it has, and one of kind 6. The hash is the
 //! FNV-1a of 64 bits over [what was put out](Output) in all ticks until then. A file without an end was
 //! broken off.
 
@@ -31,7 +30,7 @@ use condor_fs::Error as FileError;
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::{JOINTS, SERVED};
+use crate::{FINGERS, JOINTS};
 
 mod arguments;
 mod fnv;
@@ -46,18 +45,18 @@ pub(crate) use rows::{Row, Rows};
 pub(crate) use tape::Tape;
 
 /// Inputs of a servo processor: position and two tensions of each joint.
-pub const INPUTS: usize = 3 * JOINTS * SERVED;
+pub const INPUTS: usize = 3 * JOINTS * FINGERS;
 /// Outputs of a servo processor: two tensions of each joint.
-pub const OUTPUTS: usize = 2 * JOINTS * SERVED;
+pub const OUTPUTS: usize = 2 * JOINTS * FINGERS;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CREC");
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 mod kind {
     pub(super) const TICK: u32 = 1;
     pub(super) const PALM: u32 = 2;
     pub(super) const ORDER: u32 = 3;
-    pub(super) const PARTNER: u32 = 4;
+    pub(super) const OTHERS: u32 = 4;
     pub(super) const ASKED: u32 = 5;
     pub(super) const DONE: u32 = 6;
     pub(super) const END: u32 = 7;
@@ -82,19 +81,18 @@ impl Head {
             version: VERSION,
             processor: processor as u32,
             rate_hz,
-            fingers: SERVED as u32,
+            fingers: FINGERS as u32,
             joints: JOINTS as u32,
         }
     }
 }
 
 /// What the converters of a servo processor's sensors show.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub(crate) struct Inputs {
     counts: [u16; INPUTS],
-    missing: u32,
-    zero: u32,
+    missing: u64,
 }
 
 impl Inputs {
@@ -102,7 +100,7 @@ impl Inputs {
     pub(crate) fn set(&mut self, number: usize, counts: Option<u32>) {
         if let Some(place) = self.counts.get_mut(number) {
             *place = counts.unwrap_or(0) as u16;
-            self.missing |= u32::from(counts.is_none()) << number;
+            self.missing |= u64::from(counts.is_none()) << number;
         }
     }
 
@@ -114,7 +112,8 @@ impl Inputs {
 
 /// What a servo processor puts out in a tick; of each finger and joint flexor, extensor.
 ///
-/// The output of a replay is these, 160 bytes a tick, little-endian.
+/// What is of a finger on another processor is 0. The output of a replay is these, 320 bytes a tick,
+/// little-endian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Output {

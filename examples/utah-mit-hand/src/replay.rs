@@ -1,6 +1,6 @@
 //! The program that computes a servo processor's outputs again, from a [recording](crate::recording).
 //!
-//! The argument `from=FILE` names the recording, `to=FILE` where its [outputs](Output) go, 160 bytes a
+//! The argument `from=FILE` names the recording, `to=FILE` where its [outputs](Output) go, 320 bytes a
 //! tick; both are files of the file service. Without the second, nothing is written. The program needs
 //! neither boards nor the other processors, and it may run as any processor: whose servos they are,
 //! the recording says. What they are, the configuration says, which must be that of the recorded run.
@@ -77,10 +77,9 @@ impl<'r, M: Machine> Replaying<'r, M> {
                 configured_hz,
             })));
         }
-        let served = served(self.hand, number)?;
-        let mut control = Control::new(self.hand, number, served)?;
+        let mut control = Control::new(self.hand, served(self.hand, number))?;
         let mut servos = Repeated {
-            controllers: controllers(self.hand, served)?,
+            controllers: controllers(self.hand, number)?,
             row: None,
         };
         let mut sink = Self::sink(files, to)?;
@@ -174,22 +173,22 @@ impl Repeated {
 }
 
 impl Own for Repeated {
-    fn finger(&mut self, place: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
-        self.controllers.get_mut(place)
+    fn finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+        self.controllers.get_mut(finger)?.as_mut()
     }
 }
 
 impl Servos for Repeated {
     fn tick(
         &mut self,
-        place: usize,
+        finger: usize,
         sensed: &Sensed<f64, JOINTS>,
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Option<Tick<JOINTS>> {
-        let controller = self.controllers.get_mut(place)?;
+        let controller = self.controllers.get_mut(finger)?.as_mut()?;
         let asked = self.row.iter().flat_map(|row| &row.asked);
-        for (_, asked) in asked.filter(|(at, _)| *at == place) {
+        for (_, asked) in asked.filter(|(of, _)| *of == finger) {
             asked.repeat(controller);
         }
         Some(controller.tick(sensed, gravity, period_s))

@@ -1,4 +1,4 @@
-//! The program of a servo processor: two fingers of four joints.
+//! The program of a servo processor: one to four fingers of four joints.
 //!
 //! Which fingers it serves, at which channels and at which rate, is what the configuration says for its
 //! processor's number. With the argument `record=FILE` it writes a [recording](crate::recording) of what
@@ -30,7 +30,7 @@
 //! When it ends it leaves its board of outputs open: the watchdog of that takes the tensions to the
 //! least ones more gently than closing it would.
 
-use core::fmt::Arguments;
+use core::fmt::{self, Arguments};
 use core::time::Duration;
 
 use condor_fs::OpenOptions;
@@ -48,7 +48,7 @@ use crate::boards::{self, Wires};
 use crate::failure::Failure;
 use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
 use crate::recording::{Head, Record, Recorder, RecordingError, Ring, Tape};
-use crate::{FINGERS, JOINTS, SERVED, UtahMit, start, table};
+use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
 mod control;
 mod fingers;
@@ -97,12 +97,11 @@ fn serve<M: Machine>(
     record: Option<Record<'_>>,
 ) -> Result<(), Error> {
     let number = machine.number().0;
-    let served = served(hand, number)?;
-    let entries = entries(hand, served)?;
-    let controllers = controllers(hand, served)?;
-    let control = Control::new(hand, number, served)?;
-    let names = entries.map(|finger| finger.name.as_str());
+    let controllers = controllers(hand, number)?;
+    let control = Control::new(hand, served(hand, number))?;
+    let entries = fingers_on(hand, number);
     let rate_hz = rate_hz(hand, number);
+    let period_s = 1.0 / f64::from(rate_hz);
 
     let mut setup = Setup::new(machine)?;
     setup.console()?;
@@ -110,17 +109,26 @@ fn serve<M: Machine>(
     let places = setup.place("servos", Kind::Other, |places| {
         ServoPlaces::new(places, PROCESSORS as u8)
     })?;
-    let gains = Gains::new(entries, |finger, joint| {
-        controllers.get(finger)?.gains(joint).copied()
+    let gains = Gains::new(&entries, |place, joint| {
+        let mut served = controllers.iter().flatten();
+        served.nth(place)?.gains(joint).copied()
     });
     let mut servo_object = ServoObject::new();
+    let mut names = [""; FINGERS];
+    for (name, finger) in names.iter_mut().zip(&hand.fingers) {
+        *name = finger.name.as_str();
+    }
     let identity = Identity::new(&hand.name, names, rate_hz);
     let (asked, servos) =
         servo_object.split(identity, &own, places, machine.exclusion(), controllers)?;
-    let variables = Variables::new(entries);
+    let variables = Variables::new(entries.clone());
 
-    let (other, table) = others(hand, number);
-    let partner = Partner::new(users(machine, other)?, JOINTS_NAME);
+    let (others, table) = others(hand, number);
+    let mut partners = heapless::Vec::<_, FINGERS>::new();
+    for other in others {
+        // As many as there are fingers, at most.
+        let _ = partners.push(Partner::new(users(machine, other)?, JOINTS_NAME));
+    }
     let palm = Partner::new(users(machine, table)?, table::PALM_NAME);
     let grasp = setup.place(NAME, Kind::Other, GraspPlaces::new)?;
     let mut told = Latest::new(News::NOTHING);
@@ -151,15 +159,15 @@ fn serve<M: Machine>(
         gains: &gains,
         tuned: gains.version(),
         wires,
-        grasp: GraspEnd::new(own.clone(), grasp, &partner)?,
+        grasp: GraspEnd::new(own.clone(), grasp, &partners, period_s)?,
         palm: &palm,
         accelerated: Heard::NOTHING,
         joints: setup.publish_fields(JOINTS_NAME)?,
-        tracker: Tracker::new(entries),
+        tracker: Tracker::new(&hand.fingers),
         tracked: setup.publish_fields(TRACKING_NAME)?,
         clock: &clock,
         last: None,
-        period_s: 1.0 / f64::from(rate_hz),
+        period_s,
         ticks: 0,
         recorder,
         writer,
@@ -170,17 +178,21 @@ fn serve<M: Machine>(
         .watch(&variables)
         .tune(&gains.laws)
         .tune(&gains.numbers)
-        .servo(LOOP, start::rate(rate_hz), &mut |_| fingers.tick())
+        .servo(LOOP, start::rate(rate_hz), &mut |tick| {
+            fingers.tick(tick.due)
+        })
         .background(|background| {
             let say = |line: Arguments<'_>| background.print(format_args!("{line}\n"));
-            let [first, second] = names;
-            say(format_args!("serves {first} and {second} at {rate_hz} Hz"));
+            let names = Names(hand, served(hand, number));
+            say(format_args!("serves {names} at {rate_hz} Hz"));
             let mut heard = News::NOTHING;
             attend(background, recording.as_ref(), || {
-                partner.look()?;
+                for partner in &partners {
+                    partner.look()?;
+                }
                 palm.look()?;
                 let news = *reader.read();
-                news.tell(&heard, names, say);
+                news.tell(&heard, hand, say);
                 heard = news;
                 Ok(())
             })
@@ -213,39 +225,43 @@ fn attend<M: Machine>(
     Ok(())
 }
 
-/// The other servo processor and that of the table; without one, this one.
-fn others(hand: &UtahMit, number: u8) -> (Processor, Processor) {
-    let mut servos = hand.fingers.iter().filter_map(Finger::processor);
-    let other = servos.find(|&other| other != number);
+/// The other processors of fingers, and that of the table; without one, this one.
+fn others(hand: &UtahMit, number: u8) -> (heapless::Vec<Processor, FINGERS>, Processor) {
+    let mut others = heapless::Vec::new();
+    for other in hand.fingers.iter().filter_map(Finger::processor) {
+        if other != number && !others.contains(&Processor(other)) {
+            // As many as there are fingers, at most.
+            let _ = others.push(Processor(other));
+        }
+    }
     let mut processors = hand.processors.iter();
     let table = processors.find(|processor| processor.kind == ProcessorKind::Table);
     let table = table.map_or(number, |processor| processor.number);
-    (Processor(other.unwrap_or(number)), Processor(table))
+    (others, Processor(table))
 }
 
-/// The fingers that a processor serves.
-pub(crate) fn served(hand: &UtahMit, number: u8) -> Result<[usize; SERVED], Failure> {
-    for finger in &hand.fingers {
-        let processor = finger.processor().unwrap_or(number);
-        let fingers = hand.fingers_on(processor).count();
-        if fingers != SERVED {
-            return Err(Failure::Fingers {
-                processor,
-                fingers,
-                serves: SERVED,
-            });
-        }
-    }
-    let mut served = heapless::Vec::<_, SERVED>::new();
-    for (finger, _) in hand.fingers_on(number) {
-        // As many as it serves.
+/// The fingers that a processor serves, in their order.
+type Served<'h> = heapless::Vec<&'h Finger<JOINTS>, FINGERS>;
+
+/// The fingers of a processor.
+fn fingers_on(hand: &UtahMit, number: u8) -> Served<'_> {
+    let mut served = Served::new();
+    for (_, finger) in hand.fingers_on(number) {
+        // As many as the hand has, at most.
         let _ = served.push(finger);
     }
-    served.into_array().map_err(|served| Failure::Fingers {
-        processor: number,
-        fingers: served.len(),
-        serves: SERVED,
-    })
+    served
+}
+
+/// Which fingers of the hand a processor serves.
+pub(crate) fn served(hand: &UtahMit, number: u8) -> [bool; FINGERS] {
+    let mut served = [false; FINGERS];
+    for (finger, _) in hand.fingers_on(number) {
+        if let Some(place) = served.get_mut(finger) {
+            *place = true;
+        }
+    }
+    served
 }
 
 /// How often the loop of a processor runs, Hz.
@@ -254,26 +270,43 @@ pub(crate) fn rate_hz(hand: &UtahMit, number: u8) -> u32 {
     processor.map_or(hand.servo_hz, |processor| hand.rate_hz(processor))
 }
 
-/// The parts of the configuration that are the fingers.
-fn entries(hand: &UtahMit, [a, b]: [usize; SERVED]) -> Result<[&Finger<JOINTS>; SERVED], Failure> {
-    match (hand.fingers.get(a), hand.fingers.get(b)) {
-        (Some(a), Some(b)) => Ok([a, b]),
-        _ => Err(Failure::Hand {
-            fingers: hand.fingers.len(),
-            simulated: FINGERS,
-        }),
+/// The controllers of the fingers that a processor serves, of which there must be one.
+#[allow(clippy::large_stack_arrays, reason = "nothing is allocated")]
+pub(crate) fn controllers(hand: &UtahMit, number: u8) -> Result<Controllers, Failure> {
+    let mut controllers = [const { None }; FINGERS];
+    for (finger, entry) in hand.fingers_on(number) {
+        let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
+        let controller = FingerController::new(hand, entry, mechanism);
+        let controller = controller.map_err(|error| Failure::Controller { finger, error })?;
+        if let Some(place) = controllers.get_mut(finger) {
+            *place = Some(controller);
+        }
     }
+    if controllers.iter().all(Option::is_none) {
+        return Err(Failure::NoFinger { processor: number });
+    }
+    Ok(controllers)
 }
 
-#[allow(clippy::large_stack_arrays, reason = "nothing is allocated")]
-pub(crate) fn controllers(hand: &UtahMit, served: [usize; SERVED]) -> Result<Controllers, Failure> {
-    let controller = |finger: usize, entry: &Finger<JOINTS>| {
-        let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
-        FingerController::new(hand, entry, mechanism)
-            .map_err(|error| Failure::Controller { finger, error })
-    };
-    let ([a, b], [first, second]) = (served, entries(hand, served)?);
-    Ok([controller(a, first)?, controller(b, second)?])
+/// The names of some fingers, as people list them.
+#[derive(Clone, Copy)]
+pub(crate) struct Names<'h>(pub(crate) &'h UtahMit, pub(crate) [bool; FINGERS]);
+
+impl fmt::Display for Names<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(hand, named) = self;
+        let fingers = hand.fingers.iter().zip(named);
+        let mut fingers = fingers.filter_map(|(finger, named)| named.then_some(finger));
+        let mut before = "";
+        let mut next = fingers.next();
+        while let Some(finger) = next {
+            write!(f, "{before}{}", finger.name)?;
+            next = fingers.next();
+            let is_last = fingers.clone().next().is_none();
+            before = if is_last { " and " } else { ", " };
+        }
+        Ok(())
+    }
 }
 
 type ServoTape<'f, 'b, M> = Tape<'f, 'b, 'f, MailboxOf<'b, M>, <M as Machine>::Window, FILES>;

@@ -24,16 +24,14 @@ fn print(view: &View, hand: &Hand<FINGERS, JOINTS>) -> Result<(), Box<dyn Error>
         let Some(processor) = finger.processor() else {
             continue;
         };
-        let mut served = hand.fingers_on(processor);
-        let place = served.position(|(index, _)| index == number).unwrap_or(0);
-        print_joints(finger, place, &view.region(Processor(processor))?)?;
+        print_joints(finger, number, &view.region(Processor(processor))?)?;
     }
     Ok(())
 }
 
 fn print_joints(
     finger: &Finger<JOINTS>,
-    place: usize,
+    number: usize,
     region: &Region<LinuxWindow>,
 ) -> Result<(), Box<dyn Error>> {
     let cell = objects::tracking(region)?;
@@ -41,10 +39,10 @@ fn print_joints(
         Some(cell) => cell.subscriber(region.clone())?.read().ok(),
         None => None,
     };
-    for (number, joint) in finger.joints.iter().enumerate() {
+    for (place, joint) in finger.joints.iter().enumerate() {
         let tracking = latest.as_ref().map(|latest| &latest.value);
-        let rms = tracking.and_then(|tracking| tracking.rms_rad(place, number));
-        let peak = tracking.and_then(|tracking| tracking.peak_rad(place, number));
+        let rms = tracking.and_then(|tracking| tracking.rms_rad(number, place));
+        let peak = tracking.and_then(|tracking| tracking.peak_rad(number, place));
         match rms.zip(peak) {
             Some((rms, peak)) => println!(
                 "{:<10} {:<10} {:>10.3} {:>10.3}",

@@ -31,6 +31,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 use crate::boards::{self, Wires};
 use crate::desk::Desk;
 use crate::failure::Failure;
+use crate::grasp::Due;
 use crate::{UtahMit, start};
 
 /// The vector of requests to the table.
@@ -52,6 +53,14 @@ pub struct Palm {
     pub target: [f64; AXES],
     /// The number of a [`TableStatus`].
     pub state: u64,
+    /// When the tick was due, ns of the processor's clock.
+    pub due_ns: u64,
+}
+
+impl Due for Palm {
+    fn due_ns(&self) -> u64 {
+        self.due_ns
+    }
 }
 
 impl Described for Palm {
@@ -71,6 +80,7 @@ impl Described for Palm {
             .repeated(AXES)
             .about("Where they are to be."),
         Field::new("state", "", Kind::U64, offset_of!(Palm, state)),
+        Field::new("due_ns", "ns", Kind::U64, offset_of!(Palm, due_ns)),
     ];
 }
 
@@ -245,7 +255,9 @@ impl Program for Table {
             .watch(&variables.position)
             .watch(&variables.target)
             .watch(&variables.force)
-            .servo("axes", start::rate(rate_hz), &mut |_| axes.tick())
+            .servo("axes", start::rate(rate_hz), &mut |tick| {
+                axes.tick(tick.due)
+            })
             .background(|background| {
                 background.print(format_args!("moves the table at {rate_hz} Hz\n"));
                 let mut before = TableStatus::Off;
@@ -292,7 +304,7 @@ struct Axes<'r, M: Machine> {
 }
 
 impl<M: Machine> Axes<'_, M> {
-    fn tick(&mut self) {
+    fn tick(&mut self, due: Instant) {
         let Some(table) = &self.hand.table else {
             return;
         };
@@ -318,6 +330,7 @@ impl<M: Machine> Axes<'_, M> {
             position,
             target: tick.target.map(|point| point.position),
             state: u64::from(TableStatus::of(tick.state) as u32),
+            due_ns: due.as_ns(),
         };
         self.variables.position.set_all(&palm.position);
         self.variables.target.set_all(&palm.target);

@@ -1,10 +1,11 @@
-//! [`GraspEnd`]: what the outside tells a [`GraspLaw`](super::GraspLaw), and is told.
+//! [`GraspEnd`]: what the outside tells a [`Grasp`](super::Grasp), and is told.
 
 use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use super::partner::{Heard, Partner};
 use super::{GraspPlaces, Joints, Order, Report};
+use crate::FINGERS;
 
 /// The time without a publication after which a partner is silent, s.
 const SILENT_S: f64 = 0.021;
@@ -16,8 +17,8 @@ const REPORT_TICKS: u32 = 16;
 pub(crate) struct Told {
     /// The order that has come since the last tick, and its number.
     pub(crate) order: Option<(u64, Order)>,
-    /// The joints of the partner; none while it is silent.
-    pub(crate) partner: Option<Joints>,
+    /// The joints of the fingers on other processors, of the tick before; none of one that is silent.
+    pub(crate) others: Option<Joints>,
 }
 
 /// The end of a grasp in the window of its servo processor.
@@ -26,19 +27,21 @@ pub(crate) struct GraspEnd<'p, W> {
     places: GraspPlaces,
     orders: Subscriber<Order, Region<W>>,
     reports: Publisher<Report, Region<W>>,
-    partner: &'p Partner<W>,
-    heard: Heard<Joints>,
+    partners: &'p [Partner<W>],
+    heard: [Heard<Joints>; FINGERS],
+    period_s: f64,
     seen: u32,
     reported: Report,
     quiet: u32,
 }
 
 impl<'p, W: MemoryWindow + Clone> GraspEnd<'p, W> {
-    /// `region` is that of the processor itself.
+    /// `region` is that of the processor itself, `partners` are the other servo processors.
     pub(crate) fn new(
         region: Region<W>,
         places: GraspPlaces,
-        partner: &'p Partner<W>,
+        partners: &'p [Partner<W>],
+        period_s: f64,
     ) -> Result<Self, AccessError> {
         Ok(Self {
             orders: places.order.subscriber(region.clone())?,
@@ -47,21 +50,27 @@ impl<'p, W: MemoryWindow + Clone> GraspEnd<'p, W> {
             seen: region.word(places.number)?,
             region,
             places,
-            partner,
-            heard: Heard::NOTHING,
+            partners,
+            heard: [Heard::NOTHING; FINGERS],
+            period_s,
             reported: Report::NOTHING,
             quiet: REPORT_TICKS,
         })
     }
 
-    /// What there is to tell the law in this tick, so long after the last one.
-    pub(crate) fn hear(&mut self, elapsed_s: f64) -> Told {
-        self.partner.read(&mut self.heard, elapsed_s);
-        let is_fresh = self.heard.age_s <= SILENT_S;
-        Told {
-            order: self.look(),
-            partner: self.heard.value.filter(|_| is_fresh),
+    /// What there is to tell the law in the tick that was due at an instant, ns, so long after the last.
+    pub(crate) fn hear(&mut self, due_ns: u64, elapsed_s: f64) -> Told {
+        let mut others = None;
+        for (partner, heard) in self.partners.iter().zip(&mut self.heard) {
+            partner.read(heard, elapsed_s);
+            if heard.age_s <= SILENT_S
+                && let Some(joints) = heard.before(due_ns, self.period_s)
+            {
+                others.get_or_insert(Joints::default()).add(&joints);
+            }
         }
+        let order = self.look();
+        Told { order, others }
     }
 
     /// The order that has come since the last tick.

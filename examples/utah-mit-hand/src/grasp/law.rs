@@ -1,4 +1,4 @@
-//! [`GraspLaw`]: the grasp in the servo loop of one processor.
+//! [`Grasp`]: the grasp in the servo loop of one processor.
 
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
@@ -12,55 +12,60 @@ use nalgebra::{Vector3, Vector4};
 
 use super::{GraspState, Joints, LEAST_FINGERS, Order, Reason, Report};
 use crate::servo::Given;
-use crate::{FINGERS, Failure, JOINTS, SERVED, UtahMit};
+use crate::{FINGERS, Failure, JOINTS, UtahMit};
 
-/// The time within which the partner is to have the order, too, s.
+/// The time within which all fingers are to have the order, s.
 const PATIENCE_S: f64 = 0.25;
 
 /// The controllers of the fingers that this processor serves.
 pub(crate) trait Own {
-    fn finger(&mut self, place: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>>;
+    /// That of a finger of the hand.
+    fn finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>>;
 }
 
-impl<W: MemoryWindow> Own for ServoLoop<'_, PlanarFinger, W, SERVED, JOINTS> {
-    fn finger(&mut self, place: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
-        self.controller_mut(place)
+impl<W: MemoryWindow> Own for ServoLoop<'_, PlanarFinger, W, FINGERS, JOINTS> {
+    fn finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+        self.controller_mut(finger)
     }
 }
 
-/// What this processor measures of its fingers.
+/// What this processor measures of its fingers; NaN of all others.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Felt {
-    pub(crate) position: [Vector4<f64>; SERVED],
-    pub(crate) velocity: [Vector4<f64>; SERVED],
+    pub(crate) position: [Vector4<f64>; FINGERS],
+    pub(crate) velocity: [Vector4<f64>; FINGERS],
 }
 
 impl Felt {
     /// Puts in the place of a position that cannot be, the one that the servos will go on from: a law
     /// of the whole hand outlives a lost reading.
     pub(crate) fn believe(&mut self, period_s: f64, own: &mut impl Own) {
-        for (place, position) in self.position.iter_mut().enumerate() {
-            if let Some(finger) = own.finger(place) {
+        for (finger, position) in self.position.iter_mut().enumerate() {
+            if let Some(finger) = own.finger(finger) {
                 *position = finger.plausible(position, period_s);
             }
         }
     }
 }
 
-/// A finger of the hand, and where it is measured.
+/// A finger of the hand.
 #[derive(Clone, Copy, Debug)]
 struct Member {
     mechanism: PlanarFinger,
     limits: TorqueLimits<f64, JOINTS>,
-    /// On this processor, or on the other one.
-    is_own: bool,
-    /// Its place among the fingers of its processor.
-    place: usize,
 }
 
-/// The grasp of one servo processor.
-pub(crate) struct GraspLaw {
+/// The grasp of one servo processor: the law for each finger that it serves.
+pub(crate) struct Grasp {
     members: [Member; FINGERS],
+    holders: [Option<Holder>; FINGERS],
+    report: Report,
+}
+
+/// The law for one finger.
+struct Holder {
+    /// Its number in the hand.
+    finger: usize,
     /// The order in force, and what was in force when it came.
     order: Order,
     from: Order,
@@ -71,6 +76,15 @@ pub(crate) struct GraspLaw {
     waited_s: f64,
     has_joined: bool,
     report: Report,
+}
+
+/// What a law is computed from in a tick.
+struct Scene<'s> {
+    members: &'s [Member; FINGERS],
+    felt: &'s Felt,
+    /// All fingers that are known, as they were in the tick before.
+    others: &'s Joints,
+    gravity: &'s Vector3<f64>,
 }
 
 /// The law, for as many fingers as hold.
@@ -84,21 +98,20 @@ enum Law {
     Four([usize; 4], GraspStiffness<f64, 4, JOINTS>),
 }
 
-/// One step of the law: of each finger of the hand, whether or not it holds.
+/// One step of the law.
 struct Step {
+    /// Of each finger of the hand, whether or not it holds.
     torques: [Vector4<f64>; FINGERS],
     squeeze_share: f64,
     deviation: [f64; 6],
     margins: [f64; FINGERS],
 }
 
-impl GraspLaw {
-    /// No grasp yet, on processor `own`.
-    pub(crate) fn new(hand: &UtahMit, own: u8) -> Result<Self, Failure> {
+impl Grasp {
+    /// No grasp yet, on a processor that serves these fingers.
+    pub(crate) fn new(hand: &UtahMit, served: &[bool; FINGERS]) -> Result<Self, Failure> {
         let mut members = heapless::Vec::<_, FINGERS>::new();
         for (number, finger) in hand.fingers.iter().enumerate() {
-            let processor = finger.processor().unwrap_or(own);
-            let mut beside = hand.fingers_on(processor);
             let torque = |joint: &condor_hand::config::Joint<JOINTS>| {
                 min(
                     joint.flexor.arm_m * (joint.flexor.max_n - joint.flexor.min_n),
@@ -108,8 +121,6 @@ impl GraspLaw {
             let member = Member {
                 mechanism: finger.planar().ok_or(Failure::Form { finger: number })?,
                 limits: TorqueLimits::symmetric(&finger.each(torque)),
-                is_own: processor == own,
-                place: beside.position(|(index, _)| index == number).unwrap_or(0),
             };
             // As many as the configuration has room for.
             let _ = members.push(member);
@@ -119,22 +130,29 @@ impl GraspLaw {
         let members = members
             .into_array()
             .map_err(|_| Failure::Hand { fingers, simulated })?;
+        let mut holders = [const { None }; FINGERS];
+        for (finger, (holder, _)) in holders
+            .iter_mut()
+            .zip(served)
+            .enumerate()
+            .filter(|(_, (_, served))| **served)
+        {
+            *holder = Some(Holder::new(finger));
+        }
         Ok(Self {
             members,
-            order: Order::RELEASE,
-            from: Order::RELEASE,
-            since_s: 0.0,
-            number: 0,
-            law: None,
-            waited_s: 0.0,
-            has_joined: false,
+            holders,
             report: Report::NOTHING,
         })
     }
 
-    /// The number of the order in force; 0 for none.
-    pub(crate) const fn number(&self) -> u64 {
-        self.number
+    /// The number of the order in force for each finger; 0 for none.
+    pub(crate) fn orders(&self) -> [u64; FINGERS] {
+        let mut orders = [0; FINGERS];
+        for (order, holder) in orders.iter_mut().zip(&self.holders) {
+            *order = holder.as_ref().map_or(0, |holder| holder.number);
+        }
+        orders
     }
 
     /// The last report.
@@ -147,34 +165,60 @@ impl GraspLaw {
     pub(crate) fn step(
         &mut self,
         felt: &Felt,
+        others: &Joints,
         gravity: &Vector3<f64>,
         given: &Given,
         own: &mut impl Own,
     ) {
-        self.report = self.advance(felt, gravity, given, own);
+        let scene = Scene {
+            members: &self.members,
+            felt,
+            others,
+            gravity,
+        };
+        let mut report: Option<Report> = None;
+        for holder in self.holders.iter_mut().flatten() {
+            holder.report = holder.advance(&scene, given, own);
+            report = Some(report.map_or(holder.report, |report| report.or(holder.report)));
+        }
+        self.report = report.unwrap_or(Report::NOTHING);
+    }
+}
+
+impl Holder {
+    const fn new(finger: usize) -> Self {
+        Self {
+            finger,
+            order: Order::RELEASE,
+            from: Order::RELEASE,
+            since_s: 0.0,
+            number: 0,
+            law: None,
+            waited_s: 0.0,
+            has_joined: false,
+            report: Report::NOTHING,
+        }
     }
 
-    fn advance(
-        &mut self,
-        felt: &Felt,
-        gravity: &Vector3<f64>,
-        given: &Given,
-        own: &mut impl Own,
-    ) -> Report {
-        let told = &given.told;
-        if let Some((number, order)) = told.order {
+    fn advance(&mut self, scene: &Scene<'_>, given: &Given, own: &mut impl Own) -> Report {
+        if let Some((number, order)) = given.told.order {
             if order.fingers == 0 {
                 self.let_go(own);
                 return Report::new(number, GraspState::Idle, Reason::None);
             }
-            if let Err(reason) = self.take(number, &order, own) {
+            if let Err(reason) = check(scene, &order) {
                 return Report::new(number, GraspState::Refused, reason);
             }
+            if order.fingers >> self.finger & 1 == 0 {
+                self.let_go(own);
+                return Report::new(number, GraspState::Idle, Reason::None);
+            }
+            self.take(number, &order, own);
         }
         if self.number == 0 {
             return self.report;
         }
-        match self.hold(felt, gravity, given, own) {
+        match self.hold(scene, given, own) {
             Ok(report) => report,
             Err(reason) => {
                 let number = self.number;
@@ -184,24 +228,12 @@ impl GraspLaw {
         }
     }
 
-    /// Puts an order into force, or leaves everything as it is.
-    fn take(&mut self, number: u64, order: &Order, own: &mut impl Own) -> Result<(), Reason> {
-        let count = order.fingers.count_ones();
-        if order.fingers >> FINGERS != 0 || count < LEAST_FINGERS {
-            return Err(Reason::Fingers);
-        }
-        let [first, ..] = &self.members;
-        let limits = [first.limits; 3];
-        let numbers = order.tips.as_flattened().iter().chain([&order.ramp_s]);
-        if order.tuning(limits).is_err() || numbers.clone().any(|number| !number.is_finite()) {
-            return Err(Reason::Tuning);
-        }
+    /// Puts an order into force.
+    fn take(&mut self, number: u64, order: &Order, own: &mut impl Own) {
         if self.law.is_some() && order.fingers == self.order.fingers {
             self.from = self.now();
         } else {
-            if self.law.is_some() {
-                self.let_go(own);
-            }
+            self.let_go(own);
             self.waited_s = 0.0;
             self.has_joined = false;
             self.from = Order {
@@ -212,7 +244,6 @@ impl GraspLaw {
         self.order = *order;
         self.since_s = 0.0;
         self.number = number;
-        Ok(())
     }
 
     /// The order as far as it has been ramped up.
@@ -227,46 +258,33 @@ impl GraspLaw {
 
     fn hold(
         &mut self,
-        felt: &Felt,
-        gravity: &Vector3<f64>,
+        scene: &Scene<'_>,
         given: &Given,
         own: &mut impl Own,
     ) -> Result<Report, Reason> {
-        let partner = self.hear(given)?;
-        let Some(partner) = partner else {
+        if !self.hears(scene.others, given.period_s)? {
             return Ok(Report::new(self.number, GraspState::Waiting, Reason::None));
-        };
+        }
         if self.law.is_none() {
-            self.law = Some(self.engage(felt, &partner, gravity)?);
-        } else if self.is_switched(own) {
-            return Err(if has_fault(own) {
-                Reason::Fault
-            } else {
-                Reason::Switched
-            });
+            self.law = Some(self.engage(scene)?);
+        } else {
+            self.check_modes(own)?;
         }
         let now = self.now();
         self.since_s += given.period_s;
-        let Some(mut law) = self.law else {
-            return Err(Reason::Law);
+        let step = match &mut self.law {
+            Some(Law::Three(fingers, law)) => update(self.finger, fingers, law, &now, scene),
+            Some(Law::Four(fingers, law)) => update(self.finger, fingers, law, &now, scene),
+            None => return Err(Reason::Law),
         };
-        let step = match &mut law {
-            Law::Three(fingers, law) => self.update(fingers, law, &now, felt, &partner, gravity),
-            Law::Four(fingers, law) => self.update(fingers, law, &now, felt, &partner, gravity),
-        };
-        self.law = Some(law);
         let step = step.map_err(|_| Reason::Law)?;
-        for (torques, member) in step.torques.iter().zip(self.holding()) {
-            let Some(member) = member.filter(|member| member.is_own) else {
-                continue;
-            };
-            let finger = own.finger(member.place).ok_or(Reason::Fault)?;
-            for (joint, &torque) in torques.iter().enumerate() {
-                let target = JointTarget::Grasp(torque);
-                finger
-                    .set_target(joint, target)
-                    .map_err(|_| Reason::Fault)?;
-            }
+        let torques = step.torques.get(self.finger).ok_or(Reason::Fingers)?;
+        let finger = own.finger(self.finger).ok_or(Reason::Fault)?;
+        for (joint, &torque) in torques.iter().enumerate() {
+            let target = JointTarget::Grasp(torque);
+            finger
+                .set_target(joint, target)
+                .map_err(|_| Reason::Fault)?;
         }
         Ok(Report {
             squeeze_share: step.squeeze_share,
@@ -276,62 +294,58 @@ impl GraspLaw {
         })
     }
 
-    /// The joints of the partner, once there are some.
-    fn hear(&mut self, given: &Given) -> Result<Option<Joints>, Reason> {
+    /// The other fingers of the hand that hold.
+    fn partners(&self) -> impl Iterator<Item = usize> + Clone + use<> {
+        let (own, fingers) = (self.finger, self.order.fingers);
+        (0..FINGERS).filter(move |&finger| finger != own && fingers >> finger & 1 != 0)
+    }
+
+    /// Whether the joints of all fingers that hold are known.
+    fn hears(&mut self, others: &Joints, period_s: f64) -> Result<bool, Reason> {
         let is_patient = self.waited_s < PATIENCE_S;
-        self.waited_s += given.period_s;
-        match given.told.partner {
-            Some(joints) if joints.order != 0 => {
-                self.has_joined = true;
-                Ok(Some(joints))
-            }
-            // It has not seen the order yet; its joints are known all the same.
-            Some(joints) if !self.has_joined && is_patient => Ok(Some(joints)),
-            None if !self.has_joined && self.law.is_none() && is_patient => Ok(None),
-            _ => Err(Reason::Partner),
+        self.waited_s += period_s;
+        let mut partners = self.partners();
+        let all = partners.clone().all(|finger| others.serves(finger));
+        let has_order = |finger: usize| others.order.get(finger).is_some_and(|&it| it != 0);
+        if all && partners.all(has_order) {
+            self.has_joined = true;
+            return Ok(true);
         }
+        // Until they have seen the order their joints may be known all the same.
+        if !self.has_joined && is_patient && (all || self.law.is_none()) {
+            return Ok(all);
+        }
+        Err(Reason::Partner)
     }
 
-    /// The fingers of the hand that hold.
-    fn holding(&self) -> impl Iterator<Item = Option<&Member>> {
-        let fingers = self.order.fingers;
-        let members = self.members.iter().enumerate();
-        members.map(move |(number, member)| (fingers >> number & 1 != 0).then_some(member))
-    }
-
-    /// Whether a joint of the own fingers that hold is in another mode than the law gave it.
-    fn is_switched(&self, own: &mut impl Own) -> bool {
-        let mut mine = self.holding().flatten().filter(|member| member.is_own);
-        mine.any(|member| {
-            let finger = own.finger(member.place);
-            finger.is_none_or(|finger| {
-                (0..JOINTS).any(|joint| finger.mode(joint) != Some(Mode::Grasp))
-            })
+    /// Whether all joints are in the mode that the law gave them.
+    fn check_modes(&self, own: &mut impl Own) -> Result<(), Reason> {
+        let finger = own.finger(self.finger).ok_or(Reason::Fault)?;
+        if (0..JOINTS).all(|joint| finger.mode(joint) == Some(Mode::Grasp)) {
+            return Ok(());
+        }
+        Err(if finger.fault().is_some() {
+            Reason::Fault
+        } else {
+            Reason::Switched
         })
     }
 
     /// Takes the present tips as the desired ones.
-    fn engage(
-        &mut self,
-        felt: &Felt,
-        partner: &Joints,
-        gravity: &Vector3<f64>,
-    ) -> Result<Law, Reason> {
+    fn engage(&mut self, scene: &Scene<'_>) -> Result<Law, Reason> {
         let mut numbers = heapless::Vec::<usize, FINGERS>::new();
-        for (number, member) in self.holding().enumerate() {
-            if member.is_some() {
-                // As many as there are.
-                let _ = numbers.push(number);
-            }
+        for finger in (0..FINGERS).filter(|finger| self.order.fingers >> finger & 1 != 0) {
+            // As many as there are.
+            let _ = numbers.push(finger);
         }
         let three = <[usize; 3]>::try_from(numbers.as_slice());
         let four = <[usize; 4]>::try_from(numbers.as_slice());
         let law = match (three, four) {
             (Ok(fingers), _) => self
-                .engaged(&fingers, felt, partner, gravity)
+                .engaged(&fingers, scene)
                 .map(|law| Law::Three(fingers, law)),
             (_, Ok(fingers)) => self
-                .engaged(&fingers, felt, partner, gravity)
+                .engaged(&fingers, scene)
                 .map(|law| Law::Four(fingers, law)),
             _ => return Err(Reason::Fingers),
         };
@@ -341,18 +355,16 @@ impl GraspLaw {
     fn engaged<const M: usize>(
         &mut self,
         fingers: &[usize; M],
-        felt: &Felt,
-        partner: &Joints,
-        gravity: &Vector3<f64>,
+        scene: &Scene<'_>,
     ) -> Result<GraspStiffness<f64, M, JOINTS>, GraspError> {
-        let states = self.states(fingers, felt, partner, gravity);
+        let states = scene.states(self.finger, fingers);
         let order = Order {
             force: [0.0; 3],
             moment: [0.0; 3],
             squeeze_n: 0.0,
             ..self.order
         };
-        let law = GraspStiffness::engage(&states, order.tuning(self.limits(fingers))?)?;
+        let law = GraspStiffness::engage(&states, order.tuning(scene.limits(fingers))?)?;
         for (&finger, state) in fingers.iter().zip(&states) {
             if let Some(tip) = self.from.tips.get_mut(finger) {
                 *tip = state.tip.into();
@@ -361,70 +373,15 @@ impl GraspLaw {
         Ok(law)
     }
 
-    fn update<const M: usize>(
-        &self,
-        fingers: &[usize; M],
-        law: &mut GraspStiffness<f64, M, JOINTS>,
-        now: &Order,
-        felt: &Felt,
-        partner: &Joints,
-        gravity: &Vector3<f64>,
-    ) -> Result<Step, GraspError> {
-        law.set_tuning(now.tuning(self.limits(fingers))?)?;
-        let tip = |finger: usize| now.tips.get(finger).copied().unwrap_or_default();
-        law.set_desired(&fingers.map(|finger| Vector3::from(tip(finger))))?;
-        let output = law.update(&self.states(fingers, felt, partner, gravity))?;
-        Ok(Step::of(fingers, &output))
-    }
-
-    fn limits<const M: usize>(&self, fingers: &[usize; M]) -> [TorqueLimits<f64, JOINTS>; M] {
-        fingers.map(|finger| {
-            let member = self.members.get(finger);
-            member.map_or(TorqueLimits::none(), |member| member.limits)
-        })
-    }
-
-    fn states<const M: usize>(
-        &self,
-        fingers: &[usize; M],
-        felt: &Felt,
-        partner: &Joints,
-        gravity: &Vector3<f64>,
-    ) -> [FingerState<f64, JOINTS>; M] {
-        fingers.map(|finger| {
-            let [first, ..] = &self.members;
-            let member = self.members.get(finger).unwrap_or(first);
-            let place = member.place;
-            let (q, qd) = if member.is_own {
-                (
-                    felt.position.get(place).copied(),
-                    felt.velocity.get(place).copied(),
-                )
-            } else {
-                (
-                    partner.position.get(place).copied().map(Vector4::from),
-                    partner.velocity.get(place).copied().map(Vector4::from),
-                )
-            };
-            // Both processors serve as many fingers as the type says.
-            let (q, qd) = (q.unwrap_or_default(), qd.unwrap_or_default());
-            let weight = member.mechanism.gravity_torque(&q, gravity);
-            FingerState::new(&member.mechanism, &q, &qd, &weight)
-        })
-    }
-
-    /// Ends the grasp; the own joints that held stay where they are.
+    /// Ends the grasp; joints that held stay where they are.
     fn let_go(&mut self, own: &mut impl Own) {
-        if self.law.is_some() {
-            for member in self.holding().flatten().filter(|member| member.is_own) {
-                let Some(finger) = own.finger(member.place) else {
-                    continue;
-                };
-                for joint in 0..JOINTS {
-                    if finger.mode(joint) == Some(Mode::Grasp) {
-                        // After a fault the finger has its own way to rest.
-                        let _ = finger.set_mode(joint, Mode::Position);
-                    }
+        if self.law.is_some()
+            && let Some(finger) = own.finger(self.finger)
+        {
+            for joint in 0..JOINTS {
+                if finger.mode(joint) == Some(Mode::Grasp) {
+                    // After a fault the finger has its own way to rest.
+                    let _ = finger.set_mode(joint, Mode::Position);
                 }
             }
         }
@@ -434,11 +391,66 @@ impl GraspLaw {
     }
 }
 
-fn has_fault(own: &mut impl Own) -> bool {
-    (0..SERVED).any(|place| {
-        let finger = own.finger(place);
-        finger.is_some_and(|finger| finger.fault().is_some())
-    })
+/// Whether an order can be.
+fn check(scene: &Scene<'_>, order: &Order) -> Result<(), Reason> {
+    let count = order.fingers.count_ones();
+    if order.fingers >> FINGERS != 0 || count < LEAST_FINGERS {
+        return Err(Reason::Fingers);
+    }
+    let [first, ..] = scene.members;
+    let mut numbers = order.tips.as_flattened().iter().chain([&order.ramp_s]);
+    if order.tuning([first.limits; 3]).is_err() || numbers.any(|number| !number.is_finite()) {
+        return Err(Reason::Tuning);
+    }
+    Ok(())
+}
+
+/// One step of the law for finger `own`.
+fn update<const M: usize>(
+    own: usize,
+    fingers: &[usize; M],
+    law: &mut GraspStiffness<f64, M, JOINTS>,
+    now: &Order,
+    scene: &Scene<'_>,
+) -> Result<Step, GraspError> {
+    law.set_tuning(now.tuning(scene.limits(fingers))?)?;
+    let tip = |finger: usize| now.tips.get(finger).copied().unwrap_or_default();
+    law.set_desired(&fingers.map(|finger| Vector3::from(tip(finger))))?;
+    let output = law.update(&scene.states(own, fingers))?;
+    Ok(Step::of(fingers, &output))
+}
+
+impl Scene<'_> {
+    fn limits<const M: usize>(&self, fingers: &[usize; M]) -> [TorqueLimits<f64, JOINTS>; M] {
+        fingers.map(|finger| {
+            let member = self.members.get(finger);
+            member.map_or(TorqueLimits::none(), |member| member.limits)
+        })
+    }
+
+    /// The fingers as the law of finger `own` sees them: it as it is now, the others as they were.
+    fn states<const M: usize>(
+        &self,
+        own: usize,
+        fingers: &[usize; M],
+    ) -> [FingerState<f64, JOINTS>; M] {
+        fingers.map(|finger| {
+            let [first, ..] = self.members;
+            let mechanism = self.members.get(finger).unwrap_or(first).mechanism;
+            let (q, qd) = if finger == own {
+                let (q, qd) = (&self.felt.position, &self.felt.velocity);
+                (q.get(finger).copied(), qd.get(finger).copied())
+            } else {
+                let (q, qd) = (&self.others.position, &self.others.velocity);
+                let vector = |joints: &[f64; JOINTS]| Vector4::from(*joints);
+                (q.get(finger).map(vector), qd.get(finger).map(vector))
+            };
+            // All of them are fingers of the hand.
+            let (q, qd) = (q.unwrap_or_default(), qd.unwrap_or_default());
+            let weight = mechanism.gravity_torque(&q, self.gravity);
+            FingerState::new(&mechanism, &q, &qd, &weight)
+        })
+    }
 }
 
 impl Step {
@@ -492,16 +504,16 @@ mod tests {
 
     /// A tick of a processor whose sensors say the posture, but for one of a joint.
     fn tick(
-        law: &mut GraspLaw,
+        law: &mut Grasp,
+        others: &Joints,
         fingers: &mut Fingers,
         gravity: &Vector3<f64>,
         told: &Told,
         said: f64,
     ) -> GraspState {
-        let [first, second] = [0, 1].map(|_| Vector4::from(POSTURE[0]));
         let mut felt = Felt {
-            position: [first, second],
-            velocity: [Vector4::zeros(); SERVED],
+            position: POSTURE.map(Vector4::from),
+            velocity: [Vector4::zeros(); FINGERS],
         };
         felt.position[1][2] = said;
         let sensed = felt.position.map(|position| Sensed {
@@ -514,7 +526,7 @@ mod tests {
             acceleration: [0.0; 3],
             told: *told,
         };
-        law.step(&felt, gravity, &given, fingers);
+        law.step(&felt, others, gravity, &given, fingers);
         for (finger, sensed) in fingers.0.iter_mut().zip(&sensed) {
             assert_eq!(finger.tick(sensed, gravity, PERIOD_S).fault, None);
         }
@@ -530,36 +542,33 @@ mod tests {
             FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap()
         });
         let mut fingers = Fingers(served.collect());
-        let mut law = GraspLaw::new(&hand, own).unwrap();
+        let mut law = Grasp::new(&hand, &[true, true, false, false]).unwrap();
         let [stiffness, damping] = [150.0, 1.0].map(|n| [n, n, n, n * 1e-3, n * 1e-3, n * 1e-3]);
         let mut order = Order::hold(0b1111, tips(&hand, &POSTURE).unwrap(), stiffness, damping);
         order.squeeze_n = 1.0;
-        let partner = Joints {
-            position: [POSTURE[2], POSTURE[3]],
-            velocity: [[0.0; JOINTS]; SERVED],
-            order: 1,
-            ticks: 0,
+        let others = Joints {
+            position: POSTURE,
+            order: [1; FINGERS],
+            served: 0b1111,
+            ..Joints::default()
         };
-        let mut told = Told {
-            order: None,
-            partner: Some(partner),
-        };
+        let mut told = Told::default();
         let good = POSTURE[1][2];
         for _ in 0..5 {
             assert_eq!(
-                tick(&mut law, &mut fingers, &gravity, &told, good),
+                tick(&mut law, &others, &mut fingers, &gravity, &told, good),
                 GraspState::Idle
             );
         }
         told.order = Some((1, order));
         assert_eq!(
-            tick(&mut law, &mut fingers, &gravity, &told, good),
+            tick(&mut law, &others, &mut fingers, &gravity, &told, good),
             GraspState::Holding
         );
         told.order = None;
         for said in [f64::NAN, f64::INFINITY, good + 0.3] {
             for said in [said, good, good] {
-                let state = tick(&mut law, &mut fingers, &gravity, &told, said);
+                let state = tick(&mut law, &others, &mut fingers, &gravity, &told, said);
                 assert_eq!(state, GraspState::Holding, "{said}");
             }
         }

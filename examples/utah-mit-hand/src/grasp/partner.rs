@@ -20,13 +20,21 @@ pub(crate) struct Partner<W> {
     offset: AtomicU32,
 }
 
+/// What says when the tick was due in which it was published.
+pub(crate) trait Due {
+    /// In ns of the processor's clock.
+    fn due_ns(&self) -> u64;
+}
+
 /// What a servo loop has read of a partner, and for how long it has been the same.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Heard<T> {
     /// The last value; none before the first.
     pub(crate) value: Option<T>,
+    /// The value before the last.
+    former: Option<T>,
     sequence: u32,
-    /// The time since it was published, as far as this loop could see, s.
+    /// The time since the last one was published, as far as this loop could see, s.
     pub(crate) age_s: f64,
 }
 
@@ -71,6 +79,7 @@ impl<W: MemoryWindow + Clone> Partner<W> {
         {
             *heard = Heard {
                 value: Some(latest.value),
+                former: heard.value,
                 sequence: latest.sequence,
                 age_s: 0.0,
             };
@@ -81,7 +90,28 @@ impl<W: MemoryWindow + Clone> Partner<W> {
 impl<T> Heard<T> {
     pub(crate) const NOTHING: Self = Self {
         value: None,
+        former: None,
         sequence: 0,
         age_s: f64::INFINITY,
     };
+}
+
+impl<T: Due + Copy> Heard<T> {
+    /// The last value of a tick before this one, which was due at an instant, ns.
+    ///
+    /// Processors whose loops are due together read what the other has just published, or what it
+    /// published the tick before, as it happens. This is always the latter.
+    pub(crate) fn before(&self, due_ns: u64, period_s: f64) -> Option<T> {
+        #[allow(
+            clippy::cast_precision_loss,
+            reason = "ticks are close together, or they differ"
+        )]
+        let is_of_this_tick = |value: &T| {
+            let apart_ns = value.due_ns().abs_diff(due_ns);
+            (apart_ns as f64) < 0.5e9 * period_s
+        };
+        self.value
+            .filter(|value| !is_of_this_tick(value))
+            .or(self.former)
+    }
 }

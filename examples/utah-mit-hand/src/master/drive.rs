@@ -14,12 +14,10 @@ use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::grasp::{Heard, Joints, Partner};
-use crate::{FINGERS, JOINTS, SERVED};
+use crate::{FINGERS, JOINTS};
 
 /// All joints of the hand.
 pub(super) const ALL: usize = FINGERS * JOINTS;
-/// Processors that serve fingers.
-pub(super) const SERVOS: usize = FINGERS / SERVED;
 /// Primitives that wait in the generator; others wait in the sequence.
 const QUEUE: usize = 16;
 /// After such a time without a new one, s, a measurement is none.
@@ -84,41 +82,41 @@ impl<W: MemoryWindow> Life<W> {
     }
 }
 
-/// Where the set-points of a servo processor go.
+/// Where the set-points of a servo processor go, of the fingers that it serves.
 pub(super) struct Link<W> {
     life: Life<W>,
-    points: [SetPoints<W, JOINTS>; SERVED],
+    points: [SetPoints<W, JOINTS>; FINGERS],
 }
 
 impl<W: MemoryWindow + Clone> Link<W> {
     pub(super) fn new(
         life: Life<W>,
-        places: &ServoPlaces<SERVED, JOINTS>,
+        places: &ServoPlaces<FINGERS, JOINTS>,
     ) -> Result<Self, AccessError> {
         let region = &life.data;
-        let points = [places.set_points(0, region)?, places.set_points(1, region)?];
+        let points = |finger| places.set_points(finger, region);
+        let points = [points(0)?, points(1)?, points(2)?, points(3)?];
         Ok(Self { life, points })
     }
 }
 
-/// Where a finger is served: which of the servo processors, and its place there.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Seat {
-    pub(super) servo: usize,
-    pub(super) place: usize,
-}
+/// The servo processors: at most one for each finger.
+pub(super) type OfServos<T> = heapless::Vec<T, FINGERS>;
+
+/// Which of the servo processors serves each finger.
+pub(super) type Seats = [usize; FINGERS];
 
 /// What the loop of the trajectories works on.
 pub(super) struct Drive<'p, W> {
     pub(super) generator: Generator<ALL, QUEUE>,
-    pub(super) links: [Option<Link<W>>; SERVOS],
+    pub(super) links: [Option<Link<W>>; FINGERS],
     /// A bit for each finger that does not follow.
     pub(super) loose: u32,
     /// Where the fingers are, of those that are measured, rad.
     pub(super) measured: [Option<[f64; JOINTS]>; FINGERS],
-    seats: [Seat; FINGERS],
-    partners: &'p [Partner<W>; SERVOS],
-    heard: [Heard<Joints>; SERVOS],
+    seats: Seats,
+    partners: &'p [Partner<W>],
+    heard: [Heard<Joints>; FINGERS],
     publisher: Publisher<Wanted, Region<W>>,
     period_s: f64,
     ticks: u64,
@@ -131,19 +129,19 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     /// With all fingers loose, and no links.
     pub(super) fn new(
         generator: Generator<ALL, QUEUE>,
-        seats: [Seat; FINGERS],
-        partners: &'p [Partner<W>; SERVOS],
+        seats: Seats,
+        partners: &'p [Partner<W>],
         publisher: Publisher<Wanted, Region<W>>,
         period_s: f64,
     ) -> Self {
         Self {
             generator,
-            links: [const { None }; SERVOS],
+            links: [const { None }; FINGERS],
             loose: u32::MAX,
             measured: [None; FINGERS],
             seats,
             partners,
-            heard: [Heard::NOTHING; SERVOS],
+            heard: [Heard::NOTHING; FINGERS],
             publisher,
             period_s,
             ticks: 0,
@@ -159,14 +157,14 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         for (to, from) in fingers.as_flattened_mut().iter_mut().zip(points) {
             *to = from;
         }
-        for (seat, points) in self.seats.iter().zip(&fingers) {
-            let Some(Some(link)) = self.links.get_mut(seat.servo) else {
+        for (finger, (&servo, points)) in self.seats.iter().zip(&fingers).enumerate() {
+            let Some(Some(link)) = self.links.get_mut(servo) else {
                 continue;
             };
             if link.life.is_over() {
                 continue;
             }
-            if let Some(cell) = link.points.get_mut(seat.place) {
+            if let Some(cell) = link.points.get_mut(finger) {
                 // A servo without set-points stops by itself.
                 let _ = cell.publish(points);
             }
@@ -185,12 +183,13 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         for (partner, heard) in self.partners.iter().zip(&mut self.heard) {
             partner.read(heard, self.period_s);
         }
-        for (seat, measured) in self.seats.iter().zip(&mut self.measured) {
-            let heard = self.heard.get(seat.servo);
+        let fingers = self.seats.iter().zip(&mut self.measured);
+        for (finger, (&servo, measured)) in fingers.enumerate() {
+            let heard = self.heard.get(servo);
             let joints = heard.filter(|heard| heard.age_s <= SILENT_S);
             let position = joints
                 .and_then(|heard| heard.value)
-                .and_then(|joints| joints.position.get(seat.place).copied());
+                .and_then(|joints| joints.position.get(finger).copied());
             *measured = position.filter(|joints| joints.iter().all(|joint| joint.is_finite()));
         }
     }

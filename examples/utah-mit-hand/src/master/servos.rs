@@ -11,10 +11,11 @@ use condor_rt::objects::{self as names, Kind};
 use condor_rt::{Background, Error, Machine, users};
 use condor_vars::Table;
 
-use super::drive::{Life, Link, Motion, SERVOS, Seat, Shared, with};
+use super::drive::{Life, Link, Motion, OfServos, Seats, Shared, with};
 use super::words::Problem;
 use crate::failure::Failure;
-use crate::{FINGERS, JOINTS, SERVED, UtahMit, objects, servo};
+use crate::servo::{self, Names};
+use crate::{FINGERS, JOINTS, UtahMit, objects};
 
 /// How long a servo may take to answer.
 pub(super) const ANSWER: Duration = Duration::from_millis(500);
@@ -27,12 +28,11 @@ const LEAVE_SPEED: f64 = 0.02;
 const NAP: Duration = Duration::from_millis(20);
 
 type Client<'r, M> =
-    ServoClient<'r, condor_rt::MailboxOf<'r, M>, <M as Machine>::Window, SERVED, JOINTS>;
+    ServoClient<'r, condor_rt::MailboxOf<'r, M>, <M as Machine>::Window, FINGERS, JOINTS>;
 
 /// One servo processor.
 struct Servo<'r, M: Machine> {
     number: u8,
-    fingers: [usize; SERVED],
     region: Region<M::Window>,
     mail: M::Window,
     /// The life whose objects these are; the client asks that one only.
@@ -40,7 +40,6 @@ struct Servo<'r, M: Machine> {
     /// Whether it has ever been there.
     is_known: bool,
     client: Option<Client<'r, M>>,
-    status: [Option<Status<JOINTS>>; SERVED],
 }
 
 /// The servo processors.
@@ -48,44 +47,31 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     hand: &'r UtahMit,
     background: &'r Background<'r, M>,
     shared: &'r Shared<'p, M::Window>,
-    seats: [Seat; FINGERS],
-    processors: [Servo<'r, M>; SERVOS],
+    seats: Seats,
+    processors: OfServos<Servo<'r, M>>,
+    /// How each finger was when it was asked last.
+    status: [Option<Status<JOINTS>>; FINGERS],
 }
 
-/// The numbers of the servo processors, and where each finger is served.
-pub(super) fn seats(hand: &UtahMit) -> Result<([u8; SERVOS], [Seat; FINGERS]), Failure> {
-    let mut numbers = heapless::Vec::<u8, SERVOS>::new();
-    let mut seats = [Seat { servo: 0, place: 0 }; FINGERS];
+/// The numbers of the servo processors, and which of them serves each finger.
+pub(super) fn seats(hand: &UtahMit) -> Result<(OfServos<u8>, Seats), Failure> {
+    let mut numbers = OfServos::<u8>::new();
+    let mut seats = [0; FINGERS];
     let fingers = hand.fingers.len();
     if fingers != FINGERS {
         let simulated = FINGERS;
         return Err(Failure::Hand { fingers, simulated });
     }
-    for (finger, (seat, entry)) in seats.iter_mut().zip(&hand.fingers).enumerate() {
+    for (seat, entry) in seats.iter_mut().zip(&hand.fingers) {
+        // A configuration has all joints of a finger on one processor.
         let processor = entry.processor().unwrap_or(0);
-        let wrong = |fingers| Failure::Fingers {
-            processor,
-            fingers,
-            serves: SERVED,
-        };
-        let mut beside = hand.fingers_on(processor);
-        let place = beside.position(|(index, _)| index == finger);
-        let count = hand.fingers_on(processor).count();
-        let place = place.filter(|_| count == SERVED).ok_or(wrong(count))?;
         let known = numbers.iter().position(|&it| it == processor);
-        let servo = if let Some(servo) = known {
-            servo
-        } else {
-            numbers.push(processor).map_err(|_| wrong(count))?;
-            numbers.len() - 1
-        };
-        *seat = Seat { servo, place };
+        *seat = known.unwrap_or(numbers.len());
+        if known.is_none() {
+            // At most one for each finger.
+            let _ = numbers.push(processor);
+        }
     }
-    let numbers = numbers.into_array().map_err(|numbers| Failure::Fingers {
-        processor: numbers.first().copied().unwrap_or(0),
-        fingers: FINGERS,
-        serves: SERVED,
-    })?;
     Ok((numbers, seats))
 }
 
@@ -94,38 +80,32 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         background: &'r Background<'r, M>,
         hand: &'r UtahMit,
         shared: &'r Shared<'p, M::Window>,
-        numbers: [u8; SERVOS],
-        seats: [Seat; FINGERS],
+        numbers: &[u8],
+        seats: Seats,
     ) -> Result<Self, Error> {
-        let servo = |index: usize| {
-            let number = numbers.get(index).copied().unwrap_or(0);
+        let mut processors = OfServos::new();
+        for &number in numbers {
             let machine = background.machine();
             let windows = machine.windows().into_iter().nth(number.into());
             let windows = windows.ok_or(Failure::NoProcessor { processor: number })?;
-            let mut fingers = [0; SERVED];
-            for (finger, seat) in seats.iter().enumerate().filter(|(_, it)| it.servo == index) {
-                if let Some(place) = fingers.get_mut(seat.place) {
-                    *place = finger;
-                }
-            }
-            Ok::<_, Error>(Servo {
+            let servo = Servo {
                 number,
-                fingers,
                 region: users(machine, Processor(number))?,
                 mail: windows.mail,
                 life: None,
                 is_known: false,
                 client: None,
-                status: [None; SERVED],
-            })
-        };
-        let processors = [servo(0)?, servo(1)?];
+            };
+            // At most one for each finger.
+            let _ = processors.push(servo);
+        }
         Ok(Self {
             hand,
             background,
             shared,
             seats,
             processors,
+            status: [None; FINGERS],
         })
     }
 
@@ -138,16 +118,23 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 
     /// How a finger was when it was asked last.
     pub(super) fn status(&self, finger: usize) -> Option<&Status<JOINTS>> {
-        let seat = self.seats.get(finger)?;
-        let servo = self.processors.get(seat.servo)?;
-        servo.status.get(seat.place)?.as_ref()
+        self.status.get(finger)?.as_ref()
     }
 
     /// The processor of a finger.
     pub(super) fn processor(&self, finger: usize) -> u8 {
-        let seat = self.seats.get(finger);
-        let servo = seat.and_then(|seat| self.processors.get(seat.servo));
+        let servo = self.seats.get(finger).copied();
+        let servo = servo.and_then(|servo| self.processors.get(servo));
         servo.map_or(0, |servo| servo.number)
+    }
+
+    /// A bit for each finger of a processor.
+    pub(super) fn fingers(&self, number: u8) -> u64 {
+        let mut fingers = 0;
+        for finger in (0..FINGERS).filter(|&finger| self.processor(finger) == number) {
+            fingers |= 1 << finger;
+        }
+        fingers
     }
 
     /// Whether a finger follows its set-points.
@@ -158,7 +145,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     /// Looks how all are. Gives whether a finger that followed does not any more.
     pub(super) fn watch(&mut self, mut say: impl FnMut(Arguments<'_>)) -> Result<bool, Error> {
         let mut has_lost = false;
-        for index in 0..SERVOS {
+        for index in 0..self.processors.len() {
             has_lost |= self.watch_one(index, &mut say)?;
         }
         Ok(has_lost)
@@ -184,9 +171,13 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             } => Some(incarnation),
             _ => None,
         };
-        let [a, b] = servo.fingers.map(|finger| name(self.hand, finger));
+        let served = self.seats.map(|seat| seat == index);
+        let names = Names(self.hand, served);
         if servo.life.is_some() && servo.life != life {
-            (servo.life, servo.client, servo.status) = (None, None, [None; SERVED]);
+            (servo.life, servo.client) = (None, None);
+            for (status, _) in self.status.iter_mut().zip(served).filter(|(_, it)| *it) {
+                *status = None;
+            }
             with(self.shared, |drive| {
                 if let Some(link) = drive.links.get_mut(index) {
                     *link = None;
@@ -194,7 +185,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             });
             let number = servo.number;
             say(format_args!(
-                "processor {number} is gone: {a} and {b} are out of control"
+                "processor {number} is gone: nothing controls {names}"
             ));
         }
         if let (None, Some(life)) = (servo.life, life)
@@ -219,16 +210,16 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             let number = servo.number;
             if servo.is_known {
                 say(format_args!(
-                    "processor {number} was restarted: `enable` takes up {a} and {b} where they are"
+                    "processor {number} was restarted: `enable` takes up {names} again"
                 ));
             } else {
-                say(format_args!("processor {number} serves {a} and {b}"));
+                say(format_args!("processor {number} serves {names}"));
             }
             servo.is_known = true;
         }
         if servo.life.is_some() {
-            for (place, finger) in servo.fingers.into_iter().enumerate() {
-                self.look(finger, place, index, say);
+            for finger in (0..FINGERS).filter(|&finger| served.get(finger) == Some(&true)) {
+                self.look(finger, index, say);
             }
         }
         self.tell_loop();
@@ -237,22 +228,16 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     }
 
     /// Asks how a finger is, and says what is new.
-    fn look(
-        &mut self,
-        finger: usize,
-        place: usize,
-        index: usize,
-        say: &mut impl FnMut(Arguments<'_>),
-    ) {
+    fn look(&mut self, finger: usize, index: usize, say: &mut impl FnMut(Arguments<'_>)) {
         let name = name(self.hand, finger);
         let Some(servo) = self.processors.get_mut(index) else {
             return;
         };
-        let (Some(client), Some(kept)) = (&mut servo.client, servo.status.get_mut(place)) else {
+        let (Some(client), Some(kept)) = (&mut servo.client, self.status.get_mut(finger)) else {
             return;
         };
         // One that does not answer now is asked again, unless it is gone.
-        let Ok(status) = client.status(place as u32, ANSWER) else {
+        let Ok(status) = client.status(finger as u32, ANSWER) else {
             return;
         };
         let former = kept.replace(status);
@@ -282,7 +267,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         with(self.shared, |drive| drive.loose = loose);
     }
 
-    /// Asks the servos of a finger something: the client, and the number of the finger there.
+    /// Asks the servos of a finger something: the client is given, and the finger.
     pub(super) fn ask<R>(
         &mut self,
         finger: usize,
@@ -291,17 +276,15 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let number = self.processor(finger);
         let absent = Problem::Absent(number);
         let state = self.background.mailbox().peer_state(Processor(number))?;
-        let Some(seat) = self.seats.get(finger) else {
-            return Err(absent);
-        };
-        let Some(servo) = self.processors.get_mut(seat.servo) else {
+        let servo = self.seats.get(finger).copied();
+        let Some(servo) = servo.and_then(|servo| self.processors.get_mut(servo)) else {
             return Err(absent);
         };
         match (state, servo.life, &mut servo.client) {
             (PeerState::Up { incarnation, .. }, Some(seen), Some(client))
                 if incarnation == seen =>
             {
-                Ok(question(client, seat.place as u32, ANSWER))
+                Ok(question(client, finger as u32, ANSWER))
             }
             _ => Err(absent),
         }
@@ -316,8 +299,9 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.ask(finger, |_, _, _| ())?;
         let number = self.processor(finger);
         let absent = || Problem::Absent(number);
-        let seat = self.seats.get(finger).ok_or_else(absent)?;
-        let known = self.processors.get(seat.servo).ok_or_else(absent)?;
+        let servo = self.seats.get(finger).copied();
+        let known = servo.and_then(|servo| self.processors.get(servo));
+        let known = known.ok_or_else(absent)?;
         let object =
             names::find(&known.region, servo::LOOP, Kind::Variables)?.ok_or_else(absent)?;
         Ok((
@@ -327,13 +311,10 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     }
 
     fn refresh(&mut self, finger: usize) -> Result<Status<JOINTS>, Problem<'static>> {
-        let status = self.ask(finger, |client, place, timeout| {
-            client.status(place, timeout)
+        let status = self.ask(finger, |client, finger, timeout| {
+            client.status(finger, timeout)
         })??;
-        if let Some(seat) = self.seats.get(finger).copied()
-            && let Some(servo) = self.processors.get_mut(seat.servo)
-            && let Some(kept) = servo.status.get_mut(seat.place)
-        {
+        if let Some(kept) = self.status.get_mut(finger) {
             *kept = Some(status);
         }
         Ok(status)
@@ -351,8 +332,8 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             return Ok(());
         }
         if status.fault.is_some() || status.is_resting {
-            self.ask(finger, |client, place, timeout| {
-                client.restart(place, timeout)
+            self.ask(finger, |client, finger, timeout| {
+                client.restart(finger, timeout)
             })??;
             let clock = self.background.machine().doorbell();
             let deadline = clock.now().after(REST);
@@ -380,8 +361,8 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         if is_measured != Some(true) {
             return Err(Problem::NotMeasured(name));
         }
-        let outcome = self.ask(finger, |client, place, timeout| {
-            client.enable(place, None, Mode::Position, timeout)
+        let outcome = self.ask(finger, |client, finger, timeout| {
+            client.enable(finger, None, Mode::Position, timeout)
         });
         let refreshed = self.refresh(finger);
         self.tell_loop();
@@ -424,8 +405,8 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 
     /// Switches a finger off.
     pub(super) fn disable(&mut self, finger: usize) -> Result<(), Problem<'static>> {
-        self.ask(finger, |client, place, timeout| {
-            client.disable(place, None, timeout)
+        self.ask(finger, |client, finger, timeout| {
+            client.disable(finger, None, timeout)
         })??;
         self.refresh(finger)?;
         self.tell_loop();

@@ -41,7 +41,7 @@ pub(crate) enum TapeState {
 
 impl Ring {
     /// More than half a second of any hand's ticks.
-    pub(crate) const BYTES: u32 = 64 * 1024;
+    pub(crate) const BYTES: u32 = 128 * 1024;
 
     pub(crate) fn state(&self) -> TapeState {
         // Acquire: pairs with `set_state`, so that the last tick is seen.
@@ -112,7 +112,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
     }
 
     /// What the controllers are given in a tick, but for what messages ask for.
-    pub(crate) fn begin(&mut self, inputs: &Inputs, given: &Given, needs_partner: bool) {
+    pub(crate) fn begin(&mut self, inputs: &Inputs, given: &Given, needs_others: bool) {
         if !self.is_running() {
             return;
         }
@@ -125,21 +125,21 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         if let Some((number, order)) = &given.told.order {
             self.record(kind::ORDER, number.as_bytes(), order.as_bytes());
         }
-        let is_heard = needs_partner || given.told.order.is_some();
-        if let Some(joints) = given.told.partner.as_ref().filter(|_| is_heard) {
-            self.record(kind::PARTNER, joints.as_bytes(), &[]);
+        let is_heard = needs_others || given.told.order.is_some();
+        if let Some(joints) = given.told.others.as_ref().filter(|_| is_heard) {
+            self.record(kind::OTHERS, joints.as_bytes(), &[]);
         }
     }
 
-    /// What the finger at a place among those of the processor is asked for.
-    pub(crate) fn asked(&mut self, place: usize, asked: &Asked<JOINTS>) {
+    /// What a finger of the hand is asked for.
+    pub(crate) fn asked(&mut self, finger: usize, asked: &Asked<JOINTS>) {
         if !self.is_running() {
             return;
         }
         let mut words = [0; ASKED_WORDS];
         let len = asked.put(&mut words);
         let words = words.get(..len).unwrap_or(&[]);
-        self.record(kind::ASKED, (place as u32).as_bytes(), words.as_bytes());
+        self.record(kind::ASKED, (finger as u32).as_bytes(), words.as_bytes());
     }
 
     /// What has been put out ends the tick.

@@ -8,20 +8,20 @@ use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
 use super::{Done, Head, Inputs, RecordingError, kind};
 use crate::grasp::{Joints, Order, Told};
 use crate::servo::Given;
-use crate::{JOINTS, SERVED};
+use crate::{FINGERS, JOINTS};
 
 /// Bytes of the longest record: that of an order.
 const BYTES: usize = size_of::<Ordered>();
 /// What can be asked of all fingers in a tick: of each joint gains, and a mode or a target; of each
 /// finger a restart and set-points.
-const ASKED: usize = SERVED * (2 * JOINTS + 2);
+const ASKED: usize = FINGERS * (2 * JOINTS + 2);
 
 /// A tick of a recording.
 #[derive(Clone, Debug)]
 pub(crate) struct Row {
     pub(crate) inputs: Inputs,
     pub(crate) given: Given,
-    /// With the finger's place among those of the processor.
+    /// With the finger.
     pub(crate) asked: heapless::Vec<(usize, Asked<JOINTS>), ASKED>,
     pub(crate) done: Done,
 }
@@ -109,7 +109,7 @@ impl<R: Read<Error = FileError>> Rows<R> {
                     let Ordered { number, order } = self.whole(&record)?;
                     told.order = Some((number, order));
                 }
-                kind::PARTNER => told.partner = Some(self.whole::<Joints>(&record)?),
+                kind::OTHERS => told.others = Some(self.whole::<Joints>(&record)?),
                 kind::ASKED => {
                     let one = record.asked().ok_or_else(|| self.wrong(&record))?;
                     asked.push(one).map_err(|_| self.wrong(&record))?;
@@ -178,9 +178,9 @@ impl Record {
         for (word, bytes) in words.iter_mut().zip(all) {
             *word = u32::from_le_bytes(*bytes);
         }
-        let (place, asked) = words.get(..self.len / 4)?.split_first()?;
-        let place = usize::try_from(*place).ok().filter(|&it| it < SERVED)?;
-        Some((place, Asked::take(asked)?))
+        let (finger, asked) = words.get(..self.len / 4)?.split_first()?;
+        let finger = usize::try_from(*finger).ok().filter(|&it| it < FINGERS)?;
+        Some((finger, Asked::take(asked)?))
     }
 }
 

@@ -1,15 +1,15 @@
 //! [`Control`]: what the servos of a processor compute, of what is measured now or was once.
 
-use condor_hand::config::Channel;
+use condor_hand::config::{Channel, Finger};
 use condor_hand::controller::{FingerController, Tick, read_finger, write_finger};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::servo::{Sensed, ServoOutput};
-use condor_hand::tendon::Pair;
+use condor_hand::servo::Sensed;
 use nalgebra::{Vector3, Vector4};
+use zerocopy::FromZeros as _;
 
-use crate::grasp::{Felt, GraspLaw, Own, Told};
+use crate::grasp::{Felt, Grasp, Joints, Own, Told};
 use crate::recording::{Inputs, Output};
-use crate::{Failure, JOINTS, SERVED, UtahMit};
+use crate::{FINGERS, Failure, JOINTS, UtahMit};
 
 /// What the controllers are given in a tick besides what is measured and what messages ask for.
 #[derive(Clone, Debug)]
@@ -21,19 +21,22 @@ pub(crate) struct Given {
     pub(crate) told: Told,
 }
 
-/// What the converters of the sensors say.
+/// What the converters of the sensors say of the fingers of a hand; nothing of those of other processors.
 pub(crate) struct Measured {
-    pub(crate) sensed: [Sensed<f64, JOINTS>; SERVED],
+    pub(crate) sensed: OfFingers<Sensed<f64, JOINTS>>,
     pub(crate) felt: Felt,
     pub(crate) inputs: Inputs,
 }
 
+/// Something of each finger of the hand that a processor serves.
+pub(crate) type OfFingers<T> = [Option<T>; FINGERS];
+
 /// The controllers of the fingers, which do what they are asked for before each tick.
 pub(crate) trait Servos: Own {
-    /// One tick of the finger at a place; none if there is none.
+    /// One tick of a finger of the hand; none if the processor does not serve it.
     fn tick(
         &mut self,
-        place: usize,
+        finger: usize,
         sensed: &Sensed<f64, JOINTS>,
         gravity: &Vector3<f64>,
         period_s: f64,
@@ -43,54 +46,59 @@ pub(crate) trait Servos: Own {
 /// The servos of a processor, but for their controllers: from counts to counts.
 pub(crate) struct Control<'r> {
     hand: &'r UtahMit,
-    served: [usize; SERVED],
-    grasp: GraspLaw,
+    served: [bool; FINGERS],
+    grasp: Grasp,
     /// Of the last tick, rad/s.
-    velocity: [Vector4<f64>; SERVED],
+    velocity: [Vector4<f64>; FINGERS],
+    /// What was published in the last tick.
+    published: Joints,
 }
 
 impl<'r> Control<'r> {
     /// Before the first tick of a processor, which serves these fingers.
-    pub(crate) fn new(
-        hand: &'r UtahMit,
-        number: u8,
-        served: [usize; SERVED],
-    ) -> Result<Self, Failure> {
+    pub(crate) fn new(hand: &'r UtahMit, served: [bool; FINGERS]) -> Result<Self, Failure> {
         Ok(Self {
             hand,
             served,
-            grasp: GraspLaw::new(hand, number)?,
-            velocity: [Vector4::zeros(); SERVED],
+            grasp: Grasp::new(hand, &served)?,
+            velocity: [Vector4::zeros(); FINGERS],
+            published: Joints::default(),
         })
     }
 
-    pub(crate) const fn grasp(&self) -> &GraspLaw {
+    pub(crate) const fn grasp(&self) -> &Grasp {
         &self.grasp
+    }
+
+    /// The entries of the fingers that are served.
+    fn entries(&self) -> OfFingers<&'r Finger<JOINTS>> {
+        let mut entries = [None; FINGERS];
+        for ((place, entry), served) in entries.iter_mut().zip(&self.hand.fingers).zip(self.served)
+        {
+            *place = served.then_some(entry);
+        }
+        entries
     }
 
     /// What the sensors say; `read` is asked for the counts of each channel in the order of
     /// [`Inputs`], whose number it gets too.
     pub(crate) fn measure(&self, mut read: impl FnMut(usize, Channel) -> Option<u32>) -> Measured {
-        let mut inputs = Inputs::default();
-        let mut place = 0;
-        let sensed = self.served.map(|finger| {
-            let mut number = place * JOINTS * 3;
-            place += 1;
-            let Some(entry) = self.hand.fingers.get(finger) else {
-                return Sensed {
-                    position: Vector4::repeat(f64::NAN),
-                    tension: [Pair::both(f64::NAN); JOINTS],
-                };
-            };
-            read_finger(entry, |channel| {
+        let mut inputs = Inputs::new_zeroed();
+        let mut first = 0;
+        let sensed = self.entries().map(|entry| {
+            let mut number = first;
+            first += JOINTS * 3;
+            let entry = entry?;
+            Some(read_finger(entry, |channel| {
                 let counts = read(number, channel);
                 inputs.set(number, counts);
                 number += 1;
                 counts
-            })
+            }))
         });
+        let nowhere = Vector4::repeat(f64::NAN);
         let felt = Felt {
-            position: sensed.map(|sensed| sensed.position),
+            position: sensed.map(|sensed| sensed.map_or(nowhere, |sensed| sensed.position)),
             velocity: self.velocity,
         };
         Measured {
@@ -100,24 +108,44 @@ impl<'r> Control<'r> {
         }
     }
 
+    /// What the other processors are told of this tick, which was due at an instant, ns.
+    pub(crate) fn joints(&self, felt: &Felt, due_ns: u64) -> Joints {
+        let served = (0..).zip(self.served);
+        Joints {
+            position: felt.position.map(Into::into),
+            velocity: felt.velocity.map(Into::into),
+            order: self.grasp.orders(),
+            served: served.fold(0, |mask, (finger, it)| mask | u64::from(it) << finger),
+            due_ns,
+            ticks: self.published.ticks + 1,
+        }
+    }
+
     /// One tick.
     pub(crate) fn step(
         &mut self,
         measured: &Measured,
         given: &Given,
         servos: &mut impl Servos,
-    ) -> [Tick<JOINTS>; SERVED] {
+    ) -> OfFingers<Tick<JOINTS>> {
         let gravity = self.gravity(given.acceleration);
-        self.grasp.step(&measured.felt, &gravity, given, servos);
-        let mut place = 0;
+        let now = self.joints(&measured.felt, 0);
+        let mut others = core::mem::replace(&mut self.published, now);
+        if let Some(joints) = &given.told.others {
+            others.add(joints);
+        }
+        self.grasp
+            .step(&measured.felt, &others, &gravity, given, servos);
+        let mut finger = 0;
         let ticks = measured.sensed.map(|sensed| {
-            let tick = servos.tick(place, &sensed, &gravity, given.period_s);
-            place += 1;
-            // There are as many fingers in the loop.
-            tick.unwrap_or_else(nothing)
+            let number = finger;
+            finger += 1;
+            servos.tick(number, &sensed?, &gravity, given.period_s)
         });
         for (tick, velocity) in ticks.iter().zip(&mut self.velocity) {
-            *velocity = tick.output.velocity;
+            if let Some(tick) = tick {
+                *velocity = tick.output.velocity;
+            }
         }
         ticks
     }
@@ -125,23 +153,23 @@ impl<'r> Control<'r> {
     /// What the actuators get; `write` is given the counts of each channel.
     pub(crate) fn output(
         &self,
-        ticks: &[Tick<JOINTS>; SERVED],
+        ticks: &OfFingers<Tick<JOINTS>>,
         mut write: impl FnMut(Channel, u32),
     ) -> Output {
         let mut output = Output::default();
         let (counts, _) = output.counts.as_chunks_mut::<{ 2 * JOINTS }>();
         let (command, _) = output.command.as_chunks_mut::<{ 2 * JOINTS }>();
-        let places = self.served.iter().zip(ticks).zip(counts).zip(command);
-        for (((&finger, tick), kept), command) in places {
+        let fingers = self.entries().into_iter().zip(ticks);
+        for ((finger, counts), command) in fingers.zip(counts).zip(command) {
+            let (Some(entry), Some(tick)) = finger else {
+                continue;
+            };
             let pairs = tick.output.command.iter();
             let tensions = pairs.flat_map(|pair| [pair.flexor, pair.extensor]);
             for (place, tension) in command.iter_mut().zip(tensions) {
                 *place = tension;
             }
-            let Some(entry) = self.hand.fingers.get(finger) else {
-                continue;
-            };
-            let mut kept = kept.iter_mut();
+            let mut kept = counts.iter_mut();
             write_finger(entry, &tick.output.command, |channel, counts| {
                 write(channel, counts);
                 if let Some(place) = kept.next() {
@@ -165,21 +193,4 @@ impl<'r> Control<'r> {
 }
 
 /// The controllers of the fingers that a processor serves.
-pub(crate) type Controllers = [FingerController<PlanarFinger, JOINTS>; SERVED];
-
-/// What a finger that there is not does.
-fn nothing() -> Tick<JOINTS> {
-    Tick {
-        output: ServoOutput {
-            command: [Pair::both(0.0); JOINTS],
-            tension: [Pair::both(0.0); JOINTS],
-            torque: Vector4::zeros(),
-            position: Vector4::zeros(),
-            velocity: Vector4::zeros(),
-            saturated: 0,
-            lost: 0,
-        },
-        target: [None; JOINTS],
-        fault: None,
-    }
-}
+pub(crate) type Controllers = OfFingers<FingerController<PlanarFinger, JOINTS>>;

@@ -10,15 +10,15 @@ use condor_mos::Writer;
 use condor_rt::Machine;
 use nalgebra::Vector3;
 
-use super::control::{Control, Given, Servos};
+use super::control::{Control, Given, OfFingers, Servos};
 use super::gains::Gains;
 use super::news::News;
 use super::{Tracker, Tracking, Variables};
 use crate::boards::Wires;
-use crate::grasp::{Felt, GraspEnd, Heard, Joints, Own, Partner};
+use crate::grasp::{GraspEnd, Heard, Joints, Own, Partner};
 use crate::recording::Recorder;
 use crate::table::Palm;
-use crate::{JOINTS, SERVED, UtahMit};
+use crate::{FINGERS, JOINTS, UtahMit};
 
 /// After such a time without one, s, an acceleration of the table counts as over.
 const SILENT_S: f64 = 0.1;
@@ -30,7 +30,7 @@ const TRACKING_TICKS: u64 = 16;
 pub(super) struct Fingers<'r, M: Machine> {
     pub(super) hand: &'r UtahMit,
     pub(super) control: Control<'r>,
-    pub(super) servos: ServoLoop<'r, PlanarFinger, M::Window, SERVED, JOINTS>,
+    pub(super) servos: ServoLoop<'r, PlanarFinger, M::Window, FINGERS, JOINTS>,
     pub(super) variables: &'r Variables<'r>,
     pub(super) gains: &'r Gains<'r>,
     /// The version of the gains that the controllers have.
@@ -52,22 +52,24 @@ pub(super) struct Fingers<'r, M: Machine> {
 }
 
 impl<M: Machine> Fingers<'_, M> {
-    pub(super) fn tick(&mut self) {
-        let period_s = self.elapsed_s();
+    /// One tick, which was due at an instant of the processor's clock.
+    pub(super) fn tick(&mut self, due: Instant) {
+        let (due_ns, period_s) = (due.as_ns(), self.elapsed_s());
         self.wires.scan();
         let (wires, hand) = (&self.wires, self.hand);
         let mut measured = (self.control).measure(|_, channel| wires.read(hand, channel));
         measured.felt.believe(period_s, &mut self.servos);
-        let acceleration = self.acceleration(period_s);
-        self.publish(&measured.felt);
+        let acceleration = self.acceleration(due_ns, period_s);
+        // Whoever reads finds the former ones, and notices that they are.
+        let _ = (self.joints).publish(&self.control.joints(&measured.felt, due_ns));
         let given = Given {
             period_s,
             acceleration,
-            told: self.grasp.hear(period_s),
+            told: self.grasp.hear(due_ns, period_s),
         };
         if let Some(recorder) = &mut self.recorder {
-            let needs_partner = self.control.grasp().number() != 0;
-            recorder.begin(&measured.inputs, &given, needs_partner);
+            let needs_others = self.control.grasp().orders() != [0; FINGERS];
+            recorder.begin(&measured.inputs, &given, needs_others);
         }
         let mut servos = Told {
             servos: &mut self.servos,
@@ -89,7 +91,7 @@ impl<M: Machine> Fingers<'_, M> {
         self.track(&measured.sensed, &ticks);
         self.variables.show(&measured.sensed, &ticks);
         let news = News {
-            faults: ticks.map(|tick| tick.fault),
+            faults: ticks.map(|tick| tick.and_then(|tick| tick.fault)),
             grasp: self.control.grasp().report().news(),
             failures: self.wires.failures(),
         };
@@ -99,10 +101,12 @@ impl<M: Machine> Fingers<'_, M> {
         }
     }
 
-    fn track(&mut self, sensed: &[Sensed<f64, JOINTS>; SERVED], ticks: &[Tick<JOINTS>; SERVED]) {
-        for (place, (sensed, tick)) in sensed.iter().zip(ticks).enumerate() {
-            self.tracker
-                .add(place, &tick.target, sensed.position.iter());
+    fn track(&mut self, sensed: &OfFingers<Sensed<f64, JOINTS>>, ticks: &OfFingers<Tick<JOINTS>>) {
+        for (finger, (sensed, tick)) in sensed.iter().zip(ticks).enumerate() {
+            if let (Some(sensed), Some(tick)) = (sensed, tick) {
+                self.tracker
+                    .add(finger, &tick.target, sensed.position.iter());
+            }
         }
         if self.ticks.is_multiple_of(TRACKING_TICKS) {
             // Whoever reads finds the former one.
@@ -121,28 +125,17 @@ impl<M: Machine> Fingers<'_, M> {
     }
 
     /// That of the palm, in its own axes, m/s²; none while the table is silent.
-    fn acceleration(&mut self, elapsed_s: f64) -> [f64; 3] {
+    fn acceleration(&mut self, due_ns: u64, elapsed_s: f64) -> [f64; 3] {
         self.palm.read(&mut self.accelerated, elapsed_s);
-        let palm = self.accelerated.value;
+        let palm = self.accelerated.before(due_ns, self.period_s);
         let palm = palm.filter(|_| self.accelerated.age_s <= SILENT_S);
         palm.map_or([0.0; 3], |palm| palm.acceleration)
-    }
-
-    fn publish(&mut self, felt: &Felt) {
-        let joints = Joints {
-            position: felt.position.map(Into::into),
-            velocity: felt.velocity.map(Into::into),
-            order: self.control.grasp().number(),
-            ticks: self.ticks,
-        };
-        // Whoever reads finds the former ones, and notices that they are.
-        let _ = self.joints.publish(&joints);
     }
 }
 
 /// The controllers, which messages tell what to do.
 struct Told<'t, 'r, W> {
-    servos: &'t mut ServoLoop<'r, PlanarFinger, W, SERVED, JOINTS>,
+    servos: &'t mut ServoLoop<'r, PlanarFinger, W, FINGERS, JOINTS>,
     recorder: Option<&'t mut Recorder<'r, W>>,
 }
 
@@ -150,43 +143,48 @@ impl<W: MemoryWindow> Told<'_, '_, W> {
     /// Gives the joints the gains that have changed.
     #[cold]
     fn tune(&mut self, tuned: &Gains<'_>) {
-        for (place, joint) in (0..SERVED).flat_map(|place| (0..JOINTS).map(move |it| (place, it))) {
-            let (Some(controller), Some(gains)) =
-                (self.servos.controller_mut(place), tuned.of(place, joint))
-            else {
+        let mut place = 0;
+        for finger in 0..FINGERS {
+            let Some(controller) = self.servos.controller_mut(finger) else {
                 continue;
             };
-            // Gains within their bounds are accepted.
-            if controller.gains(joint) != Some(&gains)
-                && controller.set_gains(joint, &gains).is_ok()
-                && let Some(recorder) = &mut self.recorder
-            {
-                recorder.asked(place, &Asked::Gains { joint, gains });
+            for joint in 0..JOINTS {
+                let Some(gains) = tuned.of(place, joint) else {
+                    continue;
+                };
+                // Gains within their bounds are accepted.
+                if controller.gains(joint) != Some(&gains)
+                    && controller.set_gains(joint, &gains).is_ok()
+                    && let Some(recorder) = &mut self.recorder
+                {
+                    recorder.asked(finger, &Asked::Gains { joint, gains });
+                }
             }
+            place += 1;
         }
     }
 }
 
 impl<W: MemoryWindow> Own for Told<'_, '_, W> {
-    fn finger(&mut self, place: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
-        self.servos.controller_mut(place)
+    fn finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+        self.servos.controller_mut(finger)
     }
 }
 
 impl<W: MemoryWindow> Servos for Told<'_, '_, W> {
     fn tick(
         &mut self,
-        place: usize,
+        finger: usize,
         sensed: &Sensed<f64, JOINTS>,
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Option<Tick<JOINTS>> {
         let Some(recorder) = &mut self.recorder else {
-            return self.servos.tick(place, sensed, gravity, period_s);
+            return self.servos.tick(finger, sensed, gravity, period_s);
         };
         self.servos
-            .tick_telling(place, sensed, gravity, period_s, |asked| {
-                recorder.asked(place, asked);
+            .tick_telling(finger, sensed, gravity, period_s, |asked| {
+                recorder.asked(finger, asked);
             })
     }
 }

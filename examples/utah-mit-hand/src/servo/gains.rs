@@ -3,12 +3,12 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::AtomicU32;
 
-use condor_hand::config::Finger;
 use condor_hand::servo::{JointGains, PositionLaw};
 use condor_hand::tendon::{Pair, TensionGains};
 use condor_vars::{Description, Params, Refusal, Tune, Watch, choice};
 
-use crate::{JOINTS, SERVED};
+use super::Served;
+use crate::{FINGERS, JOINTS};
 
 /// Of each joint: name, unit, and what it is. All are numbers.
 const GAIN: [Names; 15] = [
@@ -47,7 +47,8 @@ const GAIN: [Names; 15] = [
 const LAW: [Names; 1] = [("law", "", "How the joint follows positions.")];
 /// The greatest gain that is accepted.
 const MOST: f64 = 1e9;
-const ALL: usize = SERVED * JOINTS;
+/// Of a processor that serves all fingers.
+const ALL: usize = FINGERS * JOINTS;
 const NUMBERS: usize = ALL * GAIN.len();
 
 type Names = (&'static str, &'static str, &'static str);
@@ -72,15 +73,16 @@ pub(super) struct Gains<'h> {
 
 /// Parameters of joints, `N` of each.
 pub(super) struct OfJoints<'h, P, const N: usize> {
-    fingers: [&'h Finger<JOINTS>; SERVED],
+    fingers: Served<'h>,
     names: &'static [Names; N],
     params: P,
 }
 
 impl<'h> Gains<'h> {
-    /// Begins with what the servos of these fingers have; `of` returns it, given finger and joint.
+    /// Begins with what the servos of these fingers have; `of` returns it, given the place of a finger
+    /// among them and a joint.
     pub(super) fn new(
-        fingers: [&'h Finger<JOINTS>; SERVED],
+        fingers: &Served<'h>,
         of: impl Fn(usize, usize) -> Option<JointGains<f64>>,
     ) -> Self {
         let mut laws = [Law::Pd; ALL];
@@ -93,12 +95,12 @@ impl<'h> Gains<'h> {
         }
         Self {
             laws: OfJoints {
-                fingers,
+                fingers: fingers.clone(),
                 names: &LAW,
                 params: Params::new(&[""; ALL], "", laws, Law::Pd..=Law::ComputedTorque),
             },
             numbers: OfJoints {
-                fingers,
+                fingers: fingers.clone(),
                 names: &GAIN,
                 params: Params::new(&[""; NUMBERS], "", numbers, 0.0..=MOST),
             },
@@ -176,11 +178,15 @@ fn split(gains: &JointGains<f64>) -> (Law, [f64; GAIN.len()]) {
 
 impl<P: Tune, const N: usize> Watch for OfJoints<'_, P, N> {
     fn words(&self) -> &[AtomicU32] {
-        self.params.words()
+        let words = self.params.words();
+        // Others are those of fingers on other processors.
+        let len = words.len() / FINGERS * self.fingers.len();
+        words.get(..len).unwrap_or(words)
     }
 
     fn describe(&self, index: usize) -> Option<Description<'_>> {
         let (_, unit, about) = *self.names.get(index % N)?;
+        self.fingers.get(index / N / JOINTS)?;
         Some(Description {
             unit,
             about,
@@ -245,8 +251,8 @@ mod tests {
                 extensor: tension(2.0),
             },
         };
-        let fingers = [&hand.fingers[0], &hand.fingers[1]];
-        let gains = Gains::new(fingers, |finger, joint| Some(first(finger, joint)));
+        let fingers = super::super::fingers_on(&hand, 1);
+        let gains = Gains::new(&fingers, |finger, joint| Some(first(finger, joint)));
         let number = |wanted: &str| {
             (0..NUMBERS).find(|&index| {
                 let mut name = String::new();
@@ -282,6 +288,7 @@ mod tests {
             matches!(law, PositionLaw::Pd { kp, .. } if (kp - 7.0).abs() < 1e-12),
             "{law:?}"
         );
-        assert_eq!(gains.of(2, 0), None);
+        assert_eq!(gains.of(FINGERS, 0), None);
+        assert_eq!(gains.laws.words().len(), 2 * JOINTS);
     }
 }

@@ -4,13 +4,14 @@ use core::fmt::Arguments;
 
 use condor_hand::tendon::fault::Fault;
 
-use crate::SERVED;
 use crate::grasp::{GraspState, Reason};
+use crate::{FINGERS, UtahMit};
 
 /// What the loop tells the background, which tells people of what has changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct News {
-    pub(super) faults: [Option<Fault>; SERVED],
+    /// Of each finger of the hand.
+    pub(super) faults: [Option<Fault>; FINGERS],
     pub(super) grasp: (u64, GraspState, Reason),
     /// Transfers of boards that failed; wraps.
     pub(super) failures: u32,
@@ -18,19 +19,19 @@ pub(super) struct News {
 
 impl News {
     pub(super) const NOTHING: Self = Self {
-        faults: [None; SERVED],
+        faults: [None; FINGERS],
         grasp: (0, GraspState::Idle, Reason::None),
         failures: 0,
     };
 
     /// Says what differs from `before`.
-    pub(super) fn tell(
-        &self,
-        before: &Self,
-        names: [&str; SERVED],
-        mut say: impl FnMut(Arguments<'_>),
-    ) {
-        for (name, (now, before)) in names.iter().zip(self.faults.iter().zip(&before.faults)) {
+    pub(super) fn tell(&self, before: &Self, hand: &UtahMit, mut say: impl FnMut(Arguments<'_>)) {
+        for (finger, (now, before)) in hand
+            .fingers
+            .iter()
+            .zip(self.faults.iter().zip(&before.faults))
+        {
+            let name = &finger.name;
             match now {
                 Some(fault) if now != before => say(format_args!("fault of {name}: {fault}")),
                 None if before.is_some() => say(format_args!("{name} is without fault")),

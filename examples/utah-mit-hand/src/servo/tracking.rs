@@ -6,9 +6,9 @@ use condor_vars::{Described, Field, Kind};
 use core::mem::offset_of;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::{JOINTS, SERVED};
+use crate::{FINGERS, JOINTS};
 
-/// How far the joints of a processor were from where they were to be, since its loop began: a
+/// How far the joints of a processor's fingers were from where they were to be, since its loop began: a
 /// published value. Only ticks count in which a joint followed: its position was controlled, and since that
 /// began all such joints of its finger have been out of their stops at once, and were to be. A joint that comes
 /// out of a stop is pushed, and pushes its neighbours; neither follows anything.
@@ -16,23 +16,23 @@ use crate::{JOINTS, SERVED};
 #[repr(C)]
 pub struct Tracking {
     /// Sums of squares, rad².
-    squares: [[f64; JOINTS]; SERVED],
+    squares: [[f64; JOINTS]; FINGERS],
     /// The largest distance, rad.
-    peak: [[f64; JOINTS]; SERVED],
+    peak: [[f64; JOINTS]; FINGERS],
     /// How many ticks count.
-    ticks: [[u64; JOINTS]; SERVED],
+    ticks: [[u64; JOINTS]; FINGERS],
 }
 
 impl Described for Tracking {
     const FIELDS: &'static [Field] = &[
         Field::new("squares", "rad^2", Kind::F64, offset_of!(Tracking, squares))
-            .repeated(SERVED * JOINTS)
+            .repeated(FINGERS * JOINTS)
             .about("Sums of the squares of the distances."),
         Field::new("peak", "rad", Kind::F64, offset_of!(Tracking, peak))
-            .repeated(SERVED * JOINTS)
+            .repeated(FINGERS * JOINTS)
             .about("The largest distance."),
         Field::new("ticks", "", Kind::U64, offset_of!(Tracking, ticks))
-            .repeated(SERVED * JOINTS)
+            .repeated(FINGERS * JOINTS)
             .about("How many ticks count."),
     ];
 }
@@ -42,14 +42,14 @@ impl Described for Tracking {
 pub(super) struct Tracker {
     pub(super) tracking: Tracking,
     /// Between its stops, rad.
-    free: [[(f64, f64); JOINTS]; SERVED],
-    follows: [[bool; JOINTS]; SERVED],
+    free: [[(f64, f64); JOINTS]; FINGERS],
+    follows: [[bool; JOINTS]; FINGERS],
 }
 
 impl Tracker {
-    /// Before the first tick of these fingers.
-    pub(super) fn new(fingers: [&Finger<JOINTS>; SERVED]) -> Self {
-        let mut free = [[(0.0, 0.0); JOINTS]; SERVED];
+    /// Before the first tick of a hand's fingers.
+    pub(super) fn new(fingers: &[Finger<JOINTS>]) -> Self {
+        let mut free = [[(0.0, 0.0); JOINTS]; FINGERS];
         for (finger, free) in fingers.iter().zip(&mut free) {
             for (joint, free) in finger.joints.iter().zip(free) {
                 *free = joint.rest_range();
@@ -58,7 +58,7 @@ impl Tracker {
         Self {
             tracking: Tracking::default(),
             free,
-            follows: [[false; JOINTS]; SERVED],
+            follows: [[false; JOINTS]; FINGERS],
         }
     }
 
@@ -150,15 +150,15 @@ mod tests {
         assert_eq!(tracking.rms_rad(1, 1), None);
         assert_eq!(tracking.rms_rad(1, 2), Some(0.0));
         assert_eq!(tracking.rms_rad(0, 0), None);
-        assert_eq!(tracking.rms_rad(2, 0), None);
+        assert_eq!(tracking.rms_rad(FINGERS, 0), None);
     }
 
     #[test]
     fn a_joint_that_comes_out_of_a_stop_does_not_follow_yet() {
         let mut tracker = Tracker {
             tracking: Tracking::default(),
-            free: [[(0.1, 0.9); JOINTS]; SERVED],
-            follows: [[false; JOINTS]; SERVED],
+            free: [[(0.1, 0.9); JOINTS]; FINGERS],
+            follows: [[false; JOINTS]; FINGERS],
         };
         // The third joint moves, beside one that follows nothing and one that is pushed aside meanwhile.
         let mut tick = |target: Option<f64>, position: f64| {

@@ -3,12 +3,13 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use condor_hand::config::Finger;
 use condor_hand::controller::Tick;
 use condor_hand::servo::Sensed;
 use condor_vars::{Description, Kind, Watch};
 
-use crate::{JOINTS, SERVED};
+use super::Served;
+use super::control::OfFingers;
+use crate::{FINGERS, JOINTS};
 
 /// Of each joint: name, unit, and what it is.
 const JOINT: [(&str, &str, &str); 11] = [
@@ -36,26 +37,28 @@ const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
 
 /// What the servo loop shows of its fingers, under names such as `index.proximal.flexor.tension`.
 pub(super) struct Variables<'h> {
-    fingers: [&'h Finger<JOINTS>; SERVED],
-    words: [AtomicU32; SERVED * OF_FINGER],
+    fingers: Served<'h>,
+    words: [AtomicU32; FINGERS * OF_FINGER],
 }
 
 impl<'h> Variables<'h> {
-    pub(super) const fn new(fingers: [&'h Finger<JOINTS>; SERVED]) -> Self {
+    pub(super) const fn new(fingers: Served<'h>) -> Self {
         Self {
             fingers,
-            words: [const { AtomicU32::new(0) }; SERVED * OF_FINGER],
+            words: [const { AtomicU32::new(0) }; FINGERS * OF_FINGER],
         }
     }
 
     /// Shows what the fingers felt and did in a tick.
     pub(super) fn show(
         &self,
-        sensed: &[Sensed<f64, JOINTS>; SERVED],
-        ticks: &[Tick<JOINTS>; SERVED],
+        sensed: &OfFingers<Sensed<f64, JOINTS>>,
+        ticks: &OfFingers<Tick<JOINTS>>,
     ) {
+        let served = sensed.iter().zip(ticks);
+        let served = served.filter_map(|(sensed, tick)| sensed.as_ref().zip(tick.as_ref()));
         let (fingers, _) = self.words.as_chunks::<OF_FINGER>();
-        for (words, (sensed, tick)) in fingers.iter().zip(sensed.iter().zip(ticks)) {
+        for (words, (sensed, tick)) in fingers.iter().zip(served) {
             let (joints, rest) = words.as_chunks::<{ JOINT.len() }>();
             for (joint, words) in joints.iter().enumerate() {
                 let values = of_joint(joint, sensed, tick).into_iter().flatten();
@@ -99,7 +102,8 @@ fn of_joint(
 
 impl Watch for Variables<'_> {
     fn words(&self) -> &[AtomicU32] {
-        &self.words
+        let len = self.fingers.len() * OF_FINGER;
+        self.words.get(..len).unwrap_or(&self.words)
     }
 
     fn describe(&self, index: usize) -> Option<Description<'_>> {
@@ -107,7 +111,7 @@ impl Watch for Variables<'_> {
             Part::Joint(_, &(_, unit, about)) => (Kind::F32, unit, about),
             Part::Finger(&(_, about)) => (Kind::U32, "", about),
         };
-        (index < self.words.len()).then_some(Description {
+        (index < self.words().len()).then_some(Description {
             kind,
             unit,
             about,
@@ -153,7 +157,7 @@ mod tests {
     fn each_word_has_a_name_of_its_own_and_its_kind() {
         let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
         let hand = crate::UtahMit::from_toml(text, "utah-mit.toml").unwrap();
-        let variables = Variables::new([&hand.fingers[0], &hand.fingers[1]]);
+        let variables = Variables::new(super::super::fingers_on(&hand, 1));
         let names: Vec<String> = (0..variables.words().len())
             .map(|index| {
                 let mut name = String::new();

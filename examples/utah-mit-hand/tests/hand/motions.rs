@@ -249,9 +249,9 @@ fn a_processor_that_restarts_and_a_finger_that_fails_are_said_and_taken_up_again
         typist.restart(FIRST);
         typist.wait(1.0);
         for said in [
-            "processor 1 is gone: index and middle are out of control",
+            "processor 1 is gone: nothing controls index and middle",
             "all motion stops",
-            "processor 1 was restarted: `enable` takes up index and middle where they are",
+            "processor 1 was restarted: `enable` takes up index and middle again",
         ] {
             assert!(typist.shown.contains(said), "{said}: {}", typist.shown);
         }

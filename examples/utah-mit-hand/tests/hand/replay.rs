@@ -19,7 +19,7 @@ use utah_mit_hand::replay::Replay;
 use utah_mit_hand::{objects, plant, table};
 
 use crate::rig::{
-    FIRST, Master, Posture, SECOND, SOON, WINDOW_BYTES, console, files, run_on, serve_files,
+    FIRST, Master, Posture, SOON, TWO, WINDOW_BYTES, console, files, run_on, serve_files,
 };
 
 const READY: Posture = [[0.0, 0.6, 0.8, 0.7]; 4];
@@ -29,7 +29,7 @@ const CHANNELS: usize = 0x20;
 
 /// The recording that every target is given, and the hash of what comes of it.
 const SHIPPED: &[u8] = include_bytes!("../data/servo.rec");
-const HASH: u64 = 0xcebb_84ea_05a4_d670;
+const HASH: u64 = 0xa76b_fcd6_5e6c_1f0d;
 
 /// What a digital-to-analog converter was given: tick, and its counts.
 type Seen = (usize, [u16; OUTPUTS]);
@@ -73,8 +73,7 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
         master.ask_table(&ask(table::Verb::Home, [0.0; 3])).refusal,
         0
     );
-    master.enable(FIRST);
-    master.enable(SECOND);
+    master.enable();
     master.hold(0.1);
     master.go(0.5, READY);
     seen.push(registers(master));
@@ -144,7 +143,7 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     master.hold(0.04);
     assert!(status(master).fault.is_none());
     seen.push(registers(master));
-    master.enable(FIRST);
+    master.enable();
     master.hold(0.1);
     // Until all that was recorded is in the file.
     master.hold(0.6);
@@ -154,7 +153,7 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
 fn record(files: &Path, ticks: u32) -> (Vec<Seen>, String) {
     let mut seen = Vec::new();
     let arguments = ["record=servo.rec", &format!("ticks={ticks}")];
-    let run = run_on(files, &arguments, None, 4.0, None, |master| {
+    let run = run_on(files, TWO, &arguments, None, 4.0, None, |master| {
         script(master, &mut seen);
     });
     (seen, run.said[0].clone())
@@ -271,19 +270,19 @@ fn the_smallest_change_is_found() {
     let files = files();
     let path = files.path().join("servo.rec");
     // Where the bit of lowest value is changed: of an input, of an acceleration of the palm, of a
-    // tip that is ordered, of the partner's joints, of a set-point, of what was put out.
+    // tip that is ordered, of a joint of another processor, of a set-point, of what was put out.
     let tick = all(SHIPPED, 1).nth(300).unwrap();
     let points = all(SHIPPED, 5).filter(|at| SHIPPED[at + 8] == 4).nth(40);
-    let [palm, order, partner, done] = [2, 3, 4, 6].map(|kind| first(SHIPPED, kind));
+    let [palm, order, others, done] = [2, 3, 4, 6].map(|kind| first(SHIPPED, kind));
     // Each is looked at, not only kept.
     for (at, found) in [
         (tick + 4 + 8, "tick 300 put out"),
         (palm + 4 + 6, "tick "),
         (order + 4 + 8 + 8 + 288 + 288 + 72 + 6, "tick "),
-        (partner + 4 + 6, "tick "),
+        (others + 4 + 64 + 6, "tick "),
         (points.unwrap() + 4 + 8 + 5, "tick "),
         (done + 4, "tick 0 put out"),
-        (done + 4 + 32, "tick 0 put out"),
+        (done + 4 + 64, "tick 0 put out"),
     ] {
         let mut other = SHIPPED.to_vec();
         other[at] ^= 1;
@@ -315,11 +314,11 @@ fn what_is_no_recording_is_refused() {
         (SHIPPED[..done + 5].to_vec(), "broken off after 0 ticks"),
         (
             changed(tick, 9),
-            "after 0 ticks there is a record of kind 9 and 16 words",
+            "after 0 ticks there is a record of kind 9 and 28 words",
         ),
         (
-            changed(tick + 1, 15),
-            "after 0 ticks there is a record of kind 1 and 15 words",
+            changed(tick + 1, 27),
+            "after 0 ticks there is a record of kind 1 and 27 words",
         ),
         (changed(tick + 3, 255), "of kind 1 and"),
         (
@@ -338,9 +337,9 @@ fn a_recording_that_falls_behind_is_broken_off_and_the_servos_go_on() {
     let files = files();
     let arguments = ["record=servo.rec"];
     let away = Some((0.8, 4.0));
-    let run = run_on(files.path(), &arguments, away, 6.0, None, |master| {
+    let run = run_on(files.path(), TWO, &arguments, away, 6.0, None, |master| {
         master.wait_for_all();
-        master.enable(FIRST);
+        master.enable();
         master.hold(5.0);
     });
     let said = &run.said[0];

@@ -21,13 +21,12 @@ fn largest_error(typist: &Typist<'_>, hand: &UtahMit) -> f64 {
     let mut largest = 0.0_f64;
     for (number, finger) in hand.fingers.iter().enumerate() {
         let processor = finger.processor().unwrap();
-        let place = hand.fingers_on(processor).position(|it| it.0 == number);
         let region = typist.region(condor_mbox::Processor(processor));
         let cell = objects::tracking(&region).unwrap().unwrap();
         let tracking = cell.subscriber(&region).unwrap().read().unwrap().value;
         for joint in 0..JOINTS {
-            assert!(tracking.rms_rad(place.unwrap(), joint).is_some());
-            let peak = tracking.peak_rad(place.unwrap(), joint).unwrap();
+            assert!(tracking.rms_rad(number, joint).is_some());
+            let peak = tracking.peak_rad(number, joint).unwrap();
             largest = largest.max(peak.to_degrees());
         }
     }

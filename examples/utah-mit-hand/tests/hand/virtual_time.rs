@@ -5,15 +5,14 @@ use nalgebra::{Vector3, Vector4};
 use utah_mit_hand::grasp::{GraspState, Order, Reason};
 use utah_mit_hand::{plant, table};
 
-use crate::rig::{FIRST, Master, Posture, SECOND, hand, run};
+use crate::rig::{FIRST, Master, Posture, SECOND, TWO, hand, run, run_with};
 
 const READY: Posture = [[0.0, 0.6, 0.8, 0.7]; 4];
 
 /// Switches all joints on where they are, and brings them to `posture`.
 fn begin(master: &mut Master<'_>, posture: Posture) {
     master.wait_for_all();
-    master.enable(FIRST);
-    master.enable(SECOND);
+    master.enable();
     master.hold(0.2);
     master.go(1.0, posture);
     master.stay(0.2);
@@ -35,7 +34,9 @@ fn moves(master: &mut Master<'_>) {
     // With the way from where the joints had fallen, which is farther than any motion.
     for number in [FIRST, SECOND] {
         let tracking = master.tracking(number);
-        for (finger, joint) in (0..2).flat_map(|finger| [(finger, 0), (finger, 3)]) {
+        let fingers = if number == FIRST { 0..2 } else { 2..4 };
+        assert_eq!(tracking.rms_rad(5 - fingers.end, 0), None);
+        for (finger, joint) in fingers.flat_map(|finger| [(finger, 0), (finger, 3)]) {
             let rms = tracking.rms_rad(finger, joint).unwrap().to_degrees();
             let peak = tracking.peak_rad(finger, joint).unwrap().to_degrees();
             assert!(
@@ -68,6 +69,35 @@ fn two_runs_are_the_same_to_the_last_bit() {
 }
 
 #[test]
+fn one_two_three_and_four_processors_move_the_hand_and_hold_a_ball_alike_to_the_last_bit() {
+    let hold = |partition| {
+        run_with(partition, 8.0, None, |master| {
+            take_ball(master);
+            let table = |verb, to| table::Request {
+                verb: verb as u32,
+                zero: 0,
+                speed: 0.6,
+                to,
+            };
+            // The palm is accelerated while it holds the ball.
+            let home = table(table::Verb::Home, [0.0; 3]);
+            assert_eq!(master.ask_table(&home).refusal, 0);
+            master.wait(0.5);
+            let to = table(table::Verb::Move, [0.02, -0.01, 0.01]);
+            assert_eq!(master.ask_table(&to).refusal, 0);
+            master.wait(1.0);
+            assert_eq!(master.truth().unwrap().touching, 0b1111);
+        })
+    };
+    let two = hold(TWO);
+    assert!(two.positions.len() > 300 * 128);
+    for partition in [[1; 4], [1, 2, 3, 4], [2, 1, 2, 2], [4, 3, 2, 3]] {
+        let run = hold(partition);
+        assert!(run.positions == two.positions, "{partition:?}");
+    }
+}
+
+#[test]
 fn a_servo_that_ends_leaves_its_fingers_to_the_watchdog_and_no_others() {
     let seen = run(4.0, Some((SECOND, 2.0)), |master| {
         begin(master, READY);
@@ -75,11 +105,11 @@ fn a_servo_that_ends_leaves_its_fingers_to_the_watchdog_and_no_others() {
             master.stay(0.02);
         }
         let before = master.truth().unwrap();
-        assert_eq!(before.resting & 0b11, 0);
+        assert_eq!(before.resting & 0b1111, 0);
         assert!(before.tension[2][1][0] > 5.0, "{:?}", before.tension[2]);
         master.stay(0.16);
         let resting = master.truth().unwrap();
-        assert_eq!(resting.resting & 0b11, 0b10);
+        assert_eq!(resting.resting & 0b1111, 0b1100);
         // On the way, not there at once.
         assert!(resting.tension[2].as_flattened().iter().any(|&n| n > 4.2));
         master.stay(0.5);
@@ -97,7 +127,7 @@ fn a_servo_that_ends_leaves_its_fingers_to_the_watchdog_and_no_others() {
         }
     });
     assert!(
-        seen.said[3].contains("D/A board 1 rests"),
+        seen.said[3].contains("D/A board 3 rests"),
         "{:?}",
         seen.said
     );
@@ -206,7 +236,7 @@ fn take_ball(master: &mut Master<'_>) {
     let let_go = robot(plant::Verb::LetGo, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     assert_eq!(master.ask_plant(&let_go).refusal, 0);
     master.wait(2.5);
-    for number in [FIRST, SECOND] {
+    for &number in &master.servos {
         assert_eq!(master.report(number).state(), GraspState::Holding);
     }
     assert_eq!(master.truth().unwrap().touching, 0b1111);
@@ -257,7 +287,7 @@ fn a_grasp_ends_when_the_other_processor_does() {
     });
     assert!(seen.said[0].contains("grasp 2: holding"), "{:?}", seen.said);
     assert!(
-        seen.said[0].contains("ended: the processor"),
+        seen.said[0].contains("ended: another finger"),
         "{:?}",
         seen.said
     );

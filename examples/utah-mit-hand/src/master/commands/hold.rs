@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use super::{Commands, FINGERS, JOINTS, Order, Problem, Words, grasp, with};
 use crate::grasp::{GraspState, LEAST_FINGERS};
-use crate::master::drive::SERVOS;
+use crate::master::drive::OfServos;
 use crate::objects;
 
 /// How stiff a ball is held, N/m, unless it is said.
@@ -79,25 +79,25 @@ impl<M: Machine> Commands<'_, '_, M> {
         Ok(())
     }
 
-    /// Gives both processors an order, and waits until they have come to it.
+    /// Gives all servo processors an order, and waits until they have come to it.
     pub(super) fn order(&mut self, order: &Order) -> Result<(), Problem<'static>> {
-        let mut given = heapless::Vec::<_, SERVOS>::new();
+        let mut given = OfServos::new();
         for (number, region) in self.servos.regions() {
             let places = objects::grasp(region)?.ok_or(Problem::Absent(number))?;
             // As many as there are.
             let _ = given.push((number, region, places));
         }
-        let mut numbers = heapless::Vec::<_, SERVOS>::new();
+        let mut numbers = OfServos::new();
         for (_, region, places) in &given {
             let _ = numbers.push(places.orders(region)?.give(order)?);
         }
-        let wanted = if order.fingers == 0 {
-            GraspState::Idle
-        } else {
-            GraspState::Holding
-        };
         for ((processor, region, places), number) in given.iter().zip(&numbers) {
             let processor = *processor;
+            let wanted = if order.fingers & self.servos.fingers(processor) == 0 {
+                GraspState::Idle
+            } else {
+                GraspState::Holding
+            };
             let mut last = None;
             for _ in 0..AGREEMENT {
                 self.background.serve(NAP)?;

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use condor_dev::linux::{Access, LinuxBus};
 use condor_fs::server::{Options, Server};
+use condor_hand::config::ControlProcessor;
 use condor_hand::message::{ServoClient, SetPoints};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::SetPoint;
@@ -24,14 +25,14 @@ use utah_mit_hand::grasp::{Order, Report};
 use utah_mit_hand::plant::{self, Plant, Truth};
 use utah_mit_hand::servo::{Servo, Tracking};
 use utah_mit_hand::table::{self, Table};
-use utah_mit_hand::{FINGERS, IMAGE, JOINTS, SERVED, UtahMit, boards, grasp, objects, servo};
+use utah_mit_hand::{FINGERS, IMAGE, JOINTS, UtahMit, boards, grasp, objects, servo};
 use zerocopy::IntoBytes;
 
 pub(crate) const MASTER: Processor = Processor(0);
 pub(crate) const FIRST: Processor = Processor(1);
 pub(crate) const SECOND: Processor = Processor(2);
-pub(crate) const TABLE: Processor = Processor(3);
-pub(crate) const PLANT: Processor = Processor(4);
+pub(crate) const TABLE: Processor = Processor(5);
+pub(crate) const PLANT: Processor = Processor(6);
 
 #[allow(clippy::cast_sign_loss, reason = "no time is negative")]
 fn whole(number: f64) -> u64 {
@@ -40,13 +41,39 @@ fn whole(number: f64) -> u64 {
 
 pub(crate) type Posture = [[f64; JOINTS]; FINGERS];
 
-pub(crate) const WINDOW_BYTES: u32 = 524_288;
+pub(crate) const WINDOW_BYTES: u32 = 1_048_576;
 const TICK_NS: u64 = 20_000_000;
 pub(crate) const SOON: Duration = Duration::from_secs(2);
 const HAND: &str = include_str!("../../../../../condor-hand/hands/utah-mit.toml");
 
 pub(crate) fn hand() -> UtahMit {
     UtahMit::from_toml(HAND, "utah-mit.toml").unwrap()
+}
+
+/// The processors of the fingers, as the configuration has them.
+pub(crate) const TWO: Partition = [1, 1, 2, 2];
+
+/// The processor of each finger.
+pub(crate) type Partition = [u8; FINGERS];
+
+/// The hand with its fingers on other processors.
+pub(crate) fn hand_on(partition: Partition) -> UtahMit {
+    let mut hand = hand();
+    let servo = hand.processors[1].clone();
+    hand.processors
+        .retain(|processor| processor.kind != servo.kind);
+    for (finger, number) in hand.fingers.iter_mut().zip(partition) {
+        for joint in &mut finger.joints {
+            joint.processor = number;
+        }
+        if hand.processors.iter().all(|it| it.number != number) {
+            let servo = servo.clone();
+            hand.processors
+                .push(ControlProcessor { number, ..servo })
+                .unwrap();
+        }
+    }
+    hand
 }
 
 /// What a run left behind.
@@ -69,6 +96,7 @@ pub(crate) struct Master<'m> {
     pub(crate) machine: &'m Simulated<LinuxBus>,
     mailbox: &'m Post<'m>,
     pub(crate) hand: UtahMit,
+    pub(crate) servos: Vec<Processor>,
     points: Vec<SetPoints<LinuxWindow, JOINTS>>,
     wanted: Posture,
     next_ns: u64,
@@ -81,15 +109,29 @@ pub(crate) fn run(
     ending: Option<(Processor, f64)>,
     script: impl FnOnce(&mut Master<'_>) + Send,
 ) -> Run {
-    let files = files();
-    run_on(files.path(), &[], None, seconds, ending, script)
+    run_with(TWO, seconds, ending, script)
+}
+
+/// The same with another partition.
+pub(crate) fn run_with(
+    partition: Partition,
+    seconds: f64,
+    ending: Option<(Processor, f64)>,
+    script: impl FnOnce(&mut Master<'_>) + Send,
+) -> Run {
+    let files = files_for(partition);
+    run_on(files.path(), partition, &[], None, seconds, ending, script)
 }
 
 /// A directory with the files that programs need.
 pub(crate) fn files() -> TempDir {
+    files_for(TWO)
+}
+
+fn files_for(partition: Partition) -> TempDir {
     let files = tempfile::tempdir().unwrap();
     let mut image = vec![0; 16384];
-    let len = hand().to_image(&mut image).unwrap();
+    let len = hand_on(partition).to_image(&mut image).unwrap();
     std::fs::write(files.path().join(IMAGE), &image[..len]).unwrap();
     files
 }
@@ -98,6 +140,7 @@ pub(crate) fn files() -> TempDir {
 /// nobody serves files, s.
 pub(crate) fn run_on(
     files: &Path,
+    partition: Partition,
     arguments: &[&str],
     away: Option<(f64, f64)>,
     seconds: f64,
@@ -125,7 +168,7 @@ pub(crate) fn run_on(
         Some((ending, at_s)) if ending == number => whole(at_s * 1e9),
         _ => u64::MAX,
     };
-    for number in [FIRST, SECOND] {
+    for number in servos(partition) {
         let at_ns = ends_at(number);
         system
             .host(number, move |machine| Servo.run(&Ending { machine, at_ns }))
@@ -146,7 +189,8 @@ pub(crate) fn run_on(
             let mut master = Master {
                 machine,
                 mailbox: &mailbox,
-                hand: hand(),
+                hand: hand_on(partition),
+                servos: servos(partition),
                 points: Vec::new(),
                 wanted: [[f64::NAN; JOINTS]; FINGERS],
                 next_ns: TICK_NS,
@@ -160,6 +204,14 @@ pub(crate) fn run_on(
         .unwrap();
     system.run_until(whole(seconds * 1e9)).unwrap();
     found.into_inner().unwrap()
+}
+
+/// The processors of a partition.
+fn servos(partition: Partition) -> Vec<Processor> {
+    let mut servos = partition.map(Processor).to_vec();
+    servos.sort_unstable();
+    servos.dedup();
+    servos
 }
 
 /// Serves files until an instant.
@@ -227,18 +279,16 @@ impl Master<'_> {
 
     /// Until everybody serves.
     pub(crate) fn wait_for_all(&mut self) {
-        for number in [FIRST, SECOND] {
+        for number in self.servos.clone() {
             while objects::joints(&self.region(number)).unwrap().is_none() {
                 self.tick();
             }
         }
-        for number in [FIRST, SECOND] {
-            let region = self.region(number);
+        for (finger, entry) in self.hand.fingers.iter().enumerate() {
+            let region = self.region(Processor(entry.processor().unwrap()));
             let places = objects::servos(&region).unwrap().unwrap();
-            for finger in 0..SERVED {
-                self.points
-                    .push(places.set_points(finger, &region).unwrap());
-            }
+            self.points
+                .push(places.set_points(finger, &region).unwrap());
         }
         self.wait(0.28);
     }
@@ -246,7 +296,7 @@ impl Master<'_> {
     pub(crate) fn client<R>(
         &self,
         number: Processor,
-        ask: impl FnOnce(&mut ServoClient<'_, Post<'_>, LinuxWindow, SERVED, JOINTS>) -> R,
+        ask: impl FnOnce(&mut ServoClient<'_, Post<'_>, LinuxWindow, FINGERS, JOINTS>) -> R,
     ) -> R {
         let region = self.region(number);
         let places = objects::servos(&region).unwrap().unwrap();
@@ -267,8 +317,10 @@ impl Master<'_> {
         client.set(&table, &entry, former, value, SOON).unwrap();
     }
 
-    pub(crate) fn enable(&self, number: Processor) {
-        for finger in 0..SERVED as u32 {
+    /// Switches all joints on where they are.
+    pub(crate) fn enable(&self) {
+        for (finger, entry) in (0..).zip(&self.hand.fingers) {
+            let number = Processor(entry.processor().unwrap());
             self.client(number, |client| {
                 client.enable(finger, None, Mode::Position, SOON).unwrap();
             });
@@ -354,9 +406,9 @@ impl Master<'_> {
         exchange.call(TABLE, table::TABLE, request, SOON).unwrap()
     }
 
-    /// The same order to both servo processors.
+    /// The same order to all servo processors.
     pub(crate) fn grasp(&self, order: &Order) {
-        for number in [FIRST, SECOND] {
+        for &number in &self.servos {
             let region = self.region(number);
             let places = objects::grasp(&region).unwrap().unwrap();
             places.orders(&region).unwrap().give(order).unwrap();
@@ -387,7 +439,7 @@ impl Master<'_> {
     }
 
     fn count(&mut self) {
-        for number in [FIRST, SECOND, TABLE, PLANT] {
+        for number in self.servos.iter().copied().chain([TABLE, PLANT]) {
             let region = self.region(number);
             for object in condor_rt::objects::all(&region)
                 .unwrap()

@@ -25,11 +25,11 @@ use utah_mit_hand::{FINGERS, IMAGE, JOINTS, UtahMit, boards, objects};
 pub(crate) const MASTER: Processor = Processor(0);
 pub(crate) const FIRST: Processor = Processor(1);
 pub(crate) const SECOND: Processor = Processor(2);
-pub(crate) const TABLE: Processor = Processor(3);
-pub(crate) const PLANT: Processor = Processor(4);
+pub(crate) const TABLE: Processor = Processor(5);
+pub(crate) const PLANT: Processor = Processor(6);
 const ALL: [Processor; 5] = [MASTER, FIRST, SECOND, TABLE, PLANT];
 
-const WINDOW_BYTES: u32 = 524_288;
+const WINDOW_BYTES: u32 = 1_048_576;
 const STEP_NS: u64 = 500_000;
 const SOON: Duration = Duration::from_secs(2);
 const HAND: &str = include_str!("../../../../../condor-hand/hands/utah-mit.toml");
