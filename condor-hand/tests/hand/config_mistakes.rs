@@ -79,7 +79,7 @@ cases! {
         "flexor = { arm_m = 0.006, adc = { board = 0, channel = 4 }" => "flexor = { arm_m = 0.006",
         "hand.toml:66:10: the key `adc.board` is missing here\n    { arm_m = 0.006, dac = { board = 5, channel = 2 } }";
     missing_drive: UTAH,
-        ", dac = { board = 0, channel = 30 }" => "",
+        ", dac = { board = 1, channel = 22 }" => "",
         "hand.toml:267:10: the key `dac.channel` is missing here\n    { adc = { board = 1, channel = 30 } }";
     text_for_a_number: UTAH,
         "kp = 1.0" => "kp = \"1.0\"",
@@ -241,8 +241,8 @@ cases! {
         "adc = { board = 0, channel = 13 }" => "adc = { board = 0, channel = 2 }",
         "hand.toml:256:30: A/D channel 2 of board 0 is for the position of joint `middle` of finger `index` and for the position of joint `proximal` of finger `thumb`\n    2";
     same_dac_channel: UTAH,
-        "dac = { board = 0, channel = 31 }" => "dac = { board = 1, channel = 2 }",
-        "hand.toml:89:30: D/A channel 2 of board 1 is for the extensor of joint `distal` of finger `thumb` and for the drive of axis `z`\n    2";
+        "dac = { board = 1, channel = 23 }" => "dac = { board = 2, channel = 2 }",
+        "hand.toml:89:30: D/A channel 2 of board 2 is for the extensor of joint `distal` of finger `thumb` and for the drive of axis `z`\n    2";
     own_flexor_arm: TRIPOD,
         "arm_m = 0.006, adc = { board = 0, channel = 4 }" => "arm_m = -0.006, adc = { board = 0, channel = 4 }",
         "hand.toml:66:20: `flexor.arm_m` of joint `bend` of finger `a` is -0.006 m; a flexor's is above 0, an extensor's below\n    -0.006";

@@ -391,7 +391,7 @@ fn places_that_are_not_there_are_errors() {
     let hand = hand();
     let controllers = [0, 1].map(|finger| {
         let finger = &hand.fingers[finger];
-        FingerController::new(&hand, finger, finger.chain()).unwrap()
+        Some(FingerController::new(&hand, finger, finger.chain()).unwrap())
     });
     let identity = Identity::new("a", ["b", "c"], 400);
     let split = object.split(
