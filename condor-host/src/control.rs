@@ -17,6 +17,11 @@ pub(crate) mod server;
 
 pub use client::{Client, ClientError, Events};
 
+use std::path::PathBuf;
+
+use condor_mbox::Region;
+use condor_mbox::linux::LinuxWindow;
+use condor_rt::linux::{FileRange, ProcessError};
 use serde::{Deserialize, Serialize};
 
 /// What a supervisor is asked.
@@ -85,6 +90,9 @@ pub struct Status {
     pub file: String,
     /// Users' bytes of each processor's window.
     pub window_bytes: u32,
+    /// The memory that belongs to no processor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shared_memory: Option<SharedMemory>,
     /// The directory that is served.
     pub files_root: Option<String>,
     /// The process of the supervisor.
@@ -95,6 +103,33 @@ pub struct Status {
     pub services: Vec<Member>,
     /// The processors, in the order of the description.
     pub processors: Vec<Member>,
+}
+
+/// Where the memory lies that belongs to no processor: a file, or a part of one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SharedMemory {
+    /// The file.
+    pub file: PathBuf,
+    /// Where in the file it begins, in bytes.
+    pub offset: u64,
+    /// Its bytes; all of the file if they are not said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bytes: Option<u64>,
+}
+
+impl SharedMemory {
+    /// Maps it.
+    ///
+    /// # Errors
+    /// The file cannot be opened or mapped.
+    pub fn window(&self) -> Result<Region<LinuxWindow>, ProcessError> {
+        let range = FileRange {
+            path: self.file.clone(),
+            offset: self.offset,
+            bytes: self.bytes,
+        };
+        range.window()
+    }
 }
 
 /// How a processor, or a service, is.

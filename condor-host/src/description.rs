@@ -6,6 +6,7 @@
 //! | `window_bytes` | users' memory of each processor, a multiple of 4096 | |
 //! | `robot` | the file with the robot's configuration, for programs that need one | none |
 //! | `[bus]` `bytes` | the size of the file that all programs map as their bus, a multiple of 4096 | no bus |
+//! | `[shared_memory]` `bytes` | the size of a memory that belongs to no processor and that all reach, a multiple of 4096 | none |
 //! | `[…]` | the table of an [extension](crate::extension) | none |
 //! | `[files]` `root` | the directory that is served, made if there is none | nothing is served |
 //! | `[files]` `read_only`, `quota_bytes`, `max_file_bytes` | what the programs may do there | everything |
@@ -59,8 +60,10 @@ pub struct Description {
     pub window_bytes: u32,
     /// The configuration of the robot.
     pub robot: Option<PathBuf>,
-    /// The bus on which the boards are.
-    pub bus: Option<Bus>,
+    /// Bytes of the bus on which the boards are, if there is one.
+    pub bus_bytes: Option<u32>,
+    /// Bytes of the memory that belongs to no processor, if there is one.
+    pub shared_bytes: Option<u32>,
     /// What the file service serves.
     pub files: Option<Files>,
     /// How terminals are shown.
@@ -81,13 +84,6 @@ pub(crate) struct Entry {
     /// The name of the service.
     pub(crate) service: Option<&'static str>,
     pub(crate) group: Box<dyn Group>,
-}
-
-/// A file that all programs map as their bus.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Bus {
-    /// Its size in bytes.
-    pub bytes: u32,
 }
 
 /// What the file service serves.

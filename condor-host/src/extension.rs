@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxDoorbell;
-use condor_rt::linux::{BusFile, Environment, Loops};
+use condor_rt::linux::{Environment, FileRange, Loops};
 use condor_rt::numbers::PROCESSORS;
 
 use crate::cli::AnyError;
@@ -72,6 +72,8 @@ pub struct Found<'a, 't> {
     pub window_bytes: u32,
     /// Bytes of the bus; 0 if there is none.
     pub bus_bytes: u32,
+    /// Bytes of the memory that belongs to no processor; 0 if there is none.
+    pub shared_bytes: u32,
 }
 
 /// A processor, of which some may be wrong.
@@ -101,7 +103,12 @@ pub trait Group: Debug {
 /// What an extension has in a system that comes up.
 pub trait Furnished {
     /// Where the bus is, if it lies in memory that this extension provides.
-    fn bus(&self) -> Option<BusFile> {
+    fn bus(&self) -> Option<FileRange> {
+        None
+    }
+
+    /// Where the memory is that belongs to no processor, if it lies in memory that this extension provides.
+    fn shared_memory(&self) -> Option<FileRange> {
         None
     }
 

@@ -27,12 +27,13 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use condor_mbox::linux::SystemError;
+use condor_rt::linux::FileRange;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
 use crate::cli::AnyError;
-use crate::control::Status;
 use crate::control::server::Server;
+use crate::control::{SharedMemory, Status};
 use crate::description::{Description, OnFailure};
 use crate::system::{FindError, SystemDirectory};
 use eye::Eye;
@@ -153,13 +154,18 @@ pub fn run(
     let (listener, furnished) = place.furnish(description)?;
     prepare().map_err(UpError::Prepare)?;
     let eye = Eye::open(&place.directory, description.window_bytes)?;
-    let members = plan::members(description, &place.directory, &furnished, &eye)?;
+    let shared = furnished.iter().find_map(|it| it.shared_memory());
+    let own = |_| FileRange::whole(place.directory.shared_memory());
+    let shared = shared.or_else(|| description.shared_bytes.map(own));
+    let directory = &place.directory;
+    let members = plan::members(description, directory, &furnished, shared.as_ref(), &eye)?;
     let mut supervisor = Supervisor {
         description,
         options,
         signals: Signals::new().map_err(UpError::Events)?,
         server: Server::new(listener).map_err(UpError::Events)?,
         eye,
+        shared,
         members,
         journal,
         promises: Vec::new(),
@@ -189,6 +195,8 @@ struct Supervisor<'d> {
     signals: Signals,
     server: Server,
     eye: Eye,
+    /// The memory that belongs to no processor.
+    shared: Option<FileRange>,
     /// Services first, then processors, in the order in which they are started.
     members: Vec<Member>,
     journal: Journal,
@@ -451,6 +459,11 @@ impl Supervisor<'_> {
             system: self.description.name.clone(),
             file: self.description.file.display().to_string(),
             window_bytes: self.description.window_bytes,
+            shared_memory: self.shared.as_ref().map(|range| SharedMemory {
+                file: range.path.clone(),
+                offset: range.offset,
+                bytes: range.bytes,
+            }),
             files_root: self
                 .description
                 .files

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `mailbox/` | the windows, as [`condor_mbox::linux::System::at`] has them |
 //! | `bus` | the file that all programs map as their bus |
+//! | `shared` | the memory that belongs to no processor |
 //! | others | what an [extension](crate::extension) has made, such as the memory of a machine of harts |
 //! | `control` | the socket of the [control protocol](crate::control) |
 //! | `lock` | locked (`flock`) by the supervisor as long as it lives |
@@ -104,6 +105,12 @@ impl SystemDirectory {
     #[must_use]
     pub fn mailbox(&self) -> PathBuf {
         self.0.join("mailbox")
+    }
+
+    /// The file that is the memory which belongs to no processor.
+    #[must_use]
+    pub fn shared_memory(&self) -> PathBuf {
+        self.0.join("shared")
     }
 
     /// The file that is the bus.

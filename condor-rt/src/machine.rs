@@ -2,7 +2,7 @@
 
 use condor_dev::Bus;
 use condor_mbox::{
-    self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Waiting, Windows,
+    self as mbox, Doorbell, Exclusion, Mailbox, MemoryWindow, Processor, Region, Waiting, Windows,
 };
 use condor_mos::{Loops, Rate};
 
@@ -55,6 +55,15 @@ pub trait Machine: Sync {
 
     /// The bus on which the boards are.
     fn bus(&self) -> Self::Bus;
+
+    /// Returns the memory that belongs to no processor, which all processors and the host reach; `None` if
+    /// the system has none.
+    ///
+    /// It is zeros when the system begins, and stays as it is when a program starts anew. What lies where
+    /// in it, programs agree among themselves.
+    fn shared_memory(&self) -> Option<Region<Self::Window>> {
+        None
+    }
 
     /// How the mailbox of the program waits.
     fn waiting(&self) -> Waiting {

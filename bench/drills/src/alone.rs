@@ -13,6 +13,8 @@ use condor_mbox::{AccessError, Region, layout};
 use qemu_virt_host::{HartState, MachineMemory, Map, MapError, MemoryError, Order, Qemu};
 use tempfile::TempDir;
 
+use crate::stress::SHARED_BYTES;
+
 const QEMU: &str = "qemu-system-riscv64";
 const MEMORY_BYTES: u32 = 64 << 20;
 const USER_BYTES: u32 = 64 << 10;
@@ -88,7 +90,7 @@ impl Alone {
         })?;
         let directory = tempfile::tempdir_in("/dev/shm").map_err(AloneError::Directory)?;
         let numbers: Vec<u8> = (0..harts).collect();
-        let map = Map::new(MEMORY_BYTES, &numbers, USER_BYTES, 0)?;
+        let map = Map::new(MEMORY_BYTES, &numbers, USER_BYTES, 0, SHARED_BYTES)?;
         let memory = MachineMemory::create(directory.path().join("memory"), &map)?;
         let arguments: String = words.iter().flat_map(|word| [*word, "\0"]).collect();
         for hart in 0..u32::from(harts) {

@@ -12,17 +12,17 @@ mod tally;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use core::time::Duration;
 
-use condor_mbox::published::Publisher;
+use condor_mbox::published::{Publisher, ReadError};
 use condor_mbox::{
     self as mbox, Clock as _, Doorbell as _, Instant, Messenger, Processor, Region, Ticket,
 };
 use condor_mos::Rate;
-use condor_rt::{Background, Error, Machine, Program, Setup, users};
+use condor_rt::{Background, Error, Machine, Program, Setup};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
 use crate::failure::Failure;
-use crate::published;
+pub use tally::SHARED_BYTES;
 use tally::{ASK, Counts, NOTE, TICK, Tally};
 
 /// The name under which a [`Verdict`] is published.
@@ -79,7 +79,10 @@ impl<F: Fn() -> u32> Program for Stress<F> {
         let peers = Peers::of(machine, "peers")?;
         let seconds = arguments::number(machine, "seconds", 60)?;
         let mut setup = Setup::new(machine)?;
-        let counts = setup.publish::<Counts>(tally::NAME)?;
+        let board = machine.shared_memory();
+        let board = board.ok_or(Error::Missing {
+            what: "shared memory",
+        })?;
         let verdict = setup.publish::<Verdict>(NAME)?;
         let tally = Tally::default();
         // Loops send while the background does.
@@ -106,8 +109,9 @@ impl<F: Fn() -> u32> Program for Stress<F> {
                     tally: &tally,
                     peers,
                     sends: &sends,
+                    board,
                 };
-                running.all(seconds, counts, verdict, &self.0)
+                running.all(seconds, verdict, &self.0)
             })
     }
 }
@@ -118,16 +122,19 @@ struct Running<'r, M: Machine> {
     tally: &'r Tally,
     peers: Peers,
     sends: &'r AtomicBool,
+    /// Where all say how far they are, and what they have sent: the memory that belongs to nobody.
+    board: Region<M::Window>,
 }
 
 impl<M: Machine> Running<'_, M> {
     fn all(
         &self,
         seconds: u32,
-        mut counts: Publisher<Counts, Region<M::Window>>,
         mut published: Publisher<Verdict, Region<M::Window>>,
         stack: &impl Fn() -> u32,
     ) -> Result<(), Error> {
+        let me = self.background.machine().number();
+        let mut counts = tally::counts_of(me).publisher(self.board.clone())?;
         counts.publish(&self.tally.counts(tally::JOINED))?;
         self.meet(tally::JOINED)?;
         let mut verdict = self.send_all(seconds)?;
@@ -287,10 +294,9 @@ impl<M: Machine> Running<'_, M> {
     fn meet(&self, state: u32) -> Result<(), Error> {
         let clock = self.background.machine().doorbell();
         for peer in self.peers.iter() {
-            let region = users(self.background.machine(), peer)?;
             let deadline = clock.now().after(PATIENCE);
             loop {
-                let counts: Option<Counts> = published(&region, tally::NAME)?;
+                let counts = self.counts(peer)?;
                 let is_far = counts.is_some_and(|counts| counts.state >= state);
                 let is_up = state > tally::JOINED
                     || matches!(
@@ -312,6 +318,15 @@ impl<M: Machine> Running<'_, M> {
         Ok(())
     }
 
+    /// What a peer has put on the board; `None` if nothing yet.
+    fn counts(&self, peer: Processor) -> Result<Option<Counts>, Error> {
+        match tally::counts_of(peer).subscriber(&self.board)?.read() {
+            Ok(latest) => Ok(Some(latest.value)),
+            Err(ReadError::Access(error)) => Err(error.into()),
+            Err(_) => Ok(None),
+        }
+    }
+
     /// Receives what is still on its way; how many messages are missing in the end.
     fn receive_rest(&self) -> Result<u32, Error> {
         let clock = self.background.machine().doorbell();
@@ -320,8 +335,7 @@ impl<M: Machine> Running<'_, M> {
         loop {
             let mut missing = 0_u32;
             for peer in self.peers.iter() {
-                let region = users(self.background.machine(), peer)?;
-                let sent: Option<Counts> = published(&region, tally::NAME)?;
+                let sent = self.counts(peer)?;
                 let sent = sent.ok_or(Failure::Late { processor: peer.0 })?;
                 missing = missing.saturating_add(self.tally.missing(me, peer, &sent));
             }

@@ -136,6 +136,7 @@ impl Turn<'_> {
             window_bytes: WINDOW_BYTES,
             processor: NUMBER,
             bus: None,
+            shared_memory: None,
             loops: match self.way {
                 Way::Sleeping => Loops::Signals,
                 Way::Spinning => Loops::Spin,

@@ -8,7 +8,7 @@ use toml::de::DeTable;
 use super::check::{self, Own};
 use super::mistake::{Mistake, Mistakes, Problem};
 use super::tree::{At, Keys, Text};
-use super::{Bus, Description, Entry, Files, OnFailure, ProcessorEntry, ProgramEntry, Terminals};
+use super::{Description, Entry, Files, OnFailure, ProcessorEntry, ProgramEntry, Terminals};
 use crate::cli::Application;
 use crate::extension::{Extension, Found, FoundProcessor, PROCESSES};
 use condor_rt::numbers::PROGRAMS;
@@ -63,7 +63,8 @@ fn system(text: &Text<'_>, mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Descr
     let name = name(text, &mut top);
     let window_bytes = top.number("window_bytes", PAGE..=MOST_BYTES, PAGE);
     let robot = top.optional_text("robot", "the path of the robot's configuration");
-    let bus = top.table("bus").map(bus);
+    let bus_bytes = top.table("bus").map(bytes_of);
+    let shared_bytes = top.table("shared_memory").map(bytes_of);
     let extensions = extensions(own.application);
     let tables = extensions
         .iter()
@@ -83,8 +84,6 @@ fn system(text: &Text<'_>, mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Descr
     let robot = robot.map(|robot| check::robot(text, &robot, own));
     let bytes = |value: Option<At<i64>>| value.and_then(|it| u32::try_from(it.value).ok());
     let window_bytes = bytes(window_bytes);
-    let bus_bytes = bus.as_ref().and_then(|bus| bus.as_ref());
-    let bus_bytes = bus_bytes.map_or(0, |bus| bus.bytes);
     let mut groups = Vec::new();
     let (mut whole, mut rest) = (Vec::new(), Vec::new());
     for (common, kind, found) in processors {
@@ -98,7 +97,8 @@ fn system(text: &Text<'_>, mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Descr
             keys,
             processors: mine.map(|(_, found)| found).collect(),
             window_bytes: window_bytes.unwrap_or(PAGE as u32),
-            bus_bytes,
+            bus_bytes: bus_bytes.flatten().unwrap_or(0),
+            shared_bytes: shared_bytes.flatten().unwrap_or(0),
         };
         if mine.keys.is_some() || !mine.processors.is_empty() {
             let group = extension.read(&mut mine);
@@ -116,8 +116,12 @@ fn system(text: &Text<'_>, mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Descr
         name: name?.value,
         window_bytes: window_bytes?,
         robot,
-        bus: match bus {
-            Some(bus) => Some(bus?),
+        bus_bytes: match bus_bytes {
+            Some(bytes) => Some(bytes?),
+            None => None,
+        },
+        shared_bytes: match shared_bytes {
+            Some(bytes) => Some(bytes?),
             None => None,
         },
         files: match files {
@@ -153,12 +157,11 @@ fn name(text: &Text<'_>, table: &mut Keys<'_, '_>) -> Option<At<String>> {
     None
 }
 
-fn bus(mut table: Keys<'_, '_>) -> Option<Bus> {
+/// What a table says that has the key `bytes` alone.
+fn bytes_of(mut table: Keys<'_, '_>) -> Option<u32> {
     let bytes = table.number("bytes", PAGE..=MOST_BYTES, PAGE);
     table.finish();
-    Some(Bus {
-        bytes: u32::try_from(bytes?.value).ok()?,
-    })
+    u32::try_from(bytes?.value).ok()
 }
 
 fn files(text: &Text<'_>, mut table: Keys<'_, '_>, own: &Own<'_>) -> Option<Files> {

@@ -139,11 +139,20 @@ impl RunDirectory {
             .collect::<Result<_, _>>()
             .map_err(UpError::Prepare)?;
         let has_bus = furnished.iter().any(|it| it.bus().is_some());
-        if let Some(bus) = description.bus.as_ref().filter(|_| !has_bus) {
-            let path = directory.bus();
-            let file = File::create_new(&path).map_err(UpError::at("make", &path))?;
-            file.set_len(bus.bytes.into())
-                .map_err(UpError::at("extend", &path))?;
+        let has_shared = furnished.iter().any(|it| it.shared_memory().is_some());
+        for (is_elsewhere, bytes, path) in [
+            (has_bus, description.bus_bytes, directory.bus()),
+            (
+                has_shared,
+                description.shared_bytes,
+                directory.shared_memory(),
+            ),
+        ] {
+            if let Some(bytes) = bytes.filter(|_| !is_elsewhere) {
+                let file = File::create_new(&path).map_err(UpError::at("make", &path))?;
+                file.set_len(bytes.into())
+                    .map_err(UpError::at("extend", &path))?;
+            }
         }
         if let Some(files) = &description.files {
             std::fs::create_dir_all(&files.root).map_err(UpError::at("make", &files.root))?;

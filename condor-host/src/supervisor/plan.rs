@@ -14,7 +14,7 @@ use crate::description::{Description, OnFailure, ProgramEntry, beside, find_prog
 use crate::extension::Furnished;
 use crate::services;
 use crate::system::SystemDirectory;
-use condor_rt::linux::{BusFile, Environment, Loops};
+use condor_rt::linux::{Environment, FileRange, Loops};
 use condor_rt::numbers::{EXTENSIONS, FILES, TERMINALS};
 
 /// How long the heart of a service may stand still.
@@ -25,6 +25,7 @@ pub(super) fn members(
     description: &Description,
     directory: &SystemDirectory,
     furnished: &[Box<dyn Furnished>],
+    shared: Option<&FileRange>,
     eye: &Eye,
 ) -> Result<Vec<Member>, UpError> {
     let system = System {
@@ -55,9 +56,12 @@ pub(super) fn members(
     let arguments = services::terminals::arguments(description, directory);
     members.push(system.service("terminals", TERMINALS, arguments, Box::new(Process::new()))?);
 
-    let lies = furnished.iter().find_map(|furnished| furnished.bus());
-    let bus = description.bus.as_ref();
-    let bus = lies.or_else(|| bus.map(|_| BusFile::whole(directory.bus())));
+    let bus = furnished.iter().find_map(|furnished| furnished.bus());
+    let bus = bus.or_else(|| {
+        description
+            .bus_bytes
+            .map(|_| FileRange::whole(directory.bus()))
+    });
     for processor in &description.processors {
         let number = Number(processor.number);
         let plan = Plan {
@@ -77,6 +81,7 @@ pub(super) fn members(
         };
         let mut environment = system.environment(number);
         environment.bus.clone_from(&bus);
+        environment.shared_memory = shared.cloned();
         let mut groups = groups();
         let (_, group) = groups
             .find(|(entry, _)| entry.kind == Some(processor.kind))
@@ -130,6 +135,7 @@ impl System<'_> {
             window_bytes: self.description.window_bytes,
             processor,
             bus: None,
+            shared_memory: None,
             loops: Loops::default(),
             cpu: None,
             priority: None,

@@ -72,7 +72,11 @@ fn what_is_left_out_has_a_default() {
     let (place, file) = place();
     let description = Description::from_toml(RIGHT, &file, &OWN).unwrap();
     assert_eq!(description.files.unwrap().root, place.path().join("files"));
-    assert_eq!((description.robot, description.bus), (None, None));
+    assert_eq!(description.robot, None);
+    assert_eq!(
+        (description.bus_bytes, description.shared_bytes),
+        (None, None)
+    );
     assert_eq!(description.terminals.replay_bytes, 65536);
     assert_eq!(description.terminals.log_bytes, 4 << 20);
     assert_eq!(description.service_restarts, 20);

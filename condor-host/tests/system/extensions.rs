@@ -1,10 +1,13 @@
 //! The kind of processors and the service of the example `extension`.
 
 use condor_host::control::{MemberState, Request};
+use condor_mbox::MemoryWindow as _;
 
 use crate::running::{Up, wait};
 
 const SYSTEM: &str = r#"
+[shared_memory]
+bytes = 8192
 [adder]
 amount = 7
 [[processors]]
@@ -50,6 +53,16 @@ fn a_kind_of_processors_and_a_service_run_like_those_of_condor() {
     assert_eq!((polite.kind.as_str(), polite.number), ("nice", 11));
     assert_eq!(niceness(polite.pid.unwrap()), 5);
     assert!(sum(&up, "35").starts_with("42 "));
+
+    // All are told where the memory lies that belongs to no processor, which is zeros at first.
+    let memory = status.shared_memory.as_ref().unwrap().window().unwrap();
+    assert_eq!((memory.size(), memory.word(8188)), (8192, Ok(0)));
+    let environment = std::fs::read(format!("/proc/{}/environ", polite.pid.unwrap())).unwrap();
+    let environment = String::from_utf8_lossy(&environment);
+    assert!(
+        environment.contains("CONDOR_SHARED_MEMORY=/"),
+        "{environment}"
+    );
 
     // They are started again, and other programs can be loaded.
     let events = up.events();

@@ -1,11 +1,13 @@
 //! [`Environment`]: what a process is told by whoever starts it.
 
 use std::ffi::{OsStr, OsString};
+use std::fs::File;
 use std::path::PathBuf;
 use std::process::Command;
 use std::str::FromStr;
 
-use condor_mbox::Processor;
+use condor_mbox::linux::{Access, LinuxWindow};
+use condor_mbox::{Processor, Region};
 
 use super::error::ProcessError;
 use crate::numbers::PROCESSORS;
@@ -13,9 +15,14 @@ use crate::numbers::PROCESSORS;
 const SYSTEM: &str = "CONDOR_SYSTEM";
 const WINDOW_BYTES: &str = "CONDOR_WINDOW_BYTES";
 const PROCESSOR: &str = "CONDOR_PROCESSOR";
-const BUS: &str = "CONDOR_BUS";
-const BUS_OFFSET: &str = "CONDOR_BUS_OFFSET";
-const BUS_BYTES: &str = "CONDOR_BUS_BYTES";
+/// Of a range of a file: path, offset and bytes.
+type RangeVariables = [&'static str; 3];
+const BUS: RangeVariables = ["CONDOR_BUS", "CONDOR_BUS_OFFSET", "CONDOR_BUS_BYTES"];
+const SHARED: RangeVariables = [
+    "CONDOR_SHARED_MEMORY",
+    "CONDOR_SHARED_MEMORY_OFFSET",
+    "CONDOR_SHARED_MEMORY_BYTES",
+];
 pub(super) const LOOPS: &str = "CONDOR_LOOPS";
 const CPU: &str = "CONDOR_CPU";
 const PRIORITY: &str = "CONDOR_PRIORITY";
@@ -47,18 +54,18 @@ impl Loops {
     }
 }
 
-/// A file, or a part of one, that is mapped as a bus, at the bus address 0.
+/// A file, or a part of one, that processes map.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BusFile {
+pub struct FileRange {
     /// The file.
     pub path: PathBuf,
-    /// Where the bus begins, in bytes from the beginning of the file.
+    /// Where the part begins, in bytes from the beginning of the file.
     pub offset: u64,
     /// How long it is; without it, as far as the file goes.
     pub bytes: Option<u64>,
 }
 
-impl BusFile {
+impl FileRange {
     /// All of a file.
     #[must_use]
     pub const fn whole(path: PathBuf) -> Self {
@@ -67,6 +74,37 @@ impl BusFile {
             offset: 0,
             bytes: None,
         }
+    }
+
+    /// Maps it as memory, for loads and stores.
+    ///
+    /// # Errors
+    /// [`ProcessError::Open`], [`ProcessError::MapShared`].
+    pub fn window(&self) -> Result<Region<LinuxWindow>, ProcessError> {
+        let (file, len) = self.open("shared memory")?;
+        let len = u32::try_from(len).unwrap_or(u32::MAX);
+        let window = LinuxWindow::map(&file, self.offset, len, Access::ReadWrite);
+        let window = window.map_err(|source| ProcessError::MapShared {
+            path: self.path.clone(),
+            source,
+        })?;
+        Ok(Region::whole(window))
+    }
+
+    /// The file, and how many bytes the part has.
+    pub(super) fn open(&self, what: &'static str) -> Result<(File, u64), ProcessError> {
+        let open = || {
+            let file = File::options().read(true).write(true).open(&self.path)?;
+            let len = file.metadata()?.len();
+            Ok((file, len))
+        };
+        let (file, len) = open().map_err(|source| ProcessError::Open {
+            what,
+            path: self.path.clone(),
+            source,
+        })?;
+        let bytes = self.bytes.unwrap_or(len.saturating_sub(self.offset));
+        Ok((file, bytes))
     }
 }
 
@@ -79,8 +117,10 @@ pub struct Environment {
     pub window_bytes: u32,
     /// The number of this one.
     pub processor: Processor,
-    /// The bus, if there is one.
-    pub bus: Option<BusFile>,
+    /// The bus, if there is one; what is mapped begins at the bus address 0.
+    pub bus: Option<FileRange>,
+    /// The memory that belongs to no processor, if there is one.
+    pub shared_memory: Option<FileRange>,
     /// How loops come to run.
     pub loops: Loops,
     /// The core for the program, if not any.
@@ -105,19 +145,24 @@ impl Environment {
             .env(WINDOW_BYTES, self.window_bytes.to_string())
             .env(PROCESSOR, self.processor.0.to_string())
             .env(LOOPS, self.loops.word());
-        let bus = self.bus.as_ref();
-        let offset = bus.map(|bus| bus.offset).filter(|&offset| offset > 0);
+        let range = |[path, offset, bytes]: RangeVariables, range: Option<&FileRange>| {
+            let begins = range.map(|range| range.offset).filter(|&it| it > 0);
+            let len = range.and_then(|range| range.bytes);
+            [
+                (path, range.map(|range| range.path.clone().into())),
+                (offset, begins.map(|begins| begins.to_string().into())),
+                (bytes, len.map(|len| len.to_string().into())),
+            ]
+        };
+        let ranges = [
+            range(BUS, self.bus.as_ref()),
+            range(SHARED, self.shared_memory.as_ref()),
+        ];
         let optional = [
-            (BUS, bus.map(|bus| bus.path.clone().into())),
-            (BUS_OFFSET, offset.map(|offset| offset.to_string().into())),
-            (
-                BUS_BYTES,
-                bus.and_then(|bus| Some(bus.bytes?.to_string().into())),
-            ),
             (CPU, self.cpu.map(|cpu| OsString::from(cpu.to_string()))),
             (PRIORITY, self.priority.map(|one| one.to_string().into())),
         ];
-        for (variable, value) in optional {
+        for (variable, value) in ranges.into_iter().flatten().chain(optional) {
             match value {
                 Some(value) => command.env(variable, value),
                 None => command.env_remove(variable),
@@ -170,22 +215,25 @@ impl Environment {
                 number(PRIORITY, value, expected, |one| (1..=99).contains(one))
             })
             .transpose()?;
-        let bus_number = |variable| {
-            let expected = "a number of bytes that is a multiple of 4";
-            let value = optional(variable);
-            let read = |value| number(variable, value, expected, |one: &u64| one.is_multiple_of(4));
-            value.map(read).transpose()
+        let range = |[path, offset, len]: RangeVariables| {
+            let count = |variable| {
+                let value = optional(variable);
+                let read = |value| number(variable, value, bytes, |it: &u64| it.is_multiple_of(4));
+                value.map(read).transpose()
+            };
+            let (offset, bytes) = (count(offset)?.unwrap_or(0), count(len)?);
+            Ok::<_, ProcessError>(optional(path).map(|path| FileRange {
+                path: path.into(),
+                offset,
+                bytes,
+            }))
         };
-        let (offset, bytes) = (bus_number(BUS_OFFSET)?, bus_number(BUS_BYTES)?);
         Ok(Self {
             system,
             window_bytes,
             processor: Processor(processor),
-            bus: optional(BUS).map(|path| BusFile {
-                path: path.into(),
-                offset: offset.unwrap_or(0),
-                bytes,
-            }),
+            bus: range(BUS)?,
+            shared_memory: range(SHARED)?,
             loops,
             cpu,
             priority,
@@ -211,13 +259,16 @@ fn number<T: FromStr>(
 mod tests {
     use super::*;
 
-    const ALL: [(&str, &str); 9] = [
+    const ALL: [(&str, &str); 12] = [
         (SYSTEM, "/run/condor/mailbox"),
         (WINDOW_BYTES, "4096"),
         (PROCESSOR, "3"),
-        (BUS, "/run/condor/bus"),
-        (BUS_OFFSET, "8192"),
-        (BUS_BYTES, "4096"),
+        (BUS[0], "/run/condor/bus"),
+        (BUS[1], "8192"),
+        (BUS[2], "4096"),
+        (SHARED[0], "/run/condor/shared"),
+        (SHARED[1], "16384"),
+        (SHARED[2], "8192"),
         (LOOPS, "spin"),
         (CPU, "1"),
         (PRIORITY, "80"),
@@ -246,15 +297,19 @@ mod tests {
         assert_eq!(read.unwrap(), all);
         let least = Environment {
             bus: None,
+            shared_memory: None,
             loops: Loops::Threads,
             cpu: None,
             priority: None,
             ..all
         };
         for (variable, part) in [
-            (BUS, "bus"),
-            (BUS_OFFSET, "offset"),
-            (BUS_BYTES, "bytes"),
+            (BUS[0], "bus"),
+            (BUS[1], "offset"),
+            (BUS[2], "bytes"),
+            (SHARED[0], "shared memory"),
+            (SHARED[1], "its offset"),
+            (SHARED[2], "its bytes"),
             (CPU, "cpu"),
             (PRIORITY, "priority"),
             (LOOPS, "loops"),
@@ -264,7 +319,7 @@ mod tests {
         }
         least.pass_to(&mut command);
         let gone = command.get_envs().filter(|(_, value)| value.is_none());
-        assert_eq!(gone.count(), 5);
+        assert_eq!(gone.count(), 8);
     }
 
     #[test]
@@ -288,8 +343,8 @@ mod tests {
             (WINDOW_BYTES, None, "no CONDOR_WINDOW_BYTES"),
             (PROCESSOR, Some("32"), "0 to 31"),
             (PROCESSOR, Some(""), "no CONDOR_PROCESSOR"),
-            (BUS_OFFSET, Some("2"), "a multiple of 4"),
-            (BUS_BYTES, Some("all"), "a multiple of 4"),
+            (BUS[1], Some("2"), "a multiple of 4"),
+            (SHARED[2], Some("all"), "a multiple of 4"),
             (LOOPS, Some("fibres"), "`threads`, `signals` or `spin`"),
             (CPU, Some("-1"), "from 0 on"),
             (PRIORITY, Some("0"), "1 to 99"),

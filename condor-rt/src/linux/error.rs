@@ -32,9 +32,11 @@ pub enum ProcessError {
     /// The number, or the memory of the processors.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// The bus cannot be opened.
-    #[error("cannot open the bus {path:?}: {source}")]
-    OpenBus {
+    /// The file of the bus, or of the shared memory, cannot be opened.
+    #[error("cannot open the {what} {path:?}: {source}")]
+    Open {
+        /// Which of them.
+        what: &'static str,
         /// Its file.
         path: PathBuf,
         /// The system's answer.
@@ -47,6 +49,14 @@ pub enum ProcessError {
         path: PathBuf,
         /// Why not.
         source: MapError,
+    },
+    /// The shared memory cannot be mapped.
+    #[error("cannot map the shared memory {path:?}: {source}")]
+    MapShared {
+        /// Its file.
+        path: PathBuf,
+        /// Why not.
+        source: condor_mbox::linux::MapError,
     },
     /// SIGTERM and SIGINT cannot be handled.
     #[error("cannot handle SIGTERM and SIGINT: {0}")]

@@ -10,6 +10,7 @@
 //! | `CONDOR_PROCESSOR` | the processor's number |
 //! | `CONDOR_BUS` | the file that is the bus, from address 0 on; without it nothing answers on the bus |
 //! | `CONDOR_BUS_OFFSET`, `CONDOR_BUS_BYTES` | where in that file the bus is; without them all of the file |
+//! | `CONDOR_SHARED_MEMORY`, `…_OFFSET`, `…_BYTES` | the file with the memory that belongs to no processor, and where in it that is |
 //! | `CONDOR_LOOPS` | `threads`, `spin` or `signals`; without it `threads` |
 //! | `CONDOR_CPU` | the core for the program; without it any |
 //! | `CONDOR_PRIORITY` | 1 to 99 of `SCHED_FIFO`; without it the ordinary policy |
@@ -55,7 +56,7 @@ mod timer;
 
 pub use bell::ProcessBell;
 pub use bus::ProcessBus;
-pub use environment::{BusFile, Environment, Loops};
+pub use environment::{Environment, FileRange, Loops};
 pub use error::ProcessError;
 pub use process::Process;
 pub use run::{run, run_allowing_signals};

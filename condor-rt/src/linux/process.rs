@@ -1,6 +1,5 @@
 //! [`Process`]: a process of Linux as a processor.
 
-use std::fs::File;
 use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,14 +8,14 @@ use std::time::{Duration, Instant};
 
 use condor_dev::linux::{Access, LinuxBus};
 use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, System, SystemError};
-use condor_mbox::{Clock as _, Doorbell as _, Processor, Waiting, Windows};
+use condor_mbox::{Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
 use condor_mos::linux::{Privileges, RealTime, Signals, Threads};
 use condor_mos::{Loops, Rate};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::bell::ProcessBell;
 use super::bus::ProcessBus;
-use super::environment::{self, BusFile, Environment};
+use super::environment::{self, Environment, FileRange};
 use super::error::ProcessError;
 use super::sections::{ProcessSections, Server};
 use super::spinner::Spinner;
@@ -43,6 +42,7 @@ pub struct Process {
     doorbell: LinuxDoorbell<PROCESSORS>,
     way: Way,
     bus: ProcessBus,
+    shared_memory: Option<Region<LinuxWindow>>,
     arguments: Vec<String>,
     stopping: Arc<AtomicBool>,
 }
@@ -106,6 +106,8 @@ impl Process {
             Some(bus) => ProcessBus::Mapped(map(bus)?),
             None => ProcessBus::Silent(Silent),
         };
+        let shared_memory = environment.shared_memory.as_ref().map(FileRange::window);
+        let shared_memory = shared_memory.transpose()?;
         let stopping = Arc::new(AtomicBool::new(false));
         for signal in [SIGTERM, SIGINT] {
             signal_hook::flag::register(signal, stopping.clone())
@@ -131,6 +133,7 @@ impl Process {
             doorbell,
             way,
             bus,
+            shared_memory,
             arguments: arguments.into_iter().collect(),
             stopping,
         };
@@ -190,22 +193,12 @@ fn succeed(
     }
 }
 
-fn map(bus: &BusFile) -> Result<LinuxBus, ProcessError> {
-    let path = &bus.path;
-    let open = || {
-        let file = File::options().read(true).write(true).open(path)?;
-        let len = file.metadata()?.len();
-        Ok((file, len))
-    };
-    let (file, len) = open().map_err(|source| ProcessError::OpenBus {
-        path: path.clone(),
-        source,
-    })?;
-    let len = bus.bytes.unwrap_or(len.saturating_sub(bus.offset));
+fn map(bus: &FileRange) -> Result<LinuxBus, ProcessError> {
+    let (file, len) = bus.open("bus")?;
     let len = usize::try_from(len).unwrap_or(usize::MAX);
     LinuxBus::map(&file, bus.offset, 0, len, Access::ReadWrite).map_err(|source| {
         ProcessError::MapBus {
-            path: path.clone(),
+            path: bus.path.clone(),
             source,
         }
     })
@@ -240,6 +233,10 @@ impl Machine for Process {
             Way::Threads(_, server) => Some(server.clone()),
             Way::Signals | Way::Spin(_) => None,
         })
+    }
+
+    fn shared_memory(&self) -> Option<Region<LinuxWindow>> {
+        self.shared_memory.clone()
     }
 
     fn bus(&self) -> ProcessBus {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use condor_dev::Bus;
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{self as mbox, Windows};
+use condor_mbox::{self as mbox, Region, Windows};
 use condor_mos::sim::Processor as LocalTime;
 use condor_mos::{Armed, ConnectError, Loops, Platform as _, Rate, Timer as _};
 
@@ -38,6 +38,7 @@ pub(super) const RANKS: usize = 32;
 pub struct Processor<B> {
     core: Arc<Core>,
     windows: [Windows<LinuxWindow>; PROCESSORS],
+    shared_memory: Option<Region<LinuxWindow>>,
     bus: B,
     arguments: Vec<String>,
 }
@@ -64,12 +65,14 @@ impl<B> Processor<B> {
     pub(super) fn new(
         core: Core,
         windows: [Windows<LinuxWindow>; PROCESSORS],
+        shared_memory: Option<Region<LinuxWindow>>,
         bus: B,
         arguments: Vec<String>,
     ) -> Self {
         Self {
             core: Arc::new(core),
             windows,
+            shared_memory,
             bus,
             arguments,
         }
@@ -305,6 +308,10 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
 
     fn exclusion(&self) -> Uninterrupted {
         Uninterrupted(self.core.clone())
+    }
+
+    fn shared_memory(&self) -> Option<Region<LinuxWindow>> {
+        self.shared_memory.clone()
     }
 
     fn bus(&self) -> B {

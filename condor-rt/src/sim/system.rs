@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
 use condor_dev::Bus;
-use condor_mbox as mbox;
-use condor_mbox::linux;
+use condor_mbox::linux::{self, LinuxWindow};
+use condor_mbox::{self as mbox, Region};
 
 use super::baton::{Baton, NEVER};
 use super::error::{Cause, Failure, SimError};
@@ -40,6 +40,7 @@ use crate::silent::Silent;
 /// ```
 pub struct System<'env, B = Silent> {
     memory: linux::System<PROCESSORS>,
+    shared_memory: Option<Region<LinuxWindow>>,
     bus: B,
     seats: [Seat<'env, B>; PROCESSORS],
 }
@@ -78,9 +79,21 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         };
         Ok(Self {
             memory: linux::System::family(window_bytes)?,
+            shared_memory: None,
             bus,
             seats: core::array::from_fn(seat),
         })
+    }
+
+    /// Adds a memory of so many bytes that belongs to no processor.
+    ///
+    /// # Errors
+    /// [`SimError::System`].
+    pub fn share_memory(&mut self, bytes: u32) -> Result<(), SimError> {
+        const OWNER: mbox::Processor = mbox::Processor(0);
+        let memory = linux::System::<1>::family(bytes)?;
+        self.shared_memory = Some(memory.claim(OWNER)?.region(OWNER)?);
+        Ok(())
     }
 
     /// What the program of `number` is given as arguments.
@@ -189,7 +202,13 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
             // The doorbell of Linux goes; the windows go on to hold the number.
             let (windows, _) = self.memory.claim(number)?.into_parts();
             let core = Core::new(number, baton.clone(), seat.begins_at, seat.work);
-            let machine = Processor::new(core, windows, self.bus.clone(), seat.arguments);
+            let machine = Processor::new(
+                core,
+                windows,
+                self.shared_memory.clone(),
+                self.bus.clone(),
+                seat.arguments,
+            );
             baton.enter(number, seat.begins_at);
             programs.push((machine, task));
         }

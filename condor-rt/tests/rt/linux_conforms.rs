@@ -4,9 +4,10 @@
 use std::path::Path;
 
 use condor_dev::{Bus as _, BusErrorKind};
+use condor_mbox::MemoryWindow as _;
 use condor_mbox::linux::System;
 use condor_mbox::{Doorbell as _, Processor, conformance};
-use condor_rt::linux::{BusFile, Environment, Loops, Process};
+use condor_rt::linux::{Environment, FileRange, Loops, Process};
 use condor_rt::{Machine, PROCESSORS};
 
 const ME: Processor = Processor(3);
@@ -18,6 +19,7 @@ fn environment(directory: &Path, loops: Loops) -> Environment {
         window_bytes: 4096,
         processor: ME,
         bus: None,
+        shared_memory: None,
         loops,
         cpu: None,
         priority: None,
@@ -49,7 +51,7 @@ fn the_bus_is_the_file_from_address_0_on() {
     let path = directory.path().join("bus");
     std::fs::write(&path, [0; 4096]).unwrap();
     let environment = Environment {
-        bus: Some(BusFile::whole(path.clone())),
+        bus: Some(FileRange::whole(path.clone())),
         ..environment(directory.path(), Loops::Threads)
     };
     let machine = Process::new(&environment, []).unwrap();
@@ -60,7 +62,7 @@ fn the_bus_is_the_file_from_address_0_on() {
     drop(machine);
 
     let environment = Environment {
-        bus: Some(BusFile {
+        bus: Some(FileRange {
             path: path.clone(),
             offset: 1024,
             bytes: Some(512),
@@ -76,6 +78,37 @@ fn the_bus_is_the_file_from_address_0_on() {
     with_machine(Loops::Threads, |machine, _| {
         let error = machine.bus().read32(0).unwrap_err();
         assert_eq!((error.kind, error.address), (BusErrorKind::NoAnswer, 0));
+    });
+}
+
+#[test]
+fn shared_memory_is_the_same_for_all_and_belongs_to_nobody() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("shared");
+    std::fs::write(&path, [0; 8192]).unwrap();
+    let range = FileRange {
+        path: path.clone(),
+        offset: 4096,
+        bytes: Some(1024),
+    };
+    let environment = Environment {
+        shared_memory: Some(range.clone()),
+        ..environment(directory.path(), Loops::Threads)
+    };
+    let machine = Process::new(&environment, []).unwrap();
+    let memory = machine.shared_memory().unwrap();
+    assert_eq!(memory.size(), 1024);
+    memory.set_word(1020, 7).unwrap();
+    assert!(memory.set_word(1024, 7).is_err());
+    drop(machine);
+    // It outlives who wrote it.
+    assert_eq!(range.window().unwrap().word(1020), Ok(7));
+    assert_eq!(std::fs::read(&path).unwrap()[4096 + 1020], 7);
+    std::fs::remove_file(&path).unwrap();
+    let error = Process::new(&environment, []).err().unwrap().to_string();
+    assert!(error.contains("cannot open the shared memory"), "{error}");
+    with_machine(Loops::Threads, |machine, _| {
+        assert!(machine.shared_memory().is_none());
     });
 }
 

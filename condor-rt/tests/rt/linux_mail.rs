@@ -28,6 +28,7 @@ fn with_visitor(
         window_bytes: WINDOW_BYTES,
         processor: ME,
         bus: None,
+        shared_memory: None,
         loops: Loops::Threads,
         cpu: None,
         priority: None,

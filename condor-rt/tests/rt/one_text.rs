@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use crate::small::{SMALL, Seen, Small, VISITOR, watch};
 use condor_mbox::linux::System;
-use condor_rt::linux::{self, BusFile, Environment, Loops};
+use condor_rt::linux::{self, Environment, FileRange, Loops};
 use condor_rt::{Machine as _, PROCESSORS, sim};
 
 const WINDOW_BYTES: u32 = 8192;
@@ -55,6 +55,7 @@ fn environment(directory: &Path, loops: Loops) -> Environment {
         window_bytes: WINDOW_BYTES,
         processor: SMALL,
         bus: None,
+        shared_memory: None,
         loops,
         cpu: None,
         priority: None,
@@ -131,7 +132,7 @@ fn a_successor_waits_for_the_number_and_a_bus_must_be_there() {
 
     let bus = directory.path().join("bus");
     let environment = Environment {
-        bus: Some(BusFile::whole(bus.clone())),
+        bus: Some(FileRange::whole(bus.clone())),
         ..environment
     };
     let says = |child: Child| {

@@ -292,3 +292,35 @@ fn a_handler_that_polls_is_ended() {
         (&Cause::Polls, 1000)
     );
 }
+
+#[test]
+fn all_processors_reach_the_memory_that_belongs_to_none() {
+    let mut system = System::new(4096).unwrap();
+    system.share_memory(64).unwrap();
+    for number in 0..3 {
+        let number = Processor(number);
+        system
+            .host(number, move |machine| {
+                let memory = machine.shared_memory().ok_or("none")?;
+                let offset = 4 * u32::from(number.0);
+                memory
+                    .set_word(offset, 100 + offset)
+                    .map_err(|it| it.to_string())?;
+                machine.work(1_000);
+                for offset in [0, 4, 8] {
+                    assert_eq!(memory.word(offset), Ok(100 + offset));
+                }
+                assert!(memory.word(64).is_err());
+                Ok::<_, String>(())
+            })
+            .unwrap();
+    }
+    system.run().unwrap();
+    let mut system = System::new(4096).unwrap();
+    let none = |machine: &condor_rt::sim::Processor<_>| {
+        assert!(machine.shared_memory().is_none());
+        Ok::<_, String>(())
+    };
+    system.host(Processor(0), none).unwrap();
+    system.run().unwrap();
+}

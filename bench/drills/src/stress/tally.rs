@@ -3,14 +3,19 @@
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use core::time::Duration;
 
-use condor_mbox::{Call, Error, Messenger, Processor, Vector};
+use condor_mbox::{Call, Error, Messenger, Processor, Published, Vector};
 use condor_rt::PROCESSORS;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::Verdict;
 
-/// The name under which [`Counts`] are published.
-pub(super) const NAME: &str = "counts";
+/// Where in the shared memory a processor publishes its [`Counts`].
+pub(super) const fn counts_of(processor: Processor) -> Published<Counts> {
+    Published::at((processor.0 as u32).wrapping_mul(Published::<Counts>::BYTES))
+}
+
+/// Bytes of the shared memory that all processors need.
+pub const SHARED_BYTES: u32 = PROCESSORS as u32 * Published::<Counts>::BYTES;
 
 /// Without reply, of backgrounds and of loops, and with reply.
 pub(super) const NOTE: Vector = Vector(8);

@@ -1,7 +1,7 @@
 //! [`Hart`]: a hart as the machine of a program.
 
 use condor_dev::Mmio;
-use condor_mbox::{AccessError, CriticalSection, Processor, StaticWindow, Windows};
+use condor_mbox::{AccessError, CriticalSection, Processor, Region, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
 use condor_rt::{Error, Interrupts, Machine, PROCESSORS, ServoLoop, on_one_stack};
@@ -145,6 +145,14 @@ impl Hart {
     }
 }
 
+/// A window of the map.
+fn window(offset: u32, bytes: u32) -> StaticWindow<'static> {
+    let address = RAM.wrapping_add(offset as usize) as *mut u32;
+    // SAFETY: the map has checked that it lies in the RAM, between the map and the ranges of programs;
+    // processors and processes of the host access it by words.
+    unsafe { StaticWindow::from_raw(address, bytes) }
+}
+
 impl Machine for Hart {
     type Window = StaticWindow<'static>;
     type Doorbell = HartBell;
@@ -158,12 +166,6 @@ impl Machine for Hart {
     fn windows(&self) -> [Windows<StaticWindow<'static>>; PROCESSORS] {
         core::array::from_fn(|number| {
             let number = number as u32;
-            let window = |offset: u32, bytes| {
-                let address = RAM.wrapping_add(offset as usize) as *mut u32;
-                // SAFETY: the map has checked that it lies in the RAM, between the map and the ranges
-                // of programs; processors and processes of the host access it by words.
-                unsafe { StaticWindow::from_raw(address, bytes) }
-            };
             Windows {
                 mail: window(self.map.mail.at(number), Map::mail_bytes()),
                 data: window(self.map.data.at(number), self.map.data_bytes),
@@ -177,6 +179,11 @@ impl Machine for Hart {
 
     fn exclusion(&self) -> CriticalSection {
         CriticalSection
+    }
+
+    fn shared_memory(&self) -> Option<Region<StaticWindow<'static>>> {
+        let bytes = self.map.shared_bytes;
+        (bytes > 0).then(|| Region::whole(window(self.map.shared, bytes)))
     }
 
     fn bus(&self) -> Mmio {

@@ -10,11 +10,11 @@ use condor_host::supervisor::Launch;
 use condor_host::system::SystemDirectory;
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxDoorbell;
-use condor_rt::linux::{BusFile, Environment};
+use condor_rt::linux::{Environment, FileRange};
 use condor_rt::numbers::PROCESSORS;
 
 use crate::hart::{MachineProcess, flat};
-use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, bus, map, service};
+use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, map, service};
 
 const MIB: i64 = 1 << 20;
 const MOST_BYTES: i64 = 1 << 30;
@@ -91,7 +91,8 @@ impl Extension for Harts {
         numbers.sort_unstable();
         let numbers: Vec<_> = numbers.into_iter().map(|(_, number)| number).collect();
         let bytes = u32::try_from(memory_bytes.value).ok()?;
-        let map = match Map::new(bytes, &numbers, found.window_bytes, found.bus_bytes) {
+        let (window, bus, shared) = (found.window_bytes, found.bus_bytes, found.shared_bytes);
+        let map = match Map::new(bytes, &numbers, window, bus, shared) {
             Ok(map) => map,
             Err(error) => {
                 keys.wrong(&memory_bytes.span, error.to_string());
@@ -206,8 +207,12 @@ struct FurnishedHarts {
 }
 
 impl Furnished for FurnishedHarts {
-    fn bus(&self) -> Option<BusFile> {
-        bus(&self.path, self.memory.map())
+    fn bus(&self) -> Option<FileRange> {
+        self.memory.bus()
+    }
+
+    fn shared_memory(&self) -> Option<FileRange> {
+        self.memory.shared_memory()
     }
 
     fn service(&self) -> Option<Service> {

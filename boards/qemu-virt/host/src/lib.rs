@@ -25,6 +25,6 @@ pub use hart::{Hart, HartError, Power};
 pub use image::{Image, ImageError, RAM};
 pub use map::{Map, MapError, Run};
 #[cfg(feature = "host")]
-pub use memory::{MachineMemory, MemoryError, bus};
+pub use memory::{MachineMemory, MemoryError};
 #[cfg(feature = "host")]
 pub use qemu::Qemu;

@@ -16,7 +16,7 @@ pub const STACK_BYTES: u32 = 512 * 1024;
 pub const GUARD_BYTES: u32 = PAGE;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CHRT");
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 mod word {
     pub(super) const MAGIC: u32 = 0;
@@ -30,8 +30,10 @@ mod word {
     pub(super) const DATA_BYTES: u32 = 40;
     pub(super) const BUS: u32 = 44;
     pub(super) const BUS_BYTES: u32 = 48;
+    pub(super) const SHARED: u32 = 52;
+    pub(super) const SHARED_BYTES: u32 = 56;
     /// A word for each hart.
-    pub(super) const NUMBERS: u32 = 52;
+    pub(super) const NUMBERS: u32 = 60;
 }
 
 /// Bytes of the map.
@@ -74,6 +76,10 @@ pub struct Map {
     pub bus: u32,
     /// Bytes of the bus; 0 if there is none.
     pub bus_bytes: u32,
+    /// Where the memory is that belongs to no processor.
+    pub shared: u32,
+    /// Bytes of that memory; 0 if there is none.
+    pub shared_bytes: u32,
     /// The range of each hart, for program and stack.
     pub programs: Run,
     /// The number of the processor that each hart is; harts after the last are left out.
@@ -143,8 +149,9 @@ pub enum MapError {
 const LEAST_RANGE: u32 = 2 * (STACK_BYTES + GUARD_BYTES);
 
 impl Map {
-    /// Lays out a memory of `memory_bytes`: `user_bytes` of users' data for each processor, and a bus
-    /// of `bus_bytes`; the harts, of which hart *i* is processor `numbers[i]`, share what is left.
+    /// Lays out a memory of `memory_bytes`: `user_bytes` of users' data for each processor, a bus of
+    /// `bus_bytes`, and `shared_bytes` that belong to no processor; the harts, of which hart *i* is
+    /// processor `numbers[i]`, divide what is left.
     ///
     /// # Errors
     /// [`MapError::Harts`], [`MapError::Number`], [`MapError::TooSmall`].
@@ -153,6 +160,7 @@ impl Map {
         numbers: &[u8],
         user_bytes: u32,
         bus_bytes: u32,
+        shared_bytes: u32,
     ) -> Result<Self, MapError> {
         let harts = u32::try_from(numbers.len()).unwrap_or(u32::MAX);
         let numbers = heapless::Vec::from_slice(numbers)
@@ -168,7 +176,8 @@ impl Map {
         let data = mail + processors * mail_stride;
         let data_stride = pages(data_bytes.into());
         let bus = data + processors * data_stride;
-        let programs = bus + pages(bus_bytes.into());
+        let shared = bus + pages(bus_bytes.into());
+        let programs = shared + pages(shared_bytes.into());
         let needed = programs + u64::from(harts) * u64::from(LEAST_RANGE);
         let small = MapError::TooSmall {
             found: memory_bytes,
@@ -194,6 +203,8 @@ impl Map {
             data_bytes,
             bus: word(bus)?,
             bus_bytes,
+            shared: word(shared)?,
+            shared_bytes,
             programs: Run {
                 offset: programs,
                 stride: range,
@@ -263,6 +274,8 @@ impl Map {
         set(word::DATA_BYTES, self.data_bytes)?;
         set(word::BUS, self.bus)?;
         set(word::BUS_BYTES, self.bus_bytes)?;
+        set(word::SHARED, self.shared)?;
+        set(word::SHARED_BYTES, self.shared_bytes)?;
         for (hart, &number) in (0..).zip(&self.numbers) {
             set(word::NUMBERS + 4 * hart, number.into())?;
         }
@@ -308,6 +321,8 @@ impl Map {
             data_bytes: get(word::DATA_BYTES)?,
             bus: get(word::BUS)?,
             bus_bytes: get(word::BUS_BYTES)?,
+            shared: get(word::SHARED)?,
+            shared_bytes: get(word::SHARED_BYTES)?,
             programs: run(word::PROGRAMS)?,
             numbers,
         };
@@ -329,7 +344,8 @@ impl Map {
                 return Err(self.outside(object, run.offset, run.stride));
             }
         }
-        self.check_inside("the bus", self.bus, self.bus_bytes)
+        self.check_inside("the bus", self.bus, self.bus_bytes)?;
+        self.check_inside("the shared memory", self.shared, self.shared_bytes)
     }
 
     fn check_inside(&self, object: &'static str, offset: u32, bytes: u32) -> Result<(), MapError> {

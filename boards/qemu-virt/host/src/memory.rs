@@ -10,7 +10,7 @@ use rustix::fs::FallocateFlags;
 use super::control::Control;
 use super::image::{Image, ImageError};
 use super::map::{self, Map, MapError, PAGE, Run};
-use condor_rt::linux::BusFile;
+use condor_rt::linux::FileRange;
 use condor_rt::numbers::PROCESSORS;
 
 /// The file that is the memory of a machine, mapped, with its map.
@@ -203,10 +203,24 @@ impl MachineMemory {
         Ok(image)
     }
 
-    /// Where its part of the bus is, for processes; `None` if there is no bus.
+    /// Returns where in the file the bus is; `None` if there is none.
     #[must_use]
-    pub fn bus(&self) -> Option<BusFile> {
-        bus(&self.path, &self.map)
+    pub fn bus(&self) -> Option<FileRange> {
+        self.range(self.map.bus, self.map.bus_bytes)
+    }
+
+    /// Returns where in the file the memory is that belongs to no processor; `None` if there is none.
+    #[must_use]
+    pub fn shared_memory(&self) -> Option<FileRange> {
+        self.range(self.map.shared, self.map.shared_bytes)
+    }
+
+    fn range(&self, offset: u32, bytes: u32) -> Option<FileRange> {
+        (bytes > 0).then(|| FileRange {
+            path: self.path.clone(),
+            offset: offset.into(),
+            bytes: Some(bytes.into()),
+        })
     }
 
     /// The processors whose windows lie in it, with what processes need in `directory`; from then on
@@ -233,16 +247,6 @@ impl MachineMemory {
         let path = self.path.clone();
         move |source| MemoryError::Access { path, source }
     }
-}
-
-/// The bus of a machine whose memory is the file `path`.
-#[must_use]
-pub fn bus(path: &Path, map: &Map) -> Option<BusFile> {
-    (map.bus_bytes > 0).then(|| BusFile {
-        path: path.into(),
-        offset: map.bus.into(),
-        bytes: Some(map.bus_bytes.into()),
-    })
 }
 
 fn mapped(file: &File, path: &Path, bytes: u32) -> Result<Region<LinuxWindow>, MemoryError> {

@@ -37,6 +37,7 @@ fn model() -> Model {
         system: "utah-mit-hand".into(),
         file: "hand.toml".into(),
         window_bytes: 4096,
+        shared_memory: None,
         files_root: Some("/srv/hand/files".into()),
         pid: 1,
         uptime: 12.0,

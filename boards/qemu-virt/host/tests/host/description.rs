@@ -82,7 +82,7 @@ fn a_machine_is_laid_out_by_its_harts() {
         options: vec!["-icount".into(), "shift=0".into()],
     };
     assert!(shown.contains(&format!("{qemu:?}")), "{shown}");
-    let map = Map::new(32 << 20, &[0, 1], 262_144, 16384).unwrap();
+    let map = Map::new(32 << 20, &[0, 1], 262_144, 16384, 0).unwrap();
     assert!(shown.contains(&format!("{map:?}")), "{shown}");
 }
 

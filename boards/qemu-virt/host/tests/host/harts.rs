@@ -24,7 +24,7 @@ fn fresh() -> &'static StaticMemory<{ MEMORY as usize / 4 }> {
 #[test]
 fn what_the_host_lays_out_the_harts_find() {
     let memory = memory();
-    let map = Map::new(MEMORY, &[1, 2, 3, 0], 65536, 16384).unwrap();
+    let map = Map::new(MEMORY, &[1, 2, 3, 0], 65536, 16384, 8192).unwrap();
     assert!(matches!(
         Map::read(&memory),
         Err(MapError::NoMap { found: 0 })
@@ -38,12 +38,13 @@ fn what_the_host_lays_out_the_harts_find() {
 
 #[test]
 fn nothing_overlaps() {
-    let map = Map::new(MEMORY, &[0, 1, 2, 3], 65000, 100).unwrap();
+    let map = Map::new(MEMORY, &[0, 1, 2, 3], 65000, 100, 5000).unwrap();
     let mut ends = vec![(0, map::AT), (map::AT, map::PAGE)];
     ends.extend((0..4).map(|hart| (Map::control(hart), map::PAGE)));
     ends.extend((0..16).map(|number| (map.mail.at(number), Map::mail_bytes())));
     ends.extend((0..16).map(|number| (map.data.at(number), map.data_bytes)));
     ends.push((map.bus, map.bus_bytes));
+    ends.push((map.shared, map.shared_bytes));
     ends.extend((0..4).map(|hart| (map.programs.at(hart), map.programs.stride)));
     for pair in ends.windows(2) {
         assert!(pair[0].0 + pair[0].1 <= pair[1].0, "{pair:x?}");
@@ -55,29 +56,29 @@ fn nothing_overlaps() {
 #[test]
 fn what_cannot_be_laid_out_is_said() {
     assert_eq!(
-        Map::new(MEMORY, &[], 65536, 0),
+        Map::new(MEMORY, &[], 65536, 0, 0),
         Err(MapError::Harts { found: 0 })
     );
     assert_eq!(
-        Map::new(MEMORY, &[0; 9], 65536, 0),
+        Map::new(MEMORY, &[0; 9], 65536, 0, 0),
         Err(MapError::Harts { found: 9 })
     );
     assert_eq!(
-        Map::new(MEMORY, &[0, 32], 65536, 0),
+        Map::new(MEMORY, &[0, 32], 65536, 0, 0),
         Err(MapError::Number {
             hart: 1,
             number: 32
         })
     );
     assert_eq!(
-        Map::new(MEMORY, &[3, 3], 65536, 0),
+        Map::new(MEMORY, &[3, 3], 65536, 0, 0),
         Err(MapError::Number { hart: 1, number: 3 })
     );
     assert!(matches!(
-        Map::new(MEMORY, &[0], 1 << 20, 0),
+        Map::new(MEMORY, &[0], 1 << 20, 0, 0),
         Err(MapError::TooSmall { found: MEMORY, needed }) if needed > u64::from(MEMORY)
     ));
-    assert!(Map::new(u32::MAX, &[0], u32::MAX, u32::MAX).is_err());
+    assert!(Map::new(u32::MAX, &[0], u32::MAX, u32::MAX, 0).is_err());
 }
 
 #[test]
@@ -173,7 +174,7 @@ proptest! {
             static NOISE: &'static StaticMemory<{ MEMORY as usize / 4 }> = fresh();
         }
         let memory = Region::whole(NOISE.with(|memory| memory.window()));
-        Map::new(MEMORY, &[1, 2, 3, 0], 65536, 16384).unwrap().write(&memory).unwrap();
+        Map::new(MEMORY, &[1, 2, 3, 0], 65536, 16384, 0).unwrap().write(&memory).unwrap();
         for (at, word) in (0u32..).zip(words).skip(2 + right) {
             memory.set_word(map::AT + 4 * at, word).unwrap();
         }

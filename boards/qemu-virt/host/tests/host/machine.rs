@@ -37,7 +37,7 @@ struct Rig {
 impl Rig {
     fn new() -> Self {
         let directory = tempfile::tempdir().unwrap();
-        let map = Map::new(16 << 20, &[0, NUMBER.0], 4096, 4096).unwrap();
+        let map = Map::new(16 << 20, &[0, NUMBER.0], 4096, 4096, 0).unwrap();
         let memory = MachineMemory::create(directory.path().join("memory"), &map).unwrap();
         let system = memory.system(&directory.path().join("mailbox")).unwrap();
         let supervisor = system.claim(SUPERVISOR).unwrap();
@@ -77,6 +77,7 @@ impl Rig {
             window_bytes: 4096,
             processor: NUMBER,
             bus: None,
+            shared_memory: None,
             loops: Loops::Threads,
             cpu: None,
             priority: None,

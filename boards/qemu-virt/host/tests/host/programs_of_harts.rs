@@ -10,7 +10,7 @@ use crate::elf;
 const MEMORY: u32 = 16 << 20;
 
 fn map() -> Map {
-    Map::new(MEMORY, &[1, 2], 4096, 4096).unwrap()
+    Map::new(MEMORY, &[1, 2], 4096, 4096, 0).unwrap()
 }
 
 fn range(hart: u32) -> u64 {
