@@ -18,7 +18,7 @@ pub(crate) struct Program {
     pub package: String,
     /// The name of the test, or `lib` or the like for unit tests.
     pub name: String,
-    path: PathBuf,
+    pub path: PathBuf,
     /// Where the package is.
     directory: PathBuf,
 }
