@@ -16,6 +16,7 @@ mod mos;
 mod mos_instructions;
 mod options;
 mod process;
+mod results;
 mod riscv_instructions;
 mod shuffle;
 mod swing;
@@ -141,8 +142,19 @@ fn main() -> ExitCode {
         println!("{header}");
     }
     match (command.run)(&options) {
-        Ok(report) if options.json => println!("{}", report.json()),
-        Ok(report) => println!("{report}"),
+        Ok(report) => {
+            if options.json {
+                println!("{}", report.json());
+            } else {
+                println!("{report}");
+            }
+            if options.record
+                && let Err(error) = results::record(command.name, command.about, &header, &report)
+            {
+                eprintln!("{error}");
+                return ExitCode::FAILURE;
+            }
+        }
         Err(error) => {
             eprintln!("{}: {error}", command.name);
             return ExitCode::FAILURE;

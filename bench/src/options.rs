@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 /// The options, for the usage text.
-pub(crate) const USAGE: &str = "[--json] [--rounds N] [--quick] [--pinocchio VENV]";
+pub(crate) const USAGE: &str = "[--json] [--rounds N] [--quick] [--record] [--pinocchio VENV]";
 
 /// An interval of a median over fewer rounds says nothing.
 const LEAST_ROUNDS: usize = 7;
@@ -15,6 +15,8 @@ pub(crate) struct Options {
     pub(crate) json: bool,
     /// How many rounds to play; the sub-command's own number if `None`.
     pub(crate) rounds: Option<usize>,
+    /// Write what comes out to `RESULTS.md`, too.
+    pub(crate) record: bool,
     /// Take some ten seconds, at the price of wider intervals.
     pub(crate) quick: bool,
     /// The virtual environment with Pinocchio, which `hand` asks for; its own if `None`.
@@ -32,6 +34,7 @@ impl Options {
             match argument.as_str() {
                 "--json" => options.json = true,
                 "--quick" => options.quick = true,
+                "--record" => options.record = true,
                 "--pinocchio" => {
                     options.pinocchio = Some(arguments.next().ok_or(argument)?.into());
                 }

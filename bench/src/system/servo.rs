@@ -114,7 +114,7 @@ impl<'b, W: MemoryWindow + Clone, const F: usize> Fingers<'b, W, F> {
             for joint in 0..JOINTS {
                 controller.set_mode(joint, Mode::Position)?;
             }
-            controllers.push(controller);
+            controllers.push(Some(controller));
         }
         let controllers = controllers
             .try_into()
