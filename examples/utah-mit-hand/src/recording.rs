@@ -185,25 +185,32 @@ pub enum RecordingError {
         ticks: u32,
     },
     /// The outputs are not those of the recorded run.
-    #[error("tick {tick} put out {}", Difference(.was, .is))]
+    #[error("tick {tick} put out {difference}")]
     Differs {
         /// The first tick that differs, from 0.
         tick: u32,
-        /// The counts that were put out.
-        was: [u16; OUTPUTS],
-        /// The counts that are put out now.
-        is: [u16; OUTPUTS],
+        /// In what.
+        difference: Difference,
     },
 }
 
-/// In what the counts differ that were put out, and are.
-struct Difference<'c>(&'c [u16; OUTPUTS], &'c [u16; OUTPUTS]);
+/// In what the outputs of a tick differ: the first output with other counts, those that were put out, and
+/// those of now; nothing if only the tensions differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Difference(Option<(u32, u16, u16)>);
 
-impl fmt::Display for Difference<'_> {
+impl Difference {
+    pub(crate) fn of(was: &[u16; OUTPUTS], is: &[u16; OUTPUTS]) -> Self {
+        let mut outputs = (0..).zip(was.iter().zip(is));
+        let first = outputs.find(|(_, (was, is))| was != is);
+        Self(first.map(|(output, (was, is))| (output, *was, *is)))
+    }
+}
+
+impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut outputs = (0..).zip(self.0.iter().zip(self.1));
-        match outputs.find(|(_, (was, is))| was != is) {
-            Some((output, (was, is))) => write!(
+        match self.0 {
+            Some((output, was, is)) => write!(
                 f,
                 "{was} counts at output {output} when it was recorded, and {is} now"
             ),

@@ -23,7 +23,7 @@ use zerocopy::IntoBytes;
 
 use crate::failure::Failure;
 use crate::grasp::Own;
-use crate::recording::{Fnv, Output, RecordingError, Replay as Arguments, Row, Rows};
+use crate::recording::{Difference, Fnv, Output, RecordingError, Replay as Arguments, Row, Rows};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
 use crate::{JOINTS, UtahMit, start};
 
@@ -96,8 +96,7 @@ impl<'r, M: Machine> Replaying<'r, M> {
                 // From here on the hashes say nothing new.
                 difference.get_or_insert(RecordingError::Differs {
                     tick: rows.ticks() - 1,
-                    was: done.counts,
-                    is: output.counts,
+                    difference: Difference::of(&done.counts, &output.counts),
                 });
             }
             sink.put(output.as_bytes())?;

@@ -179,7 +179,7 @@ fn serve<M: Machine>(
         .tune(&gains.laws)
         .tune(&gains.numbers)
         .servo(LOOP, start::rate(rate_hz), &mut |tick| {
-            fingers.tick(tick.due)
+            fingers.tick(tick.due);
         })
         .background(|background| {
             let say = |line: Arguments<'_>| background.print(format_args!("{line}\n"));

@@ -256,7 +256,7 @@ impl Program for Table {
             .watch(&variables.target)
             .watch(&variables.force)
             .servo("axes", start::rate(rate_hz), &mut |tick| {
-                axes.tick(tick.due)
+                axes.tick(tick.due);
             })
             .background(|background| {
                 background.print(format_args!("moves the table at {rate_hz} Hz\n"));

@@ -109,7 +109,7 @@ struct Step {
 
 impl Grasp {
     /// No grasp yet, on a processor that serves these fingers.
-    pub(crate) fn new(hand: &UtahMit, served: &[bool; FINGERS]) -> Result<Self, Failure> {
+    pub(crate) fn new(hand: &UtahMit, served: [bool; FINGERS]) -> Result<Self, Failure> {
         let mut members = heapless::Vec::<_, FINGERS>::new();
         for (number, finger) in hand.fingers.iter().enumerate() {
             let torque = |joint: &condor_hand::config::Joint<JOINTS>| {
@@ -135,7 +135,7 @@ impl Grasp {
             .iter_mut()
             .zip(served)
             .enumerate()
-            .filter(|(_, (_, served))| **served)
+            .filter(|(_, (_, served))| *served)
         {
             *holder = Some(Holder::new(finger));
         }
@@ -542,7 +542,7 @@ mod tests {
             FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap()
         });
         let mut fingers = Fingers(served.collect());
-        let mut law = Grasp::new(&hand, &[true, true, false, false]).unwrap();
+        let mut law = Grasp::new(&hand, [true, true, false, false]).unwrap();
         let [stiffness, damping] = [150.0, 1.0].map(|n| [n, n, n, n * 1e-3, n * 1e-3, n * 1e-3]);
         let mut order = Order::hold(0b1111, tips(&hand, &POSTURE).unwrap(), stiffness, damping);
         order.squeeze_n = 1.0;

@@ -60,7 +60,7 @@ impl<'r> Control<'r> {
         Ok(Self {
             hand,
             served,
-            grasp: Grasp::new(hand, &served)?,
+            grasp: Grasp::new(hand, served)?,
             velocity: [Vector4::zeros(); FINGERS],
             published: Joints::default(),
         })
