@@ -1,6 +1,7 @@
 //! The command line of `condor`, and of programs that are `condor` with programs of their own.
 //!
-//! A package with programs for its processors has one binary, which is all of them:
+//! A package with programs for its processors has one binary, which contains `condor` and all of
+//! them:
 //!
 //! ```no_run
 //! use std::process::ExitCode;
@@ -35,29 +36,31 @@ use crate::extension::Extension;
 use crate::plain::plain_lines;
 use crate::system::SystemDirectory;
 
-/// Runs a program with its arguments, in the process that a supervisor started for it; most call
-/// [`linux::run`](condor_rt::linux::run).
+/// A program: gets its arguments, and runs in the process that a supervisor started for it. Most
+/// such functions call [`linux::run`](condor_rt::linux::run).
 pub type Run = fn(Vec<String>) -> ExitCode;
 
-/// What a binary adds to `condor`; if that is programs alone, [`Programs`] is one.
+/// The parts that a binary adds to `condor`. If it adds only programs and extensions, use
+/// [`Programs`].
 pub trait Application: Sync {
-    /// The programs by their names, which may follow `program = "self"` as the first argument.
+    /// Returns the programs with their names. With `program = "self"` in a description, the first
+    /// argument is such a name.
     fn programs(&self) -> &[(&'static str, Run)];
 
-    /// The description of the system that is meant when none is named.
+    /// Returns the file of the description that commands use if none is named.
     fn description(&self) -> Option<PathBuf> {
         None
     }
 
-    /// What this binary adds to the kinds of processors and to the services.
+    /// Returns the extensions: further kinds of processors, and further services.
     fn extensions(&self) -> &[&'static dyn Extension] {
         &[]
     }
 
-    /// Checks the configuration of the robot in the file `robot`, which the description names.
+    /// Checks the robot's configuration in the file `robot`, which the description names.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// An error that says what is wrong with it.
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
         Err(format!(
             "{} has no use for {}; leave `robot` out",
@@ -67,21 +70,21 @@ pub trait Application: Sync {
         .into())
     }
 
-    /// Makes what the programs of a system need, such as files that they load. `condor up` calls it before
-    /// it starts them; no other run of the system is alive then.
+    /// Makes what the programs of a system need, such as files that they load. `condor up` calls it
+    /// before it starts them; no other run of the system is alive then.
     ///
     /// # Errors
-    /// Why it cannot be made; then the system is not started.
+    /// An error that says what cannot be made; the system is not started then.
     fn prepare(&self, description: &Description) -> Result<(), AnyError> {
         let _ = description;
         Ok(())
     }
 
-    /// Writes what is to be said of the system in `directory`, beside its loops and messages, before
-    /// its programs are stopped at the end of a run without user interface.
+    /// Writes a summary of the system in `directory`, beside that of its loops and messages. In a
+    /// run without user interface, it is called at the end, before the programs are stopped.
     ///
     /// # Errors
-    /// Why it cannot be said.
+    /// An error that says why there is no summary.
     fn summarize(
         &self,
         description: &Description,
@@ -92,8 +95,8 @@ pub trait Application: Sync {
     }
 }
 
-/// An application that adds programs alone, by their names. When no description is named, `condor.toml` in the
-/// working directory is meant.
+/// An application that adds programs by their names, and extensions. If no description is named, it
+/// uses `condor.toml` in the working directory.
 #[derive(Clone, Copy, Default)]
 pub struct Programs<'p> {
     programs: &'p [(&'static str, Run)],
@@ -101,7 +104,7 @@ pub struct Programs<'p> {
 }
 
 impl<'p> Programs<'p> {
-    /// Programs by their names.
+    /// Makes an application of programs with their names.
     #[must_use]
     pub const fn new(programs: &'p [(&'static str, Run)]) -> Self {
         Self {
@@ -110,7 +113,7 @@ impl<'p> Programs<'p> {
         }
     }
 
-    /// The same with these extensions.
+    /// Adds these extensions.
     #[must_use]
     pub const fn with(mut self, extensions: &'p [&'static dyn Extension]) -> Self {
         self.extensions = extensions;
@@ -192,11 +195,11 @@ pub(crate) struct Which {
     pub(crate) system: Option<String>,
 }
 
-/// What a command failed of; it is shown to people.
+/// The error of a command, which is shown to people.
 pub type AnyError = Box<dyn core::error::Error>;
 
-/// Runs what the arguments of this process say, and gives its exit status: 0 for success, 1 for
-/// failure, 2 for arguments that cannot be understood.
+/// Runs the command that the arguments of this process name. Returns its exit status: 0 for
+/// success, 1 for failure, 2 for arguments that cannot be understood.
 pub fn main(application: &dyn Application) -> ExitCode {
     // It exits by itself, with 2, if they cannot be understood.
     let line = Line::parse();

@@ -1,9 +1,9 @@
 //! The control socket of a running system: its protocol, and the [`Client`] that commands use.
 //!
-//! Requests and answers are JSON objects, one a line, over the Unix socket `control` in the
-//! directory of the [system](crate::system). A request is answered when what it asks for has been
-//! done: a `stop` when the program has ended, a `start` when it has joined. Several requests may be sent
-//! without waiting; they are carried out one after the other.
+//! Requests and answers are JSON objects, one per line, over the Unix socket `control` in the
+//! directory of the [system](crate::system). The answer comes when the request has taken effect:
+//! for a `stop`, when the program has ended; for a `start`, when it has joined. Several requests
+//! may be sent without waiting; they are carried out one after the other.
 //!
 //! ```text
 //! {"do":"stop","processor":"servo-a"}
@@ -24,80 +24,81 @@ use condor_mbox::linux::LinuxWindow;
 use condor_rt::linux::{FileRange, ProcessError};
 use serde::{Deserialize, Serialize};
 
-/// What a supervisor is asked.
+/// A request to the supervisor.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "lowercase", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum Request {
-    /// How the system is: [`Status`].
+    /// Asks for the [`Status`] of the system.
     Status {},
     /// Stops a processor or a service.
     Stop {
-        /// Its name, or its number.
+        /// The name or the number of the processor or service.
         processor: String,
     },
-    /// Starts one that does not run.
+    /// Starts a processor or a service that does not run.
     Start {
-        /// Its name, or its number.
+        /// Its name or its number.
         processor: String,
     },
     /// Stops a processor, and starts it with another program.
     Load {
-        /// Its name, or its number.
+        /// The name or the number of the processor.
         processor: String,
-        /// As in a description, relative to it; without it the same program, with other arguments.
+        /// The program, written as in the description and relative to it; `None` means the same
+        /// program with other arguments.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         program: Option<String>,
-        /// What the program is given.
+        /// The arguments of the program.
         #[serde(default)]
         arguments: Vec<String>,
     },
-    /// Ends the system; the connection is closed when that is done.
+    /// Ends the system; the connection is closed when it has ended.
     Down {},
-    /// The last lines of the log.
+    /// Asks for the last lines of the log.
     Log {
-        /// How many at most.
+        /// The greatest number of lines.
         lines: usize,
     },
-    /// Answers, and then sends every [`Event`] as a line, as they happen.
+    /// Asks for events: after the answer, every [`Event`] is sent as a line when it happens.
     Events {},
 }
 
-/// What a supervisor answers.
+/// An answer of the supervisor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Answer {
-    /// Whether it has been done.
+    /// Whether the request has been carried out.
     pub ok: bool,
-    /// Why not.
+    /// The reason, if it was not carried out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// To [`Request::Status`].
+    /// The answer to [`Request::Status`].
     #[serde(flatten, default, skip_serializing_if = "Option::is_none")]
     pub status: Option<Status>,
-    /// To [`Request::Log`].
+    /// The answer to [`Request::Log`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lines: Option<Vec<String>>,
 }
 
-/// How a system is.
+/// The state of a system.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Status {
     /// The name of the system.
     pub system: String,
-    /// The description that it was started from.
+    /// The file of the description from which it was started.
     pub file: String,
-    /// Users' bytes of each processor's window.
+    /// The size of the users' region of each processor's `data`, in bytes.
     pub window_bytes: u32,
     /// The memory that belongs to no processor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shared_memory: Option<SharedMemory>,
-    /// The directory that is served.
+    /// The directory that the file service serves.
     pub files_root: Option<String>,
-    /// The process of the supervisor.
+    /// The process number of the supervisor.
     pub pid: u32,
-    /// Seconds since it was started.
+    /// The seconds since the start of the system.
     pub uptime: f64,
     /// The services.
     pub services: Vec<Member>,
@@ -132,33 +133,33 @@ impl SharedMemory {
     }
 }
 
-/// How a processor, or a service, is.
+/// The state of a processor or a service.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Member {
     /// Its number in the system.
     pub number: u8,
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// What it is: `service`, `process`, or the word of another kind of processors.
+    /// Its kind: `service`, `process`, or the word of another kind of processors.
     pub kind: String,
-    /// Whether its programs run on this machine, and share its clock.
+    /// Whether its program runs on this machine, and shares its clock.
     pub runs_here: bool,
-    /// What runs there: a path, or `self`.
+    /// Its program: a path, or `self`.
     pub program: String,
-    /// What the program is given.
+    /// The arguments of the program.
     pub arguments: Vec<String>,
-    /// The process, while there is one.
+    /// The number of its process, while there is one.
     pub pid: Option<u32>,
-    /// How it is.
+    /// Its state.
     pub state: MemberState,
-    /// How often it was started again after a failure.
+    /// The number of restarts after failures.
     pub restarts: u32,
-    /// How its program ended the last time, such as `exit status: 1` or `killed by SIGKILL`.
+    /// The last end of its program, such as `exit status: 1` or `killed by SIGKILL`.
     pub last_exit: Option<String>,
 }
 
-/// How a processor is.
+/// The state of a processor or a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -167,18 +168,18 @@ pub enum MemberState {
     Starting,
     /// Its program has joined.
     Running,
-    /// Its program has joined, and its heart stands still.
+    /// Its program has joined, but its heartbeat has stopped.
     Stalled,
-    /// Its program failed, and is not started again.
+    /// Its program has failed and is not restarted.
     Failed,
     /// It was stopped, or its program has ended by itself without failing.
     Stopped,
-    /// Its program failed, and is about to be started again.
+    /// Its program has failed and is about to be restarted.
     Restarting,
 }
 
 impl MemberState {
-    /// The word that stands for it in JSON.
+    /// Returns the word for this state in JSON.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -198,17 +199,17 @@ impl core::fmt::Display for MemberState {
     }
 }
 
-/// Something that happened.
+/// An event in a system: a line of its log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Event {
-    /// When, as RFC 3339 says it.
+    /// The time, in the format of RFC 3339.
     pub time: String,
     /// The processor or service, or `condor`.
     pub source: String,
-    /// What.
+    /// The description of the event.
     pub text: String,
-    /// The state into which the processor came thereby.
+    /// The new state of the processor, if the event changed it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub state: Option<MemberState>,
 }

@@ -1,39 +1,39 @@
 //! The description of a system: a TOML file that says which programs run on which processors.
 //!
-//! | key | is | default |
+//! | key | meaning | default |
 //! |---|---|---|
-//! | `name` | the name of the system, which its running directory has, too | |
-//! | `window_bytes` | users' memory of each processor, a multiple of 4096 | |
+//! | `name` | the name of the system, and of its running directory | |
+//! | `window_bytes` | the size of the users' region of each processor's `data`, in bytes, a multiple of 4096 | |
 //! | `robot` | the file with the robot's configuration, for programs that need one | none |
-//! | `[bus]` `bytes` | the size of the file that all programs map as their bus, a multiple of 4096 | no bus |
-//! | `[shared_memory]` `bytes` | the size of a memory that belongs to no processor and that all reach, a multiple of 4096 | none |
+//! | `[bus]` `bytes` | the size of the file that all programs map as their bus, in bytes, a multiple of 4096 | no bus |
+//! | `[shared_memory]` `bytes` | the size of a memory that belongs to no processor and that all processors reach, in bytes, a multiple of 4096 | none |
 //! | `[…]` | the table of an [extension](crate::extension) | none |
-//! | `[files]` `root` | the directory that is served, made if there is none | nothing is served |
-//! | `[files]` `read_only`, `quota_bytes`, `max_file_bytes` | what the programs may do there | everything |
-//! | `[terminals]` `replay_bytes` | how much of a terminal's past who attaches is shown | 65536 |
-//! | `[terminals]` `log_bytes` | the size from which a terminal's log is kept as the old one, in the place of the old one of before, and a new one begins; not less than `replay_bytes` | 4194304 |
-//! | `[services]` `restarts` | restarts of a service in a minute, or in a row without that it joined, after which it has failed for good | 20 |
-//! | `[[processors]]` | the programs, in the order in which they are started | |
+//! | `[files]` `root` | the directory that the file service serves; it is made if it does not exist | nothing is served |
+//! | `[files]` `read_only`, `quota_bytes`, `max_file_bytes` | the limits of programs there | no limits |
+//! | `[terminals]` `replay_bytes` | how much of a terminal's earlier output a new viewer gets, in bytes | 65536 |
+//! | `[terminals]` `log_bytes` | the size in bytes at which the log of a terminal is rotated; one previous log is kept. It is at least `replay_bytes` | 4194304 |
+//! | `[services]` `restarts` | the greatest number of restarts of a service in a minute, or in a row if it does not join; then it has failed for good | 20 |
+//! | `[[processors]]` | the processors with their programs, in the order in which they are started | |
 //!
-//! | key of a processor | is | default |
+//! | key of a processor | meaning | default |
 //! |---|---|---|
-//! | `number` | 0 to 11 | |
-//! | `name` | what commands call it | |
-//! | `program` | `"self"` for one of the program's own, or a file | |
-//! | `arguments` | what the program is given | `[]` |
-//! | `headless` | lines that are typed at its terminal when all programs run, without user interface | `[]` |
-//! | `kind` | what the processor is: `"process"` of this machine, or the kind of an extension | `"process"` |
-//! | `loops` | how servo loops run: in `"threads"`, in `"signals"` if the program allows it, or `"spin"` (see [`condor_rt::linux`]) | `"threads"` |
-//! | `cpu` | the CPU that the process keeps to | any |
-//! | `priority` | of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
-//! | `on_failure` | `"restart"`, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
-//! | `restarts` | restarts in a minute, or in a row without that it joined, after which it has failed for good | 10 |
-//! | `stall_seconds` | how long a heart may stand still before that is a failure; 0: for ever | 5 |
+//! | `number` | its number, 0 to 11 | |
+//! | `name` | its name in commands | |
+//! | `program` | `"self"` for a program of the running binary, or a file | |
+//! | `arguments` | the arguments of the program | `[]` |
+//! | `headless` | lines that are typed at its terminal when all programs run, in a run without user interface | `[]` |
+//! | `kind` | `"process"` of this machine, or the kind of an extension | `"process"` |
+//! | `loops` | the way in which servo loops run: in `"threads"`, in `"signals"` if the program allows it, or `"spin"` (see [`condor_rt::linux`]) | `"threads"` |
+//! | `cpu` | the CPU to which the process is pinned | any |
+//! | `priority` | a priority of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
+//! | `on_failure` | `"restart"` the program, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
+//! | `restarts` | the greatest number of restarts in a minute, or in a row if the program does not join; then it has failed for good | 10 |
+//! | `stall_seconds` | how long the heartbeat may stop before that is a failure, in seconds; 0: for ever | 5 |
 //!
-//! `loops`, `cpu` and `priority` are for processes alone; other kinds have keys of their own.
+//! `loops`, `cpu` and `priority` are only for processes; other kinds have keys of their own.
 //!
-//! Paths are relative to the description. A program is looked for there, then beside the running
-//! program, then in `PATH`.
+//! Paths are relative to the directory of the description. A program is searched there, then in the
+//! directory of the running program, then in `PATH`.
 
 mod check;
 mod mistake;
@@ -49,26 +49,26 @@ pub use mistake::{Mistake, Mistakes, Problem};
 pub use read::beside;
 pub use tree::{At, Keys};
 
-/// A system that passed every check.
+/// The description of a system, which has passed every check.
 #[derive(Debug)]
 pub struct Description {
-    /// The file that it was read from.
+    /// The file from which it was read.
     pub file: PathBuf,
-    /// What the system is called.
+    /// The name of the system.
     pub name: String,
-    /// Users' memory of each processor, in bytes.
+    /// The size of the users' region of each processor's `data`, in bytes.
     pub window_bytes: u32,
-    /// The configuration of the robot.
+    /// The file with the configuration of the robot.
     pub robot: Option<PathBuf>,
-    /// Bytes of the bus on which the boards are, if there is one.
+    /// The size of the bus to which the boards are connected, in bytes.
     pub bus_bytes: Option<u32>,
-    /// Bytes of the memory that belongs to no processor, if there is one.
+    /// The size of the memory that belongs to no processor, in bytes.
     pub shared_bytes: Option<u32>,
-    /// What the file service serves.
+    /// The directory that the file service serves, and the limits there.
     pub files: Option<Files>,
-    /// How terminals are shown.
+    /// The sizes of the terminals' records.
     pub terminals: Terminals,
-    /// Restarts of a service in a minute after which it has failed for good.
+    /// The greatest number of restarts of a service in a minute; then it has failed for good.
     pub service_restarts: u32,
     /// The processors, in the order in which they are started.
     pub processors: Vec<ProcessorEntry>,
@@ -86,25 +86,25 @@ pub(crate) struct Entry {
     pub(crate) group: Box<dyn Group>,
 }
 
-/// What the file service serves.
+/// The directory that the file service serves, and the limits there.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Files {
     /// The directory.
     pub root: PathBuf,
-    /// Whether nothing in it can be changed.
+    /// Whether programs can change nothing in it.
     pub read_only: bool,
-    /// The most bytes that all files together may have.
+    /// The greatest size of all files together, in bytes.
     pub quota_bytes: Option<u64>,
-    /// The most bytes that one file may have.
+    /// The greatest size of one file, in bytes.
     pub max_file_bytes: Option<u64>,
 }
 
-/// How terminals are shown.
+/// The sizes of the terminals' records.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Terminals {
-    /// How many bytes of a terminal's past who attaches is shown.
+    /// The number of bytes of a terminal's earlier output that a new viewer gets.
     pub replay_bytes: u32,
-    /// From how many bytes on a log is kept as the old one, and a new one begins.
+    /// The size in bytes at which a log is rotated; one previous log is kept.
     pub log_bytes: u32,
 }
 
@@ -122,44 +122,45 @@ impl Default for Terminals {
 pub struct ProcessorEntry {
     /// Its number, 0 to 11.
     pub number: u8,
-    /// What commands call it.
+    /// Its name in commands.
     pub name: String,
-    /// What runs on it.
+    /// Its program.
     pub program: ProgramEntry,
-    /// What the program is given.
+    /// The arguments of the program.
     pub arguments: Vec<String>,
-    /// What is typed at its terminal, line by line, when all programs run and nobody else is to type.
+    /// The lines that are typed at its terminal when all programs run, in a run without user
+    /// interface.
     pub headless: Vec<String>,
-    /// What the processor is.
+    /// The kind of the processor.
     pub kind: &'static str,
     /// Whether its programs run on this machine.
     pub runs_here: bool,
-    /// What follows when its program fails.
+    /// The reaction to a failure of its program.
     pub on_failure: OnFailure,
-    /// Restarts in a minute after which it has failed for good.
+    /// The greatest number of restarts in a minute; then it has failed for good.
     pub restarts: u32,
-    /// Seconds that its heart may stand still before that is a failure; 0: for ever.
+    /// The seconds for which its heartbeat may stop before that is a failure; 0: for ever.
     pub stall_seconds: u32,
 }
 
-/// What runs on a processor.
+/// The program of a processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ProgramEntry {
-    /// One of the running program's own, named by the first argument.
+    /// A program of the running binary, named by the first argument.
     Own,
     /// The program in this file.
     File(PathBuf),
 }
 
-/// What follows when a program fails.
+/// The reaction to a failure of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum OnFailure {
-    /// It is started again.
+    /// The program is restarted.
     Restart,
     /// The whole system is stopped.
     Stop,
-    /// Nothing.
+    /// Nothing happens.
     Leave,
 }

@@ -1,11 +1,12 @@
 //! [`Extension`]: kinds of processors and services that an application adds to `condor`.
 //!
-//! Processes are one, [`PROCESSES`], which is always there. A board's crate adds its own:
-//! [`Application::extensions`](crate::cli::Application::extensions) names it, and nothing in this crate changes.
+//! Processes of this machine are an extension that is always there: [`PROCESSES`]. The crate of a
+//! board adds its own: [`Application::extensions`](crate::cli::Application::extensions) lists it,
+//! and nothing in this crate changes.
 //!
-//! An extension goes through three stages, each of which makes the next one: [`Extension::read`] checks what a
-//! description says, [`Group::furnish`] makes what must be there before programs start, and
-//! [`Furnished::launch`] what runs the program of a processor.
+//! An extension goes through three stages, and each returns the next one: [`Extension::read`]
+//! checks the description, [`Group::furnish`] makes what must exist before programs start, and
+//! [`Furnished::launch`] returns the [`Launch`] that runs the program of a processor.
 
 use core::fmt::Debug;
 use std::path::{Path, PathBuf};
@@ -22,61 +23,63 @@ use crate::system::SystemDirectory;
 
 /// A kind of processors, a service, or both.
 pub trait Extension: Sync {
-    /// The word that a processor of this kind has as its `kind` in a description; `None` if the extension is a
-    /// service alone.
+    /// Returns the word that a processor of this kind has as its `kind` in a description; `None` if
+    /// the extension has only a service.
     fn kind(&self) -> Option<&'static str> {
         None
     }
 
-    /// The table of a description that belongs to this extension, which is also the name of its service.
+    /// Returns the name of the table of a description that belongs to this extension; its service
+    /// has the same name.
     fn table(&self) -> Option<&'static str> {
         None
     }
 
-    /// Whether the programs of such processors run on this machine: then `program` may be `"self"`, and is
-    /// looked for in `PATH`. Otherwise it is a file.
+    /// Returns whether the programs of such processors run on this machine. If so, `program` may be
+    /// `"self"`, and is also searched in `PATH`; otherwise it is a file.
     fn runs_here(&self) -> bool {
         false
     }
 
-    /// Reads the keys that are this extension's. It is called if the description has the table or a processor
-    /// of this kind. What is wrong it tells by [`Keys::wrong`]; a key that it does not ask for is told as
-    /// unknown.
+    /// Reads the keys of this extension. It is called if the description has the extension's table
+    /// or a processor of its kind. It reports mistakes by [`Keys::wrong`]; keys that it does not
+    /// ask for are reported as unknown.
     ///
     /// Returns `None` if something is wrong.
     fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>>;
 
-    /// Runs the service, in the process that a supervisor started for it, until SIGTERM. It is given the
-    /// arguments of its [`Service`].
+    /// Runs the service until SIGTERM, in the process that a supervisor started for it. `arguments`
+    /// are those of its [`Service`].
     ///
     /// # Errors
-    /// Why it does not serve.
+    /// An error that says why it does not serve.
     fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {
         let _ = arguments;
         Err("this extension has no service".into())
     }
 }
 
-/// What a description says of an extension.
+/// The parts of a description that belong to an extension.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Found<'a, 't> {
-    /// The file of the description, to which paths are relative: see [`beside`](crate::description::beside) and
+    /// The file of the description, to which paths are relative: see
+    /// [`beside`](crate::description::beside) and
     /// [`find_program`](crate::description::find_program).
     pub file: &'a Path,
-    /// The table.
+    /// The extension's table.
     pub keys: Option<Keys<'a, 't>>,
     /// The processors of this kind.
     pub processors: Vec<FoundProcessor<'a, 't>>,
-    /// Users' memory of each processor, in bytes.
+    /// The size of the users' region of each processor's `data`, in bytes.
     pub window_bytes: u32,
-    /// Bytes of the bus; 0 if there is none.
+    /// The size of the bus in bytes; 0 if there is none.
     pub bus_bytes: u32,
     /// Bytes of the memory that belongs to no processor; 0 if there is none.
     pub shared_bytes: u32,
 }
 
-/// A processor, of which some may be wrong.
+/// A processor in a description; parts that are wrong are missing.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct FoundProcessor<'a, 't> {
@@ -84,44 +87,45 @@ pub struct FoundProcessor<'a, 't> {
     pub number: Option<u8>,
     /// Its table.
     pub keys: Keys<'a, 't>,
-    /// Its program; `None` if that is one of the application's own.
+    /// The file of its program; `None` if the program is one of the running binary.
     pub program: Option<At<PathBuf>>,
-    /// What the program is given.
+    /// The arguments of the program.
     pub arguments: At<Vec<String>>,
 }
 
-/// What an extension has in a system that is described.
+/// An extension in a system that has been described but not started.
 pub trait Group: Debug {
-    /// Makes what must be there before the first program starts, in the directory of the system. The
-    /// directory `mailbox/` is there and empty; an extension that provides memory puts windows there.
+    /// Makes, in the directory of the system, what must exist before the first program starts. The
+    /// directory `mailbox/` exists and is empty; an extension that provides memory puts windows
+    /// there.
     ///
     /// # Errors
-    /// Why it cannot be made; the system does not come up.
+    /// An error that says what cannot be made; the system does not come up then.
     fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError>;
 }
 
-/// What an extension has in a system that comes up.
+/// An extension in a system that is being started.
 pub trait Furnished {
-    /// Where the bus is, if it lies in memory that this extension provides.
+    /// Returns the file of the bus, if the bus lies in memory that this extension provides.
     fn bus(&self) -> Option<FileRange> {
         None
     }
 
-    /// Where the memory is that belongs to no processor, if it lies in memory that this extension provides.
+    /// Returns the file of the memory that belongs to no processor, if this extension provides it.
     fn shared_memory(&self) -> Option<FileRange> {
         None
     }
 
-    /// The service, if it is to run.
+    /// Returns the service, if one is to run.
     fn service(&self) -> Option<Service> {
         None
     }
 
-    /// Returns what runs the programs of a processor of this kind, and completes what they are told.
-    /// `doorbell` is the supervisor's.
+    /// Returns the [`Launch`] that runs the programs of a processor of this kind, and completes
+    /// their environment. `doorbell` is the supervisor's.
     ///
     /// # Errors
-    /// Why there is no such processor.
+    /// An error that says why there is no such processor.
     fn launch(
         &self,
         number: Processor,
@@ -135,14 +139,14 @@ pub trait Furnished {
 
 /// A service of an extension, which runs as long as the system.
 pub struct Service {
-    /// What [`Extension::serve`] is given. The number of the service is in its
+    /// The arguments for [`Extension::serve`]. The number of the service is in its
     /// [environment](condor_rt::linux::Environment::read).
     pub arguments: Vec<String>,
-    /// What runs it: a [`Process`], or something around one.
+    /// The [`Launch`] that runs it: a [`Process`], or a wrapper of one.
     pub launch: Box<dyn Launch>,
 }
 
-/// Processes of this machine: the kind of a processor that names none.
+/// The kind of processors that are processes of this machine. It is the default kind.
 pub const PROCESSES: &dyn Extension = &Processes;
 
 struct Processes;

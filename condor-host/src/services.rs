@@ -1,7 +1,6 @@
 //! The services of a running system, each in a process of its own.
 //!
-//! They may be killed at any moment: the supervisor starts them again, and they go on where they
-//! stopped.
+//! A service may be killed at any moment: the supervisor restarts it, and it continues.
 
 pub mod files;
 pub mod terminals;
@@ -13,33 +12,33 @@ use crate::system::Windows;
 use condor_rt::linux::{Environment, ProcessError};
 use condor_rt::numbers::PROCESSORS;
 
-/// Why a service does not serve.
+/// The reason for which a service does not serve.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServiceError {
     /// It was not started by a supervisor.
     #[error(transparent)]
     Environment(#[from] ProcessError),
-    /// The windows.
+    /// The windows cannot be opened.
     #[error(transparent)]
     Windows(#[from] SystemError),
-    /// Its mailbox.
+    /// Its mailbox returned this error.
     #[error(transparent)]
     Mailbox(#[from] Error),
-    /// The file server.
+    /// The file server returned this error.
     #[error(transparent)]
     Files(#[from] condor_fs::server::ServerError),
-    /// A file of its own.
+    /// An operation on one of its files failed.
     #[error("cannot {doing} {path:?}: {source}")]
     File {
-        /// What was tried.
+        /// The operation.
         doing: &'static str,
-        /// With which file.
+        /// The path of the file.
         path: std::path::PathBuf,
-        /// The answer.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// Signals, or the wait for events.
+    /// Signals could not be handled, or the wait for events failed.
     #[error("cannot wait for events: {0}")]
     Events(std::io::Error),
 }

@@ -1,11 +1,10 @@
 //! Brings a system up, watches it, and takes it down.
 //!
-//! [`run`] does all that in the thread that calls it, which waits for events alone: a process that
-//! ends, a ring of the mailbox, a request, a signal. The only thing that it looks at now and then
-//! are hearts.
+//! [`run`] does all that in the thread that calls it. The thread waits for events only: the end of
+//! a process, a ring of the mailbox, a request, or a signal. Only heartbeats are polled.
 //!
-//! Programs are started behind [`Launch`]: as [`Process`]es of this machine, or as an
-//! [extension](crate::extension) does it.
+//! Programs are started through [`Launch`]: as [`Process`]es of this machine, or in the way of an
+//! [extension](crate::extension).
 
 mod eye;
 mod hearing;
@@ -47,26 +46,27 @@ pub use signals::Signals;
 /// Requests that are carried out in a turn; others come in the next one.
 const REQUESTS: usize = 16;
 
-/// What a supervisor does beside what the description says.
+/// The options of a supervisor that are not part of a description.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Options {
-    /// The names of the programs that `"self"` can be, for those that are loaded later.
+    /// The names of the binary's own programs, which a later `load` may name after `"self"`.
     pub own: Vec<&'static str>,
-    /// Events are written to standard error, too.
+    /// Whether events are written to standard error, too.
     pub echo: bool,
-    /// The system is taken down after this time.
+    /// The time after which the system is taken down; `None` means never.
     pub duration: Option<Duration>,
-    /// Descendants of programs that lose their parents become children of this process, and all its children
-    /// are killed at the end: for a process that has no others, and whose first thread this is.
+    /// Whether descendants of programs that lose their parents become children of this process. At
+    /// the end all its children are killed, so set this only in a process that has no other
+    /// children, and call [`run`] in its first thread.
     pub adopts: bool,
 }
 
-/// Why a system does not come up, or does not stay up.
+/// The reason for which a system does not come up, or does not stay up.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UpError {
-    /// It is up.
+    /// A system of this name is running already.
     #[error(
         "the system `{name}` is running already{}; `{} down --system {name}` ends it",
         process.map(|process| format!(", as process {process}")).unwrap_or_default(),
@@ -75,69 +75,71 @@ pub enum UpError {
     RunsAlready {
         /// Its name.
         name: String,
-        /// Its supervisor.
+        /// The process number of its supervisor.
         process: Option<u32>,
     },
-    /// A process of the run before does not die.
+    /// A process of the previous run cannot be killed.
     #[error("process {process} of the run before does not die")]
     Leftover {
-        /// Which.
+        /// The number of that process.
         process: u32,
     },
-    /// The directory of running systems.
+    /// The directory of running systems cannot be used.
     #[error(transparent)]
     Directory(#[from] FindError),
-    /// A file of the system.
+    /// An operation on a file of the system failed.
     #[error("cannot {doing} {path:?}: {source}")]
     File {
-        /// What was tried.
+        /// The operation.
         doing: &'static str,
-        /// With which file.
+        /// The path of the file.
         path: PathBuf,
-        /// The answer.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// The windows.
+    /// The windows cannot be made.
     #[error(transparent)]
     Windows(#[from] SystemError),
-    /// The supervisor's mailbox.
+    /// The supervisor's mailbox returned this error.
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
-    /// What the application or an extension has to make before.
+    /// The application or an extension failed to make what the system needs.
     #[error("{0}")]
     Prepare(AnyError),
-    /// A processor that is not to be had.
+    /// A processor cannot be made.
     #[error(transparent)]
     Launch(#[from] LaunchError),
-    /// Signals, or the wait for events.
+    /// Signals could not be handled, or the wait for events failed.
     #[error("cannot wait for events: {0}")]
     Events(std::io::Error),
 }
 
-/// How a system was when it was taken down.
+/// The state of a system when it was taken down.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Summary {
-    /// How everything was just before.
+    /// The state of all processors and services just before.
     pub status: Status,
-    /// Whether something was wrong: the system had not come up, or a program had failed for good, or did
-    /// not run though nobody had stopped it.
+    /// Whether something was wrong: the system had not come up, a program had failed for good, or a
+    /// program did not run although it had not been stopped.
     pub failed: bool,
 }
 
-/// Brings the system up, and keeps it until it is told to end: by a request, by SIGINT, SIGTERM or
-/// SIGHUP, because the description says so, or because a service fails for good before the system is up.
-/// `prepare` is called before a program is started, when no other run of the system is alive; `started` when
-/// all programs have been given the chance to join, with the directory in which the system runs; `ending`
-/// before the programs are stopped, with how everything is. None may ask the supervisor, which does nothing
-/// else meanwhile.
+/// Brings the system up, and keeps it up until it is told to end: by a request, by SIGINT, SIGTERM
+/// or SIGHUP, because the description says so, or because a service fails for good before the
+/// system is up.
 ///
-/// The programs die with the thread that calls this, and their process groups when they end in order.
-/// Descendants that have left these groups are killed at the end if [`Options::adopts`] is set, and by a
-/// [`keeper`].
+/// It calls `prepare` before it starts a program, when no other run of the system is alive. It
+/// calls `started` with the directory of the running system when all programs have had the chance
+/// to join. It calls `ending` with the state of the system before it stops the programs. None of
+/// the three may send requests to the supervisor, which does nothing else meanwhile.
+///
+/// The programs are killed when the thread that calls this ends; if it ends in order, so are their
+/// process groups. Descendants that have left these groups are killed at the end if
+/// [`Options::adopts`] is set, and by a [`keeper`].
 ///
 /// # Errors
-/// [`UpError`]; nothing runs any more then.
+/// [`UpError`]; no program runs any more then.
 pub fn run(
     description: &Description,
     options: Options,

@@ -1,19 +1,19 @@
 //! Running systems of this user, and their directories.
 //!
-//! A system that runs has the directory `$XDG_RUNTIME_DIR/condor/NAME`, or, without that variable,
-//! `/dev/shm/condor-UID/NAME`. In it are
+//! A running system has the directory `$XDG_RUNTIME_DIR/condor/NAME`, or, without that variable,
+//! `/dev/shm/condor-UID/NAME`. It contains:
 //!
-//! | file | |
+//! | file | purpose |
 //! |---|---|
-//! | `mailbox/` | the windows, as [`condor_mbox::linux::System::at`] has them |
-//! | `bus` | the file that all programs map as their bus |
-//! | `shared` | the memory that belongs to no processor |
-//! | others | what an [extension](crate::extension) has made, such as the memory of a machine of harts |
-//! | `control` | the socket of the [control protocol](crate::control) |
-//! | `lock` | locked (`flock`) by the supervisor as long as it lives |
-//! | `pids` | the supervisor's process, then those that it started |
-//! | `log` | what happened, with times; `log.old` is that of the run before, or what was in the log when it had 1 MiB |
-//! | `tty/` | the terminals, see [`services`](crate::services) |
+//! | `mailbox/` | has the windows, as in [`condor_mbox::linux::System::at`] |
+//! | `bus` | is the file that all programs map as their bus |
+//! | `shared` | is the memory that belongs to no processor |
+//! | others | are made by an [extension](crate::extension), such as the memory of a machine of harts |
+//! | `control` | is the socket of the [control protocol](crate::control) |
+//! | `lock` | is locked (`flock`) by the supervisor as long as it lives |
+//! | `pids` | lists the supervisor's process, and then those that it started |
+//! | `log` | lists events with their times; `log.old` is the log of the previous run, or of this run before the log reached 1 MiB |
+//! | `tty/` | has the terminals, see [`services`](crate::services) |
 
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
@@ -23,35 +23,35 @@ use condor_mbox::linux::SystemError;
 use crate::control::client::connect;
 use condor_rt::numbers::PROCESSORS;
 
-/// Why a system is not found.
+/// The reason for which a system is not found.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FindError {
-    /// None of that name runs.
+    /// No system of that name runs.
     #[error("no system `{name}` is running; {}", Running(running))]
     NotRunning {
         /// The name.
         name: String,
-        /// Those that run.
+        /// The names of the running systems.
         running: Vec<String>,
     },
-    /// None runs.
+    /// No system runs.
     #[error("no system is running; `{} up` starts one", crate::cli::me())]
     NoneRunning,
-    /// Several run.
+    /// Several systems run, and none was named.
     #[error("several systems are running, name one: {}", running.join(", "))]
     SeveralRunning {
         /// Their names.
         running: Vec<String>,
     },
-    /// The directory of all systems.
+    /// The directory of all systems cannot be used.
     #[error("cannot {doing} {path:?}: {source}")]
     Directory {
-        /// What was tried.
+        /// The operation that failed.
         doing: &'static str,
-        /// With which directory.
+        /// The path of the directory.
         path: PathBuf,
-        /// The answer.
+        /// The error of the operating system.
         source: std::io::Error,
     },
 }
@@ -67,103 +67,103 @@ impl core::fmt::Display for Running<'_> {
     }
 }
 
-/// The directory of a system, which may run or not.
+/// The directory of a system, which need not be running.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SystemDirectory(PathBuf);
 
 impl SystemDirectory {
-    /// That of the system `name` of this user, which is made if there is none.
+    /// Returns the directory of the system `name` of this user; makes it if it does not exist.
     ///
     /// # Errors
-    /// [`FindError::Directory`], also if another user has it.
+    /// [`FindError::Directory`] if it cannot be made, or belongs to another user.
     pub fn of(name: &str) -> Result<Self, FindError> {
         let path = all()?.join(name);
         private(&path)?;
         Ok(Self(path))
     }
 
-    /// The one at `path`, which some supervisor has made.
+    /// Returns the directory at `path`, which a supervisor has made.
     #[must_use]
     pub const fn at(path: PathBuf) -> Self {
         Self(path)
     }
 
-    /// The directory.
+    /// Returns the path of the directory.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.0
     }
 
-    /// The name of the system.
+    /// Returns the name of the system.
     #[must_use]
     pub fn name(&self) -> String {
         let name = self.0.file_name().unwrap_or_default();
         name.to_string_lossy().into_owned()
     }
 
-    /// Where the windows are.
+    /// Returns the path of the directory of the windows.
     #[must_use]
     pub fn mailbox(&self) -> PathBuf {
         self.0.join("mailbox")
     }
 
-    /// The file that is the memory which belongs to no processor.
+    /// Returns the path of the file that is the memory which belongs to no processor.
     #[must_use]
     pub fn shared_memory(&self) -> PathBuf {
         self.0.join("shared")
     }
 
-    /// The file that is the bus.
+    /// Returns the path of the file that programs map as their bus.
     #[must_use]
     pub fn bus(&self) -> PathBuf {
         self.0.join("bus")
     }
 
-    /// The socket of the control protocol.
+    /// Returns the path of the socket of the control protocol.
     #[must_use]
     pub fn control(&self) -> PathBuf {
         self.0.join("control")
     }
 
-    /// What the supervisor locks.
+    /// Returns the path of the file that the supervisor locks.
     #[must_use]
     pub fn lock(&self) -> PathBuf {
         self.0.join("lock")
     }
 
-    /// What happened.
+    /// Returns the path of the log.
     #[must_use]
     pub fn log(&self) -> PathBuf {
         self.0.join("log")
     }
 
-    /// Which processes belong to the system.
+    /// Returns the path of the file that lists the system's processes.
     #[must_use]
     pub fn pids(&self) -> PathBuf {
         self.0.join("pids")
     }
 
-    /// Where the terminals are.
+    /// Returns the path of the directory of the terminals.
     #[must_use]
     pub fn terminals(&self) -> PathBuf {
         self.0.join("tty")
     }
 
-    /// The socket of the terminal of the processor `name`.
+    /// Returns the path of the socket of the terminal of the processor `name`.
     #[must_use]
     pub fn terminal(&self, name: &str) -> PathBuf {
         self.terminals().join(format!("{name}.sock"))
     }
 
-    /// The windows of the system, all of `window_bytes` users' bytes.
+    /// Opens the windows of the system, whose users' regions have `window_bytes` bytes each.
     ///
     /// # Errors
-    /// As [`condor_mbox::linux::System::at`].
+    /// Those of [`condor_mbox::linux::System::at`].
     pub fn system(&self, window_bytes: u32) -> Result<Windows, SystemError> {
         Windows::at(self.mailbox(), window_bytes)
     }
 
-    /// Whether its supervisor takes connections.
+    /// Returns whether its supervisor accepts connections.
     #[must_use]
     pub fn is_running(&self) -> bool {
         connect(&self.control()).is_ok()
@@ -173,10 +173,12 @@ impl SystemDirectory {
 /// The windows of a system.
 pub type Windows = condor_mbox::linux::System<PROCESSORS>;
 
-/// The running system `name`, or the only one that runs.
+/// Returns the running system `name`; without a name, the only one that runs.
 ///
 /// # Errors
-/// [`FindError`].
+/// [`FindError::NotRunning`] if no system of that name runs, [`FindError::NoneRunning`] or
+/// [`FindError::SeveralRunning`] if there is no name and not exactly one system,
+/// [`FindError::Directory`] if the directory cannot be used.
 pub fn find(name: Option<&str>) -> Result<SystemDirectory, FindError> {
     let mut running = running()?;
     let names = |running: &[SystemDirectory]| running.iter().map(SystemDirectory::name).collect();
@@ -202,10 +204,10 @@ pub fn find(name: Option<&str>) -> Result<SystemDirectory, FindError> {
     }
 }
 
-/// The running systems of this user, by name.
+/// Returns the running systems of this user, sorted by name.
 ///
 /// # Errors
-/// [`FindError::Directory`].
+/// [`FindError::Directory`] if the directory of all systems cannot be read.
 pub fn running() -> Result<Vec<SystemDirectory>, FindError> {
     let path = all()?;
     let at = |source| FindError::Directory {

@@ -1,10 +1,11 @@
 //! The user interface: a window for each terminal, servo loops, messages, files and the log.
 //!
-//! It is a client of a running system, as commands are: it asks the supervisor for the state of
-//! processors, is attached to the terminal service, and reads all counts in memory through a
+//! It is a client of a running system, as commands are. It asks the supervisor for the state of
+//! processors, is connected to the terminal service, and reads all counts from memory through a
 //! [`View`](crate::view::View). It may be killed and started again at any time.
 //!
-//! State is in the `model`; `draw` only reads it, and `input` says what a key or the mouse asks for.
+//! The state is in `model`; `draw` only reads it, and `input` translates keys and the mouse into
+//! requests.
 
 mod draw;
 mod feed;
@@ -50,9 +51,9 @@ const LOOK: Duration = Duration::from_millis(500);
 /// A program that can be started on a processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tool {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// A command of the shell, in which `{pid}` is the process of the processor.
+    /// A shell command, in which `{pid}` stands for the number of the processor's process.
     pub command: String,
 }
 
@@ -73,7 +74,7 @@ impl std::str::FromStr for Tool {
 }
 
 impl Tool {
-    /// What there is if nothing else is configured: a debugger.
+    /// Returns the default tool: a debugger.
     #[must_use]
     pub fn debugger() -> Self {
         Self {
@@ -83,14 +84,14 @@ impl Tool {
     }
 }
 
-/// Why there is no user interface.
+/// The reason for which there is no user interface.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UiError {
-    /// The supervisor.
+    /// The supervisor did not answer, or refused.
     #[error(transparent)]
     Supervisor(#[from] ClientError),
-    /// The terminal in which it runs.
+    /// The terminal in which it runs has failed.
     #[error("the terminal: {0}")]
     Terminal(#[from] io::Error),
 }
@@ -98,7 +99,7 @@ pub enum UiError {
 /// Shows a running system on this terminal until a person leaves or a signal comes.
 ///
 /// # Errors
-/// [`UiError`]; the terminal is as before.
+/// [`UiError`] if the supervisor or the terminal fails; the terminal is restored then.
 pub fn run(directory: &SystemDirectory, tools: Vec<Tool>) -> Result<(), UiError> {
     let status = Client::connect(directory)?.status()?;
     let mut model = Model::new(&status, tools);

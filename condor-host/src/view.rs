@@ -1,9 +1,9 @@
-//! What the memory of a running system says, read by a visitor without stopping anybody.
+//! The state of a running system, read from its memory by a visitor without stopping any program.
 //!
-//! A [`View`] claims one of the numbers of [`VISITORS`] and maps all
-//! windows. What it tells of a processor is what the processor's own memory says: the life of its
-//! mailbox, the counts of its servo loops and vectors, the state of its terminals, its variables. To
-//! send messages, watch variables or set parameters, it [joins](View::join) first.
+//! A [`View`] claims one of the numbers of [`VISITORS`] and maps all windows. It reads everything
+//! from the memory of the processors: the life of a mailbox, the counts of servo loops and vectors,
+//! the state of terminals, and variables. To send messages, watch variables or set parameters, it
+//! must [join](View::join) first.
 
 mod loops;
 mod terminals;
@@ -32,22 +32,22 @@ use condor_rt::objects::{self, Kind, Object};
 /// The mailbox of a visitor.
 pub type Post = Mailbox<'static, PROCESSORS, SingleContext>;
 
-/// Why the memory of a system says nothing.
+/// The reason for which the memory of a system cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
-    /// The object table of a processor is of another version.
+    /// The object table of a processor has another version.
     #[error(
         "{processor} has an object table of version {found}, and this program reads version {expected}",
         expected = objects::VERSION
     )]
     Version {
-        /// Which processor.
+        /// The number of the processor.
         processor: Processor,
         /// The version of its table.
         found: u32,
     },
-    /// As many visitors as there can be are there.
+    /// All numbers of visitors are in use.
     #[error(
         "all numbers for visitors are taken, by the {}: end one of these programs first",
         Holders(holders)
@@ -56,18 +56,18 @@ pub enum ViewError {
         /// The numbers, and the processes that hold them.
         holders: Vec<(Processor, u32)>,
     },
-    /// The windows.
+    /// The windows cannot be opened.
     #[error(transparent)]
     Windows(#[from] SystemError),
-    /// The visitor's mailbox.
+    /// The visitor's mailbox returned this error.
     #[error(transparent)]
     Mailbox(#[from] Error),
-    /// The memory of a processor.
+    /// An access to the memory of a processor failed.
     #[error("the memory of {processor}: {source}")]
     Memory {
-        /// The processor.
+        /// The number of the processor.
         processor: Processor,
-        /// What was wrong with the access.
+        /// The reason.
         source: AccessError,
     },
 }
@@ -85,7 +85,7 @@ impl core::fmt::Display for Holders<'_> {
     }
 }
 
-/// How the mailbox of a processor is.
+/// The state of a processor's mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Presence {
@@ -110,18 +110,18 @@ impl core::fmt::Display for Presence {
     }
 }
 
-/// What the mailbox of a processor says of itself.
+/// The life of a processor's mailbox, as its own memory tells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Heart {
-    /// How it is.
+    /// The state of the mailbox.
     pub presence: Presence,
-    /// Which life it has, or had last; 0 before the first.
+    /// The number of its present or last life; 0 before the first.
     pub life: u32,
-    /// Counted up while its program is in its background; wraps.
+    /// The heartbeat: a count that goes on while its program is in its background; wraps.
     pub beats: u32,
 }
 
-/// A visitor's look at all windows of a system.
+/// A visitor that reads all windows of a system.
 pub struct View {
     post: Post,
     /// What is free of the visitor's own memory.
@@ -140,7 +140,8 @@ impl View {
     /// Claims the first free number of a visitor.
     ///
     /// # Errors
-    /// [`ViewError::Full`]; the windows'.
+    /// [`ViewError::Full`] if there is none, [`ViewError::Windows`] if the windows cannot be
+    /// opened.
     pub fn open(windows: &Windows) -> Result<Self, ViewError> {
         let mut claim = claim(windows)?;
         let places = RefCell::new(claim.places()?);
@@ -148,25 +149,25 @@ impl View {
         Ok(Self { post, places })
     }
 
-    /// Becomes a processor to the others, so that messages can be sent.
+    /// Joins as a processor, so that messages can be sent.
     ///
     /// # Errors
-    /// As [`Mailbox::join`](condor_mbox::Mailbox::join).
+    /// [`ViewError::Mailbox`] with the error of [`Mailbox::join`](condor_mbox::Mailbox::join).
     pub fn join(&mut self) -> Result<&Post, ViewError> {
         self.post.join()?;
         Ok(&self.post)
     }
 
-    /// The visitor's mailbox; it has joined if [`join`](Self::join) was called.
+    /// Returns the visitor's mailbox; it has joined if [`join`](Self::join) was called.
     #[must_use]
     pub const fn post(&self) -> &Post {
         &self.post
     }
 
-    /// How the mailbox of `processor` is.
+    /// Returns the life of the mailbox of `processor`.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`].
+    /// [`ViewError::Mailbox`] if there is no such processor or its memory cannot be read.
     pub fn heart(&self, processor: Processor) -> Result<Heart, ViewError> {
         let mail = &self.post.windows(processor)?.mail;
         let word = |at| mail.load(at, LoadOrder::Relaxed).unwrap_or(0);
@@ -183,19 +184,21 @@ impl View {
         })
     }
 
-    /// The users' part of the memory of `processor`.
+    /// Returns the users' region of the `data` of `processor`.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`], [`ViewError::Memory`].
+    /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory
+    /// cannot be accessed.
     pub fn region(&self, processor: Processor) -> Result<Region<LinuxWindow>, ViewError> {
         let window = self.post.windows(processor)?.data.clone();
         Region::users(window).map_err(|source| ViewError::Memory { processor, source })
     }
 
-    /// What the object table of `processor` has of a kind.
+    /// Returns the objects of one kind in the object table of `processor`.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`], [`ViewError::Memory`], [`ViewError::Version`].
+    /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory
+    /// cannot be read, [`ViewError::Version`] if the table has another version.
     pub fn objects(&self, processor: Processor, kind: Kind) -> Result<Vec<Object>, ViewError> {
         let region = self.region(processor)?;
         let at = |source| ViewError::Memory { processor, source };

@@ -4,11 +4,11 @@ use crate::doorbell::Doorbell;
 use crate::exclusion::Exclusion;
 use crate::window::MemoryWindow;
 
-/// The machine on which a mailbox runs: the types of its memory, of its interrupt, and of what keeps
-/// the contexts of one processor apart.
+/// The machine on which a mailbox runs: the types of its memory, of its interrupt, and of its
+/// critical sections.
 ///
-/// It is a name and no value. A board has one of its own; three types in parentheses are one, too,
-/// for a mailbox that is made once.
+/// It is only a name for these types; no value of it exists. Define one for your board, or write
+/// the three types in parentheses for a mailbox that is made in only one place.
 ///
 /// ```
 /// use condor_mbox::sim::{SimDoorbell, SimWindow};
@@ -37,7 +37,7 @@ pub trait Backend {
     type Window: MemoryWindow;
     /// The mailbox interrupt, and the clock.
     type Doorbell: Doorbell;
-    /// What keeps background, handlers and interrupts of one processor apart.
+    /// The critical sections that keep background, handlers and interrupts of one processor apart.
     type Exclusion: Exclusion;
 }
 

@@ -5,18 +5,18 @@ use core::ops::Deref;
 use crate::id::Processor;
 use crate::time::{Clock, Instant};
 
-/// What the platform knows for certain of the program behind a processor number.
+/// What the platform knows about the program on a processor's number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evidence {
     /// The platform cannot tell.
     Unknown,
     /// A program holds the number.
     Alive,
-    /// Nobody holds the number: the program ended, however it ended.
+    /// No program holds the number: its program has ended in some way.
     Dead,
 }
 
-/// Raises the mailbox interrupt of other processors, and waits for one's own.
+/// Raises the mailbox interrupt of other processors, and waits for that of this processor.
 ///
 /// # For users
 ///
@@ -25,33 +25,33 @@ pub enum Evidence {
 ///
 /// # For implementers
 ///
-/// * `ring` is called after the message was stored, and only if the receiver asked for it. It
-///   may be called from any context that sends, interrupts included.
-/// * A waiter calls `prepare`, looks for messages, and then calls `wait` with what `prepare`
-///   gave. A ring between `prepare` and `wait` must make `wait` return at once: compare with
-///   what was seen (a futex), or keep the ring until it is waited for (an eventfd, a pending
-///   interrupt bit that `prepare` does not clear).
-/// * `wait` may return early for any reason, and returns at `until` at the latest.
+/// * `ring` is called after the message was stored, and only if the receiver asked for rings. It
+///   may be called from any context that sends, including interrupts.
+/// * A waiter calls `prepare`, looks for messages, and then calls `wait` with the result of
+///   `prepare`. A ring between `prepare` and `wait` must make `wait` return at once. To ensure
+///   this, compare with the value seen (a futex), or keep the ring until somebody waits for it (an
+///   eventfd, or a pending interrupt bit that `prepare` does not clear).
+/// * `wait` may return early for any reason, and must return at `until` at the latest.
 /// * Call [`conformance::doorbell`](conformance/fn.doorbell.html) from one test.
 pub trait Doorbell: Clock {
-    /// What `prepare` saw; `()` for a doorbell with memory.
+    /// The result of `prepare`; `()` for a doorbell that keeps rings until somebody waits.
     type Seen;
 
     /// Raises the mailbox interrupt of `processor`; a number that does not exist is ignored.
     fn ring(&self, processor: Processor);
 
-    /// Begins a wait: rings from here on end it.
+    /// Begins a wait; every later ring ends it.
     fn prepare(&self) -> Self::Seen;
 
-    /// Sleeps until a ring since `seen` was taken, or until `until`.
+    /// Sleeps until a ring comes that is later than `seen`, or until the instant `until`.
     ///
-    /// `whom` is the processor whose answer is waited for, if it is one; who only waits for time to
-    /// pass, or for anybody, names none.
+    /// `whom` is the processor whose answer the caller needs. It is `None` if the caller waits for
+    /// time to pass, or for any processor.
     fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>);
 
-    /// What the platform knows of the program that holds `processor`.
+    /// Returns what the platform knows about the program that holds `processor`.
     ///
-    /// Called about every quarter of a millisecond while somebody waits for that processor.
+    /// It is called about every 250 µs while somebody waits for that processor.
     fn evidence(&self, processor: Processor) -> Evidence {
         let _ = processor;
         Evidence::Unknown

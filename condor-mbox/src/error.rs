@@ -3,12 +3,12 @@
 use crate::id::{Processor, Vector};
 use crate::window::WindowErrorKind;
 
-/// Which of the two objects of a processor.
+/// One of the two memory objects of a processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Object {
-    /// `mail`: written by its processor alone.
+    /// `mail`, which only its processor writes.
     Mail,
-    /// `data`: written by everybody.
+    /// `data`, which every processor writes.
     Data,
 }
 
@@ -34,25 +34,26 @@ pub enum LayoutField {
     DataSize,
 }
 
-/// A word by which a peer can break the protocol.
+/// A word with which a peer can violate the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ProtocolWord {
-    /// How many of our requests it has taken.
+    /// The count of our requests that the peer has taken.
     Taken,
-    /// How a request ended.
+    /// The status of a reply.
     ReplyStatus,
 }
 
-/// What has become of a request when its sender gives up.
+/// The progress of a request at the moment when its sender gives up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// It did not run and never will: it was not sent, or its receiver ended before it took it.
+    /// The request did not run and never will: it was not sent, or its receiver ended before it
+    /// took it.
     Never,
-    /// The receiver has not been seen to take it. It may have run, or may still run later; at most once
-    /// in all.
+    /// The receiver is not known to have taken the request. It may have run, or may run later; at
+    /// most once in all.
     MayRun,
-    /// It was taken: its handler has been started, or is about to be.
+    /// The receiver has taken the request: its handler has been started, or is about to be.
     Taken,
 }
 
@@ -65,7 +66,7 @@ pub enum Error {
     NoSuchProcessor {
         /// The number that was given.
         number: Processor,
-        /// How many processors the system has.
+        /// The number of processors in the system.
         processors: u8,
     },
     /// The vector's number is too large.
@@ -137,15 +138,15 @@ pub enum Error {
         "{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}"
     )]
     Layout {
-        /// Whose window it is.
+        /// The processor whose window it is.
         processor: Processor,
-        /// Which object.
+        /// The object.
         object: Object,
         /// The word that differs.
         field: LayoutField,
-        /// What is there.
+        /// The value that was found.
         found: u32,
-        /// What should be there.
+        /// The value that is required.
         expected: u32,
     },
     /// Every slot to the receiver is in use: its ring is full, or that many calls are unanswered.
@@ -154,7 +155,7 @@ pub enum Error {
         /// The receiver.
         to: Processor,
     },
-    /// The deadline passed; the receiver was running meanwhile.
+    /// The deadline passed; the receiver's heartbeat went on meanwhile.
     #[error("{to} did not answer {vector} in time ({progress:?})")]
     TimedOut {
         /// The receiver.
@@ -164,9 +165,9 @@ pub enum Error {
         /// How far the request had come.
         progress: Progress,
     },
-    /// The deadline passed, and the receiver's heart did not beat all the while.
+    /// The deadline passed, and the receiver's heartbeat stood still all the while.
     ///
-    /// It is stopped, in a breakpoint, or busy without looking; it may recover.
+    /// The receiver is stopped, in a breakpoint, or busy without serving messages; it may recover.
     #[error("{to} is stalled and did not answer {vector} ({progress:?})")]
     Stalled {
         /// The receiver.
@@ -200,30 +201,30 @@ pub enum Error {
         /// How far the request had come.
         progress: Progress,
     },
-    /// A handler that is nested this deep may not wait for a reply.
+    /// A handler at the greatest depth of nesting may not wait for a reply.
     #[error("{depth} handlers are in progress: no deeper call is allowed")]
     TooDeep {
-        /// How many handlers are in progress.
+        /// The number of handlers in progress.
         depth: u32,
     },
-    /// The receiver wrote something that no correct peer writes.
+    /// The receiver wrote a value that no correct peer writes.
     #[error("{peer} broke the protocol: its {word:?} word is {found:#x}")]
     Protocol {
-        /// Who wrote it.
+        /// The receiver.
         peer: Processor,
-        /// Which word.
+        /// The word.
         word: ProtocolWord,
-        /// What it held.
+        /// The value of the word.
         found: u32,
     },
     /// A window refused an access.
     #[error("{object:?} of {processor}: {kind:?}")]
     Window {
-        /// Whose window it is.
+        /// The processor whose window it is.
         processor: Processor,
-        /// Which object.
+        /// The object.
         object: Object,
-        /// What was wrong.
+        /// The kind of error.
         kind: WindowErrorKind,
     },
 }

@@ -1,4 +1,4 @@
-//! [`Exchange`]: requests and responses that want more than one word.
+//! [`Exchange`]: requests and responses that are longer than one word.
 
 use core::marker::PhantomData;
 use core::time::Duration;
@@ -16,12 +16,13 @@ use crate::window::MemoryWindow;
 const ANSWERED: u32 = 1;
 const REFUSED: u32 = 0;
 
-/// Asks with a `Q` and gets an `R`, through a block in the asking processor's own `data`.
+/// Sends requests of type `Q` and gets responses of type `R`, through a block in the sender's own
+/// `data`.
 ///
-/// The message is the block's offset: a request of type `Q`, and on the next cache line the
-/// response. Only one request at a time is in a block; after a time-out the block stays in doubt,
-/// because the receiver may still write to it, and the exchange refuses further requests until the
-/// late reply has come or the receiver is known to be gone. The other end calls [`answer`].
+/// The block contains the request and, at the next cache line, the response; the message is the
+/// block's offset. A block holds one request at a time. After a time-out the receiver may still
+/// write to the block, so the exchange refuses further requests until the late reply has come or
+/// the receiver is known to have ended. The receiver calls [`answer`].
 ///
 /// ```
 /// use std::time::Duration;
@@ -79,25 +80,26 @@ pub struct Exchange<'m, M: Messenger + ?Sized, W, Q, R> {
     of: PhantomData<fn(Q) -> R>,
 }
 
-/// Why an [`Exchange`] gave no response.
+/// The reason for which an [`Exchange`] returned no response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExchangeError {
     /// The message was not answered.
     #[error(transparent)]
     Mailbox(#[from] Error),
-    /// The block cannot be reached from here.
+    /// The sender cannot access the block.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// The reply to a former request is still to come, and the block belongs to it.
+    /// The reply to an earlier request has not come yet, and the block still belongs to that
+    /// request.
     #[error("the block still belongs to a request whose reply has not come")]
     InDoubt,
-    /// The receiver could not reach the block.
+    /// The receiver could not access the block.
     #[error("{to} could not reach the block at offset {offset:#x}")]
     Refused {
         /// The receiver.
         to: Processor,
-        /// Where the block begins, in bytes.
+        /// The offset of the block, in bytes.
         offset: u32,
     },
 }
@@ -109,13 +111,14 @@ where
     Q: FromBytes + IntoBytes + Immutable,
     R: FromBytes + IntoBytes + Immutable,
 {
-    /// Bytes that a block takes in `data`.
+    /// The size of a block, in bytes.
     pub const BYTES: usize = response_at::<Q>(0) as usize + size_of::<R>();
 
-    /// An exchange whose block is the next of `places` in `own`, the sender's own region.
+    /// Makes an exchange. It takes its block from `places` in `own`, the users' region of the
+    /// sender.
     ///
     /// # Errors
-    /// `OutOfBounds` if there is no room.
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub fn new(messenger: &'m M, own: Region<W>, places: &mut Places) -> Result<Self, AccessError> {
         let offset = places.bytes(Self::BYTES)?;
         Ok(Self {
@@ -130,10 +133,10 @@ where
     /// Sends `request` to `vector` of `to` and waits for the response, serving meanwhile.
     ///
     /// # Errors
-    /// [`ExchangeError::Mailbox`] with the errors of
-    /// [`Messenger::send_with_reply`];
-    /// [`ExchangeError::InDoubt`] if a former request timed out and its reply has still not come;
-    /// [`ExchangeError::Refused`], [`ExchangeError::Access`].
+    /// [`ExchangeError::Mailbox`] with the errors of [`Messenger::send_with_reply`];
+    /// [`ExchangeError::InDoubt`] if an earlier request timed out and its reply has still not come;
+    /// [`ExchangeError::Refused`] if the receiver could not access the block;
+    /// [`ExchangeError::Access`] if the sender could not.
     pub fn call(
         &mut self,
         to: Processor,
@@ -168,10 +171,11 @@ where
     }
 }
 
-/// Answers a request that came through an [`Exchange`]: the last expression of its handler.
+/// Answers a request that came through an [`Exchange`]. A handler returns the result of this
+/// function.
 ///
-/// `data_of_sender` is the users' region of the sender. The request is copied once, then given to
-/// `respond`: what the sender changes afterwards is not seen.
+/// `data_of_sender` is the users' region of the sender. The request is copied once and then passed
+/// to `respond`, so later changes by the sender have no effect.
 pub fn answer<Q, R, W: MemoryWindow>(
     call: &Call<'_>,
     data_of_sender: &Region<W>,

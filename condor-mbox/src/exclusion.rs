@@ -1,34 +1,38 @@
-//! [`Exclusion`]: how the contexts of one processor keep out of each other's way.
+//! [`Exclusion`]: mutual exclusion between the contexts of one processor.
 
 use core::marker::PhantomData;
 
-/// Makes a few instructions of one context indivisible for the other contexts of the processor.
+/// Runs a few instructions as a critical section: no other context of the processor runs one
+/// meanwhile.
 ///
-/// A mailbox reserves and publishes a message inside one such section, so that background,
-/// handlers and servo loops may each be in the middle of a send. Sections are short, bounded,
-/// and never nested by the mailbox.
+/// A mailbox reserves and publishes a message inside one critical section, so background, handlers
+/// and servo loops may interrupt each other in the middle of a send. Sections are short and
+/// bounded, and the mailbox never nests them.
 ///
 /// # For implementers
 ///
 /// While `body` runs, no other context that shares the mailbox may enter a section: mask the
-/// interrupts that use it, or take a lock that no interrupt of the holder can wait for. A wrong
+/// interrupts that use it, or take a lock for which no interrupt of the holder can wait. A wrong
 /// implementation loses messages; it cannot make the program unsound.
 ///
-/// Contexts that interrupt each other need no more. Where they run in parallel, as threads do, and several
-/// serve, [`begin_serving`](Self::begin_serving) lets one at a time take messages and run their handlers:
-/// then handlers start in the order in which their messages were sent.
+/// Contexts that interrupt each other need no more. If contexts run in parallel, as threads do, and
+/// several of them serve, [`begin_serving`](Self::begin_serving) must let only one at a time take
+/// messages and run their handlers; then handlers start in the order in which their messages were
+/// sent.
 pub trait Exclusion {
-    /// Runs `body` alone.
+    /// Runs `body` as a critical section.
     fn with<R>(&self, body: impl FnOnce() -> R) -> R;
 
-    /// Returns whether the calling context may take messages. It may take more while it runs a handler,
-    /// and calls [`end_serving`](Self::end_serving) as often as this returned true.
+    /// Returns whether the calling context may take messages. While it runs a handler, it may call
+    /// this again; it calls [`end_serving`](Self::end_serving) once for each time that this
+    /// returned true.
     fn begin_serving(&self) -> bool {
         true
     }
 
     /// Ends what [`begin_serving`](Self::begin_serving) began; returns whether another context was
-    /// refused meanwhile. The mailbox rings its own doorbell then, so that this context looks again.
+    /// refused meanwhile. If so, the mailbox rings its own doorbell, so that the refused context
+    /// looks again.
     fn end_serving(&self) -> bool {
         false
     }
@@ -49,14 +53,14 @@ impl Exclusion for CriticalSection {
     }
 }
 
-/// No section at all, for a mailbox that one thread alone uses, outside of signal handlers.
+/// No critical section at all, for a mailbox that only one thread uses, outside of signal handlers.
 ///
-/// It is neither `Send` nor `Sync` in use: a mailbox with it cannot be shared.
+/// It is neither `Send` nor `Sync`, so a mailbox that uses it cannot be shared.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SingleContext(PhantomData<*const ()>);
 
 impl SingleContext {
-    /// For a mailbox that stays in the present context.
+    /// Makes the exclusion of a mailbox that stays in the present context.
     #[must_use]
     pub const fn new() -> Self {
         Self(PhantomData)

@@ -1,4 +1,4 @@
-//! Numbers that name things: processors and vectors.
+//! The numbers of processors and vectors.
 
 use core::fmt;
 
@@ -7,10 +7,10 @@ use core::fmt;
 pub struct Processor(pub u8);
 
 impl Processor {
-    /// The most processors that one system can have.
+    /// The greatest number of processors in one system.
     pub const MAX_COUNT: usize = 32;
 
-    /// The number as an index.
+    /// Returns the number as an index.
     #[must_use]
     #[inline]
     pub const fn index(self) -> usize {
@@ -24,15 +24,15 @@ impl fmt::Display for Processor {
     }
 }
 
-/// The number of a mailbox vector: which handler a message is for.
+/// The number of a vector, which selects the handler of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Vector(pub u8);
 
 impl Vector {
-    /// The vectors of a processor are numbered from zero to one less than this.
+    /// The number of vectors of a processor; they are numbered from 0.
     pub const COUNT: usize = crate::layout::VECTORS;
 
-    /// The number as an index.
+    /// Returns the number as an index.
     #[must_use]
     #[inline]
     pub const fn index(self) -> usize {

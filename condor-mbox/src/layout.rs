@@ -12,7 +12,7 @@ pub const LINE: u32 = 64;
 pub const SLOTS: u32 = if cfg!(condor_loom) { 2 } else { 8 };
 /// Vectors of a processor.
 pub const VECTORS: usize = if cfg!(condor_loom) { 2 } else { 64 };
-/// Bytes that the name of a vector may have.
+/// The greatest length of a vector's name, in bytes.
 pub const NAME_BYTES: usize = 32;
 /// The incarnation of a processor whose rings are being cleared.
 pub const JOINING: u32 = u32::MAX;
@@ -39,7 +39,7 @@ pub mod header {
     pub const DATA_SIZE: u32 = 24;
     /// The present incarnation, 0 or [`JOINING`](super::JOINING).
     pub const INCARNATION: u32 = 28;
-    /// The latest incarnation there was, kept when the processor leaves.
+    /// The latest incarnation, which is kept when the processor leaves.
     pub const LAST_INCARNATION: u32 = 32;
     /// A bit for every processor that listens to this number.
     pub const LISTENERS: u32 = 36;
@@ -69,13 +69,14 @@ const fn pairs(processors: u32) -> u32 {
     vectors(processors) + whole_lines(VECTORS as u32 * VECTOR_BYTES)
 }
 
-/// Size of `mail` in bytes in a system of `processors`.
+/// Returns the size of `mail` in bytes, in a system of `processors`.
 #[must_use]
 pub const fn mail_bytes(processors: u32) -> u32 {
     pairs(processors) + processors * PAIR_BYTES
 }
 
-/// Offset of the two words (epoch, count) that say what a listener took from `sender`.
+/// Returns the offset of the two words (epoch, count) for the requests of `sender` that a listener
+/// has taken.
 #[must_use]
 pub const fn listen(sender: u32) -> u32 {
     LISTEN + sender * 8
@@ -91,23 +92,24 @@ pub mod vector {
     pub const HANDLED: u32 = SENT + 4;
     /// Messages of this processor to this vector that ended in an error.
     pub const FAILED: u32 = SENT + 8;
-    /// The longest that a handler took, in ns.
+    /// The longest time of a handler, in ns.
     pub const WORST: u32 = SENT + 12;
 }
 
-/// Offset of the entry of a vector.
+/// Returns the offset of the entry of a vector.
 #[must_use]
 pub const fn vector_entry(processors: u32, vector: u32) -> u32 {
     vectors(processors) + vector * VECTOR_BYTES
 }
 
-/// Offset of the pair that a `mail` keeps for `peer`: the incarnation of the peer it acknowledges.
+/// Returns the offset of the pair for `peer`, whose first word is the incarnation of the peer that
+/// is acknowledged.
 #[must_use]
 pub const fn acknowledged(processors: u32, peer: u32) -> u32 {
     pairs(processors) + peer * PAIR_BYTES
 }
 
-/// Offset of the count of requests of `peer` that have been taken.
+/// Returns the offset of the count of requests of `peer` that have been taken.
 #[must_use]
 pub const fn taken(processors: u32, peer: u32) -> u32 {
     taken_in(acknowledged(processors, peer))
@@ -119,21 +121,21 @@ pub(crate) const fn taken_in(pair: u32) -> u32 {
     pair + 4
 }
 
-/// What a request asks for, in its kind word; the low byte is the vector, the third the reply cell.
+/// The kinds of requests in a kind word. Its low byte is the vector, its third byte the reply cell.
 pub mod kind {
-    /// Run the handler.
+    /// The receiver runs the handler.
     pub const SEND: u32 = 1 << 8;
-    /// Run the handler and reply.
+    /// The receiver runs the handler and replies.
     pub const CALL: u32 = 2 << 8;
-    /// Let the sender listen to our vectors.
+    /// The receiver lets the sender listen to its vectors.
     pub const LISTEN: u32 = 3 << 8;
-    /// No longer let it.
+    /// The receiver no longer lets the sender listen.
     pub const IGNORE: u32 = 4 << 8;
-    /// Where the number of the reply cell stands.
+    /// The position of the reply cell's number in a kind word, in bits.
     pub const CELL_SHIFT: u32 = 16;
 }
 
-/// How a request ended, in the kind word of its reply cell.
+/// The outcome of a request, in the kind word of its reply cell.
 pub mod status {
     /// The handler's result is the value.
     pub const DONE: u32 = 1;
@@ -145,7 +147,7 @@ pub mod status {
     pub const REFUSED: u32 = 4;
 }
 
-/// Offset of the slot for request `sequence` to `peer`.
+/// Returns the offset of the slot for request `sequence` to `peer`.
 #[must_use]
 pub const fn slot(processors: u32, peer: u32, sequence: u32) -> u32 {
     slot_in(acknowledged(processors, peer), sequence)
@@ -163,7 +165,7 @@ pub(crate) const fn cell_in(pair: u32, cell: u32) -> u32 {
     pair + LINE + RING_BYTES + (cell % SLOTS) * SLOT_BYTES
 }
 
-/// Offset of reply cell `cell` for requests of `peer`.
+/// Returns the offset of reply cell `cell` for requests of `peer`.
 #[must_use]
 pub const fn cell(processors: u32, peer: u32, cell: u32) -> u32 {
     cell_in(acknowledged(processors, peer), cell)
@@ -179,11 +181,12 @@ pub mod entry {
     pub const KIND: u32 = 8;
     /// The sequence number, stored last.
     pub const SEQUENCE: u32 = 12;
-    /// All of it.
+    /// The size of an entry, in bytes.
     pub const BYTES: u32 = 16;
 }
 
-/// The epoch of requests from a sender to a receiver in their present incarnations; never 0.
+/// Returns the epoch of requests from a sender to a receiver in their present incarnations; never
+/// 0.
 #[must_use]
 pub const fn epoch(sender: u32, receiver: u32) -> u32 {
     let mixed = sender

@@ -1,4 +1,4 @@
-//! [`Published`]: the latest value of something, polled without messages.
+//! [`Published`]: a latest value, polled without messages.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -11,19 +11,19 @@ use crate::sync::Ordering;
 use crate::sync::fence;
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
 
-/// The offset of a latest-value cell: one writer, any number of readers, no locks.
+/// The offset of a latest-value cell: it has one writer, any number of readers, and no locks.
 ///
-/// The writer never waits. A reader gets the value that was published last, whole, and its
-/// sequence; it waits for nobody, and asks nothing of the writer's processor. Loads and stores
-/// suffice. A writer that stops, dies or is preempted in the middle of a publication leaves
-/// the value before it readable, and a new writer continues where it stopped.
+/// The writer never waits. A reader gets the value that was published last, consistent, with its
+/// sequence number; it does not wait, and causes no work on the writer's processor. Loads and
+/// stores suffice. If a writer stops, dies or is preempted in the middle of a publication, the
+/// value before stays readable, and a new writer continues there.
 ///
 /// # In shared memory
 ///
-/// Two buffers, each of a sequence word and the value, each a whole number of cache lines; all
-/// zeros say that nothing has been published. Publication *n* goes to buffer *n* mod 2, whose
-/// sequence word is 2*n* + 1 while it is written and 2*n* when it is complete. Any other
-/// contents give wrong values or errors, and are repaired by the next publications.
+/// The cell has two buffers. Each has a sequence word and the value, and takes a whole number of
+/// cache lines; all zeros mean that nothing has been published. Publication *n* goes to buffer *n*
+/// mod 2, whose sequence word is 2*n* + 1 while it is written and 2*n* when it is complete. Other
+/// contents cause wrong values or errors, and the next publications repair them.
 ///
 /// ```
 /// # use condor_mbox::published::ReadError;
@@ -50,14 +50,14 @@ pub struct Published<T> {
 }
 
 impl<T> Published<T> {
-    /// Bytes of shared memory that the cell takes.
+    /// The size of the cell in shared memory, in bytes.
     pub const BYTES: u32 = {
         let bytes = 2 * buffer_bytes(size_of::<T>());
         assert!(bytes <= u32::MAX as usize, "no window is that large");
         bytes as u32
     };
 
-    /// The cell at `offset` bytes, which must be a multiple of four.
+    /// Returns the cell at `offset` bytes, which must be a multiple of four.
     #[must_use]
     pub const fn at(offset: u32) -> Self {
         Self {
@@ -66,18 +66,19 @@ impl<T> Published<T> {
         }
     }
 
-    /// Bytes from the beginning of the region, for a message about this cell.
+    /// Returns the offset in bytes from the beginning of the region; send it in a message about
+    /// this cell.
     #[must_use]
     pub const fn offset(self) -> u32 {
         self.offset
     }
 
-    /// The writer of the cell, who continues after the last complete publication.
+    /// Makes the writer of the cell, which continues after the last complete publication.
     ///
     /// There must be no other writer at the same time; readers would get mixtures.
     ///
     /// # Errors
-    /// As [`MemoryWindow::load`] and [`MemoryWindow::check`].
+    /// [`AccessError`] as in [`MemoryWindow::load`] and [`MemoryWindow::check`].
     pub fn publisher<W: MemoryWindow>(self, window: W) -> Result<Publisher<T, W>, AccessError> {
         let cell = Cell::new(self.offset, size_of::<T>(), window)?;
         let next = match newest(cell.sequences()?) {
@@ -91,10 +92,10 @@ impl<T> Published<T> {
         })
     }
 
-    /// A reader of the cell.
+    /// Makes a reader of the cell.
     ///
     /// # Errors
-    /// As [`MemoryWindow::check`].
+    /// [`AccessError`] as in [`MemoryWindow::check`].
     pub fn subscriber<W: MemoryWindow>(self, window: W) -> Result<Subscriber<T, W>, AccessError> {
         Ok(Subscriber {
             cell: Cell::new(self.offset, size_of::<T>(), window)?,
@@ -127,10 +128,10 @@ pub struct Publisher<T, W> {
 }
 
 impl<T: IntoBytes + Immutable, W: MemoryWindow> Publisher<T, W> {
-    /// Makes `value` the latest; gives its sequence.
+    /// Publishes `value`; returns its sequence number.
     ///
     /// # Errors
-    /// As [`MemoryWindow::store`]; then readers still get the value before.
+    /// [`AccessError`] as in [`MemoryWindow::store`]; readers still get the value before then.
     pub fn publish(&mut self, value: &T) -> Result<u32, AccessError> {
         let sequence = self.next;
         let buffer = sequence % 2;
@@ -157,7 +158,7 @@ pub struct Subscriber<T, W> {
 }
 
 impl<T, W> Subscriber<T, W> {
-    /// Sets how often a read tries before it says [`Contended`](ReadError::Contended).
+    /// Sets how often a read tries before it returns [`Contended`](ReadError::Contended).
     ///
     /// A try fails only if the writer completes a publication and begins the next but one while
     /// the value is copied. The default is 4.
@@ -168,10 +169,11 @@ impl<T, W> Subscriber<T, W> {
 }
 
 impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
-    /// The value that was published last.
+    /// Returns the value that was published last.
     ///
     /// # Errors
-    /// See [`ReadError`].
+    /// [`ReadError`] if nothing was published, the writer was too fast, or the memory cannot be
+    /// accessed.
     pub fn read(&self) -> Result<Latest<T>, ReadError> {
         let mut value = T::new_zeroed();
         let sequence = self.cell.latest(value.as_mut_bytes(), self.attempts)?;
@@ -179,13 +181,13 @@ impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
     }
 }
 
-/// Reads the value that was published last in the cell at `offset`, whose type only its writer knows;
-/// returns its sequence.
+/// Reads the value that was published last in the cell at `offset`; returns its sequence number.
+/// Use this if the type of the cell is known only at run time.
 ///
-/// `value` has as many bytes as the writer's type.
+/// `value` must have as many bytes as the writer's type.
 ///
 /// # Errors
-/// See [`ReadError`].
+/// [`ReadError`] as in [`Subscriber::read`].
 pub fn read_bytes<W: MemoryWindow>(
     window: W,
     offset: u32,
@@ -194,19 +196,19 @@ pub fn read_bytes<W: MemoryWindow>(
     Cell::new(offset, value.len(), window)?.latest(value, ATTEMPTS)
 }
 
-/// What a reader of a [`Published`] cell gets.
+/// A value with its sequence number, as a reader of a [`Published`] cell gets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latest<T> {
-    /// The value, whole.
+    /// The consistent value.
     pub value: T,
-    /// The number of its publication: another number than last time means a new value.
+    /// The sequence number of its publication; it changes with each new value.
     ///
-    /// The first is 1; after 2³¹ − 1 comes 2. It goes on when the writer restarts, unless the
-    /// memory was cleared.
+    /// The first one is 1; 2 follows after 2³¹ − 1. It continues when the writer restarts, unless
+    /// the memory was cleared.
     pub sequence: u32,
 }
 
-/// Why a reader of a [`Published`] cell got no value.
+/// The reason for which a reader of a [`Published`] cell got no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
@@ -216,7 +218,7 @@ pub enum ReadError {
     /// The writer was faster than every attempt, or the cell holds garbage.
     #[error("no whole value in {attempts} attempts")]
     Contended {
-        /// How many attempts were made.
+        /// The number of attempts.
         attempts: u32,
     },
     /// The window refused an access.

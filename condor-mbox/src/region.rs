@@ -65,10 +65,11 @@ pub struct Region<W> {
 }
 
 impl<W: MemoryWindow> Region<W> {
-    /// The users' part of a processor's `data`: all that follows the line of the doorbell.
+    /// Returns the users' region of a processor's `data`: everything after the line of the
+    /// doorbell.
     ///
     /// # Errors
-    /// `OutOfBounds` if the window is smaller than that line.
+    /// [`AccessError`] of the kind `OutOfBounds` if the window is smaller than that line.
     pub fn users(data: W) -> Result<Self, AccessError> {
         let size = data.size();
         match size.checked_sub(BELL_BYTES) {
@@ -86,7 +87,7 @@ impl<W: MemoryWindow> Region<W> {
         }
     }
 
-    /// All of a window that no doorbell has a part in.
+    /// Returns a region that is the whole of `window`, for windows without a doorbell.
     pub fn whole(window: W) -> Self {
         let size = window.size();
         Self {
@@ -96,10 +97,10 @@ impl<W: MemoryWindow> Region<W> {
         }
     }
 
-    /// The `len` bytes at `offset` as a region of its own; `len` must be a multiple of four.
+    /// Returns the `len` bytes at `offset` as a region; `len` must be a multiple of four.
     ///
     /// # Errors
-    /// `Misaligned` or `OutOfBounds`.
+    /// [`AccessError`] of the kind `Misaligned` or `OutOfBounds`.
     pub fn part(&self, offset: u32, len: u32) -> Result<Self, AccessError>
     where
         W: Clone,
@@ -115,29 +116,30 @@ impl<W: MemoryWindow> Region<W> {
         })
     }
 
-    /// The word at `offset`, and with it all that its writer wrote before
-    /// [`set_word`](Self::set_word).
+    /// Returns the word at `offset`, with acquire order: everything that its writer wrote before
+    /// [`set_word`](Self::set_word) is visible then.
     ///
     /// # Errors
-    /// As [`MemoryWindow::load`].
+    /// [`AccessError`] as in [`MemoryWindow::load`].
     pub fn word(&self, offset: u32) -> Result<u32, AccessError> {
         // Pairs with the store of `set_word`, by whichever processor.
         self.load(offset, LoadOrder::Acquire)
     }
 
-    /// Writes the word at `offset`, after all that was written before.
+    /// Writes the word at `offset`, with release order: after everything that was written before.
     ///
     /// # Errors
-    /// As [`MemoryWindow::store`].
+    /// [`AccessError`] as in [`MemoryWindow::store`].
     pub fn set_word(&self, offset: u32, value: u32) -> Result<(), AccessError> {
         // Pairs with the load of `word`.
         self.store(offset, value, StoreOrder::Release)
     }
 
-    /// A copy of the value at `place`.
+    /// Returns a copy of the value at `place`.
     ///
     /// # Errors
-    /// As [`MemoryWindow::read`]; an offset that came in a message may be any number.
+    /// [`AccessError`] as in [`MemoryWindow::read`]; an offset that came in a message may be any
+    /// number.
     pub fn get<T: FromBytes + IntoBytes>(&self, place: Place<T>) -> Result<T, AccessError> {
         let mut value = T::new_zeroed();
         self.read(place.offset, value.as_mut_bytes())?;
@@ -147,7 +149,7 @@ impl<W: MemoryWindow> Region<W> {
     /// Copies `value` to `place`.
     ///
     /// # Errors
-    /// As [`MemoryWindow::write`].
+    /// [`AccessError`] as in [`MemoryWindow::write`].
     pub fn set<T: IntoBytes + Immutable>(
         &self,
         place: Place<T>,
@@ -257,12 +259,11 @@ impl<W: CompareExchange> CompareExchange for Region<W> {
     }
 }
 
-/// The offset of a `T` in a region that the user has in mind.
+/// The offset of a `T` in a region.
 ///
-/// It is a name, not a proof: every access through it is checked, so that it may be made from
-/// an offset that came in a message, or stand in a table of addresses known at compile time. A
-/// `T` may have any alignment in Rust; in a region it begins at a multiple of four bytes.
-///
+/// It proves nothing: every access through it is checked. So it may be made from an offset that
+/// came in a message, or be part of a table of addresses known at compile time. A `T` may have any
+/// alignment in Rust; in a region it begins at a multiple of four bytes.
 /// `T`'s numbers are stored as the processor stores them, that is little-endian on every
 /// target of this crate; use the little-endian types of `zerocopy` on any other.
 pub struct Place<T> {
@@ -271,7 +272,7 @@ pub struct Place<T> {
 }
 
 impl<T> Place<T> {
-    /// The place at `offset` bytes.
+    /// Returns the place at `offset` bytes.
     #[must_use]
     pub const fn at(offset: u32) -> Self {
         Self {
@@ -280,7 +281,8 @@ impl<T> Place<T> {
         }
     }
 
-    /// Bytes from the beginning of the region: the data of a message about this place.
+    /// Returns the offset in bytes from the beginning of the region; send it in a message about
+    /// this place.
     #[must_use]
     pub const fn offset(self) -> u32 {
         self.offset
@@ -309,12 +311,12 @@ impl<T> fmt::Debug for Place<T> {
     }
 }
 
-/// Hands out a region's memory, one place after another, each on a cache line of its own.
+/// Distributes a region's memory, one place after another, each at a cache line of its own.
 ///
-/// A program has one for its own memory, and lends it to all that want some: then no two of them
-/// overlap. On Linux the claim has it (`linux::Claim::places`); on bare metal
-/// the board does. Two programs that ask for the same places in the same order get the same offsets;
-/// it can be done at compile time.
+/// A program has one for its own memory, and lends it to every part that needs memory; so these
+/// parts never overlap. On Linux a claim provides it (`linux::Claim::places`); on bare metal the
+/// board does. Two programs that take the same places in the same order get the same offsets; this
+/// also works at compile time.
 #[derive(Clone, Debug)]
 pub struct Places {
     next: u32,
@@ -322,22 +324,22 @@ pub struct Places {
 }
 
 impl Places {
-    /// For a region of `size` bytes.
+    /// Makes a distributor for a region of `size` bytes.
     #[must_use]
     pub const fn new(size: u32) -> Self {
         Self { next: 0, size }
     }
 
-    /// Where the next one begins, in bytes.
+    /// Returns the offset of the next place, in bytes.
     #[must_use]
     pub const fn used(&self) -> u32 {
         self.next
     }
 
-    /// Room for a `T`.
+    /// Takes room for a `T`.
     ///
     /// # Errors
-    /// `OutOfBounds` if there is no room.
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub const fn place<T>(&mut self) -> Result<Place<T>, AccessError> {
         match self.bytes(size_of::<T>()) {
             Ok(offset) => Ok(Place::at(offset)),
@@ -345,10 +347,10 @@ impl Places {
         }
     }
 
-    /// Room for a latest-value cell.
+    /// Takes room for a latest-value cell.
     ///
     /// # Errors
-    /// `OutOfBounds` if there is no room.
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub const fn published<T>(&mut self) -> Result<Published<T>, AccessError> {
         match self.bytes(Published::<T>::BYTES as usize) {
             Ok(offset) => Ok(Published::at(offset)),
@@ -356,10 +358,10 @@ impl Places {
         }
     }
 
-    /// Room for `len` bytes; gives the offset.
+    /// Takes room for `len` bytes; returns the offset.
     ///
     /// # Errors
-    /// `OutOfBounds` if there is no room.
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub const fn bytes(&mut self, len: usize) -> Result<u32, AccessError> {
         let offset = self.next;
         if let Err(kind) = check_access(self.size, offset, len) {
@@ -380,17 +382,17 @@ impl Places {
     }
 }
 
-/// An access to a window that failed, and what was wrong with it.
+/// The error of an access to a window, with the offending values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind:?}")]
 pub struct AccessError {
-    /// Where it began, in bytes from the beginning of the region.
+    /// The offset of the access in bytes, from the beginning of the region.
     pub offset: u32,
-    /// How many bytes it was for.
+    /// The length of the access, in bytes.
     pub len: usize,
     /// The size of the region in bytes.
     pub size: u32,
-    /// What was wrong.
+    /// The kind of error.
     pub kind: WindowErrorKind,
 }
 

@@ -14,14 +14,14 @@ const NS_PER_S: u64 = 1_000_000_000;
 
 /// The doorbell of one hart: its bit `msip` in the CLINT, and `mtime` as the clock.
 ///
-/// Each hart has one of its own, and runs in machine mode. Waiting needs no interrupt handler:
-/// `wfi` wakes up for interrupts that are masked. A hart that enables the machine software
-/// interrupt, to [serve](crate::Messenger::serve) from it, calls
-/// [`acknowledge`](Self::acknowledge) first in its handler.
+/// Each hart has its own, and runs in machine mode. Waiting needs no interrupt handler: `wfi` wakes
+/// up for interrupts that are masked. If a hart enables the machine software interrupt, to
+/// [serve](crate::Messenger::serve) from it, its handler first calls
+/// [`acknowledge`](Self::acknowledge).
 ///
-/// While it waits it uses the timer compare of its hart, and gives it back as it was; a timer
-/// interrupt that is enabled and due earlier ends the wait. Writes to the compare may take a
-/// moment to be seen, so a timer handler must look whether its time has come.
+/// While it waits, it uses the timer compare register of its hart and restores it afterwards; a
+/// timer interrupt that is enabled and due earlier ends the wait. Writes to the register may take
+/// effect with a delay, so a timer handler must check whether its time has come.
 #[derive(Debug)]
 pub struct MsipDoorbell<const N: usize> {
     clint: ClintRegisters,
@@ -33,9 +33,10 @@ pub struct MsipDoorbell<const N: usize> {
 }
 
 impl<const N: usize> MsipDoorbell<N> {
-    /// The doorbell of `me`, where processor *p* of the system is hart `harts[p]`.
+    /// Makes the doorbell of `me`, where processor *p* of the system is hart `harts[p]`. Returns
+    /// `None` if there is no processor `me`.
     ///
-    /// `mtime_hz` is how often `mtime` counts in a second. `None` if there is no processor `me`.
+    /// `mtime_hz` is the frequency of `mtime`, in Hz.
     ///
     /// # Safety
     ///
@@ -62,8 +63,8 @@ impl<const N: usize> MsipDoorbell<N> {
         })
     }
 
-    /// Takes the ring that raised this hart's software interrupt: first thing in its handler,
-    /// before [`serve`](crate::Messenger::serve).
+    /// Clears the ring that raised this hart's software interrupt. The interrupt's handler calls
+    /// this first, before [`serve`](crate::Messenger::serve).
     pub fn acknowledge(&self) {
         masked(|_| self.take_ring());
     }

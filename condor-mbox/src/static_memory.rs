@@ -1,4 +1,4 @@
-//! [`StaticMemory`]: a window onto memory that is simply there, for bare metal.
+//! [`StaticMemory`]: a window onto memory at a fixed address, for bare metal.
 
 use crate::region::AccessError;
 use crate::sync::AtomicU32;
@@ -15,7 +15,7 @@ pub struct StaticMemory<const WORDS: usize> {
 }
 
 impl<const WORDS: usize> StaticMemory<WORDS> {
-    /// Zeros.
+    /// Makes memory that holds zeros.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -23,7 +23,7 @@ impl<const WORDS: usize> StaticMemory<WORDS> {
         }
     }
 
-    /// The window onto all of it.
+    /// Returns the window onto all of it.
     #[must_use]
     pub const fn window(&self) -> StaticWindow<'_> {
         StaticWindow { words: &self.words }
@@ -38,15 +38,15 @@ impl<const WORDS: usize> Default for StaticMemory<WORDS> {
 
 /// A window onto words that stay where they are for `'a`.
 ///
-/// It has [`CompareExchange`](crate::window::CompareExchange) if the target has it; whether that is
-/// indivisible for *all* processors that share the memory is for the user to know.
+/// It has [`CompareExchange`](crate::window::CompareExchange) if the target has it. The user must
+/// know whether that is indivisible for *all* processors that share the memory.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticWindow<'a> {
     words: &'a [AtomicU32],
 }
 
 impl StaticWindow<'_> {
-    /// The window onto the `bytes` at `address`; an incomplete last word is left out.
+    /// Makes the window onto the `bytes` at `address`; an incomplete last word is left out.
     ///
     /// # Safety
     ///

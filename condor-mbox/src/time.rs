@@ -1,4 +1,4 @@
-//! Time as an argument: monotonic nanoseconds from whatever clock the platform has.
+//! Monotonic time in nanoseconds, from the clock of the platform.
 
 use core::ops::Deref;
 use core::time::Duration;
@@ -10,31 +10,31 @@ use core::time::Duration;
 pub struct Instant(u64);
 
 impl Instant {
-    /// The end of time: a wait until then has no deadline of its own.
+    /// The greatest instant: a wait until then has no deadline of its own.
     pub const FOREVER: Self = Self(u64::MAX);
 
-    /// The instant `ns` nanoseconds after the clock's origin.
+    /// Returns the instant `ns` nanoseconds after the clock's origin.
     #[must_use]
     #[inline]
     pub const fn from_ns(ns: u64) -> Self {
         Self(ns)
     }
 
-    /// Nanoseconds since the clock's origin.
+    /// Returns the nanoseconds since the clock's origin.
     #[must_use]
     #[inline]
     pub const fn as_ns(self) -> u64 {
         self.0
     }
 
-    /// The instant `span` later, at most [`FOREVER`](Self::FOREVER).
+    /// Returns the instant `span` later, at most [`FOREVER`](Self::FOREVER).
     #[must_use]
     #[inline]
     pub const fn after(self, span: Duration) -> Self {
         Self(self.0.saturating_add(whole_ns(span)))
     }
 
-    /// Nanoseconds from `earlier` until here; zero if `earlier` is later.
+    /// Returns the nanoseconds from `earlier` until this instant; zero if `earlier` is later.
     #[must_use]
     #[inline]
     pub const fn ns_since(self, earlier: Self) -> u64 {
@@ -60,7 +60,7 @@ pub(crate) const fn whole_ns(span: Duration) -> u64 {
 /// `now` is called once per look of a spinning wait, so it should cost tens of nanoseconds.
 /// It must never run backwards as seen by one processor.
 pub trait Clock {
-    /// The present instant.
+    /// Returns the present instant.
     fn now(&self) -> Instant;
 }
 

@@ -1,4 +1,4 @@
-//! [`MemoryWindow`]: a range of a processor's memory, reached by checked offset.
+//! [`MemoryWindow`]: a range of a processor's memory, accessed at checked offsets.
 
 use core::fmt::Debug;
 use core::ops::Deref;
@@ -7,18 +7,19 @@ use core::sync::atomic::{AtomicU32, Ordering};
 /// The order of a load relative to the accesses around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadOrder {
-    /// No order; only the word itself is read whole.
+    /// No order; only the word itself is read as a whole.
     Relaxed,
-    /// What the writer of the word stored before its `Release` store is seen after this load.
+    /// Everything that the writer of the word stored before its `Release` store is visible after
+    /// this load.
     Acquire,
 }
 
 /// The order of a store relative to the accesses around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreOrder {
-    /// No order; only the word itself is written whole.
+    /// No order; only the word itself is written as a whole.
     Relaxed,
-    /// Everything before this store is seen by whoever reads the word with `Acquire`.
+    /// Everything stored before is visible to a reader that loads the word with `Acquire`.
     Release,
 }
 
@@ -42,7 +43,7 @@ impl From<StoreOrder> for Ordering {
     }
 }
 
-/// What is wrong with an access, for code that is generic over windows.
+/// The kind of error of an access, for code that is generic over windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WindowErrorKind {
@@ -54,13 +55,13 @@ pub enum WindowErrorKind {
     ReadOnly,
     /// The memory behind the window is gone: a truncated file, a vanished device.
     Lost,
-    /// The memory is not coherent: a compare-and-swap would reach the own cache alone.
+    /// The memory is not coherent: a compare-and-swap would act on the own cache only.
     NotCoherent,
 }
 
-/// An error of a window; every backend brings its own.
+/// An error of a window; every backend has its own type.
 pub trait WindowError: Debug {
-    /// The kind that generic code can act on.
+    /// Returns the kind, which generic code can handle.
     fn kind(&self) -> WindowErrorKind;
 }
 
@@ -68,10 +69,10 @@ pub trait WindowError: Debug {
 ///
 /// # For users
 ///
-/// Words are 32 bits, little-endian, at offsets that are multiples of four. There is never a
-/// Rust reference into the memory: what is read is a copy, which the peer cannot change
-/// afterwards. Two objects make up a processor: its `mail`, which only it writes, and its
-/// `data`, which everybody writes.
+/// Words are 32 bits, little-endian, at offsets that are multiples of four. There is never a Rust
+/// reference into the memory: a read returns a copy, which the peer cannot change afterwards. A
+/// processor has two objects: its `mail`, which only it writes, and its `data`, which every
+/// processor writes.
 ///
 /// | access | inside | partly or wholly outside | misaligned | mapped read-only | memory gone |
 /// |---|---|---|---|---|---|
@@ -88,66 +89,65 @@ pub trait WindowError: Debug {
 /// access to memory that has gone must return `Lost`, never a signal or a trap. `size` never
 /// changes. Call [`conformance::window`](conformance/fn.window.html) from one test.
 ///
-/// Where the caches of the processors are not coherent, `is_coherent` is `false`, and every access
-/// looks after the cache: a load or read invalidates its lines first, a store or write invalidates
-/// them first and cleans them afterwards. `clean` and `invalidate` are for who reaches the memory in
-/// another way. The window begins with a line of the cache, of at most
-/// [`LINE`](crate::layout::LINE) bytes, and has whole lines, and nobody else's memory shares them. No
-/// line is written by two processors at a time; those that are written in turn hand them over by
-/// messages.
+/// If the caches of the processors are not coherent, `is_coherent` is `false`, and every access
+/// maintains the cache: a load or read invalidates its lines first; a store or write invalidates
+/// them first and cleans them afterwards. `clean` and `invalidate` are for programs that access the
+/// memory in another way. The window begins at a cache line, has whole lines of at most
+/// [`LINE`](crate::layout::LINE) bytes, and shares them with no other memory. No two processors
+/// write the same line at the same time; lines that they write in turn are handed over by messages.
 pub trait MemoryWindow {
     /// The backend's error.
     type Error: WindowError;
 
-    /// Size in bytes, a multiple of four.
+    /// Returns the size in bytes, a multiple of four.
     fn size(&self) -> u32;
 
     /// Reads the word at `offset` bytes.
     ///
     /// # Errors
-    /// See the table above.
+    /// The error in the table above.
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, Self::Error>;
 
     /// Writes the word at `offset` bytes.
     ///
     /// # Errors
-    /// See the table above.
+    /// The error in the table above.
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Self::Error>;
 
-    /// All of the memory as little-endian words, if plain loads and stores reach it and all
-    /// processors see the same: a mailbox then looks at its rings without a call for each word.
+    /// Returns all of the memory as little-endian words, if plain loads and stores can access it
+    /// and it is coherent. A mailbox then reads its rings without a call for each word.
     ///
-    /// What is not there any more reads as 0 for ever. Nobody stores to a window that is mapped
-    /// read-only.
+    /// Memory that has vanished must read as 0 for ever. Words of a window that is mapped read-only
+    /// must not be stored to.
     #[inline(always)]
     fn words(&self) -> Option<Words<'_>> {
         None
     }
 
-    /// Whether all processors see the same memory without [`clean`](Self::clean) and
-    /// [`invalidate`](Self::invalidate); it never changes.
+    /// Returns whether all processors see the same memory without [`clean`](Self::clean) and
+    /// [`invalidate`](Self::invalidate). The answer never changes.
     fn is_coherent(&self) -> bool {
         true
     }
 
-    /// Writes what this processor's cache has of `len` bytes at `offset` back to the memory, and
-    /// returns when it is there. A range outside of the window is none.
+    /// Writes the `len` bytes at `offset` back from this processor's cache to the memory, and
+    /// returns when they are there. Does nothing for a range outside of the window.
     #[inline(always)]
     fn clean(&self, offset: u32, len: u32) {
         let _ = (offset, len);
     }
 
-    /// Forgets what this processor's cache has of `len` bytes at `offset`: what follows is read
-    /// from the memory. A range outside of the window is none.
+    /// Discards the `len` bytes at `offset` from this processor's cache, so that later reads come
+    /// from the memory. Does nothing for a range outside of the window.
     #[inline(always)]
     fn invalidate(&self, offset: u32, len: u32) {
         let _ = (offset, len);
     }
 
-    /// The error for an access of `len` bytes at `offset`, if it is misaligned or not inside.
+    /// Checks an access of `len` bytes at `offset`.
     ///
     /// # Errors
-    /// `Misaligned` or `OutOfBounds`.
+    /// An error of the kind `Misaligned` or `OutOfBounds` if it is misaligned or not inside.
     fn check(&self, offset: u32, len: usize) -> Result<(), Self::Error>;
 
     /// Copies bytes out of the window, word by word with `Relaxed` order.
@@ -155,7 +155,7 @@ pub trait MemoryWindow {
     /// Bytes that a peer writes at the same time may be old or new, word by word.
     ///
     /// # Errors
-    /// See the table above.
+    /// The error in the table above.
     fn read(&self, offset: u32, into: &mut [u8]) -> Result<(), Self::Error> {
         self.check(offset, into.len())?;
         let mut at = offset;
@@ -175,7 +175,7 @@ pub trait MemoryWindow {
     /// not share a word.
     ///
     /// # Errors
-    /// See the table above.
+    /// The error in the table above.
     fn write(&self, offset: u32, from: &[u8]) -> Result<(), Self::Error> {
         self.check(offset, from.len())?;
         let mut at = offset;
@@ -193,14 +193,14 @@ pub trait MemoryWindow {
         Ok(())
     }
 
-    /// Copies the first `len` bytes of words of the program's own memory into the window, slice after slice,
-    /// each word with `Relaxed` order.
+    /// Copies the first `len` bytes of words of the program's own memory into the window, slice
+    /// after slice, each word with `Relaxed` order.
     ///
-    /// Other contexts of the program may write them meanwhile: each is then old or new. If there are fewer
-    /// words, what is after them stays as it is.
+    /// Other contexts of the program may write these words meanwhile; each word is then old or new.
+    /// If there are fewer words than `len` bytes, the rest of the window stays as it is.
     ///
     /// # Errors
-    /// As [`write`](Self::write) of so many bytes.
+    /// Those of [`write`](Self::write) for as many bytes.
     fn write_words(
         &self,
         offset: u32,
@@ -237,15 +237,16 @@ impl<'w> Words<'w> {
     /// Wraps the words of a window.
     ///
     /// # Safety
-    /// They are all of the memory of the window that returns them, which returns as many whenever it is
-    /// asked: who has seen once that there are enough does not look again.
+    /// The words are all of the memory of the window that returns them, and the window returns the
+    /// same number of words each time: a caller that has once checked the number does not check it
+    /// again.
     #[must_use]
     #[inline(always)]
     pub const unsafe fn new(words: &'w [AtomicU32]) -> Self {
         Self(words)
     }
 
-    /// The words, in order.
+    /// Returns the words, in order.
     #[must_use]
     #[inline(always)]
     pub const fn get(self) -> &'w [AtomicU32] {
@@ -265,15 +266,15 @@ impl<'w> Words<'w> {
 ///
 /// # For implementers
 ///
-/// Implement it only where the operation is indivisible for *every* processor that maps the
-/// memory; a core's own exclusive access over a bus without locking is not.
+/// Implement it only if the operation is indivisible for *every* processor that maps the memory. A
+/// core's own exclusive access over a bus without locking is not.
 pub trait CompareExchange: MemoryWindow {
     /// Writes `new` at `offset` if the word there is `current`; with acquire and release order.
     ///
-    /// Gives the word that was there: equal to `current` if and only if `new` was written.
+    /// Returns the word that was there; it equals `current` if and only if `new` was written.
     ///
     /// # Errors
-    /// As [`MemoryWindow::store`].
+    /// Those of [`MemoryWindow::store`].
     fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, Self::Error>;
 }
 
@@ -340,9 +341,9 @@ impl<T: Deref<Target: CompareExchange>> CompareExchange for T {
     }
 }
 
-/// The kind of error for an access of `len` bytes at `offset` of a window of `size` bytes.
+/// Checks an access of `len` bytes at `offset` of a window of `size` bytes.
 ///
-/// Backends build [`MemoryWindow::check`] on it.
+/// Backends implement [`MemoryWindow::check`] by it.
 ///
 /// # Errors
 /// `Misaligned` or `OutOfBounds`.
@@ -356,10 +357,10 @@ pub const fn check_access(size: u32, offset: u32, len: usize) -> Result<(), Wind
     }
 }
 
-/// The kind of error for an access to `words` words at `offset` of a window of `size` bytes, both
-/// sizes multiples of four, and at least one word.
+/// Checks an access to `words` words (at least one) at `offset` of a window of `size` bytes; `size`
+/// must be a multiple of four.
 ///
-/// Says the same as [`check_access`] of so many bytes, in a single comparison.
+/// The result is that of [`check_access`] for as many bytes, in a single comparison.
 ///
 /// # Errors
 /// `Misaligned` or `OutOfBounds`.

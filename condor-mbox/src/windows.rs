@@ -3,8 +3,8 @@
 /// The two objects of a processor that others can reach.
 #[derive(Clone, Copy, Debug)]
 pub struct Windows<W> {
-    /// Written by its processor alone; peers may map it for reading only.
+    /// The memory that only its processor writes; peers may map it for reading only.
     pub mail: W,
-    /// Written by everybody.
+    /// The memory that every processor writes.
     pub data: W,
 }

@@ -1,4 +1,4 @@
-//! [`Error`]: why a program cannot be what it says.
+//! [`Error`]: why a program cannot run, or cannot go on.
 
 use core::fmt::{self, Write as _};
 
@@ -10,100 +10,101 @@ use condor_vars::CatalogError;
 
 use crate::objects::ObjectError;
 
-/// Why a program ends before it was told to.
+/// The reason for which a program ends before it was told to stop.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The mailbox.
+    /// The mailbox returned this error.
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
-    /// The memory.
+    /// An access to the memory of a processor failed.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// The object table.
+    /// The object table refused an object.
     #[error(transparent)]
     Objects(#[from] ObjectError),
-    /// The terminal.
+    /// The terminal returned this error.
     #[error(transparent)]
     Terminal(#[from] TerminalError),
-    /// The file service.
+    /// The file service or its client returned this error.
     #[error(transparent)]
     Files(#[from] condor_fs::Error),
-    /// A board that cannot be opened.
+    /// A board could not be opened.
     #[error(transparent)]
     Open(#[from] OpenError<'static>),
-    /// The rates of the loops.
+    /// The rates of the loops cannot be scheduled.
     #[error(transparent)]
     Rate(#[from] RateError),
-    /// A loop.
+    /// An operation on a loop failed.
     #[error(transparent)]
     Loop(#[from] LoopError),
-    /// The start of the loops.
+    /// The loops could not be started.
     #[error(transparent)]
     Start(#[from] StartError),
-    /// More was set up than there is room for.
+    /// The program set up more parts of one sort than a program may have.
     #[error("`{name}` is one too many: a program has at most {capacity} {what}")]
     Full {
-        /// Of what.
+        /// The sort of part, such as `loops`.
         what: &'static str,
-        /// How many there may be.
+        /// The greatest number of such parts.
         capacity: usize,
-        /// The first that finds no room.
+        /// The name of the first part for which there is no room.
         name: Text<32>,
     },
-    /// The program asks for something again that it can have once.
+    /// The program set up twice what it can have only once.
     #[error("a program has one {what}, and this one asked for another")]
     Twice {
-        /// What.
+        /// The name of that part, such as `console`.
         what: &'static str,
     },
-    /// Something is used that was not set up.
+    /// The program uses a part that it did not set up.
     #[error("the program has no {what}: it asks `Setup` for {what} first")]
     Missing {
-        /// What.
+        /// The name of that part, such as `console`.
         what: &'static str,
     },
-    /// A handler for a vector that has one.
+    /// The program set up a handler for a vector that is already in use.
     #[error("`{name}` is for {vector}, which is for {by}")]
     VectorTaken {
         /// The vector.
         vector: Vector,
-        /// What it is for.
+        /// The use that the vector already has.
         by: &'static str,
-        /// The handler's name.
+        /// The name of the refused handler.
         name: Text<32>,
     },
-    /// A variable or parameter that no loop has.
+    /// A variable or parameter was added after the last loop, so that no loop shows it.
     #[error("`{name}` is shown by no loop: add the servo after its variables and parameters")]
     LeftOver {
-        /// Its name.
+        /// The name of the variable or parameter.
         name: Text<32>,
     },
-    /// Variables that cannot be shown.
+    /// The variables of a loop, or the fields of a cell, cannot be shown.
     #[error("the variables of `{name}`: {error}")]
     Variables {
         /// The name of the loop, or of the cell.
         name: Text<32>,
-        /// Why not.
+        /// The reason.
         error: CatalogError,
     },
     /// The window is too small.
     #[error("`{name}` needs {needed} bytes of the window, and {left} are left: raise `window_bytes` by {}", .needed - .left)]
     Window {
-        /// What is to lie there.
+        /// The name of the object that was to be placed.
         name: Text<32>,
-        /// How long it is, in bytes.
+        /// The length of that object in bytes.
         needed: u32,
-        /// How many bytes are left.
+        /// The number of free bytes.
         left: u32,
     },
-    /// What a program says itself: the text of an error of its own.
+    /// An error of the program's own, as text.
     #[error("{0}")]
     Program(Text<112>),
 }
 
 impl Error {
-    /// An error of the program's own, of which the text is kept, as far as it fits.
+    /// Makes an [`Error::Program`] of an error of the program's own; keeps the first 112 bytes of
+    /// its text.
     #[must_use]
     pub fn program(error: &impl fmt::Display) -> Self {
         Self::Program(Text::of(error))
@@ -131,12 +132,12 @@ impl Error {
     }
 }
 
-/// As much of a text as fits, without a heap.
+/// A text without a heap, cut off after `BYTES` bytes.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Text<const BYTES: usize>(heapless::String<BYTES, u8>);
 
 impl<const BYTES: usize> Text<BYTES> {
-    /// What something prints.
+    /// Returns the text that `printed` prints, as far as it fits.
     #[must_use]
     pub fn of(printed: &(impl fmt::Display + ?Sized)) -> Self {
         let mut text = Cut(heapless::String::new());
@@ -145,7 +146,7 @@ impl<const BYTES: usize> Text<BYTES> {
         Self(text.0)
     }
 
-    /// The text.
+    /// Returns the text.
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0

@@ -1,4 +1,4 @@
-//! [`Interrupts`]: what became of the interrupts of a machine.
+//! [`Interrupts`]: counts of a machine's interrupts.
 
 use core::mem::offset_of;
 
@@ -11,29 +11,33 @@ const NAMED: usize = 8;
 /// No vector.
 const NONE: i32 = -1;
 
-/// What became of the interrupts of a machine so far, but for those of its timer and of its mailbox. Counts
-/// wrap. A program that [`Setup`](crate::Setup) makes shows it as `interrupts`.
+/// Counts of the interrupts of a machine's boards; those of its timer and of its mailbox are not
+/// counted. The counts wrap.
+///
+/// A program that [`Setup`](crate::Setup) makes shows them as the cell `interrupts`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Interrupts {
-    /// A board had asked and was served.
+    /// Interrupts of a board that had asked for one and was served.
     pub served: u32,
-    /// There was nothing to claim.
+    /// Interrupts after which the controller had no vector to claim.
     pub spurious: u32,
-    /// None of the boards of the vector had asked.
+    /// Interrupts of a vector whose boards all said that they had not asked.
     pub unclaimed: u32,
-    /// No board has the vector.
+    /// Interrupts of a vector that belongs to no board.
     pub unhandled: u32,
-    /// Vectors that were disabled because they would not end.
+    /// Vectors that were disabled because their interrupt stayed pending.
     pub stuck: u32,
-    /// The first vectors that no board has; -1 where there is none.
+    /// The first vectors that interrupted and belong to no board; unused places hold -1.
     pub unhandled_vectors: [i32; NAMED],
-    /// Causes for which the processor has no handler, as the bits of their numbers; they are disabled.
+    /// Causes of traps for which the processor has no handler, and which are now disabled: bit n
+    /// stands for cause n.
     pub unhandled_causes: u32,
 }
 
 impl Interrupts {
-    /// What a [`Switch`](condor_dev::Switch) counts, and its vectors that no board has.
+    /// Makes a record of the counts of a [`Switch`](condor_dev::Switch) and of its unhandled
+    /// vectors.
     #[must_use]
     pub fn new(
         counts: InterruptCounts,

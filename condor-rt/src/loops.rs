@@ -1,10 +1,11 @@
-//! The counts of a processor's servo loops, for whoever watches.
+//! The counts of a processor's servo loops, for programs that watch it.
 //!
-//! The program's background publishes them, and any process that maps the window reads them. A loop is an
-//! object of [`Kind::Loop`] with its name: a [`Published`] record of 22 words,
-//! which are rate and tick frequency as numerator and denominator, flags (bit 0 enabled, bit 1 faulted),
-//! the worst lateness and run, then the counts in the order of [`Statistics`] (`running` and `pending` in
-//! one word each, the others in two, low one first), and a zero.
+//! The program's background publishes the counts, and any process that maps the window reads them.
+//! Each loop is an object of [`Kind::Loop`] under its name. The object is a [`Published`] record of
+//! 22 words: the rate and the tick frequency, each as numerator and denominator; flags (bit 0:
+//! enabled, bit 1: faulted); the worst lateness and the worst run time in ticks; then the counts in
+//! the order of [`Statistics`] (`running` and `pending` take one word each, the others two, low
+//! word first); and a zero.
 
 use condor_mbox::published::{Publisher, ReadError};
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
@@ -17,15 +18,16 @@ type Row = [u32; 22];
 const ENABLED: u32 = 1 << 0;
 const FAULTED: u32 = 1 << 1;
 
-/// The program's end: the counts of a loop.
+/// The publisher of the counts of one loop; the loop's program holds it.
 #[derive(Debug)]
 pub struct LoopReport<W>(Publisher<Row, Region<W>>);
 
 impl<W: MemoryWindow + Clone> LoopReport<W> {
-    /// Room for the counts of a loop of this name, entered in `table`.
+    /// Takes room for the counts of a loop from `places`, and enters it in `table` under `name`.
     ///
     /// # Errors
-    /// No room; those of [`ObjectTable::enter`].
+    /// [`ObjectError::Access`] if there is no room or the memory cannot be written; otherwise those
+    /// of [`ObjectTable::enter`].
     pub fn new(
         region: &Region<W>,
         places: &mut Places,
@@ -39,18 +41,19 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
     /// Publishes the counts.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be written.
     pub fn publish(&mut self, counts: &Statistics) -> Result<(), AccessError> {
         self.0.publish(&words(counts))?;
         Ok(())
     }
 }
 
-/// The counts of the loop that is this object; `None` if its program has published nothing yet, or
-/// publishes just now.
+/// Reads the counts of the loop that `object` describes. Returns `None` if the loop's program has
+/// published nothing yet, or is publishing at this moment.
 ///
 /// # Errors
-/// The memory's; an object is where its entry says, and that may be anywhere.
+/// [`AccessError`] if the memory cannot be read; that is also so if the entry in the table gives a
+/// place outside of the region.
 pub fn read<W: MemoryWindow + Clone>(
     region: &Region<W>,
     object: &Object,

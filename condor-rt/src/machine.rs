@@ -1,4 +1,4 @@
-//! [`Machine`]: what a program needs to know of the processor on which it runs.
+//! [`Machine`]: the parts of a processor that a program uses.
 
 use condor_dev::Bus;
 use condor_mbox::{
@@ -22,55 +22,54 @@ pub type MailboxOf<'v, M> = Mailbox<
     PROCESSORS,
 >;
 
-/// The processor on which a program runs, whatever it is: a process of Linux, one of several
-/// processors in virtual time, or a hart without an operating system.
+/// The processor on which a program runs: a process of Linux, one of several processors in virtual
+/// time, or a hart without an operating system.
 ///
-/// A program that is written for any `Machine` is the same text on all of them. It makes its mailbox,
-/// its scheduler, its terminal and its files of the parts that the machine has; see
-/// [`Program`].
+/// A program that is generic over `Machine` is the same text on all of them. It makes its mailbox,
+/// its scheduler, its terminal and its files from the parts that the machine has; see [`Program`].
 pub trait Machine: Sync {
     /// The memory that processors and host share.
     type Window: MemoryWindow + Clone + Send + Sync;
-    /// The mailbox interrupt; its clock is that of the program.
+    /// The mailbox interrupt. Its clock is the clock of the program.
     type Doorbell: Doorbell + Clone + Sync;
-    /// How background, handlers and loops keep apart.
+    /// The critical sections that keep background, handlers and loops apart.
     type Exclusion: Exclusion + Clone + Sync;
-    /// The bus on which the boards are.
+    /// The bus to which the boards are connected.
     type Bus: Bus + Clone + Sync;
 
-    /// The number of this processor.
+    /// Returns the number of this processor.
     fn number(&self) -> Processor;
 
-    /// The windows of all processors, by number.
+    /// Returns the windows of all processors; the index is the processor's number.
     fn windows(&self) -> [Windows<Self::Window>; PROCESSORS];
 
-    /// The doorbell of this processor.
+    /// Returns the doorbell of this processor.
     fn doorbell(&self) -> Self::Doorbell;
 
-    /// What keeps the contexts of this processor apart.
+    /// Returns the critical sections of this processor.
     fn exclusion(&self) -> Self::Exclusion;
 
-    /// Ticks per second of the timer by which loops are due.
+    /// Returns the ticks per second of the timer that releases the loops.
     fn timer_frequency(&self) -> Rate;
 
-    /// The bus on which the boards are.
+    /// Returns the bus to which the boards are connected.
     fn bus(&self) -> Self::Bus;
 
     /// Returns the memory that belongs to no processor, which all processors and the host reach; `None` if
     /// the system has none.
     ///
-    /// It is zeros when the system begins, and stays as it is when a program starts anew. What lies where
-    /// in it, programs agree among themselves.
+    /// It consists of zeros when the system begins, and keeps its contents when a program is restarted. The
+    /// programs agree among themselves on the offsets in it.
     fn shared_memory(&self) -> Option<Region<Self::Window>> {
         None
     }
 
-    /// How the mailbox of the program waits.
+    /// Returns the way in which the mailbox of the program waits.
     fn waiting(&self) -> Waiting {
         Waiting::default()
     }
 
-    /// The mailbox of this processor, which has not joined yet.
+    /// Makes the mailbox of this processor, which has not joined yet.
     ///
     /// # Errors
     /// Those of [`Mailbox::new`].
@@ -84,32 +83,36 @@ pub trait Machine: Sync {
         Ok(mailbox)
     }
 
-    /// An argument that the system description gives to the program, counted from 0.
+    /// Returns an argument that the system description gives to the program; `index` counts from 0.
     fn argument(&self, index: usize) -> Option<&str>;
 
-    /// Whether the program is to end; its background looks at least every 100 ms.
+    /// Returns whether the program is to end. The background asks at least every 100 ms.
     fn is_stopping(&self) -> bool;
 
-    /// Whether [`with_mail`](Self::with_mail) serves messages: by the mailbox interrupt of a hart, or by a
-    /// thread.
+    /// Returns whether messages are served while the background computes: by the mailbox interrupt
+    /// of a hart, or by a thread.
     fn mail_interrupts(&self) -> bool {
         false
     }
 
-    /// Runs `background`, and serves messages meanwhile, if this machine [does](Self::mail_interrupts):
-    /// each ring calls `serve`, which is [`Messenger::serve`](condor_mbox::Messenger::serve) with a
-    /// time-out of zero, of a mailbox that wants [all rings](condor_mbox::Mailbox::ring_always), and
-    /// returns how many messages it has served. Servo loops are more urgent. For rings that came before,
-    /// `background` begins by ringing this processor.
+    /// Runs `background`. If [`mail_interrupts`](Self::mail_interrupts) is true, it also calls
+    /// `serve` at each ring of the doorbell.
     ///
-    /// A machine that does not, serves messages where the background waits. On one that does, the
-    /// background [waits for rings](condor_mbox::Doorbell::wait) and looks what handlers have done,
-    /// instead of serving: an interrupt between a message that the background has taken and the start of
-    /// its handler would serve a later one first. (A process keeps the order even then: one thread at a
-    /// time serves, and the background is rung again when handlers have run.)
+    /// `serve` calls [`Messenger::serve`](condor_mbox::Messenger::serve) with a time-out of zero
+    /// and returns how many messages it served. Its mailbox must want [all
+    /// rings](condor_mbox::Mailbox::ring_always). Servo loops are more urgent than `serve`.
+    /// `background` begins by ringing this processor, so that rings from before this call are not
+    /// lost.
+    ///
+    /// If `mail_interrupts` is false, the background serves messages where it waits. If it is true,
+    /// the background must not serve: it [waits for rings](condor_mbox::Doorbell::wait) and then
+    /// looks what the handlers have done. If it served, an interrupt could come after the
+    /// background has taken a message and before the handler of that message starts, and serve a
+    /// later message first. (A process keeps the order even then: only one thread at a time serves,
+    /// and the background is rung again after handlers have run.)
     ///
     /// # Errors
-    /// Nothing can serve; `background` has not run then.
+    /// [`Error`] if messages cannot be served; `background` has not run then.
     fn with_mail<R>(
         &self,
         serve: impl Fn() -> usize + Sync,
@@ -119,17 +122,20 @@ pub trait Machine: Sync {
         Ok(background())
     }
 
-    /// What became of the interrupts of its boards so far; `None` if none interrupts.
+    /// Returns the counts of the boards' interrupts so far; `None` if boards cannot interrupt.
     fn interrupts(&self) -> Option<Interrupts> {
         None
     }
 
-    /// Runs loops, by their numbers in `loops`, and `background`, which is given what it may ask of them.
+    /// Runs `loops` and `background`. The number of a loop is its index in `loops`. `background`
+    /// gets a [`Loops`], by which it can ask for the counts of loops and change their rates.
     ///
-    /// Where loops interrupt the background on its stack, this is [`on_one_stack`](crate::on_one_stack).
+    /// Machines whose loops interrupt the background on its stack implement this by
+    /// [`on_one_stack`](crate::on_one_stack).
     ///
     /// # Errors
-    /// The rates cannot be scheduled, or the loops cannot start; `background` has not run then.
+    /// [`Error::Rate`] if the rates cannot be scheduled, [`Error::Loop`] or [`Error::Start`] if the
+    /// loops cannot start; `background` has not run then.
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],
@@ -139,15 +145,16 @@ pub trait Machine: Sync {
 
 /// A program for any [`Machine`].
 ///
-/// Its loops neither wait, nor allocate, print or lock: on most machines they are interrupts. On others
-/// they run beside the background and the handlers at the same time. What they share lies in the windows,
-/// in an atomic, in a [`Latest`](condor_mos::Latest), in a [`LoopLock`](condor_mos::LoopLock), or is used
-/// in sections of the [exclusion](Machine::exclusion) or of `critical-section`.
+/// Its loops neither wait, allocate, print nor lock: on most machines they are interrupts. On other
+/// machines they run at the same time as the background and the handlers. Data that they share must
+/// lie in the windows, in an atomic, in a [`Latest`](condor_mos::Latest), or in a
+/// [`LoopLock`](condor_mos::LoopLock), or be used only inside critical sections: those of the
+/// machine's [exclusion](Machine::exclusion) or of the `critical-section` crate.
 pub trait Program {
-    /// Runs until the machine [is stopping](Machine::is_stopping).
+    /// Runs until [`Machine::is_stopping`] returns true.
     ///
     /// # Errors
-    /// The program has failed, and whoever started it decides what follows. An error of its own enters by
-    /// [`Error::program`].
+    /// [`Error`] if the program has failed; its starter, such as a supervisor, decides what
+    /// follows. A program makes an error of its own by [`Error::program`].
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error>;
 }

@@ -1,31 +1,33 @@
-//! Who has which number in a system that `condor` brings up, and what each vector is for.
+//! The numbers of the processors, services and visitors of a system that `condor` brings up, and
+//! the vectors that Condor uses.
 
 use core::ops::RangeInclusive;
 
 use condor_mbox::{Processor, Vector};
 use condor_tty::Vectors;
 
-/// How many numbers a system has.
+/// The number of processor numbers in a system.
 pub const PROCESSORS: usize = 32;
 
-/// The numbers that a system description gives to its processors.
+/// The numbers of the processors in a system description.
 pub const PROGRAMS: RangeInclusive<u8> = 0..=11;
-/// The numbers of services.
+/// The numbers of services of the host.
 pub const SERVICES: RangeInclusive<u8> = 12..=19;
-/// Who starts, watches and stops all others.
+/// The supervisor, which starts, watches and stops all programs and services.
 pub const SUPERVISOR: Processor = Processor(12);
 /// The file service.
 pub const FILES: Processor = Processor(13);
-/// The terminals.
+/// The terminal service.
 pub const TERMINALS: Processor = Processor(14);
-/// The numbers of the services that an application adds, in their order.
+/// The numbers of services that an application adds, in the order in which it adds them.
 pub const EXTENSIONS: RangeInclusive<u8> = 15..=*SERVICES.end();
-/// User interfaces, commands and other programs that come and go.
+/// The numbers of visitors: user interfaces, commands and other programs that come and go.
 pub const VISITORS: RangeInclusive<u8> = 20..=31;
 
-/// The vectors that a program may use for messages of its own; libraries for robots have those from 32 on.
+/// The vectors that a program may use for its own messages. Libraries for robots use those from 32
+/// on.
 pub const OWN_VECTORS: RangeInclusive<u8> = 0..=39;
-/// All vectors that Condor uses, and what for.
+/// All vectors that Condor uses, each with its purpose.
 pub const VECTORS: [(Vector, &str); 6] = [
     (condor_fs::wire::FILES, "requests to the file service"),
     (condor_fs::wire::OPEN_FILES, "what a client has open"),

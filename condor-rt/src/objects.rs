@@ -1,24 +1,26 @@
-//! The object table: what lies where in a processor's memory, for a host that did not build its program.
+//! The object table: a list of the objects in a processor's memory. With it a host can find them
+//! without knowing the program.
 //!
-//! A program makes its [`ObjectTable`] first of all, so that it lies at the beginning of the users'
-//! region of its `data`, and enters what others may look at. Entries lie wherever there is room, one
-//! behind the other, and there may be as many as the window holds. All words have 32 bits and are
-//! little-endian; offsets are in bytes from the beginning of the users' region.
+//! A program makes its [`ObjectTable`] before it places anything else, so that the table lies at
+//! the beginning of the users' region of its `data`. Then it enters the objects that others may
+//! read. The entries form a linked list and may lie anywhere in the region; their number is limited
+//! only by the window. All words have 32 bits and are little-endian. All offsets are in bytes from
+//! the beginning of the users' region.
 //!
-//! | offset | |
+//! | offset | content |
 //! |---|---|
 //! | 0 | "COBJ", stored after the table was emptied |
 //! | 4 | version of the layout, 1 |
-//! | 8 | where the first entry begins; 0 if there is none |
+//! | 8 | offset of the first entry; 0 if there is none |
 //! | 12 | 0 |
 //!
-//! | offset in an entry | |
+//! | offset in an entry | content |
 //! |---|---|
-//! | 0 | where the next one begins, behind this one; 0 if there is none. Stored after that one is complete |
+//! | 0 | offset of the next entry, which is greater than that of this one; 0 if there is none. It is stored after the next entry is complete |
 //! | 4 | [`Kind`] |
 //! | 8 | offset of the object |
-//! | 12 | its length |
-//! | 16 | how many bytes its name has, at most 64 |
+//! | 12 | length of the object in bytes |
+//! | 16 | length of its name in bytes, at most 64 |
 //! | 20 | its name, in UTF-8 |
 
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
@@ -26,12 +28,12 @@ use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use crate::error::Text;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"COBJ");
-/// The version of the table.
+/// The version of the table's layout.
 pub const VERSION: u32 = 1;
 
-/// Bytes that the table takes before its entries.
+/// The size of the table without its entries, in bytes.
 pub const BYTES: u32 = 16;
-/// Bytes that a name may have.
+/// The greatest length of a name, in bytes.
 pub const NAME_BYTES: usize = 64;
 
 mod word {
@@ -49,12 +51,12 @@ mod entry {
     pub(super) const NAME: u32 = 20;
 }
 
-/// What an object is.
+/// The kind of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[non_exhaustive]
 pub enum Kind {
-    /// An object that only its users know.
+    /// An object that only the program's own users know how to read.
     Other = 0,
     /// A terminal of condor-tty.
     Terminal = 1,
@@ -75,51 +77,51 @@ impl Kind {
     }
 }
 
-/// What the table says of an object.
+/// An entry of the table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Object {
-    /// Its name; empty if what lay in memory was no UTF-8.
+    /// The object's name; empty if the name in memory is too long or not UTF-8.
     pub name: Text<NAME_BYTES>,
-    /// What it is.
+    /// The object's kind.
     pub kind: Kind,
-    /// Where it begins in the users' region, in bytes.
+    /// The object's offset in the users' region, in bytes.
     pub offset: u32,
-    /// How long it is, in bytes.
+    /// The object's length, in bytes.
     pub len: u32,
 }
 
-/// Why an object cannot be entered.
+/// The reason for which an object cannot be entered.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ObjectError {
-    /// The table is not where hosts look for it.
+    /// The table would not lie at the offset 0, where hosts look for it.
     #[error(
         "the object table would be at offset {offset}, but hosts look for it at 0: make it first of all"
     )]
     NotFirst {
-        /// Where it would be, in bytes.
+        /// The offset at which it would lie, in bytes.
         offset: u32,
     },
-    /// A name that is too long.
+    /// A name is longer than [`NAME_BYTES`].
     #[error("an object's name has at most {NAME_BYTES} bytes, and that of `{name}...` has {len}")]
     Name {
-        /// How it begins.
+        /// The beginning of the name.
         name: Text<32>,
-        /// How many bytes it has.
+        /// The length of the name, in bytes.
         len: usize,
     },
-    /// There is one of this name and kind.
+    /// The table has an object of this name and kind already.
     #[error("there are two objects `{name}`: each needs a name of its own")]
     Taken {
         /// The name.
         name: Text<NAME_BYTES>,
     },
-    /// The memory.
+    /// The region has no room left, or its memory cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
 }
 
-/// The object table of the processor that this program runs on.
+/// The object table of the processor on which this program runs.
 #[derive(Debug)]
 pub struct ObjectTable<W> {
     region: Region<W>,
@@ -128,11 +130,11 @@ pub struct ObjectTable<W> {
 }
 
 impl<W: MemoryWindow> ObjectTable<W> {
-    /// An empty table, which must be the first of `places` in the users' region of the program's own
-    /// `data`.
+    /// Makes an empty table at the beginning of `region`, the users' region of the program's own
+    /// `data`. Nothing must have been taken from `places` before.
     ///
     /// # Errors
-    /// [`ObjectError::NotFirst`]; no room.
+    /// [`ObjectError::NotFirst`] if something was; [`ObjectError::Access`] if there is no room.
     pub fn new(region: Region<W>, places: &mut Places) -> Result<Self, ObjectError> {
         let offset = places.bytes(BYTES as usize)?;
         if offset != 0 {
@@ -146,10 +148,10 @@ impl<W: MemoryWindow> ObjectTable<W> {
         Ok(Self { region, last })
     }
 
-    /// Room for a cell of which others read the latest value, entered.
+    /// Takes room for a cell, whose latest value others can read, and enters it.
     ///
     /// # Errors
-    /// No room; those of [`enter`](Self::enter).
+    /// [`ObjectError::Access`] if there is no room; otherwise those of [`enter`](Self::enter).
     pub fn cell<T>(
         &mut self,
         places: &mut Places,
@@ -166,10 +168,12 @@ impl<W: MemoryWindow> ObjectTable<W> {
         Ok(cell)
     }
 
-    /// Enters an object, which must be ready to be looked at; the entry is the next of `places`.
+    /// Enters an object. From then on others may read the object, so it must be complete. The entry
+    /// takes room from `places`.
     ///
     /// # Errors
-    /// [`ObjectError::Name`], [`ObjectError::Taken`]; no room.
+    /// [`ObjectError::Name`] if the name is too long, [`ObjectError::Taken`] if there is an object
+    /// of this name and kind, [`ObjectError::Access`] if there is no room.
     pub fn enter(
         &mut self,
         places: &mut Places,
@@ -200,22 +204,23 @@ impl<W: MemoryWindow> ObjectTable<W> {
     }
 }
 
-/// The version of the table of a processor, whose users' region is `region`; `None` if there is no table, or not
-/// yet. The objects of a table of another version than [`VERSION`] cannot be read.
+/// Returns the version of a processor's table; `None` if there is no table, or not yet. `region` is
+/// the users' region of that processor. The objects of a table whose version is not [`VERSION`]
+/// cannot be read.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be read.
 pub fn version<W: MemoryWindow>(region: &Region<W>) -> Result<Option<u32>, AccessError> {
     let is_there = region.word(word::MAGIC)? == MAGIC;
     let version = region.word(word::VERSION)?;
     Ok(is_there.then_some(version))
 }
 
-/// The objects in the table of a processor, whose users' region is `region`; none if there is no
-/// table of this [`VERSION`], or not yet.
+/// Iterates over the objects in a processor's table; yields nothing if there is no table of this
+/// [`VERSION`], or not yet. `region` is the users' region of that processor.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be read; likewise for each item.
 pub fn all<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<impl Iterator<Item = Result<Object, AccessError>> + '_, AccessError> {
@@ -254,10 +259,10 @@ fn read<W: MemoryWindow>(region: &Region<W>, at: u32) -> Result<(Object, u32), A
     Ok((object, word(entry::NEXT)?))
 }
 
-/// The object of a name and kind.
+/// Returns the object that has this name and kind, or `None`.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be read.
 pub fn find<W: MemoryWindow>(
     region: &Region<W>,
     name: &str,

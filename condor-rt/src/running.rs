@@ -1,4 +1,5 @@
-//! What the parts of a running program have: [`Call`], [`Tick`] and [`Background`].
+//! The arguments of the parts of a program: [`Call`] for a handler, [`Tick`] for a loop, and
+//! [`Background`].
 
 use core::cell::{Cell, RefCell};
 use core::fmt::{self, Write as _};
@@ -23,7 +24,7 @@ use crate::servo::LOOPS;
 
 /// Characters that can be typed ahead.
 const TYPED: usize = 128;
-/// Files that a program can have open.
+/// The greatest number of files that a program can have open at a time.
 pub const FILES: usize = 4;
 /// How long the file service may take, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(30);
@@ -49,7 +50,8 @@ impl<W: MemoryWindow + Sync, X: Exclusion + Sync, const IN: usize> Screen for Te
     }
 }
 
-/// A message, in its handler: everything that a [call](mbox::Call) of the mailbox can do, and printing.
+/// A message, as its handler gets it. A handler can do with it what it can do with a
+/// [call](mbox::Call) of the mailbox, and print.
 pub struct Call<'c> {
     pub(crate) call: &'c mbox::Call<'c>,
     pub(crate) screen: Option<&'c dyn Screen>,
@@ -64,7 +66,8 @@ impl<'c> Deref for Call<'c> {
 }
 
 impl Call<'_> {
-    /// Prints on the program's terminal, and never waits; without a terminal, nowhere.
+    /// Prints on the program's terminal without waiting; does nothing if the program has no
+    /// terminal.
     pub fn print(&self, text: fmt::Arguments<'_>) {
         if let Some(screen) = self.screen {
             screen.print(self.call, text);
@@ -72,28 +75,30 @@ impl Call<'_> {
     }
 }
 
-/// One run of a loop: when it was due, and what it can do.
+/// One run of a loop, as the loop's body gets it.
 pub struct Tick<'t> {
-    /// When it was due, by the machine's clock.
+    /// The instant at which the run was due, by the machine's clock.
     pub due: Instant,
-    /// How many runs came before it; wraps.
+    /// The number of runs before this one; wraps.
     pub number: u32,
     pub(crate) messenger: &'t (dyn Messenger + Sync),
     pub(crate) screen: Option<&'t dyn Screen>,
 }
 
 impl Tick<'_> {
-    /// Prints on the program's terminal, and never waits; without a terminal, nowhere.
+    /// Prints on the program's terminal without waiting; does nothing if the program has no
+    /// terminal.
     pub fn print(&self, text: fmt::Arguments<'_>) {
         if let Some(screen) = self.screen {
             screen.print(self.messenger, text);
         }
     }
 
-    /// Sends a message without reply, if there is room for it now.
+    /// Sends a message without reply, and does not wait.
     ///
     /// # Errors
-    /// Those of [`Messenger::send`]; [`mbox::Error::NoSlot`] if there is no room.
+    /// [`mbox::Error::NoSlot`] if there is no room for the message now; otherwise those of
+    /// [`Messenger::send`].
     pub fn send(&self, to: Processor, vector: Vector, data: u32) -> Result<(), mbox::Error> {
         self.messenger.send(to, vector, data, Duration::ZERO)
     }
@@ -105,7 +110,7 @@ pub(crate) type Reports<M> = (
     heapless::Vec<LoopReport<<M as Machine>::Window>, LOOPS>,
 );
 
-/// What the background of a running program has; loops interrupt it.
+/// The means of a running program's background; loops and handlers may interrupt it.
 pub struct Background<'b, M: Machine> {
     pub(crate) machine: &'b M,
     pub(crate) mailbox: &'b MailboxOf<'b, M>,
@@ -120,27 +125,27 @@ pub struct Background<'b, M: Machine> {
 }
 
 impl<'b, M: Machine> Background<'b, M> {
-    /// The machine.
+    /// Returns the machine.
     #[must_use]
     pub const fn machine(&self) -> &'b M {
         self.machine
     }
 
-    /// The mailbox, which has joined.
+    /// Returns the mailbox, which has joined.
     #[must_use]
     pub const fn mailbox(&self) -> &'b MailboxOf<'b, M> {
         self.mailbox
     }
 
-    /// The terminal, to read from and to write to.
+    /// Returns the terminal, for reading and writing.
     ///
     /// # Errors
-    /// [`Error::Missing`].
+    /// [`Error::Missing`] if the program did not set one up.
     pub fn console(&self) -> Result<&'b ConsoleOf<M>, Error> {
         self.console.ok_or(Error::Missing { what: "console" })
     }
 
-    /// Prints on the program's terminal; without a terminal, nowhere.
+    /// Prints on the program's terminal; does nothing if the program has no terminal.
     pub fn print(&self, text: fmt::Arguments<'_>) {
         if let Some(console) = self.console {
             // What finds no room there is counted by the terminal.
@@ -148,11 +153,13 @@ impl<'b, M: Machine> Background<'b, M> {
         }
     }
 
-    /// Waits until a line is typed, for at most `time`, while messages are served; returns as much of it as
-    /// `into` has room for, without blanks at its ends, or `None` if none was typed.
+    /// Waits at most `time` until a line is typed, and serves messages meanwhile. Returns the line
+    /// without blanks at its ends, or `None` if none was typed. If the line is longer than `into`,
+    /// it returns the first part.
     ///
     /// # Errors
-    /// [`Error::Missing`] without a terminal; those of [`serve`](Self::serve).
+    /// [`Error::Missing`] if the program has no terminal; otherwise those of
+    /// [`serve`](Self::serve).
     pub fn read_line<'l>(
         &self,
         into: &'l mut [u8],
@@ -174,10 +181,11 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok(Some(typed.unwrap_or_default().trim()))
     }
 
-    /// The host's files.
+    /// Connects to the host's files.
     ///
     /// # Errors
-    /// [`Error::Missing`]; those of [`FileSystem::connect`].
+    /// [`Error::Missing`] if the setup did not ask for files; [`Error::Files`] if
+    /// [`FileSystem::connect`] fails.
     pub fn files(&self) -> Result<FilesOf<'b, M>, Error> {
         let area = self.area.ok_or(Error::Missing { what: "files" })?;
         let (own, server) = (self.own.clone(), numbers::FILES);
@@ -190,37 +198,39 @@ impl<'b, M: Machine> Background<'b, M> {
         )?)
     }
 
-    /// The counts of a loop at this moment, by its name.
+    /// Returns the present counts of the loop called `name`.
     ///
     /// # Errors
-    /// [`Error::Missing`] if there are no loops, [`LoopError::NoSuchLoop`].
+    /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
+    /// [`LoopError::NoSuchLoop`] if none has this name.
     pub fn statistics(&self, name: &str) -> Result<Statistics, Error> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.statistics(id)?)
     }
 
-    /// Sets the counts and times of a loop to 0.
+    /// Sets the counts and times of the loop called `name` to 0.
     ///
     /// # Errors
-    /// As [`statistics`](Self::statistics).
+    /// Those of [`statistics`](Self::statistics).
     pub fn reset_statistics(&self, name: &str) -> Result<(), Error> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.reset_statistics(id)?)
     }
 
-    /// Gives a loop another rate, while all run on.
+    /// Gives the loop called `name` another rate, while all loops run on.
     ///
     /// # Errors
-    /// As [`statistics`](Self::statistics); [`LoopError::Rate`].
+    /// Those of [`statistics`](Self::statistics); [`Error::Loop`] with [`LoopError::Rate`] if the
+    /// new rates cannot be scheduled.
     pub fn set_rate(&self, name: &str, rate: Rate) -> Result<(), Error> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.set_rate(id, rate)?)
     }
 
-    /// Has a loop released, or not any more.
+    /// Enables or disables the loop called `name`; a disabled loop is not released.
     ///
     /// # Errors
-    /// As [`statistics`](Self::statistics).
+    /// Those of [`statistics`](Self::statistics).
     pub fn set_enabled(&self, name: &str, enabled: bool) -> Result<(), Error> {
         let (loops, id) = self.servo(name)?;
         Ok(if enabled {
@@ -230,16 +240,18 @@ impl<'b, M: Machine> Background<'b, M> {
         }?)
     }
 
-    /// Whether the program is to end.
+    /// Returns whether the program is to end.
     #[must_use]
     pub fn is_stopping(&self) -> bool {
         self.machine.is_stopping()
     }
 
-    /// Waits for messages, for at most `time`, and has them served; shows the counts of the loops.
+    /// Waits for messages, for at most `time`, while they are served; then publishes the counts of
+    /// the loops as [`show`](Self::show) does.
     ///
     /// # Errors
-    /// [`mbox::Error::Window`] if the own memory is gone.
+    /// [`Error::Mailbox`] with [`mbox::Error::Window`] if the processor's own memory cannot be
+    /// accessed; otherwise those of [`show`](Self::show).
     pub fn serve(&self, time: Duration) -> Result<(), Error> {
         let bell = self.machine.doorbell();
         if self.machine.mail_interrupts() {
@@ -251,11 +263,12 @@ impl<'b, M: Machine> Background<'b, M> {
         self.show()
     }
 
-    /// Shows the counts of the loops to whoever watches, if that is due: for a background that never
-    /// [serves](Self::serve).
+    /// Publishes the counts of the loops, and applies rates that others have set, if 50 ms have
+    /// passed since the last time. A background that never calls [`serve`](Self::serve) calls this
+    /// instead.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`Error::Access`] if the processor's own memory cannot be accessed.
     pub fn show(&self) -> Result<(), Error> {
         let now = self.machine.doorbell().now();
         if let Ok(mut reports) = self.reports.try_borrow_mut()

@@ -8,23 +8,24 @@ use heapless::Vec;
 use crate::error::Error;
 use crate::list::fitting;
 
-/// The most loops of a program.
+/// The greatest number of loops of a program.
 pub const LOOPS: usize = 8;
 /// Entries of the event table that a program's loops have; rates that take more are computed.
 const ENTRIES: usize = 32;
 
-/// A loop, for [`Machine::with_loops`](crate::Machine::with_loops).
+/// A loop, as [`Machine::with_loops`](crate::Machine::with_loops) gets it.
 pub struct ServoLoop<'b> {
-    /// How often it is due.
+    /// The rate at which the loop is released.
     pub rate: Rate,
-    /// What happens if it is due before it has finished.
+    /// The policy for an overrun: the loop is due again before its last run has finished.
     pub overrun: Overrun,
-    /// What it does; it is given the instant, in ticks of the machine's timer, at which it was due.
+    /// The function that runs at each release. Its argument is the instant at which the release was
+    /// due, in ticks of the machine's timer.
     pub body: &'b mut (dyn FnMut(u64) + Send),
 }
 
-/// Runs loops on the stack of the background, which they interrupt: the
-/// [`with_loops`](crate::Machine::with_loops) of most machines.
+/// Runs loops on the stack of the background, which they interrupt. Most machines implement
+/// [`with_loops`](crate::Machine::with_loops) by this.
 ///
 /// # Errors
 /// Those of [`with_loops`](crate::Machine::with_loops).

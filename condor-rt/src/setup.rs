@@ -1,4 +1,4 @@
-//! [`Setup`]: a program says what it does.
+//! [`Setup`]: the builder of a program.
 
 use core::cell::{Cell, RefCell};
 use core::time::Duration;
@@ -25,7 +25,7 @@ use crate::variables::{
     self, LoopDesk, LoopSampler, LoopServer, Nanoseconds, VARIABLES, incarnation, name_of,
 };
 
-/// The most handlers of a program.
+/// The greatest number of handlers of a program.
 pub const HANDLERS: usize = 16;
 /// Bytes of a terminal's ring.
 const SHOWN_BYTES: u32 = 8192;
@@ -37,17 +37,18 @@ const NAP: Duration = Duration::from_millis(20);
 /// The rate in the schedule of a loop that is to rest.
 const RESTING: Rate = Rate::hz(1);
 
-/// What runs for a message, in a program that [`Setup`] makes.
+/// A handler of messages, in a program that [`Setup`] makes; its result is the reply.
 pub type Handler<'e> = &'e (dyn Fn(&Call<'_>) -> u32 + Sync);
-/// What a loop runs, in a program that [`Setup`] makes.
+/// The body of a loop, in a program that [`Setup`] makes.
 pub type Body<'e> = &'e mut (dyn FnMut(&mut Tick<'_>) + Send);
 
-/// A program while it says what it does.
+/// The builder of a program.
 ///
-/// It lays out the memory, one thing after the other; nothing runs before [`run`](Self::run) or
-/// [`background`](Self::background). Handlers and bodies are lent to it, and it has one type whatever is
-/// added, so that it can be filled in `if` and `for`. What is wrong with handlers and loops (too many, a
-/// vector twice) is told at the end.
+/// Each method places a part in the memory of the processor, behind the parts before it. Nothing
+/// runs before [`run`](Self::run) or [`background`](Self::background). Handlers and bodies are
+/// borrowed. The type of a setup does not depend on what is added, so that parts can be added in
+/// `if` and `for`. `run` and `background` report mistakes with handlers, loops and variables, such
+/// as too many of them or a vector that is used twice.
 pub struct Setup<'e, M: Machine> {
     machine: &'e M,
     own: Region<M::Window>,
@@ -116,10 +117,11 @@ impl Loop<'_> {
 }
 
 impl<'e, M: Machine> Setup<'e, M> {
-    /// The setup of the program of `machine`, with an empty object table.
+    /// Makes the setup of the program of `machine`, with an empty object table.
     ///
     /// # Errors
-    /// [`Error::Window`] if there is no room for that; the memory's.
+    /// [`Error::Objects`] if the window has no room for the table; [`Error::Access`] if it has none
+    /// for users at all.
     pub fn new(machine: &'e M) -> Result<Self, Error> {
         let own = users(machine, machine.number())?;
         let mut places = Places::new(own.size());
@@ -140,10 +142,11 @@ impl<'e, M: Machine> Setup<'e, M> {
         })
     }
 
-    /// Gives the program a terminal, `console`.
+    /// Gives the program a terminal, which is entered in the object table as `console`.
     ///
     /// # Errors
-    /// [`Error::Twice`], [`Error::Window`]; the object table's.
+    /// [`Error::Twice`] if it has one, [`Error::Window`] if there is no room, [`Error::Objects`] if
+    /// a terminal of this name is in the object table already.
     pub fn console(&mut self) -> Result<&mut Self, Error> {
         if self.console.is_some() {
             return Err(Error::Twice { what: "console" });
@@ -161,16 +164,17 @@ impl<'e, M: Machine> Setup<'e, M> {
         Ok(self)
     }
 
-    /// Has the mailbox wait in another way than the machine's.
+    /// Sets the way in which the mailbox waits; the default is the machine's.
     pub const fn waiting(&mut self, waiting: Waiting) -> &mut Self {
         self.waiting = waiting;
         self
     }
 
-    /// Lets the background open the host's files.
+    /// Takes room for a client of the file service, so that the background can open the host's
+    /// files.
     ///
     /// # Errors
-    /// [`Error::Twice`], [`Error::Window`].
+    /// [`Error::Twice`] if that was done before, [`Error::Window`] if there is no room.
     pub fn files(&mut self) -> Result<&mut Self, Error> {
         if self.area.is_some() {
             return Err(Error::Twice { what: "file area" });
@@ -180,10 +184,11 @@ impl<'e, M: Machine> Setup<'e, M> {
         Ok(self)
     }
 
-    /// A cell of a name, for others to read the latest value of.
+    /// Makes a cell called `name`, whose latest value others can read, and returns its publisher.
     ///
     /// # Errors
-    /// [`Error::Window`]; the object table's.
+    /// [`Error::Window`] if there is no room, [`Error::Objects`] if the object table refuses the
+    /// name.
     pub fn publish<T>(&mut self, name: &str) -> Result<Publisher<T, Region<M::Window>>, Error>
     where
         T: FromBytes + IntoBytes + Immutable,
@@ -191,11 +196,11 @@ impl<'e, M: Machine> Setup<'e, M> {
         Ok(self.cell(name)?.publisher(self.own.clone())?)
     }
 
-    /// As [`publish`](Self::publish), with a table of its fields, so that whoever watches sees them by
-    /// their names.
+    /// Makes a cell as [`publish`](Self::publish) does, with a table of its fields, so that
+    /// watching programs can show each field by its name.
     ///
     /// # Errors
-    /// [`Error::Window`], [`Error::Variables`]; the object table's.
+    /// Those of [`publish`](Self::publish); [`Error::Variables`] if the fields cannot be described.
     pub fn publish_fields<T>(
         &mut self,
         name: &str,
@@ -216,7 +221,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         cell.map_err(|error| Error::not_entered(name, error))
     }
 
-    /// Enters what `make` takes of the window, under a name: objects that others know how to read.
+    /// Enters, under a name, the room that `make` takes from the window. Use this for objects of
+    /// your own, which others know how to read.
     ///
     /// ```
     /// # use condor_rt::{Error, Machine, Setup, objects::Kind};
@@ -228,7 +234,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Window`]; the object table's.
+    /// [`Error::Window`] if there is no room, [`Error::Objects`] if the object table refuses the
+    /// name.
     pub fn place<T>(
         &mut self,
         name: &str,
@@ -243,14 +250,15 @@ impl<'e, M: Machine> Setup<'e, M> {
         Ok(placed)
     }
 
-    /// The own memory that others see, in which everything is placed.
+    /// Returns the users' region of this processor's `data`, in which everything is placed and
+    /// which others can read.
     #[must_use]
     pub const fn own(&self) -> &Region<M::Window> {
         &self.own
     }
 
-    /// Runs `handler` for messages to `vector`, one of [`OWN_VECTORS`](numbers::OWN_VECTORS); `name` is for
-    /// people.
+    /// Runs `handler` for messages to `vector`, which is one of
+    /// [`OWN_VECTORS`](numbers::OWN_VECTORS). Tools show `name` to people.
     pub fn on(&mut self, vector: Vector, name: &'e str, handler: Handler<'e>) -> &mut Self {
         let is_taken = self.handlers.iter().any(|(taken, ..)| *taken == vector);
         let own = is_taken.then_some("another handler of the program");
@@ -264,8 +272,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         self
     }
 
-    /// Shows a variable, or a block of them, of the servo loop that is added next: it is sampled at each of
-    /// its releases for whoever watches.
+    /// Shows a variable, or a block of variables, of the servo loop that is added next. While
+    /// somebody watches, the loop samples it at each of its releases.
     pub fn watch(&mut self, variable: &'e dyn Watch) -> &mut Self {
         if self.watched.push(variable).is_err() {
             self.full("variables", VARIABLES, name_of(variable).as_str());
@@ -273,7 +281,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         self
     }
 
-    /// Lets others set a parameter of the servo loop that is added next, and shows it.
+    /// Shows a parameter of the servo loop that is added next, and lets others set it.
     pub fn tune(&mut self, parameter: &'e dyn Tune) -> &mut Self {
         if self.tuned.push(parameter).is_err() {
             self.full("parameters", VARIABLES, name_of(parameter).as_str());
@@ -281,16 +289,18 @@ impl<'e, M: Machine> Setup<'e, M> {
         self
     }
 
-    /// Runs `body` at `rate`. A release that comes before it has finished is skipped and counted.
+    /// Runs `body` at `rate`. If a release comes before the last run has finished, it is skipped
+    /// and counted.
     ///
-    /// The loops of a program begin in the middle of a period of the fastest of them, counted from the
-    /// beginning of the machine's time: loops of one rate are due at the same instants on all processors
+    /// The first release is in the middle of a period of the program's fastest loop; periods are
+    /// counted from the beginning of the machine's time. So loops of the same rate are due at the
+    /// same instants on all processors that share a clock.
     /// that have one clock.
     pub fn servo(&mut self, name: &'e str, rate: Rate, body: Body<'e>) -> &mut Self {
         self.servo_with(name, rate, Overrun::Skip, body)
     }
 
-    /// As [`servo`](Self::servo), with another policy for overruns.
+    /// Runs `body` as [`servo`](Self::servo) does, with another policy for overruns.
     pub fn servo_with(
         &mut self,
         name: &'e str,
@@ -301,10 +311,12 @@ impl<'e, M: Machine> Setup<'e, M> {
         self.add(name, (rate, None), overrun, body)
     }
 
-    /// Runs `body` at a rate that others may set while it runs, in Hz, as they [tune](Self::tune) any
-    /// parameter; at 0 it rests. The background has the loop follow, within 50 ms if it serves or shows.
+    /// Runs `body` at a rate in Hz that others may set while it runs, as they [tune](Self::tune)
+    /// any parameter. At 0 Hz the loop rests. The background applies a new rate within 50 ms if it
+    /// calls [`serve`](Background::serve) or [`show`](Background::show) often enough.
     ///
-    /// A rate of which there is no schedule leaves the loop as it was, and the terminal says so.
+    /// If the new rates cannot be scheduled, the loop goes on as before, and an error is printed on
+    /// the terminal.
     pub fn servo_at(
         &mut self,
         name: &'e str,
@@ -341,7 +353,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Joins, runs the loops, and serves messages until the machine is stopping.
     ///
     /// # Errors
-    /// What was wrong with the setup; those of the mailbox and of the loops.
+    /// Those of [`background`](Self::background).
     pub fn run(&mut self) -> Result<(), Error> {
         self.background(|background| {
             while !background.is_stopping() {
@@ -351,14 +363,19 @@ impl<'e, M: Machine> Setup<'e, M> {
         })
     }
 
-    /// Joins, and runs `background` while loops and handlers interrupt it.
+    /// Joins, and runs `background` while loops and handlers interrupt it. If `background` returns
+    /// an error, that is printed on the terminal.
     ///
-    /// A program that needs to know something before it can be set up, such as a configuration from a
-    /// file, asks for that in the background of a first setup, and makes a second one: to others, the
-    /// second begins a new incarnation of the program. The terminal says by which error a background ended.
+    /// A program may have to read a configuration, such as a file, before it can be set up. It does
+    /// so in the background of a first setup, and then makes a second one. For others the second
+    /// setup begins a new incarnation of the program: a new life, in which it keeps nothing of the
+    /// life before.
     ///
     /// # Errors
-    /// What was wrong with the setup; those of the mailbox and of the loops; `background`'s.
+    /// [`Error::Full`], [`Error::VectorTaken`], [`Error::LeftOver`], [`Error::Variables`] or
+    /// [`Error::Window`] if something was wrong with the setup; [`Error::Mailbox`] if the mailbox
+    /// cannot join; [`Error::Rate`], [`Error::Loop`] or [`Error::Start`] if the loops cannot run;
+    /// otherwise those of `background`.
     pub fn background<R>(
         &mut self,
         background: impl FnOnce(&Background<'_, M>) -> Result<R, Error>,
@@ -568,10 +585,10 @@ fn enter<W: MemoryWindow>(
     entered.map_err(|error| Error::not_entered(name, error))
 }
 
-/// What users have of a processor's `data`.
+/// Returns the users' region of the `data` of `processor`.
 ///
 /// # Errors
-/// No such processor; the memory's.
+/// [`Error::Mailbox`] if there is no such processor; [`Error::Access`] if its memory is too small.
 pub fn users<M: Machine>(
     machine: &M,
     processor: mbox::Processor,

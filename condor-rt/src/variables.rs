@@ -11,7 +11,7 @@ use condor_vars::{CatalogError, Desk, Sampler, Server, Watch};
 use crate::error::{Error, Text};
 use crate::machine::Machine;
 
-/// The most variables of a program, or blocks of them, and the most parameters.
+/// The greatest number of variables (or blocks of variables), and of parameters, of a program.
 pub const VARIABLES: usize = 32;
 /// How many programs can watch a loop at a time.
 const WATCHERS: usize = 4;

@@ -1,4 +1,4 @@
-//! [`Catalog`]: what a loop shows and lets set, and how tables are written.
+//! [`Catalog`]: the variables and parameters of a loop; and the writing of their table.
 
 use core::fmt;
 
@@ -20,45 +20,45 @@ pub struct Catalog<'e> {
     params: &'e [&'e dyn Tune],
 }
 
-/// Why the variables of a loop cannot be shown.
+/// The reason for which the variables of a loop cannot be shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CatalogError {
-    /// A text that is too long.
+    /// A text is too long.
     #[error("{what} of entry {entry} is longer than {most}")]
     TooLong {
         /// The number of the variable or parameter.
         entry: u32,
-        /// Which of its texts.
+        /// The kind of text, such as a name.
         what: &'static str,
         /// The most bytes, or labels, that are allowed.
         most: usize,
     },
-    /// The descriptions of a [`Watch`] do not fit its words.
+    /// The descriptions of a [`Watch`] need another number of words than it has.
     #[error("block {block} has {words} words, but its variables do not")]
     Block {
         /// The number of the block.
         block: usize,
-        /// How many words it has.
+        /// The number of its words.
         words: usize,
     },
-    /// A parameter, or one of a block, whose initial value is not within its bounds.
+    /// The initial value of a parameter, or of one in a block, is not within its bounds.
     #[error("the initial value of parameter {parameter} is out of bounds")]
     Initial {
         /// The number of the parameter, or block, among all parameters.
         parameter: usize,
     },
-    /// More than the layout or the object can hold.
+    /// There are more of some item than the layout or the object can hold.
     #[error("{count} {what}; {most} is the most")]
     TooMany {
-        /// Of what there are too many.
+        /// The kind of item.
         what: &'static str,
-        /// How many there are.
+        /// The number of items.
         count: usize,
-        /// The most that are allowed.
+        /// The greatest number that is allowed.
         most: usize,
     },
-    /// There is no room in the region, or it cannot be reached.
+    /// There is no room in the region, or its memory cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
 }
@@ -85,7 +85,7 @@ impl Item<'_> {
 pub(crate) type Body<'b> = dyn FnMut(&Item<'_>) -> Result<(), CatalogError> + 'b;
 
 impl<'e> Catalog<'e> {
-    /// The number of an entry counts these variables first, then the parameters.
+    /// Makes a catalog. Entries are numbered from 0: first these variables, then these parameters.
     #[must_use]
     pub const fn new(watched: &'e [&'e dyn Watch], params: &'e [&'e dyn Tune]) -> Self {
         Self { watched, params }
@@ -148,8 +148,8 @@ impl<'e> Catalog<'e> {
         })
     }
 
-    /// Returns how many bytes of shared memory a table takes, with so many slots for watchers, each for
-    /// at least `rows` rows of all variables.
+    /// Returns how many bytes of shared memory a table takes that has `slots` slots for watchers,
+    /// each with room for at least `rows` rows of all variables.
     ///
     /// # Errors
     /// Those of [`Desk::open`](crate::Desk::open).

@@ -1,4 +1,4 @@
-//! [`Cell`]: a published cell whose fields show.
+//! [`Cell`]: a published cell whose fields are shown.
 
 use condor_mbox::published::{ReadError, read_bytes};
 use condor_mbox::{MemoryWindow, Places, Published, Region};
@@ -8,7 +8,7 @@ use crate::kind::{Kind, Value};
 use crate::table::{Entry, Table, TableError};
 use crate::var::Description;
 
-/// A struct whose latest value is published in a [`Published`] cell, and whose fields are to show.
+/// A struct whose latest value is published in a [`Published`] cell, and whose fields are shown.
 ///
 /// ```
 /// use core::mem::offset_of;
@@ -46,7 +46,7 @@ pub struct Field {
 }
 
 impl Field {
-    /// Describes the field that begins at `offset`, for which there is `offset_of!`.
+    /// Describes the field at `offset`, which `offset_of!` returns.
     #[must_use]
     pub const fn new(name: &'static str, unit: &'static str, kind: Kind, offset: usize) -> Self {
         Self {
@@ -72,7 +72,7 @@ impl Field {
         Self { labels, ..self }
     }
 
-    /// Makes it an array of so many; they are called `name.0`, `name.1` and so on.
+    /// Makes the field an array of `count` elements, which are called `name.0`, `name.1` and so on.
     #[must_use]
     pub const fn repeated(self, count: usize) -> Self {
         Self {
@@ -103,12 +103,14 @@ impl Field {
     }
 }
 
-/// Describes the fields of a cell in the next of `places`; returns where the table begins.
+/// Writes a table that describes the fields of `cell` into the next of `places`; returns the
+/// table's offset.
 ///
-/// `own` is the users' region of the program's `data`, in which the cell is, too.
+/// `own` is the users' region of the program's `data`, which must contain the cell, too.
 ///
 /// # Errors
-/// [`CatalogError`]; [`CatalogError::Block`] with the number of a field that is not inside of `T`.
+/// [`CatalogError::Block`] with the number of a field that is not inside of `T`; otherwise the
+/// other variants of [`CatalogError`].
 pub fn describe<T: Described, W: MemoryWindow + Clone>(
     cell: Published<T>,
     own: &Region<W>,
@@ -129,7 +131,7 @@ pub fn describe<T: Described, W: MemoryWindow + Clone>(
     Ok(offset)
 }
 
-/// A published cell whose type only its table tells.
+/// A published cell whose type is known from its table alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell<W> {
     table: Table<W>,
@@ -138,25 +140,25 @@ pub struct Cell<W> {
     bytes: usize,
 }
 
-/// Why the value of a described cell cannot be read.
+/// The reason for which the value of a described cell cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CellError {
-    /// Its table cannot be read.
+    /// The cell's table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// It is the table of a loop.
+    /// The table is that of a loop, not of a cell.
     #[error("the table describes no published cell")]
     NoCell,
-    /// The value does not fit where it is to go.
+    /// The buffer is too short for the value.
     #[error("the value has {bytes} bytes, and there is room for {room}")]
     Room {
-        /// Bytes of the value.
+        /// The size of the value, in bytes.
         bytes: usize,
-        /// Bytes there is room for.
+        /// The size of the buffer, in bytes.
         room: usize,
     },
-    /// There is no value, or none whole.
+    /// There is no value yet, or no consistent one could be read.
     #[error(transparent)]
     Read(#[from] ReadError),
 }
@@ -165,7 +167,8 @@ impl<W: MemoryWindow + Clone> Cell<W> {
     /// Opens the cell that the table at `offset` of the users' region describes.
     ///
     /// # Errors
-    /// [`CellError::Table`], [`CellError::NoCell`].
+    /// [`CellError::Table`] if the table cannot be read, [`CellError::NoCell`] if it is that of a
+    /// loop.
     pub fn open(users: &Region<W>, offset: u32) -> Result<Self, CellError> {
         let table = Table::open(users, offset)?;
         let (offset, bytes) = table.cell().ok_or(CellError::NoCell)?;
@@ -191,10 +194,11 @@ impl<W: MemoryWindow> Cell<W> {
         self.bytes
     }
 
-    /// Copies the latest value into the beginning of `value`, and returns its sequence.
+    /// Copies the latest value into the beginning of `value`, and returns its sequence number.
     ///
     /// # Errors
-    /// [`CellError::Room`], [`CellError::Read`], [`CellError::Table`].
+    /// [`CellError::Room`] if `value` is too short, [`CellError::Read`] if there is no consistent
+    /// value, [`CellError::Table`] if the owner has made the table anew.
     pub fn read(&self, value: &mut [u8]) -> Result<u32, CellError> {
         let (bytes, room) = (self.bytes, value.len());
         let value = value

@@ -12,9 +12,9 @@ use crate::layout::{Block, response, verb};
 use crate::table::{Entry, Table, TableError};
 use crate::watcher::Watcher;
 
-/// Asks the loops of one processor: for slots, selections and parameters.
+/// A client of the loops of one processor: it asks for slots and selections, and sets parameters.
 ///
-/// Its calls wait for the reply, and serve meanwhile.
+/// Its calls wait for the reply, and serve messages meanwhile.
 #[derive(Debug)]
 pub struct Client<'m, M: Messenger + ?Sized, W> {
     exchange: Exchange<'m, M, W, Block, Block>,
@@ -23,26 +23,26 @@ pub struct Client<'m, M: Messenger + ?Sized, W> {
     vector: Vector,
 }
 
-/// Why a request was not granted.
+/// The reason for which a request was not granted.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RequestError {
-    /// The message, or its answer.
+    /// The message could not be sent, or was not answered.
     #[error(transparent)]
     Exchange(#[from] ExchangeError),
     /// The table cannot be read, or has been made anew.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// The loop had not taken over the last selection by the deadline, or another request was being
-    /// answered.
+    /// Until the deadline the owner was busy: the loop had not taken over the last selection, or
+    /// another request was being answered.
     #[error("{to} was busy for {} ms", .timeout.as_millis())]
     Busy {
         /// The processor.
         to: Processor,
-        /// The time that was given.
+        /// The time-out of the call.
         timeout: Duration,
     },
-    /// Its program has no such table.
+    /// The program of that processor has no table at this offset.
     #[error("{to} has no table at offset {offset:#x}")]
     NoTable {
         /// The processor.
@@ -50,10 +50,10 @@ pub enum RequestError {
         /// The offset of the table.
         offset: u32,
     },
-    /// All slots belong to watchers that live.
+    /// All slots belong to watchers that are alive.
     #[error("all {slots} slots are claimed")]
     NoSlot {
-        /// How many there are.
+        /// The number of slots.
         slots: u32,
     },
     /// The owner took this watcher for dead and gave its slot to another.
@@ -62,21 +62,22 @@ pub enum RequestError {
         /// The number of the slot.
         slot: u32,
     },
-    /// A selection whose variables are too far apart for the owner's plans.
+    /// The selected variables lie in more pieces than the owner has room for; see
+    /// [`Desk`](crate::Desk).
     #[error("the selection is in {pieces} pieces; {most} is the most")]
     Scattered {
-        /// How many pieces the selection has.
+        /// The number of pieces of the selection.
         pieces: u32,
-        /// How many a plan has.
+        /// The greatest number of pieces.
         most: u32,
     },
-    /// It is a variable, not a parameter.
+    /// The entry is a variable, not a parameter.
     #[error("entry {number} is no parameter")]
     NoParam {
-        /// Its number.
+        /// The number of the entry.
         number: u32,
     },
-    /// The value is of another type, or does not fit.
+    /// The value is of another type than the parameter, or does not fit in it.
     #[error("{value} is no {kind:?}")]
     WrongKind {
         /// The value.
@@ -92,13 +93,13 @@ pub enum RequestError {
         /// The greatest value.
         greatest: Value,
     },
-    /// The parameter is not what was expected: somebody else has changed it.
+    /// The parameter does not have the expected value: somebody else has changed it.
     #[error("the parameter is {present}")]
     Conflict {
-        /// What it is.
+        /// Its present value.
         present: Value,
     },
-    /// A response that no owner of this layout gives.
+    /// The response is none that this layout allows.
     #[error("{to} answered with code {code}")]
     Protocol {
         /// The processor.
@@ -118,13 +119,14 @@ impl From<AccessError> for RequestError {
 const PAUSE: Duration = Duration::from_micros(200);
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
-    /// How many bytes a client takes of its sender's users' region.
+    /// The size of a client's block in the users' region of its own processor, in bytes.
     pub const BYTES: usize = Exchange::<'m, M, Region<W>, Block, Block>::BYTES;
 
-    /// Makes a client whose block is the next of `places` in `own`, the sender's own users' region.
+    /// Makes a client of the processor `to`. It takes its block from `places` in `own`, the users'
+    /// region of the processor on which the client runs.
     ///
     /// # Errors
-    /// `OutOfBounds` if there is no room.
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub fn new(
         messenger: &'m M,
         own: Region<W>,
@@ -143,8 +145,11 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
     /// Claims a slot of a loop.
     ///
     /// # Errors
-    /// [`RequestError::NoSlot`], and those that all calls have: `Exchange`, `Table`, `Busy`, `NoTable`,
-    /// `Protocol`.
+    /// [`RequestError::NoSlot`] if all slots are taken. All calls also return
+    /// [`RequestError::Exchange`] if the message fails or times out, [`RequestError::Table`] if the
+    /// table cannot be read or was made anew, [`RequestError::Busy`] if the owner is busy until the
+    /// deadline, [`RequestError::NoTable`] if there is no table, and [`RequestError::Protocol`] if
+    /// the response is invalid.
     pub fn claim<V: MemoryWindow + Clone>(
         &mut self,
         table: &Table<V>,
@@ -155,14 +160,17 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
         Watcher::new(table.clone(), number, claim).ok_or(RequestError::Protocol { to, code })
     }
 
-    /// Selects entries by number, of which there is then a row every `every` ticks, at least 1, in the
-    /// order of their numbers. Rows of the former selection that were not read are dropped.
+    /// Selects entries by number. From then on the loop writes a row of them every `every` ticks
+    /// (at least 1); the values are in the order of the entries' numbers. Rows of the former
+    /// selection that were not read are dropped.
     ///
     /// The first row is that of the tick after the loop has taken the selection over.
     ///
     /// # Errors
-    /// [`RequestError::Scattered`], [`RequestError::Displaced`]; those of
-    /// [`Table::entry`]; and those that all calls have. Nothing is selected then.
+    /// [`RequestError::Scattered`] if the selection has too many pieces,
+    /// [`RequestError::Displaced`] if the slot has gone to another watcher, those of
+    /// [`Table::entry`], and those of all calls (see [`claim`](Self::claim)). Nothing is selected
+    /// then.
     pub fn select<V: MemoryWindow>(
         &mut self,
         watcher: &mut Watcher<V>,
@@ -186,7 +194,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
     /// Gives a slot back; the watcher cannot be used any more.
     ///
     /// # Errors
-    /// [`RequestError::Displaced`], and those that all calls have.
+    /// [`RequestError::Displaced`] if the slot has gone to another watcher, and those of all calls
+    /// (see [`claim`](Self::claim)).
     pub fn release<V: MemoryWindow>(
         &mut self,
         watcher: &mut Watcher<V>,
@@ -202,7 +211,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
     /// Returns the value of a parameter that was accepted last.
     ///
     /// # Errors
-    /// [`RequestError::NoParam`], and those that all calls have.
+    /// [`RequestError::NoParam`] if the entry is no parameter, and those of all calls (see
+    /// [`claim`](Self::claim)).
     pub fn get<V: MemoryWindow>(
         &mut self,
         table: &Table<V>,
@@ -215,11 +225,14 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
 
     /// Changes a parameter from `expected` to `new`, from the next tick on.
     ///
-    /// After a time-out it may be either: [`get`](Self::get) tells.
+    /// After a time-out the parameter may have either value; [`get`](Self::get) returns the present
+    /// one.
     ///
     /// # Errors
-    /// [`RequestError::WrongKind`], [`RequestError::OutOfBounds`], [`RequestError::Conflict`],
-    /// [`RequestError::NoParam`], and those that all calls have.
+    /// [`RequestError::WrongKind`] if a value does not fit the parameter's type,
+    /// [`RequestError::OutOfBounds`] if `new` is out of bounds, [`RequestError::Conflict`] if the
+    /// present value is not `expected`, [`RequestError::NoParam`] if the entry is no parameter, and
+    /// those of all calls (see [`claim`](Self::claim)).
     pub fn set<V: MemoryWindow>(
         &mut self,
         table: &Table<V>,

@@ -1,4 +1,4 @@
-//! [`Desk`]: what the handler of requests and the loop have in common, in the program's own memory.
+//! [`Desk`]: private memory of a program that its request handler and its loop share.
 
 use core::ops::Range;
 
@@ -11,9 +11,10 @@ use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom};
 
 /// The memory through which the [`Server`] of a loop hands selections to its [`Sampler`].
 ///
-/// There is one for each loop, with `SLOTS` slots for watchers. A selection is at most `PIECES` pieces:
-/// some neighbouring variables of one block, or several neighbouring blocks as a whole. So `PIECES` of
-/// half the number of variables and one more is always enough. No other processor reaches this memory.
+/// Each loop has one, with `SLOTS` slots for watchers. A selection has at most `PIECES` pieces; a
+/// piece is a run of neighbouring variables of one block, or a run of neighbouring whole blocks. So
+/// half the number of variables plus one is always enough. No other processor can access this
+/// memory.
 #[derive(Debug)]
 pub struct Desk<const PIECES: usize, const SLOTS: usize> {
     /// Whether some handler is at work: they may interrupt each other.
@@ -137,19 +138,19 @@ impl<const PIECES: usize> Slot<PIECES> {
     }
 }
 
-/// How the table of a loop is made.
+/// The settings of a loop's table.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// The loop ticks so many times in so many seconds: `(400, 1)`.
+    /// The rate of the loop as a number of ticks in a number of seconds, such as `(400, 1)`.
     pub rate: (u32, u32),
-    /// How many rows of all variables each watcher's ring has room for, rounded up to a power of two. Of
-    /// fewer variables there are more rows.
+    /// The number of rows of all variables for which each watcher's ring has room, rounded up to a
+    /// power of two. If fewer variables are selected, there is room for more rows.
     pub rows: u32,
 }
 
 impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
     const_unless_loom! {
-        /// Makes a desk where nobody has asked for anything.
+        /// Makes a desk without claims or selections.
         #[must_use]
         pub fn new() -> Self {
             Self {
@@ -159,15 +160,15 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
         }
     }
 
-    /// Makes the table of a loop in the next of `places` in `own`, the users' region of the program's
-    /// `data`, and returns the end for its handler and the end for the loop.
+    /// Makes the table of a loop in the next of `places` in `own`, the users' region of the
+    /// program's `data`. Returns the server for the request handler and the sampler for the loop.
     ///
-    /// `incarnation` says which incarnation of a processor's program lives; 0 if none does. By it a slot
-    /// is taken back from a watcher that has died. `BLOCKS` is how many blocks the catalog has at most,
-    /// where each parameter counts as one.
+    /// `incarnation` returns the incarnation of a processor's living program, or 0 if none is
+    /// alive; with it the server takes slots back from watchers that have died. `BLOCKS` is the
+    /// greatest number of blocks in the catalog; each parameter counts as one block.
     ///
     /// # Errors
-    /// [`CatalogError`].
+    /// [`CatalogError`] if the catalog is wrong or there is no room for the table.
     pub fn open<'e, W, X, const BLOCKS: usize>(
         &'e mut self,
         catalog: Catalog<'e>,
@@ -212,7 +213,7 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
     }
 }
 
-/// The two ends of a [`Desk`]: for the handler of requests and for the loop.
+/// The server and the sampler of a [`Desk`]: for the request handler and for the loop.
 pub type Ends<'e, W, X, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> = (
     Server<'e, W, X, PIECES, SLOTS>,
     Sampler<'e, W, BLOCKS, PIECES, SLOTS>,

@@ -1,4 +1,4 @@
-//! [`Kind`] and [`Value`]: what the words of a variable mean, known while the program runs.
+//! [`Kind`] and [`Value`]: types and values that are known only at run time.
 
 use core::fmt;
 use core::mem::discriminant;
@@ -38,7 +38,7 @@ pub enum Kind {
     Choice = 12,
 }
 
-/// A value whose type is known while the program runs.
+/// A value whose type is known only at run time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
     /// A value of [`Kind::F32`].
@@ -51,7 +51,7 @@ pub enum Value {
     Uint(u64),
     /// A value of [`Kind::Bool`].
     Bool(bool),
-    /// Of [`Kind::Choice`]: the number of the label.
+    /// A value of [`Kind::Choice`]: the number of its label.
     Choice(u32),
 }
 
@@ -71,7 +71,7 @@ impl Kind {
         Self::Choice,
     ];
 
-    /// Returns the kind of this number in a table.
+    /// Returns the kind that has this number in a table.
     #[must_use]
     pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.get((code as usize).checked_sub(1)?).copied()
@@ -96,7 +96,7 @@ impl Kind {
         }
     }
 
-    /// Returns the value of these words; of one word, only the first counts.
+    /// Returns the value that these words hold; a kind of one word ignores the second.
     #[must_use]
     pub fn value(self, words: [u32; 2]) -> Value {
         let ([low, _], long) = (words, join(words));
@@ -116,7 +116,7 @@ impl Kind {
         }
     }
 
-    /// Returns the value of a field of a published struct; `None` of too few bytes.
+    /// Returns the value of a field of a published struct; `None` if there are too few bytes.
     #[must_use]
     pub fn value_of_bytes(self, bytes: &[u8]) -> Option<Value> {
         let field = bytes.get(..self.bytes())?.iter().rev();
@@ -141,7 +141,7 @@ impl Kind {
         Some((self.value([low, high]), rest))
     }
 
-    /// Returns the words of a value; `None` if it is of another kind, or does not fit.
+    /// Returns the words of a value; `None` if the value is of another kind, or does not fit.
     #[must_use]
     pub fn words_of(self, value: Value) -> Option<[u32; 2]> {
         let [low, high] = split(value.bits());
@@ -165,10 +165,10 @@ impl Value {
     }
 }
 
-/// A choice shows as its number: its label is in the table.
+/// Prints the value; a choice is printed as its number, since its label is in the table.
 ///
-/// Floating point has as many digits as tell it from all other numbers. Core has paths that panic where it
-/// prints them, and a control processor must have none.
+/// Floating point is printed with as many digits as distinguish it from all other numbers. `core`'s
+/// own printing has paths that panic, and the code of a control processor must have none.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -1,7 +1,8 @@
-//! What lies in shared memory, and what is asked by messages: for ends in other languages, too.
+//! The layout of tables in shared memory and of requests, in enough detail for other languages.
 //!
-//! All words are 32 bits, little-endian; offsets are in bytes. A *table* lies in the users' region of its
-//! owner's `data` and begins with a cache line. The owner writes it, but for the masks.
+//! All words are 32 bits, little-endian; offsets are in bytes. A *table* lies in the users' region
+//! of its owner's `data` and begins at a cache line. Only the owner writes it, except for the
+//! masks.
 //!
 //! | offset | word | |
 //! |---|---|---|
@@ -9,13 +10,13 @@
 //! | 4 | version | 1 |
 //! | 8 | life | one more whenever a program makes the table anew |
 //! | 12 | bytes | size of the whole table |
-//! | 16, 20 | rate | so many ticks in so many seconds |
-//! | 24 | entries | how many variables and parameters there are, or fields of a cell |
+//! | 16, 20 | rate | a number of ticks, and a number of seconds in which they happen |
+//! | 24 | entries | the number of variables and parameters, or of fields of a cell |
 //! | 28 | text bytes | size of the texts |
-//! | 32 | slots | how many watchers there can be |
+//! | 32 | slots | the greatest number of watchers |
 //! | 36 | slot bytes | size of a slot, whole cache lines |
-//! | 40 | cell | of a described [`Published`](condor_mbox::Published) cell its offset in the users' region |
-//! | 44 | cell bytes | the size of its value; 0 for the table of a loop |
+//! | 40 | cell | offset of the described [`Published`](condor_mbox::Published) cell in the users' region |
+//! | 44 | cell bytes | size of the cell's value; 0 in the table of a loop |
 //! | 64 | entries | 32 bytes each |
 //! | | texts | begin after the entries |
 //! | | slots | begin with the next cache line after the texts |
@@ -24,37 +25,38 @@
 //!
 //! | offset | word | |
 //! |---|---|---|
-//! | 0 | text | where its text begins in the texts, a multiple of 4 |
+//! | 0 | text | offset of its text in the texts, a multiple of 4 |
 //! | 4 | lengths | bytes of the name, of the unit, of the description, and number of labels: 8 bits each, from the lowest |
 //! | 8 | kind | number of the [`Kind`](crate::Kind); bit 8 is set if it is a parameter |
-//! | 12 | position | where its value begins in a row of all variables, or in the value of the cell |
-//! | 16 | least | two words: of a parameter the least value |
-//! | 24 | greatest | two words: of a parameter the greatest value |
+//! | 12 | position | offset of its value in a row of all variables, or in the value of the cell |
+//! | 16 | least | two words: the least value of a parameter |
+//! | 24 | greatest | two words: the greatest value of a parameter |
 //!
-//! Its *text* is name, unit and description, in UTF-8, one after the other, then the labels of an enum,
-//! each after a word with its length. Each of them begins with a word.
+//! Its *text* is its name, unit and description, in UTF-8, one after the other, then the labels of
+//! an enum, each after a word with its length. Each of these texts begins at a word.
 //!
 //! A *slot* belongs to one watcher at a time.
 //!
 //! | offset | word | |
 //! |---|---|---|
 //! | 0 | claim | number of the present claim; 0 when the slot is free |
-//! | 4 | selection | number of the selection of which the rows are; 0 while it changes |
-//! | 8 | begun | how many rows of the selection have been begun; wraps |
-//! | 12 | complete | how many of them are complete; wraps |
+//! | 4 | selection | number of the selection to which the rows belong; 0 while it changes |
+//! | 8 | begun | number of rows of the selection that have been begun; wraps |
+//! | 12 | complete | number of rows of the selection that are complete; wraps |
 //! | 64 | mask | written by the watcher: bit *n* mod 32 of word *n* / 32 selects entry *n*; whole lines |
 //! | | rows | begin with the line after the mask |
 //!
-//! A *row* has the number of the tick and the time of its release in nanoseconds, two words each, lower
-//! first, and the words of the selected entries in the order of their numbers. There are as many rows
-//! as the rest of the slot has room for, rounded down to a power of two. Row *i* of a selection, from 0,
-//! is at place *i* modulo that number. Its writer stores `begun` before and `complete` after. A reader
-//! copies a complete row, and then looks at `begun` again: the copy counts if no more than that many rows
-//! have been begun since, and `selection` is still the same.
+//! A *row* has the number of the tick and the time of its release in nanoseconds, two words each,
+//! lower first, and the words of the selected entries in the order of their numbers. The slot has
+//! as many rows as the rest of it has room for, rounded down to a power of two. Row *i* of a
+//! selection, counted from 0, is at place *i* modulo that number. The writer stores `begun` before
+//! it writes a row and `complete` after. A reader copies a complete row and then reads `begun`
+//! again. The copy is valid if `begun` - *i* is at most the number of places, and if `selection` is
+//! unchanged.
 //!
-//! A *request* is eight words in the sender's `data`, by
-//! [`Exchange`](condor_mbox::Exchange), with a response of eight words. The first four are always the
-//! verb, the offset of the table in the users' region, its life, and the number of a slot or an entry.
+//! A *request* is eight words in the sender's `data`, sent by [`Exchange`](condor_mbox::Exchange);
+//! the response is eight words, too. The first four words of a request are always the verb, the
+//! offset of the table in the users' region, its life, and the number of a slot or an entry.
 //!
 //! | verb | further words | reply after 0 |
 //! |---|---|---|
@@ -76,9 +78,9 @@
 //! | 7 | entries | there is no such entry, or the mask selects one that there is not |
 //! | 8 | pieces, most | the selection is in too many pieces |
 //! | 9 | | the entry is no parameter |
+//! | 9 | | the entry is not a parameter |
 //! | 10 | least, greatest | the value is out of bounds |
-//! | 11 | present | the parameter is not what was expected |
-//! | 12 | | the table cannot be reached by its owner |
+//! | 11 | present | the parameter does not have the expected value |
 
 use condor_mbox::layout::LINE;
 
@@ -86,13 +88,13 @@ use condor_mbox::layout::LINE;
 pub const MAGIC: u32 = u32::from_le_bytes(*b"CVAR");
 /// The version of this layout.
 pub const VERSION: u32 = 1;
-/// Bytes that a name may have.
+/// The greatest length of a name, in bytes.
 pub const NAME_BYTES: usize = 64;
-/// Bytes that a unit may have, and a label.
+/// The greatest length of a unit and of a label, in bytes.
 pub const UNIT_BYTES: usize = 32;
-/// Bytes that a description may have.
+/// The greatest length of a description, in bytes.
 pub const ABOUT_BYTES: usize = 128;
-/// How many entries a table may have.
+/// The greatest number of entries of a table.
 pub const MOST_ENTRIES: u32 = 0xffff;
 
 /// The vector of a program for all requests to its loops, unless it chooses another.

@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use condor_mbox::Instant;
 
-/// Puts what comes from several sources, each in the order of its own clock, into one order of time.
+/// Puts the rows of several sources, each in the order of its own clock, into one order of time.
 ///
-/// A source is a loop of some processor. What the earliest source has is given out as soon as every other
-/// source is further, so that nothing earlier can come. A source that is silent, because its loop was
-/// stopped or its watcher selects rarely, does not hold the others back for ever: what is older than the
-/// newest by more than the *horizon* is given out all the same.
+/// A source is a loop of some processor. The earliest row is returned as soon as every other source
+/// has delivered a later one, so that no earlier row can come. A source may be silent, because its
+/// loop was stopped or its watcher selects rarely. It does not hold the others back for ever: a row
+/// that is older than the newest by more than the *horizon* is returned all the same.
 ///
 /// ```
 /// use std::time::Duration;
@@ -43,22 +43,22 @@ struct Source<T> {
     waiting: VecDeque<(i128, T)>,
 }
 
-/// Something with its time on the common axis.
+/// A row with its time on the common axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Merged<T> {
     /// The number of the source.
     pub source: usize,
     /// The time, in nanoseconds.
     pub at_ns: i128,
-    /// Whether something later was given out before: it came later than the horizon allows, or the
-    /// offset of its clock has changed.
+    /// Whether a later row was returned before this one: this row came later than the horizon
+    /// allows, or the offset of its clock has changed.
     pub is_late: bool,
     /// The row that was put in.
     pub item: T,
 }
 
 impl<T> Merge<T> {
-    /// Makes a merge of so many sources, which waits for a silent one for as long as `horizon`.
+    /// Makes a merge of `sources` sources, which waits for a silent one at most for `horizon`.
     #[must_use]
     pub fn new(sources: usize, horizon: Duration) -> Self {
         let source = || Source {
@@ -74,14 +74,16 @@ impl<T> Merge<T> {
         }
     }
 
-    /// Sets what is added to the clock of a source, for what is put in from now on.
+    /// Sets the offset that is added to the times of a source, in nanoseconds, for later calls of
+    /// [`push`](Self::push).
     pub fn set_offset(&mut self, source: usize, offset_ns: i64) {
         if let Some(source) = self.sources.get_mut(source) {
             source.offset_ns = offset_ns;
         }
     }
 
-    /// Puts something in, with the time of its source; returns it if there is no such source.
+    /// Adds a row with its time on the clock of its source; returns the row if there is no such
+    /// source.
     pub fn push(&mut self, source: usize, at: Instant, item: T) -> Option<T> {
         let Some(source) = self.sources.get_mut(source) else {
             return Some(item);
@@ -93,7 +95,7 @@ impl<T> Merge<T> {
         None
     }
 
-    /// Returns the earliest, if nothing earlier can come or the horizon has been reached.
+    /// Returns the earliest row, if no earlier one can come or the horizon has been reached.
     pub fn pop(&mut self) -> Option<Merged<T>> {
         let (earliest, at_ns) = self.earliest()?;
         let others = self.sources.iter().enumerate();
@@ -107,7 +109,7 @@ impl<T> Merge<T> {
         }
     }
 
-    /// Returns all that is left, in order, when nothing more comes.
+    /// Iterates over all remaining rows in order of time; call it when no more rows come.
     pub fn finish(&mut self) -> impl Iterator<Item = Merged<T>> + '_ {
         core::iter::from_fn(|| {
             let (earliest, _) = self.earliest()?;

@@ -1,4 +1,4 @@
-//! [`Param`] and [`Params`]: what others may set while a loop runs.
+//! [`Param`] and [`Params`]: values that others may set while a loop runs.
 
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -8,11 +8,12 @@ use crate::scalar::{Scalar, Storage};
 use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom, fence};
 use crate::var::{Description, Names, Watch, description};
 
-/// A parameter of a loop: it has bounds, is changed by compare and set, and stays the same within a tick.
+/// A parameter of a loop. It has bounds, is changed by compare and set, and is constant within a
+/// tick.
 ///
-/// The loop reads it with [`get`](Self::get). A change is taken over when the next tick begins; one that
-/// is just being written then is taken over a tick later, so that the loop never waits. It can be watched
-/// like a [`Var`](crate::Var), and can be a `static`.
+/// The loop reads it with [`get`](Self::get). A new value is taken over when the next tick begins.
+/// If the value is being written at that moment, it is taken over one tick later, so that the loop
+/// never waits. A parameter can be watched like a [`Var`](crate::Var), and can be a `static`.
 ///
 /// ```
 /// use condor_vars::{Param, Refusal, Tune};
@@ -28,10 +29,11 @@ use crate::var::{Description, Names, Watch, description};
 #[derive(Debug)]
 pub struct Param<T: Scalar>(Params<T, 1>);
 
-/// `N` parameters of one type with the same bounds: taken over all at once, by one look a tick.
+/// `N` parameters of one type with the same bounds, which the loop takes over together, by one read
+/// in each tick.
 ///
-/// Wrap them to give each a unit of its own, or names that are known only when the program runs, as
-/// [`Watch`] says.
+/// Wrap them in a type of your own to give each its own unit, or names that are known only at run
+/// time; see [`Watch`].
 ///
 /// ```
 /// use condor_vars::{Params, Tune};
@@ -64,25 +66,25 @@ pub struct Params<T: Scalar, const N: usize> {
 /// A sequence that no complete value has.
 const NEVER: u32 = 1;
 
-/// Why a parameter was not set.
+/// The reason for which a parameter was not set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
-    /// The new value is not within the bounds, or none of the type's.
+    /// The new value is not within the bounds, or is not a value of the type.
     #[error("the value is out of bounds")]
     OutOfBounds,
-    /// The parameter is not what was expected: somebody else has changed it.
+    /// The parameter does not have the expected value: somebody else has changed it.
     #[error("the parameter is not what was expected, but has the words {present:x?}")]
     Conflict {
-        /// What it is to become in the next tick, or has been for longer.
+        /// The words of the value that was accepted last.
         present: [u32; 2],
     },
 }
 
 impl<T: Scalar> Param<T> {
     const_unless_loom! {
-        /// Makes a parameter with an initial value, and the least and the greatest that it takes.
+        /// Makes a parameter with an initial value and bounds.
         ///
-        /// An initial value that is not within the bounds is an error when the loop is set up.
+        /// If the initial value is not within the bounds, the setup of the loop returns an error.
         #[must_use]
         pub fn new(
             name: &'static str,
@@ -101,19 +103,20 @@ impl<T: Scalar> Param<T> {
         self
     }
 
-    /// Returns its value, the same for a whole tick: for the loop that has it.
+    /// Returns the value for the present tick. Only the parameter's own loop may call this.
     #[inline]
     pub fn get(&self) -> T {
         self.0.get(0).unwrap_or_default()
     }
 
-    /// Changes it from `expected` to `new`, from the next tick on.
+    /// Changes the value from `expected` to `new`, from the next tick on.
     ///
-    /// One context at a time may do so: where others set it by messages, call this inside of the same
-    /// [`Exclusion`](condor_mbox::Exclusion).
+    /// Only one context at a time may do so. If others set the parameter by messages, call this
+    /// inside of the same [`Exclusion`](condor_mbox::Exclusion) as the server.
     ///
     /// # Errors
-    /// [`Refusal::OutOfBounds`], [`Refusal::Conflict`].
+    /// [`Refusal::OutOfBounds`] if `new` is out of bounds, [`Refusal::Conflict`] if the value that
+    /// was accepted last is not `expected`.
     pub fn compare_and_set(&self, expected: T, new: T) -> Result<(), Refusal> {
         self.0.compare_and_set(0, expected, new)
     }
@@ -121,10 +124,9 @@ impl<T: Scalar> Param<T> {
 
 impl<T: Scalar, const N: usize> Params<T, N> {
     const_unless_loom! {
-        /// Makes parameters with these names and initial values, and the least and the greatest value that
-        /// each takes.
+        /// Makes parameters with these names and initial values, and with common bounds.
         ///
-        /// An initial value that is not within the bounds is an error when the loop is set up.
+        /// If an initial value is not within the bounds, the setup of the loop returns an error.
         #[must_use]
         pub fn new(
             names: &'static [&'static str; N],
@@ -166,7 +168,8 @@ impl<T: Scalar, const N: usize> Params<T, N> {
         self
     }
 
-    /// Returns the value of one of them, the same for a whole tick: for the loop that has it.
+    /// Returns the value of the parameter `index` for the present tick. Only the parameters' own
+    /// loop may call this.
     #[inline]
     pub fn get(&self, index: usize) -> Option<T> {
         let initial = *self.initial.get(index)?;
@@ -176,26 +179,28 @@ impl<T: Scalar, const N: usize> Params<T, N> {
         Some(T::from_words(self.current.get(index)?.load()).unwrap_or(initial))
     }
 
-    /// Returns a number that is another one when a change has been taken over: for the loop that has them.
+    /// Returns a number that differs whenever new values have been taken over. Only the parameters'
+    /// own loop may call this.
     #[inline]
     pub fn version(&self) -> u32 {
         self.taken.load(Ordering::Relaxed)
     }
 
-    /// Changes one of them from `expected` to `new`, as [`Param::compare_and_set`].
+    /// Changes the parameter `index` from `expected` to `new`, as [`Param::compare_and_set`] does.
     ///
     /// # Errors
-    /// [`Refusal::OutOfBounds`], [`Refusal::Conflict`].
+    /// [`Refusal::OutOfBounds`] if `new` is out of bounds, [`Refusal::Conflict`] if the value that
+    /// was accepted last is not `expected`.
     pub fn compare_and_set(&self, index: usize, expected: T, new: T) -> Result<(), Refusal> {
         self.compare_and_set_words(index, expected.to_words(), new.to_words())
     }
 }
 
-/// Parameters, whatever their type: [`Param`], [`Params`], or what wraps them.
+/// Parameters of any type: [`Param`], [`Params`], or a type that wraps them.
 ///
 /// Their indices are those of [`Watch`].
 pub trait Tune: Watch {
-    /// [`Params::compare_and_set`], with the words of the values.
+    /// Changes a parameter as [`Params::compare_and_set`] does; the values are given as words.
     ///
     /// # Errors
     /// Those of [`Params::compare_and_set`].
@@ -206,13 +211,15 @@ pub trait Tune: Watch {
         new: [u32; 2],
     ) -> Result<(), Refusal>;
 
-    /// Returns the words of the value that was accepted last, which the loop may not have taken over.
+    /// Returns the words of the value that was accepted last. The loop may not have taken it over
+    /// yet.
     fn wanted(&self, index: usize) -> [u32; 2];
 
-    /// Takes over what was set, if it is complete: for the loop, when a tick begins. Never waits.
+    /// Takes over new values, if they are complete, and never waits. The loop calls this when a
+    /// tick begins.
     fn latch(&self);
 
-    /// Whether the initial values are within the bounds.
+    /// Returns whether the initial values are within the bounds.
     fn is_sound(&self) -> bool;
 }
 

@@ -1,4 +1,4 @@
-//! [`Sampler`]: the loop's end, which latches parameters and writes rows.
+//! [`Sampler`]: takes over parameters and writes rows, in the loop.
 
 use core::array;
 use core::fmt;
@@ -12,11 +12,11 @@ use crate::param::Tune;
 use crate::scalar::split;
 use crate::sync::{Ordering, fence};
 
-/// The end of a [`Desk`] in the loop: call [`begin`](Self::begin) before the body of a tick and
+/// The loop's part of a [`Desk`]. Call [`begin`](Self::begin) before the body of a tick and
 /// [`end`](Self::end) after it.
 ///
-/// It neither waits nor locks. A tick costs some instructions for each slot and each parameter, and what
-/// is selected is copied once for each watcher.
+/// It neither waits nor locks. A tick costs some instructions for each slot and each parameter, and
+/// one copy of the selected values for each watcher.
 pub struct Sampler<'e, W, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> {
     desk: &'e Desk<PIECES, SLOTS>,
     rows: Rows<'e, W, BLOCKS>,
@@ -79,7 +79,7 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
     /// Begins a tick: takes over parameters that were set, and selections.
     ///
     /// # Errors
-    /// As [`MemoryWindow::store`]; the body may run all the same.
+    /// [`AccessError`] if the window cannot be accessed; the body may run all the same.
     #[inline]
     pub fn begin(&mut self) -> Result<(), AccessError> {
         for param in self.params {
@@ -99,11 +99,12 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
         result
     }
 
-    /// Ends a tick: writes a row for each watcher that is to have one, with the number of the tick and
-    /// the time of its release.
+    /// Ends a tick: writes a row for each watcher that is due for one, with the number of the tick
+    /// and the time of its release.
     ///
     /// # Errors
-    /// As [`MemoryWindow::store`]; then some watchers have no row.
+    /// [`AccessError`] if the window cannot be accessed; some watchers then have no row of this
+    /// tick.
     #[inline]
     pub fn end(&mut self, tick: u64, released: Instant) -> Result<(), AccessError> {
         let mut result = Ok(());

@@ -1,4 +1,4 @@
-//! [`Scalar`]: the types that variables and parameters have.
+//! [`Scalar`]: the types of variables and parameters.
 
 use core::fmt::Debug;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -9,17 +9,17 @@ use crate::kind::Kind;
 ///
 /// The words of its default value are 0.
 pub trait Scalar: Copy + Default + PartialOrd + Debug + Send + Sync + 'static {
-    /// The words in which a value is kept.
+    /// The words that store a value.
     type Storage: Storage;
-    /// Its number in tables.
+    /// The number of the type in tables.
     const KIND: Kind;
     /// The names of an enum's values, by number; empty for all other types.
     const LABELS: &'static [&'static str] = &[];
 
-    /// Returns the words of a value; the second is 0 where there is only one.
+    /// Returns the words of a value; the second is 0 if there is only one.
     fn to_words(self) -> [u32; 2];
 
-    /// Returns the value of the words; `None` of words that no value has.
+    /// Returns the value of the words; `None` if they are the words of no value.
     fn from_words(words: [u32; 2]) -> Option<Self>;
 }
 
@@ -31,7 +31,7 @@ pub trait Storage: Debug + Sync + sealed::Sealed + 'static {
     /// Zeros.
     const ZERO: Self;
 
-    /// Reads the words; the second is 0 where there is only one.
+    /// Reads the words; the second is 0 if there is only one.
     fn load(&self) -> [u32; 2];
 
     /// Writes the words.

@@ -1,4 +1,4 @@
-//! [`Server`]: the end that answers requests, in the background or an interrupt of the owner.
+//! [`Server`]: answers requests, in the background or in an interrupt of the table's owner.
 
 use core::fmt;
 use core::ops::Range;
@@ -13,7 +13,7 @@ use crate::layout::{Block, Shape, response, slot, verb};
 use crate::param::{Refusal, Tune};
 use crate::sync::Ordering::Relaxed;
 
-/// The end of a [`Desk`] in the handler of requests; see [`answer`].
+/// The part of a [`Desk`] that answers requests; see [`answer`].
 pub struct Server<'e, W, X, const PIECES: usize, const SLOTS: usize> {
     pub(crate) desk: &'e Desk<PIECES, SLOTS>,
     pub(crate) table: Region<W>,
@@ -25,7 +25,8 @@ pub struct Server<'e, W, X, const PIECES: usize, const SLOTS: usize> {
     pub(crate) incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
 }
 
-/// Answers a request to any of the loops of a program: all that the handler of its vector does.
+/// Answers a request to any of the loops of a program. The handler of the requests' vector needs to
+/// do nothing else.
 ///
 /// `data_of_sender` is the users' region of the sender.
 pub fn answer<W: MemoryWindow>(
@@ -42,9 +43,9 @@ pub fn answer<W: MemoryWindow>(
     })
 }
 
-/// A [`Server`], whatever its types.
+/// A [`Server`] of any types.
 pub trait Respond: Sync {
-    /// Returns where the table begins in the users' region: what people and programs find it by.
+    /// Returns the offset of the table in the users' region, by which programs address it.
     fn offset(&self) -> u32;
 
     /// Returns the response to a request, as [`layout`](crate::layout) describes both.

@@ -1,4 +1,4 @@
-//! [`Table`]: what somebody else's loop shows, read from its window.
+//! [`Table`]: reads the description of another program's variables from its window.
 
 use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Place, Region};
 
@@ -11,7 +11,7 @@ use crate::sync::{Ordering, fence};
 
 /// A table of variables and parameters, or of the fields of a published cell.
 ///
-/// Opening it and reading it write nothing, so that a window that is mapped read-only will do.
+/// Opening it and reading it write nothing, so the window can be mapped read-only.
 #[derive(Clone, Copy, Debug)]
 pub struct Table<W> {
     region: Region<W>,
@@ -29,61 +29,61 @@ pub struct Entry {
     pub number: u32,
     /// Its name.
     pub name: heapless::String<NAME_BYTES>,
-    /// Its unit, or nothing.
+    /// Its unit; may be empty.
     pub unit: heapless::String<UNIT_BYTES>,
-    /// What it is, or nothing.
+    /// Its description; may be empty.
     pub about: heapless::String<ABOUT_BYTES>,
     /// Its type.
     pub kind: Kind,
-    /// Where it begins, in bytes: in a row of all variables, or in the value of a cell.
+    /// The offset of its value, in bytes: in a row of all variables, or in the value of a cell.
     pub position: u32,
-    /// Of a parameter the least and the greatest value; `None` of a variable, which cannot be set.
+    /// The least and the greatest value of a parameter; `None` for a variable, which cannot be set.
     pub bounds: Option<[Value; 2]>,
-    /// How many labels it has; [`Table::label`] reads them.
+    /// The number of its labels; [`Table::label`] reads them.
     pub labels: u8,
     /// Where they begin in the texts.
     labels_at: u32,
 }
 
-/// Why a table cannot be read.
+/// The reason for which a table cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
-    /// Nothing of this layout is there, or not yet.
+    /// There is no table of this layout version at the offset, or not yet.
     #[error(
         "there is no table of version {VERSION} and magic {MAGIC:#x}: found version {version} and \
          magic {magic:#x}"
     )]
     NoTable {
-        /// The first word.
+        /// The first word found there.
         magic: u32,
-        /// The version.
+        /// The version found there.
         version: u32,
     },
-    /// A header whose numbers are impossible.
+    /// The numbers in the header contradict each other.
     #[error("the header of the table is not possible in {bytes} bytes")]
     Header {
-        /// The bytes that it says the table has.
+        /// The size of the table in bytes, as the header gives it.
         bytes: u32,
     },
-    /// An entry that is impossible.
+    /// An entry is invalid.
     #[error("entry {number} of the table is not possible")]
     Entry {
         /// Its number.
         number: u32,
     },
-    /// An entry that there is not.
+    /// There is no entry of this number.
     #[error("there is no entry {number}: the table has {entries}")]
     NoEntry {
         /// Its number.
         number: u32,
-        /// How many there are.
+        /// The number of entries.
         entries: u32,
     },
     /// The owner has made the table anew: open it again.
     #[error("the table has been made anew: its life is {found}, not {expected}")]
     Restarted {
-        /// Its present life.
+        /// The table's present life.
         found: u32,
         /// The life in which it was opened.
         expected: u32,
@@ -97,7 +97,9 @@ impl<W: MemoryWindow + Clone> Table<W> {
     /// Opens the table at `offset` of the users' region of its owner's `data`.
     ///
     /// # Errors
-    /// [`TableError`], but for `Entry` and `NoEntry`.
+    /// [`TableError::NoTable`] if there is no table, [`TableError::Header`] if its header is
+    /// invalid, [`TableError::Restarted`] if it was made anew meanwhile, [`TableError::Access`] if
+    /// the memory cannot be accessed.
     pub fn open(users: &Region<W>, offset: u32) -> Result<Self, TableError> {
         let head = users.part(offset, ENTRIES_AT)?;
         // Pairs with the owner's store before it writes the rest: the magic is not that of an earlier life.
@@ -132,19 +134,19 @@ impl<W: MemoryWindow + Clone> Table<W> {
 }
 
 impl<W: MemoryWindow> Table<W> {
-    /// Returns where it begins in the users' region of its owner.
+    /// Returns the offset of the table in the users' region of its owner.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.offset
     }
 
-    /// Returns the number of its owner's life.
+    /// Returns the number of the table's life.
     #[must_use]
     pub const fn life(&self) -> u32 {
         self.life
     }
 
-    /// Returns how many ticks its loop has in how many seconds.
+    /// Returns the rate of the loop as a number of ticks in a number of seconds.
     #[must_use]
     pub const fn rate(&self) -> (u32, u32) {
         self.rate
@@ -160,28 +162,30 @@ impl<W: MemoryWindow> Table<W> {
         }
     }
 
-    /// Returns how many variables and parameters, or fields, it has.
+    /// Returns the number of entries: variables and parameters, or fields.
     #[must_use]
     pub const fn len(&self) -> u32 {
         self.shape.entries
     }
 
-    /// Whether it has none.
+    /// Returns whether the table has no entries.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Returns how many watchers it can have.
+    /// Returns the greatest number of watchers.
     #[must_use]
     pub const fn slots(&self) -> u32 {
         self.shape.slots
     }
 
-    /// Reads the entry of a number.
+    /// Reads the entry `number`.
     ///
     /// # Errors
-    /// [`TableError::NoEntry`], [`TableError::Entry`], [`TableError::Restarted`], [`TableError::Access`].
+    /// [`TableError::NoEntry`] if there is none of this number, [`TableError::Entry`] if it is
+    /// invalid, [`TableError::Restarted`] if the table was made anew, [`TableError::Access`] if the
+    /// memory cannot be accessed.
     pub fn entry(&self, number: u32) -> Result<Entry, TableError> {
         let entries = self.shape.entries;
         if number >= entries {
@@ -212,7 +216,7 @@ impl<W: MemoryWindow> Table<W> {
         (0..self.len()).map(|number| self.entry(number))
     }
 
-    /// Reads the label of a value of an enum; `None` if it has none.
+    /// Reads the label of a value of an enum; returns `None` if there is none.
     ///
     /// # Errors
     /// Those of [`entry`](Self::entry).

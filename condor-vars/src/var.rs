@@ -1,4 +1,4 @@
-//! [`Var`] and [`Vars`]: what a loop shows.
+//! [`Var`] and [`Vars`]: values that a loop shows.
 
 use core::fmt;
 use core::sync::atomic::AtomicU32;
@@ -8,8 +8,8 @@ use crate::scalar::{Scalar, Storage};
 
 /// A variable that a loop sets and others watch.
 ///
-/// It lies in the program's own memory, and [`set`](Self::set) is one store of 32 bits, or two. Those who
-/// watch get what it was when the body of the loop had ended. It can be a `static`.
+/// It lies in the program's own memory, and [`set`](Self::set) stores one 32-bit word, or two.
+/// Watching programs get the value at the end of the loop's body. It can be a `static`.
 ///
 /// ```
 /// use condor_vars::Var;
@@ -45,20 +45,20 @@ impl<T: Scalar> Var<T> {
         self
     }
 
-    /// Sets it. One context at a time may do so: the loop that shows it.
+    /// Sets the value. Only one context at a time may do so: the loop that shows the variable.
     #[inline(always)]
     pub fn set(&self, value: T) {
         self.storage.store(value.to_words());
     }
 
-    /// Returns what it was set to, for the context that sets it.
+    /// Returns the value, in the context that sets it.
     #[inline(always)]
     pub fn get(&self) -> T {
         T::from_words(self.storage.load()).unwrap_or_default()
     }
 }
 
-/// `N` variables of one type, one after the other: sampled by one copy.
+/// `N` variables of one type, side by side in memory, which are sampled by one copy.
 ///
 /// ```
 /// use condor_vars::Vars;
@@ -109,7 +109,7 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
         Self::with(Names::Numbered(name), unit)
     }
 
-    /// Makes variables whose names `name` writes, given their index.
+    /// Makes variables whose names are written by `name`, which gets the index of a variable.
     #[must_use]
     pub const fn formatted(
         name: fn(usize, &mut dyn fmt::Write) -> fmt::Result,
@@ -134,7 +134,7 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
         self
     }
 
-    /// Sets one of them; nothing if there is none of this index.
+    /// Sets the variable `index`; does nothing if there is none of this index.
     #[inline(always)]
     pub fn set(&self, index: usize, value: T) {
         if let Some(storage) = self.storage.get(index) {
@@ -155,31 +155,32 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
 ///
 /// # For implementers
 ///
-/// [`Var`] and [`Vars`] are enough for most programs. Implement it for a struct whose names are known
-/// only when the program runs, or whose variables have several types. `words` always returns the same
-/// words. The variables have them in order, one or two each as their kinds say, until all are used up.
+/// [`Var`] and [`Vars`] are enough for most programs. Implement this trait for a struct whose names
+/// are known only at run time, or whose variables have several types. `words` must always return
+/// the same words. The variables use these words in order, one or two each as their kinds say,
+/// until all words are used.
 pub trait Watch: Sync {
-    /// The words of all of them.
+    /// Returns the words of all variables.
     fn words(&self) -> &[AtomicU32];
 
-    /// Returns what one of them is; `None` past the last.
+    /// Returns the description of the variable `index`; `None` after the last.
     fn describe(&self, index: usize) -> Option<Description<'_>>;
 
-    /// Writes the name of one of them, at most 64 bytes.
+    /// Writes the name of the variable `index`, at most 64 bytes.
     ///
     /// # Errors
-    /// Those of `to`.
+    /// [`fmt::Error`] if `to` returns it.
     fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result;
 }
 
-/// What a variable is, apart from its name.
+/// The description of a variable, apart from its name.
 #[derive(Clone, Copy, Debug)]
 pub struct Description<'d> {
     /// Its type.
     pub kind: Kind,
     /// Its unit, at most 32 bytes; empty if it has none.
     pub unit: &'d str,
-    /// What it is, in at most 128 bytes.
+    /// A text about it, at most 128 bytes.
     pub about: &'d str,
     /// The names of an enum's values, at most 255 of 32 bytes each.
     pub labels: &'d [&'d str],

@@ -1,4 +1,4 @@
-//! [`Watcher`]: a claimed slot, whose rows are read each at most once.
+//! [`Watcher`]: a claimed slot, and the reading of its rows.
 
 use condor_mbox::{AccessError, Instant, LoadOrder, MemoryWindow, StoreOrder};
 
@@ -6,10 +6,12 @@ use crate::layout::{ROW_HEADER, row_bytes, slot};
 use crate::sync::{Ordering, fence};
 use crate::table::{Table, TableError};
 
-/// A slot of a loop, claimed by [`Client::claim`](crate::Client::claim): select variables, then read rows.
+/// A slot of a loop, claimed by [`Client::claim`](crate::Client::claim). Select variables, then
+/// read rows.
 ///
-/// To drop it keeps the slot claimed: give it back with [`Client::release`](crate::Client::release).
-/// Whoever cannot, because its program has ended, loses it to the next who wants a slot.
+/// Dropping a watcher keeps the slot claimed: give it back with
+/// [`Client::release`](crate::Client::release). If a program ends without doing so, its slot goes
+/// to the next program that claims one.
 #[derive(Debug)]
 pub struct Watcher<W> {
     table: Table<W>,
@@ -39,15 +41,15 @@ struct Selection {
 pub struct Row {
     /// The number of the tick.
     pub tick: u64,
-    /// When the tick was released, on the clock of its processor.
+    /// The instant at which the tick was released, on the clock of its processor.
     pub released: Instant,
-    /// How many rows of the selection were lost between the one read before and this one.
+    /// The number of rows of the selection that were lost between the row read before and this one.
     pub lost: u32,
-    /// How many words of values were copied.
+    /// The number of words of values that were copied.
     pub words: usize,
 }
 
-/// Why there is no row.
+/// The reason for which there is no row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WatchError {
@@ -63,12 +65,12 @@ pub enum WatchError {
     /// Nothing is selected, or the last selection was not acknowledged.
     #[error("nothing is selected")]
     Unselected,
-    /// The values do not fit where they are to go.
+    /// The buffer is too short for the values.
     #[error("a row has {words} words, and there is room for {room}")]
     Room {
-        /// Words of a row's values.
+        /// The number of words of a row's values.
         words: usize,
-        /// Words there is room for.
+        /// The length of the buffer, in words.
         room: usize,
     },
 }
@@ -83,10 +85,11 @@ impl From<AccessError> for WatchError {
 const ATTEMPTS: u32 = 4;
 
 impl<W: MemoryWindow> Watcher<W> {
-    /// Makes a watcher of a slot that was claimed; `None` if there is no such slot.
+    /// Makes a watcher of a claimed slot; returns `None` if the table has no such slot.
     ///
-    /// [`Client`](crate::Client) does so. This, [`choose`](Self::choose) and [`follow`](Self::follow) are
-    /// for programs that bring the words of requests to the owner in another way.
+    /// [`Client`](crate::Client) does this for most programs. This function,
+    /// [`choose`](Self::choose) and [`follow`](Self::follow) are for programs that bring requests
+    /// to the owner in another way.
     #[must_use]
     pub fn new(table: Table<W>, number: u32, claim: u32) -> Option<Self> {
         (number < table.slots()).then_some(Self {
@@ -104,19 +107,19 @@ impl<W: MemoryWindow> Watcher<W> {
         &self.table
     }
 
-    /// Returns the number of its slot.
+    /// Returns the number of the slot.
     #[must_use]
     pub const fn slot(&self) -> u32 {
         self.number
     }
 
-    /// Returns the number of its claim.
+    /// Returns the number of the claim.
     #[must_use]
     pub const fn claim(&self) -> u32 {
         self.claim
     }
 
-    /// Returns how many rows of all its selections were lost.
+    /// Returns how many rows were lost, summed over all selections.
     #[must_use]
     pub const fn lost(&self) -> u64 {
         self.lost
@@ -128,17 +131,19 @@ impl<W: MemoryWindow> Watcher<W> {
         self.selection.map_or(0, |it| it.words as usize)
     }
 
-    /// Returns how many rows of the selection its ring keeps.
+    /// Returns how many rows of the selection the ring has room for.
     #[must_use]
     pub fn rows(&self) -> u32 {
         self.selection.map_or(0, |it| it.rows)
     }
 
-    /// Writes the mask of the next selection, before the request to select it, and reads no more rows of
-    /// the present one. Returns how many words of values a row will have.
+    /// Writes the mask of the next selection and stops reading rows of the present one; call it
+    /// before the request for the selection is sent. Returns how many words of values a row will
+    /// have.
     ///
     /// # Errors
-    /// [`TableError`].
+    /// [`TableError::NoEntry`] if an entry does not exist, [`TableError::Restarted`] if the table
+    /// was made anew, [`TableError::Access`] if the memory cannot be accessed.
     pub fn choose(&mut self, entries: &[u32]) -> Result<u32, TableError> {
         self.end();
         if let Some(last) = entries.iter().max() {
@@ -168,8 +173,8 @@ impl<W: MemoryWindow> Watcher<W> {
         self.selection = None;
     }
 
-    /// Reads rows of the selection of this number from now on, with so many words of values, as the owner
-    /// has answered.
+    /// Begins to read rows of the selection `number`, whose rows have `words` words of values; both
+    /// are in the owner's response.
     pub fn follow(&mut self, number: u32, words: u32) {
         self.selection = Some(Selection {
             number,
@@ -180,15 +185,17 @@ impl<W: MemoryWindow> Watcher<W> {
         });
     }
 
-    /// Copies the values of the next row into the beginning of `values`; `None` if there is none that has
-    /// not been read.
+    /// Copies the values of the next unread row into the beginning of `values`; returns `None` if
+    /// there is none.
     ///
-    /// The values are in the order of the numbers of the selected entries, and
-    /// [`Kind::split`](crate::Kind::split) takes them apart. A reader that stays away for 2³² rows has
-    /// lost count.
+    /// The values are in the order of the numbers of the selected entries;
+    /// [`Kind::split`](crate::Kind::split) takes them apart. If a reader misses 2³² rows or more,
+    /// the count of lost rows is wrong.
     ///
     /// # Errors
-    /// [`WatchError`].
+    /// [`WatchError::Unselected`] if nothing is selected, [`WatchError::Room`] if `values` is too
+    /// short, [`WatchError::Displaced`] if the slot has gone to another watcher,
+    /// [`WatchError::Table`] if the owner has made the table anew or its memory cannot be accessed.
     pub fn read(&mut self, values: &mut [u32]) -> Result<Option<Row>, WatchError> {
         let Some(mut selection) = self.selection else {
             return Err(WatchError::Unselected);

@@ -17,50 +17,51 @@ const ANSWER: Duration = Duration::from_secs(15);
 /// How long it may take to do something; programs may have to end, and others to join.
 const DONE: Duration = Duration::from_secs(120);
 
-/// Why there is no answer, or none that was wished for.
+/// The reason for which a request was not carried out, or not answered.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClientError {
-    /// The supervisor says no.
+    /// The supervisor refuses the request, for this reason.
     #[error("{0}")]
     Refused(String),
-    /// Nobody listens.
+    /// No supervisor accepts connections.
     #[error("cannot connect to {path:?}: {source}")]
     Connect {
-        /// The socket.
+        /// The path of the socket.
         path: PathBuf,
-        /// The answer.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// The connection broke.
     #[error("the connection to the supervisor broke: {0}")]
     Broken(#[from] std::io::Error),
-    /// There was no answer in time; the connection is closed.
+    /// There was no answer in time; the connection is closed. The supervisor may still carry out
+    /// the request.
     #[error(
         "the supervisor has not answered for {} s; what it was asked it may still do",
         after.as_secs_f64()
     )]
     TimedOut {
-        /// How long it was waited for.
+        /// The time-out.
         after: Duration,
     },
-    /// The supervisor has ended.
+    /// The supervisor has ended before it answered.
     #[error("the supervisor ended before it answered")]
     Ended,
-    /// What came is no answer.
+    /// A line came that is not an answer.
     #[error("the supervisor answered {line:?}: {source}")]
     NoAnswer {
-        /// What came.
+        /// The line.
         line: String,
-        /// What is wrong with it.
+        /// The reason for which it is not an answer.
         source: serde_json::Error,
     },
 }
 
 /// A connection to the supervisor of a running system.
 ///
-/// It waits for an answer for 15 s, and for 120 s where that comes when something has been done, unless
-/// [`set_timeout`](Self::set_timeout) says otherwise.
+/// It waits for an answer for 15 s, or for 120 s if the request takes effect before the answer.
+/// [`set_timeout`](Self::set_timeout) changes both.
 #[derive(Debug)]
 pub struct Client {
     stream: BufReader<UnixStream>,
@@ -72,7 +73,7 @@ impl Client {
     /// Connects to the supervisor of a system.
     ///
     /// # Errors
-    /// [`ClientError::Connect`].
+    /// [`ClientError::Connect`] if no supervisor accepts the connection.
     pub fn connect(directory: &SystemDirectory) -> Result<Self, ClientError> {
         let path = directory.control();
         match connect(&path) {
@@ -84,20 +85,21 @@ impl Client {
         }
     }
 
-    /// Waits for all answers for at most `timeout`, or for ever.
+    /// Sets the time-out for all answers; `None` means to wait for ever.
     ///
     /// # Errors
-    /// [`ClientError::Broken`]: the system takes no zero.
+    /// [`ClientError::Broken`] if `timeout` is zero, which the operating system refuses.
     pub fn set_timeout(&mut self, timeout: Option<Duration>) -> Result<(), ClientError> {
         self.stream.get_ref().set_read_timeout(timeout)?;
         self.has_timeout = true;
         Ok(())
     }
 
-    /// Asks, and waits for the answer.
+    /// Sends a request, and waits for the answer.
     ///
     /// # Errors
-    /// [`ClientError`]; `Refused` is the supervisor's word, and the connection goes on.
+    /// [`ClientError::Refused`] if the supervisor refuses the request; the connection can still be
+    /// used then. Otherwise another [`ClientError`].
     pub fn ask(&mut self, request: &Request) -> Result<Answer, ClientError> {
         let mut line = serde_json::to_string(request).map_err(std::io::Error::from)?;
         line.push('\n');
@@ -113,10 +115,10 @@ impl Client {
         }
     }
 
-    /// How the system is.
+    /// Returns the state of the system.
     ///
     /// # Errors
-    /// As [`ask`](Self::ask).
+    /// Those of [`ask`](Self::ask).
     pub fn status(&mut self) -> Result<Status, ClientError> {
         self.ask(&Request::Status {})?
             .status
@@ -126,7 +128,7 @@ impl Client {
     /// Ends the system, and waits until it has ended.
     ///
     /// # Errors
-    /// As [`ask`](Self::ask).
+    /// Those of [`ask`](Self::ask).
     pub fn down(mut self) -> Result<(), ClientError> {
         self.ask(&Request::Down {})?;
         self.wait_for(DONE)?;
@@ -134,10 +136,10 @@ impl Client {
         Ok(())
     }
 
-    /// All that happens from now on.
+    /// Returns an iterator over all events from now on.
     ///
     /// # Errors
-    /// As [`ask`](Self::ask).
+    /// Those of [`ask`](Self::ask).
     pub fn events(mut self) -> Result<Events, ClientError> {
         self.ask(&Request::Events {})?;
         // Nothing may happen for a long time.
@@ -186,7 +188,7 @@ pub(crate) fn connect(path: &Path) -> std::io::Result<UnixStream> {
     Ok(socket.into())
 }
 
-/// What happens in a system, until it ends.
+/// An iterator over the events of a system, which ends with the system.
 #[derive(Debug)]
 pub struct Events(Client);
 

@@ -108,11 +108,11 @@ pub(super) fn program(
     Some(ProgramEntry::Own)
 }
 
-/// The file of a program: relative to the description in `file`, else beside the running program,
-/// else in `PATH`.
+/// Returns the file of a program. It searches relative to the description in `file`, then in the
+/// directory of the running program, then in `PATH`.
 ///
 /// # Errors
-/// [`Problem::NoProgram`], [`Problem::NotExecutable`].
+/// [`Problem::NoProgram`] if there is none, [`Problem::NotExecutable`] if it cannot be run.
 pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, Problem> {
     let mut looked = vec![beside(file, name)];
     if let Ok(own) = std::env::current_exe() {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// One thing that is wrong with a description.
+/// A mistake in a description.
 #[derive(Debug, Error)]
 #[error(
     "{file}:{line}:{column}: {problem}{}{text}",
@@ -20,13 +20,13 @@ pub struct Mistake {
     pub line: usize,
     /// The column in characters, from 1.
     pub column: usize,
-    /// The offending text, as far as it is on that line.
+    /// The wrong text, up to the end of that line.
     pub text: String,
-    /// What is wrong, and what would be right.
+    /// The problem, and the remedy.
     pub problem: Problem,
 }
 
-/// All that is wrong with a description, in the order of its lines; at least one.
+/// All mistakes in a description, in the order of its lines; there is at least one.
 #[derive(Debug)]
 pub struct Mistakes(pub Vec<Mistake>);
 
@@ -41,83 +41,83 @@ impl fmt::Display for Mistakes {
 
 impl core::error::Error for Mistakes {}
 
-/// What is wrong.
+/// The problem of a mistake.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Problem {
     /// The file cannot be read.
     #[error("cannot read it: {0}")]
     Unreadable(std::io::Error),
-    /// No TOML.
+    /// The text is not TOML.
     #[error("{0}")]
     Syntax(String),
-    /// A key that means nothing there.
+    /// The table has a key that is not known there.
     #[error("there is no key `{key}` here; {}", Choice { nearest: *nearest, known })]
     UnknownKey {
         /// The key.
         key: String,
-        /// The key that is spelt most like it.
+        /// The known key with the most similar spelling.
         nearest: Option<&'static str>,
         /// All keys of the table.
         known: Vec<&'static str>,
     },
-    /// A word that means nothing there.
+    /// The value is a word that is not known there.
     #[error("`{word}` is none of the choices here; {}", Choice { nearest: *nearest, known })]
     UnknownWord {
         /// The word.
         word: String,
-        /// The word that is spelt most like it.
+        /// The known word with the most similar spelling.
         nearest: Option<&'static str>,
-        /// All words that are possible.
+        /// All words that are allowed.
         known: Vec<&'static str>,
     },
-    /// A key that must be there.
+    /// A required key is missing.
     #[error("the key `{key}` is missing here; it is {expected}")]
     MissingKey {
         /// The key.
         key: &'static str,
-        /// What its value would be.
+        /// The value that it should have.
         expected: String,
     },
-    /// A value of the wrong kind.
+    /// A value is of the wrong kind.
     #[error("{found} stands where {expected} should be")]
     Unsuitable {
-        /// What the value is.
+        /// The kind of the value.
         found: String,
-        /// What it should be.
+        /// The kind that is expected.
         expected: String,
     },
-    /// A whole number that is too small or too large.
+    /// A whole number is too small, too large, or not a multiple of the required unit.
     #[error("{found} is not {expected}")]
     OutOfRange {
         /// The number.
         found: i64,
-        /// What it should be.
+        /// The numbers that are allowed.
         expected: String,
     },
-    /// A name that cannot be that of a file or of an argument.
+    /// A name cannot be that of a file or an argument.
     #[error("\"{name}\" cannot be a name: take 1 to {longest} letters, digits, `-` and `_`")]
     BadName {
         /// The name.
         name: String,
-        /// How many characters it may have.
+        /// The greatest number of characters.
         longest: usize,
     },
-    /// A name that a service of the system has.
+    /// A processor has the name of a service.
     #[error("`{name}` is the name of a service; take another one")]
     ServiceName {
         /// The name.
         name: String,
     },
-    /// A name that a processor above has.
+    /// Two processors have the same name.
     #[error("the processor in line {line} is called `{name}`, too; take another name")]
     DuplicateName {
         /// The name.
         name: String,
-        /// The line of the other one.
+        /// The line of the first one.
         line: usize,
     },
-    /// A number that a processor above has.
+    /// Two processors have the same number.
     #[error(
         "the processor in line {line} has the number {number}, too; {}",
         Free(free)
@@ -125,48 +125,48 @@ pub enum Problem {
     DuplicateNumber {
         /// The number.
         number: u8,
-        /// The line of the other one.
+        /// The line of the first one.
         line: usize,
-        /// The numbers that no processor has.
+        /// The numbers that are free.
         free: Vec<u8>,
     },
-    /// A program that is nowhere.
+    /// The file of a program was not found.
     #[error("there is no program `{program}`; looked for {}", Places(looked))]
     NoProgram {
-        /// As the description calls it.
+        /// The program, as the description writes it.
         program: String,
-        /// Where it was looked for.
+        /// The places that were searched.
         looked: Vec<PathBuf>,
     },
-    /// A file that cannot be run.
+    /// The file of a program cannot be executed.
     #[error("{path:?} is no program: it is no file that may be executed")]
     NotExecutable {
         /// The file.
         path: PathBuf,
     },
-    /// One of the own programs that there is not.
+    /// The binary has no program of this name.
     #[error("this program has no program `{word}` of its own; {}", Choice { nearest: *nearest, known })]
     NoOwnProgram {
         /// The first argument.
         word: String,
-        /// The program that is spelt most like it.
+        /// The program with the most similar spelling.
         nearest: Option<&'static str>,
-        /// All of them.
+        /// All programs of the binary.
         known: Vec<&'static str>,
     },
-    /// `"self"` without the name of a program.
+    /// `"self"` is not followed by the name of a program.
     #[error("`arguments` must begin with the name of one of this program's own; {}", Choice { nearest: None, known })]
     WhichOwnProgram {
-        /// All of them.
+        /// All programs of the binary.
         known: Vec<&'static str>,
     },
-    /// A directory that is none.
+    /// A path does not lead to a directory.
     #[error("{path:?} is no directory; name one, or what is not there yet")]
     NoDirectory {
         /// The path.
         path: PathBuf,
     },
-    /// What the application or an extension tells.
+    /// A problem that the application or an extension reports.
     #[error("{0}")]
     Other(String),
 }

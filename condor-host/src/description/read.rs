@@ -23,7 +23,7 @@ impl Description {
     /// Reads and checks the description in `file`, for this application.
     ///
     /// # Errors
-    /// Every mistake that there is.
+    /// [`Mistakes`] with every mistake in the description.
     pub fn read(file: impl AsRef<Path>, application: &dyn Application) -> Result<Self, Mistakes> {
         let file = file.as_ref();
         let name = file.to_string_lossy();
@@ -34,10 +34,10 @@ impl Description {
         Self::from_toml(&text, file, application)
     }
 
-    /// As [`read`](Self::read), of a text that stands in `file`.
+    /// Reads and checks the description `text`, as if it were the content of `file`.
     ///
     /// # Errors
-    /// As there.
+    /// [`Mistakes`] with every mistake in the description.
     pub fn from_toml(
         text: &str,
         file: &Path,
@@ -303,7 +303,7 @@ fn processor<'a, 't>(
     (common, place, found)
 }
 
-/// Returns what `path` means in the description in `file`.
+/// Returns the path that `path` denotes in the description in `file`; it is relative to that file.
 #[must_use]
 pub fn beside(file: &Path, path: &str) -> PathBuf {
     let directory = file.parent().unwrap_or(Path::new(""));

@@ -62,17 +62,18 @@ impl<'t> Text<'t> {
     }
 }
 
-/// A value and where it stands.
+/// A value and its place.
 #[derive(Clone, Debug)]
 pub struct At<T> {
     /// The value.
     pub value: T,
-    /// The bytes of the description that say it.
+    /// The place of the value, as a range of bytes of the description.
     pub span: Range<usize>,
 }
 
-/// The keys of a table of a description, which are asked for one by one. What is wrong is told with its place
-/// when all has been read; a value that is wrong is `None`.
+/// The keys of a table of a description, which a reader asks for one by one. Mistakes are
+/// collected, and reported with their places when everything has been read; a wrong value is
+/// returned as `None`.
 #[derive(Debug)]
 pub struct Keys<'a, 't> {
     text: &'a Text<'t>,
@@ -92,7 +93,7 @@ impl<'a, 't> Keys<'a, 't> {
         }
     }
 
-    /// Tells that something is wrong with what stands at `span`.
+    /// Reports that the text at `span` is wrong.
     pub fn wrong(&self, span: &Range<usize>, problem: impl Into<String>) {
         self.text.wrong(span, Problem::Other(problem.into()));
     }
@@ -130,7 +131,7 @@ impl<'a, 't> Keys<'a, 't> {
         None
     }
 
-    /// Returns the text of a key that must be there; `expected` says what it would be.
+    /// Returns the text of a required key; `expected` describes it for the error.
     pub fn text(&mut self, key: &'static str, expected: &str) -> Option<At<String>> {
         let value = self.need(key, expected)?;
         self.as_text(value, expected)
@@ -176,7 +177,8 @@ impl<'a, 't> Keys<'a, 't> {
         }
     }
 
-    /// Returns the whole number of a key that must be there: within `range`, and a multiple of `unit`.
+    /// Returns the whole number of a required key; it must be within `range` and a multiple of
+    /// `unit`.
     pub fn number(
         &mut self,
         key: &'static str,
@@ -188,7 +190,7 @@ impl<'a, 't> Keys<'a, 't> {
         self.as_number(value, &range, unit)
     }
 
-    /// Returns the whole number of a key, which is within `range`.
+    /// Returns the whole number of a key, which must be within `range`.
     pub fn optional_number(
         &mut self,
         key: &'static str,
@@ -197,7 +199,7 @@ impl<'a, 't> Keys<'a, 't> {
         Some(self.optional_number_at(key, range)?.value)
     }
 
-    /// Returns the whole number of a key, which is within `range`, and where it stands.
+    /// Returns the whole number of a key, which must be within `range`, with its place.
     pub fn optional_number_at(
         &mut self,
         key: &'static str,
@@ -207,7 +209,7 @@ impl<'a, 't> Keys<'a, 't> {
         self.as_number(value, &range, 1)
     }
 
-    /// Returns where the value of a key stands, if there is one.
+    /// Returns the place of the value of a key, if there is one.
     #[must_use]
     pub fn span_of(&self, key: &str) -> Option<Range<usize>> {
         let mut entries = self.entries.iter();
@@ -215,7 +217,7 @@ impl<'a, 't> Keys<'a, 't> {
         entry.map(|(_, value)| value.span())
     }
 
-    /// Returns where the table stands.
+    /// Returns the place of the table.
     #[must_use]
     pub fn span(&self) -> Range<usize> {
         self.span.clone()
@@ -243,7 +245,8 @@ impl<'a, 't> Keys<'a, 't> {
         None
     }
 
-    /// Returns what the word of a key stands for; `choices` are all words that are possible.
+    /// Returns the value that belongs to the word of a key; `choices` are all allowed words with
+    /// their values.
     pub fn word<T: Copy>(&mut self, key: &'static str, choices: &[(&'static str, T)]) -> Option<T> {
         let value = self.get(key)?;
         let text = self.as_text(value, "a word")?;

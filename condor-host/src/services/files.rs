@@ -14,7 +14,8 @@ use condor_rt::numbers::FILES;
 /// Serves `root` until SIGTERM.
 ///
 /// # Errors
-/// [`ServiceError`].
+/// [`ServiceError`] if the directory cannot be served, or the service was not started by a
+/// supervisor.
 pub fn serve(root: &Path, options: Options) -> Result<(), ServiceError> {
     let stop = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(SIGTERM, stop.clone()).map_err(ServiceError::Events)?;

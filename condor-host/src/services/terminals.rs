@@ -1,24 +1,24 @@
 //! The terminals of all processors: in a log, on a pseudo-terminal, and on a socket.
 //!
-//! For each processor there is in the directory `tty` of the running system
+//! The directory `tty` of the running system has these files for each processor:
 //!
-//! | file | |
+//! | file | purpose |
 //! |---|---|
-//! | `NAME.log` | all that the terminal has written; where a program began, or output was overwritten, a line in brackets says so |
-//! | `NAME.old.log` | what was in the log until it was full; the one before is gone then |
-//! | `NAME.sock` | sends who connects the end of the log, and then what comes; what is written to it is typed |
-//! | `NAME` | leads to a pseudo-terminal with what comes; what is written to it is typed |
-//! | `NAME.typed` | all that is typed; what is added to it is typed, see [`type_in`] |
-//! | `NAME.mark`, `NAME.typed.mark` | which byte of the output, and of the input, is where in the file |
+//! | `NAME.log` | holds everything that the terminal has written; lines in brackets mark where a program began and where output was overwritten |
+//! | `NAME.old.log` | holds the previous log, from before the last rotation |
+//! | `NAME.sock` | a socket: a client gets the end of the log and then new output; bytes that it writes are typed |
+//! | `NAME` | a link to a pseudo-terminal, which gets new output; bytes that are written to it are typed |
+//! | `NAME.typed` | holds everything that is typed; bytes that are appended to it are typed, see [`type_in`] |
+//! | `NAME.mark`, `NAME.typed.mark` | say which byte of the output, and of the input, is at which place in the file |
 //!
-//! The terminal is the object `console` in the [object table](condor_rt::objects) of the processor, or
-//! else its first terminal.
+//! The terminal of a processor is the object `console` in its [object table](condor_rt::objects),
+//! or else the first terminal there.
 //!
-//! The log neither loses nor repeats a byte when the service is killed: the position in the output
-//! follows from the length of the log. The same is true of `NAME.typed`: how far the program has
-//! taken it follows from the count that the terminal keeps in its own memory. What is still on its way
-//! in a socket or a pseudo-terminal when the service is killed goes with it. Sockets and pseudo-terminals
-//! are readers of the log, each as fast as its program, so that none of them holds up the terminal.
+//! If the service is killed, the log neither loses nor repeats a byte: the position in the output
+//! follows from the length of the log. The same holds for `NAME.typed`: the terminal keeps in its
+//! own memory how many characters the program has taken. Bytes that are still in a socket or a
+//! pseudo-terminal when the service is killed are lost. Sockets and pseudo-terminals read the log,
+//! each as fast as the program at its other end, so none of them holds up the terminal.
 
 mod paper;
 mod record;
@@ -56,7 +56,8 @@ const BEAT: Timespec = Timespec {
 /// Serves the terminals of these processors in the directory `directory` until SIGTERM.
 ///
 /// # Errors
-/// [`ServiceError`].
+/// [`ServiceError`] if the terminals cannot be served, or the service was not started by a
+/// supervisor.
 pub fn serve(
     directory: &Path,
     processors: &[(Processor, String)],
@@ -146,11 +147,11 @@ fn forget(typed: &OwnedFd) {
     while events.next().is_ok() {}
 }
 
-/// Types characters at the terminal of the processor `name`, of which its program gets every one once,
-/// also if the service is killed meanwhile, or is not there at all.
+/// Types characters at the terminal of the processor `name`. Its program gets every character
+/// exactly once, even if the service is killed meanwhile or does not run.
 ///
 /// # Errors
-/// The file's.
+/// The error of the operating system if the file cannot be written.
 pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io::Result<()> {
     typing::add(&mut keyboard(directory, name)?, characters)
 }

@@ -1,13 +1,14 @@
-//! [`keep`]: runs a supervisor, and ends whatever would outlive it.
+//! [`keep`]: runs a supervisor, and ends every process that would outlive it.
 //!
-//! Programs die with their supervisor, but their descendants do not: nobody tells those. The kernel makes the
-//! supervisor the parent of every descendant that loses its own, however that has detached itself, and it
-//! kills them when it ends. The keeper is the supervisor's parent: it inherits them, and kills them, if the
-//! supervisor is killed. If the keeper is killed, the supervisor takes the system down.
+//! The kernel kills programs when their supervisor dies, but not the descendants of programs. The
+//! supervisor is made the parent of every descendant that loses its own parent, however it has
+//! detached itself; the supervisor kills these when it ends. The keeper is the supervisor's parent.
+//! If the supervisor is killed, the keeper inherits the descendants and kills them. If the keeper
+//! is killed, the supervisor takes the system down.
 //!
-//! No control groups are needed for this, which a user often must not make. If keeper and supervisor are
-//! killed at the same moment, descendants are left that have made process groups of their own; the groups
-//! of programs are ended by the next supervisor.
+//! This needs no control groups, which ordinary users often cannot make. If keeper and supervisor
+//! are killed at the same moment, descendants that have made process groups of their own remain;
+//! the next supervisor ends the process groups of the programs.
 
 use std::io::Error;
 use std::os::unix::process::ExitStatusExt;
@@ -21,13 +22,15 @@ use signal_hook::consts::SIGCHLD;
 use super::signals::Signals;
 use super::{process, stat};
 
-/// Runs the command of a supervisor until it ends, and then kills all descendants of this process. Signals
-/// that tell this process to end are passed on to the supervisor. Returns how that ended.
+/// Runs the command of a supervisor until it ends, and then kills all descendants of this process.
+/// Signals that ask this process to end are passed on to the supervisor. Returns the supervisor's
+/// exit status.
 ///
-/// For a process that does nothing else, and has one thread: all its children are waited for.
+/// Call this only in a process that does nothing else and has one thread: it waits for all its
+/// children.
 ///
 /// # Errors
-/// The supervisor cannot be started, or not be waited for.
+/// The error of the operating system if the supervisor cannot be started or waited for.
 pub fn keep(mut supervisor: Command) -> Result<ExitStatus, Error> {
     adopt()?;
     let mut told = Signals::new()?;

@@ -1,4 +1,4 @@
-//! [`Launch`]: whatever a processor's program runs on.
+//! [`Launch`]: the supervisor's control over the program of a processor.
 
 use core::fmt;
 use std::os::fd::BorrowedFd;
@@ -6,91 +6,93 @@ use std::path::PathBuf;
 
 use condor_rt::linux::Environment;
 
-/// A processor as its supervisor handles it: a process of this machine, or a hart that is held in
-/// reset while its memory is loaded, or a mapped device that another one controls.
+/// A processor as its supervisor handles it: a process of this machine, a hart that is held in
+/// reset while its memory is loaded, or a mapped device that another processor controls.
 ///
 /// # For implementers
 ///
-/// Nothing here waits, or takes longer the more a program does: a supervisor looks after all processors in
-/// one thread. A program goes
-/// through `load`, `start`, and `stop` or an end of its own; then it can be started again as it
-/// was, or another one be loaded. What was stopped says so by `state`.
+/// No method waits, and none takes longer the more a program does: a supervisor handles all
+/// processors in one thread. A program goes through `load`, `start`, and then `stop` or its own
+/// end. Then it can be started again unchanged, or another one be loaded. After `stop`, the
+/// supervisor polls `state` until it returns `Ended`.
 pub trait Launch {
-    /// Makes `image` the program that the next start runs: on a processor with a memory of its
-    /// own, this is the download. The program before must not run any more.
+    /// Makes `image` the program for the next start. On a processor with its own memory, this
+    /// downloads it. The previous program must not run any more.
     ///
     /// # Errors
     /// [`LaunchError`]; nothing is loaded then.
     fn load(&mut self, image: &Image) -> Result<(), LaunchError>;
 
-    /// Checks whether `image` can be loaded when the program that runs has ended.
+    /// Checks whether `image` can be loaded after the running program has ended.
     ///
     /// # Errors
-    /// Those of [`load`](Self::load) that are known before.
+    /// Those errors of [`load`](Self::load) that can be found before.
     fn check(&self, image: &Image) -> Result<(), LaunchError> {
         let _ = image;
         Ok(())
     }
 
-    /// Starts what was loaded.
+    /// Starts the loaded program.
     ///
     /// # Errors
-    /// [`LaunchError`].
+    /// [`LaunchError::NotLoaded`] if no program was loaded, [`LaunchError::Runs`] if it runs
+    /// already; otherwise the operating system or the extension has failed.
     fn start(&mut self) -> Result<(), LaunchError>;
 
-    /// Makes the program end; of one that does not run, nothing.
+    /// Tells the program to end, or kills it; does nothing if it does not run.
     ///
     /// # Errors
-    /// [`LaunchError`].
+    /// [`LaunchError`] if the program cannot be told.
     fn stop(&mut self, how: Stop) -> Result<(), LaunchError>;
 
-    /// Whether a start can be made now: what the processor belongs to is on. A program that is to be
-    /// started waits for that.
+    /// Returns whether a program can be started now, which needs the machine that has this
+    /// processor to be on. The supervisor waits for that.
     fn is_ready(&self) -> bool {
         true
     }
 
-    /// Whether the program runs.
+    /// Returns the state of the program.
     fn state(&mut self) -> RunState;
 
-    /// A descriptor that is readable when the program has ended. Without one, `state` is looked at
-    /// now and then.
+    /// Returns a descriptor that becomes readable when the program has ended. With `None`, `state`
+    /// is polled.
     fn ended(&self) -> Option<BorrowedFd<'_>> {
         None
     }
 
-    /// Lines that the program wrote for its supervisor; the terminal is not among them. Whoever writes
-    /// more than a turn has time for is heard again in the next one. True if there may be more now.
+    /// Passes to `line` each line that the program wrote for its supervisor; the output of its
+    /// terminal is not among them. Returns true if there may be more lines now. They are passed in
+    /// the next call, so that a program that writes a lot does not hold up the others.
     fn output(&mut self, line: &mut dyn FnMut(&str)) -> bool {
         let _ = line;
         false
     }
 
-    /// A descriptor that is readable when there is more such output.
+    /// Returns a descriptor that becomes readable when there is more such output.
     fn has_output(&self) -> Option<BorrowedFd<'_>> {
         None
     }
 
-    /// The process of this machine that runs the program, or stands for it.
+    /// Returns the number of the process of this machine that runs the program, or represents it.
     fn process(&self) -> Option<u32> {
         None
     }
 }
 
-/// A program with all that it is given.
+/// A program with its arguments and its environment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Image {
     /// The file.
     pub file: PathBuf,
-    /// What it is given.
+    /// The arguments of the program.
     pub arguments: Vec<String>,
-    /// Which processor it is, and what belongs to that.
+    /// The processor's number and its other settings.
     pub environment: Environment,
 }
 
 impl Image {
-    /// The program in `file`, with what it is given.
+    /// Makes the image of the program in `file`, with its arguments and its environment.
     #[must_use]
     pub const fn new(file: PathBuf, arguments: Vec<String>, environment: Environment) -> Self {
         Self {
@@ -101,39 +103,39 @@ impl Image {
     }
 }
 
-/// How a program is made to end.
+/// The way in which a program is ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// It is told to, and may put things in order.
+    /// The program is asked to end, and may clean up.
     Ask,
-    /// It is not asked.
+    /// The program is killed.
     Force,
 }
 
-/// Whether a program runs.
+/// The state of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RunState {
-    /// Nothing has been started.
+    /// No program has been started.
     Idle,
-    /// It runs.
+    /// The program runs.
     Runs,
-    /// It has ended.
+    /// The program has ended.
     Ended(Exit),
 }
 
-/// How a program ended.
+/// The end of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Exit {
-    /// With this status; 0 is success.
+    /// It returned this exit status; 0 is success.
     Status(i32),
-    /// By this signal.
+    /// This signal killed it.
     Signal(i32),
-    /// With what it ran on.
+    /// The machine on which it ran has ended.
     Lost,
-    /// In another way, in words.
+    /// It ended in another way, which this text describes.
     Other(String),
-    /// Nobody can say.
+    /// The way in which it ended is not known.
     Unknown,
 }
 
@@ -152,27 +154,27 @@ impl fmt::Display for Exit {
     }
 }
 
-/// Why a processor does not do what it is told.
+/// The reason for which a processor does not obey.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LaunchError {
-    /// Nothing has been loaded.
+    /// No program has been loaded.
     #[error("no program has been loaded")]
     NotLoaded,
-    /// The program of before runs.
+    /// The previous program still runs.
     #[error("its program runs")]
     Runs,
-    /// What an extension says.
+    /// An error of an extension.
     #[error(transparent)]
     Other(Box<dyn core::error::Error + Send + Sync>),
     /// The operating system refuses.
     #[error("cannot {doing} {file:?}: {source}")]
     Os {
-        /// What was tried.
+        /// The operation.
         doing: &'static str,
-        /// The program.
+        /// The file of the program.
         file: PathBuf,
-        /// The answer.
+        /// The error of the operating system.
         source: std::io::Error,
     },
 }

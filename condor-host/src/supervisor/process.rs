@@ -10,11 +10,11 @@ use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions};
 
 use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 
-/// A process that dies with the thread that started it, and is asked to end by SIGTERM.
+/// A process that is killed when the thread that started it ends, and is asked to end by SIGTERM.
 ///
-/// It has a process group of its own. Whoever is left in that when the process has ended is killed; a
-/// descendant that has made a group of its own is not found here (the program `condor` has a keeper for
-/// those).
+/// It has a process group of its own. Processes that are still in this group when it has ended are
+/// killed. A descendant that has made a group of its own is not found here; the program `condor`
+/// has a keeper for those.
 #[derive(Debug, Default)]
 pub struct Process {
     image: Option<Image>,
@@ -45,7 +45,7 @@ const AT_ONCE: usize = 16 * 1024;
 const PIPE: usize = 64 * 1024;
 
 impl Process {
-    /// A processor without a program.
+    /// Makes a processor without a program.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

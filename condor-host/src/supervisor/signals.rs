@@ -7,7 +7,8 @@ use std::os::unix::net::UnixStream;
 use signal_hook::SigId;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-/// Signals that do not end this process as long as this lives, for a service that puts things in order first.
+/// Signals that do not end this process as long as this value lives; a service can then clean up
+/// before it ends.
 #[derive(Debug)]
 pub struct Signals {
     reader: UnixStream,
@@ -15,10 +16,10 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// Takes the signals that tell a program to end: SIGHUP, SIGINT and SIGTERM.
+    /// Takes over the signals that ask a program to end: SIGHUP, SIGINT and SIGTERM.
     ///
     /// # Errors
-    /// The operating system's.
+    /// The error of the operating system if they cannot be handled.
     pub fn new() -> std::io::Result<Self> {
         Self::of(&[SIGHUP, SIGINT, SIGTERM])
     }
@@ -38,13 +39,13 @@ impl Signals {
         Ok(this)
     }
 
-    /// Returns a descriptor that is readable when one has come.
+    /// Returns a descriptor that becomes readable when a signal has come.
     #[must_use]
     pub fn descriptor(&self) -> BorrowedFd<'_> {
         self.reader.as_fd()
     }
 
-    /// Returns how many have come since the last look.
+    /// Returns how many signals have come since the last call.
     pub fn taken(&mut self) -> usize {
         self.reader.read(&mut [0; 16]).unwrap_or(0)
     }

@@ -16,40 +16,42 @@ pub struct LoopSample {
     loops: Vec<(String, Statistics)>,
 }
 
-/// What a servo loop did, and between two samples.
+/// The activity of a servo loop between two samples, or since it began.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct LoopRates {
     /// Its name.
     pub name: String,
-    /// The rate that was asked for, Hz.
+    /// The configured rate, Hz.
     pub rate_hz: f64,
-    /// The rate that was reached between the samples, or since the beginning, Hz; unknown from one
-    /// sample alone.
+    /// The rate that was reached between the samples, or since the beginning, Hz; `None` if there
+    /// is only one sample.
     pub reached_hz: Option<f64>,
     /// The mean time of a run, µs: between the samples, or since the beginning.
     pub run_us: f64,
     /// The longest run, µs.
     pub worst_run_us: f64,
-    /// The part of that time in which it ran, of 1; unknown from one sample alone.
+    /// The fraction of that time, 0 to 1, in which the loop ran; `None` if there is only one
+    /// sample.
     pub utilisation: Option<f64>,
     /// The longest time from a release to its start, µs.
     pub worst_lateness_us: f64,
-    /// How often it has run; wraps.
+    /// The number of its runs; wraps.
     pub runs: u64,
-    /// Releases that never ran: overruns; wraps.
+    /// The number of overruns: releases that were skipped; wraps.
     pub overruns: u64,
-    /// Whether it is released when it is due.
+    /// Whether it is enabled, that is, released when it is due.
     pub enabled: bool,
-    /// Whether an overrun has disabled it.
+    /// Whether it was disabled by an overrun or, where loops run in threads, by a panic.
     pub faulted: bool,
 }
 
 impl View {
-    /// The counts of the loops of `processor`, as its background published them last.
+    /// Reads the counts of the loops of `processor`, as its background published them last.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`], [`ViewError::Memory`].
+    /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory
+    /// cannot be read, [`ViewError::Version`] if the object table has another version.
     pub fn loops(&self, processor: Processor) -> Result<LoopSample, ViewError> {
         let region = self.region(processor)?;
         let mut found = Vec::new();
@@ -67,9 +69,10 @@ impl View {
 }
 
 impl LoopSample {
-    /// What the loops did; between `before` and this sample, if both are of the same life. Releases
-    /// are at exact times, so they tell how long that is, and not the clock of who looks at counts
-    /// that were published some time before; of a loop that is not released, the clock.
+    /// Returns the activity of the loops between `before` and this sample, if both are of the same
+    /// life. The length of that time follows from the number of releases, which are at exact times:
+    /// counts may have been published some time before they are read. For a loop that is not
+    /// released it follows from the clock.
     #[must_use]
     pub fn since(&self, before: Option<&Self>) -> Vec<LoopRates> {
         let before = before.filter(|before| before.life == self.life);
@@ -88,7 +91,7 @@ impl LoopSample {
         self.loops.iter().map(rates).collect()
     }
 
-    /// What the loops did since they began.
+    /// Returns the activity of the loops since they began.
     #[must_use]
     pub fn overall(&self) -> Vec<LoopRates> {
         let overall = |(name, counts): &(String, Statistics)| {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{View, ViewError};
 use condor_rt::objects::{Kind, Object};
 
-/// How a terminal of a processor is; counts wrap at 2³².
+/// The state of a terminal of a processor; counts wrap at 2³².
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct TerminalCounts {
@@ -13,25 +13,27 @@ pub struct TerminalCounts {
     pub name: String,
     /// Bytes that the program has written.
     pub written: u32,
-    /// Bytes that found no room.
+    /// Bytes that were lost because there was no room.
     pub lost: u32,
-    /// Bytes that the terminal service has not dealt with yet.
+    /// Bytes that the terminal service has not read yet.
     pub unread: u32,
-    /// Bytes of its ring.
+    /// The size of its ring, in bytes.
     pub capacity: u32,
-    /// Who reads it: the number of a processor.
+    /// The number of the processor that reads it.
     pub reader: Option<u8>,
     /// Whether a person has stopped its output.
     pub is_stopped: bool,
-    /// Whether a character has been refused, and its program has read nothing since.
+    /// Whether a typed character was refused for lack of room, and the program has read nothing
+    /// since.
     pub is_full: bool,
 }
 
 impl View {
-    /// The terminals of `processor`. Nobody attaches to them for that.
+    /// Reads the state of the terminals of `processor`, without becoming their reader.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`], [`ViewError::Memory`].
+    /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory
+    /// cannot be read, [`ViewError::Version`] if the object table has another version.
     pub fn terminals(&self, processor: Processor) -> Result<Vec<TerminalCounts>, ViewError> {
         let region = self.region(processor)?;
         let mut terminals = Vec::new();

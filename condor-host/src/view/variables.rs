@@ -7,7 +7,7 @@ use condor_vars::{Client, Table, TableError, VARS};
 
 use super::{Post, View, ViewError};
 
-/// A table of condor-vars, or why it cannot be read.
+/// A table of condor-vars, or the reason for which it cannot be read.
 #[derive(Debug)]
 pub struct Variables {
     /// The name of the loop or the cell.
@@ -21,7 +21,8 @@ impl View {
     /// described cell.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`], [`ViewError::Memory`].
+    /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory
+    /// cannot be read, [`ViewError::Version`] if the object table has another version.
     pub fn variables(&self, processor: Processor) -> Result<Vec<Variables>, ViewError> {
         let region = self.region(processor)?;
         let entries = self.objects(processor, Kind::Variables)?.into_iter();
@@ -36,10 +37,11 @@ impl View {
     /// Makes a client that asks the loops of `processor` for rows and parameters. The view must have
     /// [joined](Self::join) before the first request.
     ///
-    /// Each client takes a block of the visitor's own memory, which it does not return.
+    /// Each client takes a block of the visitor's own memory, which is never returned.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`]; [`ViewError::Memory`] if there is no room.
+    /// [`ViewError::Mailbox`] if the own memory is not there; [`ViewError::Memory`] if there is no
+    /// room.
     pub fn client(&self, processor: Processor) -> Result<Client<'_, Post, LinuxWindow>, ViewError> {
         let me = self.post.number();
         let own = self.region(me)?;

@@ -3,7 +3,7 @@ use serde::Serialize;
 
 use super::{View, ViewError};
 
-/// What happened to a vector of a processor; counts wrap at 2³².
+/// The counts of a vector of a processor; they wrap at 2³².
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct VectorCounts {
@@ -17,15 +17,15 @@ pub struct VectorCounts {
     pub handled: u32,
     /// Messages that it sent and that ended in an error.
     pub failed: u32,
-    /// The longest that its handler took, µs.
+    /// The longest run time of its handler, µs.
     pub worst_us: f64,
 }
 
 impl View {
-    /// The vectors of `processor` that have a name or a count.
+    /// Returns the vectors of `processor` that have a name or a count.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`].
+    /// [`ViewError::Mailbox`] if there is no such processor or its memory cannot be read.
     pub fn vectors(&self, processor: Processor) -> Result<Vec<VectorCounts>, ViewError> {
         let mut vectors = Vec::new();
         for number in 0..Vector::COUNT as u8 {

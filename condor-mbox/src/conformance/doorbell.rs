@@ -6,13 +6,13 @@ use crate::doorbell::{Doorbell, Evidence};
 use crate::id::Processor;
 use crate::time::Instant;
 
-/// A check that a doorbell failed.
+/// The failure of a doorbell's check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{check}: at {now:?}, deadline {until:?}")]
 pub struct DoorbellFailure {
-    /// The promise that is broken.
+    /// The rule that is broken.
     pub check: &'static str,
-    /// The time when that was seen.
+    /// The time at which that was found.
     pub now: Instant,
     /// The deadline of the wait, or the time that `now` should not precede.
     pub until: Instant,
@@ -24,14 +24,14 @@ const LOST: Duration = Duration::from_secs(20);
 const UNDISTURBED: Duration = Duration::from_millis(2);
 const ROUNDS: u32 = 50;
 
-/// Checks the doorbell `mine` of processor `me`, which nobody else rings meanwhile.
+/// Checks the doorbell `mine` of processor `me`, which nobody else may ring meanwhile.
 ///
-/// `ring_me` rings it as another processor does, and returns after the ring was given. No
-/// check depends on how long anything takes, but a lost ring is noticed only after 20 seconds
-/// of the doorbell's clock. A wait that does not return at its deadline never ends here.
+/// `ring_me` must ring it as another processor does, and return after the ring. No check depends on
+/// the speed of the machine, but a lost ring is found only after 20 seconds of the doorbell's
+/// clock. If a wait does not return at its deadline, this function never returns.
 ///
 /// # Errors
-/// The first check that fails.
+/// [`DoorbellFailure`] for the first check that fails.
 pub fn doorbell<D: Doorbell>(
     mine: &D,
     me: Processor,

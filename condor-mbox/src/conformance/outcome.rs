@@ -4,22 +4,22 @@ use core::sync::atomic::AtomicU32;
 
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
 
-/// What an access gave: a word (zero where there is none to give), or a kind of error.
+/// The result of an access: a word (zero if the access reads none), or a kind of error.
 pub type Outcome = Result<u32, WindowErrorKind>;
 
-/// A check that a window failed.
+/// The failure of a window's check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{check}: {len} bytes at offset {offset:#x} gave {found:x?}, expected {expected:x?}")]
 pub struct WindowFailure {
-    /// The promise that is broken.
+    /// The rule that is broken.
     pub check: &'static str,
-    /// Where the access began, in bytes.
+    /// The offset of the access, in bytes.
     pub offset: u32,
-    /// How many bytes it was for.
+    /// The length of the access, in bytes.
     pub len: usize,
-    /// What the access gave.
+    /// The result of the access.
     pub found: Outcome,
-    /// What it should have given.
+    /// The result that is required.
     pub expected: Outcome,
 }
 

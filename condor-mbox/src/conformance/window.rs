@@ -15,7 +15,7 @@ use super::outcome::{WindowFailure, done, expect, load, read, store, write, writ
 /// Its contents are overwritten. It must have at least [`LEAST_BYTES`](super::LEAST_BYTES) bytes.
 ///
 /// # Errors
-/// The first check that fails.
+/// [`WindowFailure`] for the first check that fails.
 ///
 /// ```
 /// # use condor_mbox::{StaticMemory, conformance};
@@ -38,7 +38,7 @@ pub fn window<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
 /// Checks a window that is mapped for reading only.
 ///
 /// # Errors
-/// The first check that fails.
+/// [`WindowFailure`] for the first check that fails.
 pub fn read_only<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     size(window)?;
     alignment_of_loads(window)?;
@@ -78,10 +78,10 @@ pub fn read_only<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     )
 }
 
-/// Checks that two windows of one size are onto the same memory.
+/// Checks that two windows of the same size access the same memory.
 ///
 /// # Errors
-/// The first check that fails.
+/// [`WindowFailure`] for the first check that fails.
 pub fn shared<A: MemoryWindow, B: MemoryWindow>(a: &A, b: &B) -> Result<(), WindowFailure> {
     expect(
         "both windows have one size",
@@ -132,10 +132,10 @@ pub fn shared<A: MemoryWindow, B: MemoryWindow>(a: &A, b: &B) -> Result<(), Wind
 
 /// Checks the compare-and-swap of a window that nobody else touches meanwhile.
 ///
-/// That it is indivisible for every processor is beyond what one processor can check.
+/// One processor cannot check that the operation is indivisible for every other processor.
 ///
 /// # Errors
-/// The first check that fails.
+/// [`WindowFailure`] for the first check that fails.
 pub fn compare_exchange<W: CompareExchange>(window: &W) -> Result<(), WindowFailure> {
     let swap = |offset, current, new| {
         window

@@ -1,4 +1,4 @@
-//! [`Claim`]: a number, held.
+//! [`Claim`]: a processor's number that this process holds.
 
 use std::os::fd::OwnedFd;
 
@@ -15,10 +15,11 @@ use crate::region::{Places, Region};
 use crate::window::{MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
-/// A number of a [`System`](super::System) that this process holds, with all that a mailbox needs.
+/// A number of a [`System`](super::System) that this process holds, with everything that a mailbox
+/// needs.
 ///
-/// The number is free again when the claim, its doorbells and all clones of the own `mail` are
-/// dropped: whoever could still write the `mail` holds the number.
+/// The number becomes free when the claim, its doorbells and all clones of its own `mail` are
+/// dropped: as long as a process can write the `mail`, it holds the number.
 #[derive(Debug)]
 pub struct Claim<const N: usize> {
     number: Processor,
@@ -28,32 +29,32 @@ pub struct Claim<const N: usize> {
 }
 
 impl<const N: usize> Claim<N> {
-    /// The number that is held.
+    /// Returns the number that is held.
     #[must_use]
     pub fn number(&self) -> Processor {
         self.number
     }
 
-    /// The windows of all processors, by number: `data` for reading and writing, `mail` for
-    /// reading, except one's own.
+    /// Returns the windows of all processors; the index is the processor's number. Every `data` is
+    /// mapped for reading and writing; every `mail` but the claim's own is mapped for reading only.
     #[must_use]
     pub fn windows(&self) -> &[Windows<LinuxWindow>; N] {
         &self.windows
     }
 
-    /// The doorbell of this number.
+    /// Returns the doorbell of this number.
     #[must_use]
     pub fn doorbell(&self) -> &LinuxDoorbell<N> {
         &self.doorbell
     }
 
-    /// Hands out the own memory: the users' part of one's own `data`.
+    /// Returns the distributor of this number's own memory, the users' region of its `data`.
     ///
-    /// There is one of it for a claim, so that what two users of the memory get of it cannot overlap;
-    /// whoever else wants memory is lent it.
+    /// There is only one for a claim, so the parts that users take from it cannot overlap; lend it
+    /// to every user of the memory.
     ///
     /// # Errors
-    /// [`SystemError::PlacesTaken`] the second time.
+    /// [`SystemError::PlacesTaken`] if it was returned before.
     pub fn places(&mut self) -> Result<Places, SystemError> {
         let number = self.number;
         self.places
@@ -61,10 +62,10 @@ impl<const N: usize> Claim<N> {
             .ok_or(SystemError::PlacesTaken { number })
     }
 
-    /// The users' part of a processor's `data`, its own or a peer's.
+    /// Returns the users' region of a processor's `data`.
     ///
     /// # Errors
-    /// [`SystemError::NoSuchProcessor`].
+    /// [`SystemError::NoSuchProcessor`] if there is no such number.
     pub fn region(&self, processor: Processor) -> Result<Region<LinuxWindow>, SystemError> {
         let windows = self.windows.get(processor.index());
         windows
@@ -75,7 +76,8 @@ impl<const N: usize> Claim<N> {
             })
     }
 
-    /// The mailbox of this number, not joined yet, for all threads of the process.
+    /// Makes the mailbox of this number, which all threads of the process may use. It has not
+    /// joined yet.
     ///
     /// # Errors
     /// Those of [`Mailbox::new`](crate::Mailbox::new).
@@ -83,7 +85,7 @@ impl<const N: usize> Claim<N> {
         self.mailbox_with(CriticalSection)
     }
 
-    /// The mailbox of this number with another [`Exclusion`].
+    /// Makes the mailbox of this number with another [`Exclusion`].
     ///
     /// # Errors
     /// Those of [`Mailbox::new`](crate::Mailbox::new).
@@ -91,8 +93,8 @@ impl<const N: usize> Claim<N> {
         Mailbox::new(self.number, self.windows, self.doorbell, exclusion)
     }
 
-    /// The windows and the doorbell, which go on to hold the number, for a mailbox with another
-    /// doorbell.
+    /// Returns the windows and the doorbell, which continue to hold the number, for a mailbox with
+    /// another doorbell.
     #[must_use]
     pub fn into_parts(self) -> ([Windows<LinuxWindow>; N], LinuxDoorbell<N>) {
         (self.windows, self.doorbell)

@@ -1,9 +1,8 @@
 //! [`LinuxDoorbell`]: a futex, and a pipe for those who poll.
 //!
-//! The bell of a processor is the first line of its `data`. Word 0 counts rings; sleepers sleep on
-//! it as a futex, in as many threads as they like. Word 1 is not 0 once the processor wants its
-//! rings to be readable from its pipe too. Both may be scribbled on by anybody: then a wait ends
-//! early, or at its deadline.
+//! The bell of a processor is the first line of its `data`. Word 0 counts rings; threads sleep on
+//! it as a futex. Word 1 is not 0 if the processor also wants its rings to be readable from its
+//! pipe. Any program may overwrite both words; then a wait ends early, or at its deadline.
 
 use core::num::NonZeroU32;
 use core::sync::atomic::{Ordering, fence};
@@ -30,8 +29,8 @@ const DRAIN_BYTES: usize = 1 << 20;
 
 /// Rings the processors of a [`System`](super::System), and waits for rings of its own number.
 ///
-/// Its clock is `CLOCK_MONOTONIC`, so instants of all processes of a machine can be compared.
-/// Clones are the same doorbell.
+/// Its clock is `CLOCK_MONOTONIC`, so instants of all processes of a machine can be compared. All
+/// clones are the same doorbell.
 #[derive(Clone, Debug)]
 pub struct LinuxDoorbell<const N: usize>(Arc<Bells<N>>);
 
@@ -74,17 +73,17 @@ impl<const N: usize> LinuxDoorbell<N> {
         })))
     }
 
-    /// The number whose rings end a wait.
+    /// Returns the number whose rings end a wait.
     #[must_use]
     pub fn number(&self) -> Processor {
         self.0.number
     }
 
-    /// A descriptor that becomes readable when this number is rung, for poll, epoll or an
+    /// Returns a descriptor that becomes readable when this number is rung, for poll, epoll or an
     /// asynchronous runtime.
     ///
-    /// It costs every ringer a second system call, from the first call until the number is
-    /// claimed anew.
+    /// From the first call until the number is claimed anew, each ring costs its sender a second
+    /// system call.
     #[must_use]
     pub fn pollable(&self) -> PollableBell {
         if let Ok(armed) = self.0.lines[self.0.number.index()].word(ARMED) {
@@ -175,8 +174,8 @@ impl<const N: usize> Doorbell for LinuxDoorbell<N> {
 /// A descriptor that is readable when a processor has been rung.
 ///
 /// Drain it first, then look for messages, then poll: a ring after the drain makes it readable
-/// again. One poller is enough; of several, one may drain the ring of another. Clones are the same
-/// descriptor, which stays open as long as one of them lives.
+/// again. Only one thread should poll it; if several do, one may drain the ring of another. All
+/// clones are the same descriptor, which stays open as long as one of them lives.
 ///
 /// It is the reading end of a pipe, so tokio's `pipe::Receiver` takes a duplicate of it; see the
 /// example `await_tokio`. Call [`Mailbox::ring_always`](crate::Mailbox::ring_always), so that peers
@@ -188,10 +187,11 @@ pub struct PollableBell {
 }
 
 impl PollableBell {
-    /// Empties it, so that it is readable again only after the next ring; never blocks.
+    /// Empties it without blocking, so that it is readable again only after the next ring.
     ///
-    /// False if it is still readable, because peers ring as fast as it is drained: who waits for
-    /// *changes* of readiness, as edge-triggered epoll does, must then drain again.
+    /// Returns false if it is still readable, because peers ring as fast as it is drained. A
+    /// program that waits for *changes* of readiness, as edge-triggered epoll does, must then drain
+    /// again.
     #[must_use = "an edge-triggered poller must drain again if it is false"]
     pub fn try_drain(&self) -> bool {
         let mut sink = [0; 4096];
@@ -205,7 +205,7 @@ impl PollableBell {
         false
     }
 
-    /// As [`try_drain`](Self::try_drain), for who polls for the level.
+    /// Empties it as [`try_drain`](Self::try_drain) does, for level-triggered polling.
     pub fn drain(&self) {
         let _ = self.try_drain();
     }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::window::MapError;
 use crate::id::Processor;
 
-/// What a name in a file system stands for.
+/// The kind of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FileKind {
@@ -39,25 +39,26 @@ impl fmt::Display for FileKind {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SystemError {
-    /// A name must not be empty, nor hold a slash or a zero byte, nor be longer than a file name.
+    /// A name is empty, holds a slash or a zero byte, or is longer than a file name may be.
     #[error("{name:?} cannot be the name of a system")]
     BadName {
         /// The name that was given.
         name: String,
     },
-    /// The memory of a number is handed out once.
+    /// The distributor of a number's memory was already returned.
     #[error("the places of {number} have been handed out: lend them to whoever else needs memory")]
     PlacesTaken {
-        /// Whose memory it is.
+        /// The number.
         number: Processor,
     },
-    /// The size of `data` must be a multiple of four and fit 32 bits together with its first line.
+    /// The size of `data` is not a multiple of four, or does not fit in 32 bits together with the
+    /// first line.
     #[error("data of {user_bytes} bytes do not consist of whole words, or are too large")]
     BadDataSize {
         /// The size that was given.
         user_bytes: u32,
     },
-    /// A file has another size than in a system of this many processors and this data size.
+    /// A file has another size than a system of this many processors and this data size needs.
     #[error("{path:?} has {found} bytes, expected {expected}: it belongs to another system")]
     WrongSize {
         /// The file.
@@ -67,18 +68,18 @@ pub enum SystemError {
         /// The size it should have, in bytes.
         expected: u64,
     },
-    /// A name stands for something of the wrong kind.
+    /// A path leads to a file of the wrong kind.
     #[error("{path:?} is {found}, expected {expected}")]
     WrongKind {
-        /// The name.
+        /// The path.
         path: PathBuf,
-        /// What it stands for.
+        /// The kind that was found.
         found: FileKind,
-        /// What it should stand for.
+        /// The kind that is required.
         expected: FileKind,
     },
-    /// The directory of a named system belongs to another user, or the file `system` that names a
-    /// memory to one who is neither this user, nor root, nor the directory's owner.
+    /// The directory of a named system belongs to another user; or the file `system`, which names a
+    /// memory, belongs to neither this user, nor root, nor the owner of the directory.
     #[error("{path:?} belongs to user {found}, expected {expected}")]
     WrongOwner {
         /// The directory, or the file.
@@ -93,29 +94,29 @@ pub enum SystemError {
     NoSuchProcessor {
         /// The number that was given.
         number: Processor,
-        /// How many processors the system has.
+        /// The number of processors in the system.
         processors: usize,
     },
-    /// Somebody holds the number.
+    /// Another claim holds the number.
     #[error("{number} is taken by process {process_id}")]
     NumberTaken {
         /// The number.
         number: Processor,
-        /// What the holder says its process id is; 0 if it did not say yet.
+        /// The process id that the holder has written; 0 if it has not written it yet.
         process_id: u32,
     },
     /// All numbers are held.
     #[error("all {processors} numbers are taken")]
     NoFreeNumber {
-        /// How many processors the system has.
+        /// The number of processors in the system.
         processors: usize,
     },
     /// The description of a family is not one of this system.
     #[error("the description {description:?} of a system is refused: {reason}")]
     BadDescription {
-        /// What was passed.
+        /// The description that was passed.
         description: String,
-        /// What is wrong with it.
+        /// The reason.
         reason: &'static str,
     },
     /// The file `system` of a directory describes another system than this one.
@@ -123,15 +124,15 @@ pub enum SystemError {
     OtherSystem {
         /// The file `system`.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The difference.
         reason: String,
     },
-    /// The memory of a system cannot be laid out as is said.
+    /// The memory of a system cannot have the requested layout.
     #[error("the memory {path:?} cannot be laid out so: {reason}")]
     BadLayout {
         /// The file that is the memory.
         path: PathBuf,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
     /// The file that is the memory of a system ends too early.
@@ -141,11 +142,11 @@ pub enum SystemError {
     OutsideMemory {
         /// The file that is the memory.
         path: PathBuf,
-        /// What lies there, such as `3.mail`.
+        /// The object that lies there, such as `3.mail`.
         object: String,
-        /// Where, in bytes from the beginning of the file.
+        /// Its offset from the beginning of the file, in bytes.
         offset: u64,
-        /// How long it is, in bytes.
+        /// Its length, in bytes.
         bytes: u32,
         /// The size of the file, in bytes.
         found: u64,
@@ -155,7 +156,7 @@ pub enum SystemError {
     Unsteady {
         /// The directory.
         path: PathBuf,
-        /// How often it was tried.
+        /// The number of attempts.
         times: u32,
     },
     /// The directory holds a file that is not part of the system.
@@ -169,17 +170,17 @@ pub enum SystemError {
     Map {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         source: MapError,
     },
     /// A call to the operating system failed.
     #[error("cannot {doing} {path:?}: {source}")]
     Os {
-        /// What was tried.
+        /// The operation.
         doing: &'static str,
-        /// With which file.
+        /// The path of the file.
         path: PathBuf,
-        /// The answer.
+        /// The error of the operating system.
         source: io::Error,
     },
 }

@@ -13,12 +13,13 @@ use super::window::Access;
 /// Bytes of a file that is there to be locked; a `mail` has more.
 pub(super) const LOCK_BYTES: u32 = 4;
 
-/// Where objects of a kind lie in a file, one after the other.
+/// The places of one kind of objects, which lie in a file one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// Where that of processor 0 begins, in bytes from the beginning of the file; a multiple of 4.
+    /// The offset of the object of processor 0, in bytes from the beginning of the file; a multiple
+    /// of 4.
     pub offset: u64,
-    /// Bytes from the beginning of one to that of the next; a multiple of 4.
+    /// The distance from one object to the next, in bytes; a multiple of 4.
     pub stride: u64,
 }
 
@@ -30,11 +31,12 @@ impl Run {
     }
 }
 
-/// A file that has the windows of all processors of a [`System`](super::System), and more, maybe:
-/// the memory of another machine, say, or a part of it.
+/// A file that contains the windows of all processors of a [`System`](super::System). It may
+/// contain more, for example if it is the memory of another machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory {
-    /// The file, by an absolute path. It has its size already, and stays when the system is removed.
+    /// The absolute path of the file. The file has its size already, and stays when the system is
+    /// removed.
     pub file: PathBuf,
     /// The `mail` of each processor.
     pub mail: Run,

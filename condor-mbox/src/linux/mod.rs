@@ -1,16 +1,16 @@
 //! Shared memory and doorbells of Linux.
 //!
-//! | you have | you take |
+//! | your case | use |
 //! |---|---|
 //! | unrelated programs | [`System::named`], or [`System::at`] for a directory of your own |
-//! | another machine's memory, as one file | [`System::in_memory`], and then [`System::at`] everywhere |
+//! | the memory of another machine, as one file | [`System::in_memory`] once, and then [`System::at`] in all programs |
 //! | one program that starts the others | [`System::family`], [`System::pass_to`], [`System::inherited`] |
 //! | a device, or a file with a layout of its own | [`LinuxWindow::map`], [`LinuxWindow::uio`] and your own doorbell |
 //!
-//! A [`System`] has *N* numbers. [`System::claim`] takes one of them for this process and gives
-//! its [`Claim`]: the windows of all processors and a [`LinuxDoorbell`]. What belongs to a
-//! processor are two pieces of shared memory, `mail` and `data` (see [`layout`](crate::layout)),
-//! and a pipe, its *bell*, for those who poll.
+//! A [`System`] has *N* numbers. [`System::claim`] takes one of them for this process and returns a
+//! [`Claim`], which has the windows of all processors and a [`LinuxDoorbell`]. Each processor has
+//! two pieces of shared memory, `mail` and `data` (see [`layout`](crate::layout)), and a pipe, its
+//! *bell*, for programs that poll.
 //!
 //! ```
 //! # use condor_mbox::Processor;
@@ -25,52 +25,51 @@
 //! # }
 //! ```
 //!
-//! The feature `critical-section` of `condor-platform` brings what [`CriticalSection`](crate::CriticalSection) needs;
-//! a mailbox that one thread alone uses can have a [`SingleContext`](crate::SingleContext) instead:
-//! [`Claim::mailbox_with`].
+//! [`CriticalSection`](crate::CriticalSection) needs the feature `critical-section` of
+//! `condor-platform`. A mailbox that only one thread uses can have a
+//! [`SingleContext`](crate::SingleContext) instead: see [`Claim::mailbox_with`].
 //!
 //! # Death
 //!
-//! A number is held by a write lock on the open file description of its `mail`. The kernel drops
-//! it when the last descriptor is closed, however the program ended, and that is what
-//! [`Evidence`](crate::Evidence) looks at. It happens while the kernel takes the program apart:
-//! after its memory was given back, which takes long if there are gigabytes of it. A process that
-//! was forked from the holder and did not `exec` holds the number too.
+//! A process holds a number by a write lock on the open file description of its `mail`. The kernel
+//! drops the lock when the last descriptor is closed, however the program ended;
+//! [`Evidence`](crate::Evidence) is based on this. It happens after the kernel has freed the
+//! program's memory, which takes long for gigabytes of it. A process that was forked from the
+//! holder and did not `exec` holds the number, too.
 //!
-//! Files of a named system outlive all programs, and every object comes into being whole, so that
-//! programs may be killed at any moment: nothing is ever cleaned up by hand. A program that wants
-//! the files gone calls [`System::remove`]. Where the windows lie in one memory, a small file stands
-//! for each `mail` to be locked; whether a processor of another machine lives is then for the process
-//! to say that holds its number.
+//! The files of a named system outlive all programs, and every file appears complete or not at all.
+//! So programs may be killed at any moment, and nothing has to be cleaned up by hand.
+//! [`System::remove`] removes the files. If the windows lie in one memory file, each `mail` has a
+//! small file that is locked in its place. Only the process that holds a number can tell whether a
+//! processor of another machine is alive.
 //!
-//! # Who is protected from whom
+//! # Protection of participants
 //!
-//! What peers *write* is never believed by a mailbox, wherever it lies. What else they can do
-//! depends on where it lies:
+//! A mailbox never believes what peers *write*, wherever the memory lies. What else peers can do
+//! depends on its place:
 //!
 //! | | family | named |
 //! |---|---|---|
-//! | who can take part | the processes that were given the descriptors | everyone whom the directory's permissions allow |
-//! | truncate the memory | nobody: it is sealed | everyone who takes part; all accesses then are `Lost` |
-//! | delete the files | there are none | everyone who takes part; who has them mapped goes on, later ones are alone |
-//! | make another process open or change a file elsewhere | nobody | nobody: no link is followed at the end of a path, and a memory is believed of this user, root and the directory's owner only |
-//! | write a peer's `mail` | everyone who takes part, by opening it anew: the kernel lets a mapping be read-only, not a participant | likewise |
-//! | hold a number without using it, ring for nothing | everyone who takes part | likewise |
+//! | may take part | the processes that got the descriptors | everyone whom the directory's permissions allow |
+//! | can truncate the memory | nobody: it is sealed | every participant; all accesses then return `Lost` |
+//! | can delete the files | there are none | every participant; programs that have them mapped go on, later programs are alone |
+//! | can make another process open or change a file elsewhere | nobody | nobody: no link is followed at the end of a path, and only this user, root and the directory's owner can name a memory file |
+//! | can write a peer's `mail` | every participant, by opening it again: the kernel can make a mapping read-only, but not a participant | likewise |
+//! | can hold a number without using it, and ring without reason | every participant | likewise |
 //!
-//! So participants can disturb each other's *work*, never a program's memory, and those who are
-//! to be kept out are kept out by permissions: a directory that [`System::named`] creates is its
-//! user's alone (mode 0700). For a group, create a directory with the group's permissions and use
-//! [`System::at`]: files get the read and write permissions that the directory has. Whoever may write
-//! the directory *above* can put another one in its place. A family
-//! re-opens what it inherited through `/proc/self/fd`, so `/proc` must be mounted, and the program
-//! must keep its user id.
+//! So participants can disturb each other's *work*, but not a program's own memory. Permissions
+//! keep others out: a directory that [`System::named`] creates is accessible to its user only (mode
+//! 0700). For a group, create a directory with the group's permissions and use [`System::at`]:
+//! files get the read and write permissions of the directory. A user who may write the directory
+//! *above* can replace the directory. A family opens inherited descriptors again through
+//! `/proc/self/fd`, so `/proc` must be mounted, and the program must keep its user id.
 //!
 //! # SIGBUS
 //!
-//! With the first window, a handler for SIGBUS is installed, which passes on what does not concern
-//! a window to the handler that was there. Who installs one later must likewise pass on what does
-//! not concern him. A thread that blocks SIGBUS is killed by the kernel if it touches memory that
-//! has vanished.
+//! The first window installs a handler for SIGBUS. It passes on signals that do not concern a
+//! window to the handler that was installed before. A handler that is installed later must likewise
+//! pass on signals that do not concern it. If a thread blocks SIGBUS and touches memory that has
+//! vanished, the kernel kills it.
 //!
 //! # Real time
 //!
@@ -100,6 +99,6 @@ pub use memory::{Memory, Run};
 pub use system::System;
 pub use window::{Access, LinuxWindow, LinuxWindowError, MapError};
 
-/// A mailbox of Linux, for a process whose threads may all use it.
+/// A mailbox of Linux, which all threads of a process may use.
 pub type Mailbox<'v, const N: usize, X = crate::CriticalSection> =
     crate::Mailbox<'v, (LinuxWindow, LinuxDoorbell<N>, X), N>;

@@ -25,9 +25,9 @@ const VARIABLE: &str = "CONDOR_SYSTEM";
 /// How often a claim begins anew because the directory was removed under it.
 const ATTEMPTS: u32 = 16;
 
-/// A system of `N` processors, at most [`Processor::MAX_COUNT`], and where its memory lies.
+/// A system of `N` processors, at most [`Processor::MAX_COUNT`], with the place of its memory.
 ///
-/// It holds no number itself; see the [module](super) for the choice of place.
+/// It holds no number itself; the [module](super) shows the possible places.
 #[derive(Clone, Debug)]
 pub struct System<const N: usize> {
     place: Home,
@@ -48,15 +48,17 @@ enum Home {
 impl<const N: usize> System<N> {
     const MAIL_BYTES: u32 = layout::mail_bytes(N as u32);
 
-    /// The system `name` of this user, for programs that need not know each other.
+    /// Returns the system `name` of this user, for programs that need not know each other.
     ///
-    /// Its files are in `/dev/shm/condor-NAME`; whoever comes first creates them. The users' part
-    /// of every processor's `data` has `user_bytes` bytes, and all programs must agree in it.
+    /// Its files are in `/dev/shm/condor-NAME`; the first program creates them. `user_bytes` is the
+    /// size of the users' region of every processor's `data`, in bytes, and must be the same in all
+    /// programs.
     ///
     /// # Errors
-    /// The name cannot be one, the size is not one of whole words, the directory cannot be created,
-    /// or it belongs to another user; [`SystemError::OtherSystem`] if it has another number of
-    /// processors or another size.
+    /// [`SystemError::BadName`] if the name cannot be that of a file, [`SystemError::BadDataSize`]
+    /// if the size is not one of whole words, [`SystemError::WrongOwner`] if the directory belongs
+    /// to another user, [`SystemError::OtherSystem`] if it has another number of processors or
+    /// another size, [`SystemError::Os`] if the directory cannot be created.
     pub fn named(name: &str, user_bytes: u32) -> Result<Self, SystemError> {
         // 255 bytes for the name of a directory, less what is put around it.
         if name.is_empty() || name.len() > 240 || name.contains(['/', '\0']) {
@@ -66,39 +68,43 @@ impl<const N: usize> System<N> {
         Self::in_directory(path, true, None, user_bytes)
     }
 
-    /// The system whose files are in the directory `path`, which is created if there is none. If it
-    /// names a [memory](Self::in_memory), the windows are there.
+    /// Returns the system whose files are in the directory `path`, which is created if it does not
+    /// exist. If the directory names a [memory](Self::in_memory), the windows are there.
     ///
-    /// A relative `path` is taken from the working directory of now, and stays there: a child to
-    /// which the system is [passed](Self::pass_to) may run in another one. What `path` ends with must
+    /// A relative `path` is resolved in the present working directory once; so a child to which the
+    /// system is [passed](Self::pass_to) may run in another directory. The last part of `path` must
     /// not be a symbolic link.
     ///
-    /// Files get the permissions of the directory, except execution. The file system must have
-    /// locks, shared mappings and unnamed files (`O_TMPFILE`): tmpfs and the usual disk file
+    /// Files get the permissions of the directory, except execution. The file system must support
+    /// locks, shared mappings and unnamed files (`O_TMPFILE`), as tmpfs and the usual disk file
     /// systems do.
     ///
     /// # Errors
-    /// As for [`named`](Self::named); [`SystemError::WrongKind`] for a link.
+    /// Those of [`named`](Self::named); [`SystemError::WrongKind`] if `path` is a link.
     pub fn at(path: impl AsRef<Path>, user_bytes: u32) -> Result<Self, SystemError> {
         Self::in_directory(absolute(path.as_ref())?, false, None, user_bytes)
     }
 
-    /// The system whose windows lie in one file, in which there may be more: the memory of another
-    /// machine, or a part of it.
+    /// Returns the system whose windows lie in one file, which may contain more: for example the
+    /// memory of another machine.
     ///
-    /// The directory `path`, created if there is none, has what processes need besides: what is
-    /// locked, the bells, and a file `system` that says where the windows are. From then on
-    /// [`at`](Self::at) finds the system there, too, in this process and in any other. Call this
-    /// before: a system that has begun with files of its own stays so.
+    /// The directory `path`, which is created if it does not exist, has everything else that
+    /// processes need: the files that are locked, the bells, and a file `system`, which says where
+    /// the windows are. From then on [`at`](Self::at) finds the system there, in this process and
+    /// in any other. Call this before any program uses `path` by `at`: a system that began with
+    /// files of its own keeps them.
     ///
-    /// Where others may write the directory, a `system` file that names a memory is believed only if
-    /// this user, root or the owner of the directory wrote it: it tells this process which file to write.
+    /// If others may write the directory, a `system` file that names a memory is accepted only if
+    /// this user, root or the owner of the directory wrote it, because it tells this process which
+    /// file to write.
     ///
-    /// The memory is as its maker left it, zeros at first. [`remove`](Self::remove) leaves it alone.
+    /// The memory must be as its maker left it, zeros at first. [`remove`](Self::remove) does not
+    /// touch it.
     ///
     /// # Errors
-    /// As for [`at`](Self::at); objects that overlap, lie at no word, or lie outside of the file; the
-    /// directory names another memory.
+    /// Those of [`at`](Self::at); [`SystemError::BadLayout`] if objects overlap or are not aligned
+    /// to words, [`SystemError::OutsideMemory`] if they lie outside of the file,
+    /// [`SystemError::OtherSystem`] if the directory names another memory.
     pub fn in_memory(
         path: impl AsRef<Path>,
         user_bytes: u32,
@@ -119,12 +125,13 @@ impl<const N: usize> System<N> {
         Ok(system)
     }
 
-    /// A new system for this process and for those to which it is passed.
+    /// Makes a new system for this process and for those to which it is passed.
     ///
     /// Its memory is sealed: no participant can make an access of another one fail.
     ///
     /// # Errors
-    /// The size is not one of whole words, or the system has no memory or descriptors left.
+    /// [`SystemError::BadDataSize`] if the size is not one of whole words, [`SystemError::Os`] if
+    /// the operating system has no memory or descriptors left.
     pub fn family(user_bytes: u32) -> Result<Self, SystemError> {
         let data_bytes = data_bytes(user_bytes)?;
         let family = Family::new(N, Self::MAIL_BYTES, data_bytes)?;
@@ -142,11 +149,11 @@ impl<const N: usize> System<N> {
         Ok(Self { place, user_bytes })
     }
 
-    /// Lets a child, and its children, take part: they get the system by
+    /// Passes the system to a child, and to its children: they get it by
     /// [`inherited`](Self::inherited).
     ///
-    /// It is named in the environment variable `CONDOR_SYSTEM`, so a child is passed one system;
-    /// no other child can take part in a family.
+    /// The environment variable `CONDOR_SYSTEM` names it, so a child can be passed only one system.
+    /// Other children cannot take part in a family.
     pub fn pass_to<'a>(&self, child: &'a mut Command) -> &'a mut Command {
         let mut description = OsString::from(format!("{N} {} ", self.user_bytes));
         match &self.place {
@@ -169,10 +176,11 @@ impl<const N: usize> System<N> {
         child.env(VARIABLE, description)
     }
 
-    /// The system that the parent, or an ancestor, [passed](Self::pass_to) to this process.
+    /// Returns the system that the parent, or an ancestor, [passed](Self::pass_to) to this process.
     ///
     /// # Errors
-    /// None was passed, it has another number of processors, or it is not what it is said to be.
+    /// [`SystemError`] if none was passed, if it has another number of processors, or if the
+    /// description does not match what is found.
     pub fn inherited() -> Result<Self, SystemError> {
         let description = std::env::var_os(VARIABLE).unwrap_or_default();
         let refused = |reason| SystemError::BadDescription {
@@ -208,18 +216,19 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// Bytes in the users' part of every processor's `data`.
+    /// Returns the size of the users' region of every processor's `data`, in bytes.
     #[must_use]
     pub fn user_bytes(&self) -> u32 {
         self.user_bytes
     }
 
-    /// Takes `number` for this process, until the claim and all that came from it are dropped, or
-    /// the process ends in whatever way.
+    /// Takes `number` for this process, until the claim and everything that came from it are
+    /// dropped, or the process ends in any way.
     ///
     /// # Errors
-    /// There is no such number, somebody holds it, or a file of the system cannot be created,
-    /// opened or mapped, or is not what it should be.
+    /// [`SystemError::NoSuchProcessor`] if there is no such number, [`SystemError::NumberTaken`] if
+    /// another claim holds it; other variants if a file of the system cannot be created, opened or
+    /// mapped, or has the wrong kind, owner or size.
     pub fn claim(&self, number: Processor) -> Result<Claim<N>, SystemError> {
         if number.index() >= N {
             return Err(SystemError::NoSuchProcessor {
@@ -235,10 +244,11 @@ impl<const N: usize> System<N> {
         Err(self.unsteady())
     }
 
-    /// Takes the highest number that nobody holds: a *virtual processor*.
+    /// Takes the highest free number, for a *virtual processor*.
     ///
     /// # Errors
-    /// All numbers are held; or as for [`claim`](Self::claim).
+    /// [`SystemError::NoFreeNumber`] if all numbers are held; otherwise those of
+    /// [`claim`](Self::claim).
     pub fn claim_any(&self) -> Result<Claim<N>, SystemError> {
         for number in (0..N as u8).rev() {
             match self.claim(Processor(number)) {
@@ -249,14 +259,15 @@ impl<const N: usize> System<N> {
         Err(SystemError::NoFreeNumber { processors: N })
     }
 
-    /// Removes the files of a named system; who claims a number afterwards begins a new one.
+    /// Removes the files of a named system; the next claim begins a new system.
     ///
-    /// Nothing needs it: files that are left behind are used again. A family vanishes with its
-    /// last process, so there it does nothing.
+    /// This is never necessary: files that are left behind are used again. It does nothing for a
+    /// family, which vanishes with its last process.
     ///
     /// # Errors
-    /// Somebody holds a number, the directory has files that are not the system's (nothing is
-    /// removed then), or the operating system refuses.
+    /// [`SystemError::NumberTaken`] if a number is held, [`SystemError::ForeignFile`] if the
+    /// directory has other files (nothing is removed then), [`SystemError::Os`] if the operating
+    /// system refuses.
     pub fn remove(self) -> Result<(), SystemError> {
         let objects = self.objects()?;
         let Objects::Directory { place, memory } = &objects else {

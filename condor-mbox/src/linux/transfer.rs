@@ -10,12 +10,13 @@ use crate::window::MemoryWindow;
 impl LinuxWindow {
     /// Reads up to `len` bytes of `file`, from `position` on, into the window at `offset`.
     ///
-    /// Gives how many were read: fewer at the end of the file, and where the kernel reads fewer.
+    /// Returns the number of bytes read, which is less than `len` at the end of the file, or if the
+    /// kernel reads less.
     ///
     /// # Errors
-    /// `EFAULT`, with nothing read, if `offset` and `len` are not inside the window, `offset` is not
-    /// a multiple of four, or stores are not possible; and if the memory is gone, when part of it
-    /// may have been written. Else those of `pread`.
+    /// `EFAULT`, with nothing read, if `offset` and `len` are not inside the window, `offset` is
+    /// not a multiple of four, or the window is read-only; `EFAULT` if the memory is gone, when
+    /// part of it may have been written; otherwise those of `pread`.
     pub fn read_file(
         &self,
         file: impl AsFd,
@@ -34,11 +35,11 @@ impl LinuxWindow {
 
     /// Writes up to `len` bytes of the window at `offset` to `file`, from `position` on.
     ///
-    /// Gives how many were written: fewer where the kernel writes fewer.
+    /// Returns the number of bytes written, which is less than `len` if the kernel writes less.
     ///
     /// # Errors
     /// `EFAULT`, with nothing written, if `offset` and `len` are not inside the window or `offset`
-    /// is not a multiple of four; and if the memory is gone. Else those of `pwrite`.
+    /// is not a multiple of four; `EFAULT` if the memory is gone; otherwise those of `pwrite`.
     pub fn write_file(
         &self,
         file: impl AsFd,

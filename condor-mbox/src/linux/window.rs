@@ -19,7 +19,7 @@ use crate::window::{
     check_access, check_words,
 };
 
-/// What a mapping allows.
+/// The accesses that a mapping allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Loads only; the file need only be open for reading.
@@ -28,7 +28,7 @@ pub enum Access {
     ReadWrite,
 }
 
-/// An access that a [`LinuxWindow`] refused.
+/// The error of an access that a [`LinuxWindow`] refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{kind:?}: {len} bytes at offset {offset:#x} of a window of {size:#x} bytes")]
 pub struct LinuxWindowError {
@@ -47,11 +47,11 @@ impl WindowError for LinuxWindowError {
     }
 }
 
-/// A mapping that could not be made.
+/// The reason for which a mapping could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MapError {
-    /// Offset and length must be multiples of four, and the length not zero.
+    /// Offset or length is not a multiple of four, or the length is zero.
     #[error("a window of {len:#x} bytes at offset {offset:#x} does not consist of whole words")]
     NotWords {
         /// Offset in the file, in bytes.
@@ -59,7 +59,7 @@ pub enum MapError {
         /// Length of the window, in bytes.
         len: u64,
     },
-    /// The window does not fit this machine's addresses, or the 32 bits of an offset in it.
+    /// The window exceeds the addresses of this machine, or the 32 bits of an offset.
     #[error("a window of {len:#x} bytes at offset {offset:#x} is too large for this machine")]
     TooLarge {
         /// Offset in the file, in bytes.
@@ -70,23 +70,23 @@ pub enum MapError {
     /// The file ends before the window does.
     #[error("the window needs a file of {needed:#x} bytes, but it has {found:#x}")]
     TooShort {
-        /// Where the window ends, in bytes from the beginning of the file.
+        /// The end of the window, in bytes from the beginning of the file.
         needed: u64,
         /// The size of the file, in bytes.
         found: u64,
     },
-    /// The process has as many windows as it may have.
+    /// The process has the greatest possible number of windows already.
     #[error("this process has {slots} windows, which is all it may have")]
     TooMany {
-        /// How many mappings there may be at a time.
+        /// The greatest number of mappings at a time.
         slots: usize,
     },
     /// A call to the system failed.
     #[error("cannot {doing}: {source}")]
     System {
-        /// What was tried.
+        /// The operation.
         doing: &'static str,
-        /// The system's answer.
+        /// The error of the operating system.
         source: std::io::Error,
     },
 }
@@ -102,19 +102,19 @@ impl MapError {
 
 /// A range of a file, a memfd or a device that is mapped into this process and shared.
 ///
-/// Clones are the same mapping; it is unmapped with the last of them. Every access is one atomic
-/// 32-bit load, store or compare-and-swap, also to a device.
+/// All clones are the same mapping; it is unmapped with the last of them. Every access is one
+/// atomic 32-bit load, store or compare-and-swap, also to a device.
 ///
-/// If the memory behind it vanishes, all accesses from then on are
-/// [`Lost`](WindowErrorKind::Lost), also to those parts of the file that are still there, and
-/// also if it comes back: map it again to use it. What was truncated *within* the last page of a
-/// file, however, reads as zeros, because that is what the kernel gives.
+/// If the memory behind it vanishes, all later accesses return [`Lost`](WindowErrorKind::Lost),
+/// even for parts of the file that are still there, and even if the memory comes back: map it again
+/// to use it. However, bytes that were truncated *within* the last page of a file read as zeros, as
+/// the kernel provides them.
 ///
 /// # Devices
 ///
-/// [`CompareExchange`] holds between the processors that are coherent with this one. For memory
-/// of a device it holds only as far as the bus has an indivisible operation; there, do not use
-/// it. (Where the hardware answers it with a bus error, the window becomes `Lost`.)
+/// [`CompareExchange`] is indivisible for processors that are coherent with this one. For the
+/// memory of a device it is so only if the bus has an indivisible operation; otherwise do not use
+/// it. (If the hardware answers with a bus error, the window becomes `Lost`.)
 ///
 /// # Example
 ///
@@ -169,12 +169,14 @@ impl Drop for Mapping {
 impl LinuxWindow {
     /// Maps `len` bytes of `file`, from `offset` on.
     ///
-    /// Anything that can be mapped will do: a file, a memfd, a UIO device, `/dev/mem` (opened
-    /// with `O_SYNC`, else it may be cached). The offset need not begin a page.
+    /// Everything that can be mapped is allowed: a file, a memfd, a UIO device, or `/dev/mem`
+    /// (opened with `O_SYNC`, since it may be cached otherwise). The offset need not begin a page.
     ///
     /// # Errors
-    /// Offset or length are not multiples of four or too large; a regular file ends before the
-    /// window does; the process has too many windows; the system refuses.
+    /// [`MapError::NotWords`] if offset or length is not a multiple of four, [`MapError::TooLarge`]
+    /// if they are too large, [`MapError::TooShort`] if a regular file ends before the window does,
+    /// [`MapError::TooMany`] if the process has too many windows, [`MapError::System`] if the
+    /// operating system refuses.
     pub fn map(file: impl AsFd, offset: u64, len: u32, access: Access) -> Result<Self, MapError> {
         Self::map_pages(file.as_fd(), offset, len, access, None)
     }
@@ -192,11 +194,11 @@ impl LinuxWindow {
 
     /// Maps one of the memories of device `/dev/uio{device}`.
     ///
-    /// Size and place are taken from `/sys/class/uio/uio{device}/maps/map{map}`.
+    /// Its size and place are read from `/sys/class/uio/uio{device}/maps/map{map}`.
     ///
     /// # Errors
-    /// The device or the memory does not exist, may not be opened, or as for
-    /// [`map`](Self::map).
+    /// [`MapError::System`] if the device or the memory does not exist or may not be opened;
+    /// otherwise those of [`map`](Self::map).
     pub fn uio(device: u32, map: u32, access: Access) -> Result<Self, MapError> {
         let described =
             std::path::PathBuf::from(format!("/sys/class/uio/uio{device}/maps/map{map}"));
@@ -288,13 +290,13 @@ impl LinuxWindow {
         })
     }
 
-    /// Whether stores are possible.
+    /// Returns the accesses that the mapping allows.
     #[must_use]
     pub fn access(&self) -> Access {
         self.access
     }
 
-    /// Whether the memory behind the window was found to be gone.
+    /// Returns whether the memory behind the window was found to be gone.
     #[must_use]
     #[inline(always)]
     pub fn is_lost(&self) -> bool {

@@ -13,15 +13,16 @@ use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Takes over the windows of `number`, whose claim the caller holds, without joining yet.
+    /// Makes the mailbox of `number` in these windows, without joining yet. The caller must hold
+    /// the claim of the number.
     ///
     /// The memory must hold zeros, or what a former life of this number left behind. Set the
     /// vectors, then [`join`](Self::join).
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`]; [`Error::Layout`] if the memory belongs to something else or
-    /// was laid out by another version or for another system, or some `mail` is too small;
-    /// [`Error::Window`].
+    /// [`Error::NoSuchProcessor`] if the number is too large; [`Error::Layout`] if the memory
+    /// belongs to something else, was laid out by another version or for another system, or some
+    /// `mail` is too small; [`Error::Window`] if the memory cannot be accessed.
     pub fn new(
         number: Processor,
         windows: [Windows<B::Window>; N],
@@ -74,7 +75,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Begins a new incarnation in the system: from now on messages arrive.
     ///
     /// # Errors
-    /// [`Error::Window`].
+    /// [`Error::Window`] if the own memory cannot be accessed.
     pub fn join(&mut self) -> Result<(), Error> {
         let own = self.own()?;
         own.store(
@@ -117,11 +118,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
 
     /// Leaves the system; the mailbox can [`join`](Self::join) again.
     ///
-    /// Calls that others have in progress here end with [`Error::PeerLeft`]; listening to another
-    /// number ends.
+    /// Calls of others that this processor has not answered end with [`Error::PeerLeft`]; listening
+    /// to another number ends.
     ///
     /// # Errors
-    /// [`Error::Window`].
+    /// [`Error::Window`] if the own memory cannot be accessed.
     pub fn leave(&mut self) -> Result<(), Error> {
         self.incarnation.set(0);
         let own = self.own()?;
@@ -131,13 +132,14 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(())
     }
 
-    /// Says on behalf of a processor that has been stopped that it is gone.
+    /// Marks a stopped processor as gone, on its behalf.
     ///
-    /// For the host that has just reset `processor`: nobody else may write its `mail`, and the
-    /// host only while the processor does not run.
+    /// A host calls this after it has reset `processor`. No other program may write the processor's
+    /// `mail`, and the host may do so only while the processor does not run.
     ///
     /// # Errors
-    /// [`Error::Layout`] if nothing has ever joined there; [`Error::Window`].
+    /// [`Error::Layout`] if no program has ever joined there; [`Error::Window`] if the memory
+    /// cannot be accessed.
     pub fn declare_stopped(
         processor: Processor,
         windows: &Windows<B::Window>,

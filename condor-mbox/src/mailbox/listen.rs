@@ -63,13 +63,14 @@ impl<const N: usize> Listening<N> {
 }
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Gets every message to `number`, beside its holder, from when this returns: our own handler
-    /// for the vector runs, if there is one, and its result is dropped; the holder replies.
+    /// Makes this mailbox listen to `number`: from the return of this call on, it gets every
+    /// message to `number` beside the holder of that number. The own handler for the vector runs,
+    /// if there is one, and its result is dropped; only the holder replies.
     ///
-    /// Senders wait for a listener as they wait for the holder, within their deadline. One that
-    /// does not keep up is left behind and told how much it [`missed`](Self::missed); servo loops
-    /// do not wait for listeners at all. When the holder begins a new incarnation, listening goes on by
-    /// itself. A mailbox listens to one number at a time; `None` ends it.
+    /// Senders wait for a listener as they wait for the holder, within their deadline. A listener
+    /// that does not keep up loses messages, which [`missed`](Self::missed) counts; servo loops do
+    /// not wait for listeners at all. When the holder begins a new incarnation, listening
+    /// continues. A mailbox listens to one number at a time; `None` ends listening.
     ///
     /// ```
     /// use std::sync::atomic::{AtomicU32, Ordering};
@@ -111,9 +112,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// ```
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`], [`Error::ListensToItself`], [`Error::NotJoined`];
-    /// [`Error::TimedOut`] or
-    /// [`Error::Stalled`] if the holder does not admit us; [`Error::PeerDied`] and the like.
+    /// [`Error::NoSuchProcessor`] if there is no such number, [`Error::ListensToItself`] if it is
+    /// the own one, [`Error::NotJoined`] if this mailbox has not joined; [`Error::TimedOut`] or
+    /// [`Error::Stalled`] if the holder does not admit this mailbox in time; [`Error::PeerDied`],
+    /// [`Error::PeerLeft`] or [`Error::PeerRestarted`] if the holder ends.
     pub fn listen(&mut self, number: Option<Processor>, timeout: Duration) -> Result<(), Error> {
         if number == Some(self.me) {
             return Err(Error::ListensToItself { number: self.me });
@@ -191,7 +193,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(())
     }
 
-    /// The number that this mailbox listens to.
+    /// Returns the number that this mailbox listens to.
     #[must_use]
     pub fn listens_to(&self) -> Option<Processor> {
         self.listening
@@ -201,10 +203,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             .map(|number| Processor(number as u8))
     }
 
-    /// How many messages of `sender` to the number listened to came too fast to be heard.
+    /// Returns how many messages of `sender` to that number this mailbox has missed.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`].
+    /// [`Error::NoSuchProcessor`] if there is no processor `sender`.
     pub fn missed(&self, sender: Processor) -> Result<u32, Error> {
         let heard = self.listening.senders.get(sender.index());
         heard

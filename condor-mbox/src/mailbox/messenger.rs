@@ -1,4 +1,4 @@
-//! [`Messenger`]: what a program does with a mailbox, whatever its backend.
+//! [`Messenger`]: sending and serving messages, on any backend.
 
 use core::cell::Cell;
 use core::pin::Pin;
@@ -9,27 +9,28 @@ use crate::error::Error;
 use crate::id::{Processor, Vector};
 use crate::time::Instant;
 
-/// What runs when a message arrives for a vector (memo, section 3.3.1).
+/// A handler: the function that runs when a message arrives for a vector (memo, section 3.3.1).
 ///
-/// It is called again while it still runs, if it waits for a reply or is interrupted, hence `Fn`
-/// and `Sync`. Its result is the reply, if the sender wants one; [`Call::refuse`] replies with an
-/// error code instead. It is borrowed: a handler that is a local variable is declared before its
-/// mailbox, so that it outlives it.
+/// It may be called again while it still runs, if it waits for a reply or is interrupted; hence it
+/// is `Fn` and `Sync`. Its result is the reply, if the sender wants one; [`Call::refuse`] replies
+/// with an error code instead. It is borrowed: declare a handler that is a local variable before
+/// its mailbox, so that it outlives the mailbox.
 pub type Handler<'v> = &'v (dyn Fn(&Call<'_>) -> u32 + Sync);
 
 /// Sends messages and serves those that come.
 ///
-/// A [`Mailbox`](super::Mailbox) does, and within a handler its [`Call`]. A library that sends takes
-/// a `&dyn Messenger`, or is generic over it, and knows no backend.
+/// [`Mailbox`](super::Mailbox) implements it, and so does the [`Call`] of a handler. A library that
+/// sends messages takes a `&dyn Messenger`, or is generic over it, and does not depend on a
+/// backend.
 ///
 /// Waits have a time-out and serve incoming requests meanwhile, on the same stack, so that two
-/// processors may call each other. With a time-out of zero nothing waits and nothing is served: this
-/// is for servo loops and interrupts.
+/// processors may call each other. With a time-out of zero nothing waits and nothing is served;
+/// servo loops and interrupts use this.
 pub trait Messenger {
-    /// The own number.
+    /// Returns the own number.
     fn number(&self) -> Processor;
 
-    /// The present instant.
+    /// Returns the present instant.
     fn now(&self) -> Instant;
 
     /// Sends `data` to `vector` of `to`, which may be this processor, and does not wait for its
@@ -39,10 +40,13 @@ pub trait Messenger {
     /// receiver are taken there in the order in which they were sent.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`], [`Error::NoSuchVector`], [`Error::NotJoined`]; after `timeout`
-    /// [`Error::NoSlot`], [`Error::NotConnected`] or [`Error::Stalled`]; [`Error::PeerDied`] as
-    /// soon as it is known; [`Error::Layout`], [`Error::Protocol`], [`Error::Window`]. After an
-    /// error the message was not sent.
+    /// [`Error::NoSuchProcessor`] or [`Error::NoSuchVector`] if a number is too large;
+    /// [`Error::NotJoined`] if this mailbox has not joined. After `timeout`: [`Error::NoSlot`] if
+    /// no slot is free, [`Error::NotConnected`] if the receiver has not joined, [`Error::Stalled`]
+    /// if its heartbeat stood still. As soon as it is known: [`Error::PeerDied`]. At once:
+    /// [`Error::Layout`] if the receiver belongs to another system, [`Error::Protocol`] if it
+    /// violates the protocol, [`Error::Window`] if memory cannot be accessed. After an error the
+    /// message was not sent.
     fn send(
         &self,
         to: Processor,
@@ -51,15 +55,16 @@ pub trait Messenger {
         timeout: Duration,
     ) -> Result<(), Error>;
 
-    /// Sends `data` to `vector` of `to` and waits for what its handler returns.
+    /// Sends `data` to `vector` of `to`, and waits for the result of its handler.
     ///
     /// After `timeout` the request may still run once, if it was sent; its reply is dropped.
     ///
     /// # Errors
     /// Those of [`send`](Self::send); [`Error::Refused`] with the handler's error code;
-    /// [`Error::NoHandler`], [`Error::HandlerFailed`]; [`Error::TimedOut`] or [`Error::Stalled`]
-    /// after `timeout`; [`Error::PeerDied`], [`Error::PeerLeft`] and [`Error::PeerRestarted`] as soon
-    /// as they are known; [`Error::TooDeep`] in a handler that is the innermost allowed.
+    /// [`Error::NoHandler`] if the vector has none, [`Error::HandlerFailed`] if it panicked;
+    /// [`Error::TimedOut`] or [`Error::Stalled`] after `timeout`; [`Error::PeerDied`],
+    /// [`Error::PeerLeft`] and [`Error::PeerRestarted`] as soon as they are known;
+    /// [`Error::TooDeep`] if the caller is a handler at the greatest depth.
     fn send_with_reply(
         &self,
         to: Processor,
@@ -80,40 +85,41 @@ pub trait Messenger {
         timeout: Duration,
     ) -> Result<Ticket<'_>, Error>;
 
-    /// Serves the messages that have come, and returns how many those were.
+    /// Serves the messages that have come, and returns their number.
     ///
-    /// If none has come, waits until one has been served, for at most `timeout`; with a time-out of
-    /// zero it does not wait. Serves at most a ringful for each sender, so that nobody can keep an
-    /// interrupt busy for ever; if there is more, and rings are
+    /// If none has come, it waits until one has been served, for at most `timeout`; with a time-out
+    /// of zero it does not wait. It serves at most as many messages of each sender as a ring has
+    /// slots, so no sender can keep an interrupt busy for ever. If there are more, and rings are
     /// [always](super::Mailbox::ring_always) wanted, it rings this processor again.
     ///
     /// # Errors
-    /// [`Error::NotJoined`]; [`Error::Window`] if the own memory is gone.
+    /// [`Error::NotJoined`] if this mailbox has not joined; [`Error::Window`] if the own memory
+    /// cannot be accessed.
     fn serve(&self, timeout: Duration) -> Result<usize, Error>;
 
-    /// Returns the reply to `pending` once it has come: [`Ticket::poll`].
+    /// Returns the reply to `pending` if it has come. Programs call [`Ticket::poll`] instead.
     ///
     /// # Errors
-    /// The same as for [`Ticket::poll`].
+    /// Those of [`Ticket::poll`].
     fn poll_pending(&self, pending: &Pending) -> Result<Option<u32>, Error>;
 
-    /// Waits for the reply to `pending`: [`Ticket::wait`].
+    /// Waits for the reply to `pending`. Programs call [`Ticket::wait`] instead.
     ///
     /// # Errors
-    /// The same as for [`Ticket::wait`].
+    /// Those of [`Ticket::wait`].
     fn wait_pending(&self, pending: &Pending, timeout: Duration) -> Result<u32, Error>;
 
-    /// Gives up the reply to `pending`: it is dropped when it comes.
+    /// Gives up the reply to `pending`, which is dropped when it comes.
     fn abandon(&self, pending: &Pending);
 
-    /// Has `waker` woken when the next [`serve`](Self::serve) ends; wakes it at once if that cannot
-    /// be had, which is so without the feature `async`.
+    /// Wakes `waker` when the next [`serve`](Self::serve) ends. Without the feature `async` this is
+    /// not possible, and `waker` is woken at once.
     fn wake_after_serve(&self, waker: &Waker) {
         waker.wake_by_ref();
     }
 }
 
-/// A request whose reply has not come yet, apart from its messenger: [`Ticket::detach`].
+/// A request whose reply has not come yet, without its messenger; [`Ticket::detach`] returns it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pending {
     pub(super) to: Processor,
@@ -128,9 +134,9 @@ pub struct Pending {
 ///
 /// Dropping it gives up the reply; its slot is free again once the reply has come.
 ///
-/// It is a [`Future`], for programs whose tasks wait for more than mail: such a program has its
-/// doorbell wake it, and serves when it was woken; with the feature `async` the tasks that await a
-/// reply are then woken in turn. Without the feature they are polled again and again.
+/// It is a [`Future`], for programs whose tasks wait for other events, too. In such a program the
+/// doorbell wakes a task that serves. With the feature `async`, `serve` then wakes the tasks that
+/// await a reply; without it, those tasks are polled again and again.
 ///
 /// ```
 /// # use std::time::Duration;
@@ -168,7 +174,7 @@ pub struct Ticket<'m> {
 }
 
 impl<'m> Ticket<'m> {
-    /// The ticket of a request that `messenger` sent.
+    /// Makes the ticket of a request that `messenger` sent.
     pub fn attach(messenger: &'m dyn Messenger, pending: Pending) -> Self {
         Self {
             messenger,
@@ -176,17 +182,18 @@ impl<'m> Ticket<'m> {
         }
     }
 
-    /// Takes the request out, to be [attached](Self::attach) again: a handler may keep it for a
-    /// later call. `None` if the reply was returned before. Nobody gives it up if it is dropped.
+    /// Returns the request without its messenger; [`attach`](Self::attach) makes a ticket of it
+    /// again. So a handler can keep it for a later call. Returns `None` if the reply was returned
+    /// before. If the result is dropped, the reply is not given up.
     #[must_use]
     pub fn detach(mut self) -> Option<Pending> {
         self.pending.take()
     }
 
-    /// Waits for the reply, serving meanwhile, for at most `timeout`. `None` if it was returned
-    /// before.
+    /// Waits for the reply, serving meanwhile, for at most `timeout`. Returns `None` if the reply
+    /// was returned before.
     ///
-    /// After [`Error::TimedOut`] or [`Error::Stalled`] the ticket goes on waiting for its reply.
+    /// After [`Error::TimedOut`] or [`Error::Stalled`] the ticket can still get its reply.
     ///
     /// # Errors
     /// Those of [`Messenger::send_with_reply`].
@@ -204,9 +211,9 @@ impl<'m> Ticket<'m> {
     /// Returns the reply once it has come; `None` before, and again after it was returned.
     ///
     /// # Errors
-    /// Those of [`Messenger::send_with_reply`], except that there is no deadline. Only the memory is
-    /// looked at: a death that left no trace there shows up as the peer's next incarnation. After an
-    /// error the ticket is spent.
+    /// Those of [`Messenger::send_with_reply`], but no time-outs. This call reads only memory: if a
+    /// peer died without a trace there, the error comes when the peer has a new incarnation. After
+    /// an error the ticket is used up.
     pub fn poll(&mut self) -> Result<Option<u32>, Error> {
         let Some(pending) = &self.pending else {
             return Ok(None);
@@ -226,7 +233,7 @@ impl<'m> Ticket<'m> {
     }
 }
 
-/// The reply, or why there is none; pending for ever if it was returned before.
+/// Waits for the reply or an error; never completes if the reply was returned before.
 impl Future for Ticket<'_> {
     type Output = Result<u32, Error>;
 
@@ -253,9 +260,10 @@ impl Drop for Ticket<'_> {
     }
 }
 
-/// A message that has arrived, as its handler sees it.
+/// A message, as its handler gets it.
 ///
-/// It is a [`Messenger`]. What a handler sends or waits for through it ends, at the latest, when the wait
+/// It is a [`Messenger`]. Waits of a handler through it end, at the latest, when the wait ends in
+/// which the handler runs.
 /// ends in which the handler runs.
 pub struct Call<'c> {
     pub(super) messenger: &'c dyn Messenger,
@@ -269,41 +277,43 @@ pub struct Call<'c> {
 }
 
 impl Call<'_> {
-    /// How many handlers may be in progress on one processor, each interrupted by the next.
+    /// The greatest number of handlers in progress on one processor, each started while the one
+    /// before waits or is interrupted.
     pub const MAX_DEPTH: u32 = if cfg!(condor_loom) { 2 } else { 8 };
 
-    /// The processor that sent the message.
+    /// Returns the processor that sent the message.
     #[must_use]
     pub const fn sender(&self) -> Processor {
         self.sender
     }
 
-    /// The processor that it was sent to: this one, or the one it listens to.
+    /// Returns the processor to which it was sent: this one, or the one to which it listens.
     #[must_use]
     pub const fn addressee(&self) -> Processor {
         self.addressee
     }
 
-    /// The vector that it was sent to.
+    /// Returns the vector to which it was sent.
     #[must_use]
     pub const fn vector(&self) -> Vector {
         self.vector
     }
 
-    /// Its word.
+    /// Returns the word of the message.
     #[must_use]
     pub const fn data(&self) -> u32 {
         self.data
     }
 
-    /// When the wait that serves this message ends: no nested call waits longer.
+    /// Returns the instant at which the wait that serves this message ends; no nested call waits
+    /// longer.
     #[must_use]
     pub const fn deadline(&self) -> Instant {
         self.deadline
     }
 
-    /// Refuses the request: what the handler returns is an error code, which a caller gets as
-    /// [`Error::Refused`]. Returns `code`, so that it can be the handler's last expression.
+    /// Refuses the request: the handler's result becomes an error code, which the caller gets as
+    /// [`Error::Refused`]. Returns `code`, so this can be the handler's last expression.
     ///
     /// ```
     /// # use std::time::Duration;

@@ -1,4 +1,4 @@
-//! [`Mailbox`]: one processor's end of the message system.
+//! [`Mailbox`]: the mailbox of one processor.
 
 mod join;
 mod listen;
@@ -28,9 +28,9 @@ use peer::{Peer, Word};
 
 /// One processor's mailbox in a system of `N`.
 ///
-/// `B` is the [`Backend`]: the machine. A mailbox is a [`Messenger`]; what else it does is to join,
-/// to have handlers, and to know its peers. All calls that take `&self` may be made by background,
-/// handlers and servo loops, each while others are in the middle of one. Dropping the mailbox leaves
+/// `B` is the [`Backend`]: the machine. A mailbox is a [`Messenger`]; beyond that it joins the
+/// system, has handlers, and knows its peers. Background, handlers and servo loops may make all
+/// calls that take `&self`, each while others are in the middle of one. Dropping the mailbox leaves
 /// the system.
 ///
 /// ```
@@ -68,7 +68,7 @@ use peer::{Peer, Word};
 /// | context | may call |
 /// |---|---|
 /// | background | everything |
-/// | handler | everything, through its [`Call`], which ends with the wait that serves it |
+/// | handler | everything in its [`Call`], whose waits end with the wait that serves it |
 /// | interrupt | [`serve`](Messenger::serve), [`send`](Messenger::send) with a time-out of zero |
 /// | servo loop | [`send`](Messenger::send) and [`begin`](Messenger::begin) with a time-out of zero, and [`Ticket::poll`] |
 pub struct Mailbox<'v, B: Backend, const N: usize> {
@@ -98,7 +98,7 @@ pub struct Mailbox<'v, B: Backend, const N: usize> {
     tasks: tasks::Tasks,
 }
 
-/// What is known of another processor at this moment.
+/// The state of another processor, as far as it is known at this moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PeerState {
     /// It has never joined, or has left.
@@ -107,37 +107,38 @@ pub enum PeerState {
     Joining,
     /// It has joined, and has not been seen to die.
     Up {
-        /// Differs from that of every former program on this number.
+        /// The number of this life, which differs from that of every former program on this number.
         incarnation: u32,
-        /// Both sides have acknowledged each other: messages pass.
+        /// Whether both sides have acknowledged each other, so that messages pass.
         connected: bool,
     },
     /// It joined, and its program ended without leaving.
     Dead {
-        /// The one that ended.
+        /// The incarnation that has ended.
         incarnation: u32,
     },
 }
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// The doorbell that was given at the beginning.
+    /// Returns the doorbell that was passed to [`new`](Self::new).
     #[must_use]
     pub const fn doorbell(&self) -> &B::Doorbell {
         &self.doorbell
     }
 
-    /// The windows of a processor.
+    /// Returns the windows of a processor.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`].
+    /// [`Error::NoSuchProcessor`] if there is no such number.
     pub fn windows(&self, processor: Processor) -> Result<&Windows<B::Window>, Error> {
         Ok(&self.peer(processor)?.windows)
     }
 
-    /// What is known of `processor`.
+    /// Returns the state of `processor`, as far as it is known.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`]; [`Error::Window`] if its memory is gone.
+    /// [`Error::NoSuchProcessor`] if there is no such number; [`Error::Window`] if its memory is
+    /// gone.
     pub fn peer_state(&self, processor: Processor) -> Result<PeerState, Error> {
         let peer = self.peer(processor)?;
         Ok(match peer.load_present()? {
@@ -153,10 +154,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// The users' part of a processor's `data`; offsets count from its beginning.
+    /// Returns the users' region of a processor's `data`; offsets count from its beginning.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`]; [`Error::Window`] if the window is too small.
+    /// [`Error::NoSuchProcessor`] if there is no such number; [`Error::Window`] if the window is
+    /// too small.
     pub fn region(&self, processor: Processor) -> Result<Region<&B::Window>, Error> {
         Region::users(&self.windows(processor)?.data).map_err(|error| Error::Window {
             processor,
@@ -165,10 +167,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// This processor in its present incarnation, as the owner of a [`SpinLock`](crate::SpinLock).
+    /// Returns this processor in its present incarnation, as the owner of a
+    /// [`SpinLock`](crate::SpinLock).
     ///
     /// # Errors
-    /// [`Error::NotJoined`].
+    /// [`Error::NotJoined`] if this mailbox has not joined.
     pub fn owner(&self) -> Result<Owner, Error> {
         self.check_joined()?;
         Owner::new(self.me, self.incarnation.get())
@@ -203,7 +206,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 }
 
-/// Knows from the peers' own words, and from the platform, whose incarnation is over.
+/// Learns which incarnations have ended from the peers' own words and from the platform.
 impl<B: Backend, const N: usize> Incarnations for Mailbox<'_, B, N> {
     fn is_current(&self, owner: Owner) -> bool {
         let Some(Ok(peer)) = owner.processor().map(|number| self.peer(number)) else {

@@ -140,8 +140,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// Beats the heart, by which others see that this processor is not stuck. Every call that serves or
-    /// waits does so; a background calls this if it does neither, because an interrupt serves.
+    /// Increments the heartbeat, which shows others that this processor is not stuck. Every call
+    /// that serves or waits does so. A background that does neither, because an interrupt serves,
+    /// calls this.
     ///
     /// # Errors
     /// [`Error::Window`] if the own memory is gone.

@@ -1,4 +1,4 @@
-//! The vector table: handlers, their names, and what happened to them.
+//! The vector table: handlers, their names, and counts of messages.
 
 use super::{Handler, Mailbox};
 use crate::backend::Backend;
@@ -8,7 +8,7 @@ use crate::layout::{NAME_BYTES, vector};
 use crate::mail::{At, Mail};
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
-/// What happened to one vector of one processor; counts wrap at 2³².
+/// The name and the counts of one vector of one processor; counts wrap at 2³².
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VectorStatistics {
     name: [u8; NAME_BYTES],
@@ -18,13 +18,13 @@ pub struct VectorStatistics {
     pub handled: u32,
     /// Messages of the processor to this vector that ended in an error.
     pub failed: u32,
-    /// The longest that its handler took, from the look that found the message until after the
-    /// reply, in nanoseconds; `u32::MAX` for longer than that counts.
+    /// The longest time of its handler in nanoseconds, from the look that found the message until
+    /// after the reply; `u32::MAX` stands for any longer time.
     pub worst_ns: u32,
 }
 
 impl VectorStatistics {
-    /// The name that was given with the handler; empty if there is no handler, or if the peer
+    /// Returns the name that was set with the handler; empty if there is no handler, or if the peer
     /// wrote something that is not text.
     #[must_use]
     pub fn name(&self) -> &str {
@@ -41,14 +41,16 @@ impl VectorStatistics {
 }
 
 impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
-    /// Sets what runs when a message arrives for `vector` (the memo's `mbox_set_vector`).
+    /// Sets the handler that runs when a message arrives for `vector` (the memo's
+    /// `mbox_set_vector`).
     ///
     /// `name` is for people: every processor can list the names and counts of every other. A vector
-    /// may be set at any time; a message that is served before finds none.
+    /// may be set at any time; messages that are served before find no handler.
     ///
     /// # Errors
-    /// [`Error::NoSuchVector`], [`Error::VectorTaken`], [`Error::NameTooLong`],
-    /// [`Error::Window`].
+    /// [`Error::NoSuchVector`] if the number is too large, [`Error::VectorTaken`] if the vector has
+    /// a handler, [`Error::NameTooLong`] if the name does not fit, [`Error::Window`] if the own
+    /// memory cannot be accessed.
     pub fn set_vector(
         &mut self,
         vector: Vector,
@@ -72,10 +74,11 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
         self.write_name(vector, name)
     }
 
-    /// Takes the handler of `vector` away.
+    /// Removes the handler of `vector`.
     ///
     /// # Errors
-    /// [`Error::NoSuchVector`], [`Error::Window`].
+    /// [`Error::NoSuchVector`] if the number is too large; [`Error::Window`] if the own memory
+    /// cannot be accessed.
     pub fn clear_vector(&mut self, vector: Vector) -> Result<(), Error> {
         let entry = self
             .handlers
@@ -85,11 +88,12 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
         self.write_name(vector, "")
     }
 
-    /// Name and counts of `vector` on `processor`, without stopping anyone.
+    /// Returns name and counts of `vector` on `processor`, without stopping it.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`], [`Error::NoSuchVector`]; [`Error::Layout`] if nothing of this
-    /// layout is there; [`Error::Window`].
+    /// [`Error::NoSuchProcessor`] or [`Error::NoSuchVector`] if a number is too large;
+    /// [`Error::Layout`] if the memory there has another layout; [`Error::Window`] if it cannot be
+    /// accessed.
     pub fn vector_statistics(
         &self,
         processor: Processor,

@@ -26,7 +26,7 @@ const NAP: Duration = Duration::from_millis(10);
 /// microsecond.
 pub(super) const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
 
-/// How a mailbox waits.
+/// The way in which a mailbox waits.
 ///
 /// ```
 /// # use std::time::Duration;
@@ -39,15 +39,15 @@ pub(super) const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waiting {
-    /// Look again and again: fastest, takes a core.
+    /// Looks again and again: fastest, but takes a whole core.
     Spin,
-    /// Spin for a time, then sleep. The budget is time, not looks: after a preemption a budget of
-    /// looks is gone and every later wait sleeps, too.
+    /// Spins for a time, then sleeps. The limit is a time and not a number of looks: a preemption
+    /// would use up such a number, and every later wait would sleep.
     SpinThenSleep {
-        /// How long to spin before each sleep.
+        /// The time to spin before each sleep.
         spin: Duration,
     },
-    /// Sleep until the doorbell rings: on Linux in the kernel, on bare metal waiting for an
+    /// Sleeps until the doorbell rings: on Linux in the kernel, on bare metal by waiting for an
     /// interrupt.
     Sleep,
 }
@@ -84,19 +84,20 @@ pub(super) enum End<T> {
 }
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Chooses how this mailbox waits; see [`Waiting`].
+    /// Sets the way in which this mailbox waits; see [`Waiting`].
     pub fn set_waiting(&mut self, waiting: Waiting) {
         self.waiting = waiting;
     }
 
-    /// Asks senders to ring the doorbell for every message, also while nobody waits.
+    /// Asks senders to ring the doorbell for every message, even if nobody waits here; `false` ends
+    /// this.
     ///
-    /// For a processor that [serves](super::Messenger::serve) from its mailbox interrupt, and for one that
-    /// watches its doorbell's descriptor in an event loop. It is rung at once, for what was sent
-    /// before. Undone by `false`.
+    /// It is for a processor that [serves](super::Messenger::serve) from its mailbox interrupt, and
+    /// for a program that watches its doorbell's descriptor in an event loop. The own doorbell is
+    /// rung once at once, for messages that were sent before.
     ///
     /// # Errors
-    /// [`Error::Window`].
+    /// [`Error::Window`] if the own memory cannot be accessed.
     pub fn ring_always(&mut self, always: bool) -> Result<(), Error> {
         let step = match (self.always, always) {
             (false, true) => 1,
@@ -111,14 +112,16 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(())
     }
 
-    /// Waits until `peer` has joined and messages pass both ways, serving meanwhile, for at most
-    /// `timeout`; returns its incarnation.
+    /// Waits until `peer` has joined and messages pass both ways, for at most `timeout`, and serves
+    /// meanwhile; returns the peer's incarnation.
     ///
-    /// With `former`, waits for another incarnation than that one: for a peer that is to restart.
+    /// With `former`, it waits for an incarnation other than that one: for a peer that is to
+    /// restart.
     ///
     /// # Errors
-    /// [`Error::NotConnected`] after `timeout`; [`Error::NoSuchProcessor`], [`Error::NotJoined`],
-    /// [`Error::Layout`], [`Error::Window`].
+    /// [`Error::NotConnected`] after `timeout`; [`Error::NoSuchProcessor`] if there is no such
+    /// number; [`Error::NotJoined`] if this mailbox has not joined; [`Error::Layout`] if the peer
+    /// belongs to another system; [`Error::Window`] if memory cannot be accessed.
     pub fn wait_for_peer(
         &self,
         peer: Processor,

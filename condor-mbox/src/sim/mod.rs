@@ -1,9 +1,9 @@
 //! Processors in one process: ordinary memory, virtual or real time, and faults on demand.
 //!
 //! [`System`] makes the windows and doorbells. In *virtual* time everything runs on one thread and
-//! is deterministic: while a processor waits, the others run as [`System::while_waiting`] says,
-//! and when nobody has anything to do, time jumps to the end of the wait. In *real* time each
-//! processor is a thread. With [`System::with_caches`] the memory is not coherent.
+//! is deterministic: while a processor waits, the others run as [`System::while_waiting`] says, and
+//! when none has anything to do, time jumps to the end of the wait. In *real* time each processor
+//! is a thread. With [`System::with_caches`] the memory is not coherent.
 
 mod cache;
 mod system;

@@ -18,7 +18,7 @@ use crate::windows::Windows;
 /// What a processor does while another one waits, in virtual time.
 type Body = Arc<dyn Fn() + Send + Sync>;
 
-/// `N` simulated processors; clones are the same system.
+/// `N` simulated processors. All clones are the same system.
 ///
 /// ```
 /// use std::time::Duration;
@@ -98,13 +98,13 @@ struct Bell {
 const TICK_NS: u64 = 100;
 
 impl<const N: usize> System<N> {
-    /// A system in virtual time, with `data_bytes` of users' data for each processor.
+    /// Makes a system in virtual time, with `data_bytes` of users' data for each processor.
     #[must_use]
     pub fn in_virtual_time(data_bytes: u32) -> Self {
         Self::new(data_bytes, None)
     }
 
-    /// A system in real time, for processors that are threads.
+    /// Makes a system in real time, for processors that are threads.
     #[must_use]
     pub fn in_real_time(data_bytes: u32) -> Self {
         Self::new(data_bytes, Some(std::time::Instant::now()))
@@ -135,9 +135,9 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// The same system, in which every processor has a cache that nothing keeps coherent: it delays
-    /// what is written, and evicts and fetches lines as chance has it, which `seed` repeats. Windows
-    /// that were taken before have none.
+    /// Returns the same system, in which every processor has its own, non-coherent cache. The cache
+    /// delays writes, and evicts and fetches lines at random; the same `seed` repeats the same
+    /// choices. Windows that were taken before have no cache.
     #[must_use]
     pub fn with_caches(mut self, seed: u64) -> Self {
         let mut number = 0;
@@ -149,7 +149,7 @@ impl<const N: usize> System<N> {
         self
     }
 
-    /// The windows as `owner` has them: the others' `mail` is read-only.
+    /// Returns the windows as `owner` maps them: the `mail` of the others is read-only.
     #[must_use]
     pub fn windows(&self, owner: Processor) -> [Windows<SimWindow>; N] {
         core::array::from_fn(|number| {
@@ -165,7 +165,7 @@ impl<const N: usize> System<N> {
         })
     }
 
-    /// The doorbell of `owner`.
+    /// Returns the doorbell of `owner`.
     #[must_use]
     pub fn doorbell(&self, owner: Processor) -> SimDoorbell {
         SimDoorbell {
@@ -174,12 +174,12 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// A mailbox for `number`, not joined yet.
+    /// Makes a mailbox for `number`, which has not joined yet.
     ///
     /// In virtual time it sleeps whenever it waits, so that the others run.
     ///
     /// # Errors
-    /// As [`Mailbox::new`](crate::Mailbox::new).
+    /// Those of [`Mailbox::new`](crate::Mailbox::new).
     pub fn mailbox<'v>(&self, number: Processor) -> Result<Mailbox<'v, N>, Error> {
         if number.index() >= N {
             return Err(Error::NoSuchProcessor {
@@ -196,37 +196,38 @@ impl<const N: usize> System<N> {
         Ok(mailbox)
     }
 
-    /// In virtual time: `program` runs whenever another processor waits, for example
+    /// Sets the program that runs in virtual time whenever another processor waits, for example
     /// `move || { mailbox.serve(Duration::ZERO); }`.
     pub fn while_waiting(&self, processor: Processor, program: impl Fn() + Send + Sync + 'static) {
         self.change(processor, |bell| bell.program = Some(Arc::new(program)));
     }
 
-    /// Fault: the next `count` rings of `processor` are lost.
+    /// Injects a fault: the next `count` rings of `processor` are lost.
     pub fn drop_rings(&self, processor: Processor, count: u32) {
         self.change(processor, |bell| bell.drop_next = count);
     }
 
-    /// Fault: the next `count` rings of `processor` come twice.
+    /// Injects a fault: the next `count` rings of `processor` come twice.
     pub fn repeat_rings(&self, processor: Processor, count: u32) {
         self.change(processor, |bell| bell.repeat_next = count);
     }
 
-    /// Fault: the next `count` waits of `processor` end at once, though nobody rang.
+    /// Injects a fault: the next `count` waits of `processor` end at once, without a ring.
     pub fn spurious_rings(&self, processor: Processor, count: u32) {
         self.change(processor, |bell| bell.spurious_next = count);
         self.bells.rung.notify_all();
     }
 
-    /// Fault: `processor` stops in mid-program, or goes on. In real time it stops at its next
-    /// wait.
+    /// Injects a fault: `processor` stops in the middle of its program, or goes on. In real time it
+    /// stops at its next wait.
     pub fn stall(&self, processor: Processor, stalled: bool) {
         self.change(processor, |bell| bell.stalled = stalled);
         self.bells.rung.notify_all();
     }
 
-    /// Fault: the program of `processor` has ended without leaving. The caller must not use its
-    /// mailbox any more, nor drop it; a new one from [`mailbox`](Self::mailbox) is alive again.
+    /// Injects a fault: the program of `processor` has ended without leaving. The caller must not
+    /// use its mailbox any more, nor drop it; a new one from [`mailbox`](Self::mailbox) is alive
+    /// again.
     pub fn kill(&self, processor: Processor) {
         self.change(processor, |bell| {
             bell.dead = true;

@@ -11,8 +11,8 @@ use crate::window::{
     check_access, check_words,
 };
 
-/// A window onto memory of this process; clones show the same memory, through the same cache if
-/// there is one.
+/// A window onto memory of this process. All clones access the same memory, through the same cache
+/// if there is one.
 #[derive(Clone)]
 pub struct SimWindow {
     words: Arc<[AtomicU32]>,
@@ -21,11 +21,11 @@ pub struct SimWindow {
     lost: Arc<std::sync::atomic::AtomicBool>,
 }
 
-/// Why a simulated window refused an access.
+/// The error of an access that a simulated window refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("access at offset {offset:#x} of a window of {size:#x} bytes: {kind:?}")]
 pub struct SimWindowError {
-    /// Where the access began, in bytes.
+    /// The offset of the access, in bytes.
     pub offset: u32,
     /// Size of the window in bytes.
     pub size: u32,
@@ -39,7 +39,7 @@ impl WindowError for SimWindowError {
 }
 
 impl SimWindow {
-    /// Zeroed memory of `size` bytes, rounded up to whole words.
+    /// Makes zeroed memory of `size` bytes, rounded up to whole words.
     #[must_use]
     pub fn new(size: u32) -> Self {
         Self {
@@ -50,7 +50,7 @@ impl SimWindow {
         }
     }
 
-    /// The same memory, for reading only.
+    /// Returns a window onto the same memory, for reading only.
     #[must_use]
     pub fn read_only(&self) -> Self {
         Self {
@@ -64,7 +64,7 @@ impl SimWindow {
         Self { cache, ..self }
     }
 
-    /// Takes the memory away, as a truncated file or a vanished device would.
+    /// Makes all later accesses fail, as a truncated file or a vanished device would.
     pub fn lose(&self) {
         self.lost.store(true, std::sync::atomic::Ordering::Relaxed);
     }
@@ -148,7 +148,7 @@ impl MemoryWindow for SimWindow {
     }
 }
 
-/// `NotCoherent` behind a cache.
+/// Returns `NotCoherent` if the window has a cache.
 impl CompareExchange for SimWindow {
     fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, SimWindowError> {
         let word = self.word(offset, true)?;

@@ -10,25 +10,25 @@ use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErro
 use super::owner::{Incarnations, Owner};
 use super::{Attempt, TestAndSet};
 
-/// Lamport's bakery: who competes draws a ticket larger than all it sees, the smallest goes
-/// first.
+/// Lamport's bakery: each processor that competes draws a ticket larger than all that it sees, and
+/// the smallest ticket goes first.
 ///
-/// It needs no indivisible read and write, and is fair to those that wait. Taking it costs
+/// It needs no indivisible read-and-write, and is fair to processors that wait. Taking it costs
 /// loads in proportion to the number of processors. The [`Exclusion`] keeps the contexts of one
-/// processor, which share an entry, from each other for three accesses.
+/// processor, which share an entry, apart for three accesses.
 ///
 /// # In shared memory
 ///
-/// Lines, so that no two processors write the same one:
+/// It consists of cache lines, so that no two processors write the same line:
 ///
 /// | line, word | meaning | written by |
 /// |---|---|---|
 /// | 0, 0 | the owner of the lock, or zero | the owner |
-/// | 1 + *p*, 0 | who competes: processor *p* in its present incarnation, or zero | *p* |
+/// | 1 + *p*, 0 | processor *p* in its present incarnation if it competes, or zero | *p* |
 /// | 1 + *p*, 1 | its ticket; zero while it is drawn | *p* |
 ///
-/// An entry whose incarnation is over does not count. If that incarnation ended inside the lock, word 0 still
-/// says so; only a processor that has won the bakery changes it.
+/// An entry of an incarnation that is over does not count. If that incarnation ended while it held
+/// the lock, word 0 still names it; only a processor that has won the bakery changes the word.
 ///
 /// Source: L. Lamport, "A new solution of Dijkstra's concurrent programming problem",
 /// CACM 17 (8), 1974.
@@ -45,7 +45,7 @@ const ENTRY_BYTES: u32 = LINE;
 const TICKET: u32 = 4;
 
 impl Bakery<(), ()> {
-    /// Bytes of shared memory for a lock between `processors`.
+    /// Returns the size in bytes of a lock between `processors` processors.
     #[must_use]
     pub const fn bytes(processors: u8) -> usize {
         (ENTRIES + processors as u32 * ENTRY_BYTES) as usize
@@ -53,10 +53,11 @@ impl Bakery<(), ()> {
 }
 
 impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
-    /// The lock at `offset` in a system of `processors`: the same number for all of them.
+    /// Makes the lock at `offset` for `processors` processors; all of them must use the same
+    /// number.
     ///
     /// # Errors
-    /// `OutOfBounds` or `Misaligned`.
+    /// [`AccessError`] of the kind `OutOfBounds` or `Misaligned`.
     pub fn new(window: W, offset: u32, processors: u8, exclusion: X) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, Bakery::bytes(processors))?;
         Ok(Self {

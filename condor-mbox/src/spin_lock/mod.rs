@@ -15,21 +15,22 @@ pub use bakery::Bakery;
 pub use owner::{Incarnations, Owner};
 pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 
-/// A lock that knows its owner, and that outlives it.
+/// A lock that records its owner, and that outlives it.
 ///
-/// The lock itself lies in shared memory, in one of three forms: [`NativeSwap`] where all its
-/// processors have compare-and-swap, [`SemaphoreSwap`] beside a hardware semaphore, and
-/// [`Bakery`], which needs loads and stores alone. All zeros is a free lock. Sections 2.1 and
-/// 3.3.1 of the memo ask for a test-and-set that is indivisible across the bus, for the same end.
+/// The lock itself lies in shared memory, in one of three forms: [`NativeSwap`] if all its
+/// processors have compare-and-swap, [`SemaphoreSwap`] if there is a hardware semaphore, and
+/// [`Bakery`], which needs only loads and stores. All zeros is a free lock. Sections 2.1 and 3.3.1
+/// of the memo ask for a test-and-set that is indivisible across the bus, for the same purpose.
 ///
-/// The lock is held by a processor in one of its incarnations. If that incarnation ends before it releases
-/// the lock, the others are told [`OwnerDead`](LockError::OwnerDead), and one of them can
-/// [`recover`](Self::recover) lock and structure. Nothing is ever taken from a living owner,
-/// however long it takes.
+/// A processor holds the lock in one of its incarnations. If that incarnation ends before it
+/// releases the lock, the others get [`OwnerDead`](LockError::OwnerDead), and one of them can
+/// [`recover`](Self::recover) the lock and the structure. The lock is never taken from a living
+/// owner, however long it holds it.
 ///
-/// Servo loops, and handlers that may have interrupted the owner, only
-/// [`try_lock`](Self::try_lock): a wait for the context that one has interrupted ends at the
-/// deadline alone. A guard that is forgotten keeps the lock until the processor's incarnation ends.
+/// Servo loops, and handlers that may have interrupted the owner, must only call
+/// [`try_lock`](Self::try_lock): if they waited for the context that they have interrupted, only
+/// the deadline would end the wait. A guard that is forgotten keeps the lock until the processor's
+/// incarnation ends.
 ///
 /// ```
 /// # #[cfg(target_has_atomic = "32")] {
@@ -70,16 +71,17 @@ pub struct SpinLock<L> {
 }
 
 impl<L: TestAndSet> SpinLock<L> {
-    /// The lock in `memory`, which is taken as it is found.
+    /// Makes a lock of the words in `memory`, which keep their present state.
     pub const fn new(memory: L) -> Self {
         Self { memory }
     }
 
-    /// Takes the lock if it is free just now.
+    /// Takes the lock if it is free, without waiting.
     ///
     /// # Errors
-    /// [`Busy`](LockError::Busy), [`OwnerDead`](LockError::OwnerDead),
-    /// [`NotCurrent`](LockError::NotCurrent) or [`Memory`](LockError::Memory).
+    /// [`Busy`](LockError::Busy) if a living owner holds it, [`OwnerDead`](LockError::OwnerDead) if
+    /// its owner has ended, [`NotCurrent`](LockError::NotCurrent) if the incarnation of `me` is
+    /// over, [`Memory`](LockError::Memory) if the window refuses an access.
     pub fn try_lock(
         &self,
         me: Owner,
@@ -92,8 +94,8 @@ impl<L: TestAndSet> SpinLock<L> {
     /// Takes the lock, and spins until it is free or `timeout` has passed.
     ///
     /// # Errors
-    /// [`TimedOut`](LockError::TimedOut), [`OwnerDead`](LockError::OwnerDead) as soon as it is
-    /// known, [`NotCurrent`](LockError::NotCurrent) or [`Memory`](LockError::Memory).
+    /// [`TimedOut`](LockError::TimedOut) at the deadline; otherwise those of
+    /// [`try_lock`](Self::try_lock) but [`Busy`](LockError::Busy), as soon as they are known.
     pub fn lock(
         &self,
         me: Owner,
@@ -108,12 +110,12 @@ impl<L: TestAndSet> SpinLock<L> {
 
     /// Takes the lock over from the owner that [`OwnerDead`](LockError::OwnerDead) named.
     ///
-    /// Of all that try, one gets it. What the lock protects may be half changed: the one who
-    /// gets the lock makes it whole again before dropping the guard.
+    /// If several processors try, one gets it. The protected structure may be half changed; the
+    /// processor that gets the lock must repair it before it drops the guard.
     ///
     /// # Errors
-    /// [`Busy`](LockError::Busy) if somebody else recovers or has recovered it, or if `dead` is
-    /// alive after all; else as [`try_lock`](Self::try_lock).
+    /// [`Busy`](LockError::Busy) if another processor recovers or has recovered it, or if `dead` is
+    /// alive after all; otherwise those of [`try_lock`](Self::try_lock).
     pub fn recover(
         &self,
         dead: Owner,
@@ -201,10 +203,10 @@ pub struct Guard<'a, L: TestAndSet> {
 }
 
 impl<L: TestAndSet> Guard<'_, L> {
-    /// Releases the lock, and says if that failed.
+    /// Releases the lock, and returns an error if that failed.
     ///
     /// # Errors
-    /// [`Memory`](LockError::Memory): the memory is gone, and the lock with it.
+    /// [`Memory`](LockError::Memory) if the memory is gone, and the lock with it.
     pub fn release(mut self) -> Result<(), LockError> {
         self.held = false;
         self.memory
@@ -230,20 +232,20 @@ impl<L: TestAndSet> Drop for Guard<'_, L> {
     }
 }
 
-/// Why a [`SpinLock`] was not taken.
+/// The reason for which a [`SpinLock`] was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LockError {
-    /// Somebody living has it.
+    /// A living owner holds it.
     #[error("the lock is held by {}", Named(.owner))]
     Busy {
-        /// Who; `None` if it was changing hands.
+        /// The owner; `None` if the lock was changing hands.
         owner: Option<Owner>,
     },
-    /// Somebody living had it until the deadline.
+    /// Living owners held it until the deadline.
     #[error("the lock was held until the deadline, at last by {}", Named(.owner))]
     TimedOut {
-        /// Who had it last; `None` if it was changing hands.
+        /// The last owner; `None` if the lock was changing hands.
         owner: Option<Owner>,
     },
     /// The owner's incarnation ended while it held the lock; see [`SpinLock::recover`].
@@ -261,7 +263,7 @@ pub enum LockError {
     /// The window refused an access.
     #[error("the memory of the lock: {kind:?}")]
     Memory {
-        /// What was wrong.
+        /// The kind of error.
         kind: WindowErrorKind,
     },
 }
@@ -277,14 +279,15 @@ impl fmt::Display for Named<'_> {
     }
 }
 
-/// What one look at a lock gave.
+/// The result of one attempt to take a lock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attempt {
-    /// The lock was as expected, and is now the caller's.
+    /// The lock had the expected owner, and is now the caller's.
     Taken,
-    /// It was not: this is its owner, dead or alive.
+    /// The lock has this other owner, dead or alive.
     Held(Owner),
-    /// Not now: this one, who lived just now, goes first; `None` if nobody can be named.
+    /// This processor, which was alive just now, goes first; `None` if it is not known which one
+    /// does.
     Behind(Option<Owner>),
 }
 
@@ -309,11 +312,11 @@ impl Attempt {
 ///
 /// # For implementers
 ///
-/// Every method returns after a bounded number of accesses. A processor may stop for ever
-/// between any two of them; once its incarnation is over, that must not keep others from the lock.
-/// What an owner wrote before `release` is seen after the next `take` that succeeds.
+/// Every method must return after a bounded number of accesses. A processor may stop for ever
+/// between any two of them; once its incarnation is over, this must not keep others from the lock.
+/// What an owner wrote before `release` must be visible after the next `take` that succeeds.
 pub trait TestAndSet {
-    /// Begins to compete; `false` if another context of this processor does so already.
+    /// Begins to compete; returns `false` if another context of this processor competes already.
     ///
     /// # Errors
     /// The kind of the window's error.
@@ -322,8 +325,9 @@ pub trait TestAndSet {
         Ok(true)
     }
 
-    /// Makes `me` the owner if the owner now is `from`, of which `None` is nobody; in one
-    /// indivisible step. Called after `compete`, and again until it succeeds or `withdraw`.
+    /// Makes `me` the owner if the present owner is `from` (`None` means that the lock is free), in
+    /// one indivisible step. It is called after `compete`, and again until it succeeds or
+    /// `withdraw` is called.
     ///
     /// # Errors
     /// The kind of the window's error.
@@ -334,7 +338,7 @@ pub trait TestAndSet {
         incarnations: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind>;
 
-    /// Ends to compete without the lock.
+    /// Stops competing without having got the lock.
     ///
     /// # Errors
     /// The kind of the window's error.
@@ -343,7 +347,7 @@ pub trait TestAndSet {
         Ok(())
     }
 
-    /// Gives the lock back if `me` is still its owner.
+    /// Releases the lock if `me` is still its owner.
     ///
     /// # Errors
     /// The kind of the window's error.

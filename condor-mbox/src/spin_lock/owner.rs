@@ -8,9 +8,9 @@ use crate::id::Processor;
 
 /// A processor in one of its incarnations.
 ///
-/// In shared memory it is one word: the processor's number plus one in the upper 6 bits, the
-/// lower 26 bits of its incarnation below; zero is nobody. An incarnation is told from those 2²⁶ joins before
-/// and after it, and from no others.
+/// In shared memory it is one word: the processor's number plus one in the upper 6 bits, and the
+/// lower 26 bits of its incarnation below; zero means no owner. Incarnations that are a multiple of
+/// 2²⁶ joins apart cannot be distinguished.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Owner(NonZeroU32);
 
@@ -18,7 +18,7 @@ const INCARNATION_BITS: u32 = 26;
 const INCARNATION_MASK: u32 = (1 << INCARNATION_BITS) - 1;
 
 impl Owner {
-    /// `processor` in `incarnation`.
+    /// Makes the owner that is `processor` in `incarnation`.
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`] if no system has a processor of that number.
@@ -38,7 +38,7 @@ impl Owner {
         }
     }
 
-    /// The processor; `None` if the word came from shared memory and is garbage.
+    /// Returns the processor; `None` if the word came from shared memory and is garbage.
     #[must_use]
     pub const fn processor(self) -> Option<Processor> {
         match (self.0.get() >> INCARNATION_BITS).checked_sub(1) {
@@ -47,7 +47,7 @@ impl Owner {
         }
     }
 
-    /// Whether this is its processor in `incarnation`.
+    /// Returns whether `incarnation` is this owner's incarnation.
     #[must_use]
     pub const fn is_incarnation(self, incarnation: u32) -> bool {
         self.0.get() & INCARNATION_MASK == incarnation & INCARNATION_MASK
@@ -92,10 +92,10 @@ impl fmt::Display for Owner {
 ///
 /// # For implementers
 ///
-/// Say `false` only with positive evidence that this incarnation is over, and then for ever: a lock is
-/// taken from its owner on that word. An incarnation that is newer than any seen so far is current, so
-/// look at the processor's own word of its present incarnation each time, not at a copy.
+/// Return `false` only with positive evidence that this incarnation is over, and then for ever: the
+/// answer takes a lock away from its owner. An incarnation that is newer than any seen so far is
+/// current, so read the processor's own word for its present incarnation each time, not a copy.
 pub trait Incarnations {
-    /// Whether `owner`'s incarnation may still go on.
+    /// Returns whether `owner`'s incarnation may still go on.
     fn is_current(&self, owner: Owner) -> bool;
 }

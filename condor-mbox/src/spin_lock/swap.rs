@@ -20,11 +20,11 @@ pub struct NativeSwap<W> {
 }
 
 impl<W: CompareExchange> NativeSwap<W> {
-    /// The lock at `offset`.
+    /// Makes the lock at `offset`.
     ///
     /// # Errors
-    /// `OutOfBounds` or `Misaligned`; `NotCoherent` for memory that needs a
-    /// [`Bakery`](super::Bakery) or a [`SemaphoreSwap`].
+    /// [`AccessError`] of the kind `OutOfBounds` or `Misaligned`; `NotCoherent` for memory that
+    /// needs a [`Bakery`](super::Bakery) or a [`SemaphoreSwap`].
     pub fn new(window: W, offset: u32) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, 4)?;
         if !window.is_coherent() {
@@ -64,18 +64,19 @@ impl<W: CompareExchange> TestAndSet for NativeSwap<W> {
     }
 }
 
-/// A semaphore of the hardware that one processor can have at a time.
+/// A hardware semaphore, which one processor can hold at a time.
 ///
 /// # For implementers
 ///
-/// It is held for a handful of instructions. Whoever resets a processor must also free the
-/// semaphores that it held (such hardware records the holder): until then, locks that rely on
-/// the semaphore are busy.
+/// It is held for a handful of instructions. A program that resets a processor must also free the
+/// semaphores that the processor held (such hardware records the holder): until then, locks that
+/// use the semaphore are busy.
 pub trait HardwareSemaphore {
-    /// Takes the semaphore if it is free; a processor that has it may get it again or not.
+    /// Takes the semaphore if it is free. If this processor holds it already, the result may be
+    /// either.
     fn try_take(&self) -> bool;
 
-    /// Frees the semaphore, which this processor has.
+    /// Frees the semaphore, which this processor holds.
     fn give(&self);
 }
 
@@ -105,10 +106,10 @@ pub struct SemaphoreSwap<W, S, X> {
 const SEMAPHORE_TRIES: u32 = 64;
 
 impl<W: MemoryWindow, S: HardwareSemaphore, X: Exclusion> SemaphoreSwap<W, S, X> {
-    /// The lock at `offset`, which all its processors reach under the same `semaphore`.
+    /// Makes the lock at `offset`, which all its processors access under the same `semaphore`.
     ///
     /// # Errors
-    /// `OutOfBounds` or `Misaligned`.
+    /// [`AccessError`] of the kind `OutOfBounds` or `Misaligned`.
     pub fn new(window: W, offset: u32, semaphore: S, exclusion: X) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, 4)?;
         Ok(Self {

@@ -9,8 +9,8 @@ use condor_mbox::{Clock, Doorbell, Evidence, Instant, Processor};
 use super::spinner::Spinner;
 use crate::numbers::PROCESSORS;
 
-/// The doorbell of a [`Process`](super::Process), at which a program polls its timer if its loops are
-/// spun; clones are the same one.
+/// The doorbell of a [`Process`](super::Process). If the loops of the process are
+/// [spun](super::Loops::Spin), it polls their timer, too. All clones are the same doorbell.
 #[derive(Clone, Debug)]
 pub struct ProcessBell {
     pub(super) doorbell: LinuxDoorbell<PROCESSORS>,

@@ -5,12 +5,12 @@ use condor_dev::{AccessError, Bus, Width};
 
 use crate::silent::Silent;
 
-/// The bus of a [`Process`](super::Process); clones are the same one.
+/// The bus of a [`Process`](super::Process). All clones are the same bus.
 #[derive(Clone, Debug)]
 pub enum ProcessBus {
     /// A file that all processes map.
     Mapped(LinuxBus),
-    /// None.
+    /// A bus without boards.
     Silent(Silent),
 }
 

@@ -1,4 +1,4 @@
-//! [`Environment`]: what a process is told by whoever starts it.
+//! [`Environment`]: the settings that a supervisor gives to a process.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -27,23 +27,23 @@ pub(super) const LOOPS: &str = "CONDOR_LOOPS";
 const CPU: &str = "CONDOR_CPU";
 const PRIORITY: &str = "CONDOR_PRIORITY";
 
-/// How the loops of a program come to run; see [the module](super).
+/// The way in which the loops of a program run; see [the module](super).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Loops {
-    /// In a thread for each.
+    /// Each loop runs in a thread of its own.
     #[default]
     Threads,
-    /// In signal handlers.
+    /// Loops run in signal handlers.
     Signals,
-    /// Where the background polls.
+    /// Loops run where the background polls the timer.
     Spin,
 }
 
 impl Loops {
-    /// All of them.
+    /// All ways.
     pub const ALL: [Self; 3] = [Self::Threads, Self::Signals, Self::Spin];
 
-    /// Returns its name, as `CONDOR_LOOPS` has it.
+    /// Returns the word for this way in `CONDOR_LOOPS`.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -57,16 +57,16 @@ impl Loops {
 /// A file, or a part of one, that processes map.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileRange {
-    /// The file.
+    /// The path of the file.
     pub path: PathBuf,
-    /// Where the part begins, in bytes from the beginning of the file.
+    /// The beginning of the part, in bytes from the beginning of the file.
     pub offset: u64,
-    /// How long it is; without it, as far as the file goes.
+    /// Its length in bytes; `None` means up to the end of the file.
     pub bytes: Option<u64>,
 }
 
 impl FileRange {
-    /// All of a file.
+    /// Returns the whole of a file.
     #[must_use]
     pub const fn whole(path: PathBuf) -> Self {
         Self {
@@ -108,37 +108,40 @@ impl FileRange {
     }
 }
 
-/// What a process is told by whoever starts it; see [the module](super) for the variables.
+/// The settings of a process, passed in variables of its environment; see [the module](super) for
+/// them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Environment {
     /// The directory of the mailbox system.
     pub system: PathBuf,
-    /// Bytes of users' data of each processor.
+    /// The size of the users' region of each processor's `data`, in bytes.
     pub window_bytes: u32,
-    /// The number of this one.
+    /// The number of the processor that this process is.
     pub processor: Processor,
-    /// The bus, if there is one; what is mapped begins at the bus address 0.
+    /// The bus, if there is one; the first byte of the file has the bus address 0.
     pub bus: Option<FileRange>,
     /// The memory that belongs to no processor, if there is one.
     pub shared_memory: Option<FileRange>,
-    /// How loops come to run.
+    /// The way in which the loops run.
     pub loops: Loops,
-    /// The core for the program, if not any.
+    /// The core on which the program runs; `None` means any core.
     pub cpu: Option<usize>,
-    /// Its priority of `SCHED_FIFO`, 1 to 99, if it has one; of which thread, [the module](super) says.
+    /// A priority of the policy `SCHED_FIFO`, 1 to 99; `None` means the ordinary policy. [The
+    /// module](super) says which thread gets it.
     pub priority: Option<u8>,
 }
 
 impl Environment {
-    /// That of this process.
+    /// Reads the settings of this process from its environment.
     ///
     /// # Errors
-    /// [`ProcessError::Missing`], [`ProcessError::Wrong`].
+    /// [`ProcessError::Missing`] if a required variable is not set or empty,
+    /// [`ProcessError::Wrong`] if a variable has a value that is not allowed.
     pub fn read() -> Result<Self, ProcessError> {
         Self::from_variables(|variable| std::env::var_os(variable))
     }
 
-    /// That of a process that `command` will start.
+    /// Sets the variables in `command`, so that the process that it starts gets these settings.
     pub fn pass_to<'c>(&self, command: &'c mut Command) -> &'c mut Command {
         command
             .env(SYSTEM, &self.system)

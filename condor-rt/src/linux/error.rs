@@ -7,58 +7,58 @@ use std::path::PathBuf;
 use condor_dev::linux::MapError;
 use condor_mbox::linux::SystemError;
 
-/// Why a process cannot be a processor.
+/// The reason for which a process cannot be a processor.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProcessError {
-    /// A variable of the environment is missing.
+    /// A required variable of the environment is not set.
     #[error("the environment has no {variable}: it must be {expected}")]
     Missing {
-        /// Which.
+        /// The name of the variable.
         variable: &'static str,
-        /// What would be right.
+        /// The values that are allowed.
         expected: &'static str,
     },
-    /// A variable of the environment is wrong.
+    /// A variable of the environment has a value that is not allowed.
     #[error("{variable} is {value:?} in the environment: it must be {expected}")]
     Wrong {
-        /// Which.
+        /// The name of the variable.
         variable: &'static str,
-        /// What it is.
+        /// Its value.
         value: OsString,
-        /// What would be right.
+        /// The values that are allowed.
         expected: &'static str,
     },
-    /// The number, or the memory of the processors.
+    /// The processor's number could not be claimed, or the memory of the processors not be opened.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// The file of the bus, or of the shared memory, cannot be opened.
+    /// The file of the bus, or of the shared memory, could not be opened.
     #[error("cannot open the {what} {path:?}: {source}")]
     Open {
-        /// Which of them.
+        /// `bus` or `shared memory`.
         what: &'static str,
-        /// Its file.
+        /// The path of the file.
         path: PathBuf,
-        /// The system's answer.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The bus cannot be mapped.
+    /// The bus could not be mapped.
     #[error("cannot map the bus {path:?}: {source}")]
     MapBus {
-        /// Its file.
+        /// The path of its file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         source: MapError,
     },
-    /// The shared memory cannot be mapped.
+    /// The shared memory could not be mapped.
     #[error("cannot map the shared memory {path:?}: {source}")]
     MapShared {
-        /// Its file.
+        /// The path of its file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         source: condor_mbox::linux::MapError,
     },
-    /// SIGTERM and SIGINT cannot be handled.
+    /// Handlers for SIGTERM and SIGINT could not be registered.
     #[error("cannot handle SIGTERM and SIGINT: {0}")]
     Stopping(io::Error),
 }

@@ -35,7 +35,7 @@ const NAP: Duration = Duration::from_millis(100);
 
 /// A process of Linux as a processor: the [`Machine`] of its program.
 ///
-/// It holds the number until it, and all that came from it, are dropped.
+/// It holds the processor's number until it and all objects that it returned are dropped.
 pub struct Process {
     number: Processor,
     windows: [Windows<LinuxWindow>; PROCESSORS],
@@ -58,15 +58,19 @@ enum Way {
 }
 
 impl Process {
-    /// The processor that `environment` describes, with the program's arguments.
+    /// Makes the processor that `environment` describes; `arguments` are those of the program.
     ///
-    /// Claims the number, for which it waits a few seconds if somebody still holds it; asks the kernel
-    /// for the core, which counts for the calling thread and those that it starts; and handles SIGTERM
-    /// and SIGINT.
+    /// It claims the processor's number; if another process still holds the number, it retries for
+    /// 5 s. It asks the kernel for the core and the priority, which apply to the calling thread and
+    /// to threads that this thread starts; it prints what the kernel refuses to standard error.
+    /// From then on SIGTERM and SIGINT make [`is_stopping`](Machine::is_stopping) true.
     ///
     /// # Errors
-    /// [`ProcessError`]; [`ProcessError::Wrong`] if the environment has loops run in signals, which
-    /// [`allowing_signals`](Self::allowing_signals) permits.
+    /// [`ProcessError::Wrong`] if the environment says that loops run in signals, which only
+    /// [`allowing_signals`](Self::allowing_signals) permits; [`ProcessError::OpenBus`] or
+    /// [`ProcessError::MapBus`] if the bus fails; [`ProcessError::Stopping`] if the signals cannot
+    /// be handled; [`ProcessError::System`] if the memory cannot be opened or the number not be
+    /// claimed.
     pub fn new(
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,
@@ -81,15 +85,17 @@ impl Process {
         Self::of(environment, arguments)
     }
 
-    /// As [`new`](Self::new), and if `environment` says so, loops run in signals.
+    /// Makes the processor as [`new`](Self::new) does, but also permits that loops run in signals
+    /// if `environment` says so.
     ///
     /// # Safety
-    /// Then loops that run [on this machine](Machine::with_loops) keep the contract of [`Signals::new`].
-    /// In short: loops neither allocate, print, lock nor wait; all of them fit on the stack of the
-    /// thread; and the background stays on that stack.
+    /// If `environment` says so, all loops that run [on this machine](Machine::with_loops) must
+    /// keep the contract of [`Signals::new`]. In short: loops neither allocate, print, lock nor
+    /// wait; all of them together fit on the stack of the thread; and the background stays on that
+    /// stack.
     ///
     /// # Errors
-    /// [`ProcessError`].
+    /// Those of [`new`](Self::new), but for [`ProcessError::Wrong`].
     pub unsafe fn allowing_signals(
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,

@@ -7,10 +7,11 @@ use super::error::ProcessError;
 use super::process::Process;
 use crate::machine::{Machine as _, Program};
 
-/// Runs `program` as the processor that the environment describes, until it ends: all of `main`.
+/// Runs `program` as the processor that the environment describes, until it ends. A `main` needs
+/// nothing else.
 ///
-/// `arguments` are those of the program alone, as they follow its name. Why it failed goes to standard
-/// error, as does what the kernel has refused.
+/// `arguments` are those of the program alone, without its name. If the program fails, the reason
+/// is printed to standard error; so is each privilege that the kernel refuses.
 ///
 /// With `CONDOR_LOOPS=signals` it fails: see [`run_allowing_signals`].
 #[must_use]
@@ -18,7 +19,7 @@ pub fn run<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>)
     run_on(program, |environment| Process::new(environment, arguments))
 }
 
-/// As [`run`], for a program whose loops may also run in signals, if the environment says so.
+/// Runs `program` as [`run`] does; its loops run in signals if the environment says so.
 ///
 /// # Safety
 /// The loops of `program` keep the contract of

@@ -1,4 +1,4 @@
-//! [`ProcessSections`]: how the threads of a process keep apart.
+//! [`ProcessSections`]: mutual exclusion between the threads of a process.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use condor_mbox::{CriticalSection, Exclusion};
 use condor_platform::linux::thread_number;
 
-/// The sections of a [`Process`](super::Process): those of the `critical-section` crate. If its loops run
-/// in threads, one thread at a time serves messages. Clones are the same.
+/// The critical sections of a [`Process`](super::Process): those of the `critical-section` crate.
+/// If the loops of the process run in threads, only one thread at a time serves messages. All
+/// clones are the same.
 #[derive(Clone, Debug)]
 pub struct ProcessSections(pub(super) Option<Arc<Server>>);
 

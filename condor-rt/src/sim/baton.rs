@@ -9,8 +9,8 @@ use condor_mbox::{Evidence, Processor};
 use super::error::Cause;
 use crate::numbers::PROCESSORS;
 
-/// By how many nanoseconds a background that does not wait is ahead of the others at most, but
-/// for a single reading of its clock.
+/// The lead, in nanoseconds, at which a background that only reads its clock lets the other
+/// processors run. One reading of the clock may exceed it.
 pub const LEAD_NS: u64 = 100_000;
 
 /// How long after the end of a run its programs may still take to stop.

@@ -6,7 +6,7 @@ use condor_mbox::{Clock, Doorbell, Evidence, Instant, Processor};
 
 use super::processor::Core;
 
-/// The doorbell of a processor in virtual time; clones are the same one.
+/// The doorbell of a processor in virtual time. All clones are the same doorbell.
 #[derive(Clone)]
 pub struct Bell(pub(super) Arc<Core>);
 

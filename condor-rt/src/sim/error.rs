@@ -9,14 +9,14 @@ use condor_mbox::linux::SystemError;
 
 use crate::numbers::PROCESSORS;
 
-/// Why a system cannot be made, or did not run well.
+/// The reason for which a system cannot be made, or its run has failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimError {
-    /// The memory of the processors.
+    /// The memory of the processors could not be made or claimed.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// There is no such number.
+    /// A number is not that of a processor.
     #[error("{number} does not exist: a system has {PROCESSORS} processors")]
     NoSuchProcessor {
         /// The number that was given.
@@ -25,46 +25,46 @@ pub enum SimError {
     /// The processor has a program already.
     #[error("{number} has a program already")]
     Taken {
-        /// Which.
+        /// The number of the processor.
         number: Processor,
     },
     /// A thread could not be started.
     #[error("cannot start a thread for {number}: {source}")]
     Thread {
-        /// For whom.
+        /// The number of the processor whose program it was to run.
         number: Processor,
-        /// The system's answer.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// Programs failed, in the order in which they did.
+    /// Programs failed; the list is in the order of their failures.
     #[error("{}", joined(.0))]
     Failed(Vec<Failure>),
 }
 
-/// A program that failed.
+/// The failure of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// Whose.
+    /// The number of the program's processor.
     pub number: Processor,
-    /// When, in nanoseconds since the beginning.
+    /// The instant of the failure, in nanoseconds since the beginning of the run.
     pub at_ns: u64,
-    /// Why.
+    /// The cause.
     pub cause: Cause,
 }
 
-/// How a program failed.
+/// The cause of a failure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Cause {
-    /// It ended with this error.
+    /// The program returned an error, which has this text.
     Error(String),
-    /// It panicked with this message.
+    /// The program panicked with this message.
     Panic(String),
-    /// It went on for ten seconds after it was told to stop.
+    /// The program still ran ten seconds of its time after it was told to stop.
     NotStopping,
-    /// It waited without a deadline, and nobody was left who could have rung.
+    /// The program waited without a deadline, and no processor was left that could ring it.
     WaitsForever,
-    /// A loop, or a handler of the timer, polled a clock, where time does not pass.
+    /// A loop, or a handler of the timer, polled a clock, although no time passes there.
     Polls,
 }
 

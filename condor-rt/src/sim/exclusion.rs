@@ -6,7 +6,8 @@ use condor_mbox::Exclusion;
 
 use super::processor::Core;
 
-/// Sections in which no time passes, so that nothing interrupts them; clones are the same.
+/// Critical sections in which no time passes, so that nothing interrupts them. All clones are the
+/// same.
 #[derive(Clone)]
 pub struct Uninterrupted(pub(super) Arc<Core>);
 

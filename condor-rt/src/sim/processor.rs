@@ -19,7 +19,7 @@ use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
 use crate::servo::{ServoLoop, on_one_stack};
 
-/// How many nanoseconds it takes to read a clock in the background.
+/// The time that reading a clock in the background takes, in nanoseconds.
 pub const CLOCK_NS: u64 = 100;
 
 /// After how many readings in a row those of the timer take their time, all at once: a scheduler reads
@@ -34,7 +34,7 @@ pub(super) const RANKS: usize = 32;
 
 /// One processor of a [`System`](super::System) in virtual time: the [`Machine`] of its program.
 ///
-/// `B` is the bus.
+/// `B` is the type of the bus.
 pub struct Processor<B> {
     core: Arc<Core>,
     windows: [Windows<LinuxWindow>; PROCESSORS],
@@ -78,18 +78,18 @@ impl<B> Processor<B> {
         }
     }
 
-    /// The processor's clock, in nanoseconds; to look at it here takes no time.
+    /// Returns the processor's time, in nanoseconds. This reading takes no time.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.core.now()
     }
 
-    /// Has the background compute for `ns`, or wait for nothing; others run meanwhile.
+    /// Lets `ns` nanoseconds pass, as if the background computed; other processors run meanwhile.
     pub fn work(&self, ns: u64) {
         self.core.pass(ns, 0);
     }
 
-    /// The timer, and how loops nest.
+    /// Returns the timer, which is also the [`Platform`](condor_mos::Platform) of a scheduler.
     #[must_use]
     pub fn platform(&self) -> VirtualTimer {
         VirtualTimer(self.core.clone())

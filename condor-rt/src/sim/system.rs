@@ -18,7 +18,7 @@ use crate::machine::Program;
 use crate::numbers::{self, PROCESSORS};
 use crate::silent::Silent;
 
-/// A system of programs in virtual time, to be run once.
+/// A system of programs in virtual time, which can be run once.
 ///
 /// ```
 /// use condor_rt::{Machine, sim};
@@ -56,20 +56,21 @@ struct Seat<'env, B> {
 }
 
 impl System<'_> {
-    /// A system whose processors have `window_bytes` of users' data each, and nothing on their bus.
+    /// Makes a system without boards, in which each processor's users have `window_bytes` bytes of
+    /// its `data`.
     ///
     /// # Errors
-    /// [`SimError::System`].
+    /// [`SimError::System`] if the memory cannot be made.
     pub fn new(window_bytes: u32) -> Result<Self, SimError> {
         Self::with_bus(window_bytes, Silent)
     }
 }
 
 impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
-    /// As [`new`](System::new), with boards on a bus that all processors share.
+    /// Makes a system as [`new`](System::new) does, with boards on a bus that all processors share.
     ///
     /// # Errors
-    /// As there.
+    /// [`SimError::System`] if the memory cannot be made.
     pub fn with_bus(window_bytes: u32, bus: B) -> Result<Self, SimError> {
         let seat = |_| Seat {
             arguments: Vec::new(),
@@ -85,10 +86,10 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         })
     }
 
-    /// Adds a memory of so many bytes that belongs to no processor.
+    /// Adds a memory of `bytes` bytes that belongs to no processor.
     ///
     /// # Errors
-    /// [`SimError::System`].
+    /// [`SimError::System`] if there is no such memory.
     pub fn share_memory(&mut self, bytes: u32) -> Result<(), SimError> {
         const OWNER: mbox::Processor = mbox::Processor(0);
         let memory = linux::System::<1>::family(bytes)?;
@@ -96,10 +97,10 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         Ok(())
     }
 
-    /// What the program of `number` is given as arguments.
+    /// Sets the arguments of the program of `number`.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`].
+    /// [`SimError::NoSuchProcessor`] if there is no such number.
     pub fn arguments<A: Into<String>>(
         &mut self,
         number: mbox::Processor,
@@ -109,11 +110,11 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         Ok(())
     }
 
-    /// How many nanoseconds the loop of a rank takes, after what it does; 0 is the fastest loop's
-    /// rank. A rank that no processor has is ignored.
+    /// Declares how many nanoseconds a loop of processor `number` takes after its body has run.
+    /// `rank` selects the loop: the fastest loop has rank 0. A rank that no loop has is ignored.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`].
+    /// [`SimError::NoSuchProcessor`] if there is no such number.
     pub fn set_work(
         &mut self,
         number: mbox::Processor,
@@ -126,20 +127,21 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         Ok(())
     }
 
-    /// When the program of `number` begins, in nanoseconds; 0 if this is not called. All that begin
-    /// at the same time do so in the order of their numbers.
+    /// Sets the instant at which the program of `number` begins, in nanoseconds; the default is 0.
+    /// Programs that begin at the same instant do so in the order of their numbers.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`].
+    /// [`SimError::NoSuchProcessor`] if there is no such number.
     pub fn begin_at(&mut self, number: mbox::Processor, ns: u64) -> Result<(), SimError> {
         self.seat(number)?.begins_at = ns;
         Ok(())
     }
 
-    /// Has `number` run a program.
+    /// Makes `number` run a program.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`], [`SimError::Taken`].
+    /// [`SimError::NoSuchProcessor`] if there is no such number, [`SimError::Taken`] if it has a
+    /// program.
     pub fn spawn<P: Program + Sync>(
         &mut self,
         number: mbox::Processor,
@@ -148,10 +150,11 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         self.host(number, |machine| program.run(machine))
     }
 
-    /// Has `number` run a closure: a host's end, as the file service.
+    /// Makes `number` run a closure. Use it for parts of the host, such as a service.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`], [`SimError::Taken`].
+    /// [`SimError::NoSuchProcessor`] if there is no such number, [`SimError::Taken`] if it has a
+    /// program.
     pub fn host<E: fmt::Display>(
         &mut self,
         number: mbox::Processor,
@@ -167,31 +170,33 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         Ok(())
     }
 
-    /// Has the file service serve the directory `root`.
+    /// Makes the processor [`FILES`](numbers::FILES) run a file service for the directory `root`.
     ///
     /// # Errors
-    /// [`SimError::Taken`] if it serves one already. What is wrong with the directory is an error of the
-    /// run.
+    /// [`SimError::Taken`] if there is one already. If the directory cannot be served, the run
+    /// fails.
     pub fn files(&mut self, root: impl Into<PathBuf>) -> Result<(), SimError> {
         let root = root.into();
         self.host(numbers::FILES, move |machine| files::serve(machine, &root))
     }
 
-    /// Runs all programs until they end by themselves; gives when the last one did, in nanoseconds.
+    /// Runs all programs until they end by themselves. Returns the instant at which the last one
+    /// ended, in nanoseconds.
     ///
-    /// When one fails, all others are told to stop.
+    /// When one program fails, all others are told to stop.
     ///
     /// # Errors
-    /// [`SimError::Failed`]; [`SimError::System`]; [`SimError::Thread`], with which the other programs
-    /// were told to stop at once.
+    /// [`SimError::Failed`] if programs failed; [`SimError::System`] if a number cannot be claimed;
+    /// [`SimError::Thread`] if a thread cannot be started, in which case the other programs were
+    /// told to stop at once.
     pub fn run(self) -> Result<u64, SimError> {
         self.run_until(NEVER)
     }
 
-    /// As [`run`](Self::run), and tells all programs to stop at `ns`.
+    /// Runs all programs as [`run`](Self::run) does, and tells all of them to stop at `ns`.
     ///
     /// # Errors
-    /// As there.
+    /// Those of [`run`](Self::run).
     pub fn run_until(self, ns: u64) -> Result<u64, SimError> {
         let baton = Arc::new(Baton::new());
         let mut programs = Vec::new();

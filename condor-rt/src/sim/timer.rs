@@ -6,7 +6,7 @@ use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
 
 use super::processor::Core;
 
-/// The timer of a processor in virtual time, in nanoseconds; clones are the same one.
+/// The timer of a processor in virtual time, in nanoseconds. All clones are the same timer.
 #[derive(Clone)]
 pub struct VirtualTimer(pub(super) Arc<Core>);
 

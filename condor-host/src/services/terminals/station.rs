@@ -41,12 +41,12 @@ pub(super) struct Station {
     typed: File,
 }
 
-/// How much of a terminal's output is kept.
+/// The sizes of a terminal's records.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
-    /// Who attaches is shown so many bytes of the past.
+    /// The number of bytes of earlier output that a new viewer gets.
     pub replay_bytes: u64,
-    /// From so many bytes on a log becomes the old one.
+    /// The size in bytes at which a log is rotated.
     pub log_bytes: u64,
 }
 
