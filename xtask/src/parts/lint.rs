@@ -43,7 +43,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         let _ = write!(line, " --target {target} --all-features -- -D warnings");
         command(context, &line)
             .dir(firmware::WORKSPACE)
-            .env("CARGO_TARGET_DIR", "../../target")
+            .env("CARGO_TARGET_DIR", "../target")
             .run()?;
     }
     let alone = [
