@@ -36,7 +36,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     for group in &groups {
         let target = group[0].target;
         need_target(context, target)?;
-        let mut line = String::from("cargo clippy -p checks");
+        let mut line = String::from("cargo clippy -p checks -p machine");
         for firmware in group {
             let _ = write!(line, " -p {} -p {}", firmware.exercise, firmware.package);
         }
