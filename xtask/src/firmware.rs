@@ -32,9 +32,6 @@ pub(crate) struct Firmware {
     /// The package of the checks that it makes.
     pub exercise: &'static str,
     pub target: &'static str,
-    /// Whether it has the vectors of a device's interrupts: a feature of cortex-m-rt, which it shares with
-    /// what is built in the same call.
-    pub device: bool,
     /// The program that runs it.
     pub qemu: &'static str,
     /// The Debian package of that program.
@@ -48,7 +45,6 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "mbox-riscv",
         exercise: "mbox-exercise",
         target: "riscv64gc-unknown-none-elf",
-        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         machine: "-machine virt -smp 2 -bios none -nographic",
@@ -57,7 +53,6 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "mbox-cortex-m",
         exercise: "mbox-exercise",
         target: "thumbv6m-none-eabi",
-        device: false,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         // The board has the chip with 16 KiB of RAM, the firmware wants the one with 32.
@@ -67,7 +62,6 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "dev-riscv",
         exercise: "dev-exercise",
         target: "riscv64gc-unknown-none-elf",
-        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         // What it receives are bytes of any value, none of which is a command to QEMU.
@@ -77,43 +71,38 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "dev-cortex-m",
         exercise: "dev-exercise",
         target: "thumbv6m-none-eabi",
-        device: false,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
     },
     Firmware {
-        package: "files-riscv",
+        package: "files-firmware",
         exercise: "files-exercise",
         target: "riscv64gc-unknown-none-elf",
-        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         machine: "-machine virt -bios none -nographic",
     },
     Firmware {
-        package: "files-cortex-m",
+        package: "files-firmware",
         exercise: "files-exercise",
         target: "thumbv6m-none-eabi",
-        device: false,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
     },
     Firmware {
-        package: "hand-riscv",
+        package: "hand-firmware",
         exercise: "hand-exercise",
         target: "riscv64gc-unknown-none-elf",
-        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         machine: "-machine virt -bios none -nographic",
     },
     Firmware {
-        package: "hand-cortex-m",
+        package: "hand-firmware",
         exercise: "hand-exercise",
         target: "thumbv7em-none-eabihf",
-        device: false,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine mps2-an386 -nographic -semihosting",
@@ -122,7 +111,6 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "mos-riscv",
         exercise: "mos-exercise",
         target: "riscv64gc-unknown-none-elf",
-        device: false,
         qemu: "qemu-system-riscv64",
         debian: "qemu-system-misc",
         machine: "-machine virt -bios none -nographic",
@@ -131,7 +119,6 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "mos-cortex-m",
         exercise: "mos-exercise",
         target: "thumbv7m-none-eabi",
-        device: true,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine mps2-an385 -nographic -semihosting",
@@ -140,19 +127,17 @@ pub(crate) const FIRMWARES: [Firmware; 11] = [
         package: "mos-cortex-m",
         exercise: "mos-exercise",
         target: "thumbv6m-none-eabi",
-        device: true,
         qemu: "qemu-system-arm",
         debian: "qemu-system-arm",
         machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
     },
 ];
 
-/// The firmwares in groups, each of which is built in one call and linked in one way.
+/// The firmwares of each target, which are built in one call.
 pub(crate) fn groups() -> Vec<Vec<&'static Firmware>> {
     let mut groups = BTreeMap::<_, Vec<_>>::new();
     for firmware in &FIRMWARES {
-        let key = (firmware.target, firmware.device);
-        groups.entry(key).or_default().push(firmware);
+        groups.entry(firmware.target).or_default().push(firmware);
     }
     groups.into_values().collect()
 }

@@ -9,7 +9,7 @@ use condor_dev::{Bus as _, InterruptController, Level, Vector};
 use dev_exercise::BASE;
 
 use crate::MEMORY;
-use crate::machine::{BUS, UART, UART_VECTOR};
+use crate::map::{BUS, UART, UART_VECTOR};
 
 const UART_ENABLE: usize = UART + 1;
 /// The serial port interrupts when it has room to send, as it always has here.
@@ -23,7 +23,7 @@ const CLOCK_ENABLE: usize = CLOCK + 0x10;
 
 /// Checks the guarded accesses, on memory.
 pub(crate) fn bus(checks: &mut Checks<'_>) {
-    // SAFETY: `trap` asks `on_fault`.
+    // SAFETY: `fault` asks `on_fault`.
     let bus = unsafe { GuardedMmio::new(MEMORY.bus()) };
     let ground = Ground {
         memory: BASE + 0x500,

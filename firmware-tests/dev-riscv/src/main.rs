@@ -9,13 +9,11 @@
 #[cfg(feature = "conformance")]
 mod conformance;
 mod echo;
-mod machine;
+mod map;
 
-use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use checks::Checks;
-
 use condor_dev::drivers::Uart16550;
 use condor_dev::riscv::{GuardedMmio, Plic, on_fault};
 use condor_dev::{
@@ -23,16 +21,12 @@ use condor_dev::{
     device_switch,
 };
 use dev_exercise::{Boards, Devices, Memory};
-use machine::{BUS, NOWHERE, UART, UART_VECTOR, VIRTIO, plic, print, switch_off};
-use riscv::register::{mie, mstatus};
+use machine::{check, print, switch_floats_off, switch_off};
+use map::{BUS, NOWHERE, UART, UART_VECTOR, VIRTIO, plic};
+use riscv::interrupt::{Exception, Interrupt};
+use riscv::register::{mcause, mepc, mie, mstatus};
+use riscv_rt::{TrapFrame, core_interrupt, exception};
 use utah_mit_boards::Adc16;
-
-// No floating point: it is off, and using it traps.
-core::arch::global_asm!(
-    include_str!("../../one-hart.s"),
-    include_str!("trap.s"),
-    mstatus = const 0
-);
 
 /// The serial port of the machine.
 type Serial = Uart16550<1, 256>;
@@ -57,34 +51,31 @@ static EXERCISED: Devices<NoInterrupts> = Switch::new(MEMORY.bus(), NoInterrupts
 /// Accesses that nothing answered.
 static FAULTS: AtomicU32 = AtomicU32::new(0);
 
-const EXTERNAL_INTERRUPT: usize = 1 << (usize::BITS - 1) | 0xb;
-
-/// Where the hart comes from `one-hart.s`.
-#[unsafe(no_mangle)]
-extern "C" fn main() {
-    let mut checks = Checks::new(&print);
-    let exercised = dev_exercise::everything(&mut checks, &EXERCISED, MEMORY.bus());
-    checks.same("memory answers as boards do", exercised, Ok(()));
-    checks.group("a bus whose faults are caught");
-    #[cfg(feature = "conformance")]
-    conformance::bus(&mut checks);
-    faults(&mut checks);
-    checks.group("a PLIC");
-    let plic = plic();
-    checks.same("it is reset", plic.reset(), Ok(()));
-    #[cfg(feature = "conformance")]
-    conformance::plic(&mut checks, &plic);
-    checks.group("boards that are there, and boards that are not");
-    start(&mut checks);
-    // SAFETY: the trap entry is set up, and no critical section is in progress.
-    unsafe {
-        mie::set_mext();
-        mstatus::set_mie();
-    }
-    checks.group("a serial port that interrupts");
-    echo::echo(&mut checks, &SYSTEM);
-    may_panic(usize::from(UART_VECTOR));
-    switch_off(checks.conclude());
+#[machine::entry]
+fn main() -> ! {
+    switch_floats_off();
+    check(|checks| {
+        let exercised = dev_exercise::everything(checks, &EXERCISED, MEMORY.bus());
+        checks.same("memory answers as boards do", exercised, Ok(()));
+        checks.group("a bus whose faults are caught");
+        #[cfg(feature = "conformance")]
+        conformance::bus(checks);
+        faults(checks);
+        checks.group("a PLIC");
+        let plic = plic();
+        checks.same("it is reset", plic.reset(), Ok(()));
+        #[cfg(feature = "conformance")]
+        conformance::plic(checks, &plic);
+        checks.group("boards that are there, and boards that are not");
+        start(checks);
+        // SAFETY: the handlers are below, and no critical section is in progress.
+        unsafe {
+            mie::set_mext();
+            mstatus::set_mie();
+        }
+        checks.group("a serial port that interrupts");
+        echo::echo(checks, &SYSTEM);
+    })
 }
 
 fn faults(checks: &mut Checks<'_>) {
@@ -118,43 +109,29 @@ fn start(checks: &mut Checks<'_>) {
     }
 }
 
-/// Every trap comes here, with interrupts masked; gives where to go on.
-#[unsafe(no_mangle)]
-extern "C" fn trap(cause: usize, instruction: usize) -> usize {
-    if cause == EXTERNAL_INTERRUPT {
-        SYSTEM.on_interrupt();
-        return instruction;
-    }
-    if let Some(end) = on_fault(cause, instruction) {
-        let faults = FAULTS.load(Ordering::Relaxed).wrapping_add(1);
-        FAULTS.store(faults, Ordering::Relaxed);
-        return end;
-    }
-    print("an exception, or an interrupt that nobody enabled\n");
-    switch_off(false)
+#[core_interrupt(Interrupt::MachineExternal)]
+fn interrupt() {
+    SYSTEM.on_interrupt();
 }
 
-/// Panics, if built to: the search for panicking paths must find this one.
-fn may_panic(index: usize) {
-    if cfg!(feature = "panicking") {
-        let table = core::hint::black_box([0_u8; 4]);
-        core::hint::black_box(table[core::hint::black_box(index)]);
-    }
+#[exception(Exception::LoadFault)]
+fn load_fault(_: &TrapFrame) {
+    fault();
 }
 
-#[panic_handler]
-fn panic(info: &PanicInfo<'_>) -> ! {
-    if let Some(place) = info.location() {
-        print("panic in ");
-        print(place.file());
-        print("\n");
-    }
-    condor_firmware_panicked()
+#[exception(Exception::StoreFault)]
+fn store_fault(_: &TrapFrame) {
+    fault();
 }
 
-/// The name that is searched for in the linked image: it is there only if something can panic.
-#[unsafe(no_mangle)]
-#[inline(never)]
-extern "C" fn condor_firmware_panicked() -> ! {
-    switch_off(false)
+/// Goes on where the access says, if it was one of the guarded bus.
+fn fault() {
+    let Some(end) = on_fault(mcause::read().bits(), mepc::read()) else {
+        print("an access outside of the bus\n");
+        switch_off(false);
+    };
+    let faults = FAULTS.load(Ordering::Relaxed).wrapping_add(1);
+    FAULTS.store(faults, Ordering::Relaxed);
+    // SAFETY: the access ends there, and the trap entry does not write `mepc`.
+    unsafe { mepc::write(end) };
 }

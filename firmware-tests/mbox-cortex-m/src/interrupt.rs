@@ -4,16 +4,16 @@ use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
 use core::time::Duration;
 
-use condor_mbox::{Messenger, Processor, StaticWindow};
+use condor_mbox::{Messenger, Processor};
 use cortex_m_rt::exception;
 use mbox_exercise::{FOLLOWER, LEADER, Order, Resident};
 
-use crate::{Mail, locks};
+use crate::Mail;
 
 /// A processor that can be run from elsewhere.
 pub(crate) struct Runnable<'r, 'v> {
     pub(crate) mailbox: &'r Mail<'v>,
-    pub(crate) resident: &'r Resident<StaticWindow<'static>>,
+    pub(crate) resident: &'r Resident,
 }
 
 static LEADER_RUNS: AtomicPtr<Runnable<'static, 'static>> = AtomicPtr::new(ptr::null_mut());
@@ -84,7 +84,7 @@ fn PendSV() {
 fn SysTick() {
     with(&FOLLOWER_RUNS, |follower| {
         // Memory that is gone stops the mailbox, too.
-        let _ = mbox_exercise::turn(follower.mailbox, follower.resident, &locks::All);
+        let _ = mbox_exercise::turn(follower.mailbox, follower.resident);
     });
     serve_follower();
 }

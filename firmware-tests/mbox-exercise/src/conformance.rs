@@ -1,11 +1,19 @@
 //! The suites of `condor-mbox` for the backends of this machine.
 
-use condor_mbox::{Doorbell, MemoryWindow, Processor, conformance};
+use condor_mbox::{Doorbell, MemoryWindow as _, StoreOrder, Windows, conformance};
 
-use crate::Checks;
+use crate::map::{Window, windows};
+use crate::{Checks, LEADER};
 
-/// A window that nobody uses yet, twice.
-pub fn window<W: MemoryWindow + Clone>(checks: &mut Checks<'_>, window: &W) {
+/// The memory that nobody uses yet.
+pub fn memories(checks: &mut Checks<'_>) {
+    checks.group("backends");
+    let [Windows { mail, data }, _] = windows();
+    window(checks, &mail);
+    window(checks, &data);
+}
+
+fn window(checks: &mut Checks<'_>, window: &Window) {
     checks.same(
         "the window keeps its promises",
         conformance::window(window),
@@ -13,23 +21,20 @@ pub fn window<W: MemoryWindow + Clone>(checks: &mut Checks<'_>, window: &W) {
     );
     checks.same(
         "it is one memory for all who have it",
-        conformance::shared(window, &window.clone()),
+        conformance::shared(window, window),
         Ok(()),
     );
     let mut at = 0;
-    while window
-        .store(at, 0, condor_mbox::StoreOrder::Relaxed)
-        .is_ok()
-    {
+    while window.store(at, 0, StoreOrder::Relaxed).is_ok() {
         at += 4;
     }
 }
 
-/// The doorbell of `me`, who has not joined yet; `ring` rings it as another processor does.
-pub fn doorbell<D: Doorbell>(checks: &mut Checks<'_>, bell: &D, me: Processor, ring: impl Fn()) {
+/// The doorbell of the leader, who has not joined yet; `ring` rings it as the follower does.
+pub fn doorbell<D: Doorbell>(checks: &mut Checks<'_>, bell: &D, ring: impl Fn()) {
     checks.same(
         "the doorbell keeps its promises",
-        conformance::doorbell(bell, me, ring),
+        conformance::doorbell(bell, LEADER, ring),
         Ok(()),
     );
 }

@@ -2,10 +2,10 @@
 
 use core::time::Duration;
 
-use condor_mbox::{AccessError, Backend, MemoryWindow, Messenger};
+use condor_mbox::{AccessError, Doorbell, Messenger};
 
 use crate::map::MAP;
-use crate::memory::{Locks, count_some};
+use crate::memory::count_some;
 use crate::resident::{Resident, TICK};
 use crate::{LEADER, Mbox};
 
@@ -46,7 +46,7 @@ impl Order {
     }
 }
 
-impl<W: MemoryWindow> Resident<W> {
+impl Resident {
     /// What the leader wants.
     #[must_use]
     pub fn order(&self) -> Order {
@@ -71,15 +71,8 @@ const TURNS_PER_TICK: u32 = 64;
 ///
 /// # Errors
 /// The memory is gone.
-pub fn turn<B: Backend, L>(
-    mailbox: &Mbox<'_, B>,
-    resident: &Resident<B::Window>,
-    locks: &L,
-) -> Result<(), AccessError>
-where
-    L: Locks<B::Window>,
-{
-    count_some(mailbox, locks)?;
+pub fn turn<D: Doorbell>(mailbox: &Mbox<'_, D>, resident: &Resident) -> Result<(), AccessError> {
+    count_some(mailbox)?;
     let mut publisher = MAP.sample.publisher(&resident.ram)?;
     let sample = resident.ram.word(MAP.obeyed)?;
     let next = publisher.publish(&[sample; 6])?;

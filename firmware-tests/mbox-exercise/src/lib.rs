@@ -1,4 +1,5 @@
-//! Uses every call of `condor-mbox` that runs without an operating system, over any backend.
+//! Uses every call of `condor-mbox` that runs without an operating system, over any
+//! doorbell.
 //!
 //! Two processors take part. The *leader* makes the checks. The *follower* has nothing else to
 //! do than to obey: it serves, or does not, as the leader's [`Order`] says, which is a word in
@@ -8,6 +9,7 @@
 #[cfg(feature = "conformance")]
 mod conformance;
 mod follower;
+mod locks;
 mod map;
 mod memory;
 mod messages;
@@ -16,15 +18,15 @@ mod states;
 
 pub use ::checks::Checks;
 #[cfg(feature = "conformance")]
-pub use conformance::{doorbell, window};
+pub use conformance::{doorbell, memories};
 pub use follower::{Order, turn};
-pub use map::DATA_BYTES;
-pub use memory::{LockKind, Locking, Locks, memory};
+use map::{Window, windows};
+pub use memory::memory;
 pub use messages::messages;
 pub use resident::{Resident, reside};
 pub use states::{first_life, give, last_order, second_life};
 
-use condor_mbox::{Mailbox, Processor};
+use condor_mbox::{CriticalSection, Mailbox, Processor};
 use core::time::Duration;
 
 /// The processors of the system.
@@ -35,7 +37,7 @@ pub const LEADER: Processor = Processor(0);
 pub const FOLLOWER: Processor = Processor(1);
 
 /// The mailbox of either.
-pub type Mbox<'v, B> = Mailbox<'v, B, PROCESSORS>;
+pub type Mbox<'v, D> = Mailbox<'v, (Window, D, CriticalSection), PROCESSORS>;
 
 /// Nothing here takes as long, unless something is broken.
 const PATIENCE: Duration = Duration::from_secs(20);

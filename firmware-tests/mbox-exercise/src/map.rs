@@ -1,12 +1,28 @@
-//! Where things lie in the follower's `data`, after the doorbell's line.
+//! The memory of the two, and where things lie in the follower's `data` after the doorbell's line.
 
 use condor_mbox::spin_lock::Bakery;
-use condor_mbox::{AccessError, Places, Published, layout};
+use condor_mbox::{AccessError, Places, Published, StaticMemory, StaticWindow, Windows, layout};
 
 use crate::PROCESSORS;
 
-/// Bytes of `data` that each processor needs.
-pub const DATA_BYTES: u32 = layout::BELL_BYTES + USERS_BYTES;
+/// The memory of either.
+pub(crate) type Window = StaticWindow<'static>;
+
+const MAIL_WORDS: usize = layout::mail_bytes(PROCESSORS as u32) as usize / 4;
+const DATA_WORDS: usize = (layout::BELL_BYTES + USERS_BYTES) as usize / 4;
+
+/// The memory of both.
+pub(crate) fn windows() -> [Windows<Window>; PROCESSORS] {
+    static MAIL: [StaticMemory<MAIL_WORDS>; PROCESSORS] =
+        [const { StaticMemory::new() }; PROCESSORS];
+    static DATA: [StaticMemory<DATA_WORDS>; PROCESSORS] =
+        [const { StaticMemory::new() }; PROCESSORS];
+    let ([mail0, mail1], [data0, data1]) = (&MAIL, &DATA);
+    [(mail0, data0), (mail1, data1)].map(|(mail, data)| Windows {
+        mail: mail.window(),
+        data: data.window(),
+    })
+}
 
 /// Room for words that are read and written singly.
 pub(crate) const WORDS_BYTES: usize = 512;

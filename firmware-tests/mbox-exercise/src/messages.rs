@@ -5,7 +5,7 @@ use core::sync::atomic::Ordering::Relaxed;
 use core::time::Duration;
 
 use condor_mbox::{
-    Backend, Call, Clock, Error, Exchange, MemoryWindow, Messenger, Places, Processor, Ticket,
+    Call, Doorbell, Error, Exchange, MemoryWindow as _, Messenger, Places, Processor, Ticket,
     Vector,
 };
 
@@ -17,10 +17,10 @@ use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
 const LEVEL_BYTES: usize = 1024;
 
 /// The leader's messages to a follower that serves; `ends` of the two share the leader's stack.
-pub fn messages<B: Backend>(
+pub fn messages<D: Doorbell>(
     checks: &mut Checks<'_>,
-    mailbox: &Mbox<'_, B>,
-    resident: &Resident<B::Window>,
+    mailbox: &Mbox<'_, D>,
+    resident: &Resident,
     ends: usize,
 ) {
     flat(checks, mailbox);
@@ -34,7 +34,7 @@ pub fn messages<B: Backend>(
     as_messenger(checks, mailbox);
 }
 
-fn flat<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
+fn flat<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let at = MAP.words + 400;
     checks.that(
         "a word is stored in the follower's memory",
@@ -58,7 +58,7 @@ fn flat<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     );
 }
 
-fn order<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
+fn order<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     const COUNT: u32 = 200;
     let sent = (0..COUNT).all(|data| mailbox.send(FOLLOWER, IN_ORDER, data, PATIENCE).is_ok());
     checks.that("messages are sent faster than they are served", sent);
@@ -69,11 +69,7 @@ fn order<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     );
 }
 
-fn nested<B: Backend>(
-    checks: &mut Checks<'_>,
-    mailbox: &Mbox<'_, B>,
-    resident: &Resident<B::Window>,
-) {
+fn nested<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, resident: &Resident) {
     let all = (0..=Call::MAX_DEPTH)
         .all(|depth| mailbox.send_with_reply(FOLLOWER, NEST, depth, PATIENCE) == Ok(depth));
     checks.that("calls nest both ways", all);
@@ -94,7 +90,7 @@ fn nested<B: Backend>(
 }
 
 /// Between two handlers of the leader there is one of the other end, if it shares the stack.
-fn stack<W>(checks: &mut Checks<'_>, resident: &Resident<W>, ends: usize) {
+fn stack(checks: &mut Checks<'_>, resident: &Resident, ends: usize) {
     let bytes = resident.level.load(Relaxed);
     checks.that(
         "a level of nesting takes little stack",
@@ -102,11 +98,7 @@ fn stack<W>(checks: &mut Checks<'_>, resident: &Resident<W>, ends: usize) {
     );
 }
 
-fn to_oneself<B: Backend>(
-    checks: &mut Checks<'_>,
-    mailbox: &Mbox<'_, B>,
-    resident: &Resident<B::Window>,
-) {
+fn to_oneself<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, resident: &Resident) {
     let set = resident.ram.set_word(MAP.words, 42);
     checks.same("a word is stored in one's own memory", set, Ok(()));
     checks.same(
@@ -126,7 +118,7 @@ fn to_oneself<B: Backend>(
     checks.that("it is served", come);
 }
 
-fn tickets<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
+fn tickets<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let at = MAP.words + 400;
     match mailbox.begin(FOLLOWER, READ, at, Duration::ZERO) {
         Ok(mut ticket) => {
@@ -159,7 +151,7 @@ fn tickets<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     checks.same("tickets that are given up free their slots", given_up, 20);
 }
 
-fn refused<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
+fn refused<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let number = Processor(PROCESSORS as u8);
     let no_such = Error::NoSuchProcessor {
         number,
@@ -201,7 +193,7 @@ fn refused<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
     checks.that("an error can be printed", written.is_ok() && text.0 > 20);
 }
 
-fn typed<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
+fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let Ok(own) = mailbox.region(LEADER) else {
         return checks.that("the leader has memory", false);
     };
@@ -276,8 +268,8 @@ fn as_messenger(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
 }
 
 /// Serves until `done`, or for too long; whether it is done.
-pub(crate) fn served_until<B: Backend>(
-    mailbox: &Mbox<'_, B>,
+pub(crate) fn served_until<D: Doorbell>(
+    mailbox: &Mbox<'_, D>,
     mut done: impl FnMut() -> bool,
 ) -> bool {
     let deadline = mailbox.doorbell().now().after(PATIENCE);

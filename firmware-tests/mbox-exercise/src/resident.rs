@@ -6,11 +6,9 @@ use core::time::Duration;
 
 use condor_mbox::error::Object;
 use condor_mbox::exchange::answer;
-use condor_mbox::{
-    Backend, Call, Error, MemoryWindow, Messenger, Processor, Region, Vector, Windows,
-};
+use condor_mbox::{Call, CriticalSection, Doorbell, Error, Messenger, Processor, Region, Vector};
 
-use crate::{FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
+use crate::{LEADER, Mbox, PATIENCE, PROCESSORS, Window, windows};
 
 /// Gives the word at an offset of the users' `data` (memo, section 3.3.1).
 pub(crate) const READ: Vector = Vector(12);
@@ -35,11 +33,11 @@ pub(crate) const NOBODY: Vector = Vector(63);
 pub(crate) type Terms = [u32; 4];
 
 /// What the handlers of one processor work on.
-pub struct Resident<W> {
+pub struct Resident {
     me: Processor,
-    pub(crate) ram: Region<W>,
+    pub(crate) ram: Region<Window>,
     /// The users' `data` of all.
-    data: [Region<W>; PROCESSORS],
+    data: [Region<Window>; PROCESSORS],
     next: AtomicU32,
     pub(crate) disorder: AtomicU32,
     pub(crate) noted: AtomicU32,
@@ -57,14 +55,12 @@ pub struct Resident<W> {
 ///
 /// # Errors
 /// As [`Mailbox::new`](condor_mbox::Mailbox::new).
-pub fn reside<B: Backend<Window: Clone + Sync>, R>(
+pub fn reside<D: Doorbell, R>(
     me: Processor,
-    windows: [Windows<B::Window>; PROCESSORS],
-    doorbell: B::Doorbell,
-    exclusion: B::Exclusion,
-    body: impl FnOnce(&mut Mbox<'_, B>, &Resident<B::Window>) -> R,
+    doorbell: D,
+    body: impl FnOnce(&mut Mbox<'_, D>, &Resident) -> R,
 ) -> Result<R, Error> {
-    let resident = Resident::new(me, &windows)?;
+    let resident = Resident::new(me)?;
     let read = |call: &Call<'_>| resident.read(call);
     let in_order = |call: &Call<'_>| resident.in_order(call);
     let sum = |call: &Call<'_>| resident.sum(call);
@@ -74,7 +70,7 @@ pub fn reside<B: Backend<Window: Clone + Sync>, R>(
         count(&resident.ticks);
         0
     };
-    let mut mailbox = Mbox::<B>::new(me, windows, doorbell, exclusion)?;
+    let mut mailbox = Mbox::<D>::new(me, windows(), doorbell, CriticalSection)?;
     mailbox.set_vector(READ, &read, "read a word")?;
     mailbox.set_vector(IN_ORDER, &in_order, "in order")?;
     mailbox.set_vector(NEST, &nest, "nest")?;
@@ -86,26 +82,22 @@ pub fn reside<B: Backend<Window: Clone + Sync>, R>(
     Ok(body(&mut mailbox, &resident))
 }
 
-impl<W: MemoryWindow> Resident<W> {
-    fn new(me: Processor, windows: &[Windows<W>; PROCESSORS]) -> Result<Self, Error>
-    where
-        W: Clone,
-    {
-        let users = |number: Processor| {
-            let windows = windows.get(number.index()).ok_or(Error::NoSuchProcessor {
-                number,
-                processors: PROCESSORS as u8,
-            })?;
-            Region::users(windows.data.clone()).map_err(|error| Error::Window {
-                processor: number,
+impl Resident {
+    fn new(me: Processor) -> Result<Self, Error> {
+        let data = windows().map(|windows| windows.data);
+        let [leader, follower] = data.map(|data| {
+            Region::users(data).map_err(|error| Error::Window {
+                processor: me,
                 object: Object::Data,
                 kind: error.kind,
             })
-        };
+        });
+        let data = [leader?, follower?];
+        let [leader, follower] = data;
         Ok(Self {
             me,
-            ram: users(me)?,
-            data: [users(LEADER)?, users(FOLLOWER)?],
+            ram: if me == LEADER { leader } else { follower },
+            data,
             next: AtomicU32::new(0),
             disorder: AtomicU32::new(0),
             noted: AtomicU32::new(0),

@@ -4,28 +4,22 @@ use core::sync::atomic::Ordering::Relaxed;
 use core::time::Duration;
 
 use condor_mbox::{
-    Backend, Clock, Error, Exclusion, Instant, Messenger, PeerState, Processor, Progress,
-    SingleContext, Vector, Waiting, Windows,
+    CriticalSection, Doorbell, Error, Exclusion, Instant, Messenger, PeerState, Processor,
+    Progress, SingleContext, Vector, Waiting,
 };
 
 use crate::follower::Order;
 use crate::map::MAP;
 use crate::messages::served_until;
 use crate::resident::{NOBODY, NOTE, READ, Resident};
-use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
+use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS, windows};
 
 /// Before and while the leader joins for the first time.
-pub fn first_life<B: Backend>(
-    checks: &mut Checks<'_>,
-    mailbox: &mut Mbox<'_, B>,
-    windows: [Windows<B::Window>; PROCESSORS],
-    bell_and_exclusion: (B::Doorbell, B::Exclusion),
-) {
+pub fn first_life<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>, bell: D) {
     let number = Processor(PROCESSORS as u8);
-    let (bell, exclusion) = bell_and_exclusion;
     checks.same(
         "a number beyond the system is refused",
-        Mbox::<B>::new(number, windows, bell, exclusion).err(),
+        Mbox::<D>::new(number, windows(), bell, CriticalSection).err(),
         Some(Error::NoSuchProcessor {
             number,
             processors: number.0,
@@ -82,7 +76,7 @@ pub fn first_life<B: Backend>(
     );
 }
 
-fn vectors<B: Backend>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, B>) {
+fn vectors<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>) {
     let vector = Vector(Vector::COUNT as u8);
     checks.same(
         "a vector that does not exist cannot be set",
@@ -117,10 +111,10 @@ fn vectors<B: Backend>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, B>) {
 }
 
 /// What happens while the follower holds, what was counted, listening, and a life after leaving.
-pub fn second_life<B: Backend>(
+pub fn second_life<D: Doorbell>(
     checks: &mut Checks<'_>,
-    mailbox: &mut Mbox<'_, B>,
-    resident: &Resident<B::Window>,
+    mailbox: &mut Mbox<'_, D>,
+    resident: &Resident,
 ) {
     held(checks, mailbox);
     counted(checks, mailbox);
@@ -146,7 +140,7 @@ pub fn second_life<B: Backend>(
     );
 }
 
-fn held<B: Backend>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, B>) {
+fn held<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>) {
     give(checks, mailbox, Order::Hold);
     for waiting in [
         Waiting::Sleep,
@@ -191,7 +185,7 @@ fn held<B: Backend>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, B>) {
     }
 }
 
-fn counted<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
+fn counted<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     match (
         mailbox.vector_statistics(LEADER, READ),
         mailbox.vector_statistics(FOLLOWER, READ),
@@ -211,11 +205,7 @@ fn counted<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
 }
 
 /// The leader listens to the follower, and so to its own messages there.
-fn listening<B: Backend>(
-    checks: &mut Checks<'_>,
-    mailbox: &mut Mbox<'_, B>,
-    resident: &Resident<B::Window>,
-) {
+fn listening<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>, resident: &Resident) {
     checks.same("nobody is listened to", mailbox.listens_to(), None);
     checks.same(
         "the leader listens to the follower",
@@ -233,10 +223,10 @@ fn listening<B: Backend>(
 }
 
 /// Ends the follower, and says so on its behalf, as a host does that has reset a processor.
-pub fn last_order<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
+pub fn last_order<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     give(checks, mailbox, Order::Stop);
     let declared = match mailbox.windows(FOLLOWER) {
-        Ok(windows) => Mbox::<B>::declare_stopped(FOLLOWER, windows),
+        Ok(windows) => Mbox::<D>::declare_stopped(FOLLOWER, windows),
         Err(error) => Err(error),
     };
     checks.same("the follower is declared stopped", declared, Ok(()));
@@ -255,7 +245,7 @@ pub fn last_order<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>) {
 }
 
 /// Gives an order and waits until it is obeyed.
-pub fn give<B: Backend>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, B>, order: Order) {
+pub fn give<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, order: Order) {
     let Ok(ram) = mailbox.region(FOLLOWER) else {
         return checks.that("the follower has memory", false);
     };

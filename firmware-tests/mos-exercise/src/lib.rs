@@ -1,13 +1,13 @@
 //! Uses every call of `condor-mos` that runs without an operating system, over any platform.
 //!
-//! The firmware has a [`Tabled`] and a [`Scanned`] scheduler of one platform as statics, calls them from its interrupts (those that are not started ignore them), and then
-//! [`loops`].
+//! The firmware has a [`Tabled`] and a [`Scanned`] scheduler of one platform as statics, calls them
+//! from its interrupts (those that are not started ignore them), and then [`loops`].
 #![no_std]
 
 mod analysis;
 mod changes;
 #[cfg(feature = "conformance")]
-pub mod conformance;
+mod conformance;
 mod latest;
 mod nesting;
 mod plans;
@@ -44,13 +44,17 @@ pub const fn scanned<P: Platform + Sync>(platform: P, clock: Clock) -> Scanned<P
 /// Seconds. Nothing here takes as long, unless something is broken.
 const PATIENCE: u32 = 20;
 
-/// Makes all checks.
+/// Makes all checks; `interrupts` counts those of the timer.
 pub fn loops<P: Platform + Sync>(
     checks: &mut Checks<'_>,
     platform: &P,
     tabled: &'static Tabled<&'static P>,
     scanned: &'static Scanned<&'static P>,
+    interrupts: impl Fn() -> u32,
 ) {
+    #[cfg(feature = "conformance")]
+    conformance::timer(checks, platform, &interrupts);
+    let _ = interrupts;
     checks.group("plans");
     plans::plans(checks, platform);
     schedules::schedules(checks);

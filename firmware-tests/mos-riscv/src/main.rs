@@ -1,32 +1,23 @@
 //! Servo loops that nest by calls from the timer's interrupt, on one hart.
 //!
-//! The trap entry saves integer registers alone, as that of `riscv-rt` does: what else has to
-//! survive is up to `condor_mos::riscv`.
+//! The trap entry of `riscv-rt` saves integer registers alone: what else has to survive is up to
+//! `condor_mos::riscv`.
 #![no_std]
 #![no_main]
 
-mod machine;
-
-use core::panic::PanicInfo;
-use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::riscv::Clint;
-use condor_mos::{Clock, Instant as _, LoopId, Loops, Overrun, Timer as _};
-use machine::{CLINT, MTIME, print, ring, switch_off};
+use condor_mos::riscv::{Clint, preserving_floats};
+use condor_mos::{Clock, Instant as _, LoopId, Loops, Overrun, Rate, Timer as _};
+use machine::{CLINT, MTIME_HZ, check, ring};
 use mos_exercise::{Scanned, Tabled};
+use riscv::interrupt::Interrupt;
 use riscv::register::{mie, mstatus};
+use riscv_rt::core_interrupt;
 
-// Floating point is on: `FS` is initial.
-core::arch::global_asm!(
-    include_str!("../../one-hart.s"),
-    include_str!("trap.s"),
-    mstatus = const 0x2000
-);
-
+const MTIME: Rate = Rate::hz(MTIME_HZ);
 const CLOCK: Clock = Clock::of::<u64>(MTIME);
-const SOFTWARE_INTERRUPT: usize = 1 << (usize::BITS - 1) | 3;
-const TIMER_INTERRUPT: usize = 1 << (usize::BITS - 1) | 7;
 /// The bit of `mie`.
 const SOFTWARE: usize = 1 << 3;
 
@@ -40,40 +31,40 @@ static SCANNED: Scanned<&Clint> = mos_exercise::scanned(&PLATFORM, CLOCK);
 static RUNG: AtomicU32 = AtomicU32::new(0);
 static TIMED: AtomicU32 = AtomicU32::new(0);
 
-/// Where hart 0 comes from `one-hart.s`.
-#[unsafe(no_mangle)]
-extern "C" fn main(hart: usize) {
+#[machine::entry]
+fn main() -> ! {
     // The compare is anything after a reset.
     PLATFORM.disarm();
-    // SAFETY: the trap entry is set up, and no critical section is in progress here.
+    // SAFETY: the handlers are below, and no critical section is in progress here.
     unsafe {
         mie::set_mtimer();
         mie::set_msoft();
         mstatus::set_mie();
     }
-    let mut checks = Checks::new(&print);
-    #[cfg(feature = "conformance")]
-    {
-        checks.group("the timer");
-        let interrupts = || TIMED.load(Relaxed);
-        mos_exercise::conformance::timer(&mut checks, &PLATFORM, interrupts);
-    }
-    mos_exercise::loops(&mut checks, &PLATFORM, &TABLED, &SCANNED);
-    checks.group("another interrupt");
-    other_interrupt(&mut checks);
-    may_panic(hart);
-    switch_off(checks.conclude());
+    let interrupts = || TIMED.load(Relaxed);
+    check(|checks| {
+        mos_exercise::loops(checks, &PLATFORM, &TABLED, &SCANNED, interrupts);
+        checks.group("another interrupt");
+        other_interrupt(checks);
+    })
 }
 
-/// A loop rings its own hart: the interrupt comes in its middle.
+/// A loop rings its own hart: the interrupt comes in the middle of its arithmetic.
 fn other_interrupt(checks: &mut Checks<'_>) {
     let (runs, interrupted) = (AtomicU32::new(0), AtomicU32::new(0));
+    let right = AtomicBool::new(true);
     let mut body = |_| {
         let before = RUNG.load(Relaxed);
-        ring(true);
-        // It comes within some instructions, or when no loop is left.
-        for _ in 0..1000 {
-            core::hint::spin_loop();
+        let mut sum = core::hint::black_box(0.0_f64);
+        for round in 0..1000 {
+            // It comes within some instructions, or when no loop is left.
+            if round == 5 {
+                ring(0, true);
+            }
+            sum += 0.5;
+        }
+        if sum.to_bits() != 500.0_f64.to_bits() {
+            right.store(false, Relaxed);
         }
         let came = RUNG.load(Relaxed).wrapping_sub(before);
         interrupted.store(interrupted.load(Relaxed).wrapping_add(came), Relaxed);
@@ -92,22 +83,22 @@ fn other_interrupt(checks: &mut Checks<'_>) {
         "what interrupts loops, too, does so",
         runs.load(Relaxed) >= 5 && interrupted.load(Relaxed) == runs.load(Relaxed),
     );
+    checks.that("their arithmetic is not disturbed", right.load(Relaxed));
 }
 
-/// Every trap comes here, with interrupts masked.
-#[unsafe(no_mangle)]
-extern "C" fn trap(cause: usize) {
-    if cause == SOFTWARE_INTERRUPT {
-        ring(false);
+#[core_interrupt(Interrupt::MachineSoft)]
+fn software() {
+    preserving_floats(|| {
+        spoil_floating_point();
+        ring(0, false);
         RUNG.store(RUNG.load(Relaxed).wrapping_add(1), Relaxed);
-        return;
-    }
-    if cause != TIMER_INTERRUPT {
-        print("an exception, or an interrupt that nobody enabled\n");
-        switch_off(false);
-    }
-    // SAFETY: this is the timer's interrupt, the entry has saved the integer registers, and nothing
-    // here does arithmetic.
+    });
+}
+
+#[core_interrupt(Interrupt::MachineTimer)]
+fn timer() {
+    // SAFETY: this is the handler of the timer's interrupt, the entry has saved the integer
+    // registers, and nothing here does arithmetic.
     unsafe {
         PLATFORM.on_interrupt(|| {
             spoil_floating_point();
@@ -139,29 +130,4 @@ fn spoil_floating_point() {
             options(nostack),
         );
     }
-}
-
-/// Panics, if built to: the search for panicking paths must find this one.
-fn may_panic(index: usize) {
-    if cfg!(feature = "panicking") {
-        let table = core::hint::black_box([0_u8; 4]);
-        core::hint::black_box(table[core::hint::black_box(index)]);
-    }
-}
-
-#[panic_handler]
-fn panic(info: &PanicInfo<'_>) -> ! {
-    if let Some(place) = info.location() {
-        print("panic in ");
-        print(place.file());
-        print("\n");
-    }
-    condor_firmware_panicked()
-}
-
-/// The name that is searched for in the linked image: it is there only if something can panic.
-#[unsafe(no_mangle)]
-#[inline(never)]
-extern "C" fn condor_firmware_panicked() -> ! {
-    switch_off(false)
 }

@@ -36,14 +36,14 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     for group in &groups {
         let target = group[0].target;
         need_target(context, target)?;
-        let mut line = String::from("cargo clippy -p checks");
+        let mut line = String::from("cargo clippy -p checks -p machine");
         for firmware in group {
             let _ = write!(line, " -p {} -p {}", firmware.exercise, firmware.package);
         }
         let _ = write!(line, " --target {target} --all-features -- -D warnings");
         command(context, &line)
             .dir(firmware::WORKSPACE)
-            .env("CARGO_TARGET_DIR", "../../target")
+            .env("CARGO_TARGET_DIR", "../target")
             .run()?;
     }
     let alone = [

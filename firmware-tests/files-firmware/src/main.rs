@@ -1,0 +1,34 @@
+//! The calls of [`files_exercise`] on a hart, and on a core without compare-and-swap.
+#![no_std]
+#![no_main]
+
+use condor_mbox::Instant;
+use files_exercise::Memory;
+use machine::{check, now_ns};
+
+static MEMORY: Memory = Memory::new();
+
+#[machine::entry]
+fn main() -> ! {
+    #[cfg(target_arch = "arm")]
+    machine::start_clock();
+    #[cfg(target_arch = "riscv64")]
+    machine::switch_floats_off();
+    check(|checks| {
+        files_exercise::everything(checks, &MEMORY, || Instant::from_ns(now_ns()));
+        #[cfg(target_arch = "arm")]
+        stack(checks);
+    })
+}
+
+/// What the exercise may take of the stack, the checks and the host's end included.
+#[cfg(target_arch = "arm")]
+fn stack(checks: &mut checks::Checks<'_>) {
+    use core::fmt::Write as _;
+
+    checks.group("the stack");
+    let used = machine::stack_used();
+    // The console takes everything.
+    let _ = writeln!(checks, "          {used} bytes were in use at most");
+    checks.that("it takes 11 KiB at most", used <= 11 * 1024);
+}
