@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-/// The error that a Unix program would get, as the number that Linux has for it on most processors.
+/// An error number of Linux, which a Unix program would get; the numbers are those of most
+/// processors.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Errno(pub u16);
 
@@ -11,7 +12,7 @@ macro_rules! errnos {
         impl Errno {
             $(#[doc = concat!($means, ".")] pub const $name: Self = Self($number);)*
 
-            /// The name, if it is one that this crate knows.
+            /// Returns the name, if this crate knows the number.
             #[must_use]
             pub const fn name(self) -> Option<&'static str> {
                 match self.0 {
@@ -20,7 +21,7 @@ macro_rules! errnos {
                 }
             }
 
-            /// What it means, for people; empty if it is not one that this crate knows.
+            /// Returns the meaning, for people; empty if this crate does not know the number.
             #[must_use]
             pub const fn meaning(self) -> &'static str {
                 match self.0 {

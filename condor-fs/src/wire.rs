@@ -1,4 +1,4 @@
-//! The words of WIRE.md: where they are, and what they mean.
+//! The words of WIRE.md: their offsets and values.
 
 use condor_mbox::Vector;
 
@@ -9,16 +9,16 @@ pub const OPEN_FILES: Vector = Vector(41);
 
 /// The reply after which the slot holds the result.
 pub const DONE: u32 = 1;
-/// Added to the errno in the reply to a slot that was refused.
+/// The number that is added to the errno in the reply to a slot that was refused.
 pub const REFUSED: u32 = 0x8000_0000;
-/// No offset.
+/// Stands for no offset.
 pub const NONE: u32 = u32::MAX;
-/// The session of a request for a session.
+/// The session in a request for a session.
 pub const NO_SESSION: u64 = 0;
 
-/// The most blocks that a table may have.
+/// The greatest number of blocks in a table.
 pub const MAX_FILES: u32 = 4096;
-/// The most bytes that a path may have.
+/// The greatest length of a path, in bytes.
 pub const MAX_PATH: u32 = 4095;
 
 /// The slot of a client, in bytes from its beginning.
@@ -29,17 +29,17 @@ pub mod slot {
     pub const BYTES: u32 = 192;
     /// Words of the client's part.
     pub const REQUEST_WORDS: usize = 18;
-    /// Sequence of the request.
+    /// Sequence number of the request.
     pub const SEQUENCE: u32 = 12;
     /// Words of the server's part.
     pub const RESULT_WORDS: usize = 26;
-    /// Where the server's part begins: its state.
+    /// The beginning of the server's part: its state.
     pub const STATE: u32 = 72;
     /// Session of the state.
     pub const STATE_SESSION: u32 = 76;
-    /// Sequence of the state.
+    /// Sequence number of the state.
     pub const STATE_SEQUENCE: u32 = 84;
-    /// How many lives of the server have taken it.
+    /// The number of lives of the server that have taken the request.
     pub const LIVES: u32 = 92;
     /// Errno.
     pub const ERRNO: u32 = 96;
@@ -57,9 +57,9 @@ pub mod state {
     pub const NONE: u32 = 0;
     /// A server has taken it, and something may have been done.
     pub const TAKEN: u32 = 1;
-    /// The same, and what the next server must know of it is recorded.
+    /// A server has taken it and has recorded what the next server must know about it.
     pub const STAGED: u32 = 2;
-    /// All is done.
+    /// The operation is done.
     pub const DONE: u32 = 3;
 }
 
@@ -87,7 +87,7 @@ pub mod block {
     pub const FLAGS: u32 = 20;
     /// Path: offset and length.
     pub const PATH: u32 = 24;
-    /// The sequence of the operation after which the file has a silly name.
+    /// The sequence number of the operation that gave the file a unique ("silly") name.
     pub const SILLY: u32 = 32;
     /// Evidence.
     pub const EVIDENCE: u32 = 40;
@@ -103,13 +103,13 @@ pub mod open {
     pub const APPEND: u32 = 4;
     /// Create if it does not exist.
     pub const CREATE: u32 = 8;
-    /// Cut to nothing.
+    /// Truncate to length 0.
     pub const TRUNCATE: u32 = 16;
     /// Fail if it exists.
     pub const EXCLUSIVE: u32 = 32;
     /// A directory, to read its entries.
     pub const DIRECTORY: u32 = 64;
-    /// All of them.
+    /// All flags of an open.
     pub const ALL: u32 = 127;
 }
 
@@ -119,7 +119,7 @@ pub mod rename {
     pub const NO_REPLACE: u32 = 1;
 }
 
-/// What a slot asks for.
+/// An operation that a slot requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[allow(missing_docs)] // The table of WIRE.md.
@@ -142,7 +142,7 @@ pub enum Operation {
 }
 
 impl Operation {
-    /// All of them, by number from 1 on.
+    /// All operations; the number of the first is 1.
     pub const ALL: [Self; 15] = [
         Self::Session,
         Self::Open,
@@ -161,7 +161,7 @@ impl Operation {
         Self::Rename,
     ];
 
-    /// The operation of a number.
+    /// Returns the operation that has this number.
     #[must_use]
     pub fn from_word(word: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|it| *it as u32 == word)
@@ -173,13 +173,13 @@ impl Operation {
 pub struct Request {
     /// The client's session.
     pub session: u64,
-    /// Which operation of the session: see [`following`].
+    /// The sequence number of the operation in its session: see [`following`].
     pub sequence: u64,
     /// An [`Operation`], as its number.
     pub operation: u32,
     /// Flags of the operation.
     pub flags: u32,
-    /// The sequence of the open.
+    /// The sequence number of the open.
     pub handle: u64,
     /// Index of the file's block.
     pub file: u32,
@@ -196,29 +196,29 @@ pub struct Request {
 /// A range of the client's users' region, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Span {
-    /// Where it begins.
+    /// The offset.
     pub offset: u32,
-    /// How long it is.
+    /// The length.
     pub len: u32,
 }
 
-/// The low and the high word of a number.
+/// Returns the low and the high word of a number.
 #[must_use]
 pub const fn halves(number: u64) -> [u32; 2] {
     [number as u32, (number >> 32) as u32]
 }
 
-/// The number of a low and a high word.
+/// Returns the number that has this low and this high word.
 #[must_use]
 pub const fn whole(low: u32, high: u32) -> u64 {
     low as u64 | (high as u64) << 32
 }
 
-/// The sequence after this one. It never comes again: at a million operations a second, the numbers last
-/// for half a million years.
+/// Returns the sequence number after this one. No number is used twice: at a million operations a
+/// second, they last for half a million years.
 ///
-/// Its low word is never zero, so that this word alone tells whether there is a sequence at all: it is
-/// written last, and no half of a sequence is ever taken for another one.
+/// The low word is never zero, so this word alone shows whether there is a sequence number. The low
+/// word is written last, so half of a sequence number is never taken for another one.
 #[must_use]
 pub const fn following(sequence: u64) -> u64 {
     let next = sequence.wrapping_add(1);
@@ -226,7 +226,7 @@ pub const fn following(sequence: u64) -> u64 {
 }
 
 impl Request {
-    /// As words, the magic first.
+    /// Returns the words, the magic first.
     #[must_use]
     pub fn to_words(&self) -> [u32; slot::REQUEST_WORDS] {
         let [session, session_high] = halves(self.session);
@@ -255,7 +255,7 @@ impl Request {
         ]
     }
 
-    /// From words; `None` without the magic.
+    /// Makes a request from words; returns `None` if the magic is missing.
     #[must_use]
     pub fn from_words(words: &[u32; slot::REQUEST_WORDS]) -> Option<Self> {
         let &[
@@ -294,21 +294,21 @@ impl Request {
     }
 }
 
-/// What proves that a file is the same: inode numbers alone are used again.
+/// The evidence that a file is the same one; inode numbers alone are reused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Evidence {
     /// The device of the file system.
     pub device: u64,
     /// The number of the inode.
     pub inode: u64,
-    /// When it was created, in seconds since 1970.
+    /// The time of its creation, in seconds since 1970.
     pub born_s: u64,
-    /// And nanoseconds.
+    /// The nanoseconds of that time.
     pub born_ns: u32,
 }
 
 impl Evidence {
-    /// As words.
+    /// Returns the words.
     #[must_use]
     pub fn to_words(self) -> [u32; 8] {
         let ([device, device_high], [inode, inode_high], [born, born_high]) =
@@ -325,7 +325,7 @@ impl Evidence {
         ]
     }
 
-    /// From words.
+    /// Makes evidence from words.
     #[must_use]
     pub fn from_words(words: &[u32; 8]) -> Self {
         let &[
@@ -347,35 +347,35 @@ impl Evidence {
     }
 }
 
-/// What is known of a file or directory.
+/// The status of a file or directory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
     /// Its length in bytes.
     pub size: u64,
-    /// When it was last written, in seconds since 1970.
+    /// The time of its last modification, in seconds since 1970.
     pub modified_s: u64,
-    /// And nanoseconds.
+    /// The nanoseconds of that time.
     pub modified_ns: u32,
     /// Type and permissions, as `st_mode` of Linux.
     pub mode: u32,
-    /// How many names it has.
+    /// The number of its names.
     pub links: u32,
 }
 
 impl Status {
-    /// Whether it is a directory.
+    /// Returns whether it is a directory.
     #[must_use]
     pub const fn is_directory(&self) -> bool {
         self.mode & 0o170_000 == 0o040_000
     }
 
-    /// Whether it is a regular file.
+    /// Returns whether it is a regular file.
     #[must_use]
     pub const fn is_file(&self) -> bool {
         self.mode & 0o170_000 == 0o100_000
     }
 
-    /// As words.
+    /// Returns the words.
     #[must_use]
     pub fn to_words(self) -> [u32; 8] {
         let ([size, size_high], [modified, modified_high]) =
@@ -392,7 +392,7 @@ impl Status {
         ]
     }
 
-    /// From words.
+    /// Makes a status from words.
     #[must_use]
     pub fn from_words(words: &[u32; 8]) -> Self {
         let &[size, size_high, modified, modified_high, ns, mode, links, _] = words;

@@ -12,18 +12,18 @@ use crate::terminal::{LONGEST_NAP, Terminal};
 /// Characters that a console holds for [`BufRead`].
 const HELD: usize = 64;
 
-/// A [`Terminal`] for the background, which waits in its mailbox and serves meanwhile.
+/// A [`Terminal`] for the background, which waits in its mailbox and serves messages meanwhile.
 ///
-/// * [`Write`]: as the terminal's [`Policy`](crate::Policy) says. `write` loses nothing under
-///   [`Policy::Block`](crate::Policy::Block); `write_all` and formatted writes have one timeout for all their bytes, and
-///   give up, and count, what is left after it. `flush` waits, where a write may, until the
-///   host has dealt with everything.
-/// * [`Read`], [`BufRead`]: at least one byte and at most a line in cooked mode, 0 bytes at the end
-///   of the file, which somebody types; waits for as long as
+/// * [`Write`]: follows the terminal's [`Policy`](crate::Policy). Under
+///   [`Policy::Block`](crate::Policy::Block), `write` loses nothing; `write_all` and formatted
+///   writes have one time-out for all their bytes, and drop and count the rest after it. `flush`
+///   waits, under the conditions of a write, until the host has acknowledged everything.
+/// * [`Read`], [`BufRead`]: return at least one byte, and in cooked mode at most a line; 0 bytes
+///   mean that the character for the end of the file was typed. They wait as long as
 ///   [`with_read_timeout`](Self::with_read_timeout) says.
-/// * [`fmt::Write`]: what cannot be written is counted as lost, and is no error.
+/// * [`fmt::Write`]: bytes that cannot be written are counted as lost, and are not an error.
 ///
-/// Characters that a console holds after [`BufRead::fill_buf`] go with it.
+/// Characters that a console holds after [`BufRead::fill_buf`] are lost when it is dropped.
 #[derive(Debug)]
 pub struct Console<'t, W, X, M, const IN: usize> {
     terminal: &'t Terminal<W, X, IN>,
@@ -47,7 +47,7 @@ impl<'t, W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'
         }
     }
 
-    /// Reads wait for so long; one second unless told.
+    /// Sets how long reads wait; the default is one second.
     #[must_use]
     pub const fn with_read_timeout(self, read_timeout: Duration) -> Self {
         Self {
@@ -269,8 +269,9 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> fmt::Write
 
 /// A [`Terminal`] for servo loops, handlers and interrupts: it writes and never waits.
 ///
-/// What finds no room is lost and counted, or overwrites under [`Policy::DropOld`](crate::Policy::DropOld). Writes
-/// take as long as copying their bytes, a few dozen instructions of it masked.
+/// Bytes for which there is no room are lost and counted; under
+/// [`Policy::DropOld`](crate::Policy::DropOld) they overwrite the oldest bytes. A write takes as
+/// long as copying its bytes; interrupts are masked for a few dozen instructions of that time.
 #[derive(Debug)]
 pub struct Poster<'t, W, X, M: ?Sized, const IN: usize> {
     terminal: &'t Terminal<W, X, IN>,
@@ -287,11 +288,11 @@ impl<'t, W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize>
         }
     }
 
-    /// Writes what there is room for, and says how many bytes that were; the rest is lost and
+    /// Writes as many bytes as there is room for, and returns their number; the rest is lost and
     /// counted.
     ///
     /// # Errors
-    /// The window's.
+    /// [`AccessError`] if the terminal's memory cannot be accessed.
     pub fn post(&self, bytes: &[u8]) -> Result<usize, AccessError> {
         let mut written = 0;
         // Once, unless it overwrites: then as often as the bytes fill the ring.

@@ -1,9 +1,10 @@
 //! Terminals as boards of a `condor-dev` device switch.
 //!
-//! [`Tty`] is the driver. A terminal is not found at an address, so the program says by [`Terminals`]
-//! which one is at which of its places; before it does, start-up finds none. From then on
-//! `open(":tty", board, mode)` gives a descriptor, like that of any device, and `condor-dev`'s
-//! [`Stream`](condor_dev::Stream) and buffered standard output and input work over it.
+//! [`Tty`] is the driver. A terminal has no address that could be probed, so the program says by
+//! [`Terminals`] which terminal is at which place; until it does, the start of the switch finds
+//! none. From then on `open(":tty", board, mode)` returns a descriptor, like that of any device,
+//! and `condor-dev`'s [`Stream`](condor_dev::Stream) and buffered standard output and input work
+//! over it.
 //!
 //! ```
 //! use std::sync::OnceLock;
@@ -79,16 +80,16 @@
 //! # }
 //! ```
 //!
-//! Without std, cells that are filled once at start-up take the place of `OnceLock`: of the crate
-//! `static_cell`, for example.
+//! Without std, use cells that are filled once at start-up in place of `OnceLock`, for example
+//! those of the crate `static_cell`.
 //!
-//! # What a descriptor does
+//! # The calls on a descriptor
 //!
-//! | call | |
+//! | call | effect |
 //! |---|---|
-//! | `write` | as the terminal's [`Policy`](crate::Policy) says, but for waiting, which no driver does: under `Block`, with a host attached, [`WouldBlock`](DeviceError::WouldBlock), and nothing is lost. How long to wait, and what to do meanwhile, is the stream's. |
-//! | `read` | at least one byte, at most a line in cooked mode |
-//! | `is_flushed` | whether the host has dealt with everything; true where a write would not wait for one |
+//! | `write` | follows the terminal's [`Policy`](crate::Policy), but never waits, as no driver does. Under `Block`, with a host attached, it returns [`WouldBlock`](DeviceError::WouldBlock), and nothing is lost. The stream decides how long to wait, and what to do meanwhile. |
+//! | `read` | returns at least one byte, and in cooked mode at most a line |
+//! | `is_flushed` | returns whether the host has acknowledged everything; true if a write would not wait for a host |
 //!
 //! Errors of the terminal are [`DeviceError::Device`] with these bits: [`END_OF_FILE`],
 //! [`INTERRUPTED`], [`UNREACHABLE`].
@@ -103,27 +104,27 @@ use crate::console::{ring, room_for};
 use crate::sync::Word;
 use crate::terminal::Terminal;
 
-/// Somebody typed the end of the file, which this reports once; a read of no bytes, which would
-/// say so elsewhere, means to a stream that there is nothing yet.
+/// The character for the end of the file was typed; it is reported once. (A read of 0 bytes cannot
+/// report it here: to a stream that means that there is no input yet.)
 pub const END_OF_FILE: u8 = 1;
-/// Somebody typed the character that interrupts, which this reports once.
+/// The character that interrupts was typed; it is reported once.
 pub const INTERRUPTED: u8 = 2;
-/// The terminal's memory cannot be reached.
+/// The terminal's memory cannot be accessed.
 pub const UNREACHABLE: u8 = 4;
 
-/// The terminals of a program, as [`Tty`] finds them; for the program to implement.
+/// The terminals of a program, where [`Tty`] finds them. The program implements it.
 pub trait Terminals: Sync + 'static {
-    /// The terminal at the place `base`; `None` as long as there is none.
+    /// Returns the terminal at the place `base`; `None` as long as there is none.
     ///
-    /// Places are those that the program gave to `device_switch!`. They are numbers of its choice,
-    /// of which none is the address of a board in the same switch.
+    /// Places are those that the program gave to `device_switch!`. They are numbers of its choice;
+    /// none may be the address of a board in the same switch.
     fn terminal(base: usize) -> Option<&'static dyn AnyTerminal>;
 }
 
-/// A [`TerminalBoard`], whatever its window, its mailbox and the size of its queue are.
+/// A [`TerminalBoard`] with any window, mailbox and size of queue.
 pub trait AnyTerminal: Sync + sealed::Transfers {}
 
-/// A terminal, and the mailbox by which its host hears of output.
+/// A terminal, with the mailbox that tells the host of output.
 #[derive(Debug)]
 pub struct TerminalBoard<'t, W, X, M: ?Sized, const IN: usize> {
     terminal: &'t Terminal<W, X, IN>,
@@ -138,7 +139,7 @@ where
     X: Exclusion,
     M: Messenger + ?Sized,
 {
-    /// `terminal`, with the mailbox of its processor.
+    /// Makes a board of `terminal`, with the mailbox of its processor.
     pub fn new(terminal: &'t Terminal<W, X, IN>, messenger: &'t M) -> Self {
         Self {
             terminal,

@@ -1,15 +1,15 @@
-//! What can go wrong on the processor's side.
+//! Errors on the processor's side.
 
 use condor_mbox::{AccessError, Error as MailboxError};
 use embedded_io::ErrorKind;
 
 use crate::layout::{ALIGNMENT, MAX_CAPACITY, MIN_CAPACITY};
 
-/// Why there is no terminal.
+/// The reason for which a terminal cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TerminalError {
-    /// Its memory cannot be reached.
+    /// Its memory cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
     /// The ring's size is not a power of two, or out of range.
@@ -18,34 +18,34 @@ pub enum TerminalError {
         /// The size that was asked for, in bytes.
         capacity: u32,
     },
-    /// The block would begin where no message can name it.
+    /// The block would begin at an offset that messages cannot express.
     #[error("offset {offset:#x} is no multiple of {ALIGNMENT} below 2^30")]
     Offset {
-        /// Where it would begin, in bytes.
+        /// The offset, in bytes.
         offset: u32,
     },
 }
 
-/// Why a console did not read or write.
+/// The reason for which a console did not read or write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConsoleError {
-    /// The host made no room in time, or nobody typed anything.
+    /// The host made no room in time, or no input came in time.
     ///
-    /// `write`, `read` and `flush` have lost nothing then; `write_all` and formatted writes give
-    /// up the rest.
+    /// `write`, `read` and `flush` have lost nothing then; `write_all` and formatted writes drop
+    /// the rest.
     #[error("timed out, and {lost} bytes were given up")]
     TimedOut {
-        /// Bytes that were given up, and counted as lost.
+        /// The number of bytes that were dropped and counted as lost.
         lost: usize,
     },
-    /// Somebody typed the character that interrupts, which this reports once.
+    /// The character that interrupts was typed; this is reported once.
     #[error("interrupted from the keyboard")]
     Interrupted,
     /// The terminal's memory is gone.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// The mailbox cannot be waited in.
+    /// The mailbox returned this error during the wait.
     #[error(transparent)]
     Mailbox(#[from] MailboxError),
 }

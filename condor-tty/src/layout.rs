@@ -13,9 +13,9 @@ pub const VERSION: u32 = 1;
 pub const BLOCK_BYTES: u32 = 2 * LINE;
 /// Terminals begin at multiples of this, so that a message has room for a character.
 pub const ALIGNMENT: u32 = LINE;
-/// Bytes that a ring has at least.
+/// The least size of a ring, in bytes.
 pub const MIN_CAPACITY: u32 = 8;
-/// Bytes that a ring has at most.
+/// The greatest size of a ring, in bytes.
 pub const MAX_CAPACITY: u32 = 1 << 30;
 
 /// Offsets, in bytes from the beginning of a block, of the words that the processor writes.
@@ -24,25 +24,25 @@ pub mod processor {
     pub const MAGIC: u32 = 0;
     /// [`VERSION`](super::VERSION).
     pub const VERSION: u32 = 4;
-    /// The life of the terminal; 0 while the block is not in order.
+    /// The life of the terminal; 0 while the block is being initialised.
     pub const LIFE: u32 = 8;
-    /// Bytes of the ring, a power of two.
+    /// The size of the ring in bytes, a power of two.
     pub const CAPACITY: u32 = 12;
-    /// Bytes whose writing has begun.
+    /// The position up to which writing has begun.
     pub const RESERVED: u32 = 16;
-    /// Bytes that have been written.
+    /// The position up to which bytes have been written.
     pub const HEAD: u32 = 20;
-    /// Bytes that found no room.
+    /// The number of bytes for which there was no room.
     pub const LOST: u32 = 24;
-    /// What happens when there is no room.
+    /// The policy for output for which there is no room.
     pub const POLICY: u32 = 28;
     /// The mode, and the character that interrupts.
     pub const MODE: u32 = 32;
-    /// Whether somebody waits for room.
+    /// Whether a program waits for room.
     pub const WAITING: u32 = 36;
-    /// Values of the host's cursor that were not believed.
+    /// The number of values of the host's cursor that were ignored as invalid.
     pub const IGNORED: u32 = 40;
-    /// Characters of input messages that have been taken.
+    /// The number of characters of input messages that have been taken.
     pub const TYPED: u32 = 44;
 }
 
@@ -50,25 +50,25 @@ pub mod processor {
 pub mod host {
     use super::LINE;
 
-    /// Bytes that have been dealt with.
+    /// The position up to which bytes have been acknowledged.
     pub const TAIL: u32 = LINE;
-    /// Who is attached.
+    /// The host that is attached.
     pub const ATTACHED: u32 = LINE + 4;
-    /// The life of the terminal that these words are about.
+    /// The life of the terminal to which these words belong.
     pub const LIFE: u32 = LINE + 8;
-    /// Two records of a tail and of the bytes overwritten before it.
+    /// Two records, each of a tail and of the number of bytes before it that were overwritten.
     pub const RECORDS: [u32; 2] = [LINE + 16, LINE + 24];
 }
 
 /// Bits of [`processor::MODE`].
 pub mod mode {
-    /// Lines are edited here.
+    /// Lines are edited on the processor.
     pub const COOKED: u32 = 1;
     /// A person has stopped the output.
     pub const STOPPED: u32 = 2;
     /// A character has been refused, and the program has read nothing since.
     pub const FULL: u32 = 4;
-    /// Where the character that interrupts begins; 0 if there is none.
+    /// The lowest bit of the character that interrupts; the character is 0 if there is none.
     pub const INTERRUPT_SHIFT: u32 = 8;
 }
 
@@ -82,19 +82,19 @@ pub mod reply {
     pub const FULL: u32 = 2;
 }
 
-/// The vectors of the protocol; both ends must use the same.
+/// The vectors of the protocol; both sides must use the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Vectors {
-    /// To the host: bytes have been written; the data is the terminal's offset.
+    /// A message to the host: bytes have been written; its word is the terminal's offset.
     pub output: Vector,
-    /// To the processor: a character, as [`input_data`] packs it.
+    /// A message to the processor: a character, packed by [`input_data`].
     pub input: Vector,
-    /// To the processor: there is room again; the data is the terminal's offset.
+    /// A message to the processor: there is room again; its word is the terminal's offset.
     pub room: Vector,
 }
 
 impl Vectors {
-    /// 56, 57 and 58.
+    /// The default vectors: 56, 57 and 58.
     pub const DEFAULT: Self = Self {
         output: Vector(56),
         input: Vector(57),
@@ -108,19 +108,19 @@ impl Default for Vectors {
     }
 }
 
-/// The data of an input message: the terminal at `offset` gets `character`.
+/// Returns the word of an input message: `character` for the terminal at `offset`.
 #[must_use]
 pub const fn input_data(offset: u32, character: u8) -> u32 {
     (offset / ALIGNMENT) << 8 | character as u32
 }
 
-/// Whether a terminal can begin at `offset`: a multiple of a line, below 1 GiB.
+/// Returns whether a terminal can begin at `offset`: a multiple of a line, below 1 GiB.
 #[must_use]
 pub const fn is_offset(offset: u32) -> bool {
     offset.is_multiple_of(ALIGNMENT) && offset / ALIGNMENT < 1 << 24
 }
 
-/// Whether a ring can have `capacity` bytes.
+/// Returns whether a ring can have `capacity` bytes.
 #[must_use]
 pub const fn is_capacity(capacity: u32) -> bool {
     capacity.is_power_of_two() && capacity >= MIN_CAPACITY && capacity <= MAX_CAPACITY

@@ -1,27 +1,28 @@
-//! [`Policy`]: what happens to output that finds no room.
+//! [`Policy`]: what happens to output for which there is no room.
 
 use core::time::Duration;
 
-/// What happens to output that finds no room.
+/// The treatment of output for which there is no room.
 ///
-/// Whatever the policy, a [`Poster`](crate::Poster) never waits, and a terminal that no host is
-/// attached to makes nobody wait.
+/// Under every policy, a [`Poster`](crate::Poster) never waits, and no program waits for a terminal
+/// to which no host is attached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Policy {
-    /// The writer waits for the host, if one has attached, for at most `timeout` a write.
+    /// The writer waits for the host, if one has attached, for at most `timeout` per write.
     ///
-    /// A host that died without detaching is waited for: it may come back.
+    /// It also waits for a host that died without detaching, since that may come back.
     Block {
         /// The longest wait of one write.
         timeout: Duration,
     },
-    /// It is dropped and counted.
+    /// The new output is dropped and counted.
     DropNew,
-    /// It overwrites the oldest output that the host has not dealt with, which the host counts.
+    /// The new output overwrites the oldest output that the host has not acknowledged; the host
+    /// counts it.
     DropOld,
 }
 
-/// [`Policy`] as the host sees it, who is not told how long writers wait.
+/// A [`Policy`] without its time-out, as the host sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PolicyKind {
     /// [`Policy::Block`].
@@ -33,7 +34,7 @@ pub enum PolicyKind {
 }
 
 impl Policy {
-    /// What the host is told.
+    /// Returns the kind, which the host can see.
     #[must_use]
     pub const fn kind(self) -> PolicyKind {
         match self {
@@ -45,7 +46,7 @@ impl Policy {
 }
 
 impl PolicyKind {
-    /// The policy that `word` means in shared memory.
+    /// Returns the policy that `word` stands for in shared memory; `None` if it is none.
     #[must_use]
     pub const fn from_word(word: u32) -> Option<Self> {
         match word {
@@ -56,7 +57,7 @@ impl PolicyKind {
         }
     }
 
-    /// What it is in shared memory.
+    /// Returns the word for this policy in shared memory.
     #[must_use]
     pub const fn word(self) -> u32 {
         match self {

@@ -8,12 +8,12 @@ use crate::layout::{
 use crate::policy::PolicyKind;
 use crate::sync::{Ordering, fence};
 
-/// The output of one terminal as a host reads it; any window, no allocation.
+/// The output of one terminal as a host reads it, in any window and without allocation.
 ///
-/// What a host has dealt with is in shared memory, not here: a host that dies, however, is
-/// followed by the next one at the byte where it stopped. What it had dealt with and not
-/// [acknowledged](Self::acknowledge), the next one gets again. Only one host at a time reads a
-/// terminal; who attaches last displaces who was there before.
+/// The position of the host is in shared memory, not here. If a host dies in any way, the next one
+/// continues at the byte where it stopped; it gets again the bytes that were read but not
+/// [acknowledged](Self::acknowledge). Only one host at a time reads a terminal; a host that
+/// attaches displaces the one before.
 ///
 /// ```
 /// use condor_mbox::{CriticalSection, MemoryWindow, Places, Processor, Region, StaticMemory};
@@ -54,29 +54,29 @@ pub struct Reader<W> {
     skipped: u32,
 }
 
-/// What a look at the ring gave.
+/// The result of a read of the ring.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fetched {
-    /// Bytes that were copied.
+    /// The number of bytes that were copied.
     pub len: usize,
-    /// Bytes before them that had been overwritten.
+    /// The number of bytes before them that had been overwritten.
     pub skipped: u32,
 }
 
-/// What is known of a terminal, beside its output.
+/// The state of a terminal, apart from its output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status {
-    /// Bytes that found no room; the processor's count, which wraps.
+    /// The number of bytes for which there was no room, counted by the processor; wraps.
     pub lost: u32,
-    /// Bytes that were overwritten before a host had dealt with them; wraps.
+    /// The number of bytes that were overwritten before a host had acknowledged them; wraps.
     pub overwritten: u32,
-    /// Bytes that have not been dealt with, and are still there.
+    /// The number of bytes in the ring that have not been acknowledged.
     pub unread: u32,
-    /// Values of the host's cursor that the processor did not believe; wraps.
+    /// The number of values of the host's cursor that the processor ignored as invalid; wraps.
     pub ignored: u32,
-    /// Characters of hosts that the terminal has taken in this life; wraps.
+    /// The number of characters from hosts that the terminal has taken in this life; wraps.
     pub typed: u32,
-    /// What happens to output that finds no room; `None` if the word is of no policy.
+    /// The policy for output for which there is no room; `None` if the word in memory is invalid.
     pub policy: Option<PolicyKind>,
     /// Whether lines are edited on the processor.
     pub cooked: bool,
@@ -88,11 +88,11 @@ pub struct Status {
     pub interrupt: Option<u8>,
 }
 
-/// Why a terminal cannot be read.
+/// The reason for which a terminal cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReaderError {
-    /// Its memory cannot be reached.
+    /// Its memory cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
     /// There is no terminal of this layout.
@@ -101,23 +101,23 @@ pub enum ReaderError {
          magic {magic:#x}"
     )]
     NoTerminal {
-        /// Where it was looked for.
+        /// The offset at which it should be.
         offset: u32,
-        /// The word where the magic number would be.
+        /// The word in the place of the magic number.
         magic: u32,
-        /// The word where the version would be.
+        /// The word in the place of the version.
         version: u32,
     },
-    /// Its processor is putting it in order: try again.
+    /// Its processor is initialising it: try again.
     #[error("the terminal at offset {offset:#x} is not ready")]
     NotReady {
-        /// Where it is.
+        /// Its offset.
         offset: u32,
     },
-    /// Its processor has begun it anew: attach again.
+    /// Its processor has made it anew: attach again.
     #[error("the terminal at offset {offset:#x} has a new life, {life}")]
     Restarted {
-        /// Where it is.
+        /// Its offset.
         offset: u32,
         /// Its present life.
         life: u32,
@@ -125,19 +125,19 @@ pub enum ReaderError {
     /// Another host has attached.
     #[error("another host is attached to the terminal at offset {offset:#x}: {attached:#x}")]
     Displaced {
-        /// Where it is.
+        /// Its offset.
         offset: u32,
         /// The word of the host that is attached.
         attached: u32,
     },
-    /// The processor's words are such as no terminal writes.
+    /// One of the processor's words has a value that no terminal writes.
     #[error("the terminal at offset {offset:#x} is broken: word {word} is {value:#x}")]
     Broken {
-        /// Where it is.
+        /// Its offset.
         offset: u32,
         /// Offset of the word in the block.
         word: u32,
-        /// What is there.
+        /// The value of the word.
         value: u32,
     },
 }
@@ -147,14 +147,18 @@ pub enum ReaderError {
 const ATTEMPTS: u32 = 4;
 
 impl<W: MemoryWindow> Reader<W> {
-    /// Attaches the host `me` to the terminal at `offset` of `region`, its processor's.
+    /// Attaches the host `me` to the terminal at `offset` of `region`, the users' region of its
+    /// processor.
     ///
-    /// From then on the processor's [`Policy::Block`](crate::Policy::Block) waits, and its messages
-    /// go to `me`. A terminal whose output nobody has read yet is read from the oldest byte that is
-    /// still there.
+    /// From then on writers with [`Policy::Block`](crate::Policy::Block) wait for the host, and the
+    /// processor's messages go to `me`. If no host has read the terminal yet, reading begins with
+    /// the oldest byte that is still there.
     ///
     /// # Errors
-    /// [`ReaderError`], except `Displaced`.
+    /// [`ReaderError::NoTerminal`] if there is none of this layout, [`ReaderError::NotReady`] if it
+    /// is being initialised, [`ReaderError::Restarted`] if it was made anew meanwhile,
+    /// [`ReaderError::Broken`] if a word is invalid, [`ReaderError::Access`] if the memory cannot
+    /// be accessed.
     pub fn attach(region: Region<W>, offset: u32, me: Processor) -> Result<Self, ReaderError> {
         let mut this = Self {
             region,
@@ -240,10 +244,12 @@ impl<W: MemoryWindow> Reader<W> {
         self.store(words::LIFE, self.life, StoreOrder::Release)
     }
 
-    /// Copies what follows the acknowledged bytes, as much as there is and `into` has room for.
+    /// Copies the bytes after the acknowledged ones into `into`, as many as there are and fit.
     ///
     /// # Errors
-    /// [`ReaderError`], except `NoTerminal` and `NotReady`.
+    /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
+    /// terminal was made anew, [`ReaderError::Broken`] if a word is invalid,
+    /// [`ReaderError::Access`] if the memory cannot be accessed.
     pub fn fetch(&mut self, into: &mut [u8]) -> Result<Fetched, ReaderError> {
         self.check_attached()?;
         self.begin = self.tail;
@@ -329,11 +335,12 @@ impl<W: MemoryWindow> Reader<W> {
         Ok(())
     }
 
-    /// Says that the next `count` bytes of the last fetch, and what was overwritten before them,
-    /// have been dealt with; gives whether the processor waits for room, and wants a message.
+    /// Acknowledges the next `count` bytes of the last fetch, and bytes that were overwritten
+    /// before them. Returns whether the processor waits for room and wants a message.
     ///
     /// # Errors
-    /// [`ReaderError::Displaced`], [`ReaderError::Restarted`], [`ReaderError::Access`].
+    /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
+    /// terminal was made anew, [`ReaderError::Access`] if the memory cannot be accessed.
     pub fn acknowledge(&mut self, count: usize) -> Result<bool, ReaderError> {
         self.check_attached()?;
         let fetched = self.end.wrapping_sub(self.begin) as usize;
@@ -365,19 +372,19 @@ impl<W: MemoryWindow> Reader<W> {
         Ok(())
     }
 
-    /// Detaches: from now on nobody waits for this host.
+    /// Detaches: from now on no program waits for this host.
     ///
     /// # Errors
-    /// As [`acknowledge`](Self::acknowledge).
+    /// Those of [`acknowledge`](Self::acknowledge).
     pub fn detach(self) -> Result<(), ReaderError> {
         self.check_attached()?;
         Ok(self.store(words::ATTACHED, self.attached & !0xff, StoreOrder::Release)?)
     }
 
-    /// What is known of the terminal beside its output.
+    /// Returns the state of the terminal, apart from its output.
     ///
     /// # Errors
-    /// The window's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn status(&self) -> Result<Status, AccessError> {
         let word = |word| self.load(word, LoadOrder::Relaxed);
         let behind = word(processor::RESERVED)?.wrapping_sub(self.tail);
@@ -399,25 +406,25 @@ impl<W: MemoryWindow> Reader<W> {
         })
     }
 
-    /// Where the terminal is in its processor's region, in bytes.
+    /// Returns the offset of the terminal in its processor's region, in bytes.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.offset
     }
 
-    /// The life of the terminal that this host is attached to.
+    /// Returns the life of the terminal to which this host is attached.
     #[must_use]
     pub const fn life(&self) -> u32 {
         self.life
     }
 
-    /// Bytes of this life's output that have been acknowledged or were overwritten; wraps.
+    /// Returns how many bytes of this life's output have been acknowledged or overwritten; wraps.
     #[must_use]
     pub const fn position(&self) -> u32 {
         self.tail
     }
 
-    /// Bytes of the ring.
+    /// Returns the size of the ring, in bytes.
     #[must_use]
     pub const fn capacity(&self) -> u32 {
         self.capacity

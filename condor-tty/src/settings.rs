@@ -1,35 +1,37 @@
-//! [`Settings`]: how a terminal treats what is typed and what is written.
+//! [`Settings`]: the treatment of input and output by a terminal.
 
 /// Whether lines are edited before the program gets them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// The program gets whole lines, which a person could edit; [`Characters`] have their effects.
+    /// The program gets whole lines, after a person has edited them; [`Characters`] have their
+    /// effects.
     Cooked,
     /// The program gets every character as it is, at once.
     Raw,
 }
 
-/// The characters that do something in [`Mode::Cooked`]; 0 stands for none.
+/// The characters that have effects in [`Mode::Cooked`]; 0 means that there is no such character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Characters {
-    /// Takes back the last character; backspace (8) always does, too.
+    /// Deletes the last character; backspace (8) always does so, too.
     pub erase: u8,
-    /// Takes back the last word, and the blanks after it.
+    /// Deletes the last word, and the blanks after it.
     pub kill_word: u8,
-    /// Takes back the line.
+    /// Deletes the line.
     pub kill_line: u8,
-    /// Gives the program the line as it stands; at its beginning, the end of the file.
+    /// Passes the unfinished line to the program; at the beginning of a line, it is the end of the
+    /// file.
     pub end_of_file: u8,
-    /// Interrupts: drops what has been typed, and tells the program, even if the queue is full.
+    /// Interrupts: drops typed characters, and notifies the program, even if the queue is full.
     pub interrupt: u8,
     /// Stops the output on the host.
     pub stop: u8,
-    /// Lets it go on.
+    /// Continues the output.
     pub start: u8,
 }
 
 impl Characters {
-    /// Those of Unix: delete, ^W, ^U, ^D, ^C, ^S, ^Q.
+    /// The characters of Unix: delete, ^W, ^U, ^D, ^C, ^S, ^Q.
     pub const UNIX: Self = Self {
         erase: 0x7f,
         kill_word: 0x17,
@@ -41,21 +43,21 @@ impl Characters {
     };
 }
 
-/// How a terminal treats what is typed and what is written.
+/// The treatment of input and output by a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Whether lines are edited.
     pub mode: Mode,
-    /// Whether what is typed is shown.
+    /// Whether typed characters are shown.
     pub echo: bool,
     /// Whether a newline is sent to the host as carriage return and newline.
     pub newlines: bool,
-    /// The characters that edit.
+    /// The characters with effects.
     pub characters: Characters,
 }
 
 impl Settings {
-    /// Lines, echo, newlines as terminals want them: what a terminal begins with.
+    /// The default: edited lines, echo, and newlines as terminals need them.
     pub const COOKED: Self = Self {
         mode: Mode::Cooked,
         echo: true,
@@ -63,7 +65,7 @@ impl Settings {
         characters: Characters::UNIX,
     };
 
-    /// Every byte as it is, in both directions, and no echo.
+    /// Unchanged bytes in both directions, without echo.
     pub const RAW: Self = Self {
         mode: Mode::Raw,
         echo: false,

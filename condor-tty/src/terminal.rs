@@ -1,4 +1,4 @@
-//! [`Terminal`]: a terminal as its processor has it.
+//! [`Terminal`]: the processor's side of a terminal.
 
 use core::time::Duration;
 
@@ -22,10 +22,10 @@ use crate::settings::Settings;
 ///
 /// | context | reads and writes through |
 /// |---|---|
-/// | background | a [`Console`], which waits as the [`Policy`] says, and serves meanwhile |
-/// | handler, interrupt, servo loop | a [`Poster`], which never waits: what finds no room is lost, and counted |
+/// | background | a [`Console`], which waits as the [`Policy`] says, and serves messages meanwhile |
+/// | handler, interrupt, servo loop | a [`Poster`], which never waits: bytes without room are lost and counted |
 ///
-/// It begins with [`Settings::COOKED`] and [`Policy::DropNew`].
+/// The initial settings are [`Settings::COOKED`] and [`Policy::DropNew`].
 ///
 /// ```
 /// use std::time::Duration;
@@ -65,25 +65,28 @@ pub struct Terminal<W, X, const IN: usize> {
     vectors: Vectors,
 }
 
-/// What became of a character that was typed.
+/// The fate of a typed character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Accepted {
     /// It has been taken.
     Taken,
     /// It has been taken, and interrupts the program.
     Interrupts,
-    /// There is no room until the program reads: keep it.
+    /// There is no room until the program reads: the caller must keep the character.
     Full,
 }
 
 impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
-    /// A new terminal at the next of `places` in `own`, the processor's own region, with a ring
-    /// of `capacity` bytes, a power of two.
+    /// Makes a terminal in the next of `places` in `own`, the users' region of the processor, with
+    /// a ring of `capacity` bytes, a power of two.
     ///
-    /// A host that was attached to a former life at the same place notices, and attaches anew.
+    /// A host that was attached to a former life at the same place notices the change, and attaches
+    /// again.
     ///
     /// # Errors
-    /// [`TerminalError`].
+    /// [`TerminalError::Capacity`] if the size of the ring is not allowed,
+    /// [`TerminalError::Offset`] if the place is too far into the region, [`TerminalError::Access`]
+    /// if there is no room.
     pub fn new(
         own: Region<W>,
         places: &mut Places,
@@ -103,24 +106,25 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         Ok(this)
     }
 
-    /// With other vectors than [`Vectors::DEFAULT`].
+    /// Uses these vectors instead of [`Vectors::DEFAULT`].
     #[must_use]
     pub fn with_vectors(self, vectors: Vectors) -> Self {
         Self { vectors, ..self }
     }
 
-    /// Where the terminal is in the processor's region, in bytes: by this the host names it.
+    /// Returns the offset of the terminal in the processor's region, in bytes; hosts address it by
+    /// this.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.output.offset()
     }
 
-    /// The terminal for the background: reads, and writes as the policy says.
+    /// Returns the terminal for the background, which reads, and writes as the policy says.
     pub const fn console<'t, M: Messenger>(&'t self, messenger: &'t M) -> Console<'t, W, X, M, IN> {
         Console::new(self, messenger)
     }
 
-    /// The terminal for servo loops, handlers and interrupts: writes, and never waits.
+    /// Returns the terminal for servo loops, handlers and interrupts, which writes and never waits.
     pub const fn poster<'t, M: Messenger + ?Sized>(
         &'t self,
         messenger: &'t M,
@@ -128,14 +132,15 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         Poster::new(self, messenger)
     }
 
-    /// Handles a message of the host: what runs for the vectors of input and room.
+    /// Handles a message of the host. The handlers for the vectors of input and room call this.
     ///
-    /// Gives the reply, [`reply::NO_TERMINAL`] if the message is for another terminal.
+    /// Returns the reply; [`reply::NO_TERMINAL`] if the message is for another terminal.
     pub fn receive(&self, call: &Call<'_>) -> u32 {
         self.receive_and(call, || ())
     }
 
-    /// As [`receive`](Self::receive), and calls `on_interrupt` if the character interrupts.
+    /// Handles a message as [`receive`](Self::receive) does, and calls `on_interrupt` if the
+    /// character interrupts.
     pub fn receive_and(&self, call: &Call<'_>, on_interrupt: impl FnOnce()) -> u32 {
         if call.vector() == self.vectors.room {
             // It has ended the wait of whom it was for.
@@ -165,12 +170,12 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         }
     }
 
-    /// Takes a character that was typed elsewhere than at the host, such as at a serial line.
+    /// Takes a character that was typed somewhere else than at the host, such as at a serial line.
     ///
-    /// Its echo waits in the ring until the next message or look of the host.
+    /// Its echo waits in the ring until the next message to the host, or the host's next read.
     ///
     /// # Errors
-    /// The window's; the character has been taken all the same.
+    /// [`AccessError`] if the memory cannot be accessed; the character has been taken all the same.
     pub fn accept(&self, character: u8) -> Result<Accepted, AccessError> {
         self.accept_and(character, |_, _, _| ())
     }
@@ -316,71 +321,73 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         })
     }
 
-    /// Changes how what is typed and written is treated.
+    /// Changes the settings.
     ///
-    /// In raw mode the line that was being edited can be read as it stands.
+    /// In raw mode the program can read an unfinished line as it stands.
     ///
     /// # Errors
-    /// The window's; the settings hold all the same.
+    /// [`AccessError`] if the memory cannot be accessed; the settings apply all the same.
     pub fn configure(&self, settings: &Settings) -> Result<(), AccessError> {
         self.telling_mode(|| self.input.configure(settings)).1
     }
 
-    /// How what is typed and written is treated.
+    /// Returns the settings.
     pub fn settings(&self) -> Settings {
         self.exclusive(|| self.input.settings())
     }
 
-    /// Chooses what happens to output that finds no room.
+    /// Sets the policy for output for which there is no room.
     ///
     /// # Errors
-    /// The window's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn set_policy(&self, policy: Policy) -> Result<(), AccessError> {
         self.output.set_policy(policy)
     }
 
-    /// What happens to output that finds no room.
+    /// Returns the policy for output for which there is no room.
     pub fn policy(&self) -> Policy {
         self.output.policy()
     }
 
-    /// Whether somebody has typed the character that interrupts since the last time that this, or
-    /// a read, said so.
+    /// Returns whether the character that interrupts was typed since this method, or a read, last
+    /// reported it.
     pub fn take_interrupt(&self) -> bool {
         self.exclusive(|| self.input.take_interrupt())
     }
 
-    /// The host that is attached, which may be dead.
+    /// Returns the host that is attached; it may be dead.
     ///
     /// # Errors
-    /// The window's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn attached(&self) -> Result<Option<Processor>, AccessError> {
         self.output.attached()
     }
 
-    /// Bytes of the ring that the host has not dealt with; at most its capacity.
+    /// Returns how many bytes of the ring the host has not acknowledged; at most its capacity.
     ///
     /// # Errors
-    /// The window's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn unread(&self) -> Result<u32, AccessError> {
         self.output.unread()
     }
 
-    /// Bytes that found no room and were given up; wraps. What [`Policy::DropOld`] overwrites is
-    /// counted by the host, who alone knows what it has seen.
+    /// Returns the number of bytes that were dropped because there was no room; wraps. The host
+    /// counts bytes that [`Policy::DropOld`] overwrites, since only the host knows which it has
+    /// read.
     pub fn lost(&self) -> u32 {
         self.output.lost()
     }
 
-    /// Values of the host's cursor that no host of this layout writes; wraps.
+    /// Returns the number of values of the host's cursor that no host of this layout writes; wraps.
     ///
-    /// Each was ignored. The cursor of a host that comes back late after the policy changed from
-    /// [`Policy::DropOld`] may be among them.
+    /// Each was ignored. They may include the cursor of a host that comes back late after the
+    /// policy changed from [`Policy::DropOld`].
     pub fn ignored(&self) -> u32 {
         self.output.ignored()
     }
 
-    /// Characters that were typed into a line that was as long as the queue; wraps.
+    /// Returns the number of characters that were typed into a line already as long as the queue;
+    /// wraps.
     pub fn overlong(&self) -> u32 {
         self.exclusive(|| self.input.overlong())
     }

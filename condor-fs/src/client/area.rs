@@ -1,13 +1,13 @@
-//! [`Area`]: where a client's blocks are in its window.
+//! [`Area`]: the places of a client's blocks in its window.
 
 use condor_mbox::{AccessError, Call, Places};
 
 use crate::wire::{block, slot, table};
 
-/// The places of a client with up to `FILES` open files, in the users' region of its own `data`.
+/// The memory of a client with up to `FILES` open files, in the users' region of its own `data`.
 ///
-/// It is laid out before the mailbox is made, because the mailbox borrows the
-/// [handler](Self::handler) by which the server asks for the open files.
+/// Make it before the mailbox, because the mailbox borrows the [handler](Self::handler) by which
+/// the server asks for the open files.
 ///
 /// ```
 /// use condor_fs::Area;
@@ -31,13 +31,13 @@ pub struct Area<const FILES: usize> {
 }
 
 impl<const FILES: usize> Area<FILES> {
-    /// Takes its room from `places`: paths of up to `path_bytes` bytes, and a buffer of
+    /// Takes memory from `places`: room for paths of up to `path_bytes` bytes, and a buffer of
     /// `buffer_bytes` bytes for every file; both are rounded up to whole words.
     ///
-    /// A directory's buffer must hold its longest name and 16 bytes.
+    /// The buffer of a directory must hold its longest name and 16 bytes.
     ///
     /// # Errors
-    /// `OutOfBounds` if there is no room.
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub const fn new(
         places: &mut Places,
         path_bytes: u32,
@@ -78,7 +78,8 @@ impl<const FILES: usize> Area<FILES> {
         })
     }
 
-    /// What a mailbox does for [`OPEN_FILES`](crate::wire::OPEN_FILES): it tells where the table is.
+    /// Returns the handler for [`OPEN_FILES`](crate::wire::OPEN_FILES), which tells the server the
+    /// offset of the table.
     pub fn handler(self) -> impl Fn(&Call<'_>) -> u32 + Sync {
         move |_| self.table
     }

@@ -1,13 +1,13 @@
-//! [`Buffer`]: window memory that is owned, so that it can be lent to the server whole.
+//! [`Buffer`]: owned memory of the window, which can be lent to the server.
 
 use condor_mbox::{AccessError, MemoryWindow, Places, Region};
 
 use super::error::Error;
 
-/// Memory of the own window for the calls without a copy, which take it and give it back.
+/// Memory of the own window for the calls without a copy, which take it and return it.
 ///
-/// While the server may read or write it, nobody else has it: a borrowed slice could still be
-/// written after the time-out of the call.
+/// While the server may read or write it, the program does not have it: the server could still
+/// write to a borrowed slice after the time-out of a call.
 #[derive(Debug)]
 pub struct Buffer<W> {
     memory: Region<W>,
@@ -15,11 +15,12 @@ pub struct Buffer<W> {
 }
 
 impl<W: MemoryWindow + Clone> Buffer<W> {
-    /// The next `bytes` bytes, a multiple of four, of `places` in `own`, the users' region of the
+    /// Takes `bytes` bytes, a multiple of four, from `places` in `own`, the users' region of the
     /// processor's own `data`.
     ///
     /// # Errors
-    /// `OutOfBounds` if there is no room; `Misaligned` for part of a word.
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no room, `Misaligned` if `bytes` is
+    /// not a multiple of four.
     pub fn new(own: &Region<W>, places: &mut Places, bytes: u32) -> Result<Self, AccessError> {
         let offset = places.bytes(bytes as usize)?;
         Ok(Self {
@@ -30,7 +31,7 @@ impl<W: MemoryWindow + Clone> Buffer<W> {
 }
 
 impl<W: MemoryWindow> Buffer<W> {
-    /// The memory, with offsets from its own beginning.
+    /// Returns the memory, with offsets from its own beginning.
     pub fn memory(&self) -> &Region<W> {
         &self.memory
     }
@@ -40,16 +41,17 @@ impl<W: MemoryWindow> Buffer<W> {
     }
 }
 
-/// What a call without a copy gives back: how many bytes were moved, and the buffer.
+/// The result of a call without a copy: the number of bytes that were moved, and the buffer.
 pub type Lent<W> = Result<(usize, Buffer<W>), Kept<W>>;
 
-/// A call without a copy that failed.
+/// The error of a call without a copy, with the buffer.
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
 pub struct Kept<W> {
-    /// Why.
+    /// The error.
     pub error: Error,
-    /// The buffer; `None` if the operation is in doubt: then
-    /// [`FileSystem::take_buffer`](super::FileSystem::take_buffer) gives it once it no longer is.
+    /// The buffer; `None` if the operation is in doubt. Then
+    /// [`FileSystem::take_buffer`](super::FileSystem::take_buffer) returns it when the operation
+    /// has ended.
     pub buffer: Option<Buffer<W>>,
 }

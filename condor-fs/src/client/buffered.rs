@@ -1,4 +1,5 @@
-//! [`FileReader`] and [`FileWriter`]: many small reads or writes in one call of the server.
+//! [`FileReader`] and [`FileWriter`]: combine many small reads or writes into one call of the
+//! server.
 
 use core::fmt;
 
@@ -9,14 +10,14 @@ use super::{Error, File, whole};
 use crate::errno::Errno;
 use crate::wire::Operation;
 
-/// Reads a file in pieces of the buffer that it has in the window, and gives them out in any size.
+/// Reads a file in pieces of its buffer in the window, and returns them in any size.
 ///
-/// `N` bytes of them, a multiple of four, are held outside of the window, for
-/// [`BufRead::fill_buf`]: memory of the window cannot be a slice. The server is asked once for as
-/// much as the file's buffer in the [`Area`](super::Area) holds, whatever `N` is.
+/// `N` bytes, a multiple of four, are copied out of the window at a time for [`BufRead::fill_buf`],
+/// because memory of the window cannot be a slice. One request to the server reads as much as the
+/// file's buffer in the [`Area`](super::Area) holds, whatever `N` is.
 ///
-/// Nothing is lost or read twice by an error, nor by a time-out: what the operation turns out to
-/// have read is what comes next.
+/// Nothing is lost or read twice after an error or a time-out: if the operation turns out to have
+/// read bytes, these come next.
 pub struct FileReader<
     'f,
     'm,
@@ -34,15 +35,16 @@ pub struct FileReader<
     asked: Asked,
 }
 
-/// Writes a file in pieces of the buffer that it has in the window: small writes are gathered there
-/// and become one call of the server when it is full, or on [`Write::flush`].
+/// Writes a file through its buffer in the window: small writes are collected there. One request to
+/// the server writes them when the buffer is full, or at [`Write::flush`].
 ///
-/// Nothing is lost by an error: a call that fails has taken nothing, and what was taken before and
-/// the server has not is [held](Self::held) until a later call gets rid of it. After a time-out,
-/// too: what the operation turns out to have written is not written again.
+/// Nothing is lost by an error. A call that fails has taken nothing; bytes that were taken before
+/// and not written are [held](Self::held) until a later call writes them. This also holds after a
+/// time-out: bytes that turn out to have been written are not written again.
 ///
-/// Dropping it drops what is held. [`close`](Self::close) and [`into_inner`](Self::into_inner) tell
-/// what could not be written, and give the writer back.
+/// Dropping the writer drops the bytes that it holds. [`close`](Self::close) and
+/// [`into_inner`](Self::into_inner) return an error, with the writer, if bytes could not be
+/// written.
 pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     file: File<'f, 'm, S, W, FILES>,
     /// How many bytes of the file's buffer are to be written.
@@ -50,11 +52,12 @@ pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILE
     asked: Asked,
 }
 
-/// A writer that could not write what it holds.
+/// A writer that could not write the bytes that it holds.
 pub struct Unwritten<T> {
-    /// Why.
+    /// The error.
     pub error: Error,
-    /// The writer, with what it holds; `None` if all was written, and closing the file failed.
+    /// The writer, with the bytes that it holds; `None` if all were written, and closing the file
+    /// failed.
     pub writer: Option<T>,
 }
 
@@ -75,7 +78,8 @@ impl Part {
 type Asked = Option<u64>;
 
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
-    /// Reads with a buffer, from the position on; `N` bytes of it are in the reader itself.
+    /// Makes a buffered reader, which begins at the position of the file and has `N` bytes of its
+    /// own.
     #[must_use]
     pub fn reader<const N: usize>(self) -> FileReader<'f, 'm, S, W, FILES, N> {
         const { assert!(N > 0 && N.is_multiple_of(4), "words come out of the window") };
@@ -88,7 +92,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         }
     }
 
-    /// Writes with a buffer: the file's own, in the window.
+    /// Makes a buffered writer, which uses the file's buffer in the window.
     #[must_use]
     pub fn writer(self) -> FileWriter<'f, 'm, S, W, FILES> {
         FileWriter {
@@ -129,18 +133,18 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
     FileReader<'f, 'm, S, W, FILES, N>
 {
-    /// Where the next read begins, in bytes from the beginning of the file.
+    /// Returns the position of the next read, in bytes from the beginning of the file.
     ///
     /// # Errors
-    /// As [`File::position`].
+    /// Those of [`File::position`].
     pub fn position(&self) -> Result<u64, Error> {
         Ok(self.file.position()?.saturating_sub(self.ahead()))
     }
 
-    /// The file, at the position of the reader.
+    /// Returns the file, at the position of the reader.
     ///
     /// # Errors
-    /// As [`File::seek`]. The file is then dropped.
+    /// Those of [`File::seek`]; the file is dropped then.
     pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Error> {
         self.seek(SeekFrom::Current(0))?;
         Ok(self.file)
@@ -272,16 +276,16 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     FileWriter<'f, 'm, S, W, FILES>
 {
-    /// How many bytes were taken and are not known to be written.
+    /// Returns how many bytes were taken and are not known to be written.
     #[must_use]
     pub const fn held(&self) -> u32 {
         self.held
     }
 
-    /// The file, when all is written.
+    /// Writes the bytes that are held, and returns the file.
     ///
     /// # Errors
-    /// [`Unwritten`], with the writer.
+    /// [`Unwritten`] with the writer if that fails.
     pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Unwritten<Self>> {
         match self.flush() {
             Ok(()) => Ok(self.file),
@@ -292,10 +296,11 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         }
     }
 
-    /// Writes what is held and closes the file.
+    /// Writes the bytes that are held, and closes the file.
     ///
     /// # Errors
-    /// [`Unwritten`]: with the writer if not all was written; else as [`File::close`].
+    /// [`Unwritten`]: with the writer if not all bytes were written; otherwise with the error of
+    /// [`File::close`].
     pub fn close(self) -> Result<(), Unwritten<Self>> {
         let writer = None;
         (self.into_inner()?.close()).map_err(|error| Unwritten { error, writer })

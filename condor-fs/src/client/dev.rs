@@ -1,9 +1,9 @@
 //! Files by the descriptors of `condor-dev`: feature `dev`.
 //!
-//! A [`FileSwitch`] is a device switch with the host's files beside its boards: names that begin with
-//! `fs/` are files, all others boards, and a descriptor of either is read, written and closed in the
-//! same way. It is a [`Descriptors`], so a [`Stream`](condor_dev::Stream) of a file and all of
-//! [`condor_dev::stdio`] work over it, standard input and output among them.
+//! A [`FileSwitch`] is a device switch that also has the host's files. Names that begin with `fs/`
+//! are files; all others are boards. A descriptor of either is read, written and closed in the same
+//! way. The switch implements [`Descriptors`], so a [`Stream`](condor_dev::Stream) of a file and
+//! all of [`condor_dev::stdio`], including standard input and output, work with it.
 
 use core::fmt::Debug;
 use core::mem::ManuallyDrop;
@@ -22,14 +22,13 @@ use crate::wire::open as flag;
 /// What the names of files begin with, behind the colon that any name may have.
 const PREFIX: &str = "fs/";
 
-/// A device switch and the files of a host, by one kind of name and descriptor.
+/// A device switch and the files of a host, with common names and descriptors.
 ///
-/// `F` are the descriptors of the switch, `FILES` those of files, which have the numbers behind
-/// them.
+/// `F` is the number of descriptors for boards, `FILES` that for files, whose numbers follow.
 ///
-/// Nobody waits for anybody else's use of a file: in a context that interrupts one, a file is
-/// [`IoError::WouldBlock`], and nothing happens to it. Unlike a device, a file is waited for: a
-/// call lasts as long as the [`FileSystem`] lets it. Servo loops leave text with
+/// A call never waits for another context that uses a file: in a context that interrupts such a
+/// use, it returns [`IoError::WouldBlock`] and does nothing. Unlike a device, a file itself is
+/// waited for: a call lasts as long as the [`FileSystem`] permits. Servo loops print by
 /// [`post!`](condor_dev::post!) instead.
 pub struct FileSwitch<
     'd,
@@ -59,19 +58,19 @@ struct Location {
     mode: Option<Mode>,
 }
 
-/// Why nothing was opened.
+/// The reason for which nothing was opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError<'n> {
-    /// The switch, or a board or mode that files do not have.
+    /// The switch refused; or the board or the mode is not one that files have.
     #[error("{0}")]
     Device(condor_dev::OpenError<'n>),
-    /// The file: with its error number, if it has one.
+    /// The file could not be opened; the error has its number, if it has one.
     #[error("{name}: {error}")]
     File {
-        /// What was asked for.
+        /// The requested name.
         name: &'n str,
-        /// Why not.
+        /// The error.
         error: Error,
     },
 }
@@ -82,14 +81,14 @@ impl<'n> From<condor_dev::OpenError<'n>> for OpenError<'n> {
     }
 }
 
-/// What is behind a descriptor failed; to `condor-dev` this is the error of a bus.
+/// The error of the board or file of a descriptor; for `condor-dev` it is the error of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TransferError<E: Debug> {
-    /// The bus of a board.
+    /// The bus of a board returned this error.
     #[error("{0}")]
     Device(E),
-    /// The file system: with its error number, if it has one.
+    /// The file system returned this error, with its number if it has one.
     #[error(transparent)]
     File(#[from] Error),
 }
@@ -120,7 +119,7 @@ where
     S: Messenger + ?Sized,
     W: MemoryWindow,
 {
-    /// The boards of `devices` and the files of `system`.
+    /// Makes a switch of the boards of `devices` and the files of `system`.
     #[must_use]
     pub const fn new(devices: &'d Switch<B, C, D, F>, system: FileSystem<'m, S, W, FILES>) -> Self {
         const {
@@ -146,12 +145,13 @@ where
     /// with a colon.
     ///
     /// A file is board 0. For [`Mode::READ`] it must exist. With [`Mode::WRITE`] it is made if it
-    /// does not, and what is written is added at its end, so that nothing that was written before
-    /// is lost; [`open_file`](Self::open_file) opens in all other ways. No file can be
-    /// [`Mode::EXCLUSIVE`]: the host's own programs have it, too.
+    /// does not exist, and text is appended, so that nothing that was written before is lost;
+    /// [`open_file`](Self::open_file) has all other ways of opening. A file cannot be
+    /// [`Mode::EXCLUSIVE`], since the host's own programs can access it, too.
     ///
     /// # Errors
-    /// [`OpenError`].
+    /// [`OpenError::Device`] if the switch refuses, or if board or mode do not exist for files;
+    /// [`OpenError::File`] if the file cannot be opened.
     pub fn open<'n>(&self, name: &'n str, board: u8, mode: Mode) -> Result<Fd, OpenError<'n>> {
         let plain = name.strip_prefix(':').unwrap_or(name);
         let Some(path) = plain.strip_prefix(PREFIX) else {
@@ -180,10 +180,11 @@ where
             .map_err(|error| OpenError::File { name, error })
     }
 
-    /// Opens the file at `path`, as [`FileSystem::open`].
+    /// Opens the file at `path` as [`FileSystem::open`] does.
     ///
     /// # Errors
-    /// As there; [`Errno::BUSY`] in the middle of somebody else's use of a file.
+    /// Those of [`FileSystem::open`]; [`Errno::BUSY`] if this context interrupts another use of a
+    /// file.
     pub fn open_file(&self, path: impl AsRef<[u8]>, options: OpenOptions) -> Result<Fd, Error> {
         let mut files = self.files.claim().ok_or(Errno::BUSY)?;
         let index = files.system.open_block(path.as_ref(), options.flags())?;
@@ -195,12 +196,12 @@ where
         Ok(Fd::new(F.wrapping_add(index) as u16, place.generation))
     }
 
-    /// The file of a descriptor, for the calls that only files have: seek, status, truncate, sync
-    /// and those without a copy.
+    /// Calls `calls` with the file of a descriptor, for the methods that only files have: seek,
+    /// status, truncate, sync and those without a copy.
     ///
     /// # Errors
-    /// [`IoError::Fd`]; [`IoError::WouldBlock`] in the middle of somebody else's use of a file;
-    /// what `calls` gives, in [`IoError::Bus`].
+    /// [`IoError::Fd`] if the descriptor is not that of an open file; [`IoError::WouldBlock`] if
+    /// this context interrupts another use of a file; [`IoError::Bus`] with the error of `calls`.
     pub fn with_file<R>(
         &self,
         fd: Fd,
@@ -209,8 +210,8 @@ where
         self.with(fd, Mode::empty(), calls)
     }
 
-    /// The file system, for names, directories and what is open without a descriptor; `None` in the
-    /// middle of somebody else's use of a file.
+    /// Calls a function with the file system, for operations on names and directories, and files
+    /// without a descriptor. Returns `None` if this context interrupts another use of a file.
     pub fn with_system<R>(
         &self,
         calls: impl FnOnce(&FileSystem<'m, S, W, FILES>) -> R,
@@ -222,7 +223,8 @@ where
     /// Closes a descriptor.
     ///
     /// # Errors
-    /// As [`Switch::close`]; of a file as [`File::close`], and the descriptor is closed all the same.
+    /// For a board those of [`Switch::close`]; for a file those of [`File::close`], and the
+    /// descriptor is closed all the same.
     pub fn close(&self, fd: Fd) -> Result<(), IoError<TransferError<B::Error>>> {
         if Self::is_device(fd) {
             return self.devices.close(fd).map_err(of_device);

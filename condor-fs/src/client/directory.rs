@@ -1,4 +1,4 @@
-//! [`Directory`]: the entries of a directory, one after the other.
+//! [`Directory`]: an iterator over the entries of a directory.
 
 use condor_mbox::{MemoryWindow, Messenger};
 
@@ -24,7 +24,7 @@ pub struct Directory<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES
     filled: u32,
 }
 
-/// A name in a directory.
+/// An entry of a directory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry<'n> {
     /// The name, which need not be UTF-8.
@@ -35,13 +35,13 @@ pub struct Entry<'n> {
 }
 
 impl Entry<'_> {
-    /// Whether it is a directory.
+    /// Returns whether it is a directory.
     #[must_use]
     pub const fn is_directory(&self) -> bool {
         self.kind == 4
     }
 
-    /// Whether it is a regular file.
+    /// Returns whether it is a regular file.
     #[must_use]
     pub const fn is_file(&self) -> bool {
         self.kind == 8
@@ -52,7 +52,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// Opens the directory at `path`; the tree itself is ".".
     ///
     /// # Errors
-    /// [`Errno::NOTDIR`]; as [`open`](Self::open).
+    /// [`Errno::NOTDIR`] if it is not a directory; otherwise those of [`open`](Self::open).
     pub fn open_directory(
         &self,
         path: impl AsRef<[u8]>,
@@ -69,13 +69,15 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '_, S, W, FILES> {
-    /// The next entry, with its name in `name`; `None` at the end. `.` and `..` are left out.
+    /// Returns the next entry, with its name in `name`; `None` at the end. `.` and `..` are left
+    /// out.
     ///
-    /// Entries that come or go meanwhile may be seen or not; every other one is seen once.
+    /// Entries that are made or removed meanwhile may be returned or not; every other entry is
+    /// returned once.
     ///
     /// # Errors
-    /// [`Errno::NAMETOOLONG`] if `name` is too short, and the entry is passed over;
-    /// [`Errno::INVAL`] if the buffer of the area is too short for a name; see [`Error`].
+    /// [`Errno::NAMETOOLONG`] if `name` is too short, and the entry is skipped; [`Errno::INVAL`] if
+    /// the buffer of the area is too short for a name; otherwise another [`Error`].
     pub fn next<'n>(&mut self, name: &'n mut [u8]) -> Result<Option<Entry<'n>>, Error> {
         for _ in 0..=LEFT_OUT {
             if self.next >= self.filled && !self.fill()? {
@@ -102,10 +104,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
         Err(Errno::IO.into()) // A server could go on like this for ever.
     }
 
-    /// Closes the directory, as [`File::close`](super::File::close).
+    /// Closes the directory, as [`File::close`](super::File::close) does.
     ///
     /// # Errors
-    /// As there.
+    /// Those of [`File::close`](super::File::close).
     pub fn close(self) -> Result<(), Error> {
         let directory = core::mem::ManuallyDrop::new(self);
         directory.system.close_block(directory.index)

@@ -4,42 +4,42 @@ use condor_mbox::{AccessError, Processor};
 
 use crate::errno::Errno;
 
-/// Why an operation gave no result.
+/// The reason for which an operation returned no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The answer of the server, or of this end for what it need not ask: nothing was done, except
-    /// for what the same error means on Unix.
+    /// The server refused with this number, or the client did for a request that it can refuse
+    /// itself. Nothing was done, except what the same error means on Unix.
     #[error("{0}")]
     Errno(Errno),
     /// The server has not answered in time. The operation of this call is in doubt: it stays in the
-    /// slot, and the next call, or [`settle`](super::FileSystem::settle), first waits for its end.
+    /// slot. The next call, or [`settle`](super::FileSystem::settle), first waits for its end.
     #[error("the file server, {server}, did not answer in time{}", Cause(.cause))]
     TimedOut {
-        /// Who was asked.
+        /// The number of the server.
         server: Processor,
-        /// What the mailbox said last.
+        /// The last error of the mailbox.
         cause: Option<condor_mbox::Error>,
     },
-    /// The server has not answered in time what was asked before: an operation in doubt, or the
-    /// closing of a file that was dropped. The operation of this call was not begun, and will not be.
+    /// The server has not answered an earlier request in time: an operation in doubt, or the
+    /// closing of a dropped file. The operation of this call was not begun, and will not be.
     #[error("the file server, {server}, has not answered what was asked before in time{}", Cause(.cause))]
     NotBegun {
-        /// Who was asked.
+        /// The number of the server.
         server: Processor,
-        /// What the mailbox said last.
+        /// The last error of the mailbox.
         cause: Option<condor_mbox::Error>,
     },
-    /// The own mailbox cannot send. If it was in the middle of an operation, that is in doubt.
+    /// The own mailbox cannot send. If an operation was in progress, it is in doubt.
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
-    /// The own window cannot be reached.
+    /// The own window cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
 }
 
 impl Error {
-    /// The error number, if that is what it is.
+    /// Returns the error number, if the error has one.
     #[must_use]
     pub const fn errno(&self) -> Option<Errno> {
         match self {

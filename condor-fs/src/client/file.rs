@@ -8,7 +8,7 @@ use super::{Buffer, Error, FileSystem, Kept, Lent, Open, SessionState, request, 
 use crate::errno::Errno;
 use crate::wire::{Operation, Request, Span, Status, block, halves, open as flag};
 
-/// How a file is opened: as the options of the same names in the standard library.
+/// The options of an open; they mean the same as in the standard library.
 ///
 /// ```
 /// use condor_fs::OpenOptions;
@@ -21,7 +21,7 @@ pub struct OpenOptions {
 }
 
 impl OpenOptions {
-    /// For nothing yet: ask for reading or writing at least.
+    /// Makes options without any access; add at least reading or writing.
     #[must_use]
     pub const fn new() -> Self {
         Self { flags: 0 }
@@ -38,19 +38,19 @@ impl OpenOptions {
         }
     }
 
-    /// For reading.
+    /// Opens for reading.
     #[must_use]
     pub const fn read(self) -> Self {
         self.with(flag::READ)
     }
 
-    /// For writing.
+    /// Opens for writing.
     #[must_use]
     pub const fn write(self) -> Self {
         self.with(flag::WRITE)
     }
 
-    /// For writing at the end, wherever that is at the time of each write.
+    /// Opens for appending: each write is at the end that the file has at that time.
     #[must_use]
     pub const fn append(self) -> Self {
         self.with(flag::APPEND | flag::WRITE)
@@ -62,7 +62,7 @@ impl OpenOptions {
         self.with(flag::CREATE)
     }
 
-    /// Cuts it to nothing.
+    /// Truncates the file to length 0.
     #[must_use]
     pub const fn truncate(self) -> Self {
         self.with(flag::TRUNCATE)
@@ -77,18 +77,19 @@ impl OpenOptions {
 
 /// An open file.
 ///
-/// Dropping it leaves its end to the next [`open`](FileSystem::open); [`close`](Self::close) tells
-/// whether it went well. A file that was unlinked while it was open needs room until then.
+/// Dropping a file leaves closing it to the next [`open`](FileSystem::open); [`close`](Self::close)
+/// returns an error if closing fails. A file that was unlinked while it was open takes room until
+/// it is closed.
 ///
-/// The traits of `embedded-io` and the methods of the same names copy once, through the buffer of
-/// the file in the window; [`read_buffer`](Self::read_buffer) and
-/// [`write_buffer`](Self::write_buffer) do not copy at all.
+/// The traits of `embedded-io` and the methods of the same names copy once, through the file's
+/// buffer in the window; [`read_buffer`](Self::read_buffer) and
+/// [`write_buffer`](Self::write_buffer) do not copy.
 ///
-/// Every call asks the server once. [`reader`](Self::reader) and [`writer`](Self::writer) make many
-/// small ones to few.
+/// Every call asks the server once. [`reader`](Self::reader) and [`writer`](Self::writer) combine
+/// many small calls into few.
 ///
-/// After [`Error::TimedOut`] the position is moved by what turns out to have been done: see
-/// [`FileSystem::settle`].
+/// After [`Error::TimedOut`] the position moves by as many bytes as turn out to have been
+/// transferred: see [`FileSystem::settle`].
 pub struct File<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     pub(super) system: &'f FileSystem<'m, S, W, FILES>,
     index: usize,
@@ -98,8 +99,9 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// Opens the file at `path`.
     ///
     /// # Errors
-    /// [`Errno::MFILE`] if `FILES` files are open; [`Errno::OPNOTSUPP`] for what is neither file nor
-    /// directory; [`Errno::ISDIR`] for a directory; others as Unix; see [`Error`].
+    /// [`Errno::MFILE`] if `FILES` files are open; [`Errno::OPNOTSUPP`] if the path leads to
+    /// something that is neither file nor directory; [`Errno::ISDIR`] if it is a directory; other
+    /// numbers as on Unix; otherwise another [`Error`].
     pub fn open(
         &self,
         path: impl AsRef<[u8]>,
@@ -199,11 +201,11 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, FILES> {
-    /// Reads into `into` from the position on, and moves it: at most as many bytes as the file's
-    /// buffer holds. 0 at the end of the file.
+    /// Reads from the position on into `into`, at most as many bytes as the file's buffer holds,
+    /// and moves the position. Returns the number of bytes; 0 at the end of the file.
     ///
     /// # Errors
-    /// See [`Error`].
+    /// [`Error`] of the server or the mailbox.
     pub fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
         let buffer = self.buffer(into.len());
         let after = After::Moved { file: self.index };
@@ -215,11 +217,12 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
         Ok(done)
     }
 
-    /// Writes from `from` at the position, or at the end if it was opened so, and moves it: at most
-    /// as many bytes as the file's buffer holds.
+    /// Writes from `from` at the position (or at the end of a file that was opened for appending),
+    /// at most as many bytes as the file's buffer holds, and moves the position. Returns the number
+    /// of bytes.
     ///
     /// # Errors
-    /// See [`Error`].
+    /// [`Error`] of the server or the mailbox.
     pub fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
         let buffer = self.buffer(from.len());
         let alone = self.system.enter()?;
@@ -233,29 +236,30 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
         self.transfer(self.writing()?, buffer, after)
     }
 
-    /// Reads `len` bytes at most from the position on straight into `buffer`, and moves it.
+    /// Reads at most `len` bytes from the position on directly into `buffer`, and moves the
+    /// position.
     ///
     /// # Errors
-    /// [`Errno::FAULT`] if the buffer is shorter; [`Errno::BUSY`] if a former buffer has not been
-    /// [taken back](FileSystem::take_buffer); see [`Error`].
+    /// [`Errno::FAULT`] if the buffer is shorter; [`Errno::BUSY`] if an earlier buffer has not been
+    /// [taken back](FileSystem::take_buffer); otherwise another [`Error`].
     pub fn read_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
         self.lend(Ok(Operation::Read), buffer, len)
     }
 
-    /// Writes the first `len` bytes of `buffer` at the position, or at the end if it was opened so,
-    /// and moves it.
+    /// Writes the first `len` bytes of `buffer` at the position (or at the end of a file that was
+    /// opened for appending), and moves the position.
     ///
     /// # Errors
-    /// As [`read_buffer`](Self::read_buffer).
+    /// Those of [`read_buffer`](Self::read_buffer).
     pub fn write_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
         self.lend(self.writing(), buffer, len)
     }
 
-    /// Moves the position, which may be behind the end; gives it.
+    /// Moves the position, which may be after the end; returns it.
     ///
     /// # Errors
-    /// [`Errno::INVAL`] if it would be before the beginning or past 2⁶³ − 1; from the end, see
-    /// [`Error`].
+    /// [`Errno::INVAL`] if it would be before the beginning or past 2⁶³ − 1. A position relative to
+    /// the end needs the server, and can return another [`Error`].
     pub fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
         let position = match to {
             SeekFrom::Start(position) => Some(position),
@@ -272,18 +276,18 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
         }
     }
 
-    /// Where the next read or write begins, in bytes from the beginning.
+    /// Returns the position of the next read or write, in bytes from the beginning.
     ///
     /// # Errors
-    /// None in a file that is open.
+    /// None for an open file.
     pub fn position(&self) -> Result<u64, Error> {
         Ok(self.system.file(self.index)?.get().position)
     }
 
-    /// What is known of the file.
+    /// Returns the status of the file: size, time of modification, mode, links.
     ///
     /// # Errors
-    /// See [`Error`].
+    /// [`Error`] of the server or the mailbox.
     pub fn status(&self) -> Result<Status, Error> {
         self.look(After::Nothing)
     }
@@ -293,10 +297,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
         Ok(self.system.perform(&request, after)?.status)
     }
 
-    /// Makes the file `size` bytes long; what is added is zeros.
+    /// Sets the size of the file to `size` bytes; added bytes are zeros.
     ///
     /// # Errors
-    /// See [`Error`].
+    /// [`Error`] of the server or the mailbox.
     pub fn truncate(&mut self, size: u64) -> Result<(), Error> {
         let request = Request {
             position: size,
@@ -308,17 +312,17 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// Waits until the file is on the disk.
     ///
     /// # Errors
-    /// See [`Error`].
+    /// [`Error`] of the server or the mailbox.
     pub fn sync(&mut self) -> Result<(), Error> {
         let request = self.system.about(Operation::Sync, self.index)?;
         self.system.perform(&request, After::Nothing).map(drop)
     }
 
-    /// Closes the file. After an error that is no [`Errno`] it is closed by a later
-    /// [`open`](FileSystem::open).
+    /// Closes the file. After an error that is not an [`Errno`], a later [`open`](FileSystem::open)
+    /// closes it.
     ///
     /// # Errors
-    /// See [`Error`].
+    /// [`Error`] of the server or the mailbox.
     pub fn close(self) -> Result<(), Error> {
         let file = core::mem::ManuallyDrop::new(self);
         file.system.close_block(file.index)

@@ -1,4 +1,4 @@
-//! The processor's end.
+//! The processor's side: the client.
 
 mod area;
 mod buffer;
@@ -30,12 +30,13 @@ use operation::After;
 
 /// The host's files, for the background of one processor.
 ///
-/// `S` is its mailbox, `W` its own window, `FILES` how many files and directories can be open at a
-/// time. Everything that there is to know of them lies here and in the window: the server may be
-/// killed and started again at any moment, and a call in progress then only takes longer.
+/// `S` is the processor's mailbox, `W` its own window, and `FILES` the greatest number of files and
+/// directories that can be open at a time. The whole state of open files is here and in the window:
+/// the server may be killed and restarted at any moment, and a call in progress then only takes
+/// longer.
 ///
-/// One operation is in progress at a time. What a handler begins while its background waits in one
-/// is refused with [`Errno::BUSY`].
+/// One operation is in progress at a time. If a handler begins one while its background waits in
+/// another, it gets [`Errno::BUSY`].
 ///
 /// A processor has one file system at a time: [`connect`](Self::connect) ends all former ones.
 pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
@@ -78,13 +79,14 @@ enum SessionState {
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
     /// Asks `server` for a session. `own` is the users' region of the processor's own `data`, in
-    /// which `area` was laid out; the mailbox has joined, with the area's
-    /// [handler](Area::handler) at [`OPEN_FILES`](wire::OPEN_FILES).
+    /// which `area` lies. The mailbox must have joined, with the area's [handler](Area::handler)
+    /// for [`OPEN_FILES`](wire::OPEN_FILES).
     ///
-    /// `timeout` is how long an operation may take, restarts of the server included.
+    /// `timeout` is the longest time of an operation, including restarts of the server.
     ///
     /// # Errors
-    /// [`Error::TimedOut`]; [`Error::Mailbox`]; [`Error::Access`] if the area is not in `own`.
+    /// [`Error::TimedOut`] if the server does not answer in time; [`Error::Mailbox`] if the mailbox
+    /// cannot send; [`Error::Access`] if the area is not in `own`.
     pub fn connect(
         station: &'m S,
         server: Processor,
@@ -118,24 +120,24 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         Ok(system)
     }
 
-    /// How long an operation may take from now on.
+    /// Sets the longest time of an operation from now on.
     pub fn set_timeout(&self, timeout: Duration) {
         self.timeout.set(timeout);
     }
 
-    /// Waits for the end of the operation that is in doubt, for at most `timeout`. Returns the result
-    /// of the last call that ended with [`Error::TimedOut`], as a number: what the call would have
-    /// returned, or bytes of entries for a directory.
+    /// Waits for the end of the operation that is in doubt, for at most `timeout`. Returns the
+    /// result of the last call that ended with [`Error::TimedOut`], as a number: the result that
+    /// the call would have returned, or the bytes of entries for a directory.
     ///
-    /// Returns `None` if nothing is in doubt, and if the operation was none that a call was made for:
-    /// [`open`](Self::open) closes files that were dropped, [`File::seek`] from the end asks for the
-    /// size, and readers and writers fetch and flush, of which they keep account themselves. A call
-    /// that was in one of these can be made again.
+    /// Returns `None` if nothing is in doubt, or if the operation was only a part of a call:
+    /// [`open`](Self::open) also closes files that were dropped, [`File::seek`] from the end asks
+    /// for the size, and readers and writers fetch and flush, and keep account of that themselves.
+    /// Repeat such a call.
     ///
-    /// Every other operation waits first, too, but does not tell that result.
+    /// Every other operation also waits first, but does not return that result.
     ///
     /// # Errors
-    /// As all operations; after [`Error::TimedOut`] the operation remains in doubt.
+    /// Those of all operations; after [`Error::TimedOut`] the operation remains in doubt.
     pub fn settle(&self, timeout: Duration) -> Result<Option<Result<u64, Errno>>, Error> {
         let _alone = self.enter()?;
         let Some(after) = self.doubt.get() else {
@@ -149,12 +151,13 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         Ok(after.is_asked_for().then_some(result))
     }
 
-    /// Whether the end of the last operation, of a call or on the way to one, is not known.
+    /// Returns whether the end of the last operation is unknown.
     pub fn in_doubt(&self) -> bool {
         self.doubt.get().is_some()
     }
 
-    /// The buffer that was lent to an operation that timed out, once that is not in doubt any more.
+    /// Returns the buffer that was lent to an operation that timed out, once that operation has
+    /// ended.
     pub fn take_buffer(&self) -> Option<Buffer<W>> {
         if self.in_doubt() {
             None

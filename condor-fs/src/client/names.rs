@@ -8,10 +8,11 @@ use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, Span, Status};
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
-    /// What is known of the file or directory at `path`; of a symbolic link, not of what it names.
+    /// Returns the status of the file or directory at `path`; for a symbolic link, that of the link
+    /// itself.
     ///
     /// # Errors
-    /// [`Errno::NOENT`] and others as Unix; see [`Error`].
+    /// [`Errno::NOENT`] if there is none; other numbers as on Unix; otherwise another [`Error`].
     pub fn status(&self, path: impl AsRef<[u8]>) -> Result<Status, Error> {
         self.on_path(Operation::PathStatus, path.as_ref())
     }
@@ -19,7 +20,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// Makes a directory.
     ///
     /// # Errors
-    /// [`Errno::EXIST`] and others as Unix; see [`Error`].
+    /// [`Errno::EXIST`] if the name exists; other numbers as on Unix; otherwise another [`Error`].
     pub fn make_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
         self.on_path(Operation::MakeDirectory, path.as_ref())
             .map(drop)
@@ -28,37 +29,38 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// Removes an empty directory.
     ///
     /// # Errors
-    /// [`Errno::NOTEMPTY`] and others as Unix; see [`Error`].
+    /// [`Errno::NOTEMPTY`] if it is not empty; other numbers as on Unix; otherwise another
+    /// [`Error`].
     pub fn remove_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
         self.on_path(Operation::RemoveDirectory, path.as_ref())
             .map(drop)
     }
 
-    /// Removes a name of a file. What this processor has open stays until it is closed; what others
-    /// have open is [`Errno::STALE`] to them.
+    /// Removes a name of a file. If this processor has the file open, it stays until it is closed;
+    /// other processors that have it open get [`Errno::STALE`].
     ///
     /// # Errors
-    /// [`Errno::NOENT`] and others as Unix; see [`Error`].
+    /// [`Errno::NOENT`] if there is none; other numbers as on Unix; otherwise another [`Error`].
     pub fn unlink(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
         self.on_path(Operation::Unlink, path.as_ref()).map(drop)
     }
 
-    /// Gives a file or directory another name, replacing what has it as Unix does.
+    /// Renames a file or directory; an existing target is replaced, as on Unix.
     ///
-    /// Files that this processor opened by the old name, or inside of a directory of it, go on. If
-    /// they were opened by another spelling of it, they are [`Errno::STALE`] after the server's next
-    /// restart.
+    /// Files that this processor opened by the old name, or inside of a directory of that name,
+    /// stay usable. If they were opened by another spelling of the name, they return
+    /// [`Errno::STALE`] after the server's next restart.
     ///
     /// # Errors
-    /// [`Errno::NOENT`] and others as Unix; see [`Error`].
+    /// [`Errno::NOENT`] if there is none; other numbers as on Unix; otherwise another [`Error`].
     pub fn rename(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
         self.rename_with(from.as_ref(), to.as_ref(), 0)
     }
 
-    /// As [`rename`](Self::rename), but does not replace anything.
+    /// Renames as [`rename`](Self::rename) does, but replaces nothing.
     ///
     /// # Errors
-    /// [`Errno::EXIST`] if the new name exists; else as there.
+    /// [`Errno::EXIST`] if the new name exists; otherwise those of [`rename`](Self::rename).
     pub fn rename_new(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
         self.rename_with(from.as_ref(), to.as_ref(), wire::rename::NO_REPLACE)
     }

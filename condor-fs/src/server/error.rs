@@ -1,4 +1,4 @@
-//! What can go wrong with a server.
+//! Errors of a server.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,43 +7,44 @@ use condor_mbox::AccessError;
 
 use crate::errno::Errno;
 
-/// Why a server cannot serve.
+/// The reason for which a server cannot serve.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServerError {
-    /// A live server has the tree.
+    /// Another running server serves the tree.
     #[error("{root:?} is being served already")]
     Served {
-        /// The tree.
+        /// The path of the tree.
         root: PathBuf,
     },
-    /// The journal cannot be kept: a full disk has no room for it, or it cannot be read.
+    /// The journal cannot be read, or a full disk has no room for it.
     #[error("cannot keep the journal {path:?}: {source}")]
     Journal {
-        /// The journal.
+        /// The path of the journal.
         path: PathBuf,
-        /// The system's answer.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The system refused something.
+    /// The operating system refused an operation.
     #[error("cannot serve {root:?}: {source}")]
     System {
-        /// The tree.
+        /// The path of the tree.
         root: PathBuf,
-        /// The system's answer.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The server could not open again what it would make with these permissions.
+    /// With these permissions the server could not open again the files that it makes.
     #[error("cannot serve {root:?} with mode {mode:o} for new files: {source}")]
     FileMode {
-        /// The tree.
+        /// The path of the tree.
         root: PathBuf,
         /// The permissions.
         mode: u32,
-        /// Why such a file cannot be made, or not be opened again for reading and writing.
+        /// The reason for which such a file cannot be made, or be opened again for reading and
+        /// writing.
         source: io::Error,
     },
-    /// The mailbox refused something.
+    /// The mailbox returned this error.
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
 }

@@ -1,6 +1,6 @@
-//! The host's end: serves one directory tree to the processors of a system.
+//! The host's side: serves one directory tree to the processors of a system.
 //!
-//! [`Server::serve`] is all that most programs need; the program `condor-fs-server` is little more.
+//! Most programs need only [`Server::serve`]; the program `condor-fs-server` does little more.
 
 mod error;
 mod execute;
@@ -46,12 +46,12 @@ const MORE: Duration = Duration::from_millis(100);
 /// How often a server that has nothing to do looks whether it is to stop.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// A server of one directory tree, which it holds locked.
+/// A server of one directory tree, which it keeps locked.
 ///
-/// It keeps nothing that it cannot lose: it may be killed at any moment, and another one started.
-/// In the tree it has a directory of its own, `.condor-fs`, that no client sees.
+/// It keeps no state that it cannot lose: it may be killed at any moment, and another one started.
+/// It has a directory of its own in the tree, `.condor-fs`, which no client sees.
 ///
-/// `S` is told of every step; leave it out.
+/// `S` is informed of every step, for tests; leave it out.
 pub struct Server<S: Steps = ()> {
     tree: Tree,
     options: Options,
@@ -75,22 +75,23 @@ struct Job<'j> {
 }
 
 impl Server {
-    /// A server of the tree at `root`, a directory.
+    /// Makes a server of the tree at `root`, a directory.
     ///
     /// # Errors
-    /// [`ServerError::Served`] if a live server has this tree; [`ServerError::Journal`] if its disk is
-    /// full; [`ServerError::FileMode`]; [`ServerError::System`], also for what cannot be counted for
-    /// the quota.
+    /// [`ServerError::Served`] if another running server has this tree; [`ServerError::Journal`] if
+    /// its disk is full; [`ServerError::FileMode`] if the server could not open its own files with
+    /// the modes of `options`; [`ServerError::System`] if the operating system refuses, or if
+    /// something cannot be counted for the quota.
     pub fn new(root: impl AsRef<Path>, options: Options) -> Result<Self, ServerError> {
         Self::with_steps(root, options, ())
     }
 }
 
 impl<S: Steps> Server<S> {
-    /// As [`new`](Server::new), with somebody to be told of every step.
+    /// Makes a server as [`new`](Server::new) does, which informs `steps` of every step.
     ///
     /// # Errors
-    /// As there.
+    /// Those of [`new`](Server::new).
     pub fn with_steps(
         root: impl AsRef<Path>,
         options: Options,
@@ -117,10 +118,11 @@ impl<S: Steps> Server<S> {
         })
     }
 
-    /// Recovers, joins with the number of `claim` and serves until `stop` is set.
+    /// Recovers, joins with the number of `claim`, and serves until `stop` is set.
     ///
     /// # Errors
-    /// [`ServerError::Mailbox`]; [`ServerError::Journal`].
+    /// [`ServerError::Mailbox`] if the mailbox fails; [`ServerError::Journal`] if the journal
+    /// cannot be read.
     pub fn serve<const N: usize>(
         &self,
         claim: Claim<N>,
@@ -145,11 +147,11 @@ impl<S: Steps> Server<S> {
         Ok(())
     }
 
-    /// Finishes what the former server of this tree was in the middle of, if its client still wants
-    /// it. Call it before the mailbox joins; [`serve`](Self::serve) does.
+    /// Finishes the operation in which the former server of this tree ended, if its client still
+    /// wants it. Call it before the mailbox joins; [`serve`](Self::serve) does so.
     ///
     /// # Errors
-    /// [`ServerError::Journal`] if it cannot be read.
+    /// [`ServerError::Journal`] if the journal cannot be read.
     pub fn recover<const N: usize>(
         &self,
         windows: &[Windows<LinuxWindow>; N],
@@ -176,8 +178,9 @@ impl<S: Steps> Server<S> {
         }
     }
 
-    /// The handler for [`wire::FILES`], for a program that has a mailbox of its own: `windows` are
-    /// those of all processors, by number. One call at a time.
+    /// Answers a message to [`wire::FILES`], in the handler of a program that has its own mailbox.
+    /// `windows` are those of all processors; the index is the processor's number. Only one call
+    /// may run at a time.
     pub fn answer<const N: usize>(
         &self,
         call: &Call<'_>,

@@ -2,32 +2,35 @@
 
 use condor_mbox::{Processor, Waiting};
 
-/// What a server allows, and how it waits.
+/// The limits of a server, and the way in which it waits.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Nothing in the tree can be changed: `EROFS`.
+    /// Whether nothing in the tree can be changed: attempts return `EROFS`.
     pub read_only: bool,
-    /// The same for some processors only. This protects from programs that err. A hostile processor is
-    /// bound by it only if it cannot write the `data` of those that have more rights.
+    /// Processors for which nothing in the tree can be changed. This protects from programs that
+    /// have errors. It binds a hostile processor only if that cannot write the `data` of processors
+    /// with more rights.
     pub read_only_for: Processors,
-    /// Processors that are not served at all: `EACCES`. The same holds for them.
+    /// Processors that are not served at all: they get `EACCES`. A hostile processor is bound as
+    /// above.
     pub refused: Processors,
-    /// The most bytes that a file may be written or truncated to: `EFBIG` beyond.
+    /// The greatest size to which a file may be written or truncated, in bytes: `EFBIG` beyond.
     pub max_file_bytes: Option<u64>,
-    /// The most bytes that all files of the tree together may have, by their sizes, with 1024 for
-    /// each name of a file or directory: `EDQUOT` for what would add more. Files of the host's own
+    /// The greatest sum of the sizes of all files of the tree, in bytes, plus 1024 for each name of
+    /// a file or directory: `EDQUOT` for operations that would add more. Files of the host's own
     /// programs count, too.
     pub quota_bytes: Option<u64>,
-    /// Permissions of new files, of which the process's umask is taken away. The server must be
-    /// able to open them again for reading and writing.
+    /// The permissions of new files, less the process's umask. With them the server must be able to
+    /// open the files again for reading and writing.
     pub file_mode: u32,
-    /// Permissions of new directories, likewise.
+    /// The permissions of new directories, less the process's umask.
     pub directory_mode: u32,
-    /// How many lives of the server work on one request. When so many have died of it in a row,
-    /// or at it, the next one gives it up: `ECANCELED`, or success if it had happened all the same. Where
-    /// servers are killed every few milliseconds, as in tests, more of them are needed.
+    /// The number of lives of the server that work on one request. If so many have died during it
+    /// in a row, the next one does not work on it: it answers `ECANCELED`, or success if the
+    /// request had taken effect. If servers are killed every few milliseconds, as in tests, a
+    /// greater number is needed.
     pub lives: u32,
-    /// How the server waits for requests.
+    /// The way in which the server waits for requests.
     pub waiting: Waiting,
 }
 
@@ -64,17 +67,17 @@ impl Default for Options {
 pub struct Processors([u64; 4]);
 
 impl Processors {
-    /// No processor.
+    /// The empty set.
     pub const NONE: Self = Self([0; 4]);
 
-    /// The same and one more.
+    /// Returns this set with one more processor.
     #[must_use]
     pub const fn with(mut self, processor: Processor) -> Self {
         self.0[(processor.0 / 64) as usize] |= 1 << (processor.0 % 64);
         self
     }
 
-    /// Whether it has `processor`.
+    /// Returns whether the set has `processor`.
     #[must_use]
     pub const fn contains(self, processor: Processor) -> bool {
         self.0[(processor.0 / 64) as usize] >> (processor.0 % 64) & 1 != 0

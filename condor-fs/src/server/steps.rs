@@ -1,4 +1,4 @@
-//! [`Steps`]: where a server can be made to die.
+//! [`Steps`]: the points at which a test can kill a server.
 
 use crate::wire::Operation;
 
@@ -9,7 +9,7 @@ use crate::wire::Operation;
 pub enum Step {
     /// The request was copied and is not done.
     Taken,
-    /// The journal says that it is in progress.
+    /// The journal records that the request is in progress.
     Begun,
     /// A directory was made, or a file without a name.
     Made,
@@ -19,18 +19,18 @@ pub enum Step {
     Moved,
     /// An open file was moved to the unique name.
     Aside,
-    /// That it was is recorded.
+    /// The move to the unique name is recorded in the blocks.
     Marked,
     /// Part of the data was moved.
     Part,
-    /// All has been done.
+    /// Everything has been done.
     Acted,
     /// The result is in the slot.
     Recorded,
 }
 
 impl Step {
-    /// All of them.
+    /// All steps.
     pub const ALL: [Self; 10] = [
         Self::Taken,
         Self::Begun,
@@ -45,10 +45,10 @@ impl Step {
     ];
 }
 
-/// Is told of every step of a server, which goes on only when it returns: for tests that kill the
-/// server there. `()` does nothing, and costs nothing.
+/// Is informed of every step of a server, which continues only when the call returns. Tests kill
+/// the server in such a call. `()` does nothing, and costs nothing.
 pub trait Steps: Sync {
-    /// `operation` has come to `step`.
+    /// Notes that `operation` has reached `step`.
     fn reached(&self, operation: Operation, step: Step);
 }
 

@@ -1,4 +1,4 @@
-//! [`Host`]: a processor's terminal as the host has it.
+//! [`Host`]: the host's side of a processor's terminal.
 
 use std::collections::VecDeque;
 use std::io;
@@ -12,11 +12,11 @@ use super::sink::Sink;
 use crate::layout::{Vectors, input_data, reply};
 use crate::reader::{Reader, ReaderError, Status};
 
-/// A terminal of the processor `to`, attached to a sink.
+/// A terminal of a processor, attached to a sink.
 ///
-/// Nothing here waits. The host's loop serves its mailbox, sleeps there or until a descriptor is
-/// ready, and calls [`serve`](Self::serve) for each terminal. Its handler for
-/// [`Vectors::output`] may do nothing: it only ends the sleep.
+/// No call waits. The host's loop serves its mailbox, sleeps there or until a descriptor is ready,
+/// and calls [`serve`](Self::serve) for each terminal. Its handler for [`Vectors::output`] need not
+/// do anything: the message only ends the sleep.
 #[derive(Debug)]
 pub struct Host<W, S> {
     region: Region<W>,
@@ -24,7 +24,7 @@ pub struct Host<W, S> {
     to: Processor,
     me: Processor,
     vectors: Vectors,
-    /// Where the terminal's output goes.
+    /// The sink, which gets the terminal's output.
     pub sink: S,
     /// What has been read and not been taken by the sink: from `begin` to `end`.
     buffer: Box<[u8]>,
@@ -56,30 +56,30 @@ enum Settled {
     Yes,
 }
 
-/// What a call of [`Host::serve`] did.
+/// The result of [`Host::serve`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Served {
-    /// Bytes that the sink has taken.
+    /// The number of bytes that the sink has taken.
     pub output: usize,
-    /// Bytes that had been overwritten.
+    /// The number of bytes that had been overwritten.
     pub overwritten: u32,
-    /// Characters that the processor has accepted.
+    /// The number of characters that the processor has accepted.
     pub input: usize,
     /// Whether another call would find more to do at once.
     pub more: bool,
 }
 
-/// Why a host does not serve a terminal.
+/// The reason for which a host cannot serve a terminal.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HostError {
-    /// The terminal.
+    /// The terminal cannot be read.
     #[error(transparent)]
     Reader(#[from] ReaderError),
-    /// The sink.
+    /// The sink returned this error.
     #[error("the sink of a terminal fails: {0}")]
     Sink(#[from] io::Error),
-    /// The mailbox.
+    /// The mailbox returned this error.
     #[error(transparent)]
     Mailbox(#[from] MailboxError),
 }
@@ -103,7 +103,7 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
     /// Attaches `me` to the terminal at `offset` of `region`, the users' region of `to`.
     ///
     /// # Errors
-    /// As [`Reader::attach`].
+    /// Those of [`Reader::attach`].
     pub fn attach(
         region: Region<W>,
         offset: u32,
@@ -131,18 +131,19 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
         })
     }
 
-    /// With other vectors than [`Vectors::DEFAULT`].
+    /// Uses these vectors instead of [`Vectors::DEFAULT`].
     #[must_use]
     pub fn with_vectors(self, vectors: Vectors) -> Self {
         Self { vectors, ..self }
     }
 
-    /// Types characters, as the sink's [`typed`](Sink::typed) do: for a user interface.
+    /// Types characters, like those that the sink's [`typed`](Sink::typed) returns. A user
+    /// interface calls this.
     ///
-    /// The character that interrupts overtakes all others, and drops them.
+    /// The character that interrupts overtakes all other characters that wait, and drops them.
     ///
     /// # Errors
-    /// The window's.
+    /// [`HostError::Reader`] if the terminal's memory cannot be accessed.
     pub fn type_in(&mut self, characters: &[u8]) -> Result<(), HostError> {
         let interrupt = self.reader.status()?.interrupt;
         for character in characters {
@@ -162,15 +163,16 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
         Ok(())
     }
 
-    /// Moves what there is in both directions, and waits for nothing.
+    /// Moves output and input as far as possible now, without waiting.
     ///
-    /// A processor that began a new life is attached to again. A processor that is not there, or
-    /// takes no messages, is no error: what was typed is kept for it.
+    /// If the processor began a new life, it attaches again. It is not an error if the processor is
+    /// not there or takes no messages: typed characters are kept for it.
     ///
     /// # Errors
-    /// [`ReaderError::Displaced`] if another host has attached; [`ReaderError::Broken`],
-    /// [`ReaderError::Access`]; [`HostError::Sink`]; [`HostError::Mailbox`] if this mailbox has not
-    /// joined or its memory is gone. Nothing is lost by them.
+    /// [`HostError::Reader`] with [`ReaderError::Displaced`] if another host has attached, or with
+    /// [`ReaderError::Broken`] or [`ReaderError::Access`] if the terminal is invalid or cannot be
+    /// accessed; [`HostError::Sink`] if the sink fails; [`HostError::Mailbox`] if this mailbox has
+    /// not joined or its memory is gone. Nothing is lost by these errors.
     pub fn serve(&mut self, mailbox: &dyn Messenger) -> Result<Served, HostError> {
         let mut served = Served::default();
         match self.serve_output(mailbox, &mut served) {
@@ -364,30 +366,31 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
         }
     }
 
-    /// What is known of the terminal beside its output.
+    /// Returns the state of the terminal, apart from its output.
     ///
     /// # Errors
-    /// The window's.
+    /// [`AccessError`] if the terminal's memory cannot be accessed.
     pub fn status(&self) -> Result<Status, AccessError> {
         self.reader.status()
     }
 
-    /// Characters that wait for the processor to take them.
+    /// Returns the number of characters that wait for the processor to take them.
     #[must_use]
     pub fn waiting_input(&self) -> usize {
         self.typed.len() + usize::from(self.sent.is_some())
     }
 
-    /// Characters that were typed when too many waited already.
+    /// Returns the number of characters that were dropped because too many waited already.
     #[must_use]
     pub const fn dropped_input(&self) -> u64 {
         self.dropped
     }
 
-    /// Detaches, and gives back the sink. A host that is dropped instead is waited for.
+    /// Detaches, and returns the sink. If a host is dropped without this, writers on the processor
+    /// wait for it as for a dead one.
     ///
     /// # Errors
-    /// As [`Reader::detach`].
+    /// [`HostError::Reader`] with the errors of [`Reader::detach`].
     pub fn detach(self) -> Result<S, HostError> {
         self.reader.detach()?;
         Ok(self.sink)

@@ -7,8 +7,8 @@ use super::sink::Sink;
 
 /// Writes a terminal's output, each line with the time at which its first byte came.
 ///
-/// The time is what the clock says, in seconds with six decimals: since the epoch, since the
-/// program began, or a test's own. Carriage returns before newlines are left out.
+/// The time is that of the given clock, printed in seconds with six decimals: for example since the
+/// epoch, or since the program began. Carriage returns before newlines are left out.
 ///
 /// ```
 /// use std::time::Duration;
@@ -34,7 +34,7 @@ pub struct Log<T, C> {
 const PIECE: usize = 4096;
 
 impl<T: Write, C: FnMut() -> Duration> Log<T, C> {
-    /// A log that writes to `to`, such as a file.
+    /// Makes a log that writes to `to`, such as a file.
     pub const fn new(to: T, clock: C) -> Self {
         Self {
             to,
@@ -45,10 +45,10 @@ impl<T: Write, C: FnMut() -> Duration> Log<T, C> {
         }
     }
 
-    /// Where it wrote to, after all has been written.
+    /// Writes everything, and returns the writer.
     ///
     /// # Errors
-    /// The writer's.
+    /// The writer's error if it fails.
     pub fn into_inner(mut self) -> io::Result<T> {
         while !self.pending.is_empty() {
             self.write_pending()?;

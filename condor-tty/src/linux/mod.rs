@@ -1,12 +1,13 @@
-//! The host's end on Linux: terminals on ptys, on screens and in logs.
+//! The host's side on Linux: terminals on ptys, on screens and in logs.
 //!
-//! A [`Host`] reads one terminal into a [`Sink`], and sends what is typed there. Sinks are a
-//! [`Pty`], to which any terminal program attaches, a [`Log`] with the time of each line, with
-//! feature `screen` a `Screen` for user interfaces, one's own, and any two of them as a [`Tee`].
+//! A [`Host`] reads one terminal into a [`Sink`], and sends the characters that are typed there.
+//! Sinks are a [`Pty`], to which any terminal program attaches, a [`Log`] with the time of each
+//! line, with feature `screen` a `Screen` for user interfaces, your own types, and any two of them
+//! as a [`Tee`].
 //!
-//! What a sink has taken is acknowledged; what it has not stays in the ring, and after that the
-//! terminal's policy says what happens. So nothing is lost here, also when the host is killed:
-//! the next one goes on, and shows again at most what the one before had not acknowledged.
+//! Bytes that a sink has taken are acknowledged. Other bytes stay in the ring; when it is full, the
+//! terminal's policy says what happens. So nothing is lost here, even if the host is killed: the
+//! next host continues, and repeats at most what the killed one had not acknowledged.
 
 mod host;
 mod log;

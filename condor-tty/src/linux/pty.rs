@@ -14,22 +14,22 @@ use rustix::termios::OptionalActions;
 
 use super::sink::Sink;
 
-/// What a [`Pty`] does while no program has it open.
+/// The behaviour of a [`Pty`] while no program has it open.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unwatched {
-    /// Takes nothing: what is written is there for who comes. The terminal's policy says what
-    /// happens meanwhile.
+    /// It takes nothing, so output waits for the next program that opens it. If the ring is full
+    /// meanwhile, the terminal's policy says what happens.
     #[default]
     Hold,
-    /// Takes everything, and counts it: for a terminal that is on a screen or in a log, too.
+    /// It takes everything and counts it. Use this for a terminal that is also on a screen or in a
+    /// log.
     Discard,
 }
 
 /// A pseudo-terminal to which any terminal program attaches, such as `screen` or `picocom`.
 ///
-/// It is raw: echo and editing are the processor's. A program that has it open and does not read
-/// holds the terminal, once the kernel's buffer is full: what does not go in stays in the
-/// terminal's ring.
+/// It is raw: the processor does echo and editing. If a program has it open and does not read, the
+/// kernel's buffer fills, and then output stays in the terminal's ring.
 #[derive(Debug)]
 pub struct Pty {
     controller: OwnedFd,
@@ -42,7 +42,7 @@ impl Pty {
     /// Opens a new pseudo-terminal.
     ///
     /// # Errors
-    /// The system's: it may have no more of them.
+    /// The error of the operating system, which may have no more of them.
     pub fn open(unwatched: Unwatched) -> io::Result<Self> {
         let controller =
             rustix::pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
@@ -61,16 +61,16 @@ impl Pty {
         })
     }
 
-    /// What a terminal program opens.
+    /// Returns the path that a terminal program opens.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether a program has it open.
+    /// Returns whether a program has it open.
     ///
     /// # Errors
-    /// The system's.
+    /// The error of the operating system if it cannot tell.
     pub fn is_watched(&self) -> io::Result<bool> {
         let mut polled = [PollFd::new(&self.controller, PollFlags::OUT)];
         loop {
@@ -85,14 +85,15 @@ impl Pty {
         }
     }
 
-    /// Bytes that were taken while nobody watched.
+    /// Returns the number of bytes that were taken while no program had it open.
     #[must_use]
     pub const fn discarded(&self) -> u64 {
         self.discarded
     }
 }
 
-/// For an event loop: readable when something has been typed, writable when there is room.
+/// Returns a descriptor for an event loop: readable when something has been typed, writable when
+/// there is room.
 impl AsFd for Pty {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.controller.as_fd()

@@ -5,17 +5,16 @@ use std::num::NonZero;
 
 use super::sink::Sink;
 
-/// A bounded screen in memory, with the lines that have left it.
+/// A bounded screen in memory, with the lines that have scrolled off it.
 ///
-/// What is written is interpreted by the crate `vt100`, whose screen
-/// [`contents`](Self::screen) are for the user interface to show.
+/// The crate `vt100` interprets the output; the user interface shows its [`screen`](Self::screen).
 pub struct Screen {
     parser: vt100::Parser,
     overwritten: u64,
 }
 
 impl Screen {
-    /// An empty screen, which keeps `history` lines that have left it.
+    /// Makes an empty screen, which keeps up to `history` lines that have scrolled off it.
     #[must_use]
     pub fn new(rows: NonZero<u16>, columns: NonZero<u16>, history: usize) -> Self {
         Self {
@@ -24,18 +23,19 @@ impl Screen {
         }
     }
 
-    /// What is on it: text, attributes and cursor.
+    /// Returns its content: text, attributes and cursor.
     #[must_use]
     pub fn screen(&self) -> &vt100::Screen {
         self.parser.screen()
     }
 
-    /// To change its size, or which part of the history is shown.
+    /// Returns the screen for changes: of its size, or of the part of the history that is shown.
     pub fn screen_mut(&mut self) -> &mut vt100::Screen {
         self.parser.screen_mut()
     }
 
-    /// Bytes that are missing on it, because they were overwritten before they could be read.
+    /// Returns the number of bytes that are missing, because they were overwritten before they were
+    /// read.
     #[must_use]
     pub const fn overwritten_bytes(&self) -> u64 {
         self.overwritten

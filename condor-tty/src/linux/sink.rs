@@ -1,65 +1,67 @@
-//! [`Sink`]: where the output of a terminal goes, and [`Tee`]: to two places.
+//! [`Sink`]: a destination of a terminal's output; and [`Tee`], which combines two.
 
 use std::io;
 
-/// Where the output of a terminal goes, and where its input comes from.
+/// A destination of a terminal's output, and a source of its input.
 ///
 /// # For implementers
-/// Nothing here may wait. What cannot be taken now is offered again.
+/// No method may wait. Bytes that are not taken now are offered again.
 pub trait Sink {
-    /// Takes a prefix of `bytes`, and says how many.
+    /// Takes the first bytes of `bytes`, and returns their number.
     ///
     /// # Errors
-    /// The sink's; then nothing of `bytes` was taken.
+    /// The sink's error; it must have taken nothing then.
     fn take(&mut self, bytes: &[u8]) -> io::Result<usize>;
 
-    /// `bytes` before those that come next were overwritten before they could be read.
+    /// Notes that, before the next bytes that are offered, `bytes` bytes were overwritten unread.
     ///
     /// # Errors
-    /// The sink's.
+    /// The sink's error.
     fn overwritten(&mut self, bytes: u32) -> io::Result<()> {
         let _ = bytes;
         Ok(())
     }
 
-    /// What has been typed here; says how many bytes it put into `into`.
+    /// Copies characters that have been typed here into `into`, and returns their number.
     ///
     /// # Errors
-    /// The sink's.
+    /// The sink's error.
     fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let _ = into;
         Ok(0)
     }
 
-    /// The host sends what is typed from now on: `taken` characters have been taken in this `life` of
-    /// the terminal, whoever sent them, which wraps, and `waiting` of those that
-    /// [`typed`](Self::typed) gave come next. For input that outlives its host: none of a former host
-    /// is under way any more.
+    /// Notes the state of the input before the host begins to send. `taken` is the number of
+    /// characters from any host that the terminal has taken in this `life`; it wraps. `waiting` is
+    /// the number of characters that [`typed`](Self::typed) has returned and that come next. No
+    /// character of a former host is under way any more. A sink needs this if its input outlives
+    /// its host.
     ///
     /// # Errors
-    /// The sink's; the host asks again.
+    /// The sink's error; the host calls again.
     fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
         let _ = (life, taken, waiting);
         Ok(())
     }
 
-    /// Somebody has interrupted: when `taken` characters had been taken, the next `count` of those that
-    /// [`typed`](Self::typed) gave were dropped.
+    /// Notes that an interrupt dropped characters: after `taken` characters had been taken, the
+    /// next `count` characters that [`typed`](Self::typed) had returned were dropped.
     ///
     /// # Errors
-    /// The sink's; nothing more is sent then until the host could say it.
+    /// The sink's error; the host sends no more input until this call succeeds.
     fn dropped(&mut self, taken: u32, count: usize) -> io::Result<()> {
         let _ = (taken, count);
         Ok(())
     }
 
-    /// What was offered and not taken will not be offered again: the terminal has begun a new life.
+    /// Notes that the terminal has begun a new life: bytes that were offered but not taken do not
+    /// come again.
     fn restarted(&mut self) {}
 
-    /// The host has attached to the terminal in its present `life`; what is offered next begins at
-    /// byte `position` of that life's output, which wraps, and
-    /// [`overwritten`](Self::overwritten) moves it on. For a sink that outlives its host: what it
-    /// took last may not have been acknowledged, and then is offered again.
+    /// Notes that the host has attached to the terminal in its present `life`. The next byte that
+    /// is offered is byte `position` of that life's output, which wraps;
+    /// [`overwritten`](Self::overwritten) advances it. A sink needs this if it outlives its host:
+    /// bytes that it took last may not have been acknowledged, and are offered again then.
     fn attached(&mut self, life: u32, position: u32) {
         let _ = (life, position);
     }
@@ -95,22 +97,23 @@ impl<S: Sink + ?Sized> Sink for Box<S> {
     }
 }
 
-/// Two sinks that get the same; each may itself be a `Tee`.
+/// Two sinks that get the same output; each may itself be a `Tee`.
 ///
-/// The one that takes less holds the terminal; the other one is at most a buffer ahead of it. What is
-/// typed at one or the other is not told apart, so neither hears what of it was taken.
+/// The slower sink determines the pace; the other one is at most one buffer ahead of it. Characters
+/// that are typed at the two are not distinguished, so neither sink learns which of its characters
+/// were taken.
 #[derive(Debug)]
 pub struct Tee<A, B> {
-    /// One of them.
+    /// The first sink.
     pub first: A,
-    /// The other one.
+    /// The second sink.
     pub second: B,
     /// Bytes that each has taken of what is offered next; one of the two is 0.
     ahead: [usize; 2],
 }
 
 impl<A: Sink, B: Sink> Tee<A, B> {
-    /// Both of them.
+    /// Combines two sinks.
     pub const fn new(first: A, second: B) -> Self {
         Self {
             first,
