@@ -67,7 +67,7 @@ impl Process {
     ///
     /// # Errors
     /// [`ProcessError::Wrong`] if the environment says that loops run in signals, which only
-    /// [`allowing_signals`](Self::allowing_signals) permits; [`ProcessError::OpenBus`] or
+    /// [`allowing_signals`](Self::allowing_signals) permits; [`ProcessError::Open`] or
     /// [`ProcessError::MapBus`] if the bus fails; [`ProcessError::Stopping`] if the signals cannot
     /// be handled; [`ProcessError::System`] if the memory cannot be opened or the number not be
     /// claimed.
