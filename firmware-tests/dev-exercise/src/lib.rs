@@ -5,5 +5,5 @@
 mod calls;
 mod memory;
 
-pub use calls::{Boards, Devices, everything};
-pub use memory::{BASE, Memory};
+pub use calls::{everything, memory};
+pub use memory::BASE;

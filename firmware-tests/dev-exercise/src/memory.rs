@@ -10,22 +10,18 @@ const WORDS: usize = 0x180;
 
 /// Memory that answers as a bus.
 #[repr(transparent)]
-pub struct Memory(UnsafeCell<[u32; WORDS]>);
+pub(crate) struct Memory(UnsafeCell<[u32; WORDS]>);
 
 // SAFETY: it is reached by volatile accesses of buses alone, in contexts of one processor.
 unsafe impl Sync for Memory {}
 
 impl Memory {
-    /// Zeros.
-    #[must_use]
-    #[allow(clippy::new_without_default, reason = "it is for statics")]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self(UnsafeCell::new([0; WORDS]))
     }
 
     /// The bus addresses from [`BASE`] on.
-    #[must_use]
-    pub const fn bus(&'static self) -> Mmio {
+    pub(crate) const fn bus(&'static self) -> Mmio {
         // SAFETY: the memory is aligned to words, lives for ever and has no references into it.
         unsafe { Mmio::translated(self.0.get().cast(), BASE, 4 * WORDS) }
     }

@@ -6,9 +6,8 @@ use checks::Checks;
 use condor_dev::conformance::{self, Ground};
 use condor_dev::riscv::{GuardedMmio, Plic};
 use condor_dev::{Bus as _, InterruptController, Level, Vector};
-use dev_exercise::BASE;
+use dev_exercise::{BASE, memory};
 
-use crate::MEMORY;
 use crate::map::{BUS, UART, UART_VECTOR};
 
 const UART_ENABLE: usize = UART + 1;
@@ -24,7 +23,7 @@ const CLOCK_ENABLE: usize = CLOCK + 0x10;
 /// Checks the guarded accesses, on memory.
 pub(crate) fn bus(checks: &mut Checks<'_>) {
     // SAFETY: `fault` asks `on_fault`.
-    let bus = unsafe { GuardedMmio::new(MEMORY.bus()) };
+    let bus = unsafe { GuardedMmio::new(memory()) };
     let ground = Ground {
         memory: BASE + 0x500,
         absent: Some(BASE - 8),

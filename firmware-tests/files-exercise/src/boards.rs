@@ -28,6 +28,11 @@ static POST: Post = Post::new();
 static BOARD: StaticCell<Board> = StaticCell::new();
 static PANEL: Mutex<Cell<Option<&'static dyn AnyTerminal>>> = Mutex::new(Cell::new(None));
 
+/// What is made once in a program was made before.
+fn twice() -> Trouble {
+    Trouble::new("made twice")
+}
+
 /// A place where a terminal comes and goes, and one where none ever is.
 pub(crate) struct Panel;
 
@@ -72,9 +77,9 @@ pub(crate) fn boards(
         Err(absent(0)),
     );
     let terminal = Tty::new(pair.own, places, RING, CriticalSection)?;
-    let terminal: &Tty = TERMINAL.try_init(terminal).ok_or(Trouble::Twice)?;
+    let terminal: &Tty = TERMINAL.try_init(terminal).ok_or_else(twice)?;
     let board = BOARD.try_init(TerminalBoard::new(terminal, &POST));
-    let board: &Board = board.ok_or(Trouble::Twice)?;
+    let board: &Board = board.ok_or_else(twice)?;
     put(Some(board));
     devices.start();
     checks.same(

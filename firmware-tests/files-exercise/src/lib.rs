@@ -22,5 +22,4 @@ mod typing;
 mod viewer;
 mod writing;
 
-pub use memory::Memory;
 pub use pair::everything;

@@ -14,17 +14,15 @@ const DATA_WORDS: usize = 3072 / 4;
 /// The host's users have nothing in its `data`.
 const HOST_DATA_WORDS: usize = layout::BELL_BYTES as usize / 4 + 16;
 
-/// The windows of the two processors; it belongs into a `static`.
-pub struct Memory {
+/// The windows of the two processors.
+pub(crate) struct Memory {
     mail: [StaticMemory<MAIL_WORDS>; PROCESSORS],
     host: StaticMemory<HOST_DATA_WORDS>,
     hand: StaticMemory<DATA_WORDS>,
 }
 
 impl Memory {
-    /// Zeros.
-    #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             mail: [const { StaticMemory::new() }; PROCESSORS],
             host: StaticMemory::new(),
@@ -44,11 +42,5 @@ impl Memory {
                 data: self.hand.window(),
             },
         ]
-    }
-}
-
-impl Default for Memory {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -67,10 +67,11 @@ pub(crate) struct Pair<'p> {
     pub(crate) told: &'p AtomicU32,
 }
 
-/// Makes every call, and checks what comes of it.
-pub fn everything(checks: &mut Checks<'_>, memory: &'static Memory, now: fn() -> Instant) {
+/// Makes every call, and checks what comes of it; once in a program.
+pub fn everything(checks: &mut Checks<'_>, now: fn() -> Instant) {
+    static MEMORY: Memory = Memory::new();
     errors::errors(checks);
-    let exercised = together(checks, memory, now);
+    let exercised = together(checks, &MEMORY, now);
     checks.same("what must succeed does", exercised, Ok(()));
 }
 

@@ -1,46 +1,28 @@
 //! [`Trouble`]: what ends an exercise early.
 
-use condor_dev::{BusErrorKind, IoError};
-use condor_fs::dev::TransferError;
-use condor_mbox::AccessError;
-use condor_tty::{ConsoleError, ReaderError, TerminalError};
+use core::error::Error;
+use core::fmt;
 
-/// A call that must succeed did not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Trouble {
-    Access(AccessError),
-    Board(IoError<BusErrorKind>),
-    Console(ConsoleError),
-    File(IoError<TransferError<BusErrorKind>>),
-    Files(condor_fs::Error),
-    Mailbox(condor_mbox::Error),
-    Open(condor_dev::OpenError<'static>),
-    OpenFile(condor_fs::dev::OpenError<'static>),
-    Reader(ReaderError),
-    Terminal(TerminalError),
-    /// What is made once in a program was made before.
-    Twice,
+use crate::text::Text;
+
+/// A call that must succeed did not: why.
+#[derive(PartialEq, Eq)]
+pub(crate) struct Trouble(Text<64>);
+
+impl Trouble {
+    pub(crate) fn new(why: &str) -> Self {
+        Self(Text::of(&why))
+    }
 }
 
-macro_rules! from {
-    ($($variant:ident $error:ty,)*) => {
-        $(impl From<$error> for Trouble {
-            fn from(error: $error) -> Self {
-                Self::$variant(error)
-            }
-        })*
-    };
+impl<E: Error> From<E> for Trouble {
+    fn from(error: E) -> Self {
+        Self(Text::of(&error))
+    }
 }
 
-from! {
-    Access AccessError,
-    Board IoError<BusErrorKind>,
-    Console ConsoleError,
-    File IoError<TransferError<BusErrorKind>>,
-    Files condor_fs::Error,
-    Mailbox condor_mbox::Error,
-    Open condor_dev::OpenError<'static>,
-    OpenFile condor_fs::dev::OpenError<'static>,
-    Reader ReaderError,
-    Terminal TerminalError,
+impl fmt::Debug for Trouble {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(str::from_utf8(self.0.bytes()).unwrap_or_default())
+    }
 }

@@ -3,10 +3,7 @@
 #![no_main]
 
 use condor_mbox::Instant;
-use files_exercise::Memory;
 use machine::{check, now_ns};
-
-static MEMORY: Memory = Memory::new();
 
 #[machine::entry]
 fn main() -> ! {
@@ -15,7 +12,7 @@ fn main() -> ! {
     #[cfg(target_arch = "riscv64")]
     machine::switch_floats_off();
     check(|checks| {
-        files_exercise::everything(checks, &MEMORY, || Instant::from_ns(now_ns()));
+        files_exercise::everything(checks, || Instant::from_ns(now_ns()));
         #[cfg(target_arch = "arm")]
         stack(checks);
     })

@@ -25,41 +25,31 @@ pub enum Order {
 }
 
 impl Order {
-    pub(crate) const fn word(self) -> u32 {
-        match self {
-            Self::Serve => 0,
-            Self::Poll => 1,
-            Self::Hold => 2,
-            Self::Interrupts => 3,
-            Self::Stop => 4,
-        }
-    }
-
-    const fn from_word(word: u32) -> Self {
-        match word {
-            1 => Self::Poll,
-            2 => Self::Hold,
-            3 => Self::Interrupts,
-            4 => Self::Stop,
-            _ => Self::Serve,
-        }
-    }
+    const ALL: [Self; 5] = [
+        Self::Serve,
+        Self::Poll,
+        Self::Hold,
+        Self::Interrupts,
+        Self::Stop,
+    ];
 }
 
 impl Resident {
     /// What the leader wants.
     #[must_use]
     pub fn order(&self) -> Order {
+        let word = self.ram.word(MAP.order);
+        let mut orders = Order::ALL.into_iter();
         // Memory that is gone orders nothing more.
-        self.ram
-            .word(MAP.order)
-            .map_or(Order::Stop, Order::from_word)
+        orders
+            .find(|order| word == Ok(*order as u32))
+            .unwrap_or(Order::Stop)
     }
 
     /// Tells the leader that `order` is obeyed.
     pub fn obey(&self, order: Order) {
         // If the memory is gone, nobody reads it.
-        let _ = self.ram.set_word(MAP.obeyed, order.word());
+        let _ = self.ram.set_word(MAP.obeyed, order as u32);
     }
 }
 

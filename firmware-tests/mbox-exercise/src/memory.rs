@@ -2,10 +2,8 @@
 
 use condor_mbox::published::ReadError;
 use condor_mbox::spin_lock::{Guard, Incarnations, LockError, Owner};
-use condor_mbox::window::{WindowErrorKind, check_access, check_words};
-use condor_mbox::{
-    AccessError, Doorbell, MemoryWindow as _, Messenger, Place, Places, Published, Region,
-};
+use condor_mbox::window::WindowErrorKind;
+use condor_mbox::{AccessError, Doorbell, MemoryWindow as _, Messenger, Place, Published, Region};
 
 use crate::locks::{Lock, LockKind, with_lock};
 use crate::map::{MAP, Sample};
@@ -64,22 +62,6 @@ fn regions(checks: &mut Checks<'_>, ram: Region<&Window>) {
         "a place outside is refused",
         ram.get(place).err().map(|error| error.kind),
         Some(WindowErrorKind::OutOfBounds),
-    );
-    checks.same(
-        "so is a word outside",
-        check_words(ram.size(), ram.size(), 1),
-        Err(WindowErrorKind::OutOfBounds),
-    );
-    checks.same(
-        "and what is misaligned",
-        check_access(ram.size(), 2, 4),
-        Err(WindowErrorKind::Misaligned),
-    );
-    let mut places = Places::new(ram.size());
-    let two = (places.bytes(8), places.place::<u64>());
-    checks.that(
-        "places are laid out one after another",
-        matches!(two, (Ok(first), Ok(second)) if second.offset() > first),
     );
 }
 

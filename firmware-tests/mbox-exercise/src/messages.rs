@@ -1,6 +1,6 @@
 //! Messages in every way that there is.
 
-use core::fmt::{self, Write as _};
+use core::fmt::Write as _;
 use core::sync::atomic::Ordering::Relaxed;
 use core::time::Duration;
 
@@ -31,7 +31,7 @@ pub fn messages<D: Doorbell>(
     tickets(checks, mailbox);
     refused(checks, mailbox);
     typed(checks, mailbox);
-    as_messenger(checks, mailbox);
+    kept(checks, mailbox);
 }
 
 fn flat<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
@@ -187,10 +187,9 @@ fn refused<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
             code,
         }),
     );
-    let mut text = Length(0);
     // The compiler is not to know which error it is.
-    let written = write!(text, "{}", core::hint::black_box(nobody));
-    checks.that("an error can be printed", written.is_ok() && text.0 > 20);
+    let written = writeln!(checks, "{}", core::hint::black_box(nobody));
+    checks.that("an error can be printed", written.is_ok());
 }
 
 fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
@@ -217,54 +216,39 @@ fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     );
 }
 
-fn as_messenger(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
-    let at = MAP.words + 400;
-    checks.same("a messenger has a number", messenger.number(), LEADER);
+/// Requests that are kept without their tickets, by what forgets the type of the mailbox.
+fn kept(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
     let now = messenger.now();
-    checks.that("and a clock", messenger.now() >= now);
-    checks.same(
-        "it calls",
-        messenger.send_with_reply(FOLLOWER, READ, at, PATIENCE),
-        Ok(977),
-    );
+    checks.that("time goes on", messenger.now() >= now);
+    let at = MAP.words + 400;
     let begin = || {
         let ticket = messenger.begin(FOLLOWER, READ, at, PATIENCE);
         ticket.map(Ticket::detach)
     };
     match begin() {
         Ok(Some(pending)) => checks.same(
-            "it begins and waits",
+            "a request is kept and waited for",
             messenger.wait_pending(&pending, PATIENCE),
             Ok(977),
         ),
-        other => checks.same("it begins", other, Ok(None)),
+        other => checks.same("a request is begun", other, Ok(None)),
     }
     match begin() {
         Ok(Some(pending)) => checks.same(
-            "a request can be kept, and taken up again",
+            "it can be taken up again",
             Ticket::attach(messenger, pending).wait(PATIENCE),
             Ok(Some(977)),
         ),
-        other => checks.same("it begins another", other, Ok(None)),
+        other => checks.same("another is begun", other, Ok(None)),
     }
-    checks.same(
-        "it sends",
-        messenger.send(FOLLOWER, NOTE, at, PATIENCE),
-        Ok(()),
-    );
-    checks.that(
-        "it sends without waiting",
-        (0..u32::MAX).any(|_| messenger.send(FOLLOWER, NOTE, at, Duration::ZERO).is_ok()),
-    );
     match begin() {
         Ok(Some(pending)) => {
             let polled = messenger.poll_pending(&pending);
             messenger.abandon(&pending);
-            checks.that("it begins, polls and abandons", polled.is_ok());
+            checks.that("it can be polled and abandoned", polled.is_ok());
         }
-        other => checks.same("it begins the last", other, Ok(None)),
+        other => checks.same("the last is begun", other, Ok(None)),
     }
-    checks.that("it serves", messenger.serve(Duration::ZERO).is_ok());
 }
 
 /// Serves until `done`, or for too long; whether it is done.
@@ -280,14 +264,4 @@ pub(crate) fn served_until<D: Doorbell>(
         }
     }
     true
-}
-
-/// Counts what is printed.
-struct Length(usize);
-
-impl fmt::Write for Length {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        self.0 = self.0.saturating_add(text.len());
-        Ok(())
-    }
 }

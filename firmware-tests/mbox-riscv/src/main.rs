@@ -126,24 +126,20 @@ fn follow(bell: &'static Bell) {
         let mut ended = mailbox.join();
         while ended.is_ok() {
             let order = resident.order();
+            resident.obey(order);
             match order {
-                Order::Serve => {
-                    resident.obey(order);
-                    ended = mailbox.serve(PATIENCE).map(drop);
-                }
+                Order::Serve => ended = mailbox.serve(PATIENCE).map(drop),
                 Order::Poll => {
-                    resident.obey(order);
                     // Memory that is gone stops the mailbox, too.
                     let _ = mbox_exercise::turn(mailbox, resident);
                     ended = mailbox.serve(Duration::ZERO).map(drop);
                 }
-                Order::Hold => resident.obey(order),
+                Order::Hold => {}
                 Order::Interrupts => {
                     ended = mailbox.ring_always(true);
                     served_by_interrupt(mailbox, || {
                         // What came before rings were asked for.
                         bell.ring(FOLLOWER);
-                        resident.obey(order);
                         while resident.order() == order {
                             let _ = mbox_exercise::turn(mailbox, resident);
                         }
@@ -151,7 +147,6 @@ fn follow(bell: &'static Bell) {
                     ended = ended.and_then(|()| mailbox.ring_always(false));
                 }
                 Order::Stop => {
-                    resident.obey(order);
                     // Dropping the mailbox would leave in good order.
                     loop {
                         riscv::asm::wfi();

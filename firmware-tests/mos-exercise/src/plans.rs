@@ -4,8 +4,8 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
 use condor_mos::{
-    Armed, Clock, EventTable, Instant, LoopError, LoopId, Loops, Overrun, Platform, Rate,
-    RateError, Scan, Scheduler, StartError, Wrapping,
+    Clock, EventTable, Instant, LoopError, LoopId, Loops, Overrun, Platform, Rate, RateError, Scan,
+    Scheduler, StartError, Wrapping,
 };
 
 use crate::{LOOPS, RATES, Tabled, await_until};
@@ -81,19 +81,6 @@ pub(crate) fn plans<P: Platform + Sync>(checks: &mut Checks<'_>, platform: &P) {
             }),
         );
     }
-    let second = platform.frequency().numerator() / platform.frequency().denominator().max(1);
-    // An interrupt that comes while nothing is started would not go away.
-    let armed = critical_section::with(|_| {
-        let past = platform.arm(platform.now());
-        let ahead = platform.arm(platform.now().after(second.saturating_mul(60)));
-        platform.disarm();
-        [past, ahead]
-    });
-    checks.same(
-        "the present is past, and the future ahead",
-        armed,
-        [Armed::Past, Armed::Ahead],
-    );
 }
 
 /// The context of a loop that has none.
