@@ -1,9 +1,9 @@
-//! [`Bus`]: registers of boards, at addresses that may or may not answer.
+//! [`Bus`]: access to the registers of boards, which may or may not answer.
 
 use core::convert::Infallible;
 use core::fmt::Debug;
 
-/// What is wrong with an access, for code that is generic over buses.
+/// The kind of error of an access, for code that is generic over buses.
 ///
 /// It is itself a [`BusError`], for buses that have nothing to add.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -15,19 +15,20 @@ pub enum BusErrorKind {
     /// The address is not a multiple of the access's width.
     #[error("the address is misaligned")]
     Misaligned,
-    /// The address is not reached through this bus.
+    /// The address does not belong to this bus.
     #[error("the address is out of range")]
     OutOfRange,
-    /// The bus reaches the address for reading only.
+    /// The bus can only read at this address.
     #[error("the bus is read-only")]
     ReadOnly,
-    /// What answered before is gone: a device that vanished, a file that was truncated.
+    /// The board or memory that answered before is gone: a device vanished, or a file was
+    /// truncated.
     #[error("the device is gone")]
     Lost,
     /// Another context is using the bus; try again later.
     #[error("the bus is in use")]
     Busy,
-    /// The board answers at its address, and does not acknowledge the data.
+    /// The board answers at its address, but does not acknowledge the data.
     #[error("the data was not acknowledged")]
     NotAcknowledged,
     /// Another controller of the same wires won the arbitration.
@@ -39,14 +40,14 @@ pub enum BusErrorKind {
     /// The signals on the wires break the protocol of the bus.
     #[error("the signals break the protocol")]
     Protocol,
-    /// Anything else.
+    /// Any other error.
     #[error("the bus failed")]
     Other,
 }
 
 /// An error of a bus: [`AccessError`] for those of this crate; a backend may bring its own.
 pub trait BusError: core::error::Error {
-    /// Returns the kind that generic code can act on.
+    /// Returns the kind, which generic code can handle.
     fn kind(&self) -> BusErrorKind;
 }
 
@@ -63,13 +64,13 @@ impl BusError for BusErrorKind {
     }
 }
 
-/// An access that was refused, or that nothing answered.
+/// The error of an access that was refused, or to which nothing answered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("bus error at {address:#x}: {kind}")]
 pub struct AccessError {
     /// The bus address of the access.
     pub address: usize,
-    /// What was wrong with it.
+    /// The kind of error.
     pub kind: BusErrorKind,
 }
 
@@ -79,7 +80,7 @@ impl BusError for AccessError {
     }
 }
 
-/// How many bits an access moves at once; the number is that of bytes.
+/// The number of bits of an access; the enum's number is that of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// One byte.
@@ -138,43 +139,42 @@ macro_rules! typed {
     };
 }
 
-/// Reads and writes of 8, 16 and 32 bits at bus addresses, each of which may answer with a bus
-/// error.
+/// Reads and writes of 8, 16 and 32 bits at bus addresses. Each may return a bus error.
 ///
 /// # For users
 ///
-/// An access is made once, in this width, in program order relative to the other accesses of the
-/// same context; registers may change by being read. Values are as the processor sees them:
-/// bytes are swapped, where a board wants that, by its driver.
+/// Each access is made once, in this width, in program order relative to the other accesses of the
+/// same context; registers may change when they are read. Values are as the processor sees them: if
+/// a board needs bytes swapped, its driver does that.
 ///
 /// # For implementers
 ///
 /// Only [`read`](Self::read) and [`write`](Self::write) are required. A bus on which every transfer
-/// is slow overrides the block transfers; one that cannot know whether something answered returns
+/// is slow overrides the block transfers. A bus that cannot know whether something answered returns
 /// [`Infallible`](core::convert::Infallible) errors, and overrides [`answers`](Self::answers) if it
-/// can know at start-up. The memory behind a bus is never a Rust reference. An access that the bus
-/// does not answer returns an error, never a signal or a trap. A misaligned access is refused, not
-/// split. Call [`conformance::bus`](conformance/fn.bus.html) from one test.
+/// can find out at start-up. Never make a Rust reference to the memory behind a bus. An access to
+/// which nothing answers must return an error, never raise a signal or trap. A misaligned access
+/// must be refused, not split. Call [`conformance::bus`](conformance/fn.bus.html) from one test.
 pub trait Bus {
     /// The backend's error.
     type Error: BusError;
 
-    /// Reads a register; the value's upper bits, where it is narrower than 32, are 0.
+    /// Reads a register; if the width is less than 32 bits, the upper bits of the value are 0.
     ///
     /// # Errors
-    /// See [`BusErrorKind`]; so for all accesses.
+    /// The bus's error; [`BusErrorKind`] lists the kinds. This holds for all accesses.
     fn read(&self, address: usize, width: Width) -> Result<u32, Self::Error>;
 
     /// Writes a register with the lower bits of `value`.
     ///
     /// # Errors
-    /// See [`BusErrorKind`].
+    /// The bus's error.
     fn write(&self, address: usize, width: Width, value: u32) -> Result<(), Self::Error>;
 
     /// Reads the byte registers from `address` on, in order.
     ///
     /// # Errors
-    /// See [`BusErrorKind`]: then some of `into` may have been read.
+    /// The bus's error; a part of `into` may have been read then.
     fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), Self::Error> {
         for (offset, byte) in into.iter_mut().enumerate() {
             *byte = self.read(address.wrapping_add(offset), Width::Bits8)? as u8;
@@ -185,7 +185,7 @@ pub trait Bus {
     /// Writes the byte registers from `address` on, in order.
     ///
     /// # Errors
-    /// See [`BusErrorKind`]: then some of `from` may have been written.
+    /// The bus's error; a part of `from` may have been written then.
     fn write_block(&self, address: usize, from: &[u8]) -> Result<(), Self::Error> {
         for (offset, &byte) in from.iter().enumerate() {
             self.write(address.wrapping_add(offset), Width::Bits8, byte.into())?;
@@ -193,8 +193,8 @@ pub trait Bus {
         Ok(())
     }
 
-    /// Returns whether something answers a read at `address`: for probing, before anything relies
-    /// on it.
+    /// Returns whether something answers a read at `address`. Probes use this before anything
+    /// relies on the address.
     fn answers(&self, address: usize, width: Width) -> bool {
         self.read(address, width).is_ok()
     }
@@ -232,7 +232,7 @@ impl<B: Bus + ?Sized> Bus for &B {
     }
 }
 
-/// The registers of one board: a [`Bus`] of its own, whose addresses begin with the board.
+/// The registers of one board: a [`Bus`] whose addresses begin at the board.
 #[derive(Debug)]
 pub struct Registers<'b, B> {
     bus: &'b B,
@@ -248,20 +248,20 @@ impl<B> Clone for Registers<'_, B> {
 impl<B> Copy for Registers<'_, B> {}
 
 impl<'b, B: Bus> Registers<'b, B> {
-    /// The registers from `base` on.
+    /// Makes the registers of a board from the bus address `base` on.
     #[inline]
     pub const fn new(bus: &'b B, base: usize) -> Self {
         Self { bus, base }
     }
 
-    /// Where the board begins.
+    /// Returns the bus address at which the board begins.
     #[must_use]
     pub const fn base(&self) -> usize {
         self.base
     }
 }
 
-/// Addresses are offsets from where the board begins.
+/// Accesses the board; addresses are offsets from its beginning.
 impl<B: Bus> Bus for Registers<'_, B> {
     type Error = B::Error;
 

@@ -1,4 +1,4 @@
-//! [`Device`]: a board with its type, for the calls that only its driver has.
+//! [`Device`]: a board with the type of its driver, for the driver's own methods.
 
 use core::fmt;
 use core::ops::Deref;
@@ -12,9 +12,9 @@ use crate::unit::Unit;
 /// A board whose descriptor has been checked: the memo's way around the device switch, in place of
 /// `ioctl`.
 ///
-/// It stands for its driver, whose own calls take the [`registers`](Self::registers) first:
-/// `sensor.angle(sensor.registers)`. They cost what the driver itself costs. While it is
-/// held, the descriptor cannot be closed; dropping it closes nothing.
+/// It dereferences to its driver, whose own methods take the [`registers`](Self::registers) first:
+/// `sensor.angle(sensor.registers)`. They cost no more than a direct call of the driver. While a
+/// `Device` is held, its descriptor cannot be closed by others; dropping it closes nothing.
 pub struct Device<'s, B, D: Driver, const F: usize> {
     /// The registers of the board.
     pub registers: Registers<'s, B>,
@@ -44,7 +44,7 @@ impl<'s, B: Bus, D: Driver, const F: usize> Device<'s, B, D, F> {
     ///
     /// # Errors
     /// [`IoError::Fd`] with [`InUse`](crate::FdError::InUse) if there is another `Device` of this
-    /// descriptor; [`IoError::Bus`] from the board, whose descriptor is closed all the same.
+    /// descriptor; [`IoError::Bus`] if the board fails, whose descriptor is closed all the same.
     pub fn close(self) -> Result<(), IoError<B::Error>> {
         let (unit, registers, fds, fd) = (self.unit, self.registers, self.fds, self.fd);
         drop(self);

@@ -23,25 +23,25 @@ const ENDLESS: u32 = 10_000;
 /// How many different vectors without a driver are told apart.
 const STRANGERS: usize = 8;
 
-/// What became of the interrupts so far. Counts wrap.
+/// Counts of interrupts by outcome. They wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InterruptCounts {
-    /// A board had asked and was served.
+    /// Interrupts of a board that had asked for one and was served.
     pub served: u32,
-    /// There was none: the controller had nothing to claim.
+    /// Interrupts after which the controller had nothing to claim.
     pub spurious: u32,
-    /// There was one of a known vector, but none of its boards had asked.
+    /// Interrupts of a known vector, none of whose boards had asked.
     pub unclaimed: u32,
-    /// It was of a vector that no board has.
+    /// Interrupts of a vector that belongs to no board.
     pub unhandled: u32,
-    /// Vectors that were disabled because they would not end; [`Switch::stuck`] names them.
+    /// Vectors that were disabled because their interrupts did not end; [`Switch::stuck`] names
+    /// them.
     pub stuck: u32,
 }
 
-/// What the entry notes of one vector.
+/// The record of one vector in the entry of interrupts.
 ///
-/// A vector that is claimed is nobody else's until it is completed, so there is one writer at a
-/// time.
+/// Only the context that has claimed the vector writes it, until the vector is completed.
 #[derive(Debug)]
 pub struct Line {
     /// Who of its boards is polled first the next time.
@@ -56,7 +56,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// A vector that has not interrupted.
+    /// Makes the record of a vector that has not interrupted.
     #[must_use]
     #[allow(
         clippy::new_without_default,
@@ -128,14 +128,16 @@ impl Interrupts {
 }
 
 impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, S, F> {
-    /// The entry of all interrupts: serves what the controller has, until it has nothing more.
+    /// Serves all pending interrupts: the entry of all vectors, which the processor's handler
+    /// calls.
     ///
-    /// The boards that share a vector are polled along their chain, each time beginning with another
-    /// one, until none of them asks any more: their line may be edge-triggered. A vector
-    /// that interrupts 16 times in a row with none of its boards asking, or that never
-    /// ends, is disabled and counted as [stuck](InterruptCounts::stuck): it does not hang the processor.
+    /// The boards that share a vector are polled one after the other, each time beginning with
+    /// another one, until none of them asks for service: their line may be edge-triggered. A vector
+    /// that interrupts 16 times in a row although none of its boards asks, or that never ends, is
+    /// disabled and counted as [stuck](InterruptCounts::stuck), so that it does not hang the
+    /// processor.
     ///
-    /// An interrupt of a higher level may enter while one of a lower level is being served.
+    /// An interrupt of a higher level may come while one of a lower level is being served.
     pub fn on_interrupt(&self) {
         let Some(mut vector) = self.controller.claim() else {
             masked(|| count(&self.interrupts.spurious));
@@ -162,7 +164,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
     }
 
-    /// What became of the interrupts so far.
+    /// Returns the counts of interrupts so far.
     pub fn interrupt_counts(&self) -> InterruptCounts {
         let interrupts = &self.interrupts;
         let sum = |words: &mut dyn Iterator<Item = &AtomicU32>| {
@@ -179,8 +181,8 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
     }
 
-    /// The vectors that interrupted though no board has them, and how often; the first eight
-    /// different ones.
+    /// Iterates over the first eight vectors that interrupted and belong to no board, with the
+    /// counts of their interrupts.
     pub fn unhandled(&self) -> impl Iterator<Item = (Vector, u32)> + '_ {
         let strangers = self.interrupts.strangers.iter();
         strangers.filter_map(|(known, counted)| {
@@ -189,9 +191,10 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         })
     }
 
-    /// The vectors of boards that were disabled because they would not end, and how often.
+    /// Iterates over the vectors of boards that were disabled because their interrupts did not end,
+    /// with the counts of that.
     ///
-    /// When the reason is gone, [`start`](Self::start) enables them again.
+    /// When the cause is gone, [`start`](Self::start) enables them again.
     pub fn stuck(&self) -> impl Iterator<Item = (Vector, u32)> + '_ {
         let lines = S::CHAIN.iter().zip(self.devices.lines());
         lines.filter_map(|(link, line)| {

@@ -1,22 +1,23 @@
-//! [`Driver`]: what one kind of board can do.
+//! [`Driver`]: the calls of one kind of board.
 
 use crate::bus::{Bus, Registers, Width};
 
 /// A kind of board, and the state of one of its boards.
 ///
 /// # For users
-/// Programs name drivers in a [`device_switch!`](crate::device_switch) and reach them through its
-/// file descriptors; see [`Switch`](crate::Switch). What is peculiar to a board, its driver offers as
-/// methods of its own, which take the registers first; see [`Device`](crate::Device).
+/// Programs name drivers in a [`device_switch!`](crate::device_switch) and access them through its
+/// file descriptors; see [`Switch`](crate::Switch). A driver offers special functions of its board
+/// as methods of its own, which take the registers first; see [`Device`](crate::Device).
 ///
 /// # For implementers
-/// A value is one board, with its buffer (memo, section 3.1): it lives in a `static`, and background,
-/// servo loops and interrupts reach it at the same time through `&self`. The interrupt's half and
-/// the other one share the buffer by atomics, so that neither ever waits for the other. No
-/// call waits for the board: what cannot be done now is [`DeviceError::WouldBlock`].
+/// A value is one board, with its buffer (memo, section 3.1). It lives in a `static`, and
+/// background, servo loops and interrupts access it at the same time through `&self`. The interrupt
+/// handler and the other calls share the buffer by atomics, so that neither ever waits for the
+/// other. No call waits for the board: if something cannot be done now, it returns
+/// [`DeviceError::WouldBlock`].
 ///
-/// Only [`NEW`](Self::NEW) is required: what is provided makes a device that has calls of its own and
-/// transfers no bytes.
+/// Only [`NEW`](Self::NEW) is required; the defaults make a device that has only its own methods
+/// and transfers no bytes.
 pub trait Driver: Sync + Sized + 'static {
     /// A board that has not been initialised.
     const NEW: Self;
@@ -27,42 +28,42 @@ pub trait Driver: Sync + Sized + 'static {
     /// Whether it can be opened for writing.
     const WRITES: bool = true;
 
-    /// Returns whether the board is there, before anything else is done to it: as provided, whether
-    /// a byte at its first address answers.
+    /// Returns whether the board is there, before anything else is done to it. The default checks
+    /// whether a byte at its first address answers.
     #[must_use]
     fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
         registers.answers(0, Width::Bits8)
     }
 
-    /// Brings the board, whatever it did before, into a known state that does not interrupt.
+    /// Brings the board into a known state in which it does not interrupt, whatever it did before.
     ///
     /// # Errors
-    /// The bus's: then the board is not used.
+    /// The bus's error; the board is not used then.
     fn init<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
 
-    /// Opens the board, which nobody had open: from here on it may interrupt, also before this
+    /// Opens the board, which was not open: from here on it may interrupt, even before this
     /// returns.
     ///
     /// # Errors
-    /// The bus's: then it is not open.
+    /// The bus's error; the board is not open then.
     fn open<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
 
-    /// Closes the board, which nobody has open any more: it must not interrupt after this.
+    /// Closes the board, after its last descriptor was closed: it must not interrupt after this.
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     fn close<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
 
-    /// Reads at least one byte into `into`, which is not empty, and says how many.
+    /// Reads at least one byte into `into`, which is not empty, and returns the number of bytes.
     ///
     /// # Errors
-    /// [`DeviceError`].
+    /// [`DeviceError`], if nothing was read.
     fn read<B: Bus>(
         &self,
         _: Registers<'_, B>,
@@ -71,10 +72,10 @@ pub trait Driver: Sync + Sized + 'static {
         Err(DeviceError::no_bytes(into.len()))
     }
 
-    /// Writes at least one byte of `from`, which is not empty, and says how many.
+    /// Writes at least one byte of `from`, which is not empty, and returns the number of bytes.
     ///
     /// # Errors
-    /// [`DeviceError`].
+    /// [`DeviceError`], if nothing was written.
     fn write<B: Bus>(
         &self,
         _: Registers<'_, B>,
@@ -83,49 +84,49 @@ pub trait Driver: Sync + Sized + 'static {
         Err(DeviceError::no_bytes(from.len()))
     }
 
-    /// Whether all that was written has left for the world outside.
+    /// Returns whether all bytes that were written have left the board.
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     fn is_flushed<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(true)
     }
 
-    /// Whether [`read`](Self::read) would read something.
+    /// Returns whether [`read`](Self::read) would read something.
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     fn read_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(false)
     }
 
-    /// Whether [`write`](Self::write) would write something.
+    /// Returns whether [`write`](Self::write) would write something.
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(false)
     }
 
-    /// The board's vector interrupted: serves the board, if it was this one.
+    /// Handles an interrupt of the board's vector: serves the board, if it had asked.
     ///
     /// # Errors
-    /// The bus's: the board is taken for one that did not interrupt.
+    /// The bus's error; the board then counts as one that did not ask.
     fn interrupt<B: Bus>(&self, _: Registers<'_, B>) -> Result<Attention, B::Error> {
         Ok(Attention::NotMine)
     }
 }
 
-/// Whether a board had asked for the interrupt that it was polled for.
+/// Whether a board had asked for an interrupt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attention {
-    /// It had, and has been served.
+    /// The board had asked, and has been served.
     Mine,
-    /// It had not.
+    /// The board had not asked.
     NotMine,
 }
 
-/// Why a transfer moved nothing.
+/// The reason for which a transfer moved nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError<E> {
     /// The board has nothing to read, or no room, at this moment.
@@ -134,25 +135,29 @@ pub enum DeviceError<E> {
     /// The board does not transfer this many bytes at a time, or in its present configuration.
     #[error("{bytes} bytes, where the device moves a multiple of {unit} at a time")]
     Length {
-        /// What it was asked for.
+        /// The number of bytes that was requested.
         bytes: usize,
-        /// What it moves at once: a multiple of this; 0 if it transfers no bytes.
+        /// The unit of transfers: a multiple of this moves at once; 0 if the board transfers no
+        /// bytes.
         unit: usize,
     },
-    /// The board reported an error of its own: overrun, framing; bits as its driver documents.
+    /// The board reported an error of its own, such as overrun or framing; the driver documents the
+    /// bits.
     #[error("the device reports error {0:#04x}")]
     Device(u8),
-    /// The bus.
+    /// The bus returned this error.
     #[error("{0}")]
     Bus(E),
 }
 
 impl<E> DeviceError<E> {
-    /// Returns the outcome of a transfer of `bytes` to or from a driver's buffer, after which the board
-    /// was `told` of it: an error of the bus is for the next call to find if bytes were moved.
+    /// Returns the result of a transfer of `bytes` bytes to or from a driver's buffer. `told` is
+    /// the result of informing the board afterwards. If bytes were moved, an error in it is left
+    /// for the next call to find.
     ///
     /// # Errors
-    /// [`Bus`](Self::Bus), or [`WouldBlock`](Self::WouldBlock), if none were.
+    /// [`Bus`](Self::Bus) with that error, or [`WouldBlock`](Self::WouldBlock), if no bytes were
+    /// moved.
     pub fn unless_moved<T>(bytes: usize, told: Result<T, E>) -> Result<usize, Self> {
         if bytes == 0 {
             told?;

@@ -1,4 +1,4 @@
-//! [`Fd`]: a small number for something open, and the table that knows what it is.
+//! [`Fd`]: the descriptor of an open board; and the table of descriptors.
 
 use core::fmt;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -6,7 +6,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use bitflags::bitflags;
 
 bitflags! {
-    /// How a device is opened.
+    /// The mode in which a device is opened.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Mode: u8 {
         /// For reading.
@@ -18,10 +18,10 @@ bitflags! {
     }
 }
 
-/// A file descriptor: a place in the switch's table, and how often that place was used before, so
-/// that a closed descriptor is never taken for a new one.
+/// A file descriptor: the number of a place in the switch's table, and a generation, which counts
+/// how often that place was used before. So a closed descriptor is never taken for a new one.
 ///
-/// A place's count begins anew after 65 536 opens.
+/// The generation wraps after 65 536 opens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Fd {
     index: u16,
@@ -29,9 +29,9 @@ pub struct Fd {
 }
 
 impl Fd {
-    /// A descriptor of a table of one's own, for an implementation of
-    /// [`Descriptors`](crate::Descriptors); to a [`Switch`](crate::Switch) it is what its place and
-    /// generation say.
+    /// Makes a descriptor of your own table, for an implementation of
+    /// [`Descriptors`](crate::Descriptors). A [`Switch`](crate::Switch) accepts it if number and
+    /// generation are those of an open descriptor.
     #[must_use]
     pub const fn new(number: u16, generation: u16) -> Self {
         Self {
@@ -40,13 +40,13 @@ impl Fd {
         }
     }
 
-    /// The small number: the place in the table.
+    /// Returns the number of the place in the table.
     #[must_use]
     pub const fn number(self) -> u16 {
         self.index
     }
 
-    /// How often the place was used before.
+    /// Returns how often the place was used before.
     #[must_use]
     pub const fn generation(self) -> u16 {
         self.generation
@@ -59,15 +59,15 @@ impl fmt::Display for Fd {
     }
 }
 
-/// What is wrong with a descriptor.
+/// The reason for which a descriptor is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FdError {
-    /// It never came from this switch.
+    /// Its number is not that of a place in this switch's table.
     #[error("{fd} is not a descriptor: there are {count}")]
     NoSuchFd {
         /// The descriptor.
         fd: Fd,
-        /// Places in the table.
+        /// The number of places in the table.
         count: usize,
     },
     /// It has been closed.
@@ -76,31 +76,31 @@ pub enum FdError {
         /// The descriptor.
         fd: Fd,
     },
-    /// It has been closed, and its place is another one's now.
+    /// It has been closed, and its place belongs to another descriptor now.
     #[error("{fd} has been closed, and its number belongs to another one since")]
     Stale {
         /// The descriptor.
         fd: Fd,
     },
-    /// It is not open for reading, or not for writing.
+    /// It was not opened for reading, or not for writing.
     #[error("{fd} is not open for {wanted:?}, but for {opened:?}")]
     Direction {
         /// The descriptor.
         fd: Fd,
-        /// What it was used for.
+        /// The direction of the call.
         wanted: Mode,
-        /// What it was opened for.
+        /// The mode in which it was opened.
         opened: Mode,
     },
-    /// It is not of the device that was asked for.
+    /// It belongs to another device.
     #[error("{fd} is not of device {wanted}")]
     WrongType {
         /// The descriptor.
         fd: Fd,
-        /// The device.
+        /// The device that was requested.
         wanted: &'static str,
     },
-    /// It cannot be closed: somebody holds its device.
+    /// It cannot be closed, because a [`Device`](crate::Device) of it is held.
     #[error("{fd} cannot be closed: its device is in use")]
     InUse {
         /// The descriptor.

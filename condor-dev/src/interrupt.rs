@@ -1,39 +1,40 @@
-//! [`InterruptController`]: which interrupt came, and which may come.
+//! [`InterruptController`]: enables, claims and completes interrupts.
 
-/// The number of an interrupt, as its controller gives it.
+/// The number of an interrupt vector in its controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Vector(pub u16);
 
-/// How urgent an interrupt is: a higher level interrupts a lower one; 0 never interrupts.
+/// The urgency of an interrupt: a higher level interrupts a lower one; 0 never interrupts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Level(pub u8);
 
-/// What brings the interrupts of boards to one processor.
+/// The controller that delivers the interrupts of boards to one processor.
 ///
 /// # For users
-/// [`Switch::on_interrupt`](crate::Switch::on_interrupt) claims, serves and completes; a program
-/// that has a switch calls none of these itself.
+/// [`Switch::on_interrupt`](crate::Switch::on_interrupt) claims, serves and completes interrupts; a
+/// program that has a switch does not call these methods itself.
 ///
 /// # For implementers
-/// * `claim` gives the pending enabled vector of the highest level, and withdraws it from other
-///   processors until it is completed; `None` if there is none, which is a spurious interrupt.
-/// * A vector whose board still asks for attention is pending again after `complete`.
-/// * A vector that is disabled is never claimed; what it asked for meanwhile is pending when it is
-///   enabled again.
-/// * Vectors that the controller does not have are ignored by all calls.
+/// * `claim` returns the pending enabled vector of the highest level, and keeps it from other
+///   processors until it is completed. It returns `None` if there is none; that is a spurious
+///   interrupt.
+/// * If a board still asks for service after `complete`, its vector is pending again.
+/// * A disabled vector is never claimed; a request that came meanwhile is pending when the vector
+///   is enabled again.
+/// * All methods ignore vectors that the controller does not have.
 ///
 /// Call [`conformance::interrupt_controller`](conformance/fn.interrupt_controller.html) from one test.
 pub trait InterruptController {
-    /// Lets a vector interrupt, at a level.
+    /// Enables a vector at a level.
     fn enable(&self, vector: Vector, level: Level);
 
-    /// Lets it interrupt no more.
+    /// Disables a vector.
     fn disable(&self, vector: Vector);
 
-    /// Takes the most urgent vector that is pending.
+    /// Claims the most urgent vector that is pending, and returns it.
     fn claim(&self) -> Option<Vector>;
 
-    /// Ends what [`claim`](Self::claim) began.
+    /// Completes a vector that [`claim`](Self::claim) returned.
     fn complete(&self, vector: Vector);
 }
 
@@ -59,7 +60,7 @@ impl<C: InterruptController + ?Sized> InterruptController for &C {
     }
 }
 
-/// For systems in which no board interrupts.
+/// A controller without interrupts, for systems in which no board interrupts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoInterrupts;
 

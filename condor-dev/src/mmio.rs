@@ -4,16 +4,16 @@ use core::ffi::c_void;
 
 use crate::bus::{AccessError, Bus, BusErrorKind, Width};
 
-/// A range of addresses that boards answer: one volatile access for each of a driver's.
+/// A range of addresses at which boards answer: each access of a driver is one volatile access.
 ///
-/// What lies outside of the range, or is misaligned, is refused without being accessed. Inside
-/// of it, an address that nothing answers gives what the processor makes of it: some read ones,
-/// others trap. A RISC-V processor that traps is survived by
-/// `riscv::GuardedMmio`, so that start-up can look for boards.
+/// Accesses outside of the range, and misaligned ones, are refused without being made. If nothing
+/// answers at an address inside of the range, the result depends on the processor: some read ones,
+/// others trap. On a RISC-V processor that traps, use `riscv::GuardedMmio`, so that start-up can
+/// look for boards.
 ///
-/// Accesses are in program order as the processor sees them; that the boards see them so, the
-/// range must be device memory of the processor (strongly ordered I/O on RISC-V, Device memory
-/// on Arm), as it is where registers are.
+/// Accesses are in program order as the processor sees them. For boards to see the same order, the
+/// range must be device memory of the processor (strongly ordered I/O on RISC-V, Device memory on
+/// Arm), as it is for registers.
 #[derive(Clone, Copy, Debug)]
 pub struct Mmio {
     /// Where `first` is reached.
@@ -29,31 +29,32 @@ unsafe impl Send for Mmio {}
 unsafe impl Sync for Mmio {}
 
 impl Mmio {
-    /// The `len` bytes of addresses from `first` on, at the same addresses of the bus.
+    /// Makes a bus of the `len` bytes of addresses from `first` on, at the same bus addresses.
     ///
     /// # Safety
     ///
     /// As long as the bus or a copy of it is used:
     ///
-    /// * none of the range is memory that Rust knows of: no variable, stack or heap;
-    /// * every aligned access of 8, 16 and 32 bits in it may be made at any time: where nothing
-    ///   answers, the processor reads something and ignores writes, or it has the
-    ///   access guarded (`riscv::GuardedMmio`);
-    /// * no write in it has a device change such memory, by DMA for example, except where what
-    ///   gave the device its addresses vouches for them.
+    /// * no part of the range is memory that Rust knows of: no variable, stack or heap;
+    /// * every aligned access of 8, 16 and 32 bits in it may be made at any time: if nothing
+    ///   answers, the processor reads something and ignores writes, or the access is guarded
+    ///   (`riscv::GuardedMmio`);
+    /// * no write in it makes a device change such memory, by DMA for example, except if the
+    ///   program part that gave the device its addresses is responsible for them.
     #[must_use]
     pub const unsafe fn new(first: usize, len: usize) -> Self {
         // SAFETY: as for this function.
         unsafe { Self::translated(first as *mut u8, first, len) }
     }
 
-    /// The `len` bytes at `memory`, as the bus addresses from `first` on: where a board's address
-    /// and the processor's differ.
+    /// Makes a bus of the `len` bytes at `memory`, at the bus addresses from `first` on, for
+    /// processors whose addresses differ from those of the boards.
     ///
     /// # Safety
     ///
-    /// As for [`new`](Self::new), for the `len` bytes at `memory`, which is aligned to four bytes
-    /// as `first` is. They may also be an allocation that is reached through pointers only.
+    /// The contract is that of [`new`](Self::new), for the `len` bytes at `memory`. Both `memory`
+    /// and `first` must be aligned to four bytes. The bytes may also be an allocation that is
+    /// accessed only through pointers.
     #[must_use]
     pub const unsafe fn translated(memory: *mut u8, first: usize, len: usize) -> Self {
         Self { memory, first, len }

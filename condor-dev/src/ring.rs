@@ -1,16 +1,17 @@
-//! [`Ring`]: bytes between the interrupt's half of a driver and the other half.
+//! [`Ring`]: a queue of bytes between a driver's interrupt handler and its other calls.
 
 use crate::sync::{AtomicBool, AtomicU8, AtomicU32, Ordering, masked};
 
-/// A queue of `N` bytes with one end to write and one to read, both reached through `&self`: the
-/// memo's device-specific buffer (section 3.1). `N` is a power of two.
+/// A queue of `N` bytes with a writer and a reader, both claimed through `&self`: the memo's
+/// device-specific buffer (section 3.1). `N` is a power of two.
 ///
-/// An end belongs to whoever has claimed it, until it is dropped; to anybody else meanwhile, who can
-/// only be a context that interrupted the holder or runs beside it, it is not there. So neither
-/// end ever waits, whoever interrupts whom. Loads and stores of atomics are all it needs, and a
-/// critical section of two accesses to claim an end.
+/// A context that has claimed the writer or the reader has it until it is dropped. For other
+/// contexts, which interrupt that context or run beside it, the claim fails meanwhile. So no
+/// context ever waits. The ring needs only loads and stores of atomics, and a critical section of
+/// two accesses for a claim.
 ///
-/// (`heapless::spsc` splits into its ends by `&mut`, which a driver in a `static` does not have.)
+/// (`heapless::spsc` splits into its two ends by `&mut`, which a driver in a `static` does not
+/// have.)
 #[derive(Debug)]
 pub struct Ring<const N: usize> {
     bytes: [AtomicU8; N],
@@ -30,7 +31,7 @@ impl<const N: usize> Ring<N> {
         N as u32 - 1
     };
 
-    /// An empty ring.
+    /// Makes an empty ring.
     #[cfg(not(condor_loom))]
     #[must_use]
     pub const fn new() -> Self {
@@ -43,7 +44,7 @@ impl<const N: usize> Ring<N> {
         }
     }
 
-    /// An empty ring.
+    /// Makes an empty ring.
     #[cfg(condor_loom)]
     #[must_use]
     pub fn new() -> Self {
@@ -56,21 +57,21 @@ impl<const N: usize> Ring<N> {
         }
     }
 
-    /// Claims the end to write; `None` while somebody has it.
+    /// Claims the writer; returns `None` while another context has it.
     #[inline]
     #[must_use]
     pub fn writer(&self) -> Option<Writer<'_, N>> {
         claim(&self.writing).then(|| Writer(self))
     }
 
-    /// Claims the end to read; `None` while somebody has it.
+    /// Claims the reader; returns `None` while another context has it.
     #[inline]
     #[must_use]
     pub fn reader(&self) -> Option<Reader<'_, N>> {
         claim(&self.reading).then(|| Reader(self))
     }
 
-    /// How many bytes there are to read, at this moment.
+    /// Returns how many bytes there are to read at this moment.
     #[inline]
     #[must_use]
     pub fn len(&self) -> usize {
@@ -81,14 +82,14 @@ impl<const N: usize> Ring<N> {
         (written.wrapping_sub(read) as usize).min(N)
     }
 
-    /// Whether there is nothing to read, at this moment.
+    /// Returns whether there is nothing to read at this moment.
     #[inline]
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Whether there is no room, at this moment.
+    /// Returns whether there is no room at this moment.
     #[inline]
     #[must_use]
     pub fn is_full(&self) -> bool {
@@ -120,25 +121,26 @@ fn claim(taken: &AtomicBool) -> bool {
     })
 }
 
-/// The end of a [`Ring`] that writes.
+/// The writer of a [`Ring`].
 #[derive(Debug)]
 pub struct Writer<'r, const N: usize>(&'r Ring<N>);
 
 impl<const N: usize> Writer<'_, N> {
-    /// Bytes that there is room for.
+    /// Returns the number of bytes for which there is room.
     #[inline]
     #[must_use]
     pub fn room(&self) -> usize {
         N - self.0.len()
     }
 
-    /// Writes a byte; says whether there was room.
+    /// Writes a byte; returns whether there was room.
     #[inline]
     pub fn push(&mut self, byte: u8) -> bool {
         self.write(&[byte]) == 1
     }
 
-    /// Writes as many bytes as there is room for, and says how many. They can be read all at once.
+    /// Writes as many bytes as there is room for, and returns their number. They become readable
+    /// together.
     #[inline]
     pub fn write(&mut self, from: &[u8]) -> usize {
         let ring = self.0;
@@ -167,12 +169,12 @@ impl<const N: usize> Drop for Writer<'_, N> {
     }
 }
 
-/// The end of a [`Ring`] that reads.
+/// The reader of a [`Ring`].
 #[derive(Debug)]
 pub struct Reader<'r, const N: usize>(&'r Ring<N>);
 
 impl<const N: usize> Reader<'_, N> {
-    /// The next byte, which stays.
+    /// Returns the next byte without taking it out.
     #[inline]
     #[must_use]
     pub fn peek(&self) -> Option<u8> {
@@ -180,7 +182,7 @@ impl<const N: usize> Reader<'_, N> {
         (self.copy(&mut byte) == 1).then_some(byte[0])
     }
 
-    /// Takes out the byte that [`peek`](Self::peek) gave.
+    /// Takes out the byte that [`peek`](Self::peek) returned.
     #[inline]
     pub fn skip(&mut self) {
         if !self.0.is_empty() {
@@ -188,7 +190,7 @@ impl<const N: usize> Reader<'_, N> {
         }
     }
 
-    /// Takes out as many bytes as there are and `into` has room for, and says how many.
+    /// Takes out as many bytes as there are and fit in `into`, and returns their number.
     #[inline]
     pub fn read(&mut self, into: &mut [u8]) -> usize {
         let count = self.copy(into);
@@ -196,7 +198,7 @@ impl<const N: usize> Reader<'_, N> {
         count
     }
 
-    /// Takes out all bytes that there are.
+    /// Takes out all bytes.
     pub fn clear(&mut self) {
         self.advance(self.0.len() as u32);
     }

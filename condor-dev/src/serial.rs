@@ -1,4 +1,4 @@
-//! [`I2cBus`] and [`SpiBus`]: registers of parts on two wires or four, through embedded-hal.
+//! [`I2cBus`] and [`SpiBus`]: registers of parts on an I2C or SPI bus, through embedded-hal.
 
 use embedded_hal::i2c::{self, Error as _, I2c, NoAcknowledgeSource};
 use embedded_hal::spi::{self, Error as _, Operation, SpiDevice};
@@ -8,14 +8,14 @@ use crate::stdio::Claim;
 
 /// The registers of all parts on one I2C bus, through any [`I2c`] of embedded-hal.
 ///
-/// Register `r` of the part with the 7-bit address `d` is at `d << 8 | r`; see
-/// [`Location::i2c`](crate::Location::i2c). Registers have 8 bits; a wider access moves two or four of them
-/// in one transfer, in the processor's byte order, and so does a block of up to 64. A part that
-/// does not advance its register number by itself is accessed by bytes only.
+/// Register `r` of the part with the 7-bit address `d` has the bus address `d << 8 | r`; see
+/// [`Location::i2c`](crate::Location::i2c). Registers have 8 bits. A wider access moves two or four
+/// of them in one transfer, in the processor's byte order; a block of up to 64 is one transfer,
+/// too. If a part does not advance its register number by itself, access it only by bytes.
 ///
-/// One context at a time uses the wires. An access of another one meanwhile, an interrupt handler
-/// for example, is refused as [`Busy`](BusErrorKind::Busy). A transfer takes about 25 µs a byte at
-/// 400 kHz, in which it masks no interrupts.
+/// Only one context at a time uses the wires. An access of another context meanwhile, such as an
+/// interrupt handler, is refused as [`Busy`](BusErrorKind::Busy). A transfer takes about 25 µs per
+/// byte at 400 kHz; it masks no interrupts during that time.
 pub struct I2cBus<I> {
     i2c: Claim<I>,
     first: usize,
@@ -25,14 +25,14 @@ pub struct I2cBus<I> {
 const BLOCK: usize = 64;
 
 impl<I: I2c> I2cBus<I> {
-    /// The parts at the bus addresses from 0 to 0x7fff.
+    /// Makes a bus of the parts at the bus addresses from 0 to 0x7fff.
     #[must_use]
     pub const fn new(i2c: I) -> Self {
         Self::from(0, i2c)
     }
 
-    /// The parts at the 0x8000 bus addresses from `first` on, a multiple of 4: for a second bus in
-    /// one [`Switch`](crate::Switch).
+    /// Makes a bus of the parts at the 0x8000 bus addresses from `first` on, a multiple of 4: for a
+    /// second bus in one [`Switch`](crate::Switch).
     #[must_use]
     pub const fn from(first: usize, i2c: I) -> Self {
         let i2c = Claim::new(i2c);
@@ -103,18 +103,18 @@ impl<I: I2c> Bus for I2cBus<I> {
 
 /// The registers of one part on an SPI bus, through any [`SpiDevice`] of embedded-hal.
 ///
-/// A transfer begins with a byte that has the number of the register, and bits that say whether it is
-/// read or written; the data sheet tells which. As with [`I2cBus`], registers have 8 bits, wider
-/// accesses and blocks move several in one transfer, and an access while another context uses the
+/// A transfer begins with a command byte: the number of the register, and bits for reading or
+/// writing, which the data sheet gives. As with [`I2cBus`], registers have 8 bits, wider accesses
+/// and blocks move several of them in one transfer, and an access while another context uses the
 /// wires is refused as [`Busy`](BusErrorKind::Busy). SPI has no acknowledgement: an absent part
-/// reads as ones or zeros, so a driver's probe must know an identification.
+/// reads as ones or zeros, so a driver's probe must check an identification.
 pub struct SpiBus<S> {
     spi: Claim<S>,
     first: usize,
     command: SpiCommand,
 }
 
-/// The bits of a command byte beside the register's number.
+/// The bits of a command byte, apart from the register's number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SpiCommand {
     /// The bits that are set for a read; 0x80 for most parts.
@@ -124,8 +124,8 @@ pub struct SpiCommand {
 }
 
 impl<S: SpiDevice> SpiBus<S> {
-    /// The part's registers at the bus addresses from `first` on, a multiple of 4; as many as the
-    /// lowest bit of `command` leaves.
+    /// Makes a bus of the part's registers, at the bus addresses from `first` on, a multiple of 4.
+    /// The part has as many registers as there are numbers below the lowest bit of `command`.
     #[must_use]
     pub const fn new(first: usize, spi: S, command: SpiCommand) -> Self {
         let spi = Claim::new(spi);

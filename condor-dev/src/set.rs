@@ -8,10 +8,11 @@ use crate::fd::Entry;
 use crate::interrupt::Vector;
 use crate::unit::{Location, Unit};
 
-/// The boards that may exist, kind by kind; [`device_switch!`](crate::device_switch) writes it.
+/// The boards that may exist, grouped by kind; [`device_switch!`](crate::device_switch) implements
+/// it.
 ///
-/// A kind is a field of the macro. Kinds and boards are numbered from 0 in the order in which they are
-/// named there; the slot of a board is `kind << 6 | board`.
+/// A kind is a field of the macro. Kinds, and boards of a kind, are numbered from 0 in the order in
+/// which they are written there; the slot of a board is `kind << 6 | board`.
 pub trait DeviceSet: Sync {
     /// The name of each kind, and how many boards of it may exist.
     const KINDS: &'static [(&'static str, u8)];
@@ -19,11 +20,12 @@ pub trait DeviceSet: Sync {
     /// The boards that interrupt, in the order of their vectors.
     const CHAIN: &'static [Link];
 
-    /// What the entry of interrupts notes of each vector, at the place of its first board in
-    /// [`CHAIN`](Self::CHAIN), which is as long.
+    /// Returns the records of vectors. That of a vector is at the index of its first board in
+    /// [`CHAIN`](Self::CHAIN), which has the same length.
     fn lines(&self) -> &[Line];
 
-    /// Shows the board in a slot to `visitor`, with its type; `None` if there is no such board.
+    /// Calls `visitor` with the board in a slot, with its type; returns `None` if there is no such
+    /// board.
     fn visit<V: Visitor>(&self, slot: u16, visitor: V) -> Option<V::Output>;
 }
 
@@ -80,12 +82,12 @@ pub struct Link {
     pub slot: u16,
 }
 
-/// A function of a board, whatever its driver is.
+/// A function that can be called with a board of any driver.
 pub trait Visitor {
-    /// What it gives.
+    /// The type of its result.
     type Output;
 
-    /// Sees the board.
+    /// Runs with the board.
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output;
 }
 
@@ -108,7 +110,7 @@ const fn nth(kinds: &[(&str, &[Location])], mut number: usize) -> Option<(u16, L
     None
 }
 
-/// How many of the places interrupt.
+/// Returns how many of the locations interrupt.
 #[doc(hidden)]
 #[must_use]
 pub const fn links(kinds: &[(&str, &[Location])]) -> usize {
@@ -122,10 +124,11 @@ pub const fn links(kinds: &[(&str, &[Location])]) -> usize {
     count
 }
 
-/// The places that interrupt, in the order of their vectors.
+/// Returns the locations that interrupt, in the order of their vectors.
 ///
 /// # Panics
-/// If two boards have one address, or one vector at two levels: the set does not compile.
+/// If two boards have the same address, or share a vector at different levels; such a set does not
+/// compile.
 #[doc(hidden)]
 #[must_use]
 pub const fn chain<const N: usize>(kinds: &[(&str, &[Location])]) -> [Link; N] {
@@ -169,8 +172,8 @@ const fn check(place: Location, kinds: &[(&str, &[Location])], number: usize) {
     }
 }
 
-/// Names the devices that a program is built for, where their boards may be and how they
-/// interrupt: the system configuration file of the memo (section 3.1).
+/// Declares the devices for which a program is built, with the addresses at which boards may be and
+/// with their interrupts: the system configuration file of the memo (section 3.1).
 ///
 /// ```
 /// use condor_dev::drivers::Uart16550;
@@ -189,11 +192,11 @@ const fn check(place: Location, kinds: &[(&str, &[Location])], number: usize) {
 /// static DEVICES: HandDevices = HandDevices::new();
 /// ```
 ///
-/// Each field is a device: its name is the one to [`open`](crate::Switch::open) it by, and the constant
-/// of that name, here `HandDevices::uart`, opens it [with its type](crate::Switch::open_typed). One
-/// driver may have several.
+/// Each field is a device. [`open`](crate::Switch::open) opens it by the field's name, and the
+/// constant of that name, here `HandDevices::uart`, opens it [with its
+/// type](crate::Switch::open_typed). Several fields may have the same driver.
 ///
-/// Two boards at one address do not compile:
+/// Two boards at the same address do not compile:
 ///
 /// ```compile_fail
 /// # use condor_dev::{Location, device_switch};
@@ -241,7 +244,7 @@ macro_rules! device_switch {
             const LINKS: [$crate::set::Link; $crate::set::links(Self::PLACES)] =
                 $crate::set::chain(Self::PLACES);
 
-            /// The boards, not looked for yet.
+            /// Makes the set; `start` has not looked for its boards yet.
             #[must_use]
             $visibility const fn new() -> Self {
                 Self {

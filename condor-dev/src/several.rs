@@ -13,8 +13,8 @@ fn or_else<T>(answer: Answer<T>, next: impl FnOnce() -> Answer<T>) -> Answer<T> 
     }
 }
 
-/// Two buses as one: the second one has the addresses that the first one refuses as
-/// [`OutOfRange`](BusErrorKind::OutOfRange). For more than two, nest pairs.
+/// Combines two buses: an access that the first one refuses as
+/// [`OutOfRange`](BusErrorKind::OutOfRange) goes to the second one. For more than two, nest pairs.
 impl<A: Bus<Error = AccessError>, B: Bus<Error = AccessError>> Bus for (A, B) {
     type Error = AccessError;
 

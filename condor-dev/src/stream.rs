@@ -1,5 +1,5 @@
-//! [`Stream`]: a descriptor with the traits of `embedded-io`, whose reads and writes wait, but never
-//! for ever.
+//! [`Stream`]: a descriptor with the traits of `embedded-io`, whose reads and writes wait for a
+//! bounded time.
 
 use core::fmt;
 use core::hint::spin_loop;
@@ -12,48 +12,48 @@ use crate::interrupt::InterruptController;
 use crate::set::DeviceSet;
 use crate::switch::{IoError, Switch};
 
-/// What a [`Stream`] needs of a switch: its transfers, without the types it is made of.
+/// The transfers of a switch, without the types of which it is made; a [`Stream`] needs them.
 ///
 /// # For users
-/// `&dyn Descriptors<Error = …>` names a switch where its type would be too long.
+/// `&dyn Descriptors<Error = …>` names a switch if its full type would be too long.
 ///
 /// # For implementers
-/// [`Switch`] is the implementation; a program writes another one for descriptors of its own, or
-/// around a switch, whose descriptors are made by [`Fd::new`]. No call waits for a device, and
-/// none moves no bytes without an error unless the buffer is empty: at the end of what has one,
-/// that is [`IoError::End`].
+/// [`Switch`] implements it. A program can implement it for descriptors of its own, or as a wrapper
+/// of a switch; [`Fd::new`] makes such descriptors. No call may wait for a device. A call that
+/// moves no bytes must return an error, unless the buffer is empty: at the end of a file that is
+/// [`IoError::End`].
 pub trait Descriptors {
     /// The bus's error.
     type Error: BusError;
 
-    /// [`Switch::read`].
+    /// Reads as [`Switch::read`] does.
     ///
     /// # Errors
-    /// [`IoError`].
+    /// Those of [`Switch::read`].
     fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<Self::Error>>;
 
-    /// [`Switch::write`].
+    /// Writes as [`Switch::write`] does.
     ///
     /// # Errors
-    /// [`IoError`].
+    /// Those of [`Switch::write`].
     fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<Self::Error>>;
 
-    /// [`Switch::read_ready`].
+    /// Returns the same as [`Switch::read_ready`].
     ///
     /// # Errors
-    /// [`IoError`].
+    /// Those of [`Switch::read_ready`].
     fn read_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
 
-    /// [`Switch::write_ready`].
+    /// Returns the same as [`Switch::write_ready`].
     ///
     /// # Errors
-    /// [`IoError`].
+    /// Those of [`Switch::write_ready`].
     fn write_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
 
-    /// [`Switch::is_flushed`].
+    /// Returns the same as [`Switch::is_flushed`].
     ///
     /// # Errors
-    /// [`IoError`].
+    /// Those of [`Switch::is_flushed`].
     fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
 }
 
@@ -85,16 +85,17 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Descriptors
     }
 }
 
-/// How long, and how, to wait for a device that is not ready.
+/// The way in which a stream waits for a device that is not ready, and the limit of the wait.
 ///
 /// # For users
-/// [`Looks`] needs no clock, [`Timeout`] has a deadline in the ticks of one. A closure serves as
-/// well: `|looks| looks < 100`, or one that sleeps until an interrupt.
+/// [`Looks`] needs no clock; [`Timeout`] has a deadline in the ticks of a clock. A closure also
+/// works: `|looks| looks < 100`, or one that sleeps until an interrupt.
 ///
 /// # For implementers
-/// Every wait must end. It begins with a call for which `looks` is 1.
+/// Every wait must end. In the first call of a wait, `looks` is 1.
 pub trait Wait {
-    /// The device was not ready for the `looks`th time of one call; whether to look again.
+    /// Is called when the device was not ready for the `looks`th time in one call; returns whether
+    /// to look again.
     fn again(&mut self, looks: u32) -> bool;
 }
 
@@ -105,8 +106,8 @@ impl<F: FnMut(u32) -> bool> Wait for F {
     }
 }
 
-/// Looks at a device so many times and then gives up; once, if it is 0. For programs without a
-/// clock, and, with 0, for contexts that must not wait.
+/// Looks at a device this many times and then gives up; once, if it is 0. It is for programs
+/// without a clock, and, with 0, for contexts that must not wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Looks(pub u32);
 
@@ -118,10 +119,10 @@ impl Wait for Looks {
     }
 }
 
-/// Looks at a device until so many ticks of a clock have passed since the first look of a call.
+/// Looks at a device until a number of ticks of a clock has passed since the first look of a call.
 ///
-/// The clock is a function of a count that never runs backwards, and that may wrap as a `u32` does:
-/// a wait must then be looked at once in 2³² ticks to end in time.
+/// The clock is a function that returns a count. The count never runs backwards, and may wrap as a
+/// `u32` does; then a wait must look at least once in 2³² ticks to end in time.
 #[derive(Clone, Copy, Debug)]
 pub struct Timeout<C> {
     clock: C,
@@ -130,7 +131,7 @@ pub struct Timeout<C> {
 }
 
 impl<C: FnMut() -> u32> Timeout<C> {
-    /// Waits of up to `ticks` of `clock`.
+    /// Makes waits of up to `ticks` ticks of `clock`.
     pub const fn new(clock: C, ticks: u32) -> Self {
         Self {
             clock,
@@ -151,14 +152,14 @@ impl<C: FnMut() -> u32> Wait for Timeout<C> {
     }
 }
 
-/// Why a stream did not do what it was asked for.
+/// The reason for which a call of a stream failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StreamError<E: fmt::Debug> {
     /// The device was not ready for as long as the stream [waits](Wait). Nothing was moved.
     #[error("the device was not ready in time")]
     TimedOut,
-    /// The switch, the device or the bus; never [`IoError::WouldBlock`], nor [`IoError::End`] from
-    /// a read.
+    /// The switch, the device or the bus returned this error; it is never [`IoError::WouldBlock`],
+    /// and from a read never [`IoError::End`].
     #[error(transparent)]
     Io(#[from] IoError<E>),
 }
@@ -193,15 +194,15 @@ impl<E: BusError> embedded_io::Error for IoError<E> {
     }
 }
 
-/// A descriptor of a switch as `embedded-io` sees it: reads, writes and flushes wait for the device
-/// as long as `W` says, and then fail with [`StreamError::TimedOut`].
+/// A descriptor of a switch with the traits of `embedded-io`. Reads, writes and flushes wait for
+/// the device as `W` says, and then fail with [`StreamError::TimedOut`].
 ///
-/// A deadline is one of a call: `write_all` begins it anew whenever the device has taken something.
-/// Readiness never waits.
+/// The limit applies to each call: `write_all` begins a new wait whenever the device has taken
+/// something. The readiness methods never wait.
 ///
-/// A stream does not own its descriptor, which is a plain number: several streams may use one, and
-/// dropping them closes nothing. Whoever opened it closes it with [`Switch::close`]; from then on
-/// its streams fail with [`FdError::Closed`].
+/// A stream does not own its descriptor, which is a plain number: several streams may use one
+/// descriptor, and dropping them closes nothing. The part of the program that opened the descriptor
+/// closes it with [`Switch::close`]; from then on its streams fail with [`FdError::Closed`].
 #[derive(Debug)]
 pub struct Stream<'s, S: ?Sized, W> {
     switch: &'s S,
@@ -219,12 +220,12 @@ impl<S: ?Sized, W: Clone> Clone for Stream<'_, S, W> {
 }
 
 impl<'s, S: Descriptors + ?Sized, W: Wait> Stream<'s, S, W> {
-    /// A stream of `fd`, whose reads and writes wait as `wait` says.
+    /// Makes a stream of `fd`, whose reads and writes wait as `wait` says.
     pub const fn new(switch: &'s S, fd: Fd, wait: W) -> Self {
         Self { switch, fd, wait }
     }
 
-    /// The descriptor.
+    /// Returns the descriptor.
     #[must_use]
     pub const fn fd(&self) -> Fd {
         self.fd

@@ -1,4 +1,4 @@
-//! [`Switch`]: from names to boards, and from descriptors to their drivers.
+//! [`Switch`]: opens boards by name, and passes calls on descriptors to their drivers.
 
 use core::fmt;
 
@@ -13,7 +13,7 @@ use crate::unit::{Presence, Unit};
 /// The device switch of one processor (memo, section 3.1): the devices of a set `S`, on a bus `B`,
 /// interrupting through `C`, with up to `F` descriptors open at a time.
 ///
-/// Nothing is allocated, and every driver is called directly. A switch usually is a `static`.
+/// It allocates nothing, and calls every driver directly. A switch is usually a `static`.
 pub struct Switch<B, C, S, const F: usize> {
     pub(crate) bus: B,
     pub(crate) controller: C,
@@ -22,57 +22,58 @@ pub struct Switch<B, C, S, const F: usize> {
     pub(crate) interrupts: crate::dispatch::Interrupts,
 }
 
-/// Why a device cannot be opened.
+/// The reason for which a device cannot be opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError<'n> {
     /// The program was built without such a device.
     #[error("there is no device {name}; there are: {}", Names(devices))]
     NoSuchDevice {
-        /// What was asked for.
+        /// The requested name.
         name: &'n str,
-        /// The names of the devices that there are, and how many boards each may have.
+        /// The names of all devices, each with the number of boards that it may have.
         devices: &'static [(&'static str, u8)],
     },
-    /// The program was built for fewer boards of it.
+    /// The program was built for fewer boards of this device.
     #[error("there is no {name} board {board}: there may be {boards}")]
     NoSuchBoard {
         /// The device.
         name: &'n str,
-        /// What was asked for.
+        /// The requested number of a board.
         board: u8,
-        /// How many there may be.
+        /// The number of boards that the device may have.
         boards: u8,
     },
-    /// Start-up has not looked for it, did not find it, or could not initialise it.
+    /// Start-up has not looked for the board, did not find it, or could not initialise it.
     #[error("{name} board {board} is {presence:?}")]
     NotPresent {
         /// The device.
         name: &'n str,
-        /// Which one.
+        /// The number of the board.
         board: u8,
-        /// What start-up found.
+        /// The result of start-up.
         presence: Presence,
     },
-    /// The device cannot be read, or not be written, or neither was asked for.
+    /// The device cannot be read, or cannot be written, or the mode is empty.
     #[error("{name} cannot be opened for {mode:?}")]
     Direction {
         /// The device.
         name: &'n str,
-        /// What it was to be opened for.
+        /// The requested mode.
         mode: Mode,
     },
-    /// Somebody has it open who does not share it, or who would have to.
+    /// The board is open already, and the old or the new descriptor is exclusive; or another
+    /// context is opening or closing it.
     #[error("{name} board {board} is open, and not to be shared")]
     Busy {
         /// The device.
         name: &'n str,
-        /// Which one.
+        /// The number of the board.
         board: u8,
     },
     /// All descriptors are open.
     #[error("all {count} descriptors are open")]
     TooMany {
-        /// How many there are.
+        /// The number of descriptors.
         count: usize,
     },
     /// The board did not answer.
@@ -80,38 +81,38 @@ pub enum OpenError<'n> {
     Bus {
         /// The device.
         name: &'n str,
-        /// Which one.
+        /// The number of the board.
         board: u8,
-        /// What the bus said.
+        /// The kind of the bus's error.
         kind: BusErrorKind,
     },
 }
 
-/// Why a transfer through a descriptor moved nothing.
+/// The reason for which a transfer through a descriptor moved nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IoError<E> {
-    /// The descriptor.
+    /// The descriptor is refused.
     #[error(transparent)]
     Fd(#[from] FdError),
     /// The device has nothing to read, or no room, at this moment.
     #[error("the device is not ready")]
     WouldBlock,
-    /// There is nothing more to read: the end of a file, say. Devices have none; a
+    /// There is nothing more to read, as at the end of a file. Devices never return it; a
     /// [`Stream`](crate::Stream) reads 0 bytes.
     #[error("there is no more to read")]
     End,
     /// The device does not transfer this many bytes at a time.
     #[error("{bytes} bytes, where the device moves a multiple of {unit} at a time")]
     Length {
-        /// What it was asked for.
+        /// The number of bytes that was requested.
         bytes: usize,
-        /// What it moves.
+        /// The unit of the device's transfers, in bytes.
         unit: usize,
     },
     /// The device reported an error of its own.
     #[error("the device reports error {0:#04x}")]
     Device(u8),
-    /// The bus.
+    /// The bus returned this error.
     #[error("{0}")]
     Bus(E),
 }
@@ -141,7 +142,7 @@ impl<E> From<DeviceError<E>> for IoError<E> {
 }
 
 impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, S, F> {
-    /// A switch that has not started.
+    /// Makes a switch that has not started.
     #[must_use]
     pub const fn new(bus: B, controller: C, devices: S) -> Self {
         Self {
@@ -153,11 +154,12 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
     }
 
-    /// Looks for every possible board, initialises those that are there, and then lets the vectors of
-    /// those present interrupt; what was found, [`inventory`](Self::inventory) tells.
+    /// Looks for every possible board, initialises those that are there, and then enables the
+    /// interrupt vectors of those that are present. [`inventory`](Self::inventory) prints the
+    /// result.
     ///
-    /// Boards that are present already are left alone; a vector of theirs that was
-    /// [disabled](Self::stuck) may interrupt again.
+    /// Boards that are present already are not changed; their vectors that were
+    /// [disabled](Self::stuck) are enabled again.
     pub fn start(&self) {
         for (_, kind, board) in Self::boards() {
             self.devices.visit(slot(kind, board), Start(&self.bus));
@@ -169,14 +171,14 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
     }
 
-    /// Opens a board of the device that `name`, a field of the set, names; it may begin with a colon
-    /// as in the memo.
+    /// Opens a board of the device `name`, which is a field of the set; the name may begin with a
+    /// colon as in the memo.
     ///
-    /// Interrupts are not masked while the driver talks to the board. Until it has done so, the board
-    /// is [`Busy`](OpenError::Busy) to others; so it is during a [`close`](Self::close).
+    /// Interrupts are not masked while the driver accesses the board. Meanwhile the board is
+    /// [`Busy`](OpenError::Busy) for others; the same holds during a [`close`](Self::close).
     ///
     /// # Errors
-    /// [`OpenError`].
+    /// [`OpenError`], each variant as described there.
     pub fn open<'n>(&self, name: &'n str, board: u8, mode: Mode) -> Result<Fd, OpenError<'n>> {
         let plain = name.strip_prefix(':').unwrap_or(name);
         let mut kinds = (0_u8..).zip(S::KINDS);
@@ -190,7 +192,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// the field `adc` of the set `Boards`.
     ///
     /// # Errors
-    /// [`OpenError`].
+    /// [`OpenError`], each variant as described there.
     pub fn open_typed<D: Driver>(
         &self,
         kind: Kind<S, D>,
@@ -238,10 +240,13 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.devices.visit(slot, open).unwrap_or(nobody)
     }
 
-    /// Reads at least one byte, and says how many; does not wait. No bytes into an empty buffer.
+    /// Reads at least one byte without waiting, and returns the number of bytes; 0 if `into` is
+    /// empty.
     ///
     /// # Errors
-    /// [`IoError`].
+    /// [`IoError::Fd`] if the descriptor is refused; [`IoError::WouldBlock`] if there is nothing to
+    /// read; [`IoError::Length`], [`IoError::Device`] or [`IoError::Bus`] if the device or the bus
+    /// refuses.
     #[inline]
     pub fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<B::Error>> {
         let entry = self.fds.get(fd, Mode::READ)?;
@@ -251,10 +256,13 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.visit(fd, entry, Read(&self.bus, into))?
     }
 
-    /// Writes at least one byte, and says how many; does not wait. No bytes of an empty buffer.
+    /// Writes at least one byte without waiting, and returns the number of bytes; 0 if `from` is
+    /// empty.
     ///
     /// # Errors
-    /// [`IoError`].
+    /// [`IoError::Fd`] if the descriptor is refused; [`IoError::WouldBlock`] if there is no room;
+    /// [`IoError::Length`], [`IoError::Device`] or [`IoError::Bus`] if the device or the bus
+    /// refuses.
     #[inline]
     pub fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<B::Error>> {
         let entry = self.fds.get(fd, Mode::WRITE)?;
@@ -264,26 +272,26 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.visit(fd, entry, Write(&self.bus, from))?
     }
 
-    /// Whether [`read`](Self::read) would read something.
+    /// Returns whether [`read`](Self::read) would read something.
     ///
     /// # Errors
-    /// [`IoError::Fd`], [`IoError::Bus`].
+    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     pub fn read_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
         self.ask(fd, Mode::READ, Question::Read)
     }
 
-    /// Whether [`write`](Self::write) would write something.
+    /// Returns whether [`write`](Self::write) would write something.
     ///
     /// # Errors
-    /// As [`read_ready`](Self::read_ready).
+    /// Those of [`read_ready`](Self::read_ready).
     pub fn write_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
         self.ask(fd, Mode::WRITE, Question::Write)
     }
 
-    /// Whether all that was written has left.
+    /// Returns whether all bytes that were written have left the board.
     ///
     /// # Errors
-    /// As [`read_ready`](Self::read_ready).
+    /// Those of [`read_ready`](Self::read_ready).
     pub fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
         self.ask(fd, Mode::WRITE, Question::Flushed)
     }
@@ -297,20 +305,21 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// Closes a descriptor. With the last one of a board, the board is closed.
     ///
     /// # Errors
-    /// [`IoError::Fd`]; [`IoError::Bus`] from the board, whose descriptor is closed all the same.
+    /// [`IoError::Fd`] if the descriptor is refused; [`IoError::Bus`] if the board fails, whose
+    /// descriptor is closed all the same.
     pub fn close(&self, fd: Fd) -> Result<(), IoError<B::Error>> {
         let entry = critical_section::with(|_| self.fds.remove(fd))?;
         self.visit(fd, entry, Close(&self.bus))?
             .map_err(IoError::Bus)
     }
 
-    /// Returns the device of a descriptor with its type, for the calls that are peculiar to it: the
-    /// descriptor is checked here, and then no more.
+    /// Returns the device of a descriptor with its type, for the driver's own methods. The
+    /// descriptor is checked only here.
     ///
-    /// While it is held, the descriptor cannot be closed.
+    /// While the device is held, the descriptor cannot be closed by others.
     ///
     /// # Errors
-    /// [`FdError`].
+    /// [`FdError`] if the descriptor is not open, or belongs to another device.
     pub fn device<D: Driver>(
         &self,
         kind: Kind<S, D>,
@@ -328,7 +337,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         })
     }
 
-    /// What start-up found, to be printed.
+    /// Returns the result of start-up, for printing.
     pub fn inventory(&self) -> impl fmt::Display + '_ {
         Inventory(self)
     }

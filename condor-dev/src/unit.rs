@@ -1,4 +1,4 @@
-//! [`Unit`]: one board of a switch, and [`Location`]: where it is.
+//! [`Unit`]: one board of a switch; and [`Location`]: its address and its interrupt.
 
 use core::sync::atomic::{AtomicU8, AtomicU16, Ordering};
 
@@ -6,7 +6,7 @@ use crate::bus::{Bus, Registers};
 use crate::driver::Driver;
 use crate::interrupt::{Level, Vector};
 
-/// Where a board may be, as the system configuration file of the memo says it.
+/// A place at which a board may be, as in the system configuration file of the memo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Location {
     base: usize,
@@ -14,7 +14,7 @@ pub struct Location {
 }
 
 impl Location {
-    /// A board at a bus address, which does not interrupt.
+    /// Makes the location of a board at a bus address, which does not interrupt.
     #[must_use]
     pub const fn at(base: usize) -> Self {
         Self {
@@ -23,13 +23,14 @@ impl Location {
         }
     }
 
-    /// A part with this 7-bit address on an [`I2cBus`](crate::I2cBus), which does not interrupt.
+    /// Makes the location of a part with this 7-bit address on an [`I2cBus`](crate::I2cBus), which
+    /// does not interrupt.
     #[must_use]
     pub const fn i2c(address: u8) -> Self {
         Self::at((address as usize) << 8)
     }
 
-    /// The same board, interrupting with `vector` at `level`.
+    /// Adds an interrupt with `vector` at `level`.
     #[must_use]
     pub const fn interrupting(self, vector: u16, level: u8) -> Self {
         Self {
@@ -38,35 +39,35 @@ impl Location {
         }
     }
 
-    /// The bus address.
+    /// Returns the bus address.
     #[must_use]
     pub const fn base(self) -> usize {
         self.base
     }
 
-    /// How it interrupts.
+    /// Returns the vector and level of its interrupt, if it has one.
     #[must_use]
     pub const fn interrupt(self) -> Option<(Vector, Level)> {
         self.interrupt
     }
 }
 
-/// What start-up found at a place.
+/// The result of start-up for a board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Presence {
-    /// It has not looked yet.
+    /// Start-up has not looked yet.
     #[default]
     Unknown,
-    /// No board.
+    /// There is no board.
     Absent,
-    /// A board, initialised.
+    /// There is a board, and it is initialised.
     Present,
-    /// A board that could not be initialised.
+    /// There is a board, but it could not be initialised.
     Failed,
 }
 
-/// A driver's board at its place.
+/// A board at its location, with its driver.
 #[derive(Debug)]
 pub struct Unit<D> {
     pub(crate) place: Location,
@@ -82,7 +83,7 @@ const EXCLUSIVE: u16 = 1 << 15;
 const CHANGING: u16 = 1 << 14;
 
 impl<D: Driver> Unit<D> {
-    /// A board that start-up will look for.
+    /// Makes a board for which start-up will look.
     #[must_use]
     pub const fn new(place: Location) -> Self {
         Self {
@@ -93,7 +94,7 @@ impl<D: Driver> Unit<D> {
         }
     }
 
-    /// Where it is.
+    /// Returns the location of the board.
     #[must_use]
     pub const fn place(&self) -> Location {
         self.place
@@ -104,7 +105,7 @@ impl<D: Driver> Unit<D> {
         Registers::new(bus, self.place.base())
     }
 
-    /// What start-up found.
+    /// Returns the result of start-up for the board.
     #[must_use]
     pub fn presence(&self) -> Presence {
         // Acquire: pairs with the Release store below, after the board was initialised.

@@ -1,4 +1,4 @@
-//! [`Analysis`]: whether a set of loops can be scheduled, and how late each may end.
+//! [`Analysis`]: whether a set of loops can be scheduled, and the response time of each loop.
 
 use core::fmt;
 
@@ -10,23 +10,23 @@ use crate::statistics::Statistics;
 /// a faster loop, so that only rates which differ by more than this factor come here.
 const MOST_STEPS: u32 = 1 << 20;
 
-/// What a loop asks of the processor. Times are in ticks of the clock of the analysis.
+/// The load of a loop on the processor. Times are in ticks of the clock of the analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
-    /// How often it runs.
+    /// The rate of the loop.
     pub rate: Rate,
-    /// The longest that it computes, without what interrupts it.
+    /// The longest run time, without the loops that interrupt it.
     pub worst_run: u32,
-    /// The longest that something slower holds it up: for as long as a slower loop or the background
-    /// has a [`LoopLock`](crate::LoopLock) of which this loop, or a faster one, is a user, or
-    /// masks interrupts. At most one of them does so, once.
+    /// The longest time for which a slower context delays it: a slower loop or the background holds
+    /// a [`LoopLock`](crate::LoopLock) that this loop or a faster one uses, or masks interrupts. At
+    /// most one of them does so, once.
     pub blocking: u32,
-    /// How long after its release it has to end, if that is less than its period.
+    /// The time after its release by which it must end, if that is less than its period.
     pub deadline: u32,
 }
 
 impl Load {
-    /// A loop that computes for at most `worst_run` ticks and is never held up.
+    /// Makes the load of a loop that computes for at most `worst_run` ticks and is never delayed.
     #[must_use]
     pub const fn new(rate: Rate, worst_run: u32) -> Self {
         Self {
@@ -37,42 +37,44 @@ impl Load {
         }
     }
 
-    /// The same with `blocking` ticks.
+    /// Sets the blocking to `blocking` ticks.
     #[must_use]
     pub const fn blocked(self, blocking: u32) -> Self {
         Self { blocking, ..self }
     }
 
-    /// The same, to end within `deadline` ticks; a deadline beyond the period is that of the period.
+    /// Sets the deadline to `deadline` ticks after the release; a longer one than the period is the
+    /// period.
     ///
-    /// Loops are ranked by their rates all the same: a loop with a short deadline and a low rate may
-    /// need a higher one.
+    /// Loops are ranked by their rates all the same: a loop with a short deadline and a low rate
+    /// may need a higher rate.
     #[must_use]
     pub const fn within(self, deadline: u32) -> Self {
         Self { deadline, ..self }
     }
 
-    /// What a loop was seen to ask for: its worst run so far. Nothing is known of blocking.
+    /// Makes the load that was measured: the worst run so far, without blocking, which is not
+    /// measured.
     #[must_use]
     pub const fn measured(statistics: &Statistics) -> Self {
         Self::new(statistics.rate, statistics.worst_run)
     }
 }
 
-/// How long after its release a loop ends, at worst.
+/// The response time of a loop: how long after its release it ends at worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Response {
-    /// After so many ticks, which are not more than its deadline.
+    /// At most this number of ticks, which is within its deadline.
     Within(u64),
-    /// Later than its deadline, at least when all loops are due at once.
+    /// Longer than its deadline, at least when all loops are due at once.
     Late,
-    /// Not found in 2^20 steps: the rates differ by more than that, and the processor is as good as
-    /// full.
+    /// Not found in 2^20 steps: the rates differ by more than that, and the processor is almost
+    /// fully loaded.
     Undecided,
 }
 
-/// The response-time analysis of `L` loops of which a faster one interrupts a slower one: exact for
-/// the given loads, in whole ticks and periods that are fractions.
+/// The response-time analysis of `L` loops, in which faster loops interrupt slower ones. It is
+/// exact for the given loads, in whole ticks and with periods that are fractions.
 ///
 /// A loop ends latest when all are due at once (C. L. Liu, J. W. Layland, "Scheduling algorithms for
 /// multiprogramming in a hard-real-time environment", Journal of the ACM 20(1), 1973). Its response
@@ -112,7 +114,7 @@ pub struct Analysis<const L: usize> {
 }
 
 impl<const L: usize> Analysis<L> {
-    /// The analysis of loops with these loads, in ticks of `frequency`; switching costs nothing.
+    /// Analyses loops with these loads, in ticks of `frequency`, without overhead.
     ///
     /// Declared times in nanoseconds are ticks of `Rate::hz(1_000_000_000)`.
     #[must_use]
@@ -120,8 +122,8 @@ impl<const L: usize> Analysis<L> {
         Self::with_overhead(frequency, loads, 0)
     }
 
-    /// The same, where each release costs `overhead` ticks in addition, for the timer's interrupt, the
-    /// start and the end of the loop.
+    /// Analyses loops whose releases cost `overhead` ticks each in addition: for the timer's
+    /// interrupt, and for the start and the end of the loop.
     #[must_use]
     pub const fn with_overhead(frequency: Rate, loads: [Load; L], overhead: u32) -> Self {
         const { assert!(L >= 1 && L <= 32, "an analysis is of 1 to 32 loops") };
@@ -153,21 +155,21 @@ impl<const L: usize> Analysis<L> {
         analysis
     }
 
-    /// The analysis of what the loops of one scheduler were seen to take, by number. It is as good as
-    /// what has been seen: worst runs that have not happened yet are not in it.
+    /// Analyses the measured loads of the loops of one scheduler, by number. Runs that are longer
+    /// than any measured one are not included.
     #[must_use]
     pub fn measured(loops: &[Statistics; L]) -> Self {
         let frequency = loops.first().map_or(Rate::hz(1), |first| first.frequency);
         Self::new(frequency, loops.each_ref().map(Load::measured))
     }
 
-    /// Whether every loop ends within its period and its deadline, always.
+    /// Returns whether every loop always ends within its period and its deadline.
     #[must_use]
     pub const fn is_schedulable(&self) -> bool {
         self.first_late().is_none()
     }
 
-    /// The fastest loop that is not known to end in time.
+    /// Returns the fastest loop that is not known to end in time.
     #[must_use]
     pub const fn first_late(&self) -> Option<LoopId> {
         let mut rank = 0;
@@ -180,7 +182,7 @@ impl<const L: usize> Analysis<L> {
         None
     }
 
-    /// The worst response of a loop; `None` if there is no such loop.
+    /// Returns the response time of a loop; `None` if there is no such loop.
     #[must_use]
     pub const fn response(&self, id: LoopId) -> Option<Response> {
         let mut rank = 0;
@@ -193,7 +195,7 @@ impl<const L: usize> Analysis<L> {
         None
     }
 
-    /// The part of the processor that the loops take, without overhead: 1 is all of it.
+    /// Returns the fraction of the processor that the loops take, without overhead: 1 is all of it.
     #[must_use]
     pub fn utilisation(&self) -> f64 {
         let parts = self
@@ -261,7 +263,7 @@ impl<const L: usize> Analysis<L> {
     }
 }
 
-/// A table of the loops from the fastest on, and the verdict.
+/// Prints a table of the loops from the fastest on, and the verdict.
 impl<const L: usize> fmt::Display for Analysis<L> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let microseconds = |ticks: f64| ticks * 1e6 / self.frequency.as_hz();

@@ -1,11 +1,11 @@
-//! [`Clock`]: what a schedule needs to know of a timer.
+//! [`Clock`]: the properties of a timer on which a schedule depends.
 
 use core::fmt;
 
 use crate::instant::Instant;
 use crate::rate::Rate;
 
-/// How fast a timer counts, and with how many bits.
+/// The frequency of a timer, and the number of bits of its counter.
 ///
 /// ```
 /// use condor_mos::{Clock, Rate, Wrapping};
@@ -20,7 +20,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// A clock of `frequency` ticks per second whose readings are `I`.
+    /// Makes the clock of a timer with `frequency` ticks per second and readings of type `I`.
     #[must_use]
     pub const fn of<I: Instant>(frequency: Rate) -> Self {
         Self {
@@ -29,20 +29,20 @@ impl Clock {
         }
     }
 
-    /// Ticks per second.
+    /// Returns the ticks per second.
     #[must_use]
     pub const fn frequency(self) -> Rate {
         self.frequency
     }
 
-    /// Bits of the counter.
+    /// Returns the number of bits of the counter.
     #[must_use]
     pub const fn bits(self) -> u32 {
         self.bits
     }
 
-    /// The longest time, in ticks, between two events: less than half of the counter's range, and a
-    /// tick less than a `u32` holds, as a hyperperiod may carry one.
+    /// Returns the longest time between two events, in ticks: less than half of the counter's
+    /// range, and one tick less than a `u32` holds, since a hyperperiod may carry one tick.
     #[must_use]
     pub const fn longest_gap(self) -> u32 {
         if self.bits > 32 {

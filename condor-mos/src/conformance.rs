@@ -1,7 +1,7 @@
-//! What every [`Timer`] must do, for the author of one to call from a test or from a firmware.
+//! The checks of [`Timer`], which the author of a timer calls from a test or from firmware.
 //!
-//! A timer of one's own is connected by two closures: how many interrupts have come so far, and how
-//! to let a little time pass in which they can come.
+//! Two closures connect a timer: the first returns how many interrupts have come so far, and the
+//! second lets a little time pass in which they can come.
 //!
 //! ```
 //! use condor_mos::sim::Processor;
@@ -26,8 +26,8 @@
 //! ```
 //!
 //! The suite takes some hundred milliseconds of the timer's time, or three rounds of a counter that
-//! begins anew within a few seconds. It does not assume that the program is undisturbed: an attempt
-//! that came too late to tell is made again. A counter that stands still keeps it for ever.
+//! wraps within a few seconds. The program may be disturbed meanwhile: an attempt that came too
+//! late to give a result is repeated. If the counter stands still, the suite never ends.
 
 use crate::instant::Instant;
 use crate::rate::Rate;
@@ -36,15 +36,15 @@ use crate::timer::{Armed, Timer};
 /// How often an attempt that was disturbed is made again.
 const ATTEMPTS: u32 = 100;
 
-/// A check that a timer failed.
+/// The failure of a timer's check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{check}: found {found}, expected {expected}")]
 pub struct TimerFailure {
-    /// The promise that is broken, and what is counted.
+    /// The rule that is broken, and the quantity that is counted.
     pub check: &'static str,
-    /// How many there were.
+    /// The number that was found.
     pub found: u32,
-    /// How many there should have been.
+    /// The number that is required.
     pub expected: u32,
 }
 
@@ -58,15 +58,15 @@ enum Told {
     TooLate,
 }
 
-/// Checks all that a [`Timer`] promises.
+/// Checks all rules of [`Timer`].
 ///
-/// `interrupts` counts the timer's interrupts since any moment. An interrupt that lasts until the
-/// timer is armed anew, as that of a compare which is a level, is ended by whoever counts it:
-/// [`disarm`](Timer::disarm). `pass` lets some time pass, less than a thousandth of a second if it
-/// can, with interrupts enabled.
+/// `interrupts` returns the number of the timer's interrupts since any moment. If an interrupt
+/// lasts until the timer is armed anew, as with a level-triggered compare, the handler that counts
+/// it must end it by [`disarm`](Timer::disarm). `pass` lets some time pass with interrupts enabled,
+/// less than a thousandth of a second if it can.
 ///
 /// # Errors
-/// The first check that fails.
+/// [`TimerFailure`] for the first check that fails.
 pub fn timer<T: Timer>(
     timer: &T,
     interrupts: impl Fn() -> u32,

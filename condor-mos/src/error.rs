@@ -1,4 +1,4 @@
-//! What can be wrong with rates, and with calls.
+//! Errors of rates, and of calls.
 
 use thiserror::Error;
 
@@ -6,10 +6,10 @@ use crate::clock::Clock;
 use crate::rate::Rate;
 use crate::scheduler::LoopId;
 
-/// Why a set of rates has no schedule.
+/// The reason for which a set of rates has no schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RateError {
-    /// A period is shorter than a tick, or no whole number of ticks in any countable time.
+    /// A period is shorter than a tick, or is not a whole number of ticks in any countable time.
     #[error("a rate of {rate} has no grid in ticks of {frequency}")]
     TooFast {
         /// The rate.
@@ -23,9 +23,9 @@ pub enum RateError {
          scan"
     )]
     TooManyEvents {
-        /// What [`entries`](crate::entries) returns for the rates and their phases.
+        /// The number that [`entries`](crate::entries) returns for the rates and their phases.
         needed: usize,
-        /// Entries that the table has.
+        /// The number of entries of the table.
         capacity: usize,
     },
     /// A loop's first release is not within its first period.
@@ -33,15 +33,15 @@ pub enum RateError {
     Phase {
         /// The loop's rate.
         rate: Rate,
-        /// Ticks from the start to its first release.
+        /// The time from the start to its first release, in ticks.
         phase: u32,
     },
     /// There are too many rates, or none.
     #[error("a schedule of 1 to {capacity} loops cannot have {loops}")]
     Loops {
-        /// How many rates there are.
+        /// The number of rates.
         loops: usize,
-        /// How many the schedule has room for.
+        /// The number of loops for which the schedule has room.
         capacity: usize,
     },
 }
@@ -60,80 +60,80 @@ impl RateError {
     }
 }
 
-/// Why a call that names a loop cannot be done.
+/// The reason for which a call that names a loop fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LoopError {
     /// The schedule has fewer loops.
     #[error("there is no loop {}: the schedule has loops 0 to {}", id.0, loops - 1)]
     NoSuchLoop {
-        /// Its name.
+        /// The number of the loop.
         id: LoopId,
-        /// How many there are.
+        /// The number of loops.
         loops: u8,
     },
-    /// The loop already has something to run.
+    /// The loop has a body already.
     #[error("loop {} already has something to run", id.0)]
     Taken {
         /// The loop.
         id: LoopId,
     },
-    /// The loop has nothing to run.
+    /// The loop has no body.
     #[error("loop {} has nothing to run yet", id.0)]
     Unassigned {
         /// The loop.
         id: LoopId,
     },
-    /// There is no schedule for the rate that it was to have.
+    /// The new rate has no schedule.
     #[error(transparent)]
     Rate(#[from] RateError),
-    /// What runs the loop keeps no statistics: [`NoStatistics`](crate::NoStatistics).
+    /// The scheduler of the loop keeps no statistics: [`NoStatistics`](crate::NoStatistics).
     #[error("there are no statistics of loop {}: its scheduler keeps none", id.0)]
     NoStatistics {
         /// The loop.
         id: LoopId,
     },
-    /// The operating system has no thread for the loop.
+    /// The operating system could not start a thread for the loop.
     #[error("no thread for loop {}: error {os_error} of the operating system", id.0)]
     NoThread {
         /// The loop.
         id: LoopId,
-        /// The system's number of the error.
+        /// The error number of the operating system.
         os_error: i32,
     },
 }
 
-/// Why a schedule cannot begin.
+/// The reason for which a schedule cannot begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum StartError {
-    /// The schedule counts the ticks of another clock.
+    /// The schedule was made for another clock than the platform's.
     #[error("the timer counts at {timer}, the schedule was made for {schedule}")]
     Clock {
-        /// The platform's.
+        /// The clock of the platform.
         timer: Clock,
-        /// The schedule's.
+        /// The clock of the schedule.
         schedule: Clock,
     },
-    /// The platform's interrupts have nothing to call: [`Loops::run`](crate::Loops::run) connects them.
+    /// The platform's interrupts have no handler: [`Loops::run`](crate::Loops::run) connects one.
     #[error("no handler is connected to the timer's interrupt")]
     NoHandler,
     /// The handler cannot be connected to the timer's interrupt.
     #[error(transparent)]
     Connect(#[from] ConnectError),
-    /// It has already begun.
+    /// The schedule has begun already.
     #[error("the schedule has already been started")]
     Started,
 }
 
-/// Why a handler cannot be connected to a timer's interrupt, see
-/// [`Platform::connect`](crate::Platform::connect). On a processor whose interrupts are connected when
-/// its program is linked, there is no such error.
+/// The reason for which a handler cannot be connected to a timer's interrupt; see
+/// [`Platform::connect`](crate::Platform::connect). A processor whose interrupts are connected when
+/// its program is linked never has this error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ConnectError {
-    /// The platform is connected already, or the thread is with another one.
+    /// The platform is connected already, or the thread is connected with another platform.
     #[error("the thread or the platform is connected already")]
     Connected,
-    /// There are not so many real-time signals.
+    /// There is no real-time signal of this number.
     #[error("there is no signal {signal}")]
     NoSuchSignal {
         /// Its number.
@@ -145,7 +145,7 @@ pub enum ConnectError {
         /// Its number.
         signal: i32,
     },
-    /// Critical sections of this program do not keep signals out.
+    /// The program's implementation of critical sections does not keep signals out.
     #[error(
         "critical sections of this program do not keep signals out: \
          enable `critical-section` of condor-platform, and no other implementation"
@@ -154,18 +154,19 @@ pub enum ConnectError {
     /// The operating system refuses a timer or its signal.
     #[error("no timer with a signal: error {os_error} of the operating system")]
     Timer {
-        /// The system's number of the error.
+        /// The error number of the operating system.
         os_error: i32,
     },
 }
 
-/// Why a [`LoopLock`](crate::LoopLock) cannot be taken.
+/// The reason for which a [`LoopLock`](crate::LoopLock) cannot be taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LockError {
-    /// Someone faster than all declared users asked for it.
+    /// A loop that is faster than all declared users asked for it.
     #[error("a loop that is faster than all declared users of the lock asked for it")]
     Undeclared,
-    /// It is taken: asked for twice, or by an interrupt handler, or by what runs other loops.
+    /// It is taken already: the same context asked twice, or an interrupt handler or a context of
+    /// another scheduler asked.
     #[error("the lock is already taken")]
     Taken,
 }

@@ -1,4 +1,4 @@
-//! [`Instant`]: points in time as a counter gives them, also one that begins anew.
+//! [`Instant`]: readings of a counter, which may wrap.
 
 /// Instants are computed with inside critical sections, where nothing may call back.
 pub trait Sealed {}
@@ -8,24 +8,25 @@ impl<const BITS: u32> Sealed for Wrapping<BITS> {}
 
 /// A reading of a [`Timer`](crate::Timer)'s counter.
 ///
-/// Implemented by `u64`, for counters that never come to their end, and by [`Wrapping`], for those
-/// that begin anew. Distances are in ticks.
+/// Implemented by `u64`, for counters that never wrap in practice, and by [`Wrapping`], for those
+/// that do. Distances are in ticks.
 pub trait Instant: Sealed + Copy + Send + Sync + 'static {
-    /// The counter's bits: what lies half of its range ahead is taken for the past.
+    /// The number of the counter's bits. An instant more than half of the range ahead counts as
+    /// past.
     const BITS: u32;
 
-    /// A counter that has not begun to count.
+    /// The reading of a counter that has not begun to count.
     const ZERO: Self;
 
-    /// The instant `ticks` later.
+    /// Returns the instant `ticks` later.
     #[must_use]
     fn after(self, ticks: u32) -> Self;
 
-    /// Ticks since `earlier`, or `u32::MAX` if there were more.
+    /// Returns the ticks since `earlier`, or `u32::MAX` if there were more.
     #[must_use]
     fn since(self, earlier: Self) -> u32;
 
-    /// Whether this instant is `due` or later.
+    /// Returns whether this instant is `due` or later.
     #[must_use]
     fn has_reached(self, due: Self) -> bool;
 }
@@ -54,10 +55,10 @@ impl Instant for u64 {
     }
 }
 
-/// A counter of `BITS` bits (2 to 32) that begins anew after its last value.
+/// A counter of `BITS` bits (2 to 32) that wraps after its last value.
 ///
-/// An instant is told from another one within half of the counter's range: a scheduler sets its
-/// timer at least that often, and a handler that is kept waiting for longer takes late for early.
+/// Two instants can be ordered only within half of the counter's range. A scheduler sets its timer
+/// at least that often; a handler that is delayed for longer cannot distinguish late from early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wrapping<const BITS: u32>(u32);
 
@@ -67,14 +68,14 @@ impl<const BITS: u32> Wrapping<BITS> {
         u32::MAX >> (32 - BITS)
     };
 
-    /// What the hardware counts; bits that the counter does not have are left out.
+    /// Makes a reading of the hardware's count; bits that the counter does not have are left out.
     #[inline]
     #[must_use]
     pub const fn new(count: u32) -> Self {
         Self(count & Self::MASK)
     }
 
-    /// The count, less than 2^`BITS`.
+    /// Returns the count, less than 2^`BITS`.
     #[inline]
     #[must_use]
     pub const fn count(self) -> u32 {

@@ -1,4 +1,4 @@
-//! [`Latest`]: the latest value of a loop, for another one.
+//! [`Latest`]: the latest value of one loop, for another loop.
 
 use crate::sync::{AtomicBool, AtomicU8, Ordering, UnsafeCell, const_unless_loom};
 
@@ -6,16 +6,16 @@ use crate::sync::{AtomicBool, AtomicU8, Ordering, UnsafeCell, const_unless_loom}
 const FRESH: u8 = 4;
 const INDEX: u8 = 3;
 
-/// A value that one context writes and another one reads, on one processor or on threads: the
-/// reader finds the latest that was complete, whole, and neither ever waits for the other.
+/// A value that one context writes and another one reads, on one processor or on threads. The
+/// reader gets the latest complete value, and neither ever waits for the other.
 ///
-/// Each has a buffer of its own, and hands it in for the third one: the writer when its value is
-/// complete, the reader when that is newer than its own. So a value is never copied, and may be of
-/// any size and any type that is `Send`. A value that the reader does not take in time is
-/// overwritten.
+/// There are three buffers. Writer and reader own one each, and exchange it for the third one: the
+/// writer when its value is complete, the reader when the third one is newer than its own. So a
+/// value is never copied, and may be of any size and any type that is `Send`. A value that the
+/// reader does not take in time is overwritten.
 ///
-/// Indices are exchanged atomically; on processors that cannot, within a critical section of a few
-/// instructions.
+/// Indices of buffers are exchanged atomically, or, on processors that cannot, within a critical
+/// section of a few instructions.
 ///
 /// ```
 /// use condor_mos::Latest;
@@ -43,7 +43,7 @@ unsafe impl<T: Send> Sync for Latest<T> {}
 
 impl<T> Latest<T> {
     const_unless_loom! {
-        /// A cell in which `initial` is read until something is written.
+        /// Makes a cell; the reader gets `initial` until something is written.
         #[must_use]
         pub const fn new(initial: T) -> Self
         where
@@ -54,8 +54,8 @@ impl<T> Latest<T> {
     }
 
     const_unless_loom! {
-        /// A cell in which `initial` is read until something is written, for values that cannot be
-        /// copied: the writer gets `second` and `third` to overwrite.
+        /// Makes a cell for values that cannot be copied. The reader gets `initial` until something
+        /// is written; the writer gets `second` and `third` to overwrite.
         #[must_use]
         pub const fn with_buffers(initial: T, second: T, third: T) -> Self {
             Self {
@@ -71,7 +71,7 @@ impl<T> Latest<T> {
         }
     }
 
-    /// The two ends, once; `None` if they have been given away before.
+    /// Returns the writer and the reader; `None` if they were returned before.
     pub fn split(&self) -> Option<(Writer<'_, T>, Reader<'_, T>)> {
         // Relaxed: pairs with itself only; what the ends share begins with their first exchange.
         if self.split.swap(true, Ordering::Relaxed) {
@@ -80,7 +80,8 @@ impl<T> Latest<T> {
         Some((Writer { cell: self }, Reader { cell: self }))
     }
 
-    /// The two ends for as long as the cell is borrowed. What was latest stays so.
+    /// Returns the writer and the reader for as long as the cell is borrowed. The latest value is
+    /// kept.
     pub fn split_mut(&mut self) -> (Writer<'_, T>, Reader<'_, T>) {
         // `&mut self`: the ends of former calls are gone, and their indices are kept in the cell.
         (Writer { cell: self }, Reader { cell: self })
@@ -96,20 +97,20 @@ impl<T> Latest<T> {
     }
 }
 
-/// The end of a [`Latest`] that writes.
+/// The writer of a [`Latest`].
 pub struct Writer<'l, T> {
     cell: &'l Latest<T>,
 }
 
 impl<T> Writer<'_, T> {
-    /// Makes `value` the latest.
+    /// Makes `value` the latest value.
     pub fn write(&mut self, value: T) {
         *self.buffer() = value;
         self.publish();
     }
 
-    /// The value that [`publish`](Self::publish) will make the latest, to be changed in place: an
-    /// old one, no matter which.
+    /// Returns the value that [`publish`](Self::publish) will make the latest, to be changed in
+    /// place. It holds any of the older values at first.
     pub fn buffer(&mut self) -> &mut T {
         let [back, _] = &self.cell.ends;
         // SAFETY: the index is the writer's, and so is the buffer until it is published.
@@ -134,13 +135,13 @@ impl<T> Writer<'_, T> {
     }
 }
 
-/// The end of a [`Latest`] that reads.
+/// The reader of a [`Latest`].
 pub struct Reader<'l, T> {
     cell: &'l Latest<T>,
 }
 
 impl<T> Reader<'_, T> {
-    /// The latest value. It stays as it is until the next call.
+    /// Returns the latest value, which does not change until the next call.
     pub fn read(&mut self) -> &T {
         let [_, front] = &self.cell.ends;
         let middle = &self.cell.middle;
@@ -159,7 +160,7 @@ impl<T> Reader<'_, T> {
         self.cell.buffer(index).with(|value| unsafe { &*value })
     }
 
-    /// Whether [`read`](Self::read) will give a value that it has not given before.
+    /// Returns whether [`read`](Self::read) will return a value that it has not returned before.
     #[must_use]
     pub fn is_fresh(&self) -> bool {
         // Relaxed: only advises; the exchange that follows is what takes the value. The writer never

@@ -8,15 +8,16 @@ use crate::loops::Loops;
 use crate::scheduler::LoopId;
 use crate::sync::{AtomicBool, UnsafeCell, const_unless_loom};
 
-/// A value shared by some loops and the background, which use it one at a time.
+/// A value that some loops and the background share; only one of them uses it at a time.
 ///
-/// On one stack, this is the immediate priority ceiling protocol: while somebody uses the value, none
-/// of its users starts, and faster loops, which do not use it, are not delayed. Nobody ever waits for
-/// the lock, nothing deadlocks, and a loop is delayed by at most one slower user, before it starts.
+/// On one stack, this is the immediate priority ceiling protocol: while one user has the value, no
+/// other user starts; faster loops, which do not use it, are not delayed. So no context ever waits
+/// for the lock, nothing deadlocks, and a loop is delayed by at most one slower user, before it
+/// starts.
 ///
-/// Between threads a loop waits while another thread uses the value. Whoever uses it runs with the
-/// priority of the fastest loop that waits (priority inheritance), so only users of this value delay
-/// a loop.
+/// Between threads a loop waits while another thread uses the value. That thread runs with the
+/// priority of the fastest loop that waits (priority inheritance), so only users of this value
+/// delay a loop.
 ///
 /// Both: L. Sha, R. Rajkumar, J. P. Lehoczky, "Priority inheritance protocols", IEEE Transactions on
 /// Computers 39(9), 1990.
@@ -39,7 +40,7 @@ unsafe impl<T: Send> Sync for LoopLock<T> {}
 
 impl<T> LoopLock<T> {
     const_unless_loom! {
-        /// A lock for the loops of `users`, and the background.
+        /// Makes a lock for the loops of `users`, and the background.
         #[must_use]
         pub const fn new(users: &[LoopId], value: T) -> Self {
             let mut bits = 0;
@@ -61,11 +62,12 @@ impl<T> LoopLock<T> {
         }
     }
 
-    /// Uses the value; meanwhile no other of its users does.
+    /// Calls a function with the value; no other user of the value runs meanwhile.
     ///
     /// # Errors
-    /// [`LockError::Undeclared`], on one stack, from a loop that is faster than all users;
-    /// [`LockError::Taken`] if the caller uses it already, which correct use does not meet.
+    /// [`LockError::Undeclared`], on one stack, if the caller is a loop that is faster than all
+    /// users; [`LockError::Taken`] if the caller uses the value already, which is a mistake of the
+    /// program.
     pub fn lock<L: Loops + ?Sized, R>(
         &self,
         loops: &L,
@@ -81,7 +83,7 @@ impl<T> LoopLock<T> {
         Ok(self.value.with_mut(|value| f(unsafe { &mut *value })))
     }
 
-    /// The value, for whoever owns the lock.
+    /// Returns the value to the owner of the lock.
     pub fn get_mut(&mut self) -> &mut T {
         // SAFETY: `&mut self`: nobody else has it.
         self.value.with_mut(|value| unsafe { &mut *value })

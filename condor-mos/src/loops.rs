@@ -1,4 +1,4 @@
-//! [`Loops`]: servo loops, whatever runs them.
+//! [`Loops`]: servo loops on any machine.
 
 use crate::body::Body;
 use crate::error::{LockError, LoopError, StartError};
@@ -53,8 +53,8 @@ use crate::statistics::Statistics;
 ///
 /// All calls may come from the background, from loops and from handlers.
 pub trait Loops: Inside + Sync {
-    /// Runs `f`, in which closures that borrow can become loops; when it returns or unwinds, they
-    /// finish the run that is in progress, and run no more.
+    /// Calls `f`, in which closures that borrow can become loops. When `f` returns or unwinds,
+    /// these loops finish the run that is in progress, and do not run again.
     fn scope<'env, R>(
         &self,
         f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, Self::Instant>) -> R,
@@ -65,18 +65,21 @@ pub trait Loops: Inside + Sync {
         Scope::run(self, f)
     }
 
-    /// Runs `background`, while the loops run: begins, and ends when `background` returns or unwinds.
+    /// Starts the loops, and runs `background`; stops the loops when `background` returns or
+    /// unwinds.
     ///
     /// # Errors
-    /// [`StartError`]; `background` has not run then.
+    /// [`StartError`] as in [`start`](Self::start), or if no handler can be connected; `background`
+    /// has not run then.
     fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError>
     where
         Self: Sized;
 
-    /// The same, beginning at an instant as [`start_at`](Self::start_at).
+    /// Runs `background` as [`run`](Self::run) does; the loops begin at an instant as in
+    /// [`start_at`](Self::start_at).
     ///
     /// # Errors
-    /// [`StartError`]; `background` has not run then.
+    /// Those of [`run`](Self::run).
     fn run_from<R>(
         &self,
         instant: Self::Instant,
@@ -85,54 +88,56 @@ pub trait Loops: Inside + Sync {
     where
         Self: Sized;
 
-    /// Begins: all enabled loops are due now, each after its phase.
+    /// Starts the schedule: all enabled loops are due now, each after its phase.
     ///
     /// # Errors
     /// [`StartError::Clock`] if the schedule was made for another clock than the platform's,
-    /// [`StartError::NoHandler`] if the platform knows that its interrupts call nothing,
-    /// [`StartError::Started`].
+    /// [`StartError::NoHandler`] if the platform knows that its interrupts have no handler,
+    /// [`StartError::Started`] if it has started already.
     fn start(&self) -> Result<(), StartError>;
 
-    /// Begins at an instant, less than half of the counter's range away. So several processors begin
-    /// together.
+    /// Starts the schedule at an instant, less than half of the counter's range away. So several
+    /// processors can begin together.
     ///
     /// # Errors
-    /// As [`start`](Self::start).
+    /// Those of [`start`](Self::start).
     fn start_at(&self, instant: Self::Instant) -> Result<(), StartError>;
 
-    /// Ends: what is in progress finishes, what has not started is skipped.
+    /// Stops the schedule: runs in progress finish, and releases that have not started are skipped.
     fn stop(&self);
 
-    /// Has a loop run from its next instant on.
+    /// Enables a loop: it runs from its next instant on.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`], [`LoopError::Unassigned`].
+    /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Unassigned`] if it has no
+    /// body.
     fn enable(&self, id: LoopId) -> Result<(), LoopError>;
 
-    /// Has a loop run no more; if it is in progress, it finishes.
+    /// Disables a loop; a run in progress finishes.
     ///
     /// # Errors
-    /// As [`enable`](Self::enable).
+    /// Those of [`enable`](Self::enable).
     fn disable(&self, id: LoopId) -> Result<(), LoopError>;
 
-    /// Gives a loop another rate, while all run on: it is due when it was due anyway, and then at the
-    /// new rate. Priorities follow.
+    /// Gives a loop another rate, while all loops run on. It is due once more at the instant at
+    /// which it was due anyway, and then at the new rate. Priorities follow the rates.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`], or [`LoopError::Rate`] if there is no such schedule; then all rates
-    /// stay as they are.
+    /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Rate`] if the new rates
+    /// have no schedule; all rates stay as they are then.
     fn set_rate(&self, id: LoopId, rate: Rate) -> Result<(), LoopError>;
 
-    /// The counts of a loop at this moment.
+    /// Returns the present counts of a loop.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`], [`LoopError::NoStatistics`].
+    /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::NoStatistics`] if none are
+    /// kept.
     fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError>;
 
     /// Sets the counts and times of a loop to 0.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`].
+    /// [`LoopError::NoSuchLoop`] if there is no such loop.
     fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError>;
 }
 

@@ -1,4 +1,4 @@
-//! [`Platform`]: how loops come to interrupt each other.
+//! [`Platform`]: the way in which loops interrupt each other.
 
 use critical_section::CriticalSection;
 
@@ -8,36 +8,38 @@ use crate::timer::Timer;
 /// A [`Timer`], and the way in which its processor nests loops.
 ///
 /// # For implementers
-/// There are two ways, and what runs next is decided elsewhere in both:
+/// There are two ways; in both the scheduler decides which loop runs next:
 ///
-/// * *By a call on the interrupted stack* (RISC-V, signals, the simulator): what is left out below.
-///   The timer's interrupt calls [`Scheduler::on_timer`](crate::Scheduler::on_timer), which calls the
-///   loops through [`interruptible`](Self::interruptible).
+/// * *By a call on the interrupted stack* (RISC-V, signals, the simulator). Such a platform leaves
+///   out the methods for vectors below. The timer's interrupt calls
+///   [`Scheduler::on_timer`](crate::Scheduler::on_timer), which calls the loops through
+///   [`interruptible`](Self::interruptible).
 /// * *By hardware vectors* (the NVIC of Cortex-M, where an interrupt does not interrupt its own
-///   priority), one for each rank. That of rank 0 is the timer's: nothing is faster, so the fastest
-///   loop runs where it is released. Each of the others has a vector whose priority is lower than the
-///   one before, and which calls [`Scheduler::on_vector`](crate::Scheduler::on_vector).
+///   priority), one for each rank. The vector of rank 0 is the timer's: nothing is faster, so the
+///   fastest loop runs in the handler that releases it. Each other rank has a vector, whose
+///   priority is lower than that of the rank before, and whose handler calls
+///   [`Scheduler::on_vector`](crate::Scheduler::on_vector).
 pub trait Platform: Timer {
     /// Whether ranks have vectors.
     const VECTORS: bool = false;
 
-    /// Pends the vectors of `ranks`, a bit for each.
+    /// Pends the vectors of `ranks`; bit *n* stands for rank *n*.
     ///
-    /// Called, if at all, only where there are [`VECTORS`](Self::VECTORS).
+    /// It is called only if [`VECTORS`](Self::VECTORS) is true.
     fn pend(&self, ranks: u32) {
         let _ = ranks;
     }
 
-    /// Whether the caller's stack is that of the loops, if they nest by calls. If not, has their own
-    /// context be interrupted soon.
+    /// Returns whether the caller runs on the stack on which loops nest by calls. If not, it makes
+    /// an interrupt come soon on that stack.
     ///
-    /// A processor has one stack, and nothing else.
+    /// The default returns true: a bare-metal processor has only one such stack.
     fn is_loops_stack(&self) -> bool {
         true
     }
 
-    /// Whether interrupts have something to call, as far as that can be known: without it nothing
-    /// would ever be released, and a schedule cannot begin.
+    /// Returns whether interrupts have a handler, as far as that can be known. Without one no loop
+    /// would ever be released, so the schedule does not start.
     fn has_handler(&self) -> bool {
         true
     }
@@ -45,11 +47,11 @@ pub trait Platform: Timer {
     /// Runs `program`, while the timer's interrupt calls `handler`, which calls
     /// [`Scheduler::on_timer`](crate::Scheduler::on_timer).
     ///
-    /// A processor whose interrupts are connected when its program is linked does no more than that
-    /// call.
+    /// The default only calls `program`; it is for processors whose interrupts are connected when
+    /// the program is linked.
     ///
     /// # Errors
-    /// [`ConnectError`]; `program` has not run then.
+    /// [`ConnectError`] if the handler cannot be connected; `program` has not run then.
     fn connect<R>(
         &self,
         handler: impl Fn() + Sync,
@@ -59,13 +61,14 @@ pub trait Platform: Timer {
         Ok(program())
     }
 
-    /// Runs the body of the loop of a rank so that the timer, and vectors, can interrupt it.
+    /// Calls `body`, the body of the loop of a rank, so that the timer and vectors can interrupt
+    /// it.
     ///
-    /// Where ranks have vectors, the call is all.
+    /// If ranks have vectors, the call is enough.
     fn interruptible(&self, rank: u32, body: impl FnOnce());
 
-    /// Runs `f` in a critical section: that of the `critical-section` crate, or one that is quicker
-    /// to enter and excludes all contexts which that one excludes.
+    /// Runs `f` in a critical section: that of the `critical-section` crate, or a faster one that
+    /// excludes the same contexts.
     #[inline(always)]
     fn masked<R>(&self, f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
         crate::sync::critical_section(f)

@@ -4,17 +4,17 @@ use crate::body::Body;
 use crate::instant::Instant;
 use crate::record::Record;
 
-/// What happens when a loop is due again before it has finished.
+/// The reaction to an overrun: a loop is due again before its last run has finished.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overrun {
-    /// The release is skipped and counted: the loop runs again at the next one.
+    /// Skips and counts the release; the loop runs again at the next one.
     #[default]
     Skip,
-    /// Up to this many releases wait and run as soon as the loop has finished; others are
-    /// skipped. For loops that count their runs.
+    /// Lets up to this many releases wait, and runs them as soon as the loop has finished; skips
+    /// others. It is for loops that count their runs.
     CatchUp(u8),
-    /// The release is skipped and the loop disabled;
-    /// [`Statistics::faulted`](crate::Statistics::faulted) says so until it is enabled again.
+    /// Skips the release and disables the loop. [`Statistics::faulted`](crate::Statistics::faulted)
+    /// is true until it is enabled again.
     Fault,
 }
 

@@ -1,12 +1,12 @@
-//! [`Rate`]: how often, as an exact fraction of whole numbers.
+//! [`Rate`]: a frequency, as an exact fraction of whole numbers.
 
 use core::cmp::Ordering;
 use core::fmt::{self, Write};
 
-/// A frequency in hertz, exact: a fraction of two whole numbers in lowest terms, never zero.
+/// An exact frequency in hertz: a fraction of two whole numbers in lowest terms, never zero.
 ///
-/// Periods in whole microseconds make 60 Hz a rate that nobody asked for, and 400/60/50 Hz a set
-/// that repeats after minutes; as fractions they repeat after 100 ms.
+/// With periods in whole microseconds, 60 Hz would become another rate, and the set 400/60/50 Hz
+/// would repeat only after minutes; with fractions it repeats after 100 ms.
 ///
 /// ```
 /// use condor_mos::Rate;
@@ -23,29 +23,29 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// `hertz` times a second.
+    /// Makes the rate of `hertz` times a second.
     ///
     /// # Panics
-    /// If `hertz` is 0; in a constant, that is an error of compilation. For values from outside
-    /// there is [`new`](Self::new).
+    /// If `hertz` is 0; in a constant, that is an error of compilation. For values that are known
+    /// only at run time use [`new`](Self::new).
     #[must_use]
     pub const fn hz(hertz: u32) -> Self {
         Self::fraction(hertz, 1)
     }
 
-    /// Once every `seconds`.
+    /// Makes the rate of once every `seconds` seconds.
     ///
     /// # Panics
-    /// If `seconds` is 0, as [`hz`](Self::hz).
+    /// If `seconds` is 0, as in [`hz`](Self::hz).
     #[must_use]
     pub const fn every_seconds(seconds: u32) -> Self {
         Self::fraction(1, seconds)
     }
 
-    /// `numerator` times in `denominator` seconds.
+    /// Makes the rate of `numerator` times in `denominator` seconds.
     ///
     /// # Panics
-    /// If either is 0, as [`hz`](Self::hz).
+    /// If either is 0, as in [`hz`](Self::hz).
     #[must_use]
     pub const fn fraction(numerator: u32, denominator: u32) -> Self {
         match Self::new(numerator, denominator) {
@@ -54,7 +54,7 @@ impl Rate {
         }
     }
 
-    /// `numerator` times in `denominator` seconds, if neither is 0.
+    /// Makes the rate of `numerator` times in `denominator` seconds; returns `None` if either is 0.
     #[must_use]
     pub const fn new(numerator: u32, denominator: u32) -> Option<Self> {
         let divisor = greatest_common_divisor(numerator as u64, denominator as u64) as u32;
@@ -73,25 +73,25 @@ impl Rate {
         }
     }
 
-    /// How many times in [`denominator`](Self::denominator) seconds.
+    /// Returns the number of times in [`denominator`](Self::denominator) seconds.
     #[must_use]
     pub const fn numerator(self) -> u32 {
         self.numerator
     }
 
-    /// In how many seconds.
+    /// Returns the number of seconds in which [`numerator`](Self::numerator) times fall.
     #[must_use]
     pub const fn denominator(self) -> u32 {
         self.denominator
     }
 
-    /// The rate in hertz, rounded; for people and plots.
+    /// Returns the rate in hertz, rounded; for people and plots.
     #[must_use]
     pub fn as_hz(self) -> f64 {
         f64::from(self.numerator) / f64::from(self.denominator)
     }
 
-    /// Whether this is more often than `other`; the order of rates, in constants, too.
+    /// Returns whether this rate is greater than `other`; it also works in constants.
     #[must_use]
     pub const fn is_faster_than(self, other: Self) -> bool {
         self.numerator as u64 * other.denominator as u64
@@ -105,7 +105,7 @@ impl PartialOrd for Rate {
     }
 }
 
-/// The faster rate is the greater.
+/// Orders rates; the faster rate is the greater.
 impl Ord for Rate {
     fn cmp(&self, other: &Self) -> Ordering {
         let product = |a: u32, b: u32| u64::from(a) * u64::from(b);

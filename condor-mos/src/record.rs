@@ -1,9 +1,9 @@
-//! What a scheduler keeps of its loops' past, which is a choice by type.
+//! The records that a scheduler keeps of its loops, which a type selects.
 
 use core::sync::atomic::{Ordering, compiler_fence};
 
-/// What a [`Scheduler`](crate::Scheduler) counts and measures: [`NoStatistics`], [`Counts`] or
-/// [`Histograms`].
+/// A type of records that a [`Scheduler`](crate::Scheduler) can keep: [`NoStatistics`], [`Counts`]
+/// or [`Histograms`].
 #[allow(private_bounds, reason = "nobody else implements it")]
 pub trait Keep: Record {}
 
@@ -28,7 +28,7 @@ pub(crate) trait Record: Copy + Send + 'static {
     fn counts(&self) -> Counts;
 }
 
-/// Nothing is counted or measured, and no instant is read for it.
+/// No record: nothing is counted or measured, and no instant is read for it.
 #[derive(Clone, Copy, Debug)]
 pub struct NoStatistics;
 
@@ -54,8 +54,8 @@ impl Record for NoStatistics {
     }
 }
 
-/// Runs and skipped releases are counted; of run times there are the sum and the longest, of
-/// lateness the longest.
+/// Counts of runs and skipped releases, the sum and the longest of the run times, and the longest
+/// lateness.
 #[derive(Clone, Copy, Debug)]
 pub struct Counts {
     pub(crate) worst_lateness: u32,
@@ -143,7 +143,7 @@ impl Record for Counts {
     }
 }
 
-/// [`Counts`], and how lateness and run times are distributed.
+/// [`Counts`], and the distributions of lateness and run times.
 #[derive(Clone, Copy, Debug)]
 pub struct Histograms {
     counts: Counts,
@@ -154,13 +154,13 @@ pub struct Histograms {
 impl Keep for Histograms {}
 
 impl Histograms {
-    /// From releases to starts.
+    /// Returns the distribution of lateness, the time from a release to its start.
     #[must_use]
     pub const fn lateness(&self) -> &Histogram {
         &self.lateness
     }
 
-    /// Of runs, without the loops that interrupted them.
+    /// Returns the distribution of run times, without the loops that interrupted a run.
     #[must_use]
     pub const fn run(&self) -> &Histogram {
         &self.run
@@ -200,8 +200,8 @@ impl Record for Histograms {
     }
 }
 
-/// How often times of each size were seen, in 64 classes: two for each power of two, so a time is
-/// known to within half of it. Counts stay at 2^32 - 1 when they come there.
+/// Counts of times in 64 classes of size: two classes for each power of two, so a time is known to
+/// within half of it. Counts stay at 2^32 - 1 when they reach that.
 #[derive(Clone, Copy, Debug)]
 pub struct Histogram {
     classes: [u32; 64],
@@ -239,14 +239,14 @@ impl Histogram {
         }
     }
 
-    /// How many times were counted.
+    /// Returns the number of times that were counted.
     #[must_use]
     pub fn total(&self) -> u64 {
         self.classes.iter().map(|&class| u64::from(class)).sum()
     }
 
-    /// A time in ticks that `percent` of all times do not exceed: the end of its class, at most half
-    /// again as long as the exact percentile. 0 if nothing was counted.
+    /// Returns a time in ticks that `percent` percent of all times do not exceed: the end of its
+    /// class, at most half again as long as the exact percentile. Returns 0 if nothing was counted.
     #[must_use]
     pub fn percentile(&self, percent: f64) -> u32 {
         // Below 2^53 nothing is lost.

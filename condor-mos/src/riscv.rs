@@ -12,8 +12,8 @@
 //! }
 //! ```
 //!
-//! The crate `riscv` has a critical section for programs whose statics are of one hart
-//! (`critical-section-single-hart`); which one to use is the program's choice.
+//! The crate `riscv` has an implementation of critical sections for programs whose statics belong
+//! to one hart (`critical-section-single-hart`); the program chooses the implementation.
 
 use core::arch::asm;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -30,10 +30,10 @@ const MACHINE_TIMER: usize = 1 << 7;
 /// Nothing is due so late.
 const NEVER: u64 = u64::MAX;
 
-/// The timer of one hart, and how its loops nest: `mtime` and the hart's `mtimecmp`.
+/// The timer of one hart, `mtime` and the hart's `mtimecmp`, and the nesting of its loops.
 ///
-/// After a reset `mtimecmp` may be anything: [`disarm`](Timer::disarm) before the interrupt is
-/// enabled for the first time.
+/// After a reset `mtimecmp` may have any value: call [`disarm`](Timer::disarm) before the interrupt
+/// is enabled for the first time.
 #[derive(Debug)]
 pub struct Clint {
     registers: ClintRegisters,
@@ -46,7 +46,7 @@ pub struct Clint {
 }
 
 impl Clint {
-    /// The timer of hart `hart`, whose `mtime` counts with `frequency`.
+    /// Makes the timer of hart `hart`, whose `mtime` counts with `frequency`.
     ///
     /// # Safety
     /// A CLINT lies at address `clint`, and the hart that uses this timer is `hart`, in machine mode,
@@ -62,24 +62,24 @@ impl Clint {
         }
     }
 
-    /// Lets these interrupts, as bits of `mie`, interrupt loops, too, if they are enabled.
+    /// Lets these interrupts, given as bits of `mie`, interrupt loops, too, if they are enabled.
     ///
-    /// Without this they wait until all loops that the timer's interrupt has started are done. Loops
-    /// that were started by the background are interrupted by whatever it is.
+    /// Without this they wait until all loops that the timer's interrupt has started are done.
+    /// Loops that the background has started can be interrupted by every enabled interrupt.
     #[must_use]
     pub const fn interrupted_also_by(mut self, interrupts: usize) -> Self {
         self.nested |= interrupts;
         self
     }
 
-    /// What the handler of the machine timer interrupt does, with
+    /// Handles the machine timer interrupt, with
     /// [`Scheduler::on_timer`](crate::Scheduler::on_timer) as `handler`.
     ///
-    /// It preserves the floating-point registers and `fcsr`, which the usual trap frames do not hold
-    /// (those of `riscv-rt` do not): the interrupted loop's arithmetic is not disturbed by that of
-    /// the loops that run now. The compiler puts no floating point into what only calls this.
-    /// Registers are saved only if `mstatus.FS` says that the interrupted code has used some, and
-    /// restored only if it says that `handler` has changed some.
+    /// It preserves the floating-point registers and `fcsr`, which the usual trap frames (those of
+    /// `riscv-rt`) do not save. So the loops that run now do not disturb the arithmetic of the
+    /// interrupted loop. The compiler puts no floating-point instructions into a handler that only
+    /// calls this. Registers are saved only if `mstatus.FS` shows that the interrupted code has
+    /// used some, and restored only if it shows that `handler` has changed some.
     ///
     /// # Safety
     /// * It is called from the handler of the machine timer interrupt, outside of any critical
@@ -174,9 +174,9 @@ impl Platform for Clint {
     }
 }
 
-/// Calls `handler`, which may do arithmetic, and leaves the floating-point registers and `fcsr` as they
-/// were: for handlers of other interrupts than the timer's, whose trap entry saves integer registers
-/// alone. The caller does no floating point around it.
+/// Calls `handler`, which may do arithmetic, and preserves the floating-point registers and `fcsr`.
+/// It is for handlers of other interrupts than the timer's, whose trap entry saves only integer
+/// registers. The caller must not do floating-point arithmetic before or after.
 pub fn preserving_floats(handler: impl FnOnce()) {
     float::preserving(mstatus::read().bits(), handler);
 }

@@ -20,20 +20,20 @@ use crate::statistics::Statistics;
 use crate::sync::{Ordering, const_unless_loom};
 use crate::timer::Armed;
 
-/// A loop of a scheduler: the place of its rate in the schedule that the scheduler was given.
+/// The number of a loop: the index of its rate in the schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct LoopId(pub u8);
 
 /// Runs `L` servo loops at their rates, on the stack of the background that they interrupt
 /// (memo, section 3.2.2).
 ///
-/// The fastest loop that is due runs; a loop is interrupted by faster ones only; when none is
-/// left, the background goes on. A loop has its period to finish in, and no exact moment to
-/// start at.
+/// The fastest loop that is due runs; only faster loops interrupt it; when no loop is due, the
+/// background continues. A loop must finish within its period; the exact moment of its start does
+/// not matter.
 ///
-/// `P` is the [`Platform`]; the [`EventTable`] has room for `L` loops and `E` entries. A scheduler usually is a
-/// `static`, so that interrupt handlers reach it: all calls take `&self`, may come from the
-/// background, from loops and from handlers, and are short critical sections.
+/// `P` is the [`Platform`]; the [`EventTable`] has room for `L` loops and `E` entries. A scheduler
+/// is usually a `static`, so that interrupt handlers can access it: all methods take `&self`, may
+/// be called by the background, by loops and by handlers, and are short critical sections.
 pub struct Scheduler<P: Platform, const L: usize, const E: usize, K: Keep = Counts> {
     platform: P,
     state: Masked<SchedulerState<P::Instant, L, E, K>>,
@@ -41,18 +41,18 @@ pub struct Scheduler<P: Platform, const L: usize, const E: usize, K: Keep = Coun
 
 impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
     const_unless_loom! {
-        /// A scheduler that is not started, none of whose loops has anything to run.
+        /// Makes a scheduler that has not started, and whose loops have no bodies.
         #[must_use]
         pub const fn new(platform: P, schedule: EventTable<L, E>) -> Self {
             Self::keeping(platform, schedule)
         }
     }
 
-    /// A scheduler of loops with these rates, by the clock of its platform: by an event table, or by a
-    /// scan if that does not fit.
+    /// Makes a scheduler of loops with these rates, for the clock of its platform: with an event
+    /// table, or with a scan if the rates do not fit.
     ///
     /// # Errors
-    /// As [`EventTable::or_scan`].
+    /// Those of [`EventTable::or_scan`].
     pub fn with_rates(platform: P, rates: &[Rate]) -> Result<Self, RateError> {
         let clock = Clock::of::<P::Instant>(platform.frequency());
         Ok(Self::new(platform, EventTable::or_scan(rates, &[], clock)?))
@@ -61,7 +61,7 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
 
 impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K> {
     const_unless_loom! {
-        /// As [`new`](Scheduler::new), with the statistics that `K` says.
+        /// Makes a scheduler as [`new`](Scheduler::new) does, with statistics of the type `K`.
         #[must_use]
         pub const fn keeping(platform: P, schedule: EventTable<L, E>) -> Self {
             Self {
@@ -71,17 +71,17 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         }
     }
 
-    /// The platform that was given at the beginning.
+    /// Returns the platform that was passed to [`new`](Scheduler::new).
     #[must_use]
     pub const fn platform(&self) -> &P {
         &self.platform
     }
 
-    /// Gives a loop what it runs, for good, and enables it: `body`, which is called with `context`
-    /// and the instant at which the loop was due.
+    /// Gives a loop its body for good, and enables it. `body` is called with `context` and the
+    /// instant at which the loop was due.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`].
+    /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body.
     pub fn assign<C: Send>(
         &self,
         id: LoopId,
@@ -119,15 +119,16 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         Ok(())
     }
 
-    /// Whether rates that were asked for have not taken effect yet.
+    /// Returns whether a change of rates has not taken effect yet.
     #[must_use]
     pub fn is_changing(&self) -> bool {
         self.with_state(|state| state.schedule.is_changing())
     }
 
-    /// The timer's interrupt: releases the loops that are due, and runs them or has them run.
+    /// Handles the timer's interrupt: releases the loops that are due, and runs them or pends their
+    /// vectors.
     ///
-    /// One that comes early or without cause does no harm.
+    /// An interrupt that comes early or without cause does no harm.
     #[inline(always)]
     pub fn on_timer(&self) {
         if P::VECTORS {
@@ -140,7 +141,8 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         }
     }
 
-    /// The interrupt of a rank's own vector, on platforms that have those: runs its loop.
+    /// Handles the interrupt of a rank's own vector, on platforms with vectors: runs the rank's
+    /// loop.
     #[inline(always)]
     pub fn on_vector(&self, rank: u32) {
         let begun = masked(&self.platform, |section| {
@@ -565,10 +567,10 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Inside for Scheduler<
 }
 
 impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E, Histograms> {
-    /// How lateness and run times of a loop are distributed at this moment.
+    /// Returns the present distributions of a loop's lateness and run times.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`].
+    /// [`LoopError::NoSuchLoop`] if there is no such loop.
     pub fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError> {
         self.with_state(|state| {
             let number = state.number(id)?;

@@ -10,9 +10,10 @@ use crate::loops::Inside;
 use crate::process::Overrun;
 use crate::scheduler::LoopId;
 
-/// Where closures become loops until the end of [`Loops::scope`](crate::Loops::scope).
+/// A scope in which closures can become loops, until the end of
+/// [`Loops::scope`](crate::Loops::scope).
 ///
-/// A closure, and what it borrows, outlives the scope:
+/// A closure, and everything that it borrows, must outlive the scope:
 ///
 /// ```compile_fail,E0597
 /// # use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler, sim::Processor};
@@ -26,7 +27,7 @@ use crate::scheduler::LoopId;
 /// });
 /// ```
 ///
-/// It is the loop's alone until then:
+/// Only the loop can use them until then:
 ///
 /// ```compile_fail,E0503
 /// # use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler, sim::Processor};
@@ -53,10 +54,12 @@ pub struct Scope<'scope, 'env: 'scope, I> {
 }
 
 impl<'scope, I: Instant> Scope<'scope, '_, I> {
-    /// Has a loop run `closure`, which is given the instant at which it was due, and enables it.
+    /// Makes `closure` the body of a loop, and enables the loop. The closure gets the instant at
+    /// which the loop was due.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`], [`LoopError::NoThread`].
+    /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body,
+    /// [`LoopError::NoThread`] if a thread cannot be started.
     pub fn assign<F: FnMut(I) + Send>(
         &'scope self,
         id: LoopId,

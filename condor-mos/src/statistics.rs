@@ -1,4 +1,4 @@
-//! [`Statistics`]: what a loop has done so far.
+//! [`Statistics`]: the counts and times of a loop.
 
 use core::fmt;
 
@@ -7,36 +7,36 @@ use crate::state::Snapshot;
 
 /// The counts of a loop at one moment: `released = run + skipped + running + pending`.
 ///
-/// Counts begin with the loop, or where they were reset.
+/// Counts begin with the loop, or when they were reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Statistics {
     /// Its rate.
     pub rate: Rate,
     /// Ticks per second of the times below.
     pub frequency: Rate,
-    /// Whether it is released when it is due.
+    /// Whether it is enabled, that is, released when it is due.
     pub enabled: bool,
-    /// Whether an overrun has disabled it.
+    /// Whether it was disabled by an overrun or, in a thread, by a panic.
     pub faulted: bool,
-    /// How often it was due.
+    /// The number of its releases.
     pub released: u64,
-    /// How often it has finished.
+    /// The number of its finished runs.
     pub run: u64,
     /// Releases that never ran, because of an overrun or because it was disabled.
     pub skipped: u64,
     /// 1 while it is in progress, else 0.
     pub running: u64,
-    /// Releases that have not started.
+    /// The number of releases that have not started.
     pub pending: u64,
     /// The longest time from a release to its start, in ticks.
     pub worst_lateness: u32,
     /// The longest run, in ticks, without the loops that interrupted it.
     pub worst_run: u32,
-    /// All runs together, in ticks, without the loops that interrupted them.
+    /// The sum of all run times, in ticks, without the loops that interrupted the runs.
     pub total_run: u64,
-    /// Of `released`, those before its rate was changed last.
+    /// The part of `released` from before its rate was last changed.
     pub released_before: u64,
-    /// Of `total_run`, what was before its rate was changed last, in ticks.
+    /// The part of `total_run` from before its rate was last changed, in ticks.
     pub total_before: u64,
 }
 
@@ -61,14 +61,15 @@ impl Statistics {
         }
     }
 
-    /// The mean time of a run, in ticks; 0 before the first one has finished.
+    /// Returns the mean run time, in ticks; 0 before the first run has finished.
     #[must_use]
     pub fn mean_run(&self) -> u32 {
         let mean = self.total_run.checked_div(self.run);
         u32::try_from(mean.unwrap_or(0)).unwrap_or(u32::MAX)
     }
 
-    /// The part of the processor that the loop has taken since it has its rate: 1 is all of it.
+    /// Returns the fraction of the processor that the loop has taken at its present rate: 1 is all
+    /// of it.
     #[must_use]
     pub fn utilisation(&self) -> f64 {
         let released = self.released.saturating_sub(self.released_before);
@@ -83,14 +84,14 @@ impl Statistics {
         share
     }
 
-    /// `ticks` in microseconds.
+    /// Returns `ticks` in microseconds.
     #[must_use]
     pub fn microseconds(&self, ticks: u32) -> f64 {
         f64::from(ticks) * 1e6 / self.frequency.as_hz()
     }
 }
 
-/// One line of a table; `{:#}` gives its heading.
+/// Prints one line of a table; `{:#}` prints its heading.
 impl fmt::Display for Statistics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if f.alternate() {

@@ -2,7 +2,7 @@
 
 use crate::bus::{Bus, BusError, BusErrorKind, Width};
 
-/// Where a bus can be tried.
+/// The addresses at which a bus can be tested.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground {
     /// The address, a multiple of 8, of eight bytes that keep what is written to them.
@@ -23,17 +23,18 @@ pub enum Access {
     Write(u32),
     /// [`Bus::answers`], whose answer is 1 for yes.
     Answers,
-    /// A block of this many bytes, written and read; 1 if what was read is what was written.
+    /// A block of this many bytes, written and read; the result is 1 if the bytes read are those
+    /// written.
     Block(usize),
 }
 
-/// A check that a bus failed.
+/// The failure of a bus's check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{check}: {access:x?} of {width:?} at {address:#x} gave {found:x?}, expected {expected:x?}"
 )]
 pub struct BusFailure {
-    /// The promise that is broken.
+    /// The rule that is broken.
     pub check: &'static str,
     /// The access that showed it.
     pub access: Access,
@@ -41,19 +42,19 @@ pub struct BusFailure {
     pub width: Width,
     /// Its address.
     pub address: usize,
-    /// What it gave: a value (zero for a write), or a kind of error.
+    /// The result of the access: a value (zero for a write), or a kind of error.
     pub found: Result<u32, BusErrorKind>,
-    /// What it should have given; of several errors that would do, one.
+    /// The required result; if several errors are allowed, one of them.
     pub expected: Result<u32, BusErrorKind>,
 }
 
 const WIDTHS: [Width; 3] = [Width::Bits8, Width::Bits16, Width::Bits32];
 const BACKGROUND: [u32; 2] = [0x0123_4567, 0x89ab_cdef];
 
-/// Checks a bus on `ground`, whose memory is lost.
+/// Checks a bus on `ground`, whose memory is overwritten.
 ///
 /// # Errors
-/// The first check that fails.
+/// [`BusFailure`] for the first check that fails.
 pub fn bus<B: Bus>(bus: &B, ground: Ground) -> Result<(), BusFailure> {
     let suite = Suite { bus, ground };
     suite.values_are_kept()?;

@@ -2,29 +2,30 @@
 
 use crate::interrupt::{InterruptController, Level, Vector};
 
-/// A check that a controller failed.
+/// The failure of a controller's check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{check}: `claim` gave {found:?}, expected {expected:?}")]
 pub struct ControllerFailure {
-    /// The promise that is broken.
+    /// The rule that is broken.
     pub check: &'static str,
-    /// What was claimed.
+    /// The vector that was claimed.
     pub found: Option<Vector>,
-    /// What should have been.
+    /// The vector that should have been claimed.
     pub expected: Option<Vector>,
 }
 
 const LOW: Level = Level(1);
 const HIGH: Level = Level(2);
 
-/// Checks a controller with two lines of level-triggered interrupts, of which nobody else makes use,
-/// and which are low and disabled; so they are left if all is well.
+/// Checks a controller with two lines of level-triggered interrupts. They must be low and disabled,
+/// and not be used otherwise; after a success they are low and disabled again.
 ///
-/// `set` raises a line (`true`) or lowers it, as its board does, and returns after the controller
-/// has seen that. `nobody` is a vector that the controller does not have. The controller must tell
-/// levels 1 and 2 apart.
+/// `set` must raise a line (`true`) or lower it, as its board does, and return after the controller
+/// has seen that. `nobody` is a vector that the controller does not have. The controller must
+/// distinguish the levels 1 and 2.
 ///
 /// # Errors
+/// [`ControllerFailure`] for the first check that fails.
 /// The first check that fails.
 pub fn interrupt_controller<C: InterruptController>(
     controller: &C,

@@ -1,4 +1,4 @@
-//! The suites that a backend of one's own calls from one test, or from a firmware.
+//! Suites that check your own backend, called from one test or from firmware.
 //!
 //! Each function runs the checks of one trait and ends at the first that fails.
 

@@ -6,27 +6,27 @@ use crate::driver::{DeviceError, Driver};
 /// An AS5600, on I2C at 0x36: the angle of a magnet above the chip, in 4096 steps of a turn.
 ///
 /// Address, registers and bits are those of figures 21 and 23, pages 18 to 20, of ams's data sheet,
-/// version 1-06 of 2018. Bits without a name may read as anything ("factory settings"; chips were seen
-/// with 0x67 in STATUS): they are not looked at, and are written as they were. So any part that answers at
-/// the address is taken for an AS5600.
+/// version 1-06 of 2018. Bits without a name may have any value ("factory settings"; chips were
+/// seen with 0x67 in STATUS). The driver ignores them and writes them back unchanged. So any part
+/// that answers at the address is taken for an AS5600.
 ///
-/// `read` reads [`angle`](Self::angle), two bytes in the byte order of the processor.
+/// `read` reads [`angle`](Self::angle) as two bytes in the byte order of the processor.
 ///
-/// The driver never burns the chip's memory: what it sets is lost when the power is.
+/// The driver never burns the chip's memory: settings are lost when the power is off.
 #[derive(Debug)]
 pub struct As5600;
 
-/// What the chip says of its magnet.
+/// The state of the chip's magnet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Magnet {
-    /// There is one, strong enough (STATUS, MD).
+    /// Whether there is a magnet that is strong enough (STATUS, MD).
     pub is_detected: bool,
-    /// It is too weak: the gain is at its maximum (STATUS, ML).
+    /// Whether it is too weak: the gain is at its maximum (STATUS, ML).
     pub is_too_weak: bool,
-    /// It is too strong: the gain is at its minimum (STATUS, MH).
+    /// Whether it is too strong: the gain is at its minimum (STATUS, MH).
     pub is_too_strong: bool,
-    /// The automatic gain, to 255 with a supply of 5 V and to 128 with 3.3 V; in the middle at the
-    /// best distance.
+    /// The automatic gain, from 0 to 255 with a supply of 5 V and to 128 with 3.3 V; at the best
+    /// distance of the magnet it is in the middle.
     pub gain: u8,
     /// The magnitude that the chip's CORDIC computes, of 12 bits.
     pub magnitude: u16,
@@ -58,11 +58,13 @@ impl As5600 {
     /// Steps of a turn.
     pub const TURN: u16 = 4096;
 
-    /// Returns the angle from 0 to 4095: from the start position to the stop position, which are a
-    /// turn as long as nobody [sets](Self::set_range) them, with the chip's filter and hysteresis.
+    /// Returns the angle, 0 to 4095 between the start position and the stop position, after the
+    /// chip's filter and hysteresis. The positions are one turn apart unless
+    /// [`set_range`](Self::set_range) changed them.
     ///
     /// # Errors
-    /// The bus's. A chip without a magnet returns an angle, too; see [`magnet`](Self::magnet).
+    /// The bus's error. A chip without a magnet returns an angle, too; see
+    /// [`magnet`](Self::magnet).
     pub fn angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         Self::word(registers, register::ANGLE)
     }
@@ -70,7 +72,7 @@ impl As5600 {
     /// Returns the angle in 4096ths of a turn, whatever the range is.
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     pub fn raw_angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         Self::word(registers, register::RAW_ANGLE)
     }
@@ -80,7 +82,7 @@ impl As5600 {
     /// 22, "Angle Programming").
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     pub fn set_range<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -97,10 +99,10 @@ impl As5600 {
         Ok(())
     }
 
-    /// Returns what the chip says of its magnet.
+    /// Returns the state of the chip's magnet.
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     pub fn magnet<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Magnet, B::Error> {
         let status = registers.read8(register::STATUS)?;
         Ok(Magnet {

@@ -1,4 +1,4 @@
-//! The drivers that ship, each with the table of its registers; `sim` has their models.
+//! The drivers of this crate, each with the table of its registers; `sim` has their models.
 
 mod as5600;
 mod pca9685;

@@ -44,7 +44,7 @@ const FULL: u16 = 1 << 12;
 const OSCILLATOR: u32 = 25_000_000;
 
 impl Pca9685 {
-    /// Outputs of a chip.
+    /// The number of outputs of a chip.
     pub const CHANNELS: usize = 16;
     /// Counts of a cycle: an output of this duty is on all the time.
     pub const CYCLE: u16 = 4096;
@@ -58,7 +58,7 @@ impl Pca9685 {
     /// which the outputs are not right yet.
     ///
     /// # Errors
-    /// The bus's: then the chip may sleep; set the frequency again.
+    /// The bus's error; the chip may sleep then, so set the frequency again.
     pub fn set_frequency<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -84,11 +84,12 @@ impl Pca9685 {
         registers.write8(register::MODE1, mode1::AWAKE | mode1::RESTART)
     }
 
-    /// Sets how many counts of a cycle of 4096 each channel from `first` on is on; 0 is off, and
-    /// [`CYCLE`](Self::CYCLE) or more is on all the time. All of them are sent in one transfer.
+    /// Sets for how many counts of a cycle of 4096 each channel from `first` on is on; 0 is off,
+    /// and [`CYCLE`](Self::CYCLE) or more is on all the time. All values are sent in one transfer.
     ///
     /// # Errors
-    /// [`DeviceError::Length`] if the chip has fewer channels, [`DeviceError::Bus`].
+    /// [`DeviceError::Length`] if the chip has fewer channels, [`DeviceError::Bus`] if the bus
+    /// fails.
     pub fn set_duties<B: Bus>(
         &self,
         registers: Registers<'_, B>,

@@ -15,17 +15,17 @@ use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
 ///
 /// The registers are those of the National Semiconductor PC16550D (data sheet of 1995).
 ///
-/// `read` and `write` move bytes from and to the buffers, which the interrupt's half empties into the
-/// board and fills from it, a FIFO of 16 at a time; on an 8250 without FIFOs, byte by byte. While the
-/// receive buffer is full, the driver leaves bytes in the FIFO and has the board not interrupt
-/// for them. A byte that `write` accepted is sent, also across errors of the bus and across a close;
-/// one that cannot be handed over at the moment is tried again by the next call of any kind, of
-/// which [`is_flushed`](crate::Switch::is_flushed) tells whether there is an error. A byte that the
-/// board received is read once, whatever its errors; they are counted, see
-/// [`line_errors`](Self::line_errors). What was not read when the port is opened is forgotten.
+/// `read` and `write` move bytes from and to the buffers. The interrupt handler empties one buffer
+/// into the board and fills the other from it, a FIFO of 16 bytes at a time; on an 8250 without
+/// FIFOs, byte by byte. While the receive buffer is full, the driver leaves bytes in the FIFO and
+/// disables the interrupt for them. A byte that `write` accepted is sent, even across errors of the
+/// bus and across a close. If it cannot be passed to the board now, the next call of any kind tries
+/// again; [`is_flushed`](crate::Switch::is_flushed) returns the error, if there is one. A byte that
+/// the board received is read once, whatever its errors, which are counted: see
+/// [`line_errors`](Self::line_errors). Opening the port discards bytes that were not read.
 ///
-/// `init` sets 8 bits, no parity and one stop bit, and leaves the speed as it is, for that depends
-/// on the board's clock: see [`configure`](Self::configure).
+/// `init` sets 8 bits, no parity and one stop bit. It does not change the speed, which depends on
+/// the board's clock: see [`configure`](Self::configure).
 #[derive(Debug)]
 pub struct Uart16550<const STRIDE: usize = 1, const BUFFER: usize = 256> {
     received: Ring<BUFFER>,
@@ -44,7 +44,7 @@ pub struct Uart16550<const STRIDE: usize = 1, const BUFFER: usize = 256> {
     breaks: Count,
 }
 
-/// How a character is sent: data, parity and stop bits.
+/// The format of a character: data, parity and stop bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Format(LCR);
 
@@ -54,35 +54,35 @@ impl Format {
     /// Seven data bits, no parity, one stop bit.
     pub const SEVEN_BITS: Self = Self(LCR::WORD_LENGTH1);
 
-    /// The same with an odd number of ones.
+    /// Adds odd parity.
     #[must_use]
     pub const fn odd(self) -> Self {
         Self(self.0.difference(LCR::PARITY1).union(LCR::PARITY0))
     }
 
-    /// The same with an even number of ones.
+    /// Adds even parity.
     #[must_use]
     pub const fn even(self) -> Self {
         Self(self.0.union(LCR::PARITY0).union(LCR::PARITY1))
     }
 
-    /// The same with two stop bits.
+    /// Sets two stop bits.
     #[must_use]
     pub const fn two_stop_bits(self) -> Self {
         Self(self.0.union(LCR::MORE_STOP_BITS))
     }
 }
 
-/// What went wrong on the line. Counts wrap.
+/// Counts of errors on the line. They wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LineErrors {
-    /// How often, not how many, bytes came that the board had no room for.
+    /// The number of times (not of bytes) that the board had no room for a received byte.
     pub overruns: u32,
-    /// Bytes whose parity was wrong.
+    /// The number of bytes with wrong parity.
     pub parity: u32,
-    /// Bytes without a stop bit.
+    /// The number of bytes without a stop bit.
     pub framing: u32,
-    /// Times that the line was held low; each also reads as a zero.
+    /// The number of times that the line was held low; each also reads as a zero.
     pub breaks: u32,
 }
 
@@ -213,11 +213,11 @@ impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
         Ok(some)
     }
 
-    /// Sets the speed, to the board's clock divided by 16 × `divisor`, and the format. What is being
-    /// sent or received meanwhile is garbled.
+    /// Sets the speed, which is the board's clock divided by 16 × `divisor`, and the format.
+    /// Characters that are sent or received meanwhile are garbled.
     ///
     /// # Errors
-    /// The bus's: then the speed is unknown, and to be set again.
+    /// The bus's error; the speed is unknown then, so set it again.
     pub fn configure<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -361,7 +361,7 @@ impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFF
 }
 
 impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
-    /// What went wrong on the line so far.
+    /// Returns the counts of errors on the line so far.
     #[must_use]
     pub fn line_errors(&self) -> LineErrors {
         LineErrors {
@@ -372,11 +372,11 @@ impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
         }
     }
 
-    /// Does what the interrupt would do, for a board that does not interrupt, or whose vector has
+    /// Does the work of the interrupt, for a board that does not interrupt, or whose vector has
     /// been disabled.
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     pub fn poll<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         masked(|| self.serve(registers)).map(drop)
     }

@@ -18,7 +18,7 @@ use crate::bus::{AccessError, Bus, BusErrorKind, Width};
 use crate::guarded::{load, resume, store};
 use crate::mmio::Mmio;
 
-/// What a mapping allows.
+/// The accesses that a mapping allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Reads only; the file need only be open for reading.
@@ -27,42 +27,42 @@ pub enum Access {
     ReadWrite,
 }
 
-/// A mapping that could not be made.
+/// The reason for which a mapping could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MapError {
-    /// The bus address and the offset in the file must be multiples of four, and there must be something.
+    /// The bus address or the offset in the file is not a multiple of four, or the length is zero.
     #[error("{len:#x} bytes of registers at offset {offset:#x} cannot be at address {base:#x}")]
     Misaligned {
-        /// Where they begin in the file, in bytes.
+        /// The beginning of the range in the file, in bytes.
         offset: u64,
-        /// Their first bus address.
+        /// The first bus address of the range.
         base: usize,
-        /// How many bytes they take.
+        /// The length of the range, in bytes.
         len: usize,
     },
-    /// The range ends beyond this machine's addresses.
+    /// The range exceeds the addresses of this machine.
     #[error("{len:#x} bytes at offset {offset:#x} are too many for this machine")]
     TooLarge {
-        /// Where they begin in the file, in bytes.
+        /// The beginning of the range in the file, in bytes.
         offset: u64,
-        /// How many bytes they take.
+        /// The length of the range, in bytes.
         len: usize,
     },
     /// The file ends before the range does.
     #[error("the registers need a file of {needed:#x} bytes, but it has {found:#x}")]
     TooShort {
-        /// Where the range ends, in bytes from the beginning of the file.
+        /// The end of the range, in bytes from the beginning of the file.
         needed: u64,
         /// The size of the file, in bytes.
         found: u64,
     },
-    /// A call to the system failed.
+    /// A call to the operating system failed.
     #[error("cannot {doing}: {source}")]
     System {
-        /// What was tried.
+        /// The operation.
         doing: &'static str,
-        /// The system's answer.
+        /// The error of the operating system.
         source: io::Error,
     },
 }
@@ -74,13 +74,13 @@ fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> MapError
     }
 }
 
-/// A range of bus addresses that a file or a device answers, mapped into this process.
+/// A range of bus addresses, mapped from a file or a device into this process.
 ///
-/// Clones are the same mapping; it is unmapped with the last of them. Each access is one
-/// load or store of its width. What does not answer is
-/// [`Lost`](BusErrorKind::Lost) if the file or device was there once, and
-/// [`NoAnswer`](BusErrorKind::NoAnswer) for physical addresses. What was truncated *within* the last
-/// page of a file reads as zeros, because that is what the kernel gives.
+/// All clones are the same mapping; it is unmapped with the last of them. Each access is one load
+/// or store of its width. If nothing answers, the error is [`Lost`](BusErrorKind::Lost) for files
+/// and devices, which were there once, and [`NoAnswer`](BusErrorKind::NoAnswer) for physical
+/// addresses. Bytes that were truncated *within* the last page of a file read as zeros, as the
+/// kernel provides them.
 ///
 /// ```
 /// use condor_dev::Bus;
@@ -125,13 +125,14 @@ impl Drop for Mapping {
 impl LinuxBus {
     /// Maps `len` bytes of `file` from `offset` on, as the bus addresses from `base` on.
     ///
-    /// Anything that can be mapped will do: a file or a memfd that others map, too, or a device; for
-    /// `/dev/mem` the contract of [`physical`](Self::physical) holds.
-    /// The offset need not begin a page.
+    /// Everything that can be mapped is allowed: a file or a memfd that others also map, or a
+    /// device. For `/dev/mem` the contract of [`physical`](Self::physical) holds. The offset need
+    /// not begin a page.
     ///
     /// # Errors
-    /// Offset or base are not multiples of four; the range is too large; a regular file ends
-    /// before it does; the system refuses.
+    /// [`MapError::Misaligned`] if offset or base is not a multiple of four, [`MapError::TooLarge`]
+    /// if the range is too large, [`MapError::TooShort`] if a regular file ends before the range
+    /// does, [`MapError::System`] if the operating system refuses.
     pub fn map(
         file: impl AsFd,
         offset: u64,
@@ -142,15 +143,16 @@ impl LinuxBus {
         Self::map_pages(file, offset, base, len, access, BusErrorKind::Lost)
     }
 
-    /// Maps the physical addresses from `base` on, by `/dev/mem`.
+    /// Maps the physical addresses from `base` on, through `/dev/mem`.
     ///
     /// # Safety
-    /// As long as the bus or a copy of it is used, the range is not memory of this process or of the
-    /// kernel, and no write in it has a device change such memory (by DMA, for example).
+    /// As long as the bus or a copy of it is used, the range must not be memory of this process or
+    /// of the kernel, and no write in it may make a device change such memory (by DMA, for
+    /// example).
     ///
     /// # Errors
-    /// As for [`map`](Self::map); usually only root may, and the kernel may refuse memory that
-    /// is its own.
+    /// Those of [`map`](Self::map). Usually only root may do this, and the kernel may refuse memory
+    /// of its own.
     pub unsafe fn physical(base: usize, len: usize, access: Access) -> Result<Self, MapError> {
         // Without O_SYNC, some processors would cache the registers.
         let opened = File::options()
@@ -164,10 +166,11 @@ impl LinuxBus {
 
     /// Maps one of the memories of device `/dev/uio{device}`, at its physical address.
     ///
-    /// Address, size and place are taken from `/sys/class/uio/uio{device}/maps/map{map}`.
+    /// Address, size and place are read from `/sys/class/uio/uio{device}/maps/map{map}`.
     ///
     /// # Errors
-    /// The device or the memory does not exist, may not be opened, or as for [`map`](Self::map).
+    /// [`MapError::System`] if the device or the memory does not exist or may not be opened;
+    /// otherwise those of [`map`](Self::map).
     pub fn uio(device: u32, map: u32, access: Access) -> Result<Self, MapError> {
         let described = format!("/sys/class/uio/uio{device}/maps/map{map}");
         let UioMemory { offset, base, len } = UioMemory::read(Path::new(&described), map)?;

@@ -1,21 +1,21 @@
 //! Registers and interrupts of Linux.
 //!
-//! | you have | you take |
+//! | your case | use |
 //! |---|---|
 //! | a device that the kernel gives to programs as `/dev/uio`*n* | [`LinuxBus::uio`], [`UioInterrupts`] |
 //! | physical addresses, and the right to open `/dev/mem` | [`LinuxBus::physical`] |
 //! | a file whose other side is a simulated machine | [`LinuxBus::map`] |
 //!
-//! Several buses are one as nested pairs: `(LinuxBus, LinuxBus)` is a [`Bus`](crate::Bus), too.
+//! Nested pairs combine several buses: `(LinuxBus, LinuxBus)` is a [`Bus`](crate::Bus), too.
 //!
 //! # Bus errors
 //!
-//! The kernel answers an access behind which there is nothing any more (a truncated file, a device
-//! that was unplugged) with SIGBUS, and so it does where nothing answers on the bus, if the processor reports
-//! that precisely. With the first bus a handler for SIGBUS is installed, which turns it into
-//! an error of the access; it passes on what does not concern such an access to the handler that was there.
-//! Who installs one later must likewise pass on what does not concern him. A thread that
-//! blocks SIGBUS is killed by the kernel if it touches memory that has vanished.
+//! If the memory behind an access is gone (a truncated file, an unplugged device), the kernel
+//! raises SIGBUS; it also does so if nothing answers on the bus and the processor reports that
+//! precisely. The first bus installs a handler for SIGBUS, which turns the signal into an error of
+//! the access. It passes on signals that do not concern such an access to the handler that was
+//! installed before. A handler that is installed later must likewise pass on signals that do not
+//! concern it. If a thread blocks SIGBUS and touches memory that has vanished, the kernel kills it.
 //!
 //! Accesses are functions of their own in assembly, for x86-64, `AArch64` and 64-bit RISC-V. There is
 //! no such module for other processors.

@@ -12,9 +12,8 @@ use crate::interrupt::{InterruptController, Level, Vector};
 
 /// The interrupts of UIO devices, each a vector of its own.
 ///
-/// The kernel masks a device's interrupt when it comes; it is let in again by
-/// [`complete`](InterruptController::complete). A thread of the program is the
-/// interrupted side:
+/// The kernel masks a device's interrupt when it comes; [`complete`](InterruptController::complete)
+/// enables it again. A thread of the program takes the part of the interrupt handler:
 ///
 /// ```no_run
 /// # use condor_dev::{InterruptController, Vector};
@@ -35,7 +34,7 @@ use crate::interrupt::{InterruptController, Level, Vector};
 /// # Ok::<(), std::io::Error>(())
 /// ```
 ///
-/// A device that vanished interrupts no more, see [`is_lost`](Self::is_lost).
+/// A device that has vanished does not interrupt any more, see [`is_lost`](Self::is_lost).
 #[derive(Debug)]
 pub struct UioInterrupts {
     lines: Vec<Line>,
@@ -56,11 +55,13 @@ struct Line {
 }
 
 impl UioInterrupts {
-    /// The interrupts of `devices`, 64 at most, all disabled. Each is a `/dev/uio`*n*, opened for reading
-    /// and writing, of which this makes every read non-blocking.
+    /// Makes a controller of the interrupts of `devices`, at most 64, all disabled. Each descriptor
+    /// is that of a `/dev/uio`*n*, opened for reading and writing; this call makes its reads
+    /// non-blocking.
     ///
     /// # Errors
-    /// [`InvalidInput`](io::ErrorKind::InvalidInput) if there are more devices, or the system's.
+    /// [`InvalidInput`](io::ErrorKind::InvalidInput) if there are more devices; otherwise the error
+    /// of the operating system.
     pub fn new(devices: impl IntoIterator<Item = (Vector, OwnedFd)>) -> io::Result<Self> {
         let lines = devices.into_iter().map(|(vector, device)| {
             rustix::io::ioctl_fionbio(&device, true)?;
@@ -83,10 +84,11 @@ impl UioInterrupts {
         Ok(Self { lines })
     }
 
-    /// Waits until an enabled vector is pending, or `deadline` has passed; says whether one is.
+    /// Waits until an enabled vector is pending, or `deadline` has passed; returns whether one is
+    /// pending.
     ///
     /// # Errors
-    /// The system's, except for interruptions by signals.
+    /// The error of the operating system, except interruptions by signals.
     pub fn wait(&self, deadline: Instant) -> io::Result<bool> {
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -99,7 +101,7 @@ impl UioInterrupts {
         }
     }
 
-    /// Whether the device of a vector has failed: it will not interrupt again.
+    /// Returns whether the device of a vector has failed; it will not interrupt again then.
     #[must_use]
     pub fn is_lost(&self, vector: Vector) -> bool {
         self.line(vector)

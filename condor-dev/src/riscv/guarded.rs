@@ -9,25 +9,25 @@ const STORE_ACCESS_FAULT: usize = 7;
 const LOAD_PAGE_FAULT: usize = 13;
 const STORE_PAGE_FAULT: usize = 15;
 
-/// An [`Mmio`] of which every access may fault: then it is
-/// [`NoAnswer`](BusErrorKind::NoAnswer), so that start-up finds out which boards are there.
+/// An [`Mmio`] whose accesses may fault. A faulting access returns
+/// [`NoAnswer`](BusErrorKind::NoAnswer), so that start-up can find out which boards are there.
 ///
-/// The program's trap handler calls [`on_fault`]. An access costs a call more than one of [`Mmio`].
+/// The program's trap handler calls [`on_fault`]. An access costs one call more than that of
+/// [`Mmio`].
 ///
-/// A fault must be precise, as those of loads are. Some processors report the fault of a store
-/// late, as an interrupt: there, a store to an absent board is not noticed here. Drivers probe by
-/// loads.
+/// Faults must be precise, as those of loads are. Some processors report the fault of a store late,
+/// as an interrupt; there a store to an absent board is not noticed. Drivers probe by loads.
 #[derive(Clone, Copy, Debug)]
 pub struct GuardedMmio(Mmio);
 
 impl GuardedMmio {
-    /// The range of `bus`, with faults caught.
+    /// Makes a bus of the range of `bus` that catches faults.
     ///
     /// # Safety
     ///
-    /// On every hart that uses the bus, from now on, the trap handler asks [`on_fault`] about each
-    /// exception, and returns to where it says. With that, accesses that fault are
-    /// among those that may be made in the sense of [`Mmio::new`].
+    /// On every hart that uses the bus, from now on, the trap handler must ask [`on_fault`] about
+    /// each exception, and return to the address that it returns. Then accesses that fault are
+    /// among those that "may be made" in the contract of [`Mmio::new`].
     #[must_use]
     pub const unsafe fn new(bus: Mmio) -> Self {
         Self(bus)
@@ -41,9 +41,9 @@ const fn no_answer(address: usize) -> AccessError {
     }
 }
 
-/// To be asked by the trap handler about an exception, with `mcause` and `mepc` (`scause` and `sepc` in
-/// supervisor mode): where to return to, instead, if it is the fault of an access through
-/// [`GuardedMmio`]; `None` for all others.
+/// Returns the address at which a trap handler must continue after the fault of an access through
+/// [`GuardedMmio`]; `None` for all other exceptions. The trap handler calls this with `mcause` and
+/// `mepc` (`scause` and `sepc` in supervisor mode).
 ///
 /// ```ignore
 /// if let Some(resume) = condor_dev::riscv::on_fault(mcause, mepc) {

@@ -1,5 +1,5 @@
-//! Bare-metal RISC-V: interrupts from a PLIC, and, for these processors alone, registers whose absence
-//! is survived (`GuardedMmio`).
+//! Bare-metal RISC-V: interrupts from a PLIC, and, only on these processors, access to registers
+//! that may be absent (`GuardedMmio`).
 
 mod plic;
 

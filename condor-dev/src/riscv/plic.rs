@@ -16,13 +16,13 @@ const MOST_SOURCES: u16 = 1024;
 /// Contexts for which there are registers.
 const MOST_CONTEXTS: u16 = 15_872;
 
-/// One target of a PLIC's interrupts: usually a hart in one of its modes. Which number it has, the
-/// machine's device tree says.
+/// A target of a PLIC's interrupts: usually a hart in one of its modes. The machine's device tree
+/// has its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Context(u16);
 
 impl Context {
-    /// The context of a number; `None` if no PLIC has that many.
+    /// Makes the context of a number; returns `None` if no PLIC has that many contexts.
     #[must_use]
     pub const fn new(number: u16) -> Option<Self> {
         if number < MOST_CONTEXTS {
@@ -33,13 +33,13 @@ impl Context {
     }
 }
 
-/// The PLIC of RISC-V machines, as one context sees it; vectors are its sources, levels its
+/// The PLIC of RISC-V machines, as one context sees it. Vectors are its sources, levels its
 /// priorities.
 ///
 /// A level above the highest priority is the highest. Priorities belong to a source, not to a
-/// context: who enables a source that another context has enabled, too, changes its level for both.
+/// context: if two contexts enable the same source, the later one changes its level for both.
 ///
-/// What the bus does not answer, is as if the PLIC had no interrupt.
+/// If the bus does not answer, the PLIC behaves as if it had no interrupt.
 ///
 /// Source: RISC-V Platform-Level Interrupt Controller Specification 1.0.0.
 #[derive(Debug)]
@@ -52,11 +52,11 @@ pub struct Plic<B> {
 }
 
 impl<B: Bus> Plic<B> {
-    /// The PLIC at `base`, with sources 1 to `sources`, of which there are no more than 1023, and
-    /// priorities up to `highest`.
+    /// Makes the PLIC at `base`, with sources 1 to `sources`, at most 1023, and priorities up to
+    /// `highest`.
     ///
-    /// One hart alone uses the context, and each has one of its own: the words of a context
-    /// are changed in critical sections of that hart.
+    /// Only one hart may use the context, and each hart needs its own: the words of a context are
+    /// changed in critical sections of that hart.
     #[must_use]
     pub const fn new(bus: B, base: usize, context: Context, sources: u16, highest: Level) -> Self {
         let sources = if sources < MOST_SOURCES {
@@ -76,7 +76,7 @@ impl<B: Bus> Plic<B> {
     /// Disables all sources of the context, whatever ran before, and lets all levels through.
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     pub fn reset(&self) -> Result<(), B::Error> {
         for word in 0..=usize::from(self.sources / 32) {
             self.registers().write32(self.enable_word(word), 0)?;
@@ -84,10 +84,10 @@ impl<B: Bus> Plic<B> {
         self.set_threshold(Level(0))
     }
 
-    /// Lets through only what is more urgent than `level`.
+    /// Sets the threshold: only vectors of a higher level than `level` interrupt.
     ///
     /// # Errors
-    /// The bus's.
+    /// The bus's error.
     pub fn set_threshold(&self, level: Level) -> Result<(), B::Error> {
         let level = level.min(self.highest);
         self.registers()

@@ -8,7 +8,7 @@ use crate::bus::Width;
 pub struct As5600Model {
     /// The magnet's angle, in 4096ths of a turn.
     pub angle: u16,
-    /// STATUS: 0x67 with a magnet, of which 0x20 says so.
+    /// STATUS: 0x67 with a magnet; bit 0x20 means that there is one.
     pub status: u8,
     /// The automatic gain.
     pub gain: u8,

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::Model;
 use crate::bus::{self, AccessError, BusErrorKind, Width};
 
-/// A bus with models on it; its clones are the same one.
+/// A bus with models on it. All clones are the same bus.
 #[derive(Clone, Default)]
 pub struct Bus {
     inside: Arc<Mutex<Inside>>,
@@ -22,33 +22,33 @@ struct Inside {
 }
 
 impl Bus {
-    /// A bus without boards: every access is a bus error.
+    /// Makes a bus without boards: every access is a bus error.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Puts a board on the bus, in place of any at the same address; gives a handle to what is
-    /// outside of the board.
+    /// Puts a board on the bus, in place of any at the same address. Returns a handle by which a
+    /// test can change the model, such as the magnet of a sensor.
     pub fn insert<M: Model + 'static>(&self, base: usize, model: M) -> Arc<Mutex<M>> {
         let model = Arc::new(Mutex::new(model));
         self.inside().boards.insert(base, model.clone());
         model
     }
 
-    /// Takes the board at `base` away; accesses to it are bus errors from now on.
+    /// Removes the board at `base`; accesses to it are bus errors from now on.
     pub fn remove(&self, base: usize) {
         self.inside().boards.remove(&base);
     }
 
-    /// Has the access after `accesses` others fail, though a board is there.
+    /// Makes one access fail although a board is there: the one after the next `accesses` accesses.
     pub fn fail_after(&self, accesses: u64) {
         let mut inside = self.inside();
         let at = inside.accesses + accesses;
         inside.faults.push(at);
     }
 
-    /// How many accesses there were.
+    /// Returns the number of accesses so far.
     #[must_use]
     pub fn accesses(&self) -> u64 {
         self.inside().accesses

@@ -7,8 +7,8 @@ use super::Model;
 use super::bus::lock;
 use crate::interrupt::{InterruptController, Level, Vector};
 
-/// An interrupt controller whose lines are the boards' own requests, or a test's; its clones are the
-/// same one.
+/// An interrupt controller whose lines are set by models of boards or by a test. All clones are the
+/// same controller.
 #[derive(Clone, Default)]
 pub struct Controller {
     inside: Arc<Mutex<Inside>>,
@@ -34,29 +34,29 @@ impl Inside {
 }
 
 impl Controller {
-    /// A controller without lines.
+    /// Makes a controller without lines.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Connects a board's request to a vector.
+    /// Connects the interrupt request of a board to a vector.
     pub fn connect<M: Model + 'static>(&self, vector: Vector, board: Arc<Mutex<M>>) {
         self.inside().boards.push((vector, board));
     }
 
-    /// Raises a line, or lowers it, whatever the boards ask for.
+    /// Raises or lowers a line, independently of the boards.
     pub fn set(&self, vector: Vector, raised: bool) {
         self.inside().raised.insert(vector, raised);
     }
 
-    /// Whether [`claim`](InterruptController::claim) would give something.
+    /// Returns whether [`claim`](InterruptController::claim) would return a vector.
     #[must_use]
     pub fn is_pending(&self) -> bool {
         self.most_urgent().is_some()
     }
 
-    /// Whether a vector may interrupt.
+    /// Returns whether a vector may interrupt.
     #[must_use]
     pub fn is_enabled(&self, vector: Vector) -> bool {
         self.inside().enabled.contains_key(&vector)

@@ -1,11 +1,11 @@
-//! [`I2c`]: models behind two wires.
+//! [`I2c`]: a simulated I2C controller with models of parts.
 
 use embedded_hal::i2c::{self, NoAcknowledgeSource};
 
 use crate::bus::{AccessError, Bus, BusErrorKind};
 
-/// An I2C controller whose part with the 7-bit address `d` is what is at `d << 8` of a bus of models: a
-/// [`Joint`](super::Joint), or a bus of the feature `sim`.
+/// An I2C controller. Its part with the 7-bit address `d` is the model at `d << 8` of a bus of
+/// models: a [`Joint`](super::Joint), or a bus of the feature `sim`.
 ///
 /// The first byte written is the number of a register, which advances with each further byte; a
 /// transaction begins at register 0. An absent part does not acknowledge its address.

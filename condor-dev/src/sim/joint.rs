@@ -1,4 +1,4 @@
-//! [`Joint`]: a motor driver, an angle sensor, and what turns between them.
+//! [`Joint`]: a joint with a motor driver and an angle sensor.
 
 use core::f32::consts::TAU;
 
@@ -10,11 +10,10 @@ use crate::stdio::Claim;
 const FRICTION_NM_S: f32 = 0.05;
 const INERTIA_KG_M2: f32 = 0.01;
 
-/// A joint that a motor turns, for programs without a heap too: the bus that is behind an
-/// [`I2c`](super::I2c).
+/// A joint that a motor turns. It needs no heap, and is the bus behind an [`I2c`](super::I2c).
 ///
-/// At 0x40 is a [`Pca9685`] whose outputs 0 and 1 drive the motor in the one direction and in the other.
-/// At 0x36 is an [`As5600`], which sees the joint; it begins in the middle of the turn.
+/// At 0x40 is a [`Pca9685`] whose outputs 0 and 1 drive the motor in the two directions. At 0x36 is
+/// an [`As5600`], which measures the joint's angle; the joint begins in the middle of the turn.
 ///
 /// ```
 /// use condor_dev::drivers::{As5600, Pca9685};
@@ -62,11 +61,11 @@ impl Default for Joint {
 }
 
 impl Joint {
-    /// The torque with which the motor stands still when it is always on, N m.
+    /// The stall torque of the motor at full duty, N m.
     pub const STALL_NM: f32 = 2.0;
 
-    /// Moves on by a time that is short to what changes, in seconds: a period of a servo loop. Nothing
-    /// moves while another context uses the bus.
+    /// Simulates the joint for `seconds`, which must be short compared with its motion, such as a
+    /// period of a servo loop. Does nothing while another context uses the bus.
     pub fn advance(&self, seconds: f32) {
         let Some(mut parts) = self.0.claim() else {
             return;

@@ -1,5 +1,5 @@
-//! Parts as models of their registers: in a joint, without allocation, or on a bus with injected faults, for
-//! tests on any machine with std.
+//! Models of parts and their registers: in a joint, without allocation, or on a bus with injected
+//! faults, for tests on any machine with std.
 
 mod as5600;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
@@ -29,20 +29,20 @@ pub use uart::{LineFault, UartModel};
 
 use crate::bus::Width;
 
-/// The registers of a board, and what happens when they are read and written.
+/// A model of a board: its registers, and its behaviour when they are read and written.
 ///
 /// Offsets are below the model's [`size`](Self::size) and multiples of the access's width.
 pub trait Model: Send {
-    /// Bytes that the board takes on the bus.
+    /// Returns the number of bytes that the board takes on the bus.
     fn size(&self) -> usize;
 
-    /// Reads a register; `None` is a bus error.
+    /// Reads a register; returns `None` for a bus error.
     fn read(&mut self, offset: usize, width: Width) -> Option<u32>;
 
-    /// Writes a register; `None` is a bus error.
+    /// Writes a register; returns `None` for a bus error.
     fn write(&mut self, offset: usize, width: Width, value: u32) -> Option<()>;
 
-    /// Whether the board asks for its interrupt.
+    /// Returns whether the board asks for its interrupt.
     fn interrupts(&self) -> bool {
         false
     }

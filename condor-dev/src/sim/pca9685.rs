@@ -12,7 +12,7 @@ const PRE_SCALE: usize = 0xfe;
 const RESTART: u8 = 1 << 7;
 const SLEEP: u8 = 1 << 4;
 
-/// A chip as it is after power came; registers change as its data sheet says.
+/// A chip in its state after power-on; its registers change as the data sheet says.
 #[derive(Debug)]
 pub struct Pca9685Model([u8; 256]);
 

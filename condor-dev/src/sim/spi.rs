@@ -1,4 +1,4 @@
-//! [`Spi`]: a model behind four wires.
+//! [`Spi`]: a simulated SPI controller with the model of a part.
 
 use embedded_hal::spi::{self, SpiDevice};
 
@@ -6,17 +6,17 @@ use super::Bus;
 use crate::bus::Bus as _;
 use crate::serial::SpiCommand;
 
-/// An SPI controller whose one part is the model at `base`.
+/// An SPI controller whose only part is the model at `base`.
 ///
-/// The first byte that is written is the number of a register with the bits of `command`; it
-/// advances with each further byte. An absent part reads as ones.
+/// The first byte that is written is the number of a register with the bits of `command`; the
+/// number advances with each further byte. An absent part reads as ones.
 #[derive(Clone)]
 pub struct Spi {
     /// The bus of the model.
     pub bus: Bus,
     /// The model's base.
     pub base: usize,
-    /// The bits that the part expects beside a register's number.
+    /// The bits that the part expects in a command byte, apart from the register's number.
     pub command: SpiCommand,
 }
 

@@ -10,18 +10,18 @@ use crate::bus::Width;
 /// Bytes of each FIFO.
 const FIFO: usize = 16;
 
-/// A 16550 whose registers are `STRIDE` bytes apart (PC16550D data sheet), and the line of which a
-/// test is the other end.
+/// A 16550 whose registers are `STRIDE` bytes apart (PC16550D data sheet). A test takes the other
+/// end of its line.
 ///
-/// Time does not pass by itself: characters come and go when the test says so, and a received
+/// Time does not pass by itself: characters come and go when the test calls for it, and a received
 /// character has always waited long enough to interrupt.
 // Each is a bit of the chip, or a way in which it is built.
 #[allow(clippy::struct_excessive_bools)]
 #[derive(Debug)]
 pub struct UartModel<const STRIDE: usize = 1> {
-    /// Whether it asks for its interrupt, whatever its registers say.
+    /// Whether it asks for its interrupt regardless of its registers.
     pub stuck: bool,
-    /// Whether it has FIFOs: an 8250 has none.
+    /// Whether it has FIFOs; an 8250 has none.
     pub has_fifos: bool,
     received: VecDeque<(u8, LSR)>,
     to_send: VecDeque<u8>,
@@ -56,7 +56,8 @@ impl<const STRIDE: usize> Default for UartModel<STRIDE> {
 }
 
 impl<const STRIDE: usize> UartModel<STRIDE> {
-    /// A character comes in along the line, with `errors` of its own; says whether there was room.
+    /// Receives a character from the line, with an error if one is given; returns whether there was
+    /// room.
     pub fn receive(&mut self, byte: u8, errors: LineFault) -> bool {
         let has_room = self.received.len() < self.depth();
         if has_room {
@@ -67,7 +68,7 @@ impl<const STRIDE: usize> UartModel<STRIDE> {
         has_room
     }
 
-    /// A character goes out along the line, if there is one.
+    /// Sends the next character to the line; returns it, or `None` if there is none.
     pub fn transmit(&mut self) -> Option<u8> {
         let byte = self.to_send.pop_front()?;
         self.can_send |= self.to_send.is_empty();
@@ -77,7 +78,7 @@ impl<const STRIDE: usize> UartModel<STRIDE> {
         Some(byte)
     }
 
-    /// What the clock is divided by, over 16.
+    /// Returns the divisor of the clock, without the factor of 16.
     #[must_use]
     pub fn divisor(&self) -> u16 {
         u16::from_le_bytes(self.divisor)
@@ -115,16 +116,16 @@ impl<const STRIDE: usize> UartModel<STRIDE> {
     }
 }
 
-/// What is wrong with a character on the line.
+/// The error of a character on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {
-    /// Nothing.
+    /// No error.
     None,
-    /// Its parity.
+    /// The parity is wrong.
     Parity,
-    /// It has no stop bit.
+    /// The stop bit is missing.
     Framing,
-    /// It is no character: the line is held low.
+    /// The line is held low; there is no character.
     Break,
 }
 

@@ -1,10 +1,11 @@
-//! [`Claim`]: a value that one context at a time has, and for which nobody waits.
+//! [`Claim`]: a value that one context at a time can claim, without waiting.
 
 use core::cell::UnsafeCell;
 use core::ops::{Deref, DerefMut};
 use core::sync::atomic::{AtomicBool, Ordering};
 
-/// A value in a `static` that is claimed, used and given back; who comes meanwhile goes away.
+/// A value in a `static` that a context claims, uses and gives back. A claim by another context
+/// meanwhile fails.
 ///
 /// ```
 /// use condor_dev::stdio::Claim;
@@ -26,7 +27,7 @@ pub struct Claim<T> {
 unsafe impl<T: Send> Sync for Claim<T> {}
 
 impl<T> Claim<T> {
-    /// A value that nobody has.
+    /// Makes a value that is not claimed.
     #[must_use]
     pub const fn new(value: T) -> Self {
         Self {
@@ -35,7 +36,7 @@ impl<T> Claim<T> {
         }
     }
 
-    /// The value, unless somebody has it.
+    /// Claims the value; returns `None` if another context has it.
     pub fn claim(&self) -> Option<Claimed<'_, T>> {
         let free = critical_section::with(|_| {
             // Acquire: pairs with the Release store of `Claimed::drop`. In a critical section
@@ -51,7 +52,7 @@ impl<T> Claim<T> {
     }
 }
 
-/// The claimed value; given back when dropped.
+/// A claimed value; dropping it gives it back.
 pub struct Claimed<'c, T> {
     claim: &'c Claim<T>,
 }

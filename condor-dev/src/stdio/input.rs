@@ -6,47 +6,47 @@ use super::claim::Claim;
 use super::read::{BufReader, LineError, ReadLine, UntilError, line};
 use super::standard::StdioError;
 
-/// An input that all contexts share, whatever its reader is; [`Input`] is the implementation.
+/// A standard input that all contexts share, with any reader; [`Input`] implements it.
 ///
-/// Who reads while somebody else does is refused; nobody waits for anybody but the reader. For code that
-/// is generic over [`Read`], a reference to one is a reader.
+/// A read while another context reads is refused, so calls wait only for the reader. For code that
+/// is generic over [`Read`], a reference to a standard input is a reader.
 pub trait StandardInput: Sync {
-    /// [`Read::read`].
+    /// Reads as [`Read::read`] does.
     ///
     /// # Errors
-    /// [`StdioError`].
+    /// [`StdioError`] if there is no reader, another context reads, or the reader fails.
     fn read(&self, into: &mut [u8]) -> Result<usize, StdioError>;
 
-    /// [`ReadLine::read_until`].
+    /// Reads as [`ReadLine::read_until`] does.
     ///
     /// # Errors
-    /// [`StdioError`], with what was read before.
+    /// [`UntilError`] with a [`StdioError`], and with the number of bytes read before.
     fn read_until(&self, delimiter: u8, into: &mut [u8]) -> Result<usize, UntilError<StdioError>>;
 
-    /// [`ReadLine::read_line`].
+    /// Reads as [`ReadLine::read_line`] does.
     ///
     /// # Errors
-    /// [`LineError`].
+    /// [`LineError`] if the reader fails, the line is too long, or it is not UTF-8.
     fn read_line<'l>(&self, into: &'l mut [u8]) -> Result<&'l str, LineError<StdioError>> {
         let read = self.read_until(b'\n', into);
         line(read, into)
     }
 }
 
-/// A reader in a `static` for all contexts of a program, behind a buffer of `N` bytes.
+/// A buffered reader in a `static` for all contexts of a program, with a buffer of `N` bytes.
 pub struct Input<R, const N: usize>(Claim<Option<BufReader<R, N>>>);
 
 impl<R, const N: usize> Input<R, N> {
-    /// An input that has no reader yet.
+    /// Makes an input that has no reader yet.
     #[must_use]
     pub const fn new() -> Self {
         Self(Claim::new(None))
     }
 
-    /// Gives it its reader, for good.
+    /// Sets the reader for good.
     ///
     /// # Errors
-    /// The reader, if it has one.
+    /// The given reader, if the input has one already.
     pub fn open(&self, reader: R) -> Result<(), R> {
         match self.0.claim() {
             Some(mut place) if place.is_none() => {

@@ -1,12 +1,12 @@
-//! Buffered input and output over whatever implements `embedded-io`: devices through a
+//! Buffered input and output over any type that implements `embedded-io`: devices through a
 //! [`Stream`](crate::Stream), terminals, files (memo, section 3.1).
 //!
-//! * [`BufReader`] and [`BufWriter`] belong to one context, like any value. [`ReadLine`] reads lines
-//!   and pieces into the caller's memory.
-//! * [`Output`] and [`Input`] are shared: a `static` each, installed once as the program's standard
-//!   output and input with [`set_output`] and [`set_input`]. [`print!`](crate::print!) and
-//!   [`println!`](crate::println!) write to the former and may wait for it,
-//!   [`post!`](crate::post!) and [`postln!`](crate::postln!) never do.
+//! * [`BufReader`] and [`BufWriter`] belong to one context, like any value. [`ReadLine`] reads
+//!   lines and pieces into the caller's memory.
+//! * [`Output`] and [`Input`] are shared: each is a `static`, installed once as the program's
+//!   standard output and input with [`set_output`] and [`set_input`]. [`print!`](crate::print!) and
+//!   [`println!`](crate::println!) write to the output and may wait for it; [`post!`](crate::post!)
+//!   and [`postln!`](crate::postln!) never wait.
 //!
 //! ```
 //! use condor_dev::stdio::{self, Buffering, Output};
@@ -31,22 +31,22 @@
 //! assert_eq!(stdio::lost(), 0);
 //! ```
 //!
-//! # Which context prints
+//! # Printing in different contexts
 //!
-//! What is printed goes into the output's ring, 16 bytes at most in one critical section, and from
-//! there to its writer. The writer is claimed for that, 64 bytes at a time; nobody ever waits for
-//! the claim, so nothing deadlocks.
+//! Text is copied into the output's ring, at most 16 bytes in one critical section, and from there
+//! to its writer. A context claims the writer for that, 64 bytes at a time. No context ever waits
+//! for the claim, so nothing deadlocks.
 //!
-//! | where | `print!` | `post!` |
+//! | context | `print!` | `post!` |
 //! |---|---|---|
-//! | background | fills the ring; empties it at the end of a line, or as the [`Buffering`] says, and when it is full, waiting as long as the writer does | fills the ring; what finds no room is lost |
-//! | loop or handler, the interrupted context not writing | as in the background: do not, unless the writer does not wait | the same |
-//! | loop or handler, in the middle of the interrupted context's writing | as `post!`; the interrupted context then writes it, too | the same |
+//! | background | fills the ring; empties it at the end of a line, or as the [`Buffering`] says, and when it is full, waiting as long as the writer does | fills the ring; text without room is lost |
+//! | loop or handler that does not interrupt a write | does the same as in the background, so use it only if the writer does not wait | the same |
+//! | loop or handler that interrupts a write | does the same as `post!`; the interrupted context then writes the text, too | the same |
 //!
-//! A print that interrupts another one stands in its middle, between two pieces of at most 16
-//! bytes; none of either is lost or doubled by that. A byte is lost only if the ring is full and
-//! the writer fails, is somebody else's at the time, or must not be waited for. Each is counted
-//! once, in [`lost`].
+//! If a print interrupts another print, its text appears in the middle of the other, between two
+//! pieces of at most 16 bytes; no byte of either is lost or repeated by that. A byte is lost only
+//! if the ring is full and the writer fails, is claimed by another context, or must not be waited
+//! for. Each lost byte is counted once, in [`lost`].
 
 mod claim;
 mod input;

@@ -12,38 +12,40 @@ use super::write::Buffering;
 /// Bytes that are written with one claim of the writer.
 const WRITTEN_AT_ONCE: usize = 64;
 
-/// An output that all contexts share, whatever its writer is; [`Output`] is the implementation.
+/// A standard output that all contexts share, with any writer; [`Output`] implements it.
 ///
-/// What happens in which context is told in the [module](super). For code that is generic over
-/// [`Write`], a reference to one is a writer.
+/// The [module](super) describes the effects in each context. For code that is generic over
+/// [`Write`], a reference to a standard output is a writer.
 pub trait StandardOutput: Sync {
-    /// Writes text; may wait as long as the writer does, once. What cannot be written is counted
-    /// as lost.
+    /// Writes text; may wait once, as long as the writer does. Bytes that cannot be written are
+    /// counted as lost.
     fn print(&self, text: fmt::Arguments<'_>);
 
-    /// Leaves text to be written later; never waits. What finds no room is counted as lost.
+    /// Puts text into the ring for a later write; never waits. Bytes without room are counted as
+    /// lost.
     fn post(&self, text: fmt::Arguments<'_>);
 
-    /// Takes at least one byte of `from` if it is not empty, or fails: so nothing is lost.
+    /// Takes at least one byte of `from` if it is not empty, or returns an error: so nothing is
+    /// lost.
     ///
     /// # Errors
-    /// [`StdioError`], when there is no room and none can be made.
+    /// [`StdioError`] if there is no room and none can be made.
     fn write(&self, from: &[u8]) -> Result<usize, StdioError>;
 
-    /// Writes all that is held, and flushes the writer.
+    /// Writes all bytes in the ring, and flushes the writer.
     ///
     /// # Errors
-    /// [`StdioError`].
+    /// [`StdioError`] if there is no writer, another context uses it, or it fails.
     fn flush(&self) -> Result<(), StdioError>;
 
-    /// Bytes that are still to be written.
+    /// Returns the number of bytes that are still to be written.
     fn held(&self) -> usize;
 
-    /// Bytes that were printed or posted, and lost; the count wraps.
+    /// Returns the number of bytes that were printed or posted, and lost; wraps.
     fn lost(&self) -> u32;
 }
 
-/// A writer in a `static` for all contexts of a program, behind a ring of `N` bytes.
+/// A buffered writer in a `static` for all contexts of a program, with a ring of `N` bytes.
 pub struct Output<W, const N: usize> {
     ring: Ring<N>,
     writer: Claim<Option<W>>,
@@ -51,7 +53,7 @@ pub struct Output<W, const N: usize> {
 }
 
 impl<W: Write, const N: usize> Output<W, N> {
-    /// An output that has no writer yet; what is printed is held.
+    /// Makes an output that has no writer yet; printed text stays in the ring until then.
     #[must_use]
     pub const fn new(buffering: Buffering) -> Self {
         const { assert!(N > 0, "what is printed needs some room") };
@@ -62,10 +64,10 @@ impl<W: Write, const N: usize> Output<W, N> {
         }
     }
 
-    /// Gives it its writer, for good.
+    /// Sets the writer for good.
     ///
     /// # Errors
-    /// The writer, if it has one.
+    /// The given writer, if the output has one already.
     pub fn open(&self, writer: W) -> Result<(), W> {
         match self.writer.claim() {
             Some(mut place) if place.is_none() => {

@@ -1,13 +1,14 @@
-//! [`BufReader`], and [`ReadLine`]: lines and pieces into the caller's memory.
+//! [`BufReader`]: a buffered reader; and [`ReadLine`]: reads lines and pieces into the caller's
+//! memory.
 
 use core::fmt::Debug;
 use core::str;
 
 use embedded_io::{BufRead, ErrorKind, ErrorType, Read, ReadReady};
 
-/// Reads from `R` in pieces of up to `N` bytes, and gives them out in any size.
+/// Reads from `R` in pieces of up to `N` bytes, and returns them in any size.
 ///
-/// An error of `R` is passed on as it is; what had been read before is still given out.
+/// An error of `R` is returned unchanged; bytes that were read before it can still be read.
 #[derive(Debug)]
 pub struct BufReader<R, const N: usize> {
     reader: R,
@@ -17,7 +18,7 @@ pub struct BufReader<R, const N: usize> {
 }
 
 impl<R, const N: usize> BufReader<R, N> {
-    /// A reader that has read nothing yet.
+    /// Makes a reader with an empty buffer.
     #[must_use]
     pub const fn new(reader: R) -> Self {
         const { assert!(N > 0, "an empty buffer reads as the end of the input") };
@@ -29,13 +30,13 @@ impl<R, const N: usize> BufReader<R, N> {
         }
     }
 
-    /// What has been read and not been given out.
+    /// Returns the bytes in the buffer.
     #[must_use]
     pub fn held(&self) -> &[u8] {
         self.buffer.get(self.begin..self.end).unwrap_or_default()
     }
 
-    /// What it reads from.
+    /// Returns the reader behind the buffer.
     #[must_use]
     pub const fn reader(&self) -> &R {
         &self.reader
@@ -89,32 +90,32 @@ fn copy(from: &[u8], into: &mut [u8]) -> usize {
     count
 }
 
-/// A read up to a delimiter failed.
+/// The error of a read up to a delimiter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("after {read} bytes: {error}")]
 pub struct UntilError<E> {
-    /// The bytes read before, which are in the caller's memory: go on behind them.
+    /// The number of bytes read before, which are in the caller's memory; continue after them.
     pub read: usize,
     /// The reader's error.
     pub error: E,
 }
 
-/// No line was read. The bytes read so far are in the caller's memory and nowhere else.
+/// The reason for which no line was read. The bytes read so far are only in the caller's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError<E> {
     /// The reader failed.
     #[error("{0}")]
     Reader(UntilError<E>),
-    /// The line is longer than the caller's memory; the rest can be read next.
+    /// The line is longer than the caller's memory; the next call reads the rest.
     #[error("a line is longer than {read} bytes")]
     TooLong {
-        /// How many bytes of it were read: all that there is room for.
+        /// The number of bytes that were read: as many as there is room for.
         read: usize,
     },
     /// The line was read, but is not UTF-8.
     #[error("a line of {read} bytes is not UTF-8")]
     NotUtf8 {
-        /// How many bytes it has.
+        /// The number of bytes of the line.
         read: usize,
     },
 }
@@ -135,13 +136,13 @@ impl<E: embedded_io::Error> embedded_io::Error for LineError<E> {
     }
 }
 
-/// Lines of any [`BufRead`].
+/// Reads lines from any [`BufRead`].
 pub trait ReadLine: BufRead {
-    /// Reads up to and with `delimiter` into `into`, as far as there is room, and returns how many bytes:
-    /// without the delimiter if there was no more room, or else no more to read.
+    /// Reads into `into` up to and including `delimiter`, and returns the number of bytes. If the
+    /// delimiter is missing, there was no more room, or no more to read.
     ///
     /// # Errors
-    /// The reader's, with what was read before.
+    /// [`UntilError`] with the reader's error and the number of bytes read before.
     fn read_until(
         &mut self,
         delimiter: u8,
@@ -167,11 +168,11 @@ pub trait ReadLine: BufRead {
         Ok(read)
     }
 
-    /// Reads a line with its newline, which only the last one of an input may lack; the empty
-    /// line is the end of the input.
+    /// Reads a line with its newline; only the last line of an input may lack it. An empty line
+    /// without newline is the end of the input.
     ///
     /// # Errors
-    /// [`LineError`].
+    /// [`LineError`] if the reader fails, the line is too long, or it is not UTF-8.
     fn read_line<'l>(&mut self, into: &'l mut [u8]) -> Result<&'l str, LineError<Self::Error>> {
         let read = self.read_until(b'\n', into);
         line(read, into)

@@ -16,17 +16,17 @@ static INPUT: Registered<dyn StandardInput> = Mutex::new(Cell::new(None));
 /// Bytes that were printed while there was no output.
 static UNHEARD: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
 
-/// Why an input did not read, or an output did not write.
+/// The reason for which an input did not read, or an output did not write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StdioError {
-    /// No device is set for it, or the device was not opened.
+    /// No device is set for it, or it has no reader or writer yet.
     #[error("there is no input or output")]
     NotOpen,
-    /// The context that this one interrupts, or another thread, is reading or writing: it goes on with
-    /// what an output holds.
+    /// The interrupted context, or another thread, is reading or writing; it will also write the
+    /// bytes in an output's ring.
     #[error("the input or output is in use")]
     InUse,
-    /// The reader or writer failed; what an output holds stays.
+    /// The reader or writer failed; the bytes in an output's ring stay there.
     #[error("the input or output fails: {0}")]
     Failed(ErrorKind),
 }
@@ -64,7 +64,7 @@ fn get<T: ?Sized>(place: &Registered<T>) -> Option<&'static T> {
 /// Makes `output` the program's standard output.
 ///
 /// # Errors
-/// [`AlreadySet`].
+/// [`AlreadySet`] if the program has one.
 pub fn set_output(output: &'static dyn StandardOutput) -> Result<(), AlreadySet> {
     set(&OUTPUT, output)
 }
@@ -72,7 +72,7 @@ pub fn set_output(output: &'static dyn StandardOutput) -> Result<(), AlreadySet>
 /// Makes `input` the program's standard input.
 ///
 /// # Errors
-/// [`AlreadySet`].
+/// [`AlreadySet`] if the program has one.
 pub fn set_input(input: &'static dyn StandardInput) -> Result<(), AlreadySet> {
     set(&INPUT, input)
 }
@@ -93,7 +93,7 @@ pub fn stdin() -> Result<&'static dyn StandardInput, StdioError> {
     get(&INPUT).ok_or(StdioError::NotOpen)
 }
 
-/// [`StandardOutput::print`] of the standard output; what [`print!`](crate::print!) calls.
+/// Prints on the standard output by [`StandardOutput::print`]; [`print!`](crate::print!) calls it.
 pub fn print(text: fmt::Arguments<'_>) {
     match get(&OUTPUT) {
         Some(output) => output.print(text),
@@ -101,7 +101,7 @@ pub fn print(text: fmt::Arguments<'_>) {
     }
 }
 
-/// [`StandardOutput::post`] of the standard output; what [`post!`](crate::post!) calls.
+/// Posts to the standard output by [`StandardOutput::post`]; [`post!`](crate::post!) calls it.
 pub fn post(text: fmt::Arguments<'_>) {
     match get(&OUTPUT) {
         Some(output) => output.post(text),
@@ -109,16 +109,16 @@ pub fn post(text: fmt::Arguments<'_>) {
     }
 }
 
-/// [`StandardOutput::flush`] of the standard output.
+/// Flushes the standard output by [`StandardOutput::flush`].
 ///
 /// # Errors
-/// [`StdioError`].
+/// [`StdioError::NotOpen`] if none is set; otherwise those of [`StandardOutput::flush`].
 pub fn flush() -> Result<(), StdioError> {
     stdout()?.flush()
 }
 
-/// Bytes that the program printed and that were lost, also before it had an output; the count
-/// wraps.
+/// Returns the number of bytes that the program printed and that were lost, including those from
+/// before it had an output; wraps.
 #[must_use]
 pub fn lost() -> u32 {
     let unheard = critical_section::with(|section| UNHEARD.borrow(section).get());
@@ -145,7 +145,7 @@ fn unheard(text: fmt::Arguments<'_>) {
     });
 }
 
-/// Prints to the [standard output](crate::stdio), and may wait for it: for the background.
+/// Prints on the [standard output](crate::stdio), and may wait for it. Use it in the background.
 #[macro_export]
 macro_rules! print {
     ($($text:tt)*) => {
@@ -153,7 +153,7 @@ macro_rules! print {
     };
 }
 
-/// [`print!`](crate::print!), and a newline.
+/// Prints as [`print!`](crate::print!) does, with a newline.
 #[macro_export]
 macro_rules! println {
     () => {
@@ -164,8 +164,8 @@ macro_rules! println {
     };
 }
 
-/// Leaves text to be written to the [standard output](crate::stdio) later, by the next print or
-/// flush, and never waits: for servo loops and handlers.
+/// Puts text into the ring of the [standard output](crate::stdio) without waiting; the next print
+/// or flush writes it. Use it in servo loops and handlers.
 #[macro_export]
 macro_rules! post {
     ($($text:tt)*) => {
@@ -173,7 +173,7 @@ macro_rules! post {
     };
 }
 
-/// [`post!`](crate::post!), and a newline.
+/// Posts as [`post!`](crate::post!) does, with a newline.
 #[macro_export]
 macro_rules! postln {
     () => {

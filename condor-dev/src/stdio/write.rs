@@ -1,15 +1,15 @@
-//! [`BufWriter`]: writing in pieces.
+//! [`BufWriter`]: a buffered writer.
 
 use core::fmt::Debug;
 
 use embedded_io::{ErrorKind, ErrorType, Write, WriteReady};
 
-/// When what is written leaves a buffer.
+/// When the bytes in a buffer are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Buffering {
     /// At once.
     None,
-    /// With every newline, and when the buffer is full.
+    /// At every newline, and when the buffer is full.
     #[default]
     Line,
     /// When the buffer is full.
@@ -28,14 +28,14 @@ impl Buffering {
     }
 }
 
-/// Why not all was written. What calls before have taken is [held](BufWriter::held); of what the failing
-/// call was given, none was taken.
+/// The reason for which not everything was written. Bytes of earlier calls are still
+/// [held](BufWriter::held); none of the failing call's bytes were taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WriteError<E> {
     /// The writer failed.
     #[error("{0}")]
     Writer(E),
-    /// The writer took nothing and gave no reason, which `embedded-io` forbids.
+    /// The writer took nothing and returned no error, which `embedded-io` forbids.
     #[error("the writer takes nothing")]
     Zero,
 }
@@ -51,11 +51,13 @@ impl<E: embedded_io::Error> embedded_io::Error for WriteError<E> {
 
 /// Writes to `W` in pieces of up to `N` bytes; [`Buffering`] says when.
 ///
-/// Nothing is lost on an error: a call that fails has taken nothing, and what calls before it have
-/// taken and `W` has not stays in the buffer, in order, until a later call gets rid of it. A call
-/// that has taken a line but cannot pass it on succeeds; the next one tries first, and says why not.
+/// Nothing is lost on an error. A call that fails has taken nothing; bytes of earlier calls that
+/// `W` has not taken stay in the buffer, in order, until a later call writes them. A call that has
+/// taken a line but cannot pass it on succeeds; the next call first tries again, and returns the
+/// error.
 ///
-/// Dropping it drops what is [held](Self::held), since writing could fail or wait: flush before.
+/// Dropping the writer drops the bytes that it [holds](Self::held), since writing could fail or
+/// wait; so flush before.
 #[derive(Debug)]
 pub struct BufWriter<W, const N: usize> {
     writer: W,
@@ -72,7 +74,7 @@ pub struct BufWriter<W, const N: usize> {
 const NO_BYTE: u16 = 0x100;
 
 impl<W, const N: usize> BufWriter<W, N> {
-    /// A writer with an empty buffer.
+    /// Makes a writer with an empty buffer.
     #[must_use]
     pub const fn new(writer: W, buffering: Buffering) -> Self {
         let (limit, newline) = match buffering {
@@ -90,13 +92,13 @@ impl<W, const N: usize> BufWriter<W, N> {
         }
     }
 
-    /// What was taken and not yet written.
+    /// Returns the bytes that were taken and not yet written.
     #[must_use]
     pub fn held(&self) -> &[u8] {
         self.buffer.get(..self.held).unwrap_or_default()
     }
 
-    /// What it writes to.
+    /// Returns the writer behind the buffer.
     #[must_use]
     pub const fn writer(&self) -> &W {
         &self.writer
@@ -104,10 +106,10 @@ impl<W, const N: usize> BufWriter<W, N> {
 }
 
 impl<W: Write, const N: usize> BufWriter<W, N> {
-    /// Writes one byte: the memo's and C's `putc`.
+    /// Writes one byte, like `putc` of the memo and of C.
     ///
     /// # Errors
-    /// As [`write`](Write::write).
+    /// Those of [`write`](Write::write).
     #[inline]
     pub fn put(&mut self, byte: u8) -> Result<(), WriteError<W::Error>> {
         if self.held < self.quick

@@ -1,14 +1,15 @@
 //! Cortex-M: loops in interrupt vectors of the NVIC, and the core's own counter as a timer.
 //!
 //! A core of this family does not let an interrupt interrupt its own priority, so loops cannot nest
-//! by a call from the timer's handler. [`Vectors`] gives each rank but the fastest, which runs in the
-//! timer's, an interrupt that the chip has to spare, and makes a [`Platform`](crate::Platform) of any
-//! [`Alarm`](crate::Alarm): a timer of the chip's, or the one here.
+//! by a call from the timer's handler. [`Vectors`] gives each rank an interrupt that the chip does
+//! not use, except the fastest rank, which runs in the timer's handler. It makes a
+//! [`Platform`](crate::Platform) of any [`Alarm`](crate::Alarm): a timer of the chip, or the one
+//! here.
 //!
-//! [`Ticks`] is a timer that every core has: periods of `SysTick`, which are counted without loss.
-//! (`SysTick` restarted for each release would lose the cycles between reading and restarting it.)
-//! For releases at instants finer than that, implement [`Timer`](crate::Timer) for a compare of
-//! the chip's own.
+//! [`Ticks`] is a timer that every core has: it counts periods of `SysTick` without loss. (If
+//! `SysTick` were restarted for each release, the cycles between reading and restarting it would be
+//! lost.) For releases at finer instants, implement [`Timer`](crate::Timer) for a compare register
+//! of the chip.
 //!
 //! ```ignore
 //! // 16 MHz, of which SysTick makes 2 kHz; four levels of priority; two interrupts to spare.
@@ -34,8 +35,8 @@
 //! // And so on for the other one.
 //! ```
 //!
-//! The crate `cortex-m` has a critical section for cores that are alone in their chip
-//! (`critical-section-single-core`); which one to use is the program's choice.
+//! The crate `cortex-m` has an implementation of critical sections for chips with one core
+//! (`critical-section-single-core`); the program chooses the implementation.
 
 mod ticks;
 mod vectors;

@@ -14,12 +14,12 @@ const COUNTFLAG: u32 = 1 << 16;
 
 /// A timer whose ticks are periods of `SysTick`, which every Cortex-M has.
 ///
-/// The counter reloads itself, so nothing is lost however late its handler runs, up to a whole
-/// period. Releases come at ticks: a tick rate that all loops' rates divide makes them exact. Each
-/// tick is an interrupt, of a few instructions if nothing is due.
+/// The counter reloads itself, so nothing is lost if its handler runs late by up to a whole period.
+/// Releases come at ticks: with a tick rate that is a multiple of all loops' rates they are exact.
+/// Each tick is an interrupt, which takes a few instructions if no loop is due.
 ///
-/// Ticks go on while the fastest loop runs, so that loop, and the scheduler's handler, are not in the
-/// handler of `SysTick` but in that of `PendSV`, one priority below.
+/// Ticks go on while the fastest loop runs. So that loop and the scheduler's handler do not run in
+/// the handler of `SysTick` but in that of `PendSV`, one priority below.
 pub struct Ticks {
     frequency: Rate,
     cycles: u32,
@@ -32,7 +32,7 @@ pub struct Ticks {
 }
 
 impl Ticks {
-    /// Ticks of `cycles` core cycles, of which there are `core_hz` a second.
+    /// Makes a timer with ticks of `cycles` core cycles; the core has `core_hz` cycles per second.
     ///
     /// # Panics
     /// If `cycles` is not 2 to 2^24, or `core_hz` is 0; in a constant, that is an error of
@@ -52,16 +52,16 @@ impl Ticks {
         }
     }
 
-    /// What a schedule in such ticks is made for.
+    /// Returns the clock of such ticks, for a schedule.
     ///
     /// # Panics
-    /// If one of them is 0, as [`new`](Self::new).
+    /// If one of them is 0, as in [`new`](Self::new).
     #[must_use]
     pub const fn clock(core_hz: u32, cycles: u32) -> Clock {
         Clock::of::<Wrapping<32>>(Rate::fraction(core_hz, cycles))
     }
 
-    /// Has `SysTick` count, and interrupt; before [`Loops::start`](crate::Loops::start).
+    /// Starts `SysTick` and its interrupt. Call it before [`Loops::start`](crate::Loops::start).
     pub fn begin(&self, mut timer: SYST) {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(self.cycles - 1);
@@ -70,8 +70,8 @@ impl Ticks {
         timer.enable_interrupt();
     }
 
-    /// Counts a tick, and pends `PendSV` if something is due: the handler of `SysTick` calls this, and
-    /// that of `PendSV` calls [`Scheduler::on_timer`](crate::Scheduler::on_timer).
+    /// Counts a tick, and pends `PendSV` if a loop is due. The handler of `SysTick` calls this; the
+    /// handler of `PendSV` calls [`Scheduler::on_timer`](crate::Scheduler::on_timer).
     #[inline]
     pub fn on_tick(&self) {
         // SAFETY: the register is the core's; the read clears COUNTFLAG, which is this timer's.

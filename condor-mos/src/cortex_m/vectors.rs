@@ -18,13 +18,14 @@ const INTERRUPTS: u16 = if size_of::<RegisterBlock>() > 0x400 {
     32
 };
 
-/// A timer, and for each of `N` ranks behind the fastest an interrupt that no device uses: it is
-/// pended when the rank's loop is to run, and its handler calls
+/// A timer, and an interrupt that no device uses for each of the `N` ranks after the fastest. The
+/// interrupt is pended when the rank's loop is to run; its handler calls
 /// [`Scheduler::on_vector`](crate::Scheduler::on_vector).
 ///
 /// The timer's handler calls [`Scheduler::on_timer`](crate::Scheduler::on_timer), which runs the
-/// fastest loop. The others have the priorities below [the timer's](Alarm::LEVELS), of which the first
-/// is 0, where the core has it after a reset, and a second one is that of `PendSV`.
+/// fastest loop. The other ranks have the priorities below [the timer's](Alarm::LEVELS). The first
+/// of the timer's priorities is 0, which the core sets at a reset; a second one is that of
+/// `PendSV`.
 pub struct Vectors<T, const N: usize> {
     timer: T,
     ranks: [Vector; N],
@@ -73,12 +74,13 @@ unsafe impl InterruptNumber for Vector {
 }
 
 impl<T: Alarm, const N: usize> Vectors<T, N> {
-    /// The interrupts of the ranks from 1 on, by their numbers in the vector table of the
-    /// chip, whose NVIC has `priority_bits` bits of a priority: 2 on Cortex-M0 and M0+.
+    /// Makes the platform. `interrupts` are the interrupts of the ranks from 1 on, by their numbers
+    /// in the vector table of the chip. Its NVIC has `priority_bits` bits of priority: 2 on
+    /// Cortex-M0 and M0+.
     ///
     /// # Panics
-    /// If there are more ranks than priorities below the timer's, which has one or two, or there is no
-    /// such interrupt; in a constant, that is an error of compilation.
+    /// If there are more ranks than priorities below those of the timer (one or two), or if there
+    /// is no such interrupt; in a constant, that is an error of compilation.
     #[must_use]
     pub const fn new(timer: T, interrupts: [u16; N], priority_bits: u8) -> Self {
         assert!(
@@ -102,13 +104,13 @@ impl<T: Alarm, const N: usize> Vectors<T, N> {
         }
     }
 
-    /// The timer that was given at the beginning.
+    /// Returns the timer that was passed to [`new`](Self::new).
     #[must_use]
     pub const fn timer(&self) -> &T {
         &self.timer
     }
 
-    /// Gives the interrupts their priorities and enables them; before
+    /// Gives the interrupts their priorities and enables them. Call it before
     /// [`Loops::start`](crate::Loops::start).
     ///
     /// # Safety

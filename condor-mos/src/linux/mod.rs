@@ -9,15 +9,16 @@
 //! | faster before slower | by `SCHED_FIFO`, where granted | always |
 //! | a panic | disables its loop | ends the program |
 //!
-//! What the kernel is asked for is a [`RealTime`], and what it answers, [`Privileges`], can be
-//! printed. Code that takes a `&impl` [`Loops`](crate::Loops) runs on both, on bare processors and in
-//! virtual time: the example `two_rates`.
+//! A [`RealTime`] says what is asked of the kernel; the kernel's answers are [`Privileges`], which
+//! can be printed. Code that takes a `&impl` [`Loops`](crate::Loops) runs on both, on bare
+//! processors and in virtual time: see the example `two_rates`.
 //!
 //! # Critical sections
 //!
-//! [`Signals`] need the feature `critical-section` of condor-platform, and no other implementation of
-//! critical sections in the program: that of std would let a signal walk into the section that
-//! it has interrupted. A platform that is connected looks. [`Threads`] do not use critical sections.
+//! [`Signals`] need the feature `critical-section` of condor-platform, and no other implementation
+//! of critical sections in the program: with that of std a signal could enter the section that it
+//! has interrupted. A platform checks this when it is connected. [`Threads`] do not use critical
+//! sections.
 
 mod context;
 mod pi_mutex;

@@ -1,4 +1,4 @@
-//! [`RealTime`]: what a program asks of the kernel for its loops, and [`Privileges`]: what it got.
+//! [`RealTime`]: what a program asks of the kernel for its loops; and [`Privileges`]: the answers.
 
 use core::fmt;
 use core::num::NonZeroU64;
@@ -8,7 +8,7 @@ use rustix::io::Errno;
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{CpuSet, sched_setaffinity, set_current_timer_slack};
 
-/// What to ask of the kernel. Loops run without, too, only later.
+/// The privileges to ask of the kernel. Without them loops run, too, but later.
 ///
 /// ```
 /// use condor_mos::linux::RealTime;
@@ -25,7 +25,7 @@ pub struct RealTime {
     slack_ns: Option<NonZeroU64>,
 }
 
-/// `SCHED_FIFO` from priority 80 down, and timers without slack.
+/// Asks for `SCHED_FIFO` from priority 80 down, and for timers without slack.
 impl Default for RealTime {
     fn default() -> Self {
         Self::none().priority(80).timer_slack(NonZeroU64::MIN)
@@ -33,7 +33,7 @@ impl Default for RealTime {
 }
 
 impl RealTime {
-    /// Nothing.
+    /// Asks for nothing.
     pub const fn none() -> Self {
         Self {
             priority: None,
@@ -43,8 +43,8 @@ impl RealTime {
         }
     }
 
-    /// `SCHED_FIFO`: the fastest loop has this priority, 1 to 99, and each slower one the next
-    /// lower (rate-monotonic).
+    /// Asks for `SCHED_FIFO`: the fastest loop gets the priority `highest`, 1 to 99, and each
+    /// slower one the next lower (rate-monotonic).
     pub const fn priority(self, highest: u8) -> Self {
         Self {
             priority: Some(highest),
@@ -52,7 +52,7 @@ impl RealTime {
         }
     }
 
-    /// All loops on this processor core.
+    /// Asks for all loops to run on this processor core.
     pub const fn pinned_to(self, cpu: usize) -> Self {
         Self {
             cpu: Some(cpu),
@@ -60,7 +60,7 @@ impl RealTime {
         }
     }
 
-    /// The program's memory, present and future, stays in RAM. Where the amount is limited,
+    /// Asks for the program's memory, present and future, to stay in RAM. If the amount is limited,
     /// allocations may then fail.
     pub const fn memory_locked(self) -> Self {
         Self {
@@ -69,8 +69,8 @@ impl RealTime {
         }
     }
 
-    /// How late, in nanoseconds, the kernel may wake a loop that is not under `SCHED_FIFO` to
-    /// save an interrupt; its own choice is 50 000.
+    /// Asks for a timer slack of `ns` nanoseconds: the kernel may wake a loop that is not under
+    /// `SCHED_FIFO` that much later, to save an interrupt. Its default is 50 000 ns.
     pub const fn timer_slack(self, ns: NonZeroU64) -> Self {
         Self {
             slack_ns: Some(ns),
@@ -78,9 +78,11 @@ impl RealTime {
         }
     }
 
-    /// Asks for the calling thread: the one whose stack [`Signals`](super::Signals) use.
+    /// Asks for the calling thread: that on whose stack [`Signals`](super::Signals) run. Returns
+    /// the answers.
     ///
-    /// Under `SCHED_FIFO` its background keeps everything of lower priority from its core.
+    /// Under `SCHED_FIFO` the background of this thread keeps everything of lower priority off its
+    /// core.
     #[must_use]
     pub fn request(&self) -> Privileges {
         let mut privileges = self.request_for_process();
@@ -142,8 +144,8 @@ pub(super) fn set_priority(thread: i32, priority: i32) -> rustix::io::Result<()>
     Err(Errno::from_raw_os_error(code.unwrap_or(libc::EINVAL)))
 }
 
-/// What was asked for, and what the kernel said; `Display` prints it, with what to do about what
-/// was refused.
+/// The privileges that were asked for, and the answers of the kernel. `Display` prints them, with
+/// remedies for those that were refused.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Privileges(Vec<Answer>);
 
@@ -180,7 +182,7 @@ impl Wish {
 }
 
 impl Privileges {
-    /// What was refused, and why.
+    /// Iterates over the privileges that were refused, with the reasons.
     pub fn refused(&self) -> impl Iterator<Item = (&str, io::Error)> {
         self.0.iter().filter_map(|answer| {
             let error = answer.result.err()?;

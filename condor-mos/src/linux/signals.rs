@@ -22,20 +22,21 @@ const ANOTHER: u64 = u64::MAX;
 /// A platform of Linux on which loops run in signal handlers, on one stack, as in interrupts of a
 /// bare processor. A release costs a signal and one system call, and no change of threads.
 ///
-/// [`new`](Self::new) says what a program has to promise for it; [`Threads`](super::Threads) ask for
-/// no promise.
+/// [`new`](Self::new) has a contract that the program must keep; [`Threads`](super::Threads) have
+/// none.
 ///
-/// [`connect`](Platform::connect) runs the background on the calling thread, which signals interrupt.
-/// One thread at a time is connected with a platform, and one platform with a thread; other threads
-/// have other platforms. Other threads may call a scheduler, too, but for its locks, which are for
-/// its loops and their background. What they set off runs on the connected thread.
+/// [`connect`](Platform::connect) runs the background on the calling thread, which signals
+/// interrupt. Only one thread at a time is connected with a platform, and one platform with a
+/// thread; other threads need other platforms. Other threads may call a scheduler, too, except its
+/// locks, which are for its loops and their background. Loops that such calls release run on the
+/// connected thread.
 ///
-/// A loop that panics ends the program: there is no way to unwind out of an interrupt.
-/// System calls of the background that the kernel does not restart, such as `nanosleep` and
-/// `poll`, end early with `EINTR`. `errno` is as it was after a loop.
+/// A loop that panics ends the program, since an interrupt cannot unwind. System calls of the
+/// background that the kernel does not restart, such as `nanosleep` and `poll`, end early with
+/// `EINTR`. A loop does not change `errno`.
 ///
 /// The timer counts `CLOCK_MONOTONIC`, in nanoseconds. It is armed after the fastest loop has run,
-/// which nothing may interrupt anyway, so that loop starts without a system call before it.
+/// which nothing may interrupt anyway, so no system call precedes the start of that loop.
 pub struct Signals {
     signal: u8,
     port: Masked<Port>,
@@ -58,28 +59,30 @@ struct Port {
 }
 
 impl Signals {
-    /// A platform that uses the signal `SIGRTMIN`.
+    /// Makes a platform that uses the signal `SIGRTMIN`.
     ///
     /// # Safety
     /// While a thread is [connected](Platform::connect):
-    /// * What its handler and the loops call is async-signal-safe: arithmetic, atomics, this
-    ///   crate's calls, system calls that POSIX lists as such. They do not allocate or print, nor
-    ///   wait for a lock that a thread may hold which they have interrupted, as that of `malloc`,
-    ///   of standard output, and any [`std::sync::Mutex`] of the background.
-    /// * The stack of that thread has room for all loops at a time: for each, what it needs
-    ///   itself, and 3.5 kB of a signal's frame on `x86_64`, as far as its processor state goes
-    ///   (with AMX 11 kB).
-    /// * That thread switches to no other stack, and does not leave through `longjmp`.
+    /// * The functions that its handler and the loops call must be async-signal-safe: arithmetic,
+    ///   atomics, this crate's methods, and system calls that POSIX lists as such. Loops must not
+    ///   allocate or print. They must not wait for a lock that the interrupted thread may hold,
+    ///   such as that of `malloc`, of standard output, or any [`std::sync::Mutex`] of the
+    ///   background.
+    /// * The stack of that thread must have room for all loops at a time: for each, its own frames
+    ///   and 3.5 kB of a signal's frame on `x86_64`, as far as its processor state goes (with AMX
+    ///   11 kB).
+    /// * That thread must not switch to another stack, and must not leave through `longjmp`.
     #[must_use]
     pub const unsafe fn new() -> Self {
         // SAFETY: the caller vouches for it.
         unsafe { Self::with_signal(0) }
     }
 
-    /// A platform that uses the signal `SIGRTMIN + offset`, where something else uses others.
+    /// Makes a platform that uses the signal `SIGRTMIN + offset`, for programs that use other
+    /// real-time signals for something else.
     ///
     /// # Safety
-    /// As for [`new`](Self::new).
+    /// The contract of [`new`](Self::new).
     #[must_use]
     pub const unsafe fn with_signal(offset: u8) -> Self {
         let port = Port {

@@ -29,11 +29,11 @@ use crate::statistics::Statistics;
 /// Runs servo loops at their rates, each in a thread of its own.
 ///
 /// A loop sleeps until an absolute instant of its own exact grid, in nanoseconds of
-/// `CLOCK_MONOTONIC`, so it never drifts, whatever it does. The kernel lets faster loops interrupt
-/// slower ones if it grants `SCHED_FIFO`, see [`RealTime`]; otherwise they take turns as it likes.
-/// The calls, the overrun policies and the statistics are those of a
-/// [`Scheduler`](crate::Scheduler), and may come from any thread, the loops' own included. Run times
-/// are what the kernel charges the loop's thread, its waking included.
+/// `CLOCK_MONOTONIC`, so it never drifts. If the kernel grants `SCHED_FIFO` (see [`RealTime`]),
+/// faster loops interrupt slower ones; otherwise the kernel schedules them as it likes. The
+/// methods, the overrun policies and the statistics are those of a [`Scheduler`](crate::Scheduler);
+/// every thread may call them, including those of the loops. Run times are what the kernel charges
+/// to the loop's thread, including its waking.
 ///
 /// A loop that panics is disabled and [`faulted`](Statistics::faulted); the others go on.
 ///
@@ -183,22 +183,23 @@ fn cpu_time() -> u64 {
 }
 
 impl Threads {
-    /// Loops with 1 to 32 rates, none of which has anything to run. Asks for `wishes` when they
-    /// begin.
+    /// Makes loops with 1 to 32 rates, which have no bodies yet. Asks for `wishes` when they begin.
     ///
     /// # Errors
-    /// [`RateError::TooFast`] if a period is shorter than a nanosecond, [`RateError::Loops`].
+    /// [`RateError::TooFast`] if a period is shorter than a nanosecond, [`RateError::Loops`] if
+    /// there are too many rates or none.
     pub fn new(rates: &[Rate], wishes: RealTime) -> Result<Self, RateError> {
         Self::keeping(rates, &[], wishes)
     }
 }
 
 impl<K: Keep> Threads<K> {
-    /// As [`new`](Threads::new), with the statistics that `K` says, and with `phases`, in nanoseconds,
-    /// as [`EventTable::phased`] has them.
+    /// Makes loops as [`new`](Threads::new) does, with statistics of the type `K`, and with
+    /// `phases` in nanoseconds, as in [`EventTable::phased`].
     ///
     /// # Errors
-    /// As [`new`](Threads::new), and [`RateError::Phase`].
+    /// Those of [`new`](Threads::new); [`RateError::Phase`] if a phase is longer than its loop's
+    /// period.
     pub fn keeping(rates: &[Rate], phases: &[u32], wishes: RealTime) -> Result<Self, RateError> {
         let (loops, capacity) = (rates.len(), 32);
         if !(1..=capacity).contains(&loops) {
@@ -227,11 +228,11 @@ impl<K: Keep> Threads<K> {
         })))
     }
 
-    /// Gives a loop what it runs, for good, as
-    /// [`Scheduler::assign`](crate::Scheduler::assign) does.
+    /// Gives a loop its body for good, as [`Scheduler::assign`](crate::Scheduler::assign) does.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`], [`LoopError::Taken`], [`LoopError::NoThread`].
+    /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body,
+    /// [`LoopError::NoThread`] if a thread cannot be started.
     pub fn assign<C: Send>(
         &self,
         id: LoopId,
@@ -242,7 +243,7 @@ impl<K: Keep> Threads<K> {
         self.assign_body(id, overrun, Body::of_function(body, context))
     }
 
-    /// What was asked of the kernel so far, and what it said.
+    /// Returns the privileges that were asked for so far, with the kernel's answers.
     #[must_use]
     pub fn privileges(&self) -> Privileges {
         self.0.privileges.lock().clone()
@@ -256,10 +257,10 @@ impl<K: Keep> Threads<K> {
 }
 
 impl Threads<Histograms> {
-    /// How lateness and run times of a loop are distributed at this moment.
+    /// Returns the present distributions of a loop's lateness and run times.
     ///
     /// # Errors
-    /// [`LoopError::NoSuchLoop`].
+    /// [`LoopError::NoSuchLoop`] if there is no such loop.
     pub fn histograms(&self, id: LoopId) -> Result<Histograms, LoopError> {
         let record = self.0.slot(id)?.thread.lock().state.record(0);
         record.ok_or(LoopError::NoStatistics { id })
@@ -471,7 +472,7 @@ impl<K: Keep> Inside for Threads<K> {
     }
 }
 
-/// Loops that were assigned for good end with them.
+/// Ends the loops that were assigned for good.
 impl<K: Keep> Drop for Threads<K> {
     fn drop(&mut self) {
         self.withdraw(u32::MAX);

@@ -1,4 +1,4 @@
-//! When loops are due: the event table, and the scan where no table fits.
+//! The instants at which loops are due: the event table, and the scan if no table fits.
 
 mod grid;
 mod print;
@@ -10,12 +10,12 @@ pub use table::{EventTable, Scan, entries};
 
 pub(crate) use grid::Grid;
 
-/// A point of the schedule: what is due there, and how long until the next one.
+/// A point of the schedule, with the loops that are due there.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Event {
-    /// A bit for every loop that is due, by rank; none at a point that only bridges a time too long
-    /// for the timer.
+    /// The ranks of the loops that are due, one bit each; 0 at a point that only divides a time too
+    /// long for the timer.
     pub ranks: u32,
-    /// Ticks until the next event.
+    /// The ticks until the next event.
     pub gap: u32,
 }

@@ -4,7 +4,7 @@ use core::fmt;
 
 use super::EventTable;
 
-/// The events of one hyperperiod, with a mark under each rate that is due.
+/// Prints the events of one hyperperiod, with a mark under each rate that is due.
 impl<const L: usize, const E: usize> fmt::Display for EventTable<L, E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let frequency = self.clock().frequency().as_hz();

@@ -10,13 +10,13 @@ use crate::rate::Rate;
 /// How many entries are counted one by one, for an error or a constant.
 const MOST_COUNTED: usize = 1 << 15;
 
-/// The events of one hyperperiod, after which the rates of up to `L` loops repeat, in at most `E`
-/// entries (memo, section 3.2.2); without entries, a [`Scan`].
+/// The events of one hyperperiod, after which the releases of up to `L` loops repeat, in at most
+/// `E` entries (memo, section 3.2.2); without entries, a [`Scan`].
 ///
 /// The hyperperiod is the inverse of the rates' greatest common divisor. Its fraction of a tick is
 /// carried from one to the next, so a release is never more than one tick from its exact instant.
-/// Equal instants are one event. A time too long for the timer's counter is bridged by entries at
-/// which nothing is due.
+/// Loops that are due at the same instant share an event. A time that is too long for the timer's
+/// counter is divided by entries at which no loop is due.
 ///
 /// A changed rate takes effect at the beginning of a hyperperiod, or at a later one if a loop is
 /// unfinished there.
@@ -65,10 +65,10 @@ pub struct EventTable<const L: usize, const E: usize> {
 }
 
 /// A schedule of up to `L` loops that computes every event when it is due, from the loops' own
-/// grids: for sets of rates whose table would not fit, such as 400, 60 and 59.94 Hz.
+/// grids. It is for sets of rates whose table would not fit, such as 400, 60 and 59.94 Hz.
 ///
-/// An event costs a pass over the loops, with divisions nowhere. A changed rate takes effect at the
-/// first event at which no loop is unfinished; the loop is due there when it was due anyway.
+/// An event costs a pass over the loops, without divisions. A changed rate takes effect at the
+/// first event at which no loop is unfinished; the loop is due there if it was due anyway.
 ///
 /// ```
 /// use condor_mos::{Clock, Rate, Scan};
@@ -109,8 +109,8 @@ impl Half {
     };
 }
 
-/// How many entries the table of these rates takes; more than a table can have if it cannot be
-/// counted. Above 32 768 it is a number that suffices.
+/// Returns how many entries the table of these rates takes; if they cannot be counted, it returns
+/// more than a table can have. A result above 32 768 is an upper bound.
 ///
 /// # Panics
 /// If a rate has a period of less than one tick of the clock, or if there are not 1 to 32 rates; in
@@ -172,11 +172,12 @@ const fn least(ticks: u64, longest: u32) -> u32 {
 }
 
 impl<const L: usize, const E: usize> EventTable<L, E> {
-    /// The table of loops with these rates, which may stand in any order. A loop's place is its
+    /// Makes the table of loops with these rates, in any order. The index of a rate is the loop's
     /// [`LoopId`](crate::LoopId).
     ///
     /// # Panics
-    /// As [`try_new`](Self::try_new) has errors; in a constant, that is an error of compilation.
+    /// Under the conditions of [`try_new`](Self::try_new)'s errors; in a constant, that is an error
+    /// of compilation.
     #[must_use]
     pub const fn new(rates: &[Rate], clock: Clock) -> Self {
         match Self::try_new(rates, clock) {
@@ -185,21 +186,22 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// The table of loops with these rates.
+    /// Makes the table of loops with these rates.
     ///
     /// # Errors
-    /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`],
-    /// [`RateError::TooManyEvents`].
+    /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
+    /// shorter than a tick, [`RateError::TooManyEvents`] if the events do not fit.
     pub const fn try_new(rates: &[Rate], clock: Clock) -> Result<Self, RateError> {
         Self::phased(rates, &[], clock)
     }
 
-    /// The table of loops each of which is due first so many ticks after the start as `phases` has
-    /// at its place, or at the start if there is no such place. So loops of one rate take turns, and
+    /// Makes the table of loops with phases: loop *n* is due first `phases[n]` ticks after the
+    /// start, or at the start if `phases` is shorter. So loops of one rate can take turns, and
     /// fewer are due at once.
     ///
     /// # Errors
-    /// As [`try_new`](Self::try_new), and [`RateError::Phase`].
+    /// Those of [`try_new`](Self::try_new); [`RateError::Phase`] if a phase is not within the first
+    /// period.
     pub const fn phased(rates: &[Rate], phases: &[u32], clock: Clock) -> Result<Self, RateError> {
         match Self::or_scan(rates, phases, clock) {
             Ok(this) if E > 0 && this.is_scan() => Err(Self::too_many(&this.set, clock)),
@@ -207,11 +209,12 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// As [`phased`](Self::phased), but a set that does not fit the table is computed event by
-    /// event, as in a [`Scan`], and remains so when rates change.
+    /// Makes the table as [`phased`](Self::phased) does; but if the rates do not fit the table, it
+    /// computes events one by one, as a [`Scan`] does, and continues so when rates change.
     ///
     /// # Errors
-    /// [`RateError::Loops`], [`RateError::TooFast`], [`RateError::Phase`].
+    /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
+    /// shorter than a tick, [`RateError::Phase`] if a phase is not within the first period.
     pub const fn or_scan(rates: &[Rate], phases: &[u32], clock: Clock) -> Result<Self, RateError> {
         let set = match Set::new(rates, phases) {
             Ok(set) => set,
@@ -257,7 +260,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         Ok(this)
     }
 
-    /// The events of one hyperperiod; none if they are computed when they are due.
+    /// Returns the events of one hyperperiod; none if they are computed when they are due.
     #[must_use]
     pub const fn events(&self) -> &[Event] {
         let active = self.active & 1;
@@ -268,19 +271,19 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// Whether events are computed when they are due.
+    /// Returns whether events are computed when they are due.
     #[must_use]
     pub const fn is_scan(&self) -> bool {
         self.begin >= 2 * E
     }
 
-    /// The clock whose ticks are counted.
+    /// Returns the clock whose ticks are counted.
     #[must_use]
     pub const fn clock(&self) -> Clock {
         self.clock
     }
 
-    /// The rates in force, by the numbers of the loops.
+    /// Returns the rates in force; the index is the loop's number.
     #[must_use]
     pub const fn rates(&self) -> &[Rate] {
         self.set.rates()

@@ -3,11 +3,11 @@
 use crate::rate::{Rate, greatest_common_divisor};
 use crate::schedule::EventTable;
 
-/// Drives `schedule` from its beginning through `hyperperiods` of its rates, and gives the largest
-/// distance between a release and its exact instant, in ticks; any loop, any time.
+/// Drives `schedule` from its beginning through `hyperperiods` hyperperiods of its rates, and
+/// returns the largest distance between any release of any loop and its exact instant, in ticks.
 ///
-/// The instants are exact fractions, so what this finds is the schedule's and not its own. A grid
-/// that rounds is off by one tick at most, for ever; one that drifts, by more and more.
+/// The exact instants are computed as fractions, so the error is that of the schedule. A grid that
+/// rounds is always off by at most one tick; a grid that drifts is off by more and more.
 ///
 /// ```
 /// use condor_mos::sim::worst_release_error;

@@ -1,9 +1,9 @@
 //! A processor in virtual time, for tests on any machine with std.
 //!
-//! Time passes only where a program says so, so every run is the same to the last tick: while it
-//! computes or waits, and at each access to the timer if [`Processor::set_access_time`] asked for
-//! that. Loops nest by a call on the interrupted stack, as on RISC-V, or by one vector for each rank,
-//! as on Cortex-M.
+//! Time passes only where a program says so: while it computes or waits, and, if
+//! [`Processor::set_access_time`] asked for it, at each access to the timer. So every run is the
+//! same to the last tick. Loops nest by a call on the interrupted stack, as on RISC-V, or by one
+//! vector for each rank, as on Cortex-M.
 
 mod drift;
 mod wrapping;
@@ -21,7 +21,7 @@ use crate::platform::Platform;
 use crate::rate::Rate;
 use crate::timer::{Alarm, Armed, Timer};
 
-/// A processor whose time is virtual; its clones are the same one. All its contexts run on the
+/// A processor in virtual time. All clones are the same processor; all its contexts run on the
 /// thread that calls it.
 ///
 /// ```
@@ -90,7 +90,7 @@ struct Connected {
 }
 
 impl Processor {
-    /// A processor at its first tick, whose timer counts with `frequency`.
+    /// Makes a processor at its first tick, whose timer counts with `frequency`.
     #[must_use]
     pub fn new(frequency: Rate) -> Self {
         let machine = Machine {
@@ -118,13 +118,13 @@ impl Processor {
         connect(&self.machine.handler, &|_| handler(), program)
     }
 
-    /// Runs `program`, while the vector of a rank calls `vectors` with it; see [`Vectored`].
+    /// Runs `program`, while the vector of a rank calls `vectors` with that rank; see [`Vectored`].
     pub fn with_vectors<R>(&self, vectors: impl Fn(u32) + Sync, program: impl FnOnce() -> R) -> R {
         connect(&self.machine.vectors, &vectors, program)
     }
 
-    /// Has the background do nothing until `instant`. An interrupt at `instant` itself is left for
-    /// the next call.
+    /// Lets the background wait until `instant`. An interrupt at `instant` itself comes in the next
+    /// call.
     pub fn run_until(&self, instant: u64) {
         while self.now() < instant {
             let interrupt = self.next_interrupt().min(instant);
@@ -135,7 +135,7 @@ impl Processor {
         }
     }
 
-    /// Computes for `ticks`; interrupts that come meanwhile take their time in addition.
+    /// Computes for `ticks` ticks; loops that interrupt it take their time in addition.
     pub fn work(&self, ticks: u64) {
         let mut remaining = ticks;
         loop {
@@ -153,18 +153,17 @@ impl Processor {
         }
     }
 
-    /// Holds interrupts back for `ticks` from now on: they come late.
+    /// Delays interrupts for `ticks` ticks from now on, so that they come late.
     pub fn hold_interrupts(&self, ticks: u64) {
         let until = self.now().saturating_add(ticks);
         self.machine.held_until.store(until, Relaxed);
     }
 
-    /// Has each access to the timer take `ticks` from now on; at first it takes none.
+    /// Makes each access to the timer take `ticks` ticks from now on; the default is 0.
     ///
-    /// [`Timer::now`] and [`Timer::arm`] then see the time before they take theirs. Interrupts come
-    /// in [`work`](Self::work) and [`run_until`](Self::run_until) only, so this is time that passes
-    /// inside critical sections, as it does on hardware: what a section does between two accesses
-    /// shows at the second one, and nowhere else.
+    /// [`Timer::now`] and [`Timer::arm`] then see the time before this delay. Interrupts come only
+    /// in [`work`](Self::work) and [`run_until`](Self::run_until), so this time passes inside
+    /// critical sections, as on hardware; it becomes visible at the next access.
     ///
     /// ```
     /// use condor_mos::sim::Processor;
@@ -193,7 +192,8 @@ impl Processor {
         now
     }
 
-    /// Calls the handler, as an interrupt without cause does; not while interrupts are disabled.
+    /// Calls the handler, as an interrupt without cause does; does nothing while interrupts are
+    /// disabled.
     pub fn interrupt(&self) {
         let Some(handler) = connected(&self.machine.handler) else {
             return;
@@ -373,8 +373,8 @@ impl Platform for Processor {
     }
 }
 
-/// A [`Processor`] with a vector for each rank, as the NVIC of Cortex-M has them: that of rank 0 is
-/// the timer's, and a vector waits until what is in progress ranks lower than it.
+/// A [`Processor`] with a vector for each rank, like the NVIC of Cortex-M. The vector of rank 0 is
+/// the timer's; a vector waits until the context in progress has a lower rank.
 #[derive(Clone)]
 pub struct Vectored(pub Processor);
 

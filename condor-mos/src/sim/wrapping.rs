@@ -1,4 +1,4 @@
-//! [`WrappingProcessor`]: a simulated processor whose counter begins anew.
+//! [`WrappingProcessor`]: a simulated processor whose counter wraps.
 
 use super::Processor;
 use crate::instant::{Instant, Wrapping};
@@ -6,8 +6,8 @@ use crate::platform::Platform;
 use crate::rate::Rate;
 use crate::timer::{Armed, Timer};
 
-/// A [`Processor`] whose timer shows the last `BITS` bits of its counter, as hardware with 16 or 32
-/// bits does.
+/// A [`Processor`] whose timer has only the last `BITS` bits of its counter, as hardware with 16 or
+/// 32 bits does.
 #[derive(Clone)]
 pub struct WrappingProcessor<const BITS: u32>(pub Processor);
 
