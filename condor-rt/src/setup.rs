@@ -482,7 +482,9 @@ impl<'e, M: Machine> Setup<'e, M> {
             if let Some(loops) = loops {
                 running.follow_rates(loops);
             }
-            running.show_now(&mut running.reports.borrow_mut().1)?;
+            if let Ok(mut reports) = running.reports.try_borrow_mut() {
+                running.show_now(&mut reports.1)?;
+            }
             Ok(background(&running))
         };
         // What is wrong with the own memory, the background finds out.
