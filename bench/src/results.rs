@@ -32,7 +32,9 @@ fn replaced(text: &str, name: &str, figures: &str) -> String {
         Some(end) => rest.split_at(end),
         None => (rest, ""),
     };
-    let remarks = section.split_once(REMARKS).map_or("", |(_, remarks)| remarks);
+    let remarks = section
+        .split_once(REMARKS)
+        .map_or("", |(_, remarks)| remarks);
     format!("{before}{heading}{figures}{REMARKS}{remarks}{after}")
 }
 
