@@ -82,6 +82,8 @@ mod text;
 mod views;
 mod wiring;
 
+#[cfg(feature = "text")]
+pub use condor_toml::TextError;
 pub use finger::{
     Body, Crossing, Finger, Form, Friction, Joint, JointServo, Motion, Mount, Placement, ServoLaw,
     Shape, SoftStop, Tendon,
@@ -93,8 +95,6 @@ pub use hand::{
 pub use image::ImageError;
 pub use mistake::{Field, Mistake, Owner, ValuePlace, WireEnd, WirePart};
 pub use rotation::Rotation;
-#[cfg(feature = "text")]
-pub use text::{Problem, TextError};
 pub use views::MotionLimits;
 pub use wiring::{Channel, Converter, Input, Output, Wire};
 

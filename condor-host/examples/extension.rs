@@ -24,6 +24,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use condor_host::cli::{self, AnyError, Programs};
+use condor_host::description::Whole;
 use condor_host::extension::{Extension, Found, Furnished, Group, Service};
 use condor_host::supervisor::{Image, Launch, LaunchError, Process, RunState, Signals, Stop};
 use condor_host::system::{SystemDirectory, Windows};
@@ -50,8 +51,9 @@ impl Extension for Nice {
 
     fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
         let levels = found.processors.iter_mut().map(|processor| {
-            let level = processor.keys.number("level", 1..=19, 1);
-            Some((processor.number?, level?.value))
+            let keys = &mut processor.keys;
+            let level: Option<Whole<_, 1, 19>> = keys.need("level", "how nice it is, 1 to 19");
+            Some((processor.number?, level?.0))
         });
         // All are read, so that all mistakes are told.
         let levels: Vec<_> = levels.collect();
@@ -129,8 +131,9 @@ impl Extension for Adder {
     }
 
     fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
-        let amount = found.keys.as_mut()?.number("amount", 0..=100, 1)?;
-        Some(Box::new(Amount(amount.value)))
+        let keys = found.keys.as_mut()?;
+        let amount: Whole<_, 0, 100> = keys.need("amount", "what is added")?;
+        Some(Box::new(Amount(amount.0)))
     }
 
     fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {

@@ -36,18 +36,15 @@
 //! directory of the running program, then in `PATH`.
 
 mod check;
-mod mistake;
 mod read;
-mod tree;
 
 use std::path::PathBuf;
 
 use crate::extension::Group;
 
 pub use check::find_program;
-pub use mistake::{Mistake, Mistakes, Problem};
+pub use condor_toml::{Keys, Spanned, TextErrors, Whole};
 pub use read::beside;
-pub use tree::{At, Keys};
 
 /// The description of a system, which has passed every check.
 #[derive(Debug)]

@@ -17,7 +17,7 @@ use condor_rt::linux::{Environment, FileRange, Loops};
 use condor_rt::numbers::PROCESSORS;
 
 use crate::cli::AnyError;
-use crate::description::{At, Keys};
+use crate::description::{Keys, Spanned, Whole};
 use crate::supervisor::{Launch, Process};
 use crate::system::SystemDirectory;
 
@@ -88,9 +88,9 @@ pub struct FoundProcessor<'a, 't> {
     /// Its table.
     pub keys: Keys<'a, 't>,
     /// The file of its program; `None` if the program is one of the running binary.
-    pub program: Option<At<PathBuf>>,
+    pub program: Option<Spanned<PathBuf>>,
     /// The arguments of the program.
-    pub arguments: At<Vec<String>>,
+    pub arguments: Spanned<Vec<String>>,
 }
 
 /// An extension in a system that has been described but not started.
@@ -165,13 +165,13 @@ impl Extension for Processes {
         let settings = found.processors.iter_mut().map(|processor| {
             let keys = &mut processor.keys;
             let loops = keys.word("loops", &loops).unwrap_or_default();
-            let cpu = keys.optional_number("cpu", 0..=1023);
-            let priority = keys.optional_number("priority", 1..=99);
+            let cpu: Option<Whole<_, 0, 1023>> = keys.get("cpu");
+            let priority: Option<Whole<_, 1, 99>> = keys.get("priority");
             Settings {
                 number: processor.number,
                 loops,
-                cpu: cpu.and_then(|cpu| usize::try_from(cpu).ok()),
-                priority: priority.and_then(|priority| u8::try_from(priority).ok()),
+                cpu: cpu.map(|cpu| cpu.0),
+                priority: priority.map(|priority| priority.0),
             }
         });
         Some(Box::new(ProcessGroup(settings.collect())))

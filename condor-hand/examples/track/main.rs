@@ -62,9 +62,7 @@ fn track(motion: &Path, plot: &Path) -> Result<bool> {
     let mut generator: Generator<COUNT, QUEUE> = generator(&configuration)?;
     let text = std::fs::read_to_string(motion)
         .map_err(|error| format!("{}: {error}", motion.display()))?;
-    for primitive in
-        load(&text, &names).map_err(|error| format!("{}: {error}", motion.display()))?
-    {
+    for primitive in load(&text, &motion.to_string_lossy(), &names)? {
         generator.enqueue(primitive)?;
     }
     let plant = Converters::new(&configuration, Simulated::new(&configuration)?);

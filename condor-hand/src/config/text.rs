@@ -1,20 +1,14 @@
 //! A hand as TOML that people write.
 
 mod defaults;
-mod problem;
-mod read;
-mod tree;
-
-pub use problem::{Problem, TextError};
 
 use std::string::String;
 
-use serde::Deserialize;
+use condor_toml::{Fault, Spanned, Text, TextError};
+use toml::de::DeValue;
 
+use super::Hand;
 use super::check::Path;
-use super::{Hand, PROCESSORS};
-use problem::Fault;
-use tree::{Node, Value};
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Reads a hand from TOML and checks it.
@@ -25,7 +19,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     ///
     /// The first problem, with its line and column.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, TextError> {
-        read(text).map_err(|fault| fault.locate(text, file))
+        let text = Text::new(file, text);
+        read(text.parse()?).map_err(|fault| text.error(fault))
     }
 
     /// Prints the hand as TOML, with no defaults taken out; [`from_toml`](Self::from_toml) reads
@@ -40,42 +35,29 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 }
 
 fn read<const FINGERS: usize, const JOINTS: usize>(
-    text: &str,
+    mut tree: Spanned<DeValue<'_>>,
 ) -> Result<Hand<FINGERS, JOINTS>, Fault> {
-    let mut tree = Node::parse(text)?;
     defaults::fill(&mut tree)?;
-    room::<FINGERS, JOINTS>(&tree)?;
-    let hand = Hand::deserialize(&tree)?;
+    let hand: Hand<FINGERS, JOINTS> = condor_toml::read(&tree)?;
     let mut path = Path::new();
     hand.examine(&mut path)
-        .map_err(|mistake| Fault::at(&tree.nearest(&path).span, Problem::Mistake(mistake)))?;
+        .map_err(|mistake| Fault::at(&nearest(&tree, &path).span(), mistake))?;
     Ok(hand)
 }
 
-/// Lists that the type has no room for; what is no list is told about later.
-fn room<const FINGERS: usize, const JOINTS: usize>(tree: &Node) -> Result<(), Fault> {
-    list(tree, "processors", "processors", PROCESSORS)?;
-    if let Some(table) = tree.get("table") {
-        list(table, "axes", "axes", 3)?;
-    }
-    for finger in list(tree, "fingers", "fingers", FINGERS)? {
-        for joint in list(finger, "joints", "joints in a finger", JOINTS)? {
-            list(joint, "crosses", "crossed joints", JOINTS)?;
+/// The value at the end of a path such as `fingers[1].base`, or the last one on the way there.
+fn nearest<'a, 't>(tree: &'a Spanned<DeValue<'t>>, path: &str) -> &'a Spanned<DeValue<'t>> {
+    let mut value = tree;
+    for step in path.split(['.', '[']) {
+        let index = step.strip_suffix(']').and_then(|step| step.parse().ok());
+        let next = match index {
+            Some::<usize>(index) => value.get_ref().get(index),
+            None => value.get_ref().get(step),
+        };
+        match next {
+            Some(next) => value = next,
+            None => break,
         }
     }
-    Ok(())
-}
-
-fn list<'a>(node: &'a Node, key: &str, of: &'static str, most: usize) -> Result<&'a [Node], Fault> {
-    let Some(Value::List(list)) = node.get(key).map(|node| &node.value) else {
-        return Ok(&[]);
-    };
-    let Some(surplus) = list.get(most) else {
-        return Ok(list);
-    };
-    let count = list.len();
-    Err(Fault::at(
-        &surplus.span,
-        Problem::TooMany { of, count, most },
-    ))
+    value
 }

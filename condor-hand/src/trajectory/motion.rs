@@ -24,32 +24,23 @@
 //! A profile, a pace and a joint must be there; all else has a default. Joints have the names that
 //! the caller gives, in the order of their numbers.
 
+use core::ops::Range;
 use std::collections::BTreeMap;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
+use condor_toml::{Fault, Spanned, Text, TextError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use toml::Spanned;
 
 use super::{
     Begin, Guards, MAX_VIAS, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via,
 };
 
-/// Why a text is not a sequence of motions, or a sequence has no text.
+/// Why a sequence of motions has no text.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum MotionError {
-    /// The text is wrong at this place.
-    #[error("line {line}, column {column}: {problem}")]
-    Text {
-        /// The line, from 1.
-        line: usize,
-        /// The character in the line, from 1.
-        column: usize,
-        /// What is wrong, and what would be right.
-        problem: String,
-    },
     /// A primitive that no generator takes.
     #[error("motion {index}: {error}")]
     Primitive {
@@ -75,24 +66,22 @@ pub enum MotionError {
 
 /// Reads a sequence of motions of joints with these names, each at the index of its number.
 ///
-/// Limits are not known here; they are checked when a motion is enqueued.
+/// `file` is the name that an error gives; nothing is opened. Limits are not known here; they are
+/// checked when a motion is enqueued.
 ///
 /// # Errors
 ///
 /// The first thing that is wrong, with its place and what would be right.
 pub fn load<const J: usize>(
     text: &str,
+    file: &str,
     names: &[impl AsRef<str>],
-) -> Result<Vec<Primitive<J>>, MotionError> {
-    let file: File = toml::from_str(text).map_err(|error| {
-        let offset = error.span().map_or(0, |span| span.start);
-        problem_at(text, offset, error.message())
-    })?;
-    let reader = Reader { text, names };
-    file.motion
-        .iter()
-        .map(|entry| reader.primitive(entry))
-        .collect()
+) -> Result<Vec<Primitive<J>>, TextError> {
+    let text = Text::new(file, text);
+    let file: File = text.read()?;
+    let motions = file.motion.iter().map(|entry| primitive(entry, names));
+    let motions: Result<_, Fault> = motions.collect();
+    motions.map_err(|fault| text.error(fault))
 }
 
 /// Writes a sequence of motions so that [`load`] gives it back, to the last bit. What a primitive
@@ -129,32 +118,22 @@ struct Entry {
     profile: Profile,
     duration: Option<f64>,
     speed: Option<f64>,
-    #[serde(default = "after")]
+    #[serde(default)]
     begin: Begin,
     #[serde(default)]
     blend: f64,
-    #[serde(default = "next")]
+    #[serde(default)]
     on_end: OnEnd,
-    #[serde(default, skip_serializing_if = "Conditions::are_none")]
-    start: Conditions,
-    #[serde(default, skip_serializing_if = "Conditions::are_none")]
-    stop: Conditions,
+    #[serde(default = "Guards::none", skip_serializing_if = "Guards::is_none")]
+    start: Guards<f64>,
+    #[serde(default = "Guards::none", skip_serializing_if = "Guards::is_none")]
+    stop: Guards<f64>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     to: Positions,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     by: Positions,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     via: Vec<Spanned<Point>>,
-}
-
-#[derive(Clone, Copy, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Conditions {
-    torque: Option<f64>,
-    tension: Option<f64>,
-    time: Option<f64>,
-    #[serde(default)]
-    contact: bool,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -164,185 +143,124 @@ struct Point {
     joints: Positions,
 }
 
-fn after() -> Begin {
-    Begin::After
+fn primitive<const J: usize>(
+    spanned: &Spanned<Entry>,
+    names: &[impl AsRef<str>],
+) -> Result<Primitive<J>, Fault> {
+    let entry = spanned.get_ref();
+    let wrong = |problem| Fault::at(&spanned.span(), problem);
+    let pace = match (entry.duration, entry.speed) {
+        (Some(duration), None) => Pace::Duration(duration),
+        (None, Some(speed)) => Pace::Speed(speed),
+        (None, None) => {
+            let problem = "no pace: give `duration = ` in s or `speed = ` as a fraction";
+            return Err(wrong(problem));
+        }
+        (Some(_), Some(_)) => {
+            return Err(wrong("two paces: give either `duration` or `speed`"));
+        }
+    };
+    let mut primitive = Primitive::new(pace, entry.profile);
+    primitive.begin = entry.begin;
+    primitive.blend = entry.blend;
+    primitive.on_end = entry.on_end;
+    primitive.start = entry.start;
+    primitive.stop = entry.stop;
+    let absolute = entry
+        .to
+        .iter()
+        .map(|(name, &x)| (name, Target::Absolute(x)));
+    let relative = entry
+        .by
+        .iter()
+        .map(|(name, &x)| (name, Target::Relative(x)));
+    for (name, target) in absolute.chain(relative) {
+        let joint = joint(name, names)?;
+        if primitive.mask >> joint & 1 == 1 {
+            let problem = std::format!("{:?} is in `to` and in `by`: give one", name.get_ref());
+            return Err(Fault::at(&name.span(), problem));
+        }
+        let with = primitive.with(joint, target);
+        primitive = with.map_err(|error| Fault::at(&name.span(), error))?;
+    }
+    if primitive.mask == 0 {
+        return Err(wrong(
+            "no joints: give `[motion.to]` or `[motion.by]` with at least one",
+        ));
+    }
+    for point in &entry.via {
+        let via = via(point, primitive.mask, names)?;
+        primitive.vias.push(via).map_err(|_| {
+            let problem = std::format!("too many via points: {MAX_VIAS} are allowed");
+            Fault::at(&point.span(), problem)
+        })?;
+    }
+    let checked = primitive.check();
+    checked.map_err(|error| Fault::at(&place_of(spanned, names, &error), error))?;
+    Ok(primitive)
 }
 
-fn next() -> OnEnd {
-    OnEnd::Next
+/// The number that is wrong, as near as the text tells it.
+fn place_of(
+    entry: &Spanned<Entry>,
+    names: &[impl AsRef<str>],
+    error: &PrimitiveError,
+) -> Range<usize> {
+    let inner = entry.get_ref();
+    let place = match *error {
+        PrimitiveError::ViaTime { index, .. } => inner.via.get(index).map(Spanned::span),
+        PrimitiveError::Target { joint, .. } => {
+            let name = names.get(joint).map_or("", AsRef::as_ref);
+            let mut all = inner.to.keys().chain(inner.by.keys());
+            all.find(|key| key.get_ref() == name).map(Spanned::span)
+        }
+        _ => None,
+    };
+    place.unwrap_or_else(|| entry.span())
 }
 
-impl Conditions {
-    fn are_none(&self) -> bool {
-        Guards::from(*self).is_none()
+fn via<const J: usize>(
+    spanned: &Spanned<Point>,
+    mask: u32,
+    names: &[impl AsRef<str>],
+) -> Result<Via<J>, Fault> {
+    let point = spanned.get_ref();
+    let mut via = Via {
+        at: point.at,
+        positions: [0.0; J],
+    };
+    let mut missing = mask;
+    for (name, &position) in &point.joints {
+        let joint = joint(name, names)?;
+        if mask >> joint & 1 == 0 {
+            let problem = std::format!("{:?} is neither in `to` nor in `by`", name.get_ref());
+            return Err(Fault::at(&name.span(), problem));
+        }
+        missing &= !(1 << joint);
+        if let Some(place) = via.positions.get_mut(joint) {
+            *place = position;
+        }
     }
+    let joint = missing.trailing_zeros() as usize;
+    if let (true, Some(name)) = (missing != 0, names.get(joint)) {
+        let problem = std::format!("the via point lacks {:?}", name.as_ref());
+        return Err(Fault::at(&spanned.span(), problem));
+    }
+    Ok(via)
 }
 
-impl From<Conditions> for Guards<f64> {
-    fn from(conditions: Conditions) -> Self {
-        Self {
-            torque: conditions.torque,
-            tension: conditions.tension,
-            time: conditions.time,
-            contact: conditions.contact,
-        }
-    }
-}
-
-impl From<Guards<f64>> for Conditions {
-    fn from(guards: Guards<f64>) -> Self {
-        Self {
-            torque: guards.torque,
-            tension: guards.tension,
-            time: guards.time,
-            contact: guards.contact,
-        }
-    }
-}
-
-struct Reader<'a, S> {
-    text: &'a str,
-    names: &'a [S],
-}
-
-impl<S: AsRef<str>> Reader<'_, S> {
-    fn primitive<const J: usize>(
-        &self,
-        spanned: &Spanned<Entry>,
-    ) -> Result<Primitive<J>, MotionError> {
-        let place = spanned.span().start;
-        let entry = spanned.get_ref();
-        let pace = match (entry.duration, entry.speed) {
-            (Some(duration), None) => Pace::Duration(duration),
-            (None, Some(speed)) => Pace::Speed(speed),
-            (None, None) => {
-                let problem = "no pace: give `duration = ` in s or `speed = ` as a fraction";
-                return Err(self.problem(place, problem));
-            }
-            (Some(_), Some(_)) => {
-                let problem = "two paces: give either `duration` or `speed`";
-                return Err(self.problem(place, problem));
-            }
-        };
-        let mut primitive = Primitive::new(pace, entry.profile);
-        primitive.begin = entry.begin;
-        primitive.blend = entry.blend;
-        primitive.on_end = entry.on_end;
-        primitive.start = entry.start.into();
-        primitive.stop = entry.stop.into();
-        let absolute = entry
-            .to
-            .iter()
-            .map(|(name, &x)| (name, Target::Absolute(x)));
-        let relative = entry
-            .by
-            .iter()
-            .map(|(name, &x)| (name, Target::Relative(x)));
-        for (name, target) in absolute.chain(relative) {
-            let joint = self.joint(name)?;
-            if primitive.mask >> joint & 1 == 1 {
-                let problem = std::format!("{:?} is in `to` and in `by`: give one", name.get_ref());
-                return Err(self.problem(name.span().start, &problem));
-            }
-            let with = primitive.with(joint, target);
-            primitive = with.map_err(|error| self.problem(name.span().start, &error))?;
-        }
-        if primitive.mask == 0 {
-            let problem = "no joints: give `[motion.to]` or `[motion.by]` with at least one";
-            return Err(self.problem(place, problem));
-        }
-        for point in &entry.via {
-            let via = self.via(point, primitive.mask)?;
-            primitive.vias.push(via).map_err(|_| {
-                let problem = std::format!("too many via points: {MAX_VIAS} are allowed");
-                self.problem(point.span().start, &problem)
-            })?;
-        }
-        let checked = primitive.check();
-        checked.map_err(|error| self.problem(self.place_of(spanned, &error), &error))?;
-        Ok(primitive)
-    }
-
-    /// The number that is wrong, as near as the text tells it.
-    fn place_of(&self, entry: &Spanned<Entry>, error: &PrimitiveError) -> usize {
-        let inner = entry.get_ref();
-        match *error {
-            PrimitiveError::ViaTime { index, .. } => {
-                inner.via.get(index).map(|via| via.span().start)
-            }
-            PrimitiveError::Target { joint, .. } => {
-                let name = self.names.get(joint).map_or("", AsRef::as_ref);
-                let mut all = inner.to.keys().chain(inner.by.keys());
-                all.find(|key| key.get_ref() == name)
-                    .map(|key| key.span().start)
-            }
-            _ => None,
-        }
-        .unwrap_or(entry.span().start)
-    }
-
-    fn via<const J: usize>(
-        &self,
-        spanned: &Spanned<Point>,
-        mask: u32,
-    ) -> Result<Via<J>, MotionError> {
-        let point = spanned.get_ref();
-        let mut via = Via {
-            at: point.at,
-            positions: [0.0; J],
-        };
-        let mut missing = mask;
-        for (name, &position) in &point.joints {
-            let joint = self.joint(name)?;
-            if mask >> joint & 1 == 0 {
-                let name_of = name.get_ref();
-                let problem = std::format!("{name_of:?} is neither in `to` nor in `by`");
-                return Err(self.problem(name.span().start, &problem));
-            }
-            missing &= !(1 << joint);
-            if let Some(place) = via.positions.get_mut(joint) {
-                *place = position;
-            }
-        }
-        let joint = missing.trailing_zeros() as usize;
-        if let (true, Some(name)) = (missing != 0, self.names.get(joint)) {
-            let problem = std::format!("the via point lacks {:?}", name.as_ref());
-            return Err(self.problem(spanned.span().start, &problem));
-        }
-        Ok(via)
-    }
-
-    /// The number of a name; below 32.
-    fn joint(&self, name: &Spanned<String>) -> Result<usize, MotionError> {
-        let wanted = name.get_ref();
-        let mut names = self.names.iter().take(32);
-        names
-            .position(|name| name.as_ref() == wanted)
-            .ok_or_else(|| {
-                let all: Vec<_> = self
-                    .names
-                    .iter()
-                    .map(|name| std::format!("{:?}", name.as_ref()))
-                    .collect();
-                let all = all.join(", ");
-                let problem = std::format!("no joint is called {wanted:?}; there are {all}");
-                self.problem(name.span().start, &problem)
-            })
-    }
-
-    fn problem(&self, offset: usize, problem: &(impl ToString + ?Sized)) -> MotionError {
-        problem_at(self.text, offset, problem)
-    }
-}
-
-fn problem_at(text: &str, offset: usize, problem: &(impl ToString + ?Sized)) -> MotionError {
-    let before = text.get(..offset).unwrap_or(text);
-    let line = before.rsplit('\n').next().unwrap_or("");
-    MotionError::Text {
-        line: before.matches('\n').count() + 1,
-        column: line.chars().count() + 1,
-        problem: problem.to_string(),
-    }
+/// The number of a name; below 32.
+fn joint(name: &Spanned<String>, names: &[impl AsRef<str>]) -> Result<usize, Fault> {
+    let wanted = name.get_ref();
+    let mut known = names.iter().take(32);
+    known
+        .position(|name| name.as_ref() == wanted)
+        .ok_or_else(|| {
+            let all = names.iter().map(|name| std::format!("{:?}", name.as_ref()));
+            let all = all.collect::<Vec<_>>().join(", ");
+            let problem = std::format!("no joint is called {wanted:?}; there are {all}");
+            Fault::at(&name.span(), problem)
+        })
 }
 
 impl Entry {
@@ -393,8 +311,8 @@ impl Entry {
             begin: primitive.begin,
             blend: primitive.blend,
             on_end: primitive.on_end,
-            start: primitive.start.into(),
-            stop: primitive.stop.into(),
+            start: primitive.start,
+            stop: primitive.stop,
             to,
             by,
             via: via?,

@@ -76,10 +76,11 @@ pub struct Via<const J: usize, T: Real = f64> {
 }
 
 /// When the turn of a primitive comes, once it is the first of the queue.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Begin {
     /// When everything before it has ended.
+    #[default]
     After,
     /// When everything that moves one of its joints has ended; it may run beside the others.
     Beside,
@@ -88,17 +89,19 @@ pub enum Begin {
 }
 
 /// What comes after a primitive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OnEnd {
     /// The next of the queue.
+    #[default]
     Next,
     /// Nothing, until the generator is told to proceed.
     Hold,
 }
 
 /// Conditions of what sensors say of the joints of a primitive; any one is enough.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Guards<T> {
     /// The torque of any of its joints, to either side, is above this, N m.
     pub torque: Option<T>,
@@ -107,6 +110,7 @@ pub struct Guards<T> {
     /// So much time has passed, s.
     pub time: Option<T>,
     /// Any of its joints belongs to a finger in contact.
+    #[serde(default)]
     pub contact: bool,
 }
 

@@ -3,10 +3,10 @@
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
+use condor_toml::{Keys, Spanned, suggest};
+
 use super::ProgramEntry;
-use super::mistake::{Problem, nearest};
 use super::read::{Read, beside};
-use super::tree::{At, Text};
 use crate::cli::{Application, names};
 use crate::extension::Extension;
 use condor_rt::numbers::PROGRAMS;
@@ -20,100 +20,111 @@ pub(super) struct Own<'o> {
 /// What a command would take for a processor.
 const SERVICES: [&str; 3] = ["files", "terminals", "supervisor"];
 
-pub(super) fn processors(text: &Text<'_>, all: &[Read<'_, '_>], extensions: &[&dyn Extension]) {
+pub(super) fn processors(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &[&dyn Extension]) {
     let all: Vec<_> = all.iter().map(|(common, ..)| common).collect();
     let of_extensions = extensions.iter().filter_map(|extension| extension.table());
     let services: Vec<_> = SERVICES.into_iter().chain(of_extensions).collect();
     for (index, one) in all.iter().enumerate() {
         let above = all.get(..index).unwrap_or_default();
         if let Some(name) = &one.name {
-            if services.contains(&name.value.as_str()) {
-                let name_ = name.value.clone();
-                text.wrong(&name.span, Problem::ServiceName { name: name_ });
+            if services.contains(&name.get_ref().as_str()) {
+                let problem = format!("`{name}` is the name of a service; take another one");
+                top.wrong(&name.span(), problem);
             }
             let mut others = above.iter().filter_map(|other| other.name.as_ref());
-            if let Some(other) = others.find(|other| other.value == name.value) {
-                let line = text.line(other.span.start);
-                let problem = Problem::DuplicateName {
-                    name: name.value.clone(),
-                    line,
-                };
-                text.wrong(&name.span, problem);
+            if let Some(other) = others.find(|other| *other == name) {
+                let line = top.line(other.span().start);
+                let problem = format!(
+                    "the processor in line {line} is called `{name}`, too; take another name"
+                );
+                top.wrong(&name.span(), problem);
             }
         }
         if let Some(number) = &one.number {
             let mut others = above.iter().filter_map(|other| other.number.as_ref());
-            if let Some(other) = others.find(|other| other.value == number.value) {
+            if let Some(other) = others.find(|other| *other == number) {
+                let line = top.line(other.span().start);
                 let taken = |free: &u8| {
                     let mut numbers = all.iter().filter_map(|one| one.number.as_ref());
-                    numbers.any(|number| number.value == *free)
+                    numbers.any(|number| number.get_ref().0 == *free)
                 };
-                let problem = Problem::DuplicateNumber {
-                    number: number.value,
-                    line: text.line(other.span.start),
-                    free: PROGRAMS.filter(|number| !taken(number)).collect(),
+                let free = PROGRAMS.filter(|number| !taken(number));
+                let free: Vec<_> = free.map(|number| number.to_string()).collect();
+                let number_ = number.get_ref().0;
+                let free = match free.join(", ") {
+                    none if none.is_empty() => "all numbers are taken".into(),
+                    free => format!("free are {free}"),
                 };
-                text.wrong(&number.span, problem);
+                let problem =
+                    format!("the processor in line {line} has the number {number_}, too; {free}");
+                top.wrong(&number.span(), problem);
             }
         }
     }
 }
 
 /// The file of a program that does not run on this machine.
-pub(super) fn file(text: &Text<'_>, program: &At<String>, own: &Own<'_>) -> Option<ProgramEntry> {
-    if program.value == "self" {
+pub(super) fn file(
+    keys: &Keys<'_, '_>,
+    program: &Spanned<String>,
+    own: &Own<'_>,
+) -> Option<ProgramEntry> {
+    if program.get_ref() == "self" {
         let problem = "programs of this file are for this machine; name a file";
-        text.wrong(&program.span, Problem::Other(problem.into()));
+        keys.wrong(&program.span(), problem);
         return None;
     }
-    let path = beside(own.file, &program.value);
+    let path = beside(own.file, program.get_ref());
     if let Err(error) = std::fs::File::open(&path) {
         let problem = format!("cannot read {}: {error}", path.display());
-        text.wrong(&program.span, Problem::Other(problem));
+        keys.wrong(&program.span(), problem);
     }
     Some(ProgramEntry::File(path))
 }
 
 pub(super) fn program(
-    text: &Text<'_>,
-    program: &At<String>,
-    arguments: Option<&At<Vec<String>>>,
+    keys: &Keys<'_, '_>,
+    program: &Spanned<String>,
+    arguments: Option<&Spanned<Vec<String>>>,
     own: &Own<'_>,
 ) -> Option<ProgramEntry> {
-    if program.value != "self" {
-        return match find_program(own.file, &program.value) {
+    if program.get_ref() != "self" {
+        return match find_program(own.file, program.get_ref()) {
             Ok(path) => Some(ProgramEntry::File(path)),
             Err(problem) => {
-                text.wrong(&program.span, problem);
+                keys.wrong(&program.span(), problem);
                 None
             }
         };
     }
     let known = names(own.application);
-    let first = arguments.and_then(|arguments| arguments.value.first());
-    let Some(word) = first else {
-        text.wrong(&program.span, Problem::WhichOwnProgram { known });
-        return None;
+    let first =
+        arguments.and_then(|arguments| Some((arguments.span(), arguments.get_ref().first()?)));
+    let (span, problem) = match first {
+        None => {
+            let known = suggest("", &known);
+            let problem = format!(
+                "`arguments` must begin with the name of one of this program's own; {known}"
+            );
+            (program.span(), problem)
+        }
+        Some((_, word)) if known.contains(&word.as_str()) => return Some(ProgramEntry::Own),
+        Some((span, word)) => {
+            let known = suggest(word, &known);
+            let problem = format!("this program has no program `{word}` of its own; {known}");
+            (span, problem)
+        }
     };
-    if !known.contains(&word.as_str()) {
-        let problem = Problem::NoOwnProgram {
-            word: word.clone(),
-            nearest: nearest(word, &known),
-            known,
-        };
-        let span = arguments.map_or(&program.span, |arguments| &arguments.span);
-        text.wrong(span, problem);
-        return None;
-    }
-    Some(ProgramEntry::Own)
+    keys.wrong(&span, problem);
+    None
 }
 
 /// Returns the file of a program. It searches relative to the description in `file`, then in the
 /// directory of the running program, then in `PATH`.
 ///
 /// # Errors
-/// [`Problem::NoProgram`] if there is none, [`Problem::NotExecutable`] if it cannot be run.
-pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, Problem> {
+/// A sentence that says where it was searched, or that it cannot be run.
+pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, String> {
     let mut looked = vec![beside(file, name)];
     if let Ok(own) = std::env::current_exe() {
         looked.push(own.with_file_name(name));
@@ -127,30 +138,35 @@ pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, Problem> {
             if metadata.is_file() && metadata.permissions().mode() & 0o111 != 0 {
                 return Ok(place);
             }
-            return Err(Problem::NotExecutable { path: place });
+            return Err(format!(
+                "{} is no program: it is no file that may be executed",
+                place.display()
+            ));
         }
     }
-    Err(Problem::NoProgram {
-        program: name.into(),
-        looked,
-    })
+    let looked = looked.iter().map(|place| format!("{}, ", place.display()));
+    let looked: String = looked.collect();
+    Err(format!(
+        "there is no program `{name}`; looked for {looked}and in PATH"
+    ))
 }
 
 /// The directory that is served; one that is not there yet will be made.
-pub(super) fn directory(text: &Text<'_>, root: &At<String>, own: &Own<'_>) -> PathBuf {
-    let path = beside(own.file, &root.value);
+pub(super) fn directory(keys: &Keys<'_, '_>, root: &Spanned<String>, own: &Own<'_>) -> PathBuf {
+    let path = beside(own.file, root.get_ref());
     if std::fs::metadata(&path).is_ok_and(|metadata| !metadata.is_dir()) {
-        let path = path.clone();
-        text.wrong(&root.span, Problem::NoDirectory { path });
+        let shown = path.display();
+        let problem = format!("{shown} is no directory; name one, or what is not there yet");
+        keys.wrong(&root.span(), problem);
     }
     path
 }
 
 /// The configuration of the robot, which must be right, too.
-pub(super) fn robot(text: &Text<'_>, robot: &At<String>, own: &Own<'_>) -> PathBuf {
-    let path = beside(own.file, &robot.value);
+pub(super) fn robot(keys: &Keys<'_, '_>, robot: &Spanned<String>, own: &Own<'_>) -> PathBuf {
+    let path = beside(own.file, robot.get_ref());
     if let Err(error) = own.application.check_robot(&path) {
-        text.wrong(&robot.span, Problem::Other(error.to_string()));
+        keys.wrong(&robot.span(), error);
     }
     path
 }

@@ -1,13 +1,10 @@
 //! From the text to a [`Description`].
 
-use core::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use toml::de::DeTable;
+use condor_toml::{Fault, Keys, Spanned, Text, TextErrors, Whole};
 
 use super::check::{self, Own};
-use super::mistake::{Mistake, Mistakes, Problem};
-use super::tree::{At, Keys, Text};
 use super::{Description, Entry, Files, OnFailure, ProcessorEntry, ProgramEntry, Terminals};
 use crate::cli::Application;
 use crate::extension::{Extension, Found, FoundProcessor, PROCESSES};
@@ -15,21 +12,24 @@ use condor_rt::numbers::PROGRAMS;
 
 const PAGE: i64 = 4096;
 const MOST_BYTES: i64 = 1 << 30;
-const RESTARTS: RangeInclusive<i64> = 0..=1_000_000;
 /// Names become those of files and of sockets, whose paths are short.
 const LONGEST: usize = 32;
+
+type Number = Whole<u8, { *PROGRAMS.start() as i64 }, { *PROGRAMS.end() as i64 }>;
+type Pages = Whole<u32, PAGE, MOST_BYTES, PAGE>;
+type Bytes = Whole<u32, 0, MOST_BYTES>;
+type Restarts = Whole<u32, 0, 1_000_000>;
 
 impl Description {
     /// Reads and checks the description in `file`, for this application.
     ///
     /// # Errors
-    /// [`Mistakes`] with every mistake in the description.
-    pub fn read(file: impl AsRef<Path>, application: &dyn Application) -> Result<Self, Mistakes> {
+    /// [`TextErrors`] with every mistake in the description; of a file that is no TOML, the first.
+    pub fn read(file: impl AsRef<Path>, application: &dyn Application) -> Result<Self, TextErrors> {
         let file = file.as_ref();
-        let name = file.to_string_lossy();
         let text = std::fs::read_to_string(file).map_err(|error| {
-            let problem = Problem::Unreadable(error);
-            Mistakes(vec![Mistake::at(&name, "", &(0..0), problem)])
+            let fault = Fault::from(format!("cannot read it: {error}"));
+            Text::new(&file.to_string_lossy(), "").error(fault)
         })?;
         Self::from_toml(&text, file, application)
     }
@@ -37,53 +37,44 @@ impl Description {
     /// Reads and checks the description `text`, as if it were the content of `file`.
     ///
     /// # Errors
-    /// [`Mistakes`] with every mistake in the description.
+    /// [`TextErrors`] with every mistake in the description; of a text that is no TOML, the first.
     pub fn from_toml(
         text: &str,
         file: &Path,
         application: &dyn Application,
-    ) -> Result<Self, Mistakes> {
+    ) -> Result<Self, TextErrors> {
         let name = file.to_string_lossy();
-        let (table, errors) = DeTable::parse_recoverable(text);
-        let mut text = Text::new(&name, text);
-        for error in errors {
-            text.syntax(&error.span().unwrap_or_default(), error.message());
-        }
-        let top = Keys::new(&text, table.get_ref(), 0..0);
-        let description = system(&text, top, &Own { file, application });
-        // A value is missing only where something was found to be wrong.
-        match description {
-            Some(description) if text.is_right() => Ok(description),
-            _ => Err(text.into_mistakes()),
-        }
+        let text = Text::new(&name, text);
+        let tree = text.parse()?;
+        let top = text.keys(&tree);
+        let description = top.and_then(|top| system(top, &Own { file, application }));
+        text.finish(description)
     }
 }
 
-fn system(text: &Text<'_>, mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
-    let name = name(text, &mut top);
-    let window_bytes = top.number("window_bytes", PAGE..=MOST_BYTES, PAGE);
-    let robot = top.optional_text("robot", "the path of the robot's configuration");
-    let bus_bytes = top.table("bus").map(bytes_of);
-    let shared_bytes = top.table("shared_memory").map(bytes_of);
+fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
+    let name = name(&mut top);
+    let window_bytes: Option<Pages> = top.need("window_bytes", "a multiple of 4096");
+    let robot: Option<Spanned<String>> = top.get("robot");
+    let bus_bytes = top.table("bus").and_then(bytes_of);
+    let shared_bytes = top.table("shared_memory").and_then(bytes_of);
     let extensions = extensions(own.application);
     let tables = extensions
         .iter()
         .map(|extension| top.table(extension.table()?));
     let tables: Vec<_> = tables.collect();
-    let files = top.table("files").map(|table| files(text, table, own));
+    let files = top.table("files").and_then(|table| files(table, own));
     let terminals = top.table("terminals").map(terminals);
     let services = top.table("services").and_then(services);
     let expected = "`[[processors]]`, a table for each processor";
     let processors: Vec<_> = top
         .tables("processors", expected)
         .into_iter()
-        .map(|table| processor(text, table, &extensions, own))
+        .map(|table| processor(table, &extensions, own))
         .collect();
+    check::processors(&top, &processors, &extensions);
+    let robot = robot.map(|robot| check::robot(&top, &robot, own));
     top.finish();
-    check::processors(text, &processors, &extensions);
-    let robot = robot.map(|robot| check::robot(text, &robot, own));
-    let bytes = |value: Option<At<i64>>| value.and_then(|it| u32::try_from(it.value).ok());
-    let window_bytes = bytes(window_bytes);
     let mut groups = Vec::new();
     let (mut whole, mut rest) = (Vec::new(), Vec::new());
     for (common, kind, found) in processors {
@@ -96,9 +87,9 @@ fn system(text: &Text<'_>, mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Descr
             file: own.file,
             keys,
             processors: mine.map(|(_, found)| found).collect(),
-            window_bytes: window_bytes.unwrap_or(PAGE as u32),
-            bus_bytes: bus_bytes.flatten().unwrap_or(0),
-            shared_bytes: shared_bytes.flatten().unwrap_or(0),
+            window_bytes: window_bytes.map_or(PAGE as u32, |bytes| bytes.0),
+            bus_bytes: bus_bytes.unwrap_or(0),
+            shared_bytes: shared_bytes.unwrap_or(0),
         };
         if mine.keys.is_some() || !mine.processors.is_empty() {
             let group = extension.read(&mut mine);
@@ -111,23 +102,15 @@ fn system(text: &Text<'_>, mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Descr
         let processors = mine.processors.into_iter().map(|processor| processor.keys);
         processors.chain(mine.keys).for_each(Keys::finish);
     }
+    // An optional part that is wrong is `None` here; its mistake has been noted.
     Some(Description {
         file: own.file.into(),
-        name: name?.value,
-        window_bytes: window_bytes?,
+        name: name?.into_inner(),
+        window_bytes: window_bytes?.0,
         robot,
-        bus_bytes: match bus_bytes {
-            Some(bytes) => Some(bytes?),
-            None => None,
-        },
-        shared_bytes: match shared_bytes {
-            Some(bytes) => Some(bytes?),
-            None => None,
-        },
-        files: match files {
-            Some(files) => Some(files?),
-            None => None,
-        },
+        bus_bytes,
+        shared_bytes,
+        files,
         terminals: terminals.unwrap_or_default(),
         service_restarts: services.unwrap_or(20),
         processors: whole.into_iter().collect::<Option<_>>()?,
@@ -142,68 +125,76 @@ fn extensions(application: &dyn Application) -> Vec<&'static dyn Extension> {
     all
 }
 
-fn name(text: &Text<'_>, table: &mut Keys<'_, '_>) -> Option<At<String>> {
-    let name = table.text("name", "a name in quotes")?;
+fn name(keys: &mut Keys<'_, '_>) -> Option<Spanned<String>> {
+    let name: Spanned<String> = keys.need("name", "a name in quotes")?;
     let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    let len = name.value.len();
-    if (1..=LONGEST).contains(&len) && name.value.chars().all(allowed) {
+    if (1..=LONGEST).contains(&name.get_ref().len()) && name.get_ref().chars().all(allowed) {
         return Some(name);
     }
-    let problem = Problem::BadName {
-        name: name.value,
-        longest: LONGEST,
-    };
-    text.wrong(&name.span, problem);
+    let problem =
+        format!("\"{name}\" cannot be a name: take 1 to {LONGEST} letters, digits, `-` and `_`");
+    keys.wrong(&name.span(), problem);
     None
 }
 
 /// What a table says that has the key `bytes` alone.
-fn bytes_of(mut table: Keys<'_, '_>) -> Option<u32> {
-    let bytes = table.number("bytes", PAGE..=MOST_BYTES, PAGE);
-    table.finish();
-    u32::try_from(bytes?.value).ok()
+fn bytes_of(mut keys: Keys<'_, '_>) -> Option<u32> {
+    let bytes: Option<Pages> = keys.need("bytes", "a multiple of 4096");
+    keys.finish();
+    Some(bytes?.0)
 }
 
-fn files(text: &Text<'_>, mut table: Keys<'_, '_>, own: &Own<'_>) -> Option<Files> {
-    let root = table.text("root", "the path of the directory that is served");
-    let read_only = table.boolean("read_only").unwrap_or(false);
-    let quota_bytes = table.optional_number("quota_bytes", 0..=i64::MAX);
-    let max_file_bytes = table.optional_number("max_file_bytes", 0..=i64::MAX);
-    table.finish();
+fn files(mut keys: Keys<'_, '_>, own: &Own<'_>) -> Option<Files> {
+    let root = keys.need("root", "the path of the directory that is served");
+    let root = root.map(|root| check::directory(&keys, &root, own));
+    let read_only = keys.get("read_only");
+    let quota_bytes = keys.get("quota_bytes");
+    let max_file_bytes = keys.get("max_file_bytes");
+    keys.finish();
     Some(Files {
-        root: check::directory(text, &root?, own),
-        read_only,
-        quota_bytes: quota_bytes.map(i64::unsigned_abs),
-        max_file_bytes: max_file_bytes.map(i64::unsigned_abs),
+        root: root?,
+        read_only: read_only.unwrap_or(false),
+        quota_bytes,
+        max_file_bytes,
     })
 }
 
 /// How often a service is started again.
-fn services(mut table: Keys<'_, '_>) -> Option<u32> {
-    let restarts = table.optional_number("restarts", RESTARTS);
-    table.finish();
-    u32::try_from(restarts?).ok()
+fn services(mut keys: Keys<'_, '_>) -> Option<u32> {
+    let restarts: Option<Restarts> = keys.get("restarts");
+    keys.finish();
+    Some(restarts?.0)
 }
 
-fn terminals(mut table: Keys<'_, '_>) -> Terminals {
+fn terminals(mut keys: Keys<'_, '_>) -> Terminals {
     let default = Terminals::default();
-    let small = |value: Option<i64>| value.and_then(|value| u32::try_from(value).ok());
-    let replay_bytes = small(table.optional_number("replay_bytes", 0..=MOST_BYTES));
-    let replay_bytes = replay_bytes.unwrap_or(default.replay_bytes);
+    let replay_bytes: Option<Bytes> = keys.get("replay_bytes");
+    let replay_bytes = replay_bytes.map_or(default.replay_bytes, |bytes| bytes.0);
+    let log_bytes: Option<Spanned<Bytes>> = keys.get("log_bytes");
     // What is shown of the past must be there, even when a new log has just begun.
-    let least = i64::from(replay_bytes).max(PAGE);
-    let log_bytes = small(table.optional_number("log_bytes", least..=MOST_BYTES));
-    table.finish();
+    let least = replay_bytes.max(PAGE as u32);
+    let log_bytes = match log_bytes {
+        Some(log_bytes) => {
+            let Whole(bytes) = *log_bytes.get_ref();
+            if bytes < least {
+                let problem = format!("the number {bytes} stands where at least {least} should be");
+                keys.wrong(&log_bytes.span(), problem);
+            }
+            bytes
+        }
+        None => default.log_bytes.max(replay_bytes),
+    };
+    keys.finish();
     Terminals {
         replay_bytes,
-        log_bytes: log_bytes.unwrap_or(default.log_bytes.max(replay_bytes)),
+        log_bytes,
     }
 }
 
 /// What all processors have; of one that is wrong, some may be missing.
 pub(super) struct Common {
-    pub(super) number: Option<At<u8>>,
-    pub(super) name: Option<At<String>>,
+    pub(super) number: Option<Spanned<Number>>,
+    pub(super) name: Option<Spanned<String>>,
     program: Option<ProgramEntry>,
     arguments: Vec<String>,
     headless: Vec<String>,
@@ -217,8 +208,8 @@ pub(super) struct Common {
 impl Common {
     fn whole(self) -> Option<ProcessorEntry> {
         Some(ProcessorEntry {
-            number: self.number?.value,
-            name: self.name?.value,
+            number: self.number?.get_ref().0,
+            name: self.name?.into_inner(),
             program: self.program?,
             arguments: self.arguments,
             headless: self.headless,
@@ -235,27 +226,21 @@ impl Common {
 pub(super) type Read<'a, 't> = (Common, usize, FoundProcessor<'a, 't>);
 
 fn processor<'a, 't>(
-    text: &Text<'_>,
-    mut table: Keys<'a, 't>,
+    mut keys: Keys<'a, 't>,
     extensions: &[&'static dyn Extension],
     own: &Own<'_>,
 ) -> Read<'a, 't> {
-    let range = i64::from(*PROGRAMS.start())..=i64::from(*PROGRAMS.end());
-    let number = table.number("number", range, 1).and_then(|number| {
-        let value = u8::try_from(number.value).ok()?;
-        let span = number.span;
-        Some(At { value, span })
-    });
-    let name = name(text, &mut table);
-    let program = table.text("program", "\"self\", or the path of a program");
-    let arguments = table.texts("arguments");
-    let headless = table.texts("headless");
+    let number: Option<Spanned<Number>> = keys.need("number", "a whole number from 0 to 11");
+    let name = name(&mut keys);
+    let program: Option<Spanned<String>> =
+        keys.need("program", "\"self\", or the path of a program");
+    let arguments: Option<Spanned<Vec<String>>> = keys.get("arguments");
     let kinds = extensions.iter().enumerate();
     let kinds = kinds.filter_map(|(place, it)| Some((it.kind()?, (place, it.runs_here()))));
     let kinds: Vec<_> = kinds.collect();
-    let (place, runs_here) = table.word("kind", &kinds).unwrap_or((0, true));
+    let (place, runs_here) = keys.word("kind", &kinds).unwrap_or((0, true));
     let kind = extensions.get(place).and_then(|it| it.kind());
-    let on_failure = table.word(
+    let on_failure = keys.word(
         "on_failure",
         &[
             ("restart", OnFailure::Restart),
@@ -263,42 +248,40 @@ fn processor<'a, 't>(
             ("leave", OnFailure::Leave),
         ],
     );
-    let restarts = table.optional_number("restarts", RESTARTS);
-    let stall_seconds = table.optional_number("stall_seconds", 0..=86400);
-    let small = |value: Option<i64>| value.and_then(|value| u32::try_from(value).ok());
-    let span = program.as_ref().map(|program| program.span.clone());
-    let program = program.and_then(|program| {
+    let restarts: Option<Restarts> = keys.get("restarts");
+    let stall_seconds: Option<Whole<_, 0, 86400>> = keys.get("stall_seconds");
+    let headless = keys.get("headless");
+    let entry = program.as_ref().and_then(|program| {
         if runs_here {
-            check::program(text, &program, arguments.as_ref(), own)
+            check::program(&keys, program, arguments.as_ref(), own)
         } else {
-            check::file(text, &program, own)
+            check::file(&keys, program, own)
         }
     });
-    let arguments = arguments.unwrap_or_else(|| At {
-        value: Vec::new(),
-        span: table.span(),
-    });
-    let common = Common {
-        program: program.clone(),
-        number: number.clone(),
-        name,
-        arguments: arguments.value.clone(),
-        headless: headless.map(|lines| lines.value).unwrap_or_default(),
-        kind: kind.unwrap_or_default(),
-        runs_here,
-        on_failure: on_failure.unwrap_or(OnFailure::Restart),
-        restarts: small(restarts).unwrap_or(10),
-        stall_seconds: small(stall_seconds).unwrap_or(5),
-    };
-    let file = match program {
-        Some(ProgramEntry::File(value)) => span.map(|span| At { value, span }),
+    let arguments = arguments.unwrap_or_else(|| Spanned::new(keys.span(), Vec::new()));
+    let file = match (&entry, program) {
+        (Some(ProgramEntry::File(path)), Some(program)) => {
+            Some(Spanned::new(program.span(), path.clone()))
+        }
         _ => None,
     };
     let found = FoundProcessor {
-        number: number.map(|number| number.value),
-        keys: table,
+        number: number.as_ref().map(|number| number.get_ref().0),
+        keys,
         program: file,
-        arguments,
+        arguments: arguments.clone(),
+    };
+    let common = Common {
+        number,
+        name,
+        program: entry,
+        arguments: arguments.into_inner(),
+        headless: headless.unwrap_or_default(),
+        kind: kind.unwrap_or_default(),
+        runs_here,
+        on_failure: on_failure.unwrap_or(OnFailure::Restart),
+        restarts: restarts.map_or(10, |restarts| restarts.0),
+        stall_seconds: stall_seconds.map_or(5, |seconds| seconds.0),
     };
     (common, place, found)
 }

@@ -176,7 +176,7 @@ pub(super) fn reload(
         ProgramEntry::Own
     } else {
         let path = find_program(&description.file, program);
-        ProgramEntry::File(path.map_err(|problem| problem.to_string())?)
+        ProgramEntry::File(path?)
     };
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     let (file, arguments) = runs(&own, &program, arguments);

@@ -117,14 +117,14 @@ priority = 100
         [
             "1:1: the key `name` is missing here; it is a name in quotes".to_owned(),
             "2:1: there is no key `nam` here; did you mean `name`?".into(),
-            "3:16: 1000 is not a multiple of 4096 from 4096 to 1073741824".into(),
+            "3:16: the number 1000 stands where a multiple of 4096 from 4096 to 1073741824 should be".into(),
             "6:1: there is no key `raed_only` here; did you mean `read_only`?".into(),
-            "8:10: 12 is not a whole number from 0 to 11".into(),
+            "8:10: the number 12 stands where a whole number from 0 to 11 should be".into(),
             "9:8: \"a b\" cannot be a name: take 1 to 32 letters, digits, `-` and `_`".into(),
             "11:13: this program has no program `sevro` of its own; did you mean `servo`?".into(),
             "12:14: `rstart` is none of the choices here; did you mean `restart`?".into(),
             "13:1: the key `number` is missing here; it is a whole number from 0 to 11".into(),
-            "14:8: the number 5 stands where a name in quotes should be".into(),
+            "14:8: the number 5 stands where a text should be".into(),
             format!(
                 "15:11: there is no program `no-such-program`; looked for {}, {}, and in PATH",
                 place.path().join("no-such-program").display(),
@@ -135,7 +135,7 @@ priority = 100
             ),
             "16:9: `quickly` is none of the choices here; it can be `threads`, `signals`, `spin`"
                 .into(),
-            "17:12: 100 is not a whole number from 1 to 99".into(),
+            "17:12: the number 100 stands where a whole number from 1 to 99 should be".into(),
         ]
     );
 }
@@ -174,7 +174,7 @@ fn sizes_are_whole_pages() {
     let text = RIGHT.replace("[files]", "[bus]\nbytes = 100\n[files]");
     assert_eq!(
         one(&text),
-        "5:9: 100 is not a multiple of 4096 from 4096 to 1073741824"
+        "5:9: the number 100 stands where a multiple of 4096 from 4096 to 1073741824 should be"
     );
     let text = RIGHT.replace("[files]", "[bus]\nbytes = 4096.0\n[files]");
     assert_eq!(
@@ -188,11 +188,11 @@ fn a_log_has_room_for_what_is_shown_of_it() {
     let terminals = |text: &str| RIGHT.replace("[files]", &format!("[terminals]\n{text}\n[files]"));
     assert_eq!(
         one(&terminals("log_bytes = 65535")),
-        "5:13: 65535 is not a whole number from 65536 to 1073741824"
+        "5:13: the number 65535 stands where at least 65536 should be"
     );
     assert_eq!(
         one(&terminals("replay_bytes = 0\nlog_bytes = 4095")),
-        "6:13: 4095 is not a whole number from 4096 to 1073741824"
+        "6:13: the number 4095 stands where at least 4096 should be"
     );
     let (_place, file) = place();
     let read = |text: &str| {
@@ -209,7 +209,10 @@ fn a_program_is_looked_for_and_must_be_one() {
     let path = place.path().join("program");
     std::fs::write(&path, "").unwrap();
     let text = RIGHT.replace("\"self\"", "\"program\"");
-    let expected = format!("9:11: {path:?} is no program: it is no file that may be executed");
+    let expected = format!(
+        "9:11: {} is no program: it is no file that may be executed",
+        path.display()
+    );
     assert_eq!(told(&text, &file), [expected]);
     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).unwrap();
     let description = Description::from_toml(&text, &file, &OWN).unwrap();
@@ -239,7 +242,8 @@ fn what_is_served_is_a_directory() {
     assert_eq!(
         told(RIGHT, &file),
         [format!(
-            "5:8: {path:?} is no directory; name one, or what is not there yet"
+            "5:8: {} is no directory; name one, or what is not there yet",
+            path.display()
         )]
     );
 }

@@ -4,13 +4,13 @@ use std::format;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::string::{String, ToString as _};
+use std::string::String;
 use std::vec;
 use std::vec::Vec;
 
 use condor_hand::config::TextError;
-use condor_hand::trajectory::image::{ImageError, encode};
-use condor_hand::trajectory::motion::{MotionError, load};
+use condor_hand::trajectory::image::encode;
+use condor_hand::trajectory::motion::load;
 use thiserror::Error;
 
 use crate::start::IMAGE_BYTES;
@@ -31,21 +31,9 @@ pub enum CompileError {
         /// Why not.
         error: io::Error,
     },
-    /// The configuration of the hand is wrong.
+    /// What is written of the hand or of a motion.
     #[error(transparent)]
-    Hand(#[from] TextError),
-    /// What is written in the file of a motion.
-    #[error("{}:{line}:{column}: {problem}", path.display())]
-    Text {
-        /// The file.
-        path: PathBuf,
-        /// The line, from 1.
-        line: usize,
-        /// The character in the line, from 1.
-        column: usize,
-        /// What is wrong, and what would be right.
-        problem: String,
-    },
+    Text(#[from] TextError),
     /// A problem without a place, such as a sequence that is too long for the master.
     #[error("{}: {problem}", path.display())]
     Whole {
@@ -70,15 +58,12 @@ pub fn joint_names(hand: &UtahMit) -> Vec<String> {
 /// Reads the configuration of the hand.
 ///
 /// # Errors
-/// [`CompileError::Io`], [`CompileError::Hand`]; [`CompileError::Whole`] for a hand that the boards of
+/// [`CompileError::Io`], [`CompileError::Text`]; [`CompileError::Whole`] for a hand that the boards of
 /// the rack cannot serve.
 pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
     let text = fs::read_to_string(path).map_err(io(path))?;
     let hand = UtahMit::from_toml(&text, &path.to_string_lossy())?;
-    boards::check(&hand).map_err(|error| {
-        let (path, problem) = (path.to_path_buf(), error.to_string());
-        CompileError::Whole { path, problem }
-    })?;
+    boards::check(&hand).map_err(whole(path))?;
     Ok(hand)
 }
 
@@ -91,10 +76,7 @@ pub fn compile_all(hand: &Path, motions: &Path, files: &Path) -> Result<(), Comp
     fs::create_dir_all(files).map_err(io(files))?;
     let configuration = read_hand(hand)?;
     let mut image = vec![0; IMAGE_BYTES];
-    let len = configuration.to_image(&mut image).map_err(|error| {
-        let (path, problem) = (hand.to_path_buf(), error.to_string());
-        CompileError::Whole { path, problem }
-    })?;
+    let len = configuration.to_image(&mut image).map_err(whole(hand))?;
     image.truncate(len);
     replace(&files.join(IMAGE), &image)?;
     if motions.is_dir() {
@@ -114,6 +96,14 @@ fn replace(path: &Path, content: &[u8]) -> Result<(), CompileError> {
 fn io(path: &Path) -> impl FnOnce(io::Error) -> CompileError + use<> {
     let path = path.to_path_buf();
     |error| CompileError::Io { path, error }
+}
+
+fn whole<E: ToString>(path: &Path) -> impl FnOnce(E) -> CompileError + use<E> {
+    let path = path.to_path_buf();
+    |error| CompileError::Whole {
+        path,
+        problem: error.to_string(),
+    }
 }
 
 /// Compiles every `NAME.toml` of a directory to `NAME.motion` in `out`, which is made if it is not
@@ -141,7 +131,7 @@ pub fn compile_motions(
     let mut compiled = Vec::new();
     for path in paths {
         let text = fs::read_to_string(&path).map_err(io(&path))?;
-        let image = compile(&text, names).map_err(|problem| problem.at(&path))?;
+        let image = compile(&text, &path, names)?;
         let name = path.file_stem().unwrap_or_default();
         let name = String::from(name.to_string_lossy());
         replace(&out.join(format!("{name}.motion")), &image)?;
@@ -150,42 +140,10 @@ pub fn compile_motions(
     Ok(compiled)
 }
 
-#[derive(Debug)]
-enum Problem {
-    Motion(MotionError),
-    Image(ImageError),
-}
-
-impl Problem {
-    fn at(self, path: &Path) -> CompileError {
-        let path = path.to_path_buf();
-        match self {
-            Self::Motion(MotionError::Text {
-                line,
-                column,
-                problem,
-            }) => CompileError::Text {
-                path,
-                line,
-                column,
-                problem,
-            },
-            Self::Motion(error) => CompileError::Whole {
-                path,
-                problem: format!("{error}"),
-            },
-            Self::Image(error) => CompileError::Whole {
-                path,
-                problem: format!("{error}"),
-            },
-        }
-    }
-}
-
-fn compile(text: &str, names: &[impl AsRef<str>]) -> Result<Vec<u8>, Problem> {
-    let motions = load::<{ FINGERS * JOINTS }>(text, names).map_err(Problem::Motion)?;
-    let mut bytes = std::vec![0; BYTES];
-    let len = encode(&motions, &mut bytes).map_err(Problem::Image)?;
+fn compile(text: &str, path: &Path, names: &[impl AsRef<str>]) -> Result<Vec<u8>, CompileError> {
+    let motions = load::<{ FINGERS * JOINTS }>(text, &path.to_string_lossy(), names)?;
+    let mut bytes = vec![0; BYTES];
+    let len = encode(&motions, &mut bytes).map_err(whole(path))?;
     bytes.truncate(len);
     Ok(bytes)
 }

@@ -1,10 +1,9 @@
 //! [`HARTS`]: harts of another machine as a kind of processors, and the machine as a service.
 
-use core::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use condor_host::cli::AnyError;
-use condor_host::description::{At, beside, find_program};
+use condor_host::description::{Spanned, Whole, beside, find_program};
 use condor_host::extension::{Extension, Found, Furnished, Group, Service};
 use condor_host::supervisor::Launch;
 use condor_host::system::SystemDirectory;
@@ -18,7 +17,7 @@ use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, map, service};
 
 const MIB: i64 = 1 << 20;
 const MOST_BYTES: i64 = 1 << 30;
-const HART_NUMBERS: RangeInclusive<i64> = 0..=map::HARTS as i64 - 1;
+type HartNumber = Whole<u32, 0, { map::HARTS as i64 - 1 }>;
 /// The program that is the machine, if no other is named.
 const QEMU: &str = "qemu-system-riscv64";
 
@@ -41,7 +40,7 @@ impl Extension for Harts {
         let Some(keys) = &mut found.keys else {
             let text = "a hart belongs to a machine; add `[machine]`, or make it a process";
             if let Some((first, hart)) = found.processors.first().zip(harts.first()) {
-                first.keys.wrong(&hart.span, text);
+                first.keys.wrong(&hart.span(), text);
             }
             return None;
         };
@@ -51,51 +50,48 @@ impl Extension for Harts {
             is_right = false;
         }
         keys.word("kind", &[("qemu-riscv-virt", ())]);
-        let memory_bytes = keys.number("memory_bytes", MIB..=MOST_BYTES, MIB);
+        let memory_bytes: Option<Spanned<Whole<u32, MIB, MOST_BYTES, MIB>>> =
+            keys.need("memory_bytes", "a multiple of 1048576");
         let expected = "the path of the program in which the harts come up";
-        let monitor = keys.text("monitor", expected);
-        let command = keys.optional_text("qemu", "the program that is the machine");
-        let options = keys.texts("options");
-        let command = command.unwrap_or_else(|| At {
-            value: QEMU.into(),
-            span: keys.span(),
-        });
-        let command_path = find_program(found.file, &command.value);
+        let monitor: Option<Spanned<String>> = keys.need("monitor", expected);
+        let command: Option<Spanned<String>> = keys.get("qemu");
+        let options = keys.get("options");
+        let command = command.unwrap_or_else(|| Spanned::new(keys.span(), QEMU.into()));
+        let command_path = find_program(found.file, command.get_ref());
         if command_path.is_err() {
-            let name = &command.value;
             let text = format!(
-                "there is no program `{name}`, which is to be the machine: install QEMU (package \
+                "there is no program `{command}`, which is to be the machine: install QEMU (package \
                  qemu-system-misc of Debian and Ubuntu), or say with `qemu` where it is"
             );
-            keys.wrong(&command.span, text);
+            keys.wrong(&command.span(), text);
         }
         let (memory_bytes, monitor) = (memory_bytes?, monitor?);
-        let path = beside(found.file, &monitor.value);
+        let path = beside(found.file, monitor.get_ref());
         if let Err(error) = std::fs::File::open(&path) {
             keys.wrong(
-                &monitor.span,
+                &monitor.span(),
                 format!("cannot read {}: {error}", path.display()),
             );
         }
         let qemu = Qemu {
             command: command_path.ok()?,
             monitor: path,
-            options: options.map(|options| options.value).unwrap_or_default(),
+            options: options.unwrap_or_default(),
         };
         if !is_right {
             return None;
         }
         let numbers = found.processors.iter().zip(&harts);
-        let numbers = numbers.map(|(one, hart)| Some((hart.value, one.number?)));
+        let numbers = numbers.map(|(one, hart)| Some((hart.get_ref().0, one.number?)));
         let mut numbers = numbers.collect::<Option<Vec<_>>>()?;
         numbers.sort_unstable();
         let numbers: Vec<_> = numbers.into_iter().map(|(_, number)| number).collect();
-        let bytes = u32::try_from(memory_bytes.value).ok()?;
+        let bytes = memory_bytes.get_ref().0;
         let (window, bus, shared) = (found.window_bytes, found.bus_bytes, found.shared_bytes);
         let map = match Map::new(bytes, &numbers, window, bus, shared) {
             Ok(map) => map,
             Err(error) => {
-                keys.wrong(&memory_bytes.span, error.to_string());
+                keys.wrong(&memory_bytes.span(), error);
                 return None;
             }
         };
@@ -117,38 +113,36 @@ impl Extension for Harts {
 }
 
 /// The harts of all processors that have one, and whether each is one processor and none is left out.
-fn harts(found: &mut Found<'_, '_>) -> (Vec<At<u32>>, bool) {
-    let mut harts: Vec<At<u32>> = Vec::new();
+fn harts(found: &mut Found<'_, '_>) -> (Vec<Spanned<HartNumber>>, bool) {
+    let mut harts: Vec<Spanned<HartNumber>> = Vec::new();
     let mut is_right = true;
     for processor in &mut found.processors {
         let keys = &mut processor.keys;
-        let hart = keys.number("hart", HART_NUMBERS, 1);
-        let Some((value, hart)) = hart.and_then(|it| Some((u32::try_from(it.value).ok()?, it)))
-        else {
+        let Some(hart) = keys.need("hart", "a whole number from 0 to 7") else {
             is_right = false;
             continue;
         };
-        let span = hart.span;
-        if let Some(other) = harts.iter().find(|other| other.value == value) {
-            let line = keys.line(other.span.start);
+        if let Some(other) = harts.iter().find(|other| **other == hart) {
+            let line = keys.line(other.span().start);
             is_right = false;
-            keys.wrong(
-                &span,
-                format!("the processor in line {line} is hart {value}, too"),
+            let text = format!(
+                "the processor in line {line} is hart {}, too",
+                hart.get_ref().0
             );
+            keys.wrong(&hart.span(), text);
         }
-        harts.push(At { value, span });
+        harts.push(hart);
     }
-    if let Some(last) = harts.iter().max_by_key(|hart| hart.value)
+    if let Some(last) = harts.iter().max_by_key(|hart| hart.get_ref().0)
         && let Some(first) = found.processors.first()
     {
-        let is_missing = |wanted: &u32| harts.iter().all(|hart| hart.value != *wanted);
-        if let Some(missing) = (0..last.value).find(is_missing) {
+        let is_missing = |wanted: &u32| harts.iter().all(|hart| hart.get_ref().0 != *wanted);
+        if let Some(missing) = (0..last.get_ref().0).find(is_missing) {
             let text = format!(
                 "this is hart {}, and no processor is hart {missing}; number them from 0 on without a gap",
-                last.value
+                last.get_ref().0
             );
-            first.keys.wrong(&last.span, text);
+            first.keys.wrong(&last.span(), text);
             is_right = false;
         }
     }
@@ -156,21 +150,21 @@ fn harts(found: &mut Found<'_, '_>) -> (Vec<At<u32>>, bool) {
 }
 
 /// Each hart has room for its program.
-fn programs(found: &Found<'_, '_>, harts: &[At<u32>], map: &Map) -> Option<()> {
+fn programs(found: &Found<'_, '_>, harts: &[Spanned<HartNumber>], map: &Map) -> Option<()> {
     let mut is_right = true;
-    for (processor, At { value: hart, .. }) in found.processors.iter().zip(harts) {
+    for (processor, hart) in found.processors.iter().zip(harts) {
+        let hart = hart.get_ref().0;
         let program = processor.program.as_ref()?;
-        let path = &program.value;
+        let path = program.get_ref();
         let bytes = std::fs::read(path).ok()?;
-        if let Err(error) = Image::new(&bytes, map, *hart) {
+        if let Err(error) = Image::new(&bytes, map, hart) {
             let text = format!("{} is no program for hart {hart}: {error}", path.display());
-            processor.keys.wrong(&program.span, text);
+            processor.keys.wrong(&program.span(), text);
             is_right = false;
         }
-        if let Err(error) = flat(&processor.arguments.value) {
-            processor
-                .keys
-                .wrong(&processor.arguments.span, error.to_string());
+        if let Err(error) = flat(processor.arguments.get_ref()) {
+            let span = processor.arguments.span();
+            processor.keys.wrong(&span, error);
             is_right = false;
         }
     }

@@ -1,11 +1,12 @@
 //! Where a value comes from that a joint or a finger leaves out.
 
 use core::ops::Range;
-use std::string::String;
 use std::vec::Vec;
 
-use super::problem::{Fault, Problem};
-use super::tree::{FilledIn, Node, Value};
+use condor_toml::{Fault, Spanned};
+use toml::de::{DeTable, DeValue};
+
+type Value<'t> = Spanned<DeValue<'t>>;
 
 /// The defaults of the joints of a finger, or of all fingers.
 const JOINT_DEFAULTS: &str = "joint_defaults";
@@ -20,154 +21,158 @@ const CHANNEL: &str = "channel";
 const CHOICES: [&str; 5] = ["form", "motion", "rectification", "rotation", "shape"];
 
 /// Fills in what the fingers and joints leave out, and removes the keys that say from where.
-pub(super) fn fill(tree: &mut Node) -> Result<(), Fault> {
-    let general = tree.take(JOINT_DEFAULTS).map(table).transpose()?;
-    let Some(Value::List(fingers)) = tree.get_mut("fingers").map(|node| &mut node.value) else {
+pub(super) fn fill(tree: &mut Value<'_>) -> Result<(), Fault> {
+    let general = take_table(tree)?;
+    let Some(DeValue::Array(fingers)) = get_mut(tree, "fingers") else {
         return Ok(());
     };
-    let mut above: Vec<Node> = Vec::new();
-    for finger in fingers {
-        let own = finger.take(JOINT_DEFAULTS).map(table).transpose()?;
-        let like = match finger.take(LIKE) {
+    let mut above: Vec<Value<'_>> = Vec::new();
+    for finger in fingers.iter_mut() {
+        let own = take_table(finger)?;
+        let like = match take(finger, LIKE) {
             Some(like) => Some(find(&above, &like)?),
             None => None,
         };
-        if let Some(defaults) = &own {
-            each_joint(finger, |joint| joint.add(defaults));
-        }
+        add_to_joints(finger, own.as_ref());
         if let Some(like) = like {
-            finger.add_finger(like);
+            add_finger(finger, like);
             // Joints that only the other finger has come with the other finger's defaults.
-            if let Some(defaults) = &own {
-                each_joint(finger, |joint| joint.add(defaults));
-            }
+            add_to_joints(finger, own.as_ref());
         }
-        if let Some(defaults) = &general {
-            each_joint(finger, |joint| joint.add(defaults));
-        }
+        add_to_joints(finger, general.as_ref());
         let mut model = finger.clone();
-        model.disconnect();
+        disconnect(&mut model);
         above.push(model);
     }
     Ok(())
 }
 
-fn table(node: Node) -> Result<Node, Fault> {
-    if matches!(node.value, Value::Table(_)) {
-        return Ok(node);
+fn get_mut<'a, 't>(table: &'a mut Value<'t>, key: &str) -> Option<&'a mut DeValue<'t>> {
+    match table.get_mut() {
+        DeValue::Table(entries) => entries.get_mut(key).map(Spanned::get_mut),
+        _ => None,
     }
-    let problem = Problem::Unsuitable {
-        found: "a value".into(),
-        expected: "a table of defaults".into(),
-    };
-    Err(Fault::at(&node.span, problem))
+}
+
+/// Takes an entry out of a table.
+fn take<'t>(table: &mut Value<'t>, key: &str) -> Option<Value<'t>> {
+    match table.get_mut() {
+        DeValue::Table(entries) => entries.remove(key),
+        _ => None,
+    }
+}
+
+/// Takes the defaults of joints out of a table.
+fn take_table<'t>(table: &mut Value<'t>) -> Result<Option<Value<'t>>, Fault> {
+    match take(table, JOINT_DEFAULTS) {
+        Some(value) if !value.get_ref().is_table() => {
+            Err(Fault::unsuitable(&value, "a table of defaults"))
+        }
+        value => Ok(value),
+    }
 }
 
 /// The finger above that `like` names.
-fn find<'a>(above: &'a [Node], like: &Node) -> Result<&'a Node, Fault> {
-    let fault = |problem| Fault::at(&like.span, problem);
-    let Value::Text(name) = &like.value else {
-        return Err(fault(Problem::Unsuitable {
-            found: "a value".into(),
-            expected: "the name of a finger".into(),
-        }));
+fn find<'a, 't>(above: &'a [Value<'t>], like: &Value<'_>) -> Result<&'a Value<'t>, Fault> {
+    let Some(name) = like.get_ref().as_str() else {
+        return Err(Fault::unsuitable(like, "the name of a finger"));
     };
-    let finger = above.iter().find(|finger| {
-        let other = finger.get("name").map(|node| &node.value);
-        matches!(other, Some(Value::Text(other)) if other == name)
-    });
-    finger.ok_or_else(|| {
-        let name = String::from(name);
-        fault(Problem::LikeNothing { name })
+    let is_meant = |finger: &&Value<'_>| {
+        let other = finger.get_ref().get("name");
+        other.and_then(|other| other.get_ref().as_str()) == Some(name)
+    };
+    above.iter().find(is_meant).ok_or_else(|| {
+        let problem = std::format!("no finger `{name}` stands above this one");
+        Fault::at(&like.span(), problem)
     })
 }
 
-fn each_joint(finger: &mut Node, mut change: impl FnMut(&mut Node)) {
-    if let Some(Value::List(joints)) = finger.get_mut("joints").map(|node| &mut node.value) {
-        joints.iter_mut().for_each(&mut change);
+fn joints<'a, 't>(finger: &'a mut Value<'t>) -> impl Iterator<Item = &'a mut Value<'t>> {
+    let joints = match get_mut(finger, "joints") {
+        Some(DeValue::Array(joints)) => Some(joints.iter_mut()),
+        _ => None,
+    };
+    joints.into_iter().flatten()
+}
+
+fn add_to_joints<'t>(finger: &mut Value<'t>, defaults: Option<&Value<'t>>) {
+    if let Some(defaults) = defaults {
+        joints(finger).for_each(|joint| add(joint, defaults));
     }
 }
 
-impl Node {
-    /// Adds what a table leaves out, at any depth; other values, and lists, stay as they are.
-    fn add(&mut self, defaults: &Self) {
-        let (Value::Table(own), Value::Table(defaults)) = (&mut self.value, &defaults.value) else {
-            return;
-        };
-        for (key, default) in defaults {
-            match own.iter_mut().find(|(other, _)| other.name == key.name) {
-                Some((_, node)) if CHOICES.contains(&key.name.as_str()) => node.add_choice(default),
-                Some((_, node)) => node.add(default),
-                None => {
-                    let mut filled = default.clone();
-                    let (span, way) = match &self.filled_in {
-                        Some(outer) => (&outer.span, outer.way.as_str()),
-                        None => (&self.span, ""),
-                    };
-                    filled.fill_in(span, way, &key.name);
-                    own.push((key.clone(), filled));
-                }
+/// Adds what a finger leaves out, to each joint from the one in the same place.
+fn add_finger<'t>(finger: &mut Value<'t>, like: &Value<'t>) {
+    let is_named = finger.get_ref().get("name").is_some();
+    add(finger, like);
+    if !is_named {
+        take(finger, "name");
+    }
+    let others = like.get_ref().get("joints");
+    if let Some(others) = others.and_then(|others| others.get_ref().as_array()) {
+        joints(finger)
+            .zip(others.iter())
+            .for_each(|(joint, other)| add(joint, other));
+    }
+}
+
+/// Adds what a table leaves out, at any depth; other values, and lists, stay as they are.
+fn add<'t>(value: &mut Value<'t>, defaults: &Value<'t>) {
+    let span = value.span();
+    let (DeValue::Table(own), DeValue::Table(defaults)) = (value.get_mut(), defaults.get_ref())
+    else {
+        return;
+    };
+    for (key, default) in defaults {
+        match own.get_mut(key) {
+            Some(value) if !is_choice(key.get_ref()) || is_same_choice(value, default) => {
+                add(value, default);
+            }
+            Some(_) => {}
+            None => {
+                own.insert(key.clone(), fill_in(key.get_ref(), default, &span));
             }
         }
     }
+}
 
-    /// Says that this stands in another table than that of its text: what it lacks is lacking there.
-    fn fill_in(&mut self, span: &Range<usize>, way: &str, name: &str) {
-        let Value::Table(entries) = &mut self.value else {
-            return;
-        };
-        let way = if way.is_empty() {
-            name.into()
-        } else {
-            std::format!("{way}.{name}")
-        };
-        for (key, node) in entries {
-            node.fill_in(span, &way, &key.name);
+fn is_choice(key: &str) -> bool {
+    CHOICES.contains(&key)
+}
+
+fn is_same_choice(value: &Value<'_>, default: &Value<'_>) -> bool {
+    match (value.get_ref(), default.get_ref()) {
+        (DeValue::Table(own), DeValue::Table(others)) => {
+            own.keys().all(|key| others.contains_key(key))
         }
-        let span = span.clone();
-        self.filled_in = Some(FilledIn { span, way });
+        _ => false,
     }
+}
 
-    /// Removes every `channel`: no two joints share one.
-    fn disconnect(&mut self) {
-        match &mut self.value {
-            Value::Table(entries) => {
-                entries.retain(|(key, _)| key.name != CHANNEL);
-                for (_, node) in entries {
-                    node.disconnect();
-                }
-            }
-            Value::List(list) => list.iter_mut().for_each(Self::disconnect),
-            _ => {}
+/// A default that stands in the table at `span` from now on: what it lacks is lacking there. A choice is whole.
+fn fill_in<'t>(key: &str, default: &Value<'t>, span: &Range<usize>) -> Value<'t> {
+    match default.get_ref() {
+        DeValue::Table(entries) if !is_choice(key) => {
+            let entries = entries.iter();
+            let entries = entries.map(|(key, value)| {
+                let filled = fill_in(key.get_ref(), value, span);
+                (key.clone(), filled)
+            });
+            let entries: DeTable<'_> = entries.collect();
+            Spanned::new(span.clone(), DeValue::Table(entries))
         }
+        _ => default.clone(),
     }
+}
 
-    /// `add`, unless the choices differ.
-    fn add_choice(&mut self, defaults: &Self) {
-        if let (Value::Table(own), Value::Table(others)) = (&self.value, &defaults.value)
-            && own
-                .iter()
-                .all(|(key, _)| others.iter().any(|(other, _)| other.name == key.name))
-        {
-            self.add(defaults);
+/// Removes every `channel`: no two joints share one.
+fn disconnect(value: &mut Value<'_>) {
+    match value.get_mut() {
+        DeValue::Table(entries) => {
+            entries.remove(CHANNEL);
+            entries.iter_mut().for_each(|(_, value)| disconnect(value));
         }
-    }
-
-    /// Adds what a finger leaves out, to each joint from the one in the same place.
-    fn add_finger(&mut self, like: &Self) {
-        let named = self.get("name").is_some();
-        self.add(like);
-        if !named {
-            self.take("name");
-        }
-        let Some(Value::List(others)) = like.get("joints").map(|node| &node.value) else {
-            return;
-        };
-        let mut others = others.iter();
-        each_joint(self, |joint| {
-            if let Some(other) = others.next() {
-                joint.add(other);
-            }
-        });
+        DeValue::Array(list) => list.iter_mut().for_each(disconnect),
+        _ => {}
     }
 }

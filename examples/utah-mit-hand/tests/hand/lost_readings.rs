@@ -120,7 +120,7 @@ impl<'h> Finger<'h> {
 /// The set-points of each finger at each tick of the master, of a motion that begins where it ends.
 fn set_points(hand: &UtahMit, text: &str) -> [Vec<[SetPoint<f64>; JOINTS]>; FINGERS] {
     let names = joint_names(hand);
-    let motions = motion::load::<ALL>(text, &names).unwrap();
+    let motions = motion::load::<ALL>(text, "motion", &names).unwrap();
     let joints = || hand.fingers.iter().flat_map(|finger| &finger.joints);
     let limits: Vec<_> = joints().map(|joint| joint.limits.with_jerk(2e5)).collect();
     let middles: Vec<_> = joints()

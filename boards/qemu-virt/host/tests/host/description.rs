@@ -147,7 +147,7 @@ fn mistakes_with_machines_are_told() {
         (
             "memory_bytes = 33554432",
             "memory_bytes = 4096",
-            "7:16: 4096 is not a multiple of 1048576 from 1048576 to 1073741824",
+            "7:16: the number 4096 stands where a multiple of 1048576 from 1048576 to 1073741824 should be",
             1,
         ),
         (

@@ -1,0 +1,171 @@
+//! A mistake before its line is known.
+
+use core::fmt::{self, Display};
+use core::ops::Range;
+
+use serde::de::{self, Expected, Unexpected};
+use toml::Spanned;
+use toml::de::DeValue;
+
+/// A mistake whose line is not known yet; [`Text::error`](crate::Text::error) adds it.
+#[derive(Debug)]
+pub struct Fault {
+    pub(crate) span: Option<Range<usize>>,
+    problem: Problem,
+}
+
+#[derive(Debug)]
+enum Problem {
+    /// A required key that is missing.
+    Missing(String),
+    /// A list with more than this many entries.
+    TooLong(usize),
+    Other(String),
+}
+
+impl Fault {
+    /// Creates the fault of the text at `span`.
+    #[must_use]
+    pub fn at(span: &Range<usize>, problem: impl Display) -> Self {
+        Self::from(problem.to_string()).within(span)
+    }
+
+    /// Sets the place, if none nearer to the problem is known.
+    pub(crate) fn within(mut self, span: &Range<usize>) -> Self {
+        self.span.get_or_insert_with(|| span.clone());
+        self
+    }
+
+    /// Puts `way` before a missing key: the keys to its table, which was filled in there.
+    pub(crate) fn lacking(mut self, way: &str) -> Self {
+        if let (None, Problem::Missing(key)) = (&self.span, &mut self.problem) {
+            key.insert_str(0, way);
+        }
+        self
+    }
+
+    /// Sets the place to the first entry of `list` that is too many, if that is the problem.
+    pub(crate) fn surplus(self, list: &[Spanned<DeValue<'_>>]) -> Self {
+        let Problem::TooLong(most) = self.problem else {
+            return self;
+        };
+        match list.get(most) {
+            Some(entry) => self.within(&entry.span()),
+            None => self,
+        }
+    }
+
+    pub(crate) fn unknown_key(key: &str, known: &[&str]) -> Self {
+        format!("there is no key `{key}` here; {}", suggest(key, known)).into()
+    }
+
+    pub(crate) fn unknown_word(word: &str, known: &[&str]) -> Self {
+        let choice = suggest(word, known);
+        format!("`{word}` is none of the choices here; {choice}").into()
+    }
+}
+
+impl From<String> for Fault {
+    fn from(problem: String) -> Self {
+        Self {
+            span: None,
+            problem: Problem::Other(problem),
+        }
+    }
+}
+
+impl Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.problem {
+            Problem::Missing(key) => write!(f, "the key `{key}` is missing here"),
+            Problem::TooLong(most) => {
+                write!(
+                    f,
+                    "this entry is one too many; the program has room for {most}"
+                )
+            }
+            Problem::Other(problem) => f.write_str(problem),
+        }
+    }
+}
+
+impl core::error::Error for Fault {}
+
+/// Returns the question whether the `known` word was meant that is most like `word`, or a list of all if none is.
+#[must_use]
+pub fn suggest(word: &str, known: &[&str]) -> String {
+    let distances = known
+        .iter()
+        .map(|&other| (strsim::osa_distance(word, other), other));
+    match distances.min() {
+        None => "it has none".into(),
+        Some((distance, nearest)) if distance <= word.chars().count().div_ceil(2) => {
+            format!("did you mean `{nearest}`?")
+        }
+        Some(_) => format!("it can be `{}`", known.join("`, `")),
+    }
+}
+
+impl de::Error for Fault {
+    fn custom<T: Display>(message: T) -> Self {
+        message.to_string().into()
+    }
+
+    fn invalid_type(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
+        let found = match found {
+            Unexpected::Bool(value) => format!("`{value}`"),
+            Unexpected::Signed(number) => format!("the number {number}"),
+            Unexpected::Float(number) => format!("the number {number:?}"),
+            Unexpected::Str(text) => format!("the text \"{text}\""),
+            Unexpected::Seq => "a list".into(),
+            Unexpected::Map => "a table".into(),
+            other => other.to_string(),
+        };
+        // What serde says is for those who know Rust's types.
+        let expected = match expected.to_string().as_str() {
+            "f64" => "a number".into(),
+            "u8" => format!("a whole number from 0 to {}", u8::MAX),
+            "u16" => format!("a whole number from 0 to {}", u16::MAX),
+            "u32" => format!("a whole number from 0 to {}", u32::MAX),
+            "u64" => format!("a whole number from 0 to {}", i64::MAX),
+            "a boolean" => "`true` or `false`".into(),
+            "a string" => "a text".into(),
+            "a sequence" => "a list".into(),
+            other if other.starts_with("struct ") => "a table".into(),
+            other => other.into(),
+        };
+        format!("{found} stands where {expected} should be").into()
+    }
+
+    fn invalid_value(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
+        Self::invalid_type(found, expected)
+    }
+
+    fn invalid_length(length: usize, expected: &dyn Expected) -> Self {
+        let expected = expected.to_string();
+        // What heapless says of the first entry for which a list has no room.
+        if expected == "a sequence" {
+            let problem = Problem::TooLong(length.saturating_sub(1));
+            return Self {
+                span: None,
+                problem,
+            };
+        }
+        format!("the length {length} is not that of {expected}").into()
+    }
+
+    fn unknown_variant(word: &str, known: &'static [&'static str]) -> Self {
+        Self::unknown_word(word, known)
+    }
+
+    fn unknown_field(key: &str, known: &'static [&'static str]) -> Self {
+        Self::unknown_key(key, known)
+    }
+
+    fn missing_field(key: &'static str) -> Self {
+        Self {
+            span: None,
+            problem: Problem::Missing(key.into()),
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! A text, and the mistakes in it.
+
+use core::cell::RefCell;
+use core::fmt::{self, Display};
+use core::ops::Range;
+
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::{Fault, Keys, read};
+
+/// A mistake at one place of a text.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error(
+    "{file}:{line}:{column}: {problem}{}{text}",
+    if text.is_empty() { "" } else { "\n    " }
+)]
+#[non_exhaustive]
+pub struct TextError {
+    /// The name of the file.
+    pub file: String,
+    /// The line, from 1.
+    pub line: usize,
+    /// The column in characters, from 1.
+    pub column: usize,
+    /// The wrong text, up to the end of that line.
+    pub text: String,
+    /// The problem, and what would be right.
+    pub problem: String,
+}
+
+/// All mistakes in a text, in the order of its lines.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TextErrors(pub Vec<TextError>);
+
+impl Display for TextErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, error) in self.0.iter().enumerate() {
+            write!(f, "{}{error}", if index == 0 { "" } else { "\n" })?;
+        }
+        Ok(())
+    }
+}
+
+impl core::error::Error for TextErrors {}
+
+impl From<TextError> for TextErrors {
+    fn from(error: TextError) -> Self {
+        Self(vec![error])
+    }
+}
+
+/// A text with the name of its file, which collects the mistakes in it.
+#[derive(Debug)]
+pub struct Text<'t> {
+    file: &'t str,
+    content: &'t str,
+    errors: RefCell<Vec<TextError>>,
+}
+
+impl<'t> Text<'t> {
+    /// Creates a text. `file` is the name of its file in errors; nothing is opened.
+    #[must_use]
+    pub fn new(file: &'t str, content: &'t str) -> Self {
+        Self {
+            file,
+            content,
+            errors: RefCell::default(),
+        }
+    }
+
+    /// Returns the values of the text as a tree, whose root is a table.
+    ///
+    /// # Errors
+    /// The first part that is not TOML.
+    pub fn parse(&self) -> Result<Spanned<DeValue<'t>>, TextError> {
+        let table = DeTable::parse(self.content).map_err(|error| {
+            let span = error.span().unwrap_or_default();
+            self.error(Fault::at(&span, error.message()))
+        })?;
+        Ok(Spanned::new(
+            table.span(),
+            DeValue::Table(table.into_inner()),
+        ))
+    }
+
+    /// Reads the text as a whole.
+    ///
+    /// # Errors
+    /// The first mistake.
+    pub fn read<T: DeserializeOwned>(&self) -> Result<T, TextError> {
+        read(&self.parse()?).map_err(|fault| self.error(fault))
+    }
+
+    /// Returns the keys of a table of this text. A value of another type is noted as a mistake.
+    pub fn keys<'a>(&'a self, table: &'a Spanned<DeValue<'t>>) -> Option<Keys<'a, 't>> {
+        Keys::new(self, table)
+    }
+
+    /// Returns the line of a byte, from 1.
+    #[must_use]
+    pub fn line(&self, byte: usize) -> usize {
+        self.place(byte).0
+    }
+
+    /// The line and column of a byte, from 1.
+    fn place(&self, byte: usize) -> (usize, usize) {
+        let before = self.content.get(..byte).unwrap_or(self.content);
+        let line = before.rsplit('\n').next().unwrap_or_default();
+        let lines_before = before.matches('\n').count();
+        (lines_before + 1, line.chars().count() + 1)
+    }
+
+    /// Adds to a fault its place in this text.
+    #[must_use]
+    pub fn error(&self, fault: Fault) -> TextError {
+        let problem = fault.to_string();
+        let span = fault.span.unwrap_or_default();
+        let (line, column) = self.place(span.start);
+        let offending = self.content.get(span).unwrap_or_default();
+        TextError {
+            file: self.file.into(),
+            line,
+            column,
+            text: offending.lines().next().unwrap_or_default().into(),
+            problem,
+        }
+    }
+
+    /// Notes that the text at `span` is wrong.
+    pub fn wrong(&self, span: &Range<usize>, problem: impl Display) {
+        self.note(Fault::at(span, problem));
+    }
+
+    pub(crate) fn note(&self, fault: Fault) {
+        self.errors.borrow_mut().push(self.error(fault));
+    }
+
+    /// Returns `value`, which was read from the text, if no mistake was noted.
+    ///
+    /// # Errors
+    /// All mistakes that were noted. Whoever has no value has noted why.
+    pub fn finish<T>(self, value: Option<T>) -> Result<T, TextErrors> {
+        let mut errors = self.errors.into_inner();
+        errors.sort_by_key(|error| (error.line, error.column));
+        match value {
+            Some(value) if errors.is_empty() => Ok(value),
+            _ => Err(TextErrors(errors)),
+        }
+    }
+}
