@@ -101,7 +101,7 @@ fn threads_have_phases_and_histograms() {
         scope.assign(FAST, Overrun::Skip, &mut first).unwrap();
         scope.assign(SLOW, Overrun::Skip, &mut second).unwrap();
         threads.start_at(threads_begin()).unwrap();
-        until(|| threads.statistics(SLOW).unwrap().run >= 5);
+        until(|| [FAST, SLOW].map(|id| threads.statistics(id).unwrap().run >= 5) == [true; 2]);
     });
     let [first, second] = dues.map(AtomicU32::into_inner);
     assert_eq!((second + 10_000_000 - first) % 10_000_000, 5_000_000);
