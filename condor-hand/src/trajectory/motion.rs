@@ -1,4 +1,4 @@
-//! Motions as text that people write: TOML.
+//! Motions as TOML text, which people can write.
 //!
 //! ```toml
 //! [[motion]]
@@ -21,8 +21,8 @@
 //! joints = { "index.1" = 0.7, "index.2" = 0.0 }
 //! ```
 //!
-//! A profile, a pace and a joint must be there; all else has a default. Joints have the names that
-//! the caller gives, in the order of their numbers.
+//! A profile, a pace and a joint are required; everything else has a default. The caller gives the
+//! names of the joints, in the order of their numbers.
 
 use std::collections::BTreeMap;
 use std::string::{String, ToString};
@@ -36,7 +36,7 @@ use super::{
     Begin, Guards, MAX_VIAS, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via,
 };
 
-/// Why a text is not a sequence of motions, or a sequence has no text.
+/// The reason for which a text is not a sequence of motions, or a sequence has no text.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum MotionError {
@@ -47,25 +47,25 @@ pub enum MotionError {
         line: usize,
         /// The character in the line, from 1.
         column: usize,
-        /// What is wrong, and what would be right.
+        /// The problem, and the remedy.
         problem: String,
     },
-    /// A primitive that no generator takes.
+    /// No generator can run the primitive.
     #[error("motion {index}: {error}")]
     Primitive {
         /// The primitive, from 0.
         index: usize,
-        /// Why not.
+        /// The reason.
         error: PrimitiveError,
     },
-    /// A joint without a name.
+    /// A joint has no name.
     #[error("motion {index}: joint {joint} has no name; there are {names}")]
     Unnamed {
         /// The primitive, from 0.
         index: usize,
         /// The joint, from 0.
         joint: usize,
-        /// How many names there are.
+        /// The number of names.
         names: usize,
     },
     /// The sequence cannot be written.
@@ -73,13 +73,13 @@ pub enum MotionError {
     Write(String),
 }
 
-/// Reads a sequence of motions of joints with these names, each at the index of its number.
+/// Reads a sequence of motions. `names[i]` is the name of joint i.
 ///
-/// Limits are not known here; they are checked when a motion is enqueued.
+/// The limits of joints are not checked here, but when a motion is enqueued.
 ///
 /// # Errors
 ///
-/// The first thing that is wrong, with its place and what would be right.
+/// [`MotionError`] for the first mistake, with its place and the remedy.
 pub fn load<const J: usize>(
     text: &str,
     names: &[impl AsRef<str>],
@@ -95,12 +95,13 @@ pub fn load<const J: usize>(
         .collect()
 }
 
-/// Writes a sequence of motions so that [`load`] gives it back, to the last bit. What a primitive
-/// says of joints outside of its mask is not written.
+/// Writes a sequence of motions as text, from which [`load`] returns the same sequence to the last
+/// bit. Values for joints outside of a primitive's mask are not written.
 ///
 /// # Errors
 ///
-/// A primitive that no generator takes, and a joint without a name.
+/// [`MotionError::Primitive`] if no generator can run a primitive, [`MotionError::Unnamed`] if a
+/// joint has no name.
 pub fn save<const J: usize>(
     motions: &[Primitive<J>],
     names: &[impl AsRef<str>],

@@ -1,4 +1,4 @@
-//! What is wrong with a text, and where.
+//! Mistakes in a text, with their places.
 
 use core::fmt;
 use core::ops::Range;
@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::tree::Node;
 use crate::config::Mistake;
 
-/// A text that says no hand.
+/// The error of a text that is not a hand.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error(
     "{file}:{line}:{column}: {problem}{}{text}",
@@ -25,81 +25,81 @@ pub struct TextError {
     pub line: usize,
     /// The column in characters, from 1.
     pub column: usize,
-    /// The offending text, as far as it is on that line.
+    /// The wrong text, up to the end of that line.
     pub text: String,
-    /// What is wrong, and what would be right.
+    /// The problem, and the remedy.
     pub problem: Box<Problem>,
 }
 
-/// What is wrong with a text.
+/// The problem of a text.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Problem {
-    /// No TOML.
+    /// The text is not TOML.
     #[error("{message}")]
     Syntax {
-        /// What the parser expected.
+        /// The parser's message.
         message: String,
     },
-    /// A key that means nothing there.
+    /// The table has a key that is not known there.
     #[error("there is no key `{key}` here; {}", Choice { nearest: *nearest, known })]
     UnknownKey {
         /// The key.
         key: String,
-        /// The key that is spelt most like it.
+        /// The known key with the most similar spelling.
         nearest: Option<&'static str>,
         /// All keys of the table.
         known: &'static [&'static str],
     },
-    /// A word that means nothing there.
+    /// The value is a word that is not known there.
     #[error("`{word}` is none of the choices here; {}", Choice { nearest: *nearest, known })]
     UnknownWord {
         /// The word.
         word: String,
-        /// The word that is spelt most like it.
+        /// The known word with the most similar spelling.
         nearest: Option<&'static str>,
-        /// All words that are possible.
+        /// All words that are allowed.
         known: &'static [&'static str],
     },
-    /// A key that must be there.
+    /// A required key is missing.
     #[error("the key `{key}` is missing here")]
     MissingKey {
         /// The key.
         key: String,
     },
-    /// A value of the wrong kind, or beyond what its place can hold.
+    /// A value is of the wrong kind, or exceeds its type.
     #[error("{found} stands where {expected} should be")]
     Unsuitable {
-        /// What the value is.
+        /// The kind of the value.
         found: String,
-        /// What it should be.
+        /// The kind that is expected.
         expected: String,
     },
-    /// A list or a name of the wrong length.
+    /// A list or a name has the wrong length.
     #[error("the length {length} is not that of {expected}")]
     Length {
         /// The length.
         length: usize,
-        /// What has which length.
+        /// The expected length, and of what.
         expected: String,
     },
-    /// More entries in a list than the program has room for.
+    /// A list has more entries than the program has room for.
     #[error("there are {count} {of}; this program has room for {most}")]
     TooMany {
-        /// Of what.
+        /// The kind of entry.
         of: &'static str,
-        /// How many there are.
+        /// The number of entries.
         count: usize,
-        /// How many there may be.
+        /// The greatest number of entries.
         most: usize,
     },
-    /// A finger like one that is not above it.
+    /// The word `like` does not name a finger above this one.
     #[error("no finger `{name}` stands above this one")]
     LikeNothing {
         /// The name after `like`.
         name: String,
     },
-    /// A hand that cannot be.
+    /// The hand breaks a rule.
     #[error(transparent)]
     Mistake(Mistake),
 }
