@@ -1,14 +1,14 @@
-//! One file that says everything about a hand.
+//! The configuration of a hand, in one file.
 //!
-//! The file says which joints a processor serves, which A/D and D/A channels belong to a joint, and
-//! every number that a controller uses. A wire that moves to another connector is an edit of the
-//! file; no program is changed, and none is compiled again. That there is one such central file is
-//! from section 4.2 of A. I. Memo 977.
+//! The file assigns joints to processors, and A/D and D/A channels to joints, and has every number
+//! that a controller uses. If a wire moves to another connector, edit the file; no program is
+//! changed or compiled again. Section 4.2 of A. I. Memo 977 proposes such a central file.
 //!
 //! # For a controller
 //!
-//! The host turns the text into an image, and a processor loads the image, or has it linked in: it
-//! parses no text and allocates nothing. Both readers check all that [`Mistake`] knows.
+//! The host turns the text into an image; a processor loads the image, or has it linked in. So a
+//! processor parses no text and allocates nothing. Both readers check everything that [`Mistake`]
+//! lists.
 //!
 //! ```
 //! # #[cfg(feature = "text")] {
@@ -33,11 +33,11 @@
 //!
 //! # For people: the file
 //!
-//! The file is TOML; the fields of [`Hand`] are its keys. Units are SI and radians, and a key whose
-//! unit is another one ends in it. `hands/utah-mit.toml` in this package is a whole hand, whose
+//! The file is TOML; the fields of [`Hand`] are its keys. Units are SI and radians; a key with
+//! another unit ends in it. `hands/utah-mit.toml` in this package is a complete hand, whose
 //! comments say which numbers are published and which are assumed.
 //!
-//! | table | is |
+//! | table | content |
 //! |---|---|
 //! | the file itself | [`Hand`]: name, rates, gravity |
 //! | `[faults]`, `[contact]` | [`FaultPolicy`], [`Contact`] |
@@ -53,11 +53,11 @@
 //! `rectification = { smooth = { softness_n = 3.0 } }`. So are a [`Form`], a [`Rotation`],
 //! a [`Motion`] and a [`Shape`].
 //!
-//! Joints need not repeat themselves. What a joint leaves out is taken from `joint_defaults` of its
-//! finger, then from the joint in the same place of the finger that its finger is `like`, and then
-//! from `joint_defaults` of the file. Tables are completed key by key; lists, and tables that
-//! choose something else, stay as they are. A finger that is `like` one above it takes
-//! everything else from there too, but for its name and the channels, which no two have in common.
+//! Joints need not repeat values. A value that a joint leaves out is taken from `joint_defaults` of
+//! its finger, then from the joint at the same place of the finger that its finger is `like`, and
+//! then from `joint_defaults` of the file. Tables are completed key by key; lists, and tables that
+//! choose another variant, are not completed. A finger that is `like` one above it takes everything
+//! else from there, except its name and its channels, which no two fingers share.
 //!
 //! An error says where it is and what would be right:
 //!
@@ -98,5 +98,5 @@ pub use rotation::Rotation;
 pub use views::MotionLimits;
 pub use wiring::{Channel, Converter, Input, Output, Wire};
 
-/// What a hand, a finger, a joint or an axis is called: at most 15 bytes.
+/// The name of a hand, a finger, a joint or an axis: at most 15 bytes.
 pub type Name = heapless::String<15, u8>;

@@ -1,7 +1,7 @@
 //! Filters, servo laws and small linear algebra that need no hand.
 //!
-//! Everything runs at one sample rate, allocates nothing, and keeps what is not finite out of its
-//! state.
+//! Everything runs at one sample rate, allocates nothing, and keeps values that are not finite out
+//! of its state.
 
 pub(crate) mod bank;
 mod filter;

@@ -1,8 +1,10 @@
-//! The controller of fingers as a configuration says: sensors in, commands out, with faults.
+//! Controllers of fingers and of the table, made from a configuration: sensors in, commands out,
+//! with faults.
 //!
 //! A [`FingerController`] is a [`FingerServo`](crate::servo::FingerServo) that follows a master's
-//! set-points between its ticks, watches for faults, and comes to rest by itself after one.
-//! A [`TableController`] moves the table that carries the hand, and says how the palm is accelerated.
+//! set-points between its ticks, watches for faults, and comes to rest by itself after one. A
+//! [`TableController`] moves the table that carries the hand, and returns the acceleration of the
+//! palm.
 
 mod axis;
 mod finger;

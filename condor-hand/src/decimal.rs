@@ -1,8 +1,8 @@
-//! [`Decimal`]: numbers as text, without a path that panics.
+//! [`Decimal`]: numbers as text, without code that can panic.
 //!
-//! Core prints and reads floating point to the last bit, by code with checks of its own that panic. A
-//! firmware in which nothing can panic, and which is searched for that, cannot have it; so the errors of
-//! control, from set-points to tendons, print their numbers in this way.
+//! Core prints and reads floating point to the last bit, by code with internal checks that panic.
+//! Firmware that is checked to contain no path to a panic cannot use it; so the errors of control,
+//! from set-points to tendons, print their numbers in this way.
 
 use core::fmt::{self, Write as _};
 
@@ -10,8 +10,8 @@ use crate::math;
 
 /// A number as people write it: `0.25`, `-1200`, `1.5e-21`.
 ///
-/// It shows with twelve significant digits at most, without zeros at the end, or with as many digits
-/// after the point as a precision asks for, as in `{:.3}`. A width is not looked at.
+/// It prints at most twelve significant digits, without zeros at the end, or as many digits after
+/// the point as a precision asks for, as in `{:.3}`. A width is ignored.
 ///
 /// ```
 /// use condor_hand::decimal::Decimal;

@@ -13,14 +13,14 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::Real;
 
-/// The rigid-body dynamics of a serial mechanism of N joints, without friction and armature, which
-/// are those of a [`Drive`].
+/// The rigid-body dynamics of a serial mechanism of N joints, without friction and armature (the
+/// inertia of the drives), which belong to a [`Drive`].
 ///
-/// Where a joint slides, read m for rad, N for N m and kg for kg m². Finite arguments give finite
-/// answers, unless they are so large that a product overflows; no method panics.
+/// For a sliding joint, read m for rad, N for N m and kg for kg m². For finite arguments the
+/// results are finite, unless a product overflows; no method panics.
 pub trait Dynamics<T: Real, const N: usize> {
-    /// The torques (N m) that give the accelerations `qdd` (rad/s²) at the positions `q` (rad) and
-    /// rates `qd` (rad/s).
+    /// Returns the torques (N m) for the accelerations `qdd` (rad/s²) at the positions `q` (rad)
+    /// and rates `qd` (rad/s).
     fn inverse_dynamics(
         &self,
         q: &SVector<T, N>,
@@ -29,19 +29,20 @@ pub trait Dynamics<T: Real, const N: usize> {
         gravity: &Vector3<T>,
     ) -> SVector<T, N>;
 
-    /// The torques that hold the rates constant: gravity, Coriolis and centrifugal torques, N m.
+    /// Returns the torques that hold the rates constant: gravity, Coriolis and centrifugal torques,
+    /// N m.
     fn bias(&self, q: &SVector<T, N>, qd: &SVector<T, N>, gravity: &Vector3<T>) -> SVector<T, N>;
 
-    /// The torques that hold the joints still, N m.
+    /// Returns the torques that hold the joints still, N m.
     fn gravity_torque(&self, q: &SVector<T, N>, gravity: &Vector3<T>) -> SVector<T, N>;
 
-    /// The mass matrix: symmetric, kg m².
+    /// Returns the mass matrix: symmetric, kg m².
     fn mass_matrix(&self, q: &SVector<T, N>) -> SMatrix<T, N, N>;
 
-    /// The accelerations (rad/s²) that the torques cause, with the inertia of the drives
-    /// (`armature`, kg m²) added to the diagonal of the mass matrix. `None` where that matrix is
-    /// not positive definite, and where an acceleration is no finite number: a NaN among the
-    /// arguments does not leave here.
+    /// Returns the accelerations (rad/s²) that the torques cause, with the inertia of the drives
+    /// (`armature`, kg m²) added to the diagonal of the mass matrix. Returns `None` if that matrix
+    /// is not positive definite, or if an acceleration is not finite; so a NaN among the arguments
+    /// never appears in a result.
     fn forward_dynamics(
         &self,
         q: &SVector<T, N>,

@@ -1,7 +1,7 @@
-//! The forces by which several fingers hold one object, and the stiffness they give it.
+//! The forces by which several fingers hold one object, and the stiffness that they give it.
 //!
-//! A force is what a finger exerts **on the object**, and a wrench what all of them together do:
-//! a force and a moment about a point that is an argument, all in the axes of the palm.
+//! A force is that of a finger **on the object**. A wrench is the effect of all fingers together: a
+//! force and a moment about a point that is an argument, all in the axes of the palm.
 //!
 //! ```
 //! use condor_hand::grasp::{Contacts, Wrench};

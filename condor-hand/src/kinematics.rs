@@ -1,4 +1,4 @@
-//! Where the tip of a finger is, how it moves with the joints, and which joints bring it to a point.
+//! The position of a finger's tip, its motion with the joints, and the joints for a given position.
 //!
 //! All vectors are in the axes of the palm; a tip is a point of the last link.
 
@@ -24,33 +24,33 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::{Pose, Real};
 
-/// How the tip moves with the joints: rows x, y, z (m/rad) and then the rotation about x, y, z
-/// (rad/rad), in the axes of the palm; one column for each joint.
+/// The Jacobian of a tip: rows x, y, z (m/rad) and then the rotation about x, y, z (rad/rad), in
+/// the axes of the palm; one column for each joint.
 pub type Jacobian<T, const N: usize> = SMatrix<T, 6, N>;
 
 /// A serial mechanism of N joints with a tip.
 ///
 /// # For users
 ///
-/// Every method takes joint positions in rad (m for a prismatic joint). Finite positions give finite
-/// answers; none panics.
+/// Every method takes joint positions in rad (m for a prismatic joint). For finite positions the
+/// results are finite; no method panics.
 ///
 /// # For implementers
 ///
-/// Two ship: [`Chain`] for any mechanism, and the closed form
-/// [`PlanarFinger`]. `kinematics` gives exactly the pose of `tip`.
+/// Two implementations exist: [`Chain`] for any mechanism, and the closed form [`PlanarFinger`].
+/// The pose that `kinematics` returns must be exactly that of `tip`.
 pub trait Kinematics<T: Real, const N: usize> {
-    /// The frame at the tip, in the palm.
+    /// Returns the frame at the tip, in the palm.
     fn tip(&self, q: &SVector<T, N>) -> Pose<T>;
 
-    /// The frame at the tip and its Jacobian, together.
+    /// Returns the frame at the tip and its Jacobian, together.
     fn kinematics(&self, q: &SVector<T, N>) -> (Pose<T>, Jacobian<T, N>);
 
-    /// The unit direction in which the joints move without moving the tip's position; `None`
-    /// where there is none, or more than one.
+    /// Returns the unit direction in which the joints move without moving the tip's position;
+    /// `None` if there is none, or more than one.
     fn self_motion(&self, q: &SVector<T, N>) -> Option<SVector<T, N>>;
 
-    /// The velocity of the tip's position for the rates of the joints, m/s.
+    /// Returns the velocity of the tip's position for the rates of the joints, m/s.
     fn tip_velocity(&self, q: &SVector<T, N>, qd: &SVector<T, N>) -> Vector3<T> {
         let (_, jacobian) = self.kinematics(q);
         jacobian.fixed_rows::<3>(0) * qd

@@ -8,10 +8,10 @@ use nalgebra::RealField;
 
 /// A floating-point number of the controller: `f64`, or `f32` where a processor has only that.
 pub trait Real: RealField + Copy + sealed::Functions {
-    /// The nearest number of this type.
+    /// Returns the nearest number of this type.
     fn of(value: f64) -> Self;
 
-    /// The same number, as far as 64 bits go.
+    /// Converts to `f64`; in `f32` the value is exact.
     fn to_f64(self) -> f64;
 }
 
@@ -125,91 +125,91 @@ real!(
     |value| value as f32
 );
 
-/// A constant in the type of the caller.
+/// Returns `value` in the type of the caller.
 #[inline(always)]
 #[must_use]
 pub fn real<T: Real>(value: f64) -> T {
     T::of(value)
 }
 
-/// Sine and cosine of an angle in radians.
+/// Returns the sine and cosine of an angle in radians.
 #[inline(always)]
 #[must_use]
 pub fn sin_cos<T: Real>(angle: T) -> (T, T) {
     angle.sin_cos_()
 }
 
-/// Tangent of an angle in radians.
+/// Returns the tangent of an angle in radians.
 #[inline(always)]
 #[must_use]
 pub fn tan<T: Real>(angle: T) -> T {
     angle.tan_()
 }
 
-/// The angle of the point (x, y), in radians.
+/// Returns the angle of the point (x, y), in radians.
 #[inline(always)]
 #[must_use]
 pub fn atan2<T: Real>(y: T, x: T) -> T {
     y.atan2_(x)
 }
 
-/// The angle in 0..=pi whose cosine this is; the argument is clamped to -1..=1.
+/// Returns the angle in 0..=pi whose cosine this is; the argument is clamped to -1..=1.
 #[inline(always)]
 #[must_use]
 pub fn acos<T: Real>(cosine: T) -> T {
     clamp(cosine, -T::one(), T::one()).acos_()
 }
 
-/// The square root; zero for what is below zero, and for NaN.
+/// Returns the square root; zero for numbers below zero and for NaN.
 #[inline(always)]
 #[must_use]
 pub fn sqrt<T: Real>(x: T) -> T {
     max(x, T::zero()).sqrt_()
 }
 
-/// The cube root.
+/// Returns the cube root.
 #[inline(always)]
 #[must_use]
 pub fn cbrt<T: Real>(x: T) -> T {
     x.cbrt_()
 }
 
-/// The square root of x² + y², without care for overflow.
+/// Returns the square root of x² + y², without care for overflow.
 #[inline(always)]
 #[must_use]
 pub fn hypot<T: Real>(x: T, y: T) -> T {
     sqrt(x * x + y * y)
 }
 
-/// The exponential function.
+/// Returns the exponential function.
 #[inline(always)]
 #[must_use]
 pub fn exp<T: Real>(x: T) -> T {
     x.exp_()
 }
 
-/// The hyperbolic tangent.
+/// Returns the hyperbolic tangent.
 #[inline(always)]
 #[must_use]
 pub fn tanh<T: Real>(x: T) -> T {
     x.tanh_()
 }
 
-/// The nearest integer, halves away from zero.
+/// Returns the nearest integer, halves away from zero.
 #[inline(always)]
 #[must_use]
 pub fn round<T: Real>(x: T) -> T {
     x.round_()
 }
 
-/// The absolute value.
+/// Returns the absolute value.
 #[inline(always)]
 #[must_use]
 pub fn abs<T: Real>(x: T) -> T {
     x.abs_()
 }
 
-/// Neither infinite nor NaN.
+/// Returns whether `x` is neither infinite nor NaN.
 #[inline(always)]
 #[must_use]
 pub fn is_finite<T: Real>(x: T) -> bool {
@@ -237,7 +237,7 @@ pub fn clamp<T: Real>(x: T, low: T, high: T) -> T {
     max(min(high, x), low)
 }
 
-/// The angle in -pi..=pi that differs by whole turns.
+/// Returns the angle in -pi..=pi that differs by whole turns.
 #[inline]
 #[must_use]
 pub fn wrap<T: Real>(angle: T) -> T {

@@ -1,30 +1,31 @@
 //! Servos as objects that answer messages (feature `mbox`).
 //!
-//! Any processor can enable, disable, ask and restart any servo (memo, sections 3.5 and 4.2). A
-//! servo processor owns a [`ServoObject`]: its [`ServoHandler`] answers messages in the background, its
-//! [`ServoLoop`] is the control of the fingers in the servo loop. The loop never serves and never
-//! waits: what a message asks for is left as a *state* in memory of the object that only its own
-//! processor reaches, and the loop takes it over at the beginning of a tick. What was asked for twice
-//! between two ticks is done once, the last of it; restarts are counted all the same. The loop leaves
-//! what it did there too, so that a question costs it nothing. While nothing changes a tick reads one
-//! word for each finger, and the set-points.
+//! Any processor can enable, disable, query and restart any servo (memo, sections 3.5 and 4.2). A
+//! servo processor owns a [`ServoObject`]. Its [`ServoHandler`] answers messages in the background;
+//! its [`ServoLoop`] controls the fingers in the servo loop. The loop never serves and never waits.
+//! The handler stores a request as a *state* in private memory of the object, and the loop takes it
+//! over at the beginning of a tick. If a state changes twice between two ticks, only the last
+//! change takes effect; restarts are counted all the same. The loop also stores its results there,
+//! so a query costs it nothing. While nothing changes, a tick reads one word for each finger, and
+//! the set-points.
 //!
-//! The set-points of the master, 50 times a second, are no messages: a [`SetPoints`] publishes them in
-//! the window of the servo processor, and the loop polls them there.
+//! The set-points of the master, 50 times a second, are not messages: a [`SetPoints`] publishes
+//! them in the window of the servo processor, and the loop polls them there.
 //!
 //! # The protocol
 //!
-//! A request is a block in the users' region of the servo processor's `data`, one block of
-//! [`BLOCK_BYTES`] for each processor of the system: [`REQUEST_WORDS`] words of request, then as many
-//! of response, all 32 bits and little-endian. A number is an IEEE 754 double in two words, the low one
-//! first. The message goes to [`SERVO`] with the offset of the sender's block as its data. The reply is
-//! 1 once the response has been written, and 0 for an offset that is not that of the sender's block.
+//! A request is a block in the users' region of the servo processor's `data`. There is one block of
+//! [`BLOCK_BYTES`] for each processor of the system: [`REQUEST_WORDS`] words of request, then as
+//! many of response, all 32 bits and little-endian. A number is an IEEE 754 double in two words,
+//! the low one first. The sender sends a message to [`SERVO`] with the offset of its block. The
+//! reply is 1 when the response has been written, and 0 for an offset that is not that of the
+//! sender's block.
 //!
-//! | word of the request | |
+//! | word of the request | content |
 //! |---|---|
 //! | 0 | a [`Verb`] |
 //! | 1 | the finger of the hand, from 0 |
-//! | 2 | the joint, from 0; [`ALL_JOINTS`] |
+//! | 2 | the joint, from 0; or [`ALL_JOINTS`] |
 //! | 3 | the argument |
 //! | 4 … | numbers |
 //!
@@ -37,13 +38,14 @@
 //! | `Restart` | | | number of the order |
 //! | `Outcome` | number of an order | word 4: 0 mode or target, 1 restart | |
 //!
-//! Word 0 of the response is 0 if all is well; 1 if another request was being answered and this one was
-//! not looked at; for `Outcome` 2 until the loop has come to the order, 3 if a later one took its place;
-//! anything else is the code of a [`Refusal`], and its values follow.
+//! Word 0 of the response is 0 for success. It is 1 if another request was being answered and this
+//! one was ignored. For `Outcome` it is 2 until the loop has processed the order, and 3 if a later
+//! order replaced it. Any other number is the code of a [`Refusal`], whose values follow.
 //!
-//! An order is checked once, in the copy that the handler makes. What only the servo knows, such as
-//! whether a position is within its limits, or whether the finger rests after a fault, the loop finds
-//! when it comes to the order, and `Outcome` tells. An order that was refused is not tried again.
+//! An order is checked once, in the copy that the handler makes. Only the servo knows, for example,
+//! whether a position is within its limits, or whether the finger rests after a fault. The loop
+//! checks this when it processes the order, and `Outcome` returns the result. An order that was
+//! refused is not tried again.
 
 mod asked;
 mod client;
@@ -70,33 +72,34 @@ use condor_mbox::Vector;
 pub const SERVO: Vector = Vector(32);
 /// The version of the protocol.
 pub const VERSION: u32 = 3;
-/// Every joint of a finger, in place of the number of one.
+/// Stands for every joint of a finger, in place of the number of one.
 pub const ALL_JOINTS: u32 = u32::MAX;
 /// Words of a request, and of a response.
 pub const REQUEST_WORDS: usize = 32;
 /// Bytes of a block.
 pub const BLOCK_BYTES: u32 = 8 * REQUEST_WORDS as u32;
 
-/// What a request asks for.
+/// The verb of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum Verb {
-    /// Which hand and finger it is.
+    /// Asks for the names of the hand and the finger.
     Hello = 1,
-    /// Another mode, in which the joint keeps what it has; `Off` disables it.
+    /// Sets another mode, in which the joint keeps its present position, torque or tensions; `Off`
+    /// disables it.
     Mode = 2,
-    /// A target, and its mode.
+    /// Sets a target, and its mode.
     Target = 3,
-    /// How the finger is.
+    /// Asks for the state of a finger.
     Status = 4,
-    /// Forgets the latched faults.
+    /// Clears the latched faults.
     Restart = 5,
-    /// What became of an order.
+    /// Asks for the result of an order.
     Outcome = 6,
 }
 
 impl Verb {
-    /// The verb of a number.
+    /// Returns the verb that has this number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

@@ -1,22 +1,26 @@
-//! A simulated hand: fingers pulled by tendons, what they touch, and what their sensors say.
+//! A simulated hand: fingers pulled by tendons, an object and a ground that they touch, and their
+//! sensors.
 //!
 //! A [`Finger`] is a mechanism with [`Kinematics`](crate::kinematics::Kinematics) and
-//! [`Dynamics`](crate::dynamics::Dynamics), [`JointParameters`] and one [`Drive`] for each tendon. A
-//! [`Hand`] is some fingers, an [`Object`] and a [`Ground`] that their tips touch, and a [`Table`]
-//! that carries the palm. A [`SensorBank`] turns what is into what converters report, with noise and
-//! scripted [`SensorFault`]s.
+//! [`Dynamics`](crate::dynamics::Dynamics), [`JointParameters`] and one [`Drive`] for each tendon.
+//! A [`Hand`] has fingers, an [`Object`] and a [`Ground`] that their tips touch, and a [`Table`]
+//! that carries the palm. A [`SensorBank`] converts the state into the readings of converters, with
+//! noise and scripted [`SensorFault`]s.
 //!
-//! A [`PlantModel`] makes all of that from a configuration, and what a configuration does not say.
+//! A [`PlantModel`] makes all of that from a configuration, and adds parameters that a
+//! configuration does not have.
 //!
-//! The same calls give the same bits, on every target. Nothing here allocates or panics. All
-//! vectors are in the axes of the palm.
+//! The same calls have the same results, to the last bit, on every target. Nothing here allocates
+//! or panics. All vectors are in the axes of the palm.
 //!
-//! Motion is integrated semi-implicitly: forces at the present state give new rates, with friction
-//! taken at the new rates, and the new rates give new positions. This is what the `MuJoCo` integrator
-//! `implicitfast` does with joints that have only viscous friction; with [`DriveKind::Euler`] a finger
-//! follows that program to rounding. Steps of 0.1 ms bear contacts of 1e5 N/m.
+//! Motion is integrated semi-implicitly: forces at the present state determine the new rates, with
+//! friction taken at the new rates, and the new rates determine the new positions. The `MuJoCo`
+//! integrator `implicitfast` does the same with joints that have only viscous friction; with
+//! [`DriveKind::Euler`] a finger agrees with that program to rounding. Steps of 0.1 ms are stable
+//! with contacts of 1e5 N/m.
 //!
-//! Not modelled: what the fingers do to the table, rolling friction, tips that touch each other.
+//! The model does not include the reaction of the fingers on the table, rolling friction, and tips
+//! that touch each other.
 
 mod configured;
 mod contact;

@@ -2,7 +2,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::math::{Real, sin_cos};
 
-/// Where a frame is: its axes as columns of a rotation, and its origin in metres, both in the
+/// The pose of a frame: its axes as columns of a rotation, and its origin in metres, both in the
 /// frame around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose<T: Real = f64> {
@@ -13,7 +13,7 @@ pub struct Pose<T: Real = f64> {
 }
 
 impl<T: Real> Pose<T> {
-    /// The frame around it itself.
+    /// Returns the pose of a frame that is equal to the frame around it.
     #[must_use]
     pub fn identity() -> Self {
         Self {
@@ -22,7 +22,7 @@ impl<T: Real> Pose<T> {
         }
     }
 
-    /// A frame that is only shifted.
+    /// Returns the pose of a frame that is only shifted.
     #[must_use]
     pub fn at(x: T, y: T, z: T) -> Self {
         Self {
@@ -31,14 +31,14 @@ impl<T: Real> Pose<T> {
         }
     }
 
-    /// The point of the frame, in the frame around it.
+    /// Returns a point, given in this frame, in the coordinates of the frame around it.
     #[inline(always)]
     #[must_use]
     pub fn transform(&self, point: &Vector3<T>) -> Vector3<T> {
         self.position + self.rotation * point
     }
 
-    /// A frame within this one, in the frame around this one.
+    /// Returns the pose of `inner`, which is given in this frame, in the frame around this one.
     #[inline(always)]
     #[must_use]
     pub fn then(&self, inner: &Self) -> Self {
@@ -49,8 +49,8 @@ impl<T: Real> Pose<T> {
     }
 }
 
-/// The rotation by an angle (rad) about a unit axis, by Rodrigues' formula
-/// `c 1 + s [a] + (1 - c) a aᵀ`.
+/// Returns the rotation by an angle (rad) about a unit axis, by Rodrigues' formula `c 1 + s [a] +
+/// (1 - c) a aᵀ`.
 #[inline]
 #[must_use]
 pub fn rotation_about<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {

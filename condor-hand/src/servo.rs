@@ -6,9 +6,9 @@
 //!
 //! # Changes of mode
 //!
-//! A joint that changes its mode takes over what it has: a position servo holds the present position,
-//! a torque servo the present torque, a tension servo the present tensions. What is left of a
-//! step in the desired tensions is worked off linearly within
+//! When a joint changes its mode, it keeps its present state: a position servo holds the present
+//! position, a torque servo the present torque, a tension servo the present tensions. A remaining
+//! step in the desired tensions is spread linearly over
 //! [`transition_s`](FingerSettings::transition_s); tensions never jump.
 
 mod finger;

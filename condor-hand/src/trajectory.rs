@@ -1,12 +1,13 @@
-//! From motions that are asked for to smooth set-points of joints.
+//! Smooth set-points of joints, computed from requested motions.
 //!
-//! Three layers, each useful alone. Profiles are functions of time: [`Polynomial`], [`Segments`] and
-//! [`Spline`], with their exact extremes. A [`Generator`] takes a queue of [`Primitive`]s and gives
-//! set-points at the master's rate, within the limits of every joint. An [`Interpolator`] fills in the
-//! servo's rate between them, and stays smooth when a tick is late.
+//! There are three layers, and each is useful alone. Profiles are functions of time:
+//! [`Polynomial`], [`Segments`] and [`Spline`], with their exact extremes. A [`Generator`] takes a
+//! queue of [`Primitive`]s and returns set-points at the master's rate, within the limits of every
+//! joint. An [`Interpolator`] computes set-points between them at the servo's rate, and stays
+//! smooth when a tick is late.
 //!
-//! Positions are in rad (m for a prismatic joint), time is in s; time is counted in ticks, no clock is
-//! read.
+//! Positions are in rad (m for a prismatic joint), time is in s. Time is counted in ticks; no clock
+//! is read.
 
 #![allow(
     clippy::neg_cmp_op_on_partial_ord,
@@ -47,19 +48,19 @@ use thiserror::Error;
 use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite, max, min};
 
-/// Where a joint has to be, and how it moves there.
+/// The desired position of a joint at an instant, with its rate and acceleration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SetPoint<T> {
-    /// rad
+    /// The position, rad.
     pub position: T,
-    /// rad/s
+    /// The velocity, rad/s.
     pub velocity: T,
-    /// rad/s²
+    /// The acceleration, rad/s².
     pub acceleration: T,
 }
 
 impl<T: Real> SetPoint<T> {
-    /// At rest.
+    /// Makes a set-point at rest.
     #[must_use]
     pub fn rest(position: T) -> Self {
         Self {
@@ -69,7 +70,7 @@ impl<T: Real> SetPoint<T> {
         }
     }
 
-    /// Neither moves nor is about to.
+    /// Returns whether velocity and acceleration are zero.
     #[must_use]
     pub fn is_rest(&self) -> bool {
         self.velocity == T::zero() && self.acceleration == T::zero()
@@ -80,22 +81,22 @@ impl<T: Real> SetPoint<T> {
     }
 }
 
-/// What a joint may do.
+/// The limits of a joint's motion.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Limits<T> {
     /// The least position, rad.
     pub low: T,
     /// The greatest position, rad.
     pub high: T,
-    /// Speed to both sides, rad/s.
+    /// The greatest speed to either side, rad/s.
     pub velocity: T,
-    /// Acceleration to both sides, rad/s².
+    /// The greatest acceleration to either side, rad/s².
     pub acceleration: T,
-    /// Jerk to both sides, rad/s³; only [`Profile::JerkLimited`] keeps it.
+    /// The greatest jerk to either side, rad/s³; only [`Profile::JerkLimited`] keeps it.
     pub jerk: T,
 }
 
-/// Limits that no joint can have.
+/// The reason for which a generator or an interpolator cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TrajectoryError {
@@ -113,7 +114,7 @@ pub enum TrajectoryError {
         /// The greatest position, rad.
         high: f64,
     },
-    /// A rate that is not above zero, or not finite.
+    /// A limit of a derivative is not above zero, or not finite.
     #[error(
         "the limit {value} of the {quantity} of joint {joint} must be above zero and finite",
         value = Decimal(*.value),
@@ -121,12 +122,12 @@ pub enum TrajectoryError {
     Rate {
         /// The joint, from 0.
         joint: usize,
-        /// Which derivative.
+        /// The derivative.
         quantity: Quantity,
         /// The limit.
         value: f64,
     },
-    /// A start that is not finite.
+    /// A starting position is not finite.
     #[error("joint {joint} starts at {value} rad", value = Decimal(*.value))]
     Start {
         /// The joint, from 0.
@@ -134,13 +135,13 @@ pub enum TrajectoryError {
         /// The position, rad.
         value: f64,
     },
-    /// A tick that does not last.
+    /// The duration of a tick is not above zero.
     #[error("a tick of {value} s must be above zero and finite", value = Decimal(*.value))]
     Tick {
         /// Its duration, s.
         value: f64,
     },
-    /// An interpolator that would never move.
+    /// An interpolator has no substeps.
     #[error("a tick must have a substep")]
     Substeps,
 }
@@ -148,21 +149,24 @@ pub enum TrajectoryError {
 /// A derivative of a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Quantity {
-    /// rad/s
+    /// Velocity, rad/s.
     #[error("velocity")]
     Velocity,
-    /// rad/s²
+    /// Acceleration, rad/s².
     #[error("acceleration")]
     Acceleration,
-    /// rad/s³
+    /// Jerk, rad/s³.
     #[error("jerk")]
     Jerk,
 }
 
 impl<T: Real> Limits<T> {
+    /// Checks the limits of joint number `joint`.
+    ///
     /// # Errors
     ///
-    /// What is not finite, an empty range, and a rate that is not above zero.
+    /// [`TrajectoryError`] if a limit is not finite, the range is empty, or the limit of a
+    /// derivative is not above zero.
     pub fn validate(&self, joint: usize) -> Result<(), TrajectoryError> {
         if !(is_finite(self.low) && is_finite(self.high) && self.low < self.high) {
             return Err(TrajectoryError::Range {
@@ -220,26 +224,26 @@ impl<T: Real> Peaks<T> {
     }
 }
 
-/// A profile that does not exist.
+/// The reason for which there is no such profile.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ProfileError {
-    /// A boundary that is not finite, or a result too large for the type.
+    /// A boundary value is not finite, or the result is too large for the type.
     #[error("a boundary condition or a result of it is not finite")]
     NotFinite,
-    /// A duration that is not above zero.
+    /// The duration is not above zero.
     #[error("a duration of {duration} s must be above zero", duration = Decimal(*.duration))]
     Duration {
-        /// s
+        /// The duration, s.
         duration: f64,
     },
-    /// A bound that is not above zero.
+    /// A bound is not above zero.
     #[error("a bound of {bound} must be above zero and finite", bound = Decimal(*.bound))]
     Bound {
-        /// In its own unit.
+        /// The bound, in its own unit.
         bound: f64,
     },
-    /// The bounds allow no profile that lasts so short.
+    /// With these bounds every profile takes longer.
     #[error(
         "{duration} s is too short: the bounds need {least} s",
         duration = Decimal(*.duration),
@@ -251,7 +255,7 @@ pub enum ProfileError {
         /// The least duration, s.
         least: f64,
     },
-    /// No profile of this kind lasts exactly so long from this moving state.
+    /// From this moving state, no profile of this kind lasts exactly this long.
     #[error(
         "from this moving state nothing lasts exactly {duration} s",
         duration = Decimal(*.duration),
@@ -260,17 +264,18 @@ pub enum ProfileError {
         /// The duration that was given, s.
         duration: f64,
     },
-    /// Knots that are fewer than two, more than fit, or not as many times as positions.
+    /// There are fewer than two knots, more than there is room for, or not as many times as
+    /// positions.
     #[error("{times} times and {positions} positions of knots; equal numbers in 2..={most} fit")]
     Knots {
-        /// How many times.
+        /// The number of times.
         times: usize,
-        /// How many positions.
+        /// The number of positions.
         positions: usize,
-        /// How many fit.
+        /// The greatest number of knots.
         most: usize,
     },
-    /// A knot that is not after the one before it.
+    /// A knot is not after the one before it.
     #[error("knot {index} is at {time} s, not after the one before it", time = Decimal(*.time))]
     Order {
         /// The knot, from 0.

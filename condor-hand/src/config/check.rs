@@ -12,13 +12,13 @@ use place::{Examiner, Root};
 use super::{Hand, Mistake};
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
-    /// Whether a controller can be made of this.
+    /// Checks whether a controller can be made of this hand.
     ///
     /// # Errors
     ///
-    /// The first mistake: numbers that are not finite before all others, then the processors, the
-    /// fingers in order, the table, and last what takes more than one of them, which is channels
-    /// and load.
+    /// The first mistake: first numbers that are not finite, then the processors, the fingers in
+    /// order, the table, and last the rules for several of them together, which are channels and
+    /// load.
     pub fn check(&self) -> Result<(), Mistake> {
         self.examine(&mut Path::new())
     }

@@ -8,17 +8,17 @@ use crate::tendon::{Rectification, TensionGains};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Finger<const JOINTS: usize> {
-    /// What the finger is called.
+    /// The name of the finger.
     pub name: Name,
     /// The base of the finger in the palm.
     pub base: Placement,
-    /// What mechanism it is.
+    /// The form of its mechanism.
     pub form: Form,
     /// The joints, proximal first.
     pub joints: Vec<Joint<JOINTS>, JOINTS>,
 }
 
-/// Where a frame is in the frame around it.
+/// The place of a frame in the frame around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
@@ -37,7 +37,7 @@ pub enum Form {
     /// Four joints that the closed form solves: the first about the z axis of the base, the others
     /// about parallel y axes, with the links along x.
     Planar {
-        /// From each axis to the next, and from the last to the tip, m.
+        /// The distances from each axis to the next, and from the last to the tip, m.
         lengths: [f64; 4],
     },
     /// Any joints, each with a mount of its own.
@@ -51,25 +51,25 @@ pub enum Form {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint<const JOINTS: usize> {
-    /// What the joint is called.
+    /// The name of the joint.
     pub name: Name,
     /// The processor that serves it.
     pub processor: u8,
-    /// Where it sits and how it moves: in a chain, and only there.
+    /// Its place on the link before it, and its motion; only for joints of a chain.
     pub mount: Option<Mount>,
-    /// What it moves; nothing, where dynamics are not asked for.
+    /// The body of its link; `None` if dynamics are not needed.
     pub body: Option<Body>,
-    /// Where it may go.
+    /// The limits of its position and its motion.
     pub limits: Limits,
-    /// What holds it to its set-point.
+    /// The servo that holds it at its set-point.
     pub servo: JointServo,
-    /// What keeps it from its limits.
+    /// The soft stop that keeps it from its limits.
     #[serde(default)]
     pub stop: SoftStop,
-    /// What else resists its motion.
+    /// The friction and the inertia of its drive.
     #[serde(default)]
     pub friction: Friction,
-    /// How its torque is made of two tensions.
+    /// The way in which its torque becomes two tensions.
     pub rectification: Rectification<f64>,
     /// The sensor of its position.
     pub adc: Input,
@@ -82,7 +82,7 @@ pub struct Joint<const JOINTS: usize> {
     pub crosses: Vec<Crossing, JOINTS>,
 }
 
-/// How a joint sits on the link before it.
+/// The place of a joint on the link before it, and its motion.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mount {
@@ -92,11 +92,11 @@ pub struct Mount {
     /// The axes of that frame.
     #[serde(default)]
     pub rotation: Rotation,
-    /// How the joint moves.
+    /// The motion of the joint.
     pub motion: Motion,
 }
 
-/// How a joint moves; the axes are unit vectors in the joint's own frame.
+/// The motion of a joint; the axes are unit vectors in the joint's own frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Motion {
@@ -114,11 +114,11 @@ pub struct Body {
     pub mass_kg: f64,
     /// The centre of mass, m.
     pub center: [f64; 3],
-    /// How the mass is distributed.
+    /// The distribution of the mass.
     pub shape: Shape,
 }
 
-/// How mass is distributed about its centre, along the axes of the link.
+/// The distribution of mass about its centre, along the axes of the link.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Shape {
@@ -136,20 +136,21 @@ pub enum Shape {
 
 /// Gains and filters of a joint's servo.
 ///
-/// Units are those of a rotating joint; a sliding joint has N for N m and m for rad. The main gain of the
-/// law, `kp` or `bandwidth_hz`, must be above zero; what the law does not use may be left out.
+/// Units are those of a rotating joint; for a sliding joint read N for N m and m for rad. The main
+/// gain of the law, `kp` or `bandwidth_hz`, must be above zero; values that the law does not use
+/// may be left out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointServo {
-    /// Which law uses the gains.
+    /// The law that uses the gains.
     pub law: ServoLaw,
-    /// Of the position error in the law `pd`, N m/rad.
+    /// The gain of the position error in the law `pd`, N m/rad.
     #[serde(default)]
     pub kp: f64,
-    /// Of the velocity error in the law `pd`, N m s/rad.
+    /// The gain of the velocity error in the law `pd`, N m s/rad.
     #[serde(default)]
     pub kv: f64,
-    /// Of the integral of the position error, N m/(rad s).
+    /// The gain of the integral of the position error, N m/(rad s).
     #[serde(default)]
     pub ki: f64,
     /// The largest torque of the integral, N m.
@@ -161,12 +162,12 @@ pub struct JointServo {
     /// The damping ratio of the law `decoupled`.
     #[serde(default)]
     pub zeta: f64,
-    /// Of the torque error that the tension sensors show.
+    /// The gain of the torque error, which is computed from the tension sensors.
     #[serde(default)]
     pub k_tau: f64,
-    /// The cutoff of the filter of the measured position, Hz; none where it is left out.
+    /// The cutoff of the filter of the measured position, Hz; `None` means no filter.
     pub position_cutoff_hz: Option<f64>,
-    /// The cutoff of the filter that makes velocity of position, Hz.
+    /// The cutoff of the filter that differentiates the position, Hz.
     pub velocity_cutoff_hz: f64,
 }
 
@@ -180,39 +181,40 @@ pub enum ServoLaw {
     Decoupled,
 }
 
-/// Virtual springs and dampers before the limits of a joint, for whatever inertia it has there.
+/// Virtual springs and dampers before the limits of a joint, for whatever inertia the joint has
+/// there.
 ///
-/// In the zones the servo pushes the joint inwards as a spring would with which it swung by itself with
-/// this bandwidth. Joints rest between the zones: [`Joint::rest_range`].
+/// In each zone the servo pushes the joint inwards, as a spring would on which the free joint
+/// swings with this bandwidth. Joints rest between the zones: [`Joint::rest_range`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SoftStop {
-    /// How far before a limit a zone begins, rad.
+    /// The width of a zone before a limit, rad.
     pub zone: f64,
-    /// The natural frequency of the joint on the spring, Hz: as much as the rate of the servo, its filters
-    /// and its actuators can hold still.
+    /// The natural frequency of the joint on the spring, Hz. The rate of the servo, its filters and
+    /// its actuators limit it.
     pub bandwidth_hz: f64,
     /// The damping ratio; 1 does not overshoot.
     pub damping_ratio: f64,
 }
 
-/// What resists the motion of a joint beside its links.
+/// The resistance to the motion of a joint, apart from its links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
     /// The inertia of the drive at the joint, kg m².
     #[serde(default)]
     pub armature: f64,
-    /// N m s/rad.
+    /// Viscous friction, N m s/rad.
     #[serde(default)]
     pub viscous: f64,
-    /// N m.
+    /// Coulomb friction, N m.
     #[serde(default)]
     pub coulomb: f64,
     /// The rate below which Coulomb friction fades, rad/s.
     #[serde(default)]
     pub coulomb_rate: f64,
-    /// Of a tendon on its pulley: friction for each newton of tension and metre of arm.
+    /// The friction of a tendon on its pulley, for each newton of tension and metre of arm.
     #[serde(default)]
     pub tendon: f64,
 }
@@ -227,7 +229,7 @@ pub struct Tendon {
     pub dac: Output,
     /// The arm at its own joint, m: positive for a flexor, negative for an extensor.
     pub arm_m: f64,
-    /// The tension that it always has, N.
+    /// The least tension, which it always has, N.
     pub min_n: f64,
     /// The largest tension of its actuator, N.
     pub max_n: f64,
@@ -237,7 +239,7 @@ pub struct Tendon {
     pub break_n: f64,
     /// The small-signal pole of its actuator, Hz.
     pub actuator_hz: f64,
-    /// The cutoff of the filter of the measured tension, Hz; none where it is left out.
+    /// The cutoff of the filter of the measured tension, Hz; `None` means no filter.
     pub cutoff_hz: Option<f64>,
     /// The gains of its servo.
     #[serde(default)]

@@ -4,33 +4,33 @@ use serde::{Deserialize, Serialize};
 use super::{Finger, Input, Name, Output};
 use crate::trajectory;
 
-/// How many processors a hand can name.
+/// The greatest number of processors of a hand.
 pub const PROCESSORS: usize = 16;
 
 /// A hand: its fingers, the processors that serve them, and every number that a controller needs.
 ///
-/// `FINGERS` and `JOINTS` are capacities: of fingers, and of the joints of one finger. A hand with
-/// less fits too.
+/// `FINGERS` and `JOINTS` are the greatest numbers of fingers, and of joints of a finger. A hand
+/// may have fewer.
 ///
-/// A value that was made in code, or changed, is worth what [`check`](Self::check) says of it; the
-/// readers of text and of images have asked already.
+/// [`check`](Self::check) a value that was made or changed in code; the readers of text and of
+/// images have called it already.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
-    /// What the hand is called.
+    /// The name of the hand.
     pub name: Name,
-    /// The rate of a servo or table processor that names no other, Hz.
+    /// The rate of servo and table processors that have none of their own, Hz.
     pub servo_hz: u32,
-    /// The rate of the trajectories, and of a master that names no other, Hz.
+    /// The rate of the trajectories, and of masters that have none of their own, Hz.
     pub trajectory_hz: u32,
-    /// How long a step of tensions takes that a change of mode or gains would make at once, s.
+    /// The time over which a step of tensions is spread when a mode or gains change, s.
     #[serde(default = "transition_s")]
     pub transition_s: f64,
     /// Gravity in the axes of the palm, m/s².
     pub gravity: [f64; 3],
-    /// When a controller gives up, and how.
+    /// The conditions of faults, and the reaction to one.
     pub faults: FaultPolicy,
-    /// What fingertips are expected to touch.
+    /// The surface that fingertips are expected to touch.
     pub contact: Option<Contact>,
     /// The processors.
     pub processors: Vec<ControlProcessor, PROCESSORS>,
@@ -49,22 +49,22 @@ fn transition_s() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlProcessor {
-    /// The number by which joints and axes name it.
+    /// Its number in joints and axes.
     pub number: u8,
-    /// What it does.
+    /// The kind of its work.
     pub kind: ProcessorKind,
-    /// How often its loop runs, Hz, where that is not the hand's rate for its kind.
+    /// The rate of its loop, Hz, if that is not the hand's rate for its kind.
     pub rate_hz: Option<u32>,
-    /// How long one run of its loop takes without any joint, µs.
+    /// The run time of its loop without any joint, µs.
     pub loop_us: f64,
-    /// How long each joint or axis adds to that, µs.
+    /// The run time that each joint or axis adds, µs.
     #[serde(default)]
     pub joint_us: f64,
-    /// The part of the processor's time that the loop may take, 0 to 1.
+    /// The fraction of the processor's time that the loop may take, 0 to 1.
     pub budget: f64,
 }
 
-/// What a processor does.
+/// The kind of a processor's work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ProcessorKind {
@@ -72,7 +72,7 @@ pub enum ProcessorKind {
     Servo,
     /// Serves the axes of the table.
     Table,
-    /// Makes the trajectories.
+    /// Computes the trajectories.
     Master,
 }
 
@@ -88,7 +88,7 @@ pub struct Table {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// What the axis is called.
+    /// The name of the axis.
     pub name: Name,
     /// The unit vector along which it moves the palm, in the palm's axes.
     pub direction: [f64; 3],
@@ -98,12 +98,12 @@ pub struct Axis {
     pub adc: Input,
     /// The output of its drive, N.
     pub dac: Output,
-    /// Where it may go, m.
+    /// The limits of its position and its motion, m.
     pub limits: Limits,
-    /// Where it goes to when it is started, m.
+    /// The position to which it goes when it is started, m.
     #[serde(default)]
     pub home: f64,
-    /// What it moves, kg.
+    /// The mass that it moves, kg.
     pub mass_kg: f64,
     /// Its viscous friction, N s/m.
     #[serde(default)]
@@ -114,15 +114,15 @@ pub struct Axis {
     pub servo: AxisServo,
 }
 
-/// How an axis of the table is held to its set-point.
+/// Gains and filters of the servo of an axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisServo {
-    /// Of the position error, N/m.
+    /// The gain of the position error, N/m.
     pub kp: f64,
-    /// Of the velocity error, N s/m.
+    /// The gain of the velocity error, N s/m.
     pub kv: f64,
-    /// Of the integral of the position error, N/(m s).
+    /// The gain of the integral of the position error, N/(m s).
     #[serde(default)]
     pub ki: f64,
     /// The largest force of the integral, N.
@@ -132,7 +132,7 @@ pub struct AxisServo {
     pub velocity_cutoff_hz: f64,
 }
 
-/// Where a joint or an axis may go, and how fast: rad, or m for what slides.
+/// The limits of the position and the motion of a joint or an axis: rad, or m for sliding ones.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
@@ -147,7 +147,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The limits of a trajectory with this jerk to both sides, rad/s³ or m/s³.
+    /// Returns the limits of a trajectory with this jerk to both sides, rad/s³ or m/s³.
     #[must_use]
     pub const fn with_jerk(&self, jerk: f64) -> trajectory::Limits<f64> {
         trajectory::Limits {
@@ -160,44 +160,46 @@ impl Limits {
     }
 }
 
-/// What fingertips are expected to touch.
+/// The surface that fingertips are expected to touch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
     /// The coefficient of Coulomb friction.
     pub friction: f64,
-    /// The twist that a soft tip can pass on, as a part of the normal force, m.
+    /// The ratio of the moment that a soft tip can transmit to the normal force, m.
     #[serde(default)]
     pub torsion_m: f64,
-    /// By how much a grasp squeezes more than it must: at least 1.
+    /// The safety factor of the squeeze of a grasp: at least 1.
     pub safety: f64,
 }
 
-/// When a controller gives up, and how.
+/// The conditions of faults, and the reaction to one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultPolicy {
-    /// How long tensions take to the least ones after a fault, s.
+    /// The time in which tensions go to the least ones after a fault, s.
     pub safe_s: f64,
     /// The age from which a set-point is stale, s.
     pub stale_s: f64,
-    /// How many samples in a row make a tendon slack or broken.
+    /// The number of samples in a row after which a tendon counts as slack or broken.
     pub tension_samples: u16,
-    /// How many samples in a row make a tension's sensor stuck, any sensor out of its range, and a joint
-    /// past its limit.
+    /// The number of samples in a row after which a tension's sensor counts as stuck, any sensor as
+    /// out of its range, and a joint as past its limit.
     pub sensor_samples: u16,
-    /// After how many samples in a row that say nothing, or what cannot be, a sensor is lost. Until then
-    /// a joint goes on as it went.
+    /// The number of invalid or implausible samples in a row after which a sensor counts as lost.
+    /// Until then a joint continues at its rate.
     pub lost_samples: u16,
-    /// How far the set-point of a joint may go while its sensor shows no motion at all, rad. A joint that
-    /// something rigid holds fast looks the same: whoever presses on things does so with torques.
+    /// The distance that the set-point of a joint may go while its sensor shows no motion at all,
+    /// rad. A joint that something rigid holds fast looks the same; so press on things with
+    /// torques.
     pub frozen_rad: f64,
     /// The position error that is a fault, rad.
     pub tracking_rad: f64,
-    /// For how many samples in a row.
+    /// The number of samples in a row for which it must last.
     pub tracking_samples: u16,
-    /// How far past a limit a joint may be, rad.
+    /// The distance past a limit that is a fault, rad.
     pub overtravel_rad: f64,
-    /// The deadlines in a row that must not be missed; a long time without any tick misses several.
+    /// The number of missed deadlines in a row that is a fault; a long time without any tick counts
+    /// as several.
     pub missed_deadlines: u16,
 }

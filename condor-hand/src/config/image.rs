@@ -1,4 +1,4 @@
-//! A hand as bytes that a processor loads, or has linked in.
+//! The image of a hand: bytes that a processor loads, or has linked in.
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use thiserror::Error;
@@ -21,7 +21,7 @@ const CHECKSUM: usize = 16;
 /// The usual 32-bit checksum with a small table: images are read once.
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
-/// Why bytes are no image of a hand, or a hand does not become one.
+/// The reason for which bytes are not the image of a hand, or a hand cannot become an image.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ImageError {
@@ -31,69 +31,70 @@ pub enum ImageError {
         /// The length of the buffer, bytes.
         len: usize,
     },
-    /// Fewer bytes than an image has.
+    /// There are fewer bytes than the image has.
     #[error("the image has {needed} bytes, there are {len}")]
     Truncated {
-        /// How many there should be.
+        /// The required number of bytes.
         needed: usize,
-        /// How many there are.
+        /// The number of bytes.
         len: usize,
     },
-    /// More bytes than the image has.
+    /// There are more bytes than the image has.
     #[error("the image has {needed} bytes, there are {len}")]
     TooLong {
-        /// How many there should be.
+        /// The required number of bytes.
         needed: usize,
-        /// How many there are.
+        /// The number of bytes.
         len: usize,
     },
-    /// The bytes do not begin as an image does.
+    /// The bytes do not begin like an image.
     #[error("no image of a hand: it begins with {found:02x?} instead of {MAGIC:02x?}")]
     Magic {
         /// The first four bytes.
         found: [u8; 4],
     },
-    /// An image for other programs.
+    /// The image has another version, for other programs.
     #[error("the image has version {found} of the format, this program has {VERSION}")]
     Version {
         /// The version of the image.
         found: u16,
     },
-    /// Bytes that are not as they were written.
+    /// The bytes have changed since they were written.
     #[error("the checksum of the image is {computed:#010x}, it should be {stored:#010x}")]
     Checksum {
-        /// What the image says.
+        /// The checksum in the image.
         stored: u32,
-        /// What its bytes give.
+        /// The checksum of its bytes.
         computed: u32,
     },
-    /// A hand that is larger than the type it should become.
+    /// The hand has more parts than its type has room for.
     #[error("the hand has {needed} {of}, this program has room for {capacity}")]
     Capacity {
-        /// Of what there are too many.
+        /// The kind of part.
         of: &'static str,
-        /// How many the hand has; of joints, the most of one finger.
+        /// The number in the hand; for joints, the greatest number in one finger.
         needed: u16,
-        /// How many the type can have.
+        /// The number for which the type has room.
         capacity: usize,
     },
-    /// Bytes of the right checksum that are still not a hand.
+    /// The checksum is right, but the bytes are not a hand.
     #[error("the bytes of the image are not those of a hand")]
     Malformed,
-    /// A hand that cannot be.
+    /// The hand breaks a rule.
     #[error(transparent)]
     Mistake(#[from] Mistake),
 }
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
-    /// Writes the image of the hand to the front of `buffer`, and says how long it is.
+    /// Writes the image of the hand to the front of `buffer`, and returns its length in bytes.
     ///
-    /// The same hand has the same image in any capacity.
+    /// The image of a hand does not depend on the capacities of its type.
     ///
     /// # Errors
     ///
-    /// * [`Mistake`](ImageError::Mistake): the hand cannot be.
-    /// * [`BufferTooShort`](ImageError::BufferTooShort): what the buffer holds then is nothing.
+    /// * [`Mistake`](ImageError::Mistake) if the hand breaks a rule.
+    /// * [`BufferTooShort`](ImageError::BufferTooShort) if the buffer is too short; its content is
+    ///   then useless.
     pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, ImageError> {
         self.check()?;
         let too_short = ImageError::BufferTooShort { len: buffer.len() };
@@ -127,7 +128,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     ///
     /// # Errors
     ///
-    /// Any but [`BufferTooShort`](ImageError::BufferTooShort); no bytes make it panic.
+    /// Any [`ImageError`] but [`BufferTooShort`](ImageError::BufferTooShort). No bytes make it
+    /// panic.
     pub fn from_image(image: &[u8]) -> Result<Self, ImageError> {
         let len = image.len();
         let truncated = |needed| ImageError::Truncated { needed, len };

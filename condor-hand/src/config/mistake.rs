@@ -5,10 +5,10 @@ use thiserror::Error;
 use super::{Converter, Name, ProcessorKind};
 use crate::decimal::Decimal;
 
-/// The way to a value within the thing that has it, such as `flexor.gains.kt`.
+/// The path to a value within its owner, such as `flexor.gains.kt`.
 pub type Field = heapless::String<39, u8>;
 
-/// What has a value.
+/// The owner of a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// The hand as a whole.
@@ -28,21 +28,21 @@ pub enum Owner {
     },
 }
 
-/// Which value.
+/// The place of a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ValuePlace {
-    /// What has it.
+    /// The owner of the value.
     pub owner: Owner,
-    /// The way to it from there.
+    /// The path to the value within its owner.
     pub field: Field,
 }
 
-/// What is at one end of a wire.
+/// One end of a wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WireEnd {
     /// The joint or the axis.
     pub owner: Owner,
-    /// What of it.
+    /// The part of it.
     pub part: WirePart,
 }
 
@@ -59,11 +59,11 @@ pub enum WirePart {
     Drive,
 }
 
-/// Why a hand cannot be.
+/// A rule that a hand breaks.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Mistake {
-    /// A number that is infinite or none at all.
+    /// A number is infinite or NaN.
     #[error("{place} is {value}, which is no finite number", value = Decimal(*.value))]
     NotFinite {
         /// Which number.
@@ -71,7 +71,7 @@ pub enum Mistake {
         /// Its value.
         value: f64,
     },
-    /// A number that must be above zero.
+    /// A number must be above zero.
     #[error("{place} is {value}; it must be above 0", value = Decimal(*.value))]
     NotPositive {
         /// Which number.
@@ -79,7 +79,7 @@ pub enum Mistake {
         /// Its value.
         value: f64,
     },
-    /// A number that must be at least something.
+    /// A number is below its least value.
     #[error(
         "{place} is {value}; it must be at least {least}",
         value = Decimal(*.value),
@@ -93,7 +93,7 @@ pub enum Mistake {
         /// The least value.
         least: f64,
     },
-    /// A number that must be at most something.
+    /// A number is above its greatest value.
     #[error(
         "{place} is {value}; it must be at most {most}",
         value = Decimal(*.value),
@@ -107,7 +107,7 @@ pub enum Mistake {
         /// The largest value.
         most: f64,
     },
-    /// A soft stop in which a joint would swing.
+    /// A soft stop is so stiff that its joint would swing.
     #[error(
         "{place} is {bandwidth_hz}; with its servo and its actuators the joint comes to rest there only \
          up to {most}",
@@ -117,12 +117,12 @@ pub enum Mistake {
     Restless {
         /// The bandwidth.
         place: ValuePlace,
-        /// What it is, Hz.
+        /// Its value, Hz.
         bandwidth_hz: f64,
-        /// The largest that the joint bears, Hz.
+        /// The greatest bandwidth at which the joint is stable, Hz.
         most: f64,
     },
-    /// Two limits in the wrong order.
+    /// Two limits are in the wrong order.
     #[error(
         "{place} is {value}; it must be below `{upper}`, which is {limit}",
         value = Decimal(*.value),
@@ -138,13 +138,13 @@ pub enum Mistake {
         /// Its value.
         limit: f64,
     },
-    /// A gain of zero where counts become a value, or a value counts.
+    /// A gain of a converter is zero.
     #[error("{place} is 0: all counts would mean the same")]
     ZeroGain {
         /// Which gain.
         place: ValuePlace,
     },
-    /// A value that a converter must have, but cannot.
+    /// A converter cannot represent a value that it needs.
     #[error(
         "{place} has {counts} counts for {value}; its converter ends at {full_scale}",
         counts = Decimal(*.counts),
@@ -155,12 +155,12 @@ pub enum Mistake {
         place: ValuePlace,
         /// The value that it must read or make.
         value: f64,
-        /// The counts that this takes.
+        /// The counts that this value would have.
         counts: f64,
         /// The largest number of counts; the smallest is zero.
         full_scale: u32,
     },
-    /// A filter that its loop is too slow for.
+    /// The cutoff of a filter is too high for the rate of its loop.
     #[error(
         "{place} is {cutoff_hz}; a loop of {rate_hz} Hz filters below half of that",
         cutoff_hz = Decimal(*.cutoff_hz),
@@ -173,7 +173,7 @@ pub enum Mistake {
         /// The rate of the loop, Hz.
         rate_hz: u32,
     },
-    /// Axes that are not orthogonal unit vectors, or left-handed.
+    /// Axes are not orthogonal unit vectors, or are left-handed.
     #[error(
         "{place} is no rotation: the products of its axes are wrong by {error}, \
          and its determinant is {determinant}",
@@ -188,7 +188,7 @@ pub enum Mistake {
         /// The determinant, which must be 1.
         determinant: f64,
     },
-    /// An axis that is no unit vector.
+    /// An axis is not a unit vector.
     #[error(
         "{place} has the length {length}; an axis has the length 1",
         length = Decimal(*.length),
@@ -199,57 +199,58 @@ pub enum Mistake {
         /// Its length.
         length: f64,
     },
-    /// An inertia that no body has: not positive definite, or one moment above the two others.
+    /// No body has this inertia: it is not positive definite, or one moment is above the sum of the
+    /// two others.
     #[error("{place} is no inertia of a body")]
     NotInertia {
         /// Which inertia.
         place: ValuePlace,
     },
-    /// A name with no letter in it.
+    /// A name has no letter.
     #[error("{place} is empty")]
     NoName {
         /// Which name.
         place: ValuePlace,
     },
-    /// A name that another thing of the same kind has.
+    /// Two things of the same kind have the same name.
     #[error("the name of {owner} is taken already")]
     SameName {
-        /// What has it a second time.
+        /// The second owner of the name.
         owner: Owner,
     },
-    /// Nothing where there must be something.
+    /// A list that must have entries is empty.
     #[error("{place} is empty")]
     Empty {
-        /// What has no entries.
+        /// The list.
         place: ValuePlace,
     },
-    /// Two processors with one number.
+    /// Two processors have the same number.
     #[error("there are two processors of number {number}")]
     SameProcessor {
         /// The number.
         number: u8,
     },
-    /// A processor that the hand does not have.
+    /// There is no processor of this number.
     #[error("{owner} is on processor {number}, which the hand does not have")]
     NoProcessor {
-        /// What names it.
+        /// The owner that names it.
         owner: Owner,
         /// The number.
         number: u8,
     },
-    /// A processor that does something else.
+    /// A processor does another kind of work.
     #[error("{owner} is on processor {number}, which is a {kind}; it needs a {needed}")]
     WrongKind {
-        /// What names it.
+        /// The owner that names it.
         owner: Owner,
         /// The number.
         number: u8,
-        /// What it does.
+        /// The kind of its work.
         kind: ProcessorKind,
-        /// What it should do.
+        /// The kind that is needed.
         needed: ProcessorKind,
     },
-    /// A finger that two processors would serve.
+    /// Two processors would serve one finger.
     #[error(
         "{owner} is on processor {number} and the finger's first joint on {first}; \
          tendons couple the joints of a finger, so one processor serves them all"
@@ -262,7 +263,7 @@ pub enum Mistake {
         /// The processor of the first joint of the finger.
         first: u8,
     },
-    /// A rate that is no multiple of that of the trajectories.
+    /// A rate is not a multiple of that of the trajectories.
     #[error(
         "{place} is {rate_hz}, which is no multiple of {trajectory_hz}, the trajectories' rate"
     )]
@@ -274,7 +275,7 @@ pub enum Mistake {
         /// The rate of the trajectories, Hz.
         trajectory_hz: u32,
     },
-    /// A processor that has too much to do.
+    /// A processor has more work than its budget allows.
     #[error(
         "processor {number} would be busy for {load} of its time; its budget is {budget}",
         load = Decimal(*.load),
@@ -283,12 +284,12 @@ pub enum Mistake {
     Load {
         /// The processor.
         number: u8,
-        /// The part of its time that its loop takes.
+        /// The fraction of its time that its loop takes.
         load: f64,
-        /// The part that it may take.
+        /// The fraction that it may take.
         budget: f64,
     },
-    /// A channel with two wires.
+    /// Two wires have the same channel.
     #[error("{converter} channel {channel} of board {board} is for {first} and for {second}")]
     SameChannel {
         /// The direction of the board.
@@ -302,7 +303,7 @@ pub enum Mistake {
         /// The second wire.
         second: WireEnd,
     },
-    /// A tendon that does not pull its own joint to its own side.
+    /// A tendon does not pull its own joint to its own side.
     #[error(
         "{place} is {arm} m; a flexor's is above 0, an extensor's below",
         arm = Decimal(*.arm),
@@ -313,7 +314,7 @@ pub enum Mistake {
         /// Its value, m.
         arm: f64,
     },
-    /// A crossed joint that the finger does not have.
+    /// A tendon crosses a joint that the finger does not have.
     #[error("the tendons of {owner} cross joint `{crossed}`, which the finger does not have")]
     CrossesNothing {
         /// The joint that the tendons pull.
@@ -321,43 +322,43 @@ pub enum Mistake {
         /// The joint that does not exist.
         crossed: Name,
     },
-    /// A crossed joint that is not proximal to the tendon's own.
+    /// A tendon crosses a joint that is not proximal to its own.
     #[error("the tendons of {owner} cross joint `{crossed}`, which is not proximal to it")]
     CrossesDistal {
         /// The joint that the tendons pull.
         owner: Owner,
-        /// The joint that they are said to cross.
+        /// The joint that they would cross.
         crossed: Name,
     },
-    /// A joint that is crossed in two entries.
+    /// A joint crosses another one in two entries.
     #[error("the tendons of {owner} cross joint `{crossed}` twice")]
     CrossesTwice {
         /// The joint that the tendons pull.
         owner: Owner,
-        /// The joint that they are said to cross.
+        /// The joint that they cross twice.
         crossed: Name,
     },
-    /// A planar finger that does not have four joints.
+    /// A planar finger does not have four joints.
     #[error("{owner} is planar and has {joints} joints; the closed form is of 4")]
     PlanarJoints {
         /// The finger.
         owner: Owner,
-        /// How many joints it has.
+        /// The number of its joints.
         joints: usize,
     },
-    /// A body of a planar finger that is not on the line of its link.
+    /// A body of a planar finger is not on the line of its link.
     #[error("{place} is not on the x axis; a planar finger's links are")]
     OffAxis {
-        /// Which centre or inertia.
+        /// The centre or the inertia.
         place: ValuePlace,
     },
-    /// A joint of a chain without a mount.
+    /// A joint of a chain has no mount.
     #[error("{owner} has no `mount`, which a joint of a chain needs")]
     NoMount {
         /// The joint.
         owner: Owner,
     },
-    /// A joint of a planar finger with a mount.
+    /// A joint of a planar finger has a mount.
     #[error("{owner} has a `mount`; in a planar finger the lengths say where joints are")]
     NeedlessMount {
         /// The joint.

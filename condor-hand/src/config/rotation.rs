@@ -4,18 +4,18 @@ use serde::{Deserialize, Serialize};
 use super::{Mount, Placement};
 use crate::pose::{Pose, rotation_about};
 
-/// The axes of a frame, in the way that is most convenient to write.
+/// The axes of a frame, in the form that is most convenient to write.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Rotation {
-    /// Those of the frame around it.
+    /// The axes of the frame around it.
     #[default]
     None,
     /// The rotation matrix, row by row; its columns are the axes.
     Rows([[f64; 3]; 3]),
-    /// Roll, pitch and yaw: about the fixed x, then y, then z, rad.
+    /// Roll, pitch and yaw: rotations about the fixed x, then y, then z, rad.
     Rpy([f64; 3]),
-    /// Rotated about one axis.
+    /// A rotation about one axis.
     Axis {
         /// The axis, a unit vector.
         axis: [f64; 3],
@@ -25,7 +25,7 @@ pub enum Rotation {
 }
 
 impl Rotation {
-    /// The rotation matrix.
+    /// Returns the rotation matrix.
     #[must_use]
     pub fn matrix(&self) -> Matrix3<f64> {
         match *self {
@@ -44,7 +44,7 @@ impl Rotation {
 }
 
 impl Placement {
-    /// The frame in the frame around it.
+    /// Returns the pose of the frame in the frame around it.
     #[must_use]
     pub fn pose(&self) -> Pose {
         Pose {
@@ -55,7 +55,7 @@ impl Placement {
 }
 
 impl Mount {
-    /// The frame of the joint at its zero, in the frame of the link before it.
+    /// Returns the pose of the joint's frame at its zero, in the frame of the link before it.
     #[must_use]
     pub fn placement(&self) -> Pose {
         Pose {

@@ -13,7 +13,7 @@ use super::check::Path;
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Reads a hand from TOML and checks it.
     ///
-    /// `file` is the name that an error gives; nothing is opened.
+    /// `file` is the name in error messages; no file is opened.
     ///
     /// # Errors
     ///
@@ -23,12 +23,12 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         read(text.parse()?).map_err(|fault| text.error(fault))
     }
 
-    /// Prints the hand as TOML, with no defaults taken out; [`from_toml`](Self::from_toml) reads
+    /// Prints the hand as TOML, with all values written out; [`from_toml`](Self::from_toml) reads
     /// the same hand.
     ///
     /// # Errors
     ///
-    /// None is known: TOML has a form for every value of a hand.
+    /// No error is known: TOML has a form for every value of a hand.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }

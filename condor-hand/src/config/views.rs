@@ -1,4 +1,4 @@
-//! What controllers read from a configuration.
+//! The parts of a configuration that controllers use.
 
 use nalgebra::{Matrix3, SVector, Vector3};
 
@@ -26,7 +26,7 @@ pub struct MotionLimits<const JOINTS: usize> {
 }
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
-    /// The processor of this number.
+    /// Returns the processor of this number.
     #[must_use]
     pub fn processor(&self, number: u8) -> Option<&ControlProcessor> {
         self.processors
@@ -34,7 +34,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             .find(|processor| processor.number == number)
     }
 
-    /// How often the loop of a processor runs, Hz.
+    /// Returns the rate of a processor's loop, Hz.
     #[must_use]
     pub fn rate_hz(&self, processor: &ControlProcessor) -> u32 {
         processor.rate_hz.unwrap_or(match processor.kind {
@@ -43,7 +43,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         })
     }
 
-    /// How often the servos of a finger tick, Hz: as often as the loop of its processor.
+    /// Returns the rate of a finger's servos, Hz, which is that of its processor's loop.
     #[must_use]
     pub fn servo_rate_hz(&self, finger: &Finger<JOINTS>) -> u32 {
         finger
@@ -52,14 +52,14 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             .map_or(self.servo_hz, |processor| self.rate_hz(processor))
     }
 
-    /// The fingers that a processor serves, with their indices.
+    /// Iterates over the fingers that a processor serves, with their indices.
     pub fn fingers_on(&self, number: u8) -> impl Iterator<Item = (usize, &Finger<JOINTS>)> {
         let fingers = self.fingers.iter().enumerate();
         fingers.filter(move |(_, finger)| finger.processor() == Some(number))
     }
 
-    /// The part of a processor's time that its loop takes: its rate times the time of the loop and
-    /// of all joints or axes that it serves.
+    /// Returns the fraction of a processor's time that its loop takes: its rate times the run time
+    /// of the loop and of all joints or axes that it serves.
     #[must_use]
     pub fn load(&self, processor: &ControlProcessor) -> f64 {
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
@@ -75,7 +75,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         f64::from(self.rate_hz(processor)) * time_us * 1e-6
     }
 
-    /// Every channel that has a wire, and what is at the other end.
+    /// Iterates over all channels that have a wire, with the other ends of the wires.
     pub fn wires(&self) -> impl Iterator<Item = (Channel, Wire)> {
         let joints = self.fingers.iter().enumerate().flat_map(|(finger, entry)| {
             let joints = entry.joints.iter().enumerate();
@@ -103,7 +103,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         }))
     }
 
-    /// What the wire of a channel leads to.
+    /// Returns the other end of the wire at a channel.
     #[must_use]
     pub fn wire(&self, channel: Channel) -> Option<Wire> {
         let mut wires = self.wires();
@@ -112,7 +112,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             .map(|(_, wire)| wire)
     }
 
-    /// The A/D channel and calibration of a wire.
+    /// Returns the A/D channel and calibration of a wire.
     #[must_use]
     pub fn input(&self, wire: Wire) -> Option<&Input> {
         match wire {
@@ -127,7 +127,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         }
     }
 
-    /// The D/A channel and calibration of a wire; a position has none.
+    /// Returns the D/A channel and calibration of a wire; `None` for a position.
     #[must_use]
     pub fn output(&self, wire: Wire) -> Option<&Output> {
         match wire {
@@ -142,7 +142,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         }
     }
 
-    /// A joint by the indices of its finger and its own.
+    /// Returns a joint by the index of its finger and its own index.
     #[must_use]
     pub fn joint(&self, finger: usize, joint: usize) -> Option<&Joint<JOINTS>> {
         self.fingers.get(finger)?.joints.get(joint)
@@ -150,19 +150,19 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 }
 
 impl<const JOINTS: usize> Finger<JOINTS> {
-    /// The number of the processor that serves the finger.
+    /// Returns the number of the processor that serves the finger.
     #[must_use]
     pub fn processor(&self) -> Option<u8> {
         self.joints.first().map(|joint| joint.processor)
     }
 
-    /// A number of each joint; zero where there is no joint.
+    /// Returns `number` of each joint; zero for places without a joint.
     #[must_use]
     pub fn each(&self, number: impl Fn(&Joint<JOINTS>) -> f64) -> SVector<f64, JOINTS> {
         SVector::from_fn(|row, _| self.joints.get(row).map_or(0.0, &number))
     }
 
-    /// Where the joints may go, and how fast.
+    /// Returns the limits of the joints' positions and motions.
     #[must_use]
     pub fn limits(&self) -> MotionLimits<JOINTS> {
         MotionLimits {
@@ -173,14 +173,14 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         }
     }
 
-    /// The moment arms of the tendons.
+    /// Returns the moment arms of the tendons.
     ///
-    /// A place without a joint has tendons with arms of 1 m, which cross nothing: zero torque there
-    /// is zero tension.
+    /// A place without a joint has tendons with arms of 1 m that cross nothing, so zero torque
+    /// there is zero tension.
     ///
     /// # Errors
     ///
-    /// Arms that [`Hand::check`] would have refused.
+    /// [`ArmError`] for arms that [`Hand::check`] would have refused.
     pub fn moment_arms(&self) -> Result<MomentArms<f64, JOINTS>, ArmError> {
         let mut rows: [Pairs<f64, JOINTS>; JOINTS] = [[Pair::both(0.0); JOINTS]; JOINTS];
         for (index, row) in rows.iter_mut().enumerate() {
@@ -210,8 +210,8 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         MomentArms::new(rows)
     }
 
-    /// The closed form of a planar finger; `None` for another form, and for a finger that does not
-    /// have four joints.
+    /// Returns the closed form of a planar finger; `None` for another form, and for a finger that
+    /// does not have four joints.
     #[must_use]
     pub fn planar(&self) -> Option<PlanarFinger> {
         let Form::Planar { lengths } = self.form else {
@@ -234,7 +234,7 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         })
     }
 
-    /// The finger as a chain, whatever its form; places without a joint are fixed and have no body.
+    /// Returns the finger as a chain; places without a joint are fixed and have no body.
     #[must_use]
     pub fn chain(&self) -> Chain<f64, JOINTS> {
         let mut start = 0.0;
@@ -280,7 +280,7 @@ impl<const JOINTS: usize> Finger<JOINTS> {
 }
 
 impl<const JOINTS: usize> Joint<JOINTS> {
-    /// The least and the largest tension that both tendons can have, N.
+    /// Returns the least and the largest tension that both tendons can have, N.
     #[must_use]
     pub fn tension_range(&self) -> (f64, f64) {
         (
@@ -289,7 +289,7 @@ impl<const JOINTS: usize> Joint<JOINTS> {
         )
     }
 
-    /// Where the joint can rest: between the zones of its stops, rad.
+    /// Returns the range in which the joint can rest, between the zones of its stops, rad.
     #[must_use]
     pub fn rest_range(&self) -> (f64, f64) {
         let zone = self.stop.zone;
@@ -319,7 +319,7 @@ impl<const JOINTS: usize> Joint<JOINTS> {
 }
 
 impl Body {
-    /// Mass, centre and inertia matrix.
+    /// Returns mass, centre and inertia matrix.
     #[must_use]
     pub fn rigid_body(&self) -> kinematics::Body {
         kinematics::Body {

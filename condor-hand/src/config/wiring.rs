@@ -2,8 +2,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::math::{clamp, round};
 
-/// A channel of an analogue-to-digital converter, and what its counts mean:
-/// `value = gain * counts + offset`, with counts from 0 to 2^bits - 1.
+/// A channel of an analogue-to-digital converter, with its calibration: `value = gain * counts +
+/// offset`, with counts from 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
@@ -13,14 +13,14 @@ pub struct Input {
     pub channel: u8,
     /// The width of the converter.
     pub bits: u8,
-    /// Units (rad, N, m) for each count; negative where the sensor is mounted the other way.
+    /// Units (rad, N, m) for each count; negative if the sensor is mounted the other way round.
     pub gain: f64,
     /// The value at zero counts.
     pub offset: f64,
 }
 
-/// A channel of a digital-to-analogue converter, and the counts that make a value:
-/// `counts = round(gain * value + offset)`, held within 0 to 2^bits - 1.
+/// A channel of a digital-to-analogue converter, with its calibration: `counts = round(gain * value
+/// + offset)`, limited to 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Output {
@@ -30,7 +30,7 @@ pub struct Output {
     pub channel: u8,
     /// The width of the converter.
     pub bits: u8,
-    /// Counts for each newton; negative where the drive is connected the other way.
+    /// Counts for each newton; negative if the drive is connected the other way round.
     pub gain: f64,
     /// The counts of zero.
     #[serde(default)]
@@ -46,18 +46,18 @@ pub enum Converter {
     Dac,
 }
 
-/// A place where a wire ends.
+/// The channel of a board at which a wire ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channel {
     /// The direction of the board.
     pub converter: Converter,
-    /// The board, counted for each direction by itself.
+    /// The number of the board; the boards of each direction are numbered separately.
     pub board: u8,
     /// The channel of the board.
     pub channel: u8,
 }
 
-/// What is at the other end of a wire, by the indices of the configuration.
+/// The other end of a wire, by the indices of the configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wire {
     /// The position of a joint.
@@ -89,7 +89,7 @@ pub enum Wire {
 }
 
 impl Input {
-    /// Where its wire ends.
+    /// Returns the channel of its wire.
     #[must_use]
     pub const fn channel(&self) -> Channel {
         Channel {
@@ -99,14 +99,14 @@ impl Input {
         }
     }
 
-    /// The value of a number of counts.
+    /// Returns the value of a number of counts.
     #[inline]
     #[must_use]
     pub fn value(&self, counts: u32) -> f64 {
         self.gain * f64::from(counts) + self.offset
     }
 
-    /// The counts as which a value is read: the nearest that the converter has, and 0 for a NaN.
+    /// Returns the counts for a value: the nearest that the converter has, and 0 for a NaN.
     #[must_use]
     pub fn counts(&self, value: f64) -> u32 {
         whole(self.exact_counts(value), self.full_scale())
@@ -117,7 +117,7 @@ impl Input {
         (value - self.offset) / self.gain
     }
 
-    /// The largest number of counts.
+    /// Returns the largest number of counts.
     #[must_use]
     pub const fn full_scale(&self) -> u32 {
         full_scale(self.bits)
@@ -125,7 +125,7 @@ impl Input {
 }
 
 impl Output {
-    /// Where its wire ends.
+    /// Returns the channel of its wire.
     #[must_use]
     pub const fn channel(&self) -> Channel {
         Channel {
@@ -135,8 +135,8 @@ impl Output {
         }
     }
 
-    /// The counts that make a value, within what the converter has; for a NaN, those of zero, since
-    /// zero counts may be all that the drive can do.
+    /// Returns the counts for a value, within the range of the converter. For a NaN it returns
+    /// those of zero, since zero counts may be the full force of the drive.
     #[inline]
     #[must_use]
     pub fn counts(&self, value: f64) -> u32 {
@@ -144,13 +144,13 @@ impl Output {
         whole(self.gain * value + self.offset, self.full_scale())
     }
 
-    /// The value that a number of counts makes: what a simulated drive is told.
+    /// Returns the value for a number of counts, which is the command of a simulated drive.
     #[must_use]
     pub fn value(&self, counts: u32) -> f64 {
         (f64::from(counts) - self.offset) / self.gain
     }
 
-    /// The largest number of counts.
+    /// Returns the largest number of counts.
     #[must_use]
     pub const fn full_scale(&self) -> u32 {
         full_scale(self.bits)

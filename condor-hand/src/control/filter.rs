@@ -1,21 +1,21 @@
 //! Low-pass filters, and the rate of a sampled signal.
 //!
-//! The first sample after the construction is the output of a filter, as if it had lasted for ever.
-//! A sample that is not finite, or that would overflow the filter, leaves it as it is: the output
-//! is the last one again (zero if there is none), and [`rejected`](OnePole::rejected) counts it.
-//! States below 1e-30 become zero, because some processors take a hundred times longer for denormal
-//! numbers.
+//! A filter begins with its first sample as its output, as if that had lasted for ever. A sample
+//! that is not finite, or that would overflow the filter, does not change the filter: the output is
+//! the last one again (zero if there is none), and [`rejected`](OnePole::rejected) counts the
+//! sample. States below 1e-30 become zero, because some processors take a hundred times longer for
+//! denormal numbers.
 
 use thiserror::Error;
 
 use crate::decimal::Decimal;
 use crate::math::{Real, abs, exp, is_finite, min, real, tan};
 
-/// A filter that cannot be.
+/// The reason for which a filter cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FilterError {
-    /// A sample rate that is not positive and finite.
+    /// The sample rate is not positive and finite.
     #[error(
         "the sample rate is {sample_hz} Hz; it must be positive",
         sample_hz = Decimal(*.sample_hz),
@@ -24,7 +24,7 @@ pub enum FilterError {
         /// The sample rate, Hz.
         sample_hz: f64,
     },
-    /// A cutoff that is not between zero and half the sample rate.
+    /// The cutoff is not between zero and half the sample rate.
     #[error(
         "the cutoff is {cutoff_hz} Hz; it must be above 0 and below {nyquist_hz} Hz, half the \
          sample rate",
@@ -81,10 +81,12 @@ pub struct OnePole<T: Real = f64> {
 }
 
 impl<T: Real> OnePole<T> {
-    /// The lag whose step response between samples is that of the analog one with this cutoff.
+    /// Makes the filter whose step response at the samples is that of the analog filter with this
+    /// cutoff.
     ///
     /// # Errors
-    /// A cutoff outside 0..`sample_hz / 2`, or a sample rate that is not positive.
+    /// [`FilterError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
+    /// positive.
     pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, FilterError> {
         Ok(Self {
             alpha: lag(FilterError::check(cutoff_hz, sample_hz)?),
@@ -99,7 +101,7 @@ impl<T: Real> OnePole<T> {
         self.alpha
     }
 
-    /// The output for the next sample.
+    /// Returns the output for the next sample.
     #[inline]
     pub fn update(&mut self, x: T) -> T {
         let output = if self.primed {
@@ -116,7 +118,7 @@ impl<T: Real> OnePole<T> {
         self.output
     }
 
-    /// Makes the output `x`, as if the input had always been that; ignored if it is not finite.
+    /// Sets the output to `x`, as if the input had always been `x`; ignored if it is not finite.
     pub fn reset_to(&mut self, x: T) {
         if is_finite(x) {
             self.output = flush(x);
@@ -124,7 +126,7 @@ impl<T: Real> OnePole<T> {
         }
     }
 
-    /// How many samples were not finite.
+    /// Returns how many samples were not finite.
     #[must_use]
     pub fn rejected(&self) -> u32 {
         self.rejected
@@ -147,10 +149,11 @@ pub struct Biquad<T: Real = f64> {
 }
 
 impl<T: Real> Biquad<T> {
-    /// The filter that lets half the power of `cutoff_hz` pass.
+    /// Makes the filter that transmits half the power at `cutoff_hz`.
     ///
     /// # Errors
-    /// A cutoff outside 0..`sample_hz / 2`, or a sample rate that is not positive.
+    /// [`FilterError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
+    /// positive.
     pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, FilterError> {
         let relative = FilterError::check(cutoff_hz, sample_hz)?;
         let k = tan(core::f64::consts::PI * relative);
@@ -173,13 +176,13 @@ impl<T: Real> Biquad<T> {
         })
     }
 
-    /// The coefficients `b0, b1, b2` and `a1, a2` of the transfer function; `a0` is one.
+    /// Returns the coefficients `b0, b1, b2` and `a1, a2` of the transfer function; `a0` is one.
     #[must_use]
     pub fn coefficients(&self) -> ([T; 3], [T; 2]) {
         (self.b, self.a)
     }
 
-    /// The output for the next sample.
+    /// Returns the output for the next sample.
     #[inline]
     pub fn update(&mut self, x: T) -> T {
         if !self.primed {
@@ -201,7 +204,7 @@ impl<T: Real> Biquad<T> {
         self.output
     }
 
-    /// Makes the output `x`, as if the input had always been that; ignored if it is not finite.
+    /// Sets the output to `x`, as if the input had always been `x`; ignored if it is not finite.
     pub fn reset_to(&mut self, x: T) {
         let ([b0, _, b2], [_, a2]) = (self.b, self.a);
         if is_finite(x) {
@@ -211,7 +214,7 @@ impl<T: Real> Biquad<T> {
         }
     }
 
-    /// How many samples were not finite.
+    /// Returns how many samples were not finite.
     #[must_use]
     pub fn rejected(&self) -> u32 {
         self.rejected
@@ -236,10 +239,11 @@ pub struct Derivative<T: Real = f64> {
 }
 
 impl<T: Real> Derivative<T> {
-    /// The rate, with what changes faster than the cutoff left out.
+    /// Makes the derivative, which suppresses changes faster than the cutoff.
     ///
     /// # Errors
-    /// A cutoff outside 0..`sample_hz / 2`, or a sample rate that is not positive.
+    /// [`FilterError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
+    /// positive.
     pub fn new(cutoff_hz: T, sample_hz: T) -> Result<Self, FilterError> {
         Ok(Self {
             alpha: lag(FilterError::check(cutoff_hz, sample_hz)?),
@@ -270,13 +274,14 @@ impl<T: Real> Derivative<T> {
         self.primed = true;
     }
 
-    /// The rate at the next sample, in units of `x` per second.
+    /// Returns the rate at the next sample, in units of `x` per second.
     #[inline]
     pub fn update(&mut self, x: T) -> T {
         self.update_after(x, T::one())
     }
 
-    /// The same for a sample so many periods after the last one: late, if it is more than one.
+    /// Returns the rate at a sample that comes `periods` periods after the last one; more than one
+    /// if it is late.
     #[inline]
     pub fn update_after(&mut self, x: T, periods: T) -> T {
         if !self.primed {
@@ -306,7 +311,7 @@ impl<T: Real> Derivative<T> {
         self.rate = T::zero();
     }
 
-    /// Makes the rate zero at `x`, as if the input had always been that; ignored if it is not
+    /// Sets the rate to zero at `x`, as if the input had always been `x`; ignored if it is not
     /// finite.
     pub fn reset_to(&mut self, x: T) {
         if is_finite(x) {
@@ -317,7 +322,7 @@ impl<T: Real> Derivative<T> {
         }
     }
 
-    /// How many samples were not finite.
+    /// Returns how many samples were not finite.
     #[must_use]
     pub fn rejected(&self) -> u32 {
         self.rejected

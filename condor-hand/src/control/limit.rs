@@ -2,19 +2,19 @@ use thiserror::Error;
 
 use crate::math::{Real, abs, clamp, is_finite, max, min, real, round, sqrt};
 
-/// A limiter that cannot be.
+/// The reason for which a limiter cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum LimiterError {
-    /// A limit that is not positive and finite.
+    /// A limit is not positive and finite.
     #[error("the limit of the {what} is {value}; it must be positive")]
     Limit {
-        /// What is limited.
+        /// The limited quantity.
         what: &'static str,
         /// The limit, per second or per second squared.
         value: f64,
     },
-    /// A sample rate that is not positive and finite.
+    /// The sample rate is not positive and finite.
     #[error("the sample rate is {sample_hz} Hz; it must be positive")]
     SampleRate {
         /// The sample rate, Hz.
@@ -43,10 +43,9 @@ impl LimiterError {
     }
 }
 
-/// Follows a target no faster than a rate.
+/// Follows a target with a limited rate.
 ///
-/// The first target after the construction is taken as it is. One that is not finite changes
-/// nothing.
+/// The first target is taken without limit. A target that is not finite changes nothing.
 #[derive(Clone, Copy, Debug)]
 pub struct RateLimiter<T: Real = f64> {
     step: T,
@@ -56,10 +55,10 @@ pub struct RateLimiter<T: Real = f64> {
 }
 
 impl<T: Real> RateLimiter<T> {
-    /// A limiter to so many units per second.
+    /// Makes a limiter with this rate, units per second.
     ///
     /// # Errors
-    /// A rate or sample rate that is not positive and finite.
+    /// [`LimiterError`] if a rate or sample rate is not positive and finite.
     pub fn new(max_per_second: T, sample_hz: T) -> Result<Self, LimiterError> {
         let rate = LimiterError::check("rate", max_per_second)?;
         let period = LimiterError::check_period(sample_hz)?;
@@ -71,7 +70,7 @@ impl<T: Real> RateLimiter<T> {
         })
     }
 
-    /// The value at the next sample; exactly the target once that is within reach.
+    /// Returns the value at the next sample; exactly the target once that is within reach.
     #[inline]
     pub fn update(&mut self, target: T) -> T {
         if !is_finite(target) {
@@ -86,7 +85,7 @@ impl<T: Real> RateLimiter<T> {
         self.value
     }
 
-    /// Makes the value `x` at once; ignored if it is not finite.
+    /// Sets the value to `x` at once; ignored if it is not finite.
     pub fn reset_to(&mut self, x: T) {
         if is_finite(x) {
             self.value = x;
@@ -94,18 +93,18 @@ impl<T: Real> RateLimiter<T> {
         }
     }
 
-    /// How many targets were not finite.
+    /// Returns how many targets were not finite.
     #[must_use]
     pub fn rejected(&self) -> u32 {
         self.rejected
     }
 }
 
-/// Follows a target no faster than a velocity, with no more than an acceleration, and without going
-/// past a target that stands still.
+/// Follows a target with limited velocity and acceleration, without going past a target that stands
+/// still.
 ///
-/// The first target after the construction is taken as it is. One that is not finite leaves the
-/// last one in force.
+/// The first target is taken without limit. After a target that is not finite, the last one stays
+/// in force.
 #[derive(Clone, Copy, Debug)]
 pub struct MotionLimiter<T: Real = f64> {
     max_velocity: T,
@@ -119,10 +118,11 @@ pub struct MotionLimiter<T: Real = f64> {
 }
 
 impl<T: Real> MotionLimiter<T> {
-    /// A limiter to a velocity, units per second, and an acceleration, units per second squared.
+    /// Makes a limiter with this velocity, units per second, and this acceleration, units per
+    /// second squared.
     ///
     /// # Errors
-    /// A limit or sample rate that is not positive and finite.
+    /// [`LimiterError`] if a limit or sample rate is not positive and finite.
     pub fn new(max_velocity: T, max_acceleration: T, sample_hz: T) -> Result<Self, LimiterError> {
         Ok(Self {
             max_velocity: LimiterError::check("velocity", max_velocity)?,
@@ -136,7 +136,7 @@ impl<T: Real> MotionLimiter<T> {
         })
     }
 
-    /// The position at the next sample.
+    /// Returns the position at the next sample.
     ///
     /// Braking by `c` of velocity in each of n periods `h`, to `v - (n - 1) c <= c` in the last, goes
     /// `n h (v - c (n - 1) / 2)`: the velocity of this sample is the one that uses up the distance
@@ -175,7 +175,7 @@ impl<T: Real> MotionLimiter<T> {
         self.position
     }
 
-    /// Makes the position `x` at once, at rest; ignored if it is not finite.
+    /// Sets the position to `x` at once, at rest; ignored if it is not finite.
     pub fn reset_to(&mut self, x: T) {
         if is_finite(x) {
             self.target = x;
@@ -185,13 +185,13 @@ impl<T: Real> MotionLimiter<T> {
         }
     }
 
-    /// The velocity that led to the last position, units per second.
+    /// Returns the velocity that led to the last position, units per second.
     #[must_use]
     pub fn velocity(&self) -> T {
         self.velocity
     }
 
-    /// How many targets were not finite.
+    /// Returns how many targets were not finite.
     #[must_use]
     pub fn rejected(&self) -> u32 {
         self.rejected

@@ -3,32 +3,31 @@ use thiserror::Error;
 use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite};
 
-/// The gains of a [`Pid`]: what the output has per unit of the error, per unit-second and per unit
-/// per second.
+/// The gains of a [`Pid`]: output per unit of the error, per unit-second and per unit per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PidGains<T> {
-    /// Of the error.
+    /// The gain of the error.
     pub kp: T,
-    /// Of its integral over seconds.
+    /// The gain of the error's integral over seconds.
     pub ki: T,
-    /// Of the rate, per second.
+    /// The gain of the rate, per second.
     pub kd: T,
 }
 
-/// What a [`Pid`] may command.
+/// The limits of a [`Pid`].
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PidLimits<T> {
     /// The lowest and the highest output.
     pub output: (T, T),
-    /// The largest part of the output, to either side, that comes from the integral.
+    /// The greatest part of the output, to either side, that comes from the integral.
     pub integral: T,
 }
 
-/// A servo law that cannot be.
+/// The reason for which a servo law cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PidError {
-    /// A gain that is negative or not finite.
+    /// A gain is negative or not finite.
     #[error(
         "the gain {gain} is {value}; it must be finite and not negative",
         value = Decimal(*.value),
@@ -39,7 +38,7 @@ pub enum PidError {
         /// Its value.
         value: f64,
     },
-    /// Limits of the output that are not finite or not in order.
+    /// The limits of the output are not finite or not in order.
     #[error(
         "the output is to be in {low}..={high}; the limits must be finite and in order",
         low = Decimal(*.low),
@@ -51,7 +50,7 @@ pub enum PidError {
         /// The upper limit.
         high: f64,
     },
-    /// A limit of the integral that is negative or not finite.
+    /// The limit of the integral is negative or not finite.
     #[error(
         "the limit of the integral is {value}; it must be finite and not negative",
         value = Decimal(*.value),
@@ -60,7 +59,7 @@ pub enum PidError {
         /// The limit.
         value: f64,
     },
-    /// A sample rate that is not positive and finite.
+    /// The sample rate is not positive and finite.
     #[error(
         "the sample rate is {sample_hz} Hz; it must be positive",
         sample_hz = Decimal(*.sample_hz),
@@ -106,10 +105,10 @@ pub struct Integrator<T: Real = f64> {
 }
 
 impl<T: Real> Integrator<T> {
-    /// A term of zero that stays within `-limit..=limit`.
+    /// Makes a term of zero that stays within `-limit..=limit`.
     ///
     /// # Errors
-    /// A limit that is negative or not finite.
+    /// [`PidError`] if the limit is negative or not finite.
     pub fn new(limit: T) -> Result<Self, PidError> {
         if is_finite(limit) && limit >= T::zero() {
             let term = T::zero();
@@ -120,8 +119,8 @@ impl<T: Real> Integrator<T> {
         }
     }
 
-    /// Moves the term by `increment`, and gives `rest` plus the term within `low..=high`; `None`,
-    /// with the term as it was, if their sum is not finite.
+    /// Moves the term by `increment`, and returns `rest` plus the term within `low..=high`. If
+    /// their sum is not finite, it returns `None` and does not change the term.
     #[inline]
     pub fn update(&mut self, rest: T, increment: T, low: T, high: T) -> Option<T> {
         let term = clamp(self.term + increment, -self.limit, self.limit);
@@ -136,14 +135,14 @@ impl<T: Real> Integrator<T> {
         Some(clamp(output, low, high))
     }
 
-    /// Sets the term, or the limit that is nearer.
+    /// Sets the term, limited to its own limit.
     pub fn set(&mut self, term: T) {
         if is_finite(term) {
             self.term = clamp(term, -self.limit, self.limit);
         }
     }
 
-    /// The term.
+    /// Returns the term.
     #[must_use]
     pub fn term(&self) -> T {
         self.term
@@ -153,7 +152,7 @@ impl<T: Real> Integrator<T> {
 /// A servo law of an error, its integral and a measured rate:
 /// `u = kp e + ki ∫ e dt - kd rate`, within limits.
 ///
-/// An error or a rate that is not finite, or that overflows, leaves the law as it is: the output is
+/// An error or a rate that is not finite, or that overflows, does not change the law: the output is
 /// the last one again.
 #[derive(Clone, Copy, Debug)]
 pub struct Pid<T: Real = f64> {
@@ -166,10 +165,10 @@ pub struct Pid<T: Real = f64> {
 }
 
 impl<T: Real> Pid<T> {
-    /// A law with nothing in its integral, updated `sample_hz` times a second.
+    /// Makes a law with an empty integral, which is updated `sample_hz` times a second.
     ///
     /// # Errors
-    /// The first value that is negative, not finite, or out of order.
+    /// [`PidError`] for the first value that is negative, not finite, or out of order.
     pub fn new(gains: PidGains<T>, limits: PidLimits<T>, sample_hz: T) -> Result<Self, PidError> {
         let (low, high) = limits.output;
         if !(is_finite(low) && is_finite(high) && low <= high) {
@@ -193,7 +192,7 @@ impl<T: Real> Pid<T> {
     /// Changes the gains; the integral's part of the output stays.
     ///
     /// # Errors
-    /// The first gain that is negative or not finite; then all stay.
+    /// [`PidError`] for the first gain that is negative or not finite; all gains stay then.
     pub fn set_gains(&mut self, gains: PidGains<T>) -> Result<(), PidError> {
         let PidGains { kp, ki, kd } = gains;
         PidError::check_gains(&[("kp", kp), ("ki", ki), ("kd", kd)])?;
@@ -201,9 +200,10 @@ impl<T: Real> Pid<T> {
         Ok(())
     }
 
-    /// The output for an error (wanted less measured) and the rate of what is measured, per second.
+    /// Returns the output for an error (desired less measured) and the rate of the measured value,
+    /// per second.
     ///
-    /// Where what is wanted moves, too, the rate is the measured one less the wanted one.
+    /// If the desired value moves, too, `rate` is the measured rate less the desired one.
     #[inline]
     pub fn update(&mut self, error: T, rate: T) -> T {
         let PidGains { kp, ki, kd } = self.gains;
@@ -222,8 +222,8 @@ impl<T: Real> Pid<T> {
         self.integrator.set(T::zero());
     }
 
-    /// Sets the integral so that this error and rate go on from `output`: called while something
-    /// else commands, it lets this law take over without a bump.
+    /// Sets the integral so that this error and rate lead to `output`. Call it while another law
+    /// commands; this law can then take over without a step.
     pub fn track(&mut self, output: T, error: T, rate: T) {
         let PidGains { kp, kd, .. } = self.gains;
         self.integrator.set(output - kp * error + kd * rate);
@@ -232,7 +232,7 @@ impl<T: Real> Pid<T> {
         }
     }
 
-    /// How many updates were not finite.
+    /// Returns how many updates were not finite.
     #[must_use]
     pub fn rejected(&self) -> u32 {
         self.rejected

@@ -4,11 +4,11 @@ use crate::control::{Derivative, FilterError, Integrator, PidError};
 use crate::math::{clamp, is_finite};
 use crate::trajectory::SetPoint;
 
-/// The servo of one axis of the table: `kp e + kv de/dt + ki ∫ e dt`, with the force of the motion
-/// that is asked for, `mass a + viscous v`, fed forward.
+/// The servo of one axis of the table: `kp e + kv de/dt + ki ∫ e dt`, plus the force of the desired
+/// motion, `mass a + viscous v`, as feed-forward.
 ///
-/// The force stays within what the drive has. Beyond a limit of the axis it only leads back. A
-/// position or set-point that is not finite counts as the last one that was.
+/// The force stays within the limit of the drive. Beyond a limit of the axis it only leads back. A
+/// position or set-point that is not finite is replaced by the last finite one.
 #[derive(Clone, Debug)]
 pub struct AxisServo {
     kp: f64,
@@ -26,11 +26,11 @@ pub struct AxisServo {
 }
 
 impl AxisServo {
-    /// The servo of an axis of a configuration, for so many ticks in a second.
+    /// Makes the servo of an axis of a configuration, with `sample_hz` ticks a second.
     ///
     /// # Errors
     ///
-    /// A cutoff that no filter has, or a limit of the integral that none has.
+    /// [`AxisError`] if a cutoff, a gain or a limit is not possible.
     pub fn new(axis: &config::Axis, sample_hz: f64) -> Result<Self, AxisError> {
         let servo = &axis.servo;
         PidError::check_gains(&[("kp", servo.kp), ("kv", servo.kv), ("ki", servo.ki)])?;
@@ -50,13 +50,13 @@ impl AxisServo {
         })
     }
 
-    /// Forgets what it has summed up: for a servo that takes over.
+    /// Empties the integral, before the servo takes over.
     pub fn reset(&mut self) {
         self.integrator.set(0.0);
     }
 
-    /// The force (N) for the present set-point and the measured position, m; once a tick, so many
-    /// seconds after the last one.
+    /// Returns the force (N) for the present set-point and the measured position, m. Call it once a
+    /// tick; `period_s` is the time since the last tick in seconds.
     pub fn update(&mut self, point: &SetPoint<f64>, position: f64, period_s: f64) -> f64 {
         let elapsed = Elapsed::new(period_s, self.sample_hz);
         let finite = [point.position, point.velocity, point.acceleration];
@@ -104,14 +104,14 @@ impl AxisServo {
     }
 }
 
-/// Numbers of an axis that no servo can have.
+/// The reason for which an axis can have no servo.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AxisError {
-    /// A gain or a limit of the integral.
+    /// A gain or a limit of the integral is wrong.
     #[error(transparent)]
     Pid(#[from] PidError),
-    /// The filter of the velocity.
+    /// The filter of the velocity is wrong.
     #[error(transparent)]
     Filter(#[from] FilterError),
 }

@@ -13,10 +13,10 @@ use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
 /// Within so many ticks after a fault joints have the tensions with which they stand still.
 const SETTLING_TICKS: u32 = 4;
 
-/// One finger of a configuration: servos, the set-points of its master, and its faults.
+/// One finger of a configuration: its servos, the set-points of its master, and its faults.
 ///
-/// It is called in every tick of the servo loop. After a fault it takes all tensions to the least
-/// ones and keeps them there until [`clear`](Self::clear); its joints are off then.
+/// Call [`tick`](Self::tick) in every tick of the servo loop. After a fault it reduces all tensions
+/// to the least ones and keeps them there until [`clear`](Self::clear); its joints are off then.
 #[derive(Clone, Debug)]
 pub struct FingerController<M, const N: usize> {
     servo: FingerServo<M, f64, N>,
@@ -44,37 +44,39 @@ pub struct FingerController<M, const N: usize> {
     command: Pairs<f64, N>,
 }
 
-/// What a finger did in one tick.
+/// The result of one tick of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick<const N: usize> {
-    /// What the actuators get and why; after a fault, on the way to the least tensions.
+    /// The commands of the actuators, with their reasons; after a fault, on the way to the least
+    /// tensions.
     pub output: ServoOutput<f64, N>,
-    /// The positions that the joints are to have, rad; none where positions are not controlled.
+    /// The desired positions of the joints, rad; `None` for joints whose position is not
+    /// controlled.
     pub target: [Option<f64>; N],
     /// The first fault since the last [`clear`](FingerController::clear).
     pub fault: Option<Fault>,
 }
 
-/// A finger that cannot be controlled as its configuration says.
+/// The reason for which a finger cannot be controlled.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ControllerError {
-    /// A setting of its servos.
+    /// A setting of its servos is wrong.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// Its moment arms.
+    /// Its moment arms are wrong.
     #[error(transparent)]
     Arms(#[from] ArmError),
-    /// A limit of a fault.
+    /// A limit of a fault is wrong.
     #[error(transparent)]
     Fault(#[from] FaultLimitsError),
-    /// A limit of its set-points.
+    /// A limit of its set-points is wrong.
     #[error(transparent)]
     SetPoints(#[from] TrajectoryError),
-    /// The ramp to the least tensions.
+    /// The ramp to the least tensions is wrong.
     #[error(transparent)]
     Ramp(#[from] RampError),
-    /// Ticks of the master that are not a whole number of servo ticks.
+    /// A tick of the master is not a whole number of servo ticks.
     #[error(
         "{servo_hz} ticks of the servos in a second are no multiple of {trajectory_hz} of the trajectory"
     )]
@@ -87,12 +89,12 @@ pub enum ControllerError {
 }
 
 impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
-    /// The controller of one finger of a hand, with all joints off; `mechanism` is what its servos
-    /// have in mind: [`Finger::chain`], or [`Finger::planar`] where it has that form.
+    /// Makes the controller of one finger of a hand, with all joints off. `mechanism` is the model
+    /// that its servos use: [`Finger::chain`], or [`Finger::planar`] if the finger has that form.
     ///
     /// # Errors
     ///
-    /// What [`Hand::check`] would have refused.
+    /// [`ControllerError`] for settings that [`Hand::check`] would have refused.
     pub fn new<const F: usize>(
         hand: &Hand<F, N>,
         finger: &Finger<N>,
@@ -142,38 +144,39 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         })
     }
 
-    /// The mechanism that the servos have in mind.
+    /// Returns the model of the mechanism that the servos use.
     #[must_use]
     pub fn mechanism(&self) -> &M {
         self.servo.mechanism()
     }
 
-    /// The mode of a joint; `None` for a joint that the finger does not have.
+    /// Returns the mode of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn mode(&self, joint: usize) -> Option<Mode> {
         self.check_joint(joint).ok()?;
         self.servo.mode(joint)
     }
 
-    /// The first fault since the last [`clear`](Self::clear).
+    /// Returns the first fault since the last [`clear`](Self::clear).
     #[must_use]
     pub fn fault(&self) -> Option<Fault> {
         self.monitor.first()
     }
 
-    /// Whether the finger goes to its least tensions after a fault, or stays there; its joints get
-    /// no other mode then.
+    /// Returns whether the finger goes to its least tensions after a fault, or stays there; its
+    /// joints can have no other mode meanwhile.
     #[must_use]
     pub const fn is_resting(&self) -> bool {
         self.ramp.is_some()
     }
 
-    /// Gives a joint another mode, in which it keeps what it has. A joint that is in that mode stays
-    /// as it is, also if it follows the master.
+    /// Gives a joint another mode, in which it keeps its present position, torque or tensions. A
+    /// joint that is in that mode already does not change, even if it follows the master.
     ///
     /// # Errors
     ///
-    /// A joint that the finger does not have; a finger with a fault.
+    /// [`SettingError::NoJoint`] if the finger does not have the joint,
+    /// [`SettingError::AfterFault`] if it has a fault.
     pub fn set_mode(&mut self, joint: usize, mode: Mode) -> Result<(), SettingError> {
         self.refuse_after_fault()?;
         self.check_joint(joint)?;
@@ -183,13 +186,15 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.set_mode(joint, mode)
     }
 
-    /// Gives a joint a target that stays, and the mode of that target. The rate and acceleration of
-    /// a position are fed forward for as long as it stays, so a position to hold has none. Of a position in
-    /// the zone of a stop, where no joint rests, the joint takes the end of the zone.
+    /// Gives a joint a constant target, and the mode of that target. The rate and acceleration of a
+    /// position are used as feed-forward as long as the target lasts, so they must be zero for a
+    /// position to hold. A position in the zone of a stop, where no joint rests, becomes the end of
+    /// the zone.
     ///
     /// # Errors
     ///
-    /// A target that the joint cannot have; it keeps the one that it has. A finger with a fault.
+    /// [`SettingError`] if the joint cannot have the target, or the finger has a fault; the joint
+    /// keeps its target then.
     pub fn set_target(
         &mut self,
         joint: usize,
@@ -202,30 +207,33 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         Ok(())
     }
 
-    /// The gains of a joint; `None` for a joint that the finger does not have.
+    /// Returns the gains of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn gains(&self, joint: usize) -> Option<&JointGains<f64>> {
         self.check_joint(joint).ok()?;
         self.servo.gains(joint)
     }
 
-    /// Gives a joint other gains, all at once from the next tick on.
+    /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
     ///
-    /// Gains that no joint can have; it keeps the ones that it has.
+    /// [`SettingError`] if no joint can have these gains; the joint keeps its gains then.
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<f64>) -> Result<(), SettingError> {
         self.check_joint(joint)?;
         self.servo.set_gains(joint, gains)
     }
 
-    /// A tick of the master: where the joints in [`Mode::Position`] are to be one such tick from now.
+    /// Takes the set-points of one tick of the master: the places of the joints in
+    /// [`Mode::Position`] one such tick from now.
     ///
-    /// A joint that comes to follow from where it was held closes the gap within its own limits.
+    /// A joint that begins to follow closes the gap from its present position within its own
+    /// limits.
     ///
     /// # Errors
     ///
-    /// The first set-point that is not finite or too far to go to; it is as if none had come.
+    /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
+    /// are ignored then.
     pub fn follow(&mut self, points: &[SetPoint<f64>; N]) -> Result<(), SetPointError> {
         let joins = |joint: usize| {
             self.following & 1 << joint == 0 && self.servo.mode(joint) == Some(Mode::Position)
@@ -261,18 +269,18 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         Ok(())
     }
 
-    /// Forgets the latched faults; once all tensions are at their least, joints, which are off, can
-    /// be given another mode.
+    /// Clears the latched faults. Once all tensions are at their least, the joints, which are off,
+    /// can get another mode.
     pub fn clear(&mut self) {
         self.monitor.clear();
     }
 
-    /// One tick of the servo loop, in a gravity in the axes of the palm, m/s², less the acceleration of
-    /// the palm.
+    /// Runs one tick of the servo loop. `gravity` is in the axes of the palm, m/s², less the
+    /// acceleration of the palm.
     ///
-    /// `period_s` is the time since the last tick as a clock measured it, s; for the first tick, one
-    /// period. Rates, ages and set-points go by it. What is not finite or not above zero is a fault
-    /// once it lasts, and the laws count on [`Hand::servo_rate_hz`] then.
+    /// `period_s` is the measured time since the last tick, s; for the first tick, one period.
+    /// Rates, ages and set-points depend on it. If it is not finite or not above zero for some
+    /// ticks, that is a fault; the laws use [`Hand::servo_rate_hz`] then.
     pub fn tick(
         &mut self,
         sensed: &Sensed<f64, N>,
@@ -323,9 +331,9 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         }
     }
 
-    /// Where the joints are, rad, for other laws: what the sensors will say to the next tick, so many
-    /// seconds after the last one, and where that is not finite or jumps, where the joints would be by
-    /// then.
+    /// Returns plausible positions of the joints, rad, for other laws. `position` is the sensors'
+    /// reading for the next tick, `period_s` seconds after the last one. A reading that is not
+    /// finite or jumps is replaced by the position that the joint would have by then.
     #[must_use]
     pub fn plausible(&self, position: &SVector<f64, N>, period_s: f64) -> SVector<f64, N> {
         self.servo.plausible(position, period_s)

@@ -25,7 +25,7 @@ const FROZEN_COUNTS: f64 = 3.5;
 const PLAUSIBLE_RATE: f64 = 2.0;
 
 impl<const N: usize> Finger<N> {
-    /// The settings of the finger's servos for so many ticks in a second.
+    /// Returns the settings of the finger's servos, with `sample_hz` ticks a second.
     ///
     /// A place without a joint gets a joint that never moves and never pulls.
     #[must_use]
@@ -47,7 +47,8 @@ impl<const N: usize> Finger<N> {
         }
     }
 
-    /// How fast set-points that rejoin a motion may go; places without a joint do not.
+    /// Returns the greatest speeds of set-points that rejoin a motion; zero for places without a
+    /// joint.
     #[must_use]
     pub fn bounds(&self) -> [Bounds<f64>; N] {
         core::array::from_fn(|joint| {
@@ -66,7 +67,7 @@ impl<const N: usize> Finger<N> {
         })
     }
 
-    /// What makes a fault of the finger, for so many ticks in a second.
+    /// Returns the limits beyond which the finger has a fault, with `sample_hz` ticks a second.
     #[must_use]
     pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FaultLimits<f64, N> {
         let tendon = |tendon: &Tendon| TendonFaultLimits {
@@ -148,7 +149,7 @@ impl<const N: usize> Finger<N> {
         }
     }
 
-    /// The least tensions of the finger's tendons, N.
+    /// Returns the least tensions of the finger's tendons, N.
     #[must_use]
     pub fn least_tensions(&self) -> [Pair<f64>; N] {
         core::array::from_fn(|joint| {

@@ -14,18 +14,19 @@ use crate::trajectory::{
     Target, Ticket, TrajectoryError,
 };
 
-/// The most axes of a table.
+/// The greatest number of axes of a table.
 pub const AXES: usize = 3;
 
 /// How many motions of the table can wait.
 const QUEUE: usize = 8;
 
-/// The table of a configuration: motions of its axes, their servos, and what the fingers must know
-/// of them.
+/// The table of a configuration: motions of its axes, and their servos. It tells the fingers how
+/// the palm is accelerated.
 ///
-/// It is called in every tick of the table's loop. [`start`](Self::start) makes it go home, from
-/// wherever it is; after that it takes motions, which are [`Primitive`]s in m. Their set-points stay
-/// within the limits of the axes. A guard of a torque looks at the force of an axis, N.
+/// Call [`tick`](Self::tick) in every tick of the table's loop. [`start`](Self::start) makes the
+/// table go home from its present position; after that it takes motions, which are [`Primitive`]s
+/// in m. Their set-points stay within the limits of the axes. A guard of a torque checks the force
+/// of an axis, N.
 #[derive(Clone, Debug)]
 pub struct TableController {
     axes: Vec<Driven, AXES>,
@@ -53,15 +54,15 @@ struct Driven {
     bad: u16,
 }
 
-/// What a table is about.
+/// The state of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum TableState {
-    /// Nothing drives it.
+    /// Its drives are off.
     Off,
     /// It goes home from the next tick on, at this fraction of its limits of velocity.
     Starting {
-        /// Above 0, at most 1.
+        /// The fraction, above 0 and at most 1.
         speed: f64,
     },
     /// It is on its way home.
@@ -70,9 +71,9 @@ pub enum TableState {
     Stopped,
     /// It has been home, and takes motions.
     Ready,
-    /// Its ticks were late for too long; nothing drives it until [`TableController::clear`].
+    /// Its ticks were late for too long; its drives are off until [`TableController::clear`].
     Late,
-    /// A sensor has failed; nothing drives it until [`TableController::clear`].
+    /// A sensor has failed; its drives are off until [`TableController::clear`].
     Failed {
         /// The axis, from 0.
         axis: usize,
@@ -102,36 +103,36 @@ impl fmt::Display for TableState {
     }
 }
 
-/// What a table did in one tick.
+/// The result of one tick of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TableTick {
-    /// Of the drives, N; zero where there is no axis.
+    /// The forces of the drives, N; zero for places without an axis.
     pub force: [f64; AXES],
-    /// Where the axes are to be, m.
+    /// The set-points of the axes, m.
     pub target: [SetPoint<f64>; AXES],
-    /// The acceleration that the palm is to have, in its own axes, m/s²: fingers are controlled in
+    /// The desired acceleration of the palm, in its own axes, m/s². Fingers are controlled in
     /// gravity less this.
     pub acceleration: Vector3<f64>,
-    /// What it is about.
+    /// The state of the table.
     pub state: TableState,
 }
 
-/// A table that cannot be, or a motion that it cannot make.
+/// The reason for which there is no table, or for which it refuses a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TableError {
     /// The configuration has no table.
     #[error("the configuration has no table")]
     NoTable,
-    /// An axis that no servo can serve.
+    /// An axis can have no servo.
     #[error("axis {axis}: {error}")]
     Axis {
         /// The axis, from 0.
         axis: usize,
-        /// Why not.
+        /// The reason.
         error: AxisError,
     },
-    /// Axes whose loops do not run together.
+    /// The loops of the axes have different rates.
     #[error("axis {axis} is served {rate_hz} times a second and the first {first_hz} times")]
     Rates {
         /// The axis, from 0.
@@ -141,35 +142,36 @@ pub enum TableError {
         /// The rate of the first, Hz.
         first_hz: u32,
     },
-    /// Limits of an axis that no motion can keep.
+    /// No motion can keep the limits of an axis.
     #[error(transparent)]
     Limits(#[from] TrajectoryError),
-    /// A motion that it cannot make.
+    /// The table cannot make a motion.
     #[error(transparent)]
     Motion(#[from] PrimitiveError),
-    /// A motion of a table that has not been home.
+    /// The table has not been home yet, so it takes no motion.
     #[error("the table takes no motion before it has been home; it is {state}")]
     NotReady {
-        /// What it is about.
+        /// The state of the table.
         state: TableState,
     },
-    /// A speed on the way home that is none.
+    /// The speed of the way home is not above 0 and at most 1.
     #[error(
         "a speed of {speed} on the way home; it must be above 0 and at most 1",
         speed = Decimal(*.speed),
     )]
     Speed {
-        /// As a fraction of the limits.
+        /// The speed, as a fraction of the limits.
         speed: f64,
     },
 }
 
 impl TableController {
-    /// The controller of the table of a hand, off.
+    /// Makes the controller of the table of a hand, with its drives off.
     ///
     /// # Errors
     ///
-    /// A hand without a table; else what [`Hand::check`] would have refused.
+    /// [`TableError::NoTable`] if the hand has no table; other variants for settings that
+    /// [`Hand::check`] would have refused.
     pub fn new<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<Self, TableError> {
         let table = hand.table.as_ref().ok_or(TableError::NoTable)?;
         let rate = |axis: &Axis| {
@@ -232,18 +234,19 @@ impl TableController {
         })
     }
 
-    /// What it is about.
+    /// Returns the state of the table.
     #[must_use]
     pub fn state(&self) -> TableState {
         self.state
     }
 
-    /// Takes the axes where the next tick finds them and brings them home, at a fraction of their
-    /// limits of velocity.
+    /// Brings the axes home from their positions in the next tick, at a fraction of their limits of
+    /// velocity.
     ///
     /// # Errors
     ///
-    /// A speed that is not above 0 and at most 1; a table that has failed.
+    /// [`TableError::Speed`] if the speed is not above 0 and at most 1; [`TableError::NotReady`] if
+    /// the table has failed.
     pub fn start(&mut self, speed: f64) -> Result<(), TableError> {
         if !(speed > 0.0 && speed <= 1.0) {
             return Err(TableError::Speed { speed });
@@ -264,12 +267,12 @@ impl TableController {
         }
     }
 
-    /// Puts a motion at the end of the queue.
+    /// Adds a motion at the end of the queue.
     ///
     /// # Errors
     ///
-    /// A table that has not been home; a motion beyond the limits of an axis, or of an axis that
-    /// there is not.
+    /// [`TableError::NotReady`] if the table has not been home; [`TableError::Motion`] if the
+    /// motion exceeds the limits of an axis, or moves an axis that does not exist.
     pub fn enqueue(&mut self, motion: Primitive<AXES>) -> Result<Ticket, TableError> {
         if self.state != TableState::Ready {
             return Err(TableError::NotReady { state: self.state });
@@ -282,7 +285,7 @@ impl TableController {
         Ok(self.generator.enqueue(motion)?)
     }
 
-    /// Slows down to a stop on the way, and forgets all motions.
+    /// Slows down to a stop on the path, and drops all motions.
     pub fn stop(&mut self) {
         self.generator.abort();
         if matches!(self.state, TableState::Starting { .. }) {
@@ -290,43 +293,43 @@ impl TableController {
         }
     }
 
-    /// Slows down to a stop on the way until [`resume`](Self::resume).
+    /// Slows down to a stop on the path until [`resume`](Self::resume).
     pub fn pause(&mut self) {
         self.generator.pause();
     }
 
-    /// Goes on after a pause.
+    /// Continues after a pause.
     pub fn resume(&mut self) {
         self.generator.resume();
     }
 
-    /// Drives no axis from the next tick on.
+    /// Switches the drives off from the next tick on.
     pub fn disable(&mut self) {
         if !self.state.is_failure() {
             self.state = TableState::Off;
         }
     }
 
-    /// Forgets a failure; the table is off.
+    /// Clears a failure; the drives are off.
     pub fn clear(&mut self) {
         if self.state.is_failure() {
             self.state = TableState::Off;
         }
     }
 
-    /// The motions: how far they are, and whether any is left.
+    /// Returns the generator of the motions, which tells their progress.
     #[must_use]
     pub fn trajectory(&self) -> &Generator<AXES, QUEUE> {
         &self.generator
     }
 
-    /// The oldest thing that happened to a motion, the way home included, and was not taken.
+    /// Takes the oldest event of a motion, including the way home; returns `None` if there is none.
     pub fn take_event(&mut self) -> Option<Event> {
         self.generator.take_event()
     }
 
-    /// One tick, with the measured positions of the axes, m, so many seconds after the last one; for
-    /// the first tick, a period.
+    /// Runs one tick. `positions` are the measured positions of the axes, m; `period_s` is the time
+    /// since the last tick in seconds, or one period for the first tick.
     pub fn tick(&mut self, positions: &[f64; AXES], period_s: f64) -> TableTick {
         let is_late = (self.missed).misses(self.deadlines, period_s, self.longest_s);
         if is_late && self.is_driven() {

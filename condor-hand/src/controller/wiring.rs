@@ -5,8 +5,9 @@ use crate::config::{Channel, Finger, Input, Table};
 use crate::servo::Sensed;
 use crate::tendon::{Pair, Pairs};
 
-/// What the converters of a finger's sensors read, in radians and newtons; `read` gives the counts of
-/// a channel, or none if it cannot be read, which becomes NaN: a fault once it lasts.
+/// Reads the sensors of a finger through their converters, in radians and newtons. `read` must
+/// return the counts of a channel, or `None` if the channel cannot be read; the value is NaN then,
+/// which is a fault once it lasts.
 pub fn read_finger<const N: usize>(
     finger: &Finger<N>,
     mut read: impl FnMut(Channel) -> Option<u32>,
@@ -28,7 +29,7 @@ pub fn read_finger<const N: usize>(
     sensed
 }
 
-/// Gives the converters of a finger's actuators the counts of its commands (N).
+/// Writes the commands (N) of a finger's actuators as counts of their converters, by `write`.
 pub fn write_finger<const N: usize>(
     finger: &Finger<N>,
     command: &Pairs<f64, N>,
@@ -41,7 +42,7 @@ pub fn write_finger<const N: usize>(
     }
 }
 
-/// What the converters of a table's sensors read, in m; `read` as in [`read_finger`].
+/// Reads the sensors of a table through their converters, in m; `read` as in [`read_finger`].
 pub fn read_table(table: &Table, mut read: impl FnMut(Channel) -> Option<u32>) -> [f64; AXES] {
     let mut positions = [0.0; AXES];
     for (axis, position) in table.axes.iter().zip(&mut positions) {
@@ -50,7 +51,7 @@ pub fn read_table(table: &Table, mut read: impl FnMut(Channel) -> Option<u32>) -
     positions
 }
 
-/// Gives the converters of a table's drives the counts of its forces (N).
+/// Writes the forces (N) of a table's drives as counts of their converters, by `write`.
 pub fn write_table(table: &Table, force: &[f64; AXES], mut write: impl FnMut(Channel, u32)) {
     for (axis, &force) in table.axes.iter().zip(force) {
         write(axis.dac.channel(), axis.dac.counts(force));

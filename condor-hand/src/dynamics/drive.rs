@@ -4,13 +4,14 @@ use crate::Real;
 use crate::math::{abs, max, tanh};
 use crate::tendon::{MomentArms, Pairs};
 
-/// What the drives of N joints add to the dynamics of the links: their own inertia, and friction.
+/// The inertia and the friction of the drives of N joints, which add to the dynamics of the links.
 ///
 /// With the [`Dynamics`](super::Dynamics) of the links, the torque of a motion is
 /// `inverse_dynamics + armature qdd + torque(qd)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive<T: Real, const N: usize> {
-    /// Inertia of what moves with the joint beyond its link, as the joint feels it, kg m².
+    /// The inertia of the parts that move with the joint beyond its link, referred to the joint, kg
+    /// m².
     pub armature: SVector<T, N>,
     /// Friction per rate, N m s/rad.
     pub viscous: SVector<T, N>,
@@ -23,7 +24,7 @@ pub struct Drive<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Drive<T, N> {
-    /// Neither inertia nor friction.
+    /// Returns drives without inertia and friction.
     #[must_use]
     pub fn ideal() -> Self {
         Self {
@@ -34,14 +35,15 @@ impl<T: Real, const N: usize> Drive<T, N> {
         }
     }
 
-    /// The torques that overcome friction at the rates `qd` (rad/s), N m.
+    /// Returns the torques that overcome friction at the rates `qd` (rad/s), N m.
     #[inline]
     #[must_use]
     pub fn torque(&self, qd: &SVector<T, N>) -> SVector<T, N> {
         self.torque_under(qd, &SVector::zeros())
     }
 
-    /// The same with more Coulomb friction (N m), such as that of tendons under tension.
+    /// Returns these torques with additional Coulomb friction (N m), such as that of tendons under
+    /// tension.
     #[inline]
     #[must_use]
     pub fn torque_under(&self, qd: &SVector<T, N>, friction: &SVector<T, N>) -> SVector<T, N> {
@@ -51,8 +53,8 @@ impl<T: Real, const N: usize> Drive<T, N> {
     }
 }
 
-/// The Coulomb friction of tendons on the pulleys of their own joints, N m: the coefficient of
-/// each joint times the moments of both tendons, `mu (r f + r' f')` with positive arms. A slack
+/// Returns the Coulomb friction of tendons on the pulleys of their own joints, N m: the coefficient
+/// of each joint times the moments of both tendons, `mu (r f + r' f')` with positive arms. A slack
 /// tendon has none.
 #[inline]
 #[must_use]

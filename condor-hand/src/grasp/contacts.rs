@@ -5,7 +5,7 @@ use super::{GraspError, Quantity, Twist, Wrench};
 use crate::control::linear::Symmetric3;
 use crate::math::{Real, abs, is_finite, max, real, sqrt};
 
-/// Points at which M fingers touch one object, and what follows from their places alone.
+/// The points at which M fingers touch one object, and computations that need only these points.
 ///
 /// The law is the minimum-norm solution of `G f = w` without the grasp matrix G (6×3M). Such a
 /// solution is `f = Gᵀ y`, so `f_i = a + b × r_i` with arms `r_i` from the centroid m of the contacts.
@@ -25,20 +25,20 @@ pub struct Contacts<T: Real, const M: usize> {
     trace: T,
 }
 
-/// The forces of M fingers that make a wrench.
+/// The forces of M fingers that produce a wrench.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerForces<T: Real, const M: usize> {
-    /// Exerted by each finger on the object, N.
+    /// The force of each finger on the object, N.
     pub forces: [Vector3<T>; M],
-    /// The moment that was asked for and that the forces do not make, N m. Zero for three contacts or
-    /// more; for two, the part about the line through them.
+    /// The part of the requested moment that the forces do not produce, N m. It is zero for three
+    /// contacts or more; for two, it is the part about the line through them.
     pub lost_moment: Vector3<T>,
 }
 
 /// Forces and torsions of two soft fingertips.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoftForces<T: Real> {
-    /// Exerted by each finger on the object, N.
+    /// The force of each finger on the object, N.
     pub forces: [Vector3<T>; 2],
     /// The moment of each fingertip on the object about its inward normal, N m.
     pub torsions: [T; 2],
@@ -97,13 +97,13 @@ pub(super) fn sum<T: Real>(vectors: &[Vector3<T>]) -> Vector3<T> {
 }
 
 impl<T: Real, const M: usize> Contacts<T, M> {
-    /// Contacts at the points, m, in the palm.
+    /// Makes contacts at these points, m, in the palm.
     ///
     /// # Errors
     ///
-    /// [`NotFinite`](GraspError::NotFinite), [`Coincident`](GraspError::Coincident) if all contacts
-    /// are one point, and for three or more [`NearCollinear`](GraspError::NearCollinear) if they lie
-    /// on a line.
+    /// [`NotFinite`](GraspError::NotFinite) if a number is not finite,
+    /// [`Coincident`](GraspError::Coincident) if all contacts are one point, and for three or more
+    /// [`NearCollinear`](GraspError::NearCollinear) if they lie on a line.
     #[inline(always)]
     pub fn new(points: [Vector3<T>; M]) -> Result<Self, GraspError> {
         let centroid = sum(&points) * share::<T, M>();
@@ -143,13 +143,13 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         }
     }
 
-    /// The points, m.
+    /// Returns the points, m.
     #[must_use]
     pub fn points(&self) -> &[Vector3<T>; M] {
         &self.points
     }
 
-    /// The mean of the points, m.
+    /// Returns the mean of the points, m.
     #[must_use]
     pub fn centroid(&self) -> &Vector3<T> {
         &self.centroid
@@ -173,13 +173,14 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         self.inverse.times(moment)
     }
 
-    /// The least forces that together make the wrench about the point `about` (m).
+    /// Returns the least forces that together produce the wrench about the point `about` (m). The
+    /// result also has the moment that two contacts cannot produce.
     ///
     /// # Errors
     ///
-    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite); for one contact
-    /// [`MomentAtOneContact`](GraspError::MomentAtOneContact) unless the wrench is a force through it;
-    /// [`TooLarge`](GraspError::TooLarge). What two contacts cannot make is in the answer.
+    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the wrench is not finite; for one
+    /// contact [`MomentAtOneContact`](GraspError::MomentAtOneContact) unless the wrench is a force
+    /// through it; [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.
     #[inline(always)]
     pub fn forces(
         &self,
@@ -225,17 +226,18 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         })
     }
 
-    /// The motion of the object, with its point at `about` (m), that fits the motions of the tips
-    /// best: small motions (m), or velocities (m/s). For two contacts the rotation about their line
-    /// is taken as zero, for one contact all rotation.
+    /// Returns the motion of the object, with its point at `about` (m), that fits the motions of
+    /// the tips best: small motions (m), or velocities (m/s). For two contacts the rotation about
+    /// their line is taken as zero, for one contact all rotation.
     ///
-    /// This is the dual of [`forces`](Self::forces): minimising `Σ |d_i - t - o × r_i|²` gives
+    /// This is the dual of [`forces`](Self::forces): minimising `Σ |d_i - t - o × r_i|²` leads to
     /// `o = J⁻¹ Σ r_i × d_i` with the same J.
     ///
     /// # Errors
     ///
-    /// [`NotFinite`](GraspError::NotFinite), [`WrenchNotFinite`](GraspError::WrenchNotFinite) for the
-    /// point, [`TooLarge`](GraspError::TooLarge).
+    /// [`NotFinite`](GraspError::NotFinite) if a motion is not finite,
+    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the point is not finite,
+    /// [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.
     #[inline]
     pub fn object_motion(
         &self,
@@ -262,14 +264,15 @@ impl<T: Real, const M: usize> Contacts<T, M> {
 }
 
 impl<T: Real> Contacts<T, 2> {
-    /// Forces and torsions of two soft fingertips that together make the whole wrench about the point
-    /// `about` (m). The torsions are the least that make the moment about the line of the contacts,
-    /// which forces cannot: half of it each in an antipodal grasp.
+    /// Returns forces and torsions of two soft fingertips that together produce the whole wrench
+    /// about the point `about` (m). The torsions are the least ones that produce the moment about
+    /// the line of the contacts, which forces cannot produce: in an antipodal grasp, half of it
+    /// each.
     ///
     /// # Errors
     ///
-    /// Those of [`forces`](Self::forces), and
-    /// [`NormalsAcrossLine`](GraspError::NormalsAcrossLine).
+    /// Those of [`forces`](Self::forces); [`NormalsAcrossLine`](GraspError::NormalsAcrossLine) if
+    /// neither normal lies along the line.
     pub fn soft_forces(
         &self,
         wrench: &Wrench<T>,

@@ -2,7 +2,7 @@ use core::fmt;
 
 use thiserror::Error;
 
-/// What a number belongs to that is not finite.
+/// The quantity of which a number is not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Quantity {
@@ -51,7 +51,7 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// A grasp that cannot do what is asked of it.
+/// The reason for which a grasp is not possible.
 ///
 /// Fingers, contacts and joints are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -60,9 +60,9 @@ pub enum GraspError {
     /// A number of one finger is infinite or NaN.
     #[error("the {quantity} of finger {finger} is {value}")]
     NotFinite {
-        /// Whose number it is.
+        /// The finger.
         finger: usize,
-        /// What it is.
+        /// The quantity.
         quantity: Quantity,
         /// The number.
         value: f64,
@@ -77,21 +77,21 @@ pub enum GraspError {
         /// The point, m.
         about: [f64; 3],
     },
-    /// Every input is finite, and the result is beyond the range of the type.
+    /// All inputs are finite, but a result exceeds the range of the type.
     #[error("the {quantity} is beyond the range of numbers")]
     TooLarge {
         /// The first result for which this is so.
         quantity: Quantity,
     },
-    /// The task takes more contacts.
+    /// The task needs more contacts.
     #[error("{contacts} contacts; this takes at least {least}")]
     TooFewContacts {
-        /// How many there are.
+        /// The number of contacts.
         contacts: usize,
-        /// How many it takes.
+        /// The least number that the task needs.
         least: usize,
     },
-    /// Two contacts are one point, as far as their coordinates can tell.
+    /// Two contacts are the same point, within the precision of their coordinates.
     #[error("contacts {first} and {second} are only {distance} m apart")]
     Coincident {
         /// One of them.
@@ -107,10 +107,10 @@ pub enum GraspError {
         /// The determinant of the contacts' inertia over the cube of a third of its trace: 1 where
         /// they are spread equally in all directions, 0 on a line.
         conditioning: f64,
-        /// What it must be above.
+        /// The limit, which it must exceed.
         least: f64,
     },
-    /// One contact was asked for a moment about itself.
+    /// One contact cannot produce a moment about itself.
     #[error("a single contact cannot make the moment {moment:?} N m about itself")]
     MomentAtOneContact {
         /// The moment about the contact, N m.
@@ -124,7 +124,7 @@ pub enum GraspError {
         /// The cosines of the angles between the normals and the line.
         cosines: [f64; 2],
     },
-    /// A normal without a direction.
+    /// A normal has no direction.
     #[error("the normal of contact {contact} has the length {length}")]
     Normal {
         /// The contact.
@@ -132,7 +132,7 @@ pub enum GraspError {
         /// The length that was given.
         length: f64,
     },
-    /// A coefficient of friction that is not a positive number.
+    /// A coefficient of friction is not a positive number.
     #[error("a coefficient of friction of {value}; it must be positive")]
     FrictionCoefficient {
         /// The coefficient; of torsion in m.
@@ -149,28 +149,28 @@ pub enum GraspError {
         "no squeeze holds: the others need at least {least} N, contact {contact} allows {low} to {high} N"
     )]
     NoSqueeze {
-        /// The first contact that leaves no common range.
+        /// The first contact whose range has nothing in common with those before it.
         contact: usize,
-        /// The least squeeze that the contacts before it take, N.
+        /// The least squeeze that the contacts before it permit, N.
         least: f64,
-        /// The least squeeze that this contact takes, N; NaN if none will do.
+        /// The least squeeze that this contact permits, N; NaN if there is none.
         low: f64,
-        /// The greatest squeeze up to and with this contact, N; NaN if none will do.
+        /// The greatest squeeze that the contacts up to this one permit, N; NaN if there is none.
         high: f64,
     },
-    /// A squeeze along an edge that does not exist, or that would pull.
+    /// A squeeze is along an edge that does not exist, or would pull.
     #[error("a squeeze of {force} N between contacts {first} and {second} of {contacts}")]
     SqueezeEdge {
         /// One end of the edge.
         first: usize,
         /// The other end.
         second: usize,
-        /// How many contacts there are.
+        /// The number of contacts.
         contacts: usize,
         /// The force, N.
         force: f64,
     },
-    /// A matrix of gains with an infinity or NaN.
+    /// A matrix of gains has an infinity or NaN.
     #[error("the gain in row {row}, column {column} is {value}")]
     GainNotFinite {
         /// Row, from 0.
@@ -180,7 +180,7 @@ pub enum GraspError {
         /// The gain.
         value: f64,
     },
-    /// A matrix of gains that is not symmetric: its spring would be a source of energy.
+    /// A matrix of gains is not symmetric: its spring would be a source of energy.
     #[error(
         "the gains are not symmetric: {value} in row {row}, column {column}, and {mirrored} opposite"
     )]
@@ -194,7 +194,7 @@ pub enum GraspError {
         /// The gain with row and column exchanged.
         mirrored: f64,
     },
-    /// A matrix of gains with a negative eigenvalue: it would push the object away.
+    /// A matrix of gains has a negative eigenvalue: it would push the object away.
     #[error("the gains have a negative eigenvalue: pivot {pivot} of axis {axis}")]
     NotSemidefinite {
         /// The axis whose pivot shows it: 0 to 2 along, 3 to 5 about x, y, z.
@@ -202,13 +202,13 @@ pub enum GraspError {
         /// The pivot of the factorisation, in units of that axis.
         pivot: f64,
     },
-    /// A gain of the posture that is negative or no number.
+    /// A gain of the posture is negative or not a number.
     #[error("a posture gain of {value}; it must be finite and not negative")]
     PostureGain {
         /// The gain.
         value: f64,
     },
-    /// Limits that do not have zero between them.
+    /// The limits do not have zero between them.
     #[error("joint {joint} of finger {finger} has the torque limits {low} to {high} N m")]
     TorqueLimits {
         /// The finger.
@@ -226,7 +226,7 @@ pub enum GraspError {
         /// The product of the gaps between the greatest eigenvalue of the fit and the others, over
         /// the mean spread of the tips.
         separation: f64,
-        /// What it must be above.
+        /// The limit, which it must exceed.
         least: f64,
     },
 }

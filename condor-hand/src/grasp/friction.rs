@@ -18,17 +18,17 @@ pub struct Friction<T: Real = f64> {
     torsion: Option<T>,
 }
 
-/// The factors of an internal force at which no contact slips.
+/// The range of factors of an internal force with which no contact slips.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SqueezeRange<T: Real = f64> {
-    /// The least.
+    /// The least factor.
     pub least: T,
-    /// The greatest, if there is one.
+    /// The greatest factor, if there is one.
     pub greatest: Option<T>,
 }
 
 impl<T: Real> SqueezeRange<T> {
-    /// The least factor times a factor of safety, but not above the greatest.
+    /// Returns the least factor times a factor of safety, but not more than the greatest.
     #[must_use]
     pub fn with_safety(&self, safety: T) -> T {
         let wanted = max(self.least * safety, self.least);
@@ -51,12 +51,12 @@ fn positive<T: Real>(coefficient: T) -> Result<T, GraspError> {
 }
 
 impl<T: Real> Friction<T> {
-    /// A point that slips when the tangential force exceeds `coefficient` times the normal one. It
-    /// bears no torsion.
+    /// Makes the friction of a point, which slips when the tangential force exceeds `coefficient`
+    /// times the normal force. It bears no torsion.
     ///
     /// # Errors
     ///
-    /// [`FrictionCoefficient`](GraspError::FrictionCoefficient) unless positive.
+    /// [`FrictionCoefficient`](GraspError::FrictionCoefficient) unless the coefficient is positive.
     pub fn point(coefficient: T) -> Result<Self, GraspError> {
         Ok(Self {
             sliding: positive(coefficient)?,
@@ -64,12 +64,13 @@ impl<T: Real> Friction<T> {
         })
     }
 
-    /// A soft tip that without tangential force bears a torsion of `torsional` (m) times the normal
-    /// force.
+    /// Makes the friction of a soft tip, which without tangential force bears a torsion of
+    /// `torsional` (m) times the normal force.
     ///
     /// # Errors
     ///
-    /// [`FrictionCoefficient`](GraspError::FrictionCoefficient) unless both are positive.
+    /// [`FrictionCoefficient`](GraspError::FrictionCoefficient) unless both coefficients are
+    /// positive.
     pub fn soft(coefficient: T, torsional: T) -> Result<Self, GraspError> {
         let sliding = positive(coefficient)?;
         Ok(Self {
@@ -88,13 +89,14 @@ impl<T: Real> Friction<T> {
         }
     }
 
-    /// How far each contact is from slipping, N: `mu f_n - √(|f_t|² + (mu m_n/mu_t)²)`, negative
-    /// where it slips or pulls. Torsions (N m) are about the inward normals; a point bears none, and
-    /// its margin is minus infinity with any.
+    /// Returns the distance of each contact from slipping, N: `mu f_n - √(|f_t|² + (mu
+    /// m_n/mu_t)²)`, negative if it slips or pulls. Torsions (N m) are about the inward normals; a
+    /// point bears none, and its margin is minus infinity with any torsion.
     ///
     /// # Errors
     ///
-    /// [`NotFinite`](GraspError::NotFinite), [`TooLarge`](GraspError::TooLarge).
+    /// [`NotFinite`](GraspError::NotFinite) if an input is not finite,
+    /// [`TooLarge`](GraspError::TooLarge) if a result exceeds the range of the type.
     pub fn margins<const M: usize>(
         &self,
         normals: &Normals<T, M>,
@@ -121,9 +123,9 @@ impl<T: Real> Friction<T> {
         Ok(margins)
     }
 
-    /// The factors `s >= 0` for which no contact slips under `forces + s directions`, in closed form:
-    /// for equal squeeze on all edges the directions are the internal forces of one newton on each,
-    /// and the factors are newtons.
+    /// Returns the factors `s >= 0` with which no contact slips under `forces + s directions`, in
+    /// closed form. For an equal squeeze on all edges the directions are the internal forces of one
+    /// newton on each, and the factors are newtons.
     ///
     /// Cones are convex, so each contact allows one interval. Its ends are the roots of
     /// `a s² + 2 b s + c`, with `a = mu² d_n² - |d_t|²`, `b = mu² f_n d_n - f_t·d_t` and
@@ -131,8 +133,9 @@ impl<T: Real> Friction<T> {
     ///
     /// # Errors
     ///
-    /// [`NoSqueeze`](GraspError::NoSqueeze) if no factor will do;
-    /// [`NotFinite`](GraspError::NotFinite), [`TooLarge`](GraspError::TooLarge).
+    /// [`NoSqueeze`](GraspError::NoSqueeze) if there is no such factor;
+    /// [`NotFinite`](GraspError::NotFinite) if an input is not finite,
+    /// [`TooLarge`](GraspError::TooLarge) if a result exceeds the range of the type.
     pub fn squeeze_range<const M: usize>(
         &self,
         normals: &Normals<T, M>,

@@ -6,21 +6,22 @@ use crate::math::{Real, abs, is_finite, max, real, sqrt};
 /// A stiffness (N/m, N/rad, N m/m, N m/rad) or damping (times s) of six axes: x, y, z and then the
 /// rotations about them.
 ///
-/// Holding one proves that it is symmetric and has no negative eigenvalue, so that its spring stores
-/// energy, or its damper takes it, in every direction.
+/// Its constructors ensure that it is symmetric and has no negative eigenvalue, so that its spring
+/// stores energy, or its damper takes it, in every direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpatialGain<T: Real = f64> {
     matrix: Matrix6<T>,
 }
 
 impl<T: Real> SpatialGain<T> {
-    /// A gain from its matrix, 6×6. Asymmetry and negative pivots of the size of rounding are let
-    /// pass; the former is averaged out.
+    /// Makes a gain of its matrix, 6×6. Asymmetry and negative pivots of the size of rounding are
+    /// permitted; asymmetry is averaged out.
     ///
     /// # Errors
     ///
-    /// [`GainNotFinite`](GraspError::GainNotFinite), [`NotSymmetric`](GraspError::NotSymmetric),
-    /// [`NotSemidefinite`](GraspError::NotSemidefinite).
+    /// [`GainNotFinite`](GraspError::GainNotFinite) if an entry is not finite,
+    /// [`NotSymmetric`](GraspError::NotSymmetric) if the matrix is not symmetric,
+    /// [`NotSemidefinite`](GraspError::NotSemidefinite) if it has a negative eigenvalue.
     pub fn new(matrix: &Matrix6<T>) -> Result<Self, GraspError> {
         let tolerance = T::default_epsilon() * real(256.0);
         for row in 0..6 {
@@ -49,7 +50,7 @@ impl<T: Real> SpatialGain<T> {
         Ok(Self { matrix })
     }
 
-    /// A gain without coupling between the axes.
+    /// Makes a gain without coupling between the axes.
     ///
     /// # Errors
     ///
@@ -58,7 +59,7 @@ impl<T: Real> SpatialGain<T> {
         Self::new(&Matrix6::from_diagonal(&Vector6::from(gains)))
     }
 
-    /// No gain.
+    /// Makes a gain of zero.
     #[must_use]
     pub fn zero() -> Self {
         Self {
@@ -66,14 +67,14 @@ impl<T: Real> SpatialGain<T> {
         }
     }
 
-    /// The matrix.
+    /// Returns the matrix.
     #[must_use]
     pub fn matrix(&self) -> &Matrix6<T> {
         &self.matrix
     }
 
-    /// The wrench of a displacement (of a stiffness) or of a velocity (of a damping), about the same
-    /// point.
+    /// Returns the wrench of a displacement (for a stiffness) or of a velocity (for a damping),
+    /// about the same point.
     #[inline]
     #[must_use]
     pub fn times(&self, twist: &Twist<T>) -> Wrench<T> {

@@ -6,12 +6,13 @@ use crate::kinematics::Jacobian;
 use crate::math::is_finite;
 
 impl<T: Real, const M: usize> Contacts<T, M> {
-    /// How the object moves with the joints of each finger, with its point at `about` (m): six rows
-    /// (m/rad, rad/rad) and a column for each joint, as `(G⁺)ᵀ J`.
+    /// Returns the Jacobians of the object, with its point at `about` (m), for the joints of each
+    /// finger: six rows (m/rad, rad/rad) and a column for each joint, as `(G⁺)ᵀ J`.
     ///
     /// # Errors
     ///
-    /// [`NotFinite`](GraspError::NotFinite) and those of [`object_motion`](Self::object_motion).
+    /// [`NotFinite`](GraspError::NotFinite) if a number is not finite, and those of
+    /// [`object_motion`](Self::object_motion).
     pub fn object_jacobians<const N: usize>(
         &self,
         jacobians: &[Jacobian<T, N>; M],
@@ -35,9 +36,9 @@ impl<T: Real, const M: usize> Contacts<T, M> {
 }
 
 impl<T: Real> SpatialGain<T> {
-    /// The joint stiffness (N m/rad) or damping that is the same as this one of the object: `Hᵀ K H`
-    /// with the [object's Jacobians](Contacts::object_jacobians) H. Block `[i][j]` has the torques of
-    /// finger i for the joints of finger j; its transpose is block `[j][i]`.
+    /// Returns the joint stiffness (N m/rad) or damping that is equivalent to this one of the
+    /// object: `Hᵀ K H` with the [object's Jacobians](Contacts::object_jacobians) H. Block `[i][j]`
+    /// has the torques of finger i for the joints of finger j; its transpose is block `[j][i]`.
     #[must_use]
     pub fn of_joints<const M: usize, const N: usize>(
         &self,

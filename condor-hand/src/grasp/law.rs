@@ -14,14 +14,14 @@ const LINEAR_RAD: f64 = 0.18;
 /// be a step of torque.
 const RIGID_RAD: f64 = 0.2;
 
-/// What one finger of a grasp measures, in the axes of the palm.
+/// The measured state of one finger of a grasp, in the axes of the palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerState<T: Real, const N: usize> {
-    /// Where the tip is, m.
+    /// The position of the tip, m.
     pub tip: Vector3<T>,
-    /// How it moves with the joints.
+    /// The Jacobian of the tip.
     pub jacobian: Jacobian<T, N>,
-    /// How fast it moves, m/s.
+    /// The velocity of the tip, m/s.
     pub velocity: Vector3<T>,
     /// The torques that bear the finger's own weight, N m.
     pub gravity_torque: SVector<T, N>,
@@ -34,7 +34,7 @@ pub struct FingerState<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> FingerState<T, N> {
-    /// The state of a finger at joint positions `q` (rad) that change at `qd` (rad/s).
+    /// Makes the state of a finger at joint positions `q` (rad) and rates `qd` (rad/s).
     pub fn new(
         finger: &impl Kinematics<T, N>,
         q: &SVector<T, N>,
@@ -91,39 +91,39 @@ impl<T: Real, const N: usize> FingerState<T, N> {
     }
 }
 
-/// What one step of the law gives.
+/// The result of one step of the law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
     /// The torques of the joints of each finger, N m.
     pub torques: [SVector<T, N>; M],
-    /// The motion that would take the object to where it is desired, at the centre.
+    /// The motion that would bring the object to its desired place, at the centre.
     pub deviation: Twist<T>,
     /// The velocity of the object, at the centre.
     pub velocity: Twist<T>,
-    /// Exerted on the object, about the centre.
+    /// The wrench on the object, about the centre.
     pub wrench: Wrench<T>,
-    /// The forces of the fingers on the object that make the wrench, N.
+    /// The forces of the fingers on the object that produce the wrench, N.
     pub wrench_forces: [Vector3<T>; M],
-    /// The whole forces of the fingers on the object, N: with the squeeze.
+    /// The total forces of the fingers on the object, including the squeeze, N.
     pub forces: [Vector3<T>; M],
-    /// How far each finger is from slipping, N; negative if it slips.
+    /// The distance of each finger from slipping, N; negative if it slips.
     pub margins: [T; M],
-    /// The part of the squeeze that the limits of torque leave, 0 to 1.
+    /// The fraction of the squeeze that the limits of torque permit, 0 to 1.
     pub squeeze_share: T,
-    /// The joint that leaves no more of the squeeze, with its torque at the whole squeeze.
+    /// The joint that limits the squeeze, with its torque at the full squeeze.
     pub squeeze_limit: Option<TorqueExcess<T>>,
-    /// The joint that is farthest beyond its limit without the squeeze that was taken away: the
-    /// torques here exceed what it can have, and the wrench will not be what it says.
+    /// The joint that exceeds its limit most, even without the part of the squeeze that was taken
+    /// away. These torques are not possible then, and the real wrench will differ from `wrench`.
     pub overload: Option<TorqueExcess<T>>,
 }
 
 /// The law that gives a held object a stiffness: M >= 3 fingers of N joints each.
 ///
-/// From the tips follow the displacement dx and the velocity v of the object, and from these the
-/// wrench `w = K dx - D v + w_ff`, the forces of the fingers that make it, and the torques
-/// `Jᵀ f + g` of their joints (Salisbury and Craig, "Articulated hands: force control and kinematic
-/// issues", 1982). A torque that keeps the posture is added along the self-motion of each finger alone,
-/// where it loads no contact.
+/// The tips determine the displacement dx and the velocity v of the object. From these follow the
+/// wrench `w = K dx - D v + w_ff`, the forces of the fingers that produce it, and the torques `Jᵀ f
+/// + g` of their joints (Salisbury and Craig, "Articulated hands: force control and kinematic
+/// issues", 1982). A torque that keeps the posture is added only along the self-motion of each
+/// finger, where it loads no contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspStiffness<T: Real, const M: usize, const N: usize> {
     tuning: GraspTuning<T, M, N>,
@@ -133,12 +133,13 @@ pub struct GraspStiffness<T: Real, const M: usize, const N: usize> {
 }
 
 impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
-    /// Holds the object where it is: present tips and joints become the desired ones.
+    /// Makes the law that holds the object where it is: the present tips and joints become the
+    /// desired ones.
     ///
     /// # Errors
     ///
-    /// [`TooFewContacts`](GraspError::TooFewContacts) below three fingers, those of
-    /// [`Contacts::new`], and those of [`set_tuning`](Self::set_tuning).
+    /// [`TooFewContacts`](GraspError::TooFewContacts) for fewer than three fingers; otherwise those
+    /// of [`Contacts::new`] and of [`set_tuning`](Self::set_tuning).
     pub fn engage(
         fingers: &[FingerState<T, N>; M],
         tuning: GraspTuning<T, M, N>,
@@ -162,34 +163,34 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         })
     }
 
-    /// What is in force.
+    /// Returns the tuning in force.
     #[must_use]
     pub fn tuning(&self) -> &GraspTuning<T, M, N> {
         &self.tuning
     }
 
-    /// Changes it from the next update on.
+    /// Changes the tuning from the next update on.
     ///
     /// # Errors
     ///
-    /// What is wrong with it; the former tuning stays in force.
+    /// [`GraspError`] for the first wrong value; the former tuning stays in force then.
     pub fn set_tuning(&mut self, tuning: GraspTuning<T, M, N>) -> Result<(), GraspError> {
         tuning.check()?;
         self.tuning = tuning;
         Ok(())
     }
 
-    /// Where the tips are to be, m.
+    /// Returns the desired positions of the tips, m.
     #[must_use]
     pub fn desired(&self) -> &[Vector3<T>; M] {
         &self.desired
     }
 
-    /// Moves the object: the tips are to be here (m).
+    /// Moves the object: `tips` are the new desired positions of the tips, m.
     ///
     /// # Errors
     ///
-    /// Those of [`Contacts::new`]; the former tips stay desired.
+    /// Those of [`Contacts::new`]; the former positions stay desired then.
     pub fn set_desired(&mut self, tips: &[Vector3<T>; M]) -> Result<(), GraspError> {
         check(tips, Quantity::DesiredTip)?;
         Contacts::new(*tips)?;
@@ -197,11 +198,12 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         Ok(())
     }
 
-    /// The posture that the joints are drawn to as far as the tips leave them free, rad.
+    /// Sets the posture towards which the joints are drawn as far as the tips leave them free, rad.
     ///
     /// # Errors
     ///
-    /// [`NotFinite`](GraspError::NotFinite); the former posture stays.
+    /// [`NotFinite`](GraspError::NotFinite) if a number is not finite; the former posture stays
+    /// then.
     pub fn set_posture(&mut self, posture: &[SVector<T, N>; M]) -> Result<(), GraspError> {
         for (finger, joints) in posture.iter().enumerate() {
             if let Some(value) = joints.iter().find(|&&angle| !is_finite(angle)) {
@@ -216,15 +218,18 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         Ok(())
     }
 
-    /// One step of the law, from what the fingers measure to torques.
+    /// Runs one step of the law, from the measured states of the fingers to torques.
     ///
-    /// Where a joint cannot bear its torque, the squeeze is reduced, on all edges alike. The
-    /// wrench never is: what then still exceeds a limit is named in the answer.
+    /// If a joint cannot bear its torque, the squeeze is reduced on all edges by the same factor.
+    /// The wrench is never reduced: if a torque then still exceeds its limit, the result names the
+    /// joint.
     ///
     /// # Errors
     ///
-    /// [`NotFinite`](GraspError::NotFinite) and [`TooLarge`](GraspError::TooLarge); tips that have
-    /// come to lie on a line or that determine no rotation. There are no torques then.
+    /// [`NotFinite`](GraspError::NotFinite) and [`TooLarge`](GraspError::TooLarge) for wrong
+    /// numbers; [`NearCollinear`](GraspError::NearCollinear) or
+    /// [`NoRotation`](GraspError::NoRotation) if the tips have come to lie on a line or determine
+    /// no rotation. There are no torques then.
     pub fn update(
         &mut self,
         fingers: &[FingerState<T, N>; M],
@@ -287,8 +292,8 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         })
     }
 
-    /// Lets go of the law: the joints as they were at the last update (rad), where a servo of their
-    /// positions takes over without a step.
+    /// Ends the law. Returns the positions of the joints at the last update (rad), from which a
+    /// position servo can take over without a step.
     #[must_use]
     pub fn release(self) -> [SVector<T, N>; M] {
         self.present

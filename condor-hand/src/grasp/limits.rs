@@ -3,7 +3,7 @@ use nalgebra::SVector;
 use super::GraspError;
 use crate::math::{Real, abs, max};
 
-/// The torques that the joints of one finger can have, N m.
+/// The limits of the torques of one finger's joints, N m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TorqueLimits<T: Real, const N: usize> {
     /// The least, not above zero.
@@ -12,21 +12,21 @@ pub struct TorqueLimits<T: Real, const N: usize> {
     pub high: SVector<T, N>,
 }
 
-/// A torque that was wanted and is beyond a limit.
+/// A required torque that is beyond a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TorqueExcess<T: Real = f64> {
     /// The finger, from 0.
     pub finger: usize,
     /// The joint, from 0.
     pub joint: usize,
-    /// The torque that was wanted, N m.
+    /// The required torque, N m.
     pub torque: T,
-    /// The limit that it is beyond, N m.
+    /// The limit, N m.
     pub limit: T,
 }
 
 impl<T: Real, const N: usize> TorqueLimits<T, N> {
-    /// No limits.
+    /// Makes limits of infinity: no limits.
     #[must_use]
     pub fn none() -> Self {
         let infinity = T::one() / T::zero();
@@ -36,7 +36,7 @@ impl<T: Real, const N: usize> TorqueLimits<T, N> {
         }
     }
 
-    /// The same limits to both sides, N m.
+    /// Makes equal limits to both sides, N m.
     #[must_use]
     pub fn symmetric(limits: &SVector<T, N>) -> Self {
         Self {

@@ -11,11 +11,11 @@ pub struct Normals<T: Real, const M: usize> {
 }
 
 impl<T: Real, const M: usize> Normals<T, M> {
-    /// Normals from directions of any length, which point into the object.
+    /// Makes normals from directions of any length, which point into the object.
     ///
     /// # Errors
     ///
-    /// [`Normal`](GraspError::Normal) for a direction of no length, or of none that is a number.
+    /// [`Normal`](GraspError::Normal) for a direction whose length is zero or not finite.
     pub fn new(directions: [Vector3<T>; M]) -> Result<Self, GraspError> {
         let mut inward = directions;
         for (contact, normal) in inward.iter_mut().enumerate() {
@@ -34,7 +34,7 @@ impl<T: Real, const M: usize> Normals<T, M> {
         Ok(Self { inward })
     }
 
-    /// The normals of a ball: from each contact to its centre (m).
+    /// Makes the normals of a ball: from each contact to its centre (m).
     ///
     /// # Errors
     ///
@@ -43,7 +43,7 @@ impl<T: Real, const M: usize> Normals<T, M> {
         Self::new(contacts.points().map(|point| center - point))
     }
 
-    /// The unit normals into the object.
+    /// Returns the unit normals into the object.
     #[must_use]
     pub fn inward(&self) -> &[Vector3<T>; M] {
         &self.inward

@@ -14,8 +14,8 @@ const STEPS: usize = 60;
 const POLISHING: usize = 3;
 
 impl<T: Real, const M: usize> Contacts<T, M> {
-    /// The rigid motion that takes the contacts to `desired` (m), of any angle up to half a turn, with
-    /// the object's point at `about` (m): least squares where the tips have slipped.
+    /// Returns the rigid motion that takes the contacts to `desired` (m), of any angle up to half a
+    /// turn, with the object's point at `about` (m): least squares where the tips have slipped.
     ///
     /// The rotation is the eigenvector of the greatest eigenvalue of a symmetric 4×4 matrix (Horn,
     /// "Closed-form solution of absolute orientation using unit quaternions", 1987). The eigenvalue

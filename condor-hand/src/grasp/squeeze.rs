@@ -17,7 +17,7 @@ pub struct Squeeze<T: Real, const M: usize> {
 }
 
 impl<T: Real, const M: usize> Squeeze<T, M> {
-    /// No squeeze.
+    /// Makes a squeeze of zero.
     #[must_use]
     pub fn none() -> Self {
         Self {
@@ -25,7 +25,7 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
         }
     }
 
-    /// The same force (N) on every edge.
+    /// Makes a squeeze with the same force (N) on every edge.
     ///
     /// # Errors
     ///
@@ -40,7 +40,7 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
         Ok(squeeze)
     }
 
-    /// The same squeeze with this force (N) on the edge between two contacts, counted from 0.
+    /// Sets the force (N) on the edge between two contacts, counted from 0.
     ///
     /// # Errors
     ///
@@ -51,7 +51,7 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
         Ok(self)
     }
 
-    /// The force on the edge between two contacts, N; zero for an edge that does not exist.
+    /// Returns the force on the edge between two contacts, N; zero for an edge that does not exist.
     #[must_use]
     pub fn edge(&self, first: usize, second: usize) -> T {
         let (low, high) = (first.min(second), first.max(second));
@@ -80,8 +80,8 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
 }
 
 impl<T: Real, const M: usize> Contacts<T, M> {
-    /// The internal forces of a squeeze, N: on edge (i, j) of force s, `+s e` at i and `-s e` at j,
-    /// with the unit vector e from i to j. They make no wrench.
+    /// Returns the internal forces of a squeeze, N: for edge (i, j) with force s, `+s e` at i and
+    /// `-s e` at j, with the unit vector e from i to j. They produce no wrench.
     ///
     /// # Errors
     ///

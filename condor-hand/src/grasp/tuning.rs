@@ -9,45 +9,45 @@ use super::{
 use crate::Real;
 use crate::math::is_finite;
 
-/// What the fingers touch: for the friction margins alone.
+/// The surface that the fingers touch; only the friction margins depend on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Surface<T: Real, const M: usize> {
-    /// A surface with these normals where the tips are, while the object is where it is desired. They
-    /// turn with it.
+    /// A surface with these normals at the tips, while the object is at its desired place. They
+    /// turn with the object.
     Normals(Normals<T, M>),
     /// A ball with its centre here (m) while it is where it is desired. The centre moves with it.
     Ball(Vector3<T>),
 }
 
-/// What keeps the posture of a finger whose tip does not move.
+/// The gains that keep the posture of a finger whose tip does not move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posture<T: Real = f64> {
-    /// Towards the desired posture, N m/rad.
+    /// The stiffness towards the desired posture, N m/rad.
     pub stiffness: T,
-    /// Against the rates of the joints, N m s/rad.
+    /// The damping of the rates of the joints, N m s/rad.
     pub damping: T,
 }
 
-/// Everything about a grasp that may change while it holds.
+/// All parameters of a grasp that may change while it holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspTuning<T: Real, const M: usize, const N: usize> {
-    /// How the object resists displacement, about the centre in the axes of the palm.
+    /// The stiffness of the object, about the centre in the axes of the palm.
     pub stiffness: SpatialGain<T>,
-    /// How it resists motion, about the centre in the axes of the palm.
+    /// The damping of the object, about the centre in the axes of the palm.
     pub damping: SpatialGain<T>,
-    /// The point in the palm that the stiffness and all wrenches are about, m.
+    /// The point in the palm for the stiffness and all wrenches, m.
     pub center: Vector3<T>,
-    /// Exerted on the object beside that, about the centre: what bears its weight.
+    /// A further wrench on the object, about the centre, such as that which bears its weight.
     pub feed_forward: Wrench<T>,
-    /// How the fingers press on the object.
+    /// The squeeze, by which the fingers press on the object.
     pub squeeze: Squeeze<T, M>,
-    /// What they press on.
+    /// The surface of the object.
     pub surface: Surface<T, M>,
-    /// When they slip.
+    /// The friction, which determines when fingers slip.
     pub friction: Friction<T>,
-    /// What keeps the joints where the tips leave them free.
+    /// The gains that keep the joints where the tips leave them free.
     pub posture: Posture<T>,
-    /// What the joints of each finger can bear.
+    /// The limits of the torques of each finger's joints.
     pub limits: [TorqueLimits<T, N>; M],
 }
 

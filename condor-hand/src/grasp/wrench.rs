@@ -14,14 +14,14 @@ pub struct Wrench<T: Real = f64> {
 /// A small motion of a rigid body, or its velocity, with a point that is named where it is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Twist<T: Real = f64> {
-    /// The motion of the body's point there, m, or m/s.
+    /// The motion of the body's point, m, or m/s.
     pub linear: Vector3<T>,
     /// The rotation as axis times angle, rad, or rad/s.
     pub angular: Vector3<T>,
 }
 
 impl<T: Real> Wrench<T> {
-    /// No load.
+    /// Returns the wrench of zero.
     #[must_use]
     pub fn zero() -> Self {
         Self {
@@ -42,7 +42,7 @@ impl<T: Real> Wrench<T> {
 }
 
 impl<T: Real> Twist<T> {
-    /// No motion.
+    /// Returns the motion of zero.
     #[must_use]
     pub fn zero() -> Self {
         Self {

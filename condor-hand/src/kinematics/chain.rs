@@ -6,24 +6,24 @@ use thiserror::Error;
 use crate::math::{abs, is_finite, max, real, sqrt};
 use crate::{Pose, Real};
 
-/// How the frame of a link moves against the one before it.
+/// The motion of a link's frame relative to that of the link before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion<T: Real = f64> {
     /// Rotates about this unit axis, rad.
     Revolute(Vector3<T>),
     /// Slides along this unit axis, m.
     Prismatic(Vector3<T>),
-    /// Does not move: the place of a joint that this mechanism does not have. Its column of a
-    /// Jacobian is zero.
+    /// Does not move: it fills the place of a joint that this mechanism does not have. Its column
+    /// of a Jacobian is zero.
     Fixed,
 }
 
-/// A joint and where it sits on the link before it.
+/// A joint, with its place on the link before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint<T: Real = f64> {
     /// The frame of the link at the joint's zero, in the frame of the link before it.
     pub placement: Pose<T>,
-    /// How it moves from there; the axis is in the frame of the link.
+    /// Its motion from there; the axis is in the frame of the link.
     pub motion: Motion<T>,
 }
 
@@ -45,7 +45,7 @@ pub struct Chain<T: Real, const N: usize> {
     pub base: Pose<T>,
     /// The joints, proximal first.
     pub joints: [Joint<T>; N],
-    /// The bodies that the joints move, of zero mass where only kinematics is asked for.
+    /// The bodies that the joints move; their mass is zero if only kinematics is needed.
     pub bodies: [Body<T>; N],
     /// The tip, a point of the last link, m.
     pub tip: Vector3<T>,
@@ -65,19 +65,19 @@ pub enum Part {
     Tip,
 }
 
-/// Numbers that no mechanism can have.
+/// The reason for which no mechanism can have these numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ChainError {
-    /// A number that is infinite or NaN.
+    /// A number is infinite or NaN.
     #[error("{part} has the number {value}, which is not finite")]
     NotFinite {
-        /// Where.
+        /// The part of the chain.
         part: Part,
         /// The number.
         value: f64,
     },
-    /// An axis that is not of unit length.
+    /// An axis is not of unit length.
     #[error("joint {joint} has an axis of length {length}; it must be 1")]
     Axis {
         /// The joint, from 0.
@@ -93,7 +93,7 @@ pub enum ChainError {
         /// The largest entry of `RᵀR - 1`.
         deviation: f64,
     },
-    /// A rotation whose axes are left-handed.
+    /// The axes of a rotation are left-handed.
     #[error("the rotation of {part} has the determinant {determinant}: a mirror image")]
     Mirrored {
         /// The base or a joint.
@@ -101,7 +101,7 @@ pub enum ChainError {
         /// The determinant; that of a rotation is 1.
         determinant: f64,
     },
-    /// A body of negative mass.
+    /// The mass of a body is negative.
     #[error("the body of joint {joint} has a mass of {mass} kg")]
     Mass {
         /// The joint, from 0.
@@ -123,7 +123,7 @@ impl fmt::Display for Part {
 }
 
 impl<T: Real> Body<T> {
-    /// No mass at all.
+    /// Returns a body without mass.
     #[must_use]
     pub fn massless() -> Self {
         Self {
@@ -135,14 +135,14 @@ impl<T: Real> Body<T> {
 }
 
 impl<T: Real, const N: usize> Chain<T, N> {
-    /// Whether the numbers are those of a mechanism: finite, with axes of unit length and
+    /// Checks whether the numbers are those of a mechanism: finite, with axes of unit length and
     /// right-handed orthonormal rotations, all to 1e-9 (1e-5 for `f32`).
     ///
-    /// Nothing else looks at the numbers again: call it once, where they come in.
+    /// No other method checks the numbers; so call this once, where they come in.
     ///
     /// # Errors
     ///
-    /// The first number that is none, from the base to the tip.
+    /// [`ChainError`] for the first wrong number, from the base to the tip.
     pub fn check(&self) -> Result<(), ChainError> {
         check_pose(&self.base, Part::Base)?;
         for (joint, Joint { placement, motion }) in self.joints.iter().enumerate() {

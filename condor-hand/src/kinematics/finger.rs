@@ -66,15 +66,15 @@ struct Axes<T: Real> {
 }
 
 impl<T: Real> PlanarFinger<T> {
-    /// The angle in its plane of the last link against the straight finger, rad: positive where
-    /// the finger is flexed.
+    /// Returns the angle in its plane of the last link against the straight finger, rad: positive
+    /// where the finger is flexed.
     #[inline]
     #[must_use]
     pub fn pitch(q: &SVector<T, 4>) -> T {
         q.y + q.z + q.w
     }
 
-    /// The same mechanism as a product of placements.
+    /// Returns the same mechanism as a [`Chain`].
     #[must_use]
     pub fn chain(&self) -> Chain<T, 4> {
         let [l0, l1, l2, l3] = self.lengths;
@@ -99,11 +99,11 @@ impl<T: Real> PlanarFinger<T> {
         }
     }
 
-    /// Whether the numbers are those of a mechanism, as [`Chain::check`].
+    /// Checks whether the numbers are those of a mechanism, as [`Chain::check`] does.
     ///
     /// # Errors
     ///
-    /// The first number that is none.
+    /// [`ChainError`] for the first wrong number.
     pub fn check(&self) -> Result<(), ChainError> {
         self.chain().check()
     }

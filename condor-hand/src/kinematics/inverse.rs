@@ -1,7 +1,7 @@
-//! Which joint angles of a [`PlanarFinger`] bring its tip to a point, in closed form.
+//! The joint angles of a [`PlanarFinger`] that bring its tip to a point, in closed form.
 //!
-//! Four joints and three coordinates leave one freedom; [`Redundancy`] says what decides it.
-//! [`search`](super::search) answers for any other mechanism.
+//! Four joints and three coordinates leave one freedom, which [`Redundancy`] decides.
+//! [`search`](super::search) is for any other mechanism.
 
 mod coupled;
 mod pitch;
@@ -21,7 +21,7 @@ use crate::math::{Real, is_finite, min};
 /// The postures that bring the tip to one point, without regard to limits, angles in -π..=π.
 pub type Branches<T> = Vec<SVector<T, 4>, 4>;
 
-/// What decides the posture among all that bring the tip to a point.
+/// The rule that chooses the posture among all that bring the tip to a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Redundancy<T: Real = f64> {
@@ -34,16 +34,16 @@ pub enum Redundancy<T: Real = f64> {
     Roomiest,
 }
 
-/// Why there is no posture.
+/// The reason for which there is no posture.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum InverseError {
     /// A target, a rate, a pitch or a present posture that is not finite.
     #[error("{what} is {value}, which is not finite")]
     NotFinite {
-        /// Which argument.
+        /// The argument.
         what: &'static str,
-        /// Its number.
+        /// Its value.
         value: f64,
     },
     /// Links that are too short or too long to compute with.
@@ -86,7 +86,7 @@ pub enum InverseError {
         /// Iterations made.
         iterations: u32,
     },
-    /// A Jacobian of which there is no inverse with the damping that was given.
+    /// The Jacobian has no inverse with the given damping.
     #[error("the Jacobian is singular, or too large, for a damping of {damping} m")]
     Singular {
         /// The damping, m.
@@ -95,7 +95,8 @@ pub enum InverseError {
 }
 
 impl<T: Real> PlanarFinger<T> {
-    /// The joint angles, within the limits, that bring the tip to `target` (m, in the palm).
+    /// Returns the joint angles, within the limits, that bring the tip to `target` (m, in the
+    /// palm).
     ///
     /// Of several branches within the limits the one nearest to `present` (rad) is taken, by the
     /// sum of squares of the differences; with [`Redundancy::Roomiest`], the one with most room.
@@ -104,7 +105,8 @@ impl<T: Real> PlanarFinger<T> {
     ///
     /// # Errors
     ///
-    /// Why there is no posture, and by how much.
+    /// [`InverseError`] if there is no posture; it has the distance by which the target is out of
+    /// reach or outside of the limits.
     pub fn inverse(
         &self,
         target: &Vector3<T>,

@@ -4,14 +4,14 @@ use thiserror::Error;
 use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite, max, min, real, wrap};
 
-/// Between which positions each of N joints may be: rad, m for a prismatic joint.
+/// The limits of N joints: rad, m for a prismatic joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimits<T: Real, const N: usize> {
     lower: SVector<T, N>,
     upper: SVector<T, N>,
 }
 
-/// Limits between which no joint can be.
+/// The reason for which limits are refused: a joint cannot be between them.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
     "joint {joint} has the limits {lower} and {upper}; the lower must be finite and below the upper",
@@ -55,31 +55,32 @@ impl<T: Real, const N: usize> JointLimits<T, N> {
         Ok(Self { lower, upper })
     }
 
-    /// The lower limits.
+    /// Returns the lower limits.
     #[must_use]
     pub fn lower(&self) -> &SVector<T, N> {
         &self.lower
     }
 
-    /// The upper limits.
+    /// Returns the upper limits.
     #[must_use]
     pub fn upper(&self) -> &SVector<T, N> {
         &self.upper
     }
 
-    /// Whether all joints are within their limits.
+    /// Returns whether all joints are within their limits.
     #[must_use]
     pub fn contains(&self, q: &SVector<T, N>) -> bool {
         self.margin(q) >= T::zero()
     }
 
-    /// The least distance of a joint from its nearer limit; negative outside, and for a NaN.
+    /// Returns the least distance of a joint from its nearer limit; negative outside, and for a
+    /// NaN.
     #[must_use]
     pub fn margin(&self, q: &SVector<T, N>) -> T {
         self.tightest(q, 0).margin
     }
 
-    /// The nearest posture within the limits; a NaN becomes the lower limit.
+    /// Returns the nearest posture within the limits; a NaN becomes the lower limit.
     #[must_use]
     pub fn clamp(&self, q: &SVector<T, N>) -> SVector<T, N> {
         q.zip_zip_map(&self.lower, &self.upper, clamp)

@@ -6,11 +6,11 @@ use thiserror::Error;
 use super::{Body, Chain, ChainError, Joint, Motion, PlanarFinger, Rod};
 use crate::math::{Real, abs, max, real};
 
-/// Why a chain is no [`PlanarFinger`].
+/// The reason for which a chain is not a [`PlanarFinger`].
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum NotPlanar {
-    /// A number that no mechanism can have.
+    /// No mechanism can have a number of the chain.
     #[error(transparent)]
     Chain(#[from] ChainError),
     /// A joint that slides, or has no axis at all.
@@ -19,14 +19,14 @@ pub enum NotPlanar {
         /// The joint, from 0.
         joint: usize,
     },
-    /// An axis along another direction.
+    /// An axis has the wrong direction.
     #[error("joint {joint} turns about {axis:?}; a planar finger's turns about {expected:?}")]
     Axis {
         /// The joint, from 0.
         joint: usize,
         /// Its axis.
         axis: [f64; 3],
-        /// What it would have to be.
+        /// The required axis.
         expected: [f64; 3],
     },
     /// A link that is rotated against the one before it while its joint is at zero.
@@ -66,7 +66,8 @@ pub enum NotPlanar {
     },
 }
 
-/// Of a chain that is such a finger but for rounding; where joint 0 sits becomes part of the base.
+/// Converts a chain that is such a finger, up to rounding; the mount of joint 0 becomes part of the
+/// base.
 impl<T: Real> TryFrom<&Chain<T, 4>> for PlanarFinger<T> {
     type Error = NotPlanar;
 

@@ -7,14 +7,14 @@ use super::{InverseError, Jacobian, Kinematics};
 use crate::control::linear::Ldl;
 use crate::math::{Real, acos, is_finite, real, sin_cos, sqrt};
 
-/// The rates of the joints (rad/s) that move the tip at `velocity` (m/s, in the palm), and by
-/// `self_motion` (rad/s) along the direction that does not move it, where there is one.
+/// Returns the rates of the joints (rad/s) that move the tip at `velocity` (m/s, in the palm), plus
+/// `self_motion` (rad/s) along the direction that does not move the tip, if there is one.
 ///
 /// See [`damped_rates`] for `damping`.
 ///
 /// # Errors
 ///
-/// As [`damped_rates`], and where `self_motion` is not finite.
+/// Those of [`damped_rates`]; [`InverseError::NotFinite`] if `self_motion` is not finite.
 pub fn joint_rates<T: Real, const N: usize>(
     mechanism: &impl Kinematics<T, N>,
     q: &SVector<T, N>,
@@ -32,8 +32,8 @@ pub fn joint_rates<T: Real, const N: usize>(
     Ok(rates + along * self_motion)
 }
 
-/// The damped least-squares rates `Jᵀ (J Jᵀ + μ² 1)⁻¹ v` (rad/s) for the velocity v of the tip (m/s),
-/// with the linear rows of J.
+/// Returns the damped least-squares rates `Jᵀ (J Jᵀ + μ² 1)⁻¹ v` (rad/s) for the velocity v of the
+/// tip (m/s), with the linear rows of J.
 ///
 /// `damping` is μ, m/rad: it bounds the rates near singularities by `|v| / 2μ` at the price of a
 /// slower tip, in each direction by `σ² / (σ² + μ²)` with the singular value σ. Without damping the
@@ -58,7 +58,7 @@ pub fn damped_rates<T: Real, const N: usize>(
     })
 }
 
-/// The volume that unit rates of the joints give the velocity of the tip, `√det (J Jᵀ)`, in
+/// Returns the volume that unit rates of the joints give the velocity of the tip, `√det (J Jᵀ)`, in
 /// (m/rad)³: zero at a singularity (Yoshikawa, "Manipulability of robotic mechanisms", 1985), and
 /// where an entry is not finite or its square is not.
 #[must_use]
@@ -67,8 +67,8 @@ pub fn manipulability<T: Real, const N: usize>(jacobian: &Jacobian<T, N>) -> T {
     if is_finite(volume) { volume } else { T::zero() }
 }
 
-/// The singular values of the linear rows of a Jacobian, largest first, m/rad: how fast the tip
-/// moves for unit rates of the joints in its best direction, across, and in its worst.
+/// Returns the singular values of the linear rows of a Jacobian, largest first, m/rad: how fast the
+/// tip moves for unit rates of the joints in its best direction, across, and in its worst.
 ///
 /// The least is exact to √ε of the largest. All are zero where an entry of the Jacobian is not finite
 /// or its square is not. From the eigenvalues of `J Jᵀ` in closed form (Smith,

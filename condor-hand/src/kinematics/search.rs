@@ -5,28 +5,29 @@ use super::rates::{damped, linear};
 use super::{InverseError, JointLimits, Kinematics};
 use crate::math::{Real, max, min, real, sqrt};
 
-/// How [`search`] goes on, and when it ends.
+/// The parameters of [`search`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SearchOptions<T: Real = f64> {
-    /// How near the tip must come, m.
+    /// The distance from the target at which the search ends, m.
     pub tolerance: T,
-    /// The least damping, m/rad; a hundredth of the length of the mechanism is a good one.
+    /// The least damping, m/rad; a hundredth of the length of the mechanism is a good value.
     pub damping: T,
-    /// How often the Jacobian is formed, at most.
+    /// The greatest number of times that the Jacobian is computed.
     pub iterations: u32,
 }
 
-/// Joint positions within the limits that bring the tip to `target` (m, in the palm), for any
-/// mechanism, found from `start`.
+/// Searches joint positions within the limits that bring the tip to `target` (m, in the palm), for
+/// any mechanism, from `start` on.
 ///
-/// Damped least squares (Levenberg-Marquardt: Wampler, "Manipulator inverse kinematic solutions
-/// based on vector formulations and damped least-squares methods", 1986); joints that would
-/// leave their limits stop there. The search goes downhill only: it may end in a hollow from which
-/// another start escapes.
+/// The method is damped least squares (Levenberg-Marquardt: Wampler, "Manipulator inverse kinematic
+/// solutions based on vector formulations and damped least-squares methods", 1986); joints that
+/// would leave their limits stop there. The search only goes downhill, so it may end in a local
+/// minimum, which another start avoids.
 ///
 /// # Errors
 ///
-/// [`InverseError::NotFinite`], and [`InverseError::NotConverged`] with what remained.
+/// [`InverseError::NotFinite`] if an argument is not finite; [`InverseError::NotConverged`], with
+/// the remaining distance, if the tip does not reach the target.
 pub fn search<T: Real, const N: usize>(
     mechanism: &impl Kinematics<T, N>,
     target: &Vector3<T>,

@@ -4,37 +4,37 @@ use crate::dynamics::Dynamics;
 use crate::servo::{JointGains, JointTarget, Mode};
 use crate::trajectory::SetPoint;
 
-/// Something that a finger was asked for, as the servo loop gave it to the finger's controller.
+/// A request to a finger, as the servo loop passed it to the finger's controller.
 ///
-/// [`ServoLoop::tick_telling`](super::ServoLoop::tick_telling) tells it; whoever
-/// [repeats](Self::repeat) it in the same ticks, with the same from the sensors, has the same finger
-/// again.
+/// [`ServoLoop::tick_telling`](super::ServoLoop::tick_telling) reports these requests. A program
+/// that [repeats](Self::repeat) them in the same ticks, with the same readings of the sensors, gets
+/// the same behaviour of the finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Asked<const N: usize> {
-    /// To forget the latched faults.
+    /// Clears the latched faults.
     Restart,
-    /// Another mode.
+    /// Sets another mode.
     Mode {
         /// The joint, from 0.
         joint: usize,
         /// The mode.
         mode: Mode,
     },
-    /// A target, and its mode.
+    /// Sets a target, and its mode.
     Target {
         /// The joint, from 0.
         joint: usize,
         /// The target.
         target: JointTarget<f64>,
     },
-    /// Other gains.
+    /// Sets other gains.
     Gains {
         /// The joint, from 0.
         joint: usize,
         /// The gains.
         gains: JointGains<f64>,
     },
-    /// Where the master wants the joints one of its ticks from now.
+    /// Sets the places at which the master wants the joints one of its ticks from now.
     Follow([SetPoint<f64>; N]),
 }
 
@@ -48,8 +48,8 @@ mod kind {
 }
 
 impl<const N: usize> Asked<N> {
-    /// Asks another controller for the same. It refuses what the first one refused, and the rest of it
-    /// is then as if nothing had been asked.
+    /// Makes the same request to another controller. That refuses what the first controller
+    /// refused; a refused request has no effect.
     pub fn repeat<M: Dynamics<f64, N>>(&self, controller: &mut FingerController<M, N>) {
         // The first controller has told whoever asked.
         match *self {
@@ -69,8 +69,8 @@ impl<const N: usize> Asked<N> {
         }
     }
 
-    /// As words of 32 bits; gives how many of `words` it takes, at most 29 and at most 1 + 6 `N`,
-    /// whichever is more. What finds no room is left out.
+    /// Writes the request as words of 32 bits; returns how many of `words` it used, at most the
+    /// greater of 29 and 1 + 6 `N`. Words for which there is no room are left out.
     ///
     /// | word 0 | the words after it |
     /// |---|---|
@@ -109,7 +109,7 @@ impl<const N: usize> Asked<N> {
         before - put.room()
     }
 
-    /// What [`put`](Self::put) made words of; none if it cannot have been.
+    /// Reads a request that [`put`](Self::put) wrote; returns `None` if the words are not one.
     #[must_use]
     pub fn take(words: &[u32]) -> Option<Self> {
         let mut taken = Taken::from(words);

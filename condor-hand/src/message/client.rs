@@ -19,10 +19,10 @@ use crate::servo::{JointTarget, Mode};
 /// at the next tick of its loop.
 const PAUSE: Duration = Duration::from_micros(200);
 
-/// Asks the servos of another processor, from the background of this one.
+/// A client of the servos of another processor, for the background of this one.
 ///
-/// Each call ends at its time-out. An order is done when its call returns without an error: the
-/// servo loop has come to it.
+/// Each call ends at its time-out. If a call returns without an error, the servo loop has processed
+/// its order.
 #[derive(Debug)]
 pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: usize> {
     exchange: Exchange<'m, M, Region<W>, Request, Response>,
@@ -30,12 +30,12 @@ pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: us
     to: Processor,
 }
 
-/// What a servo processor is.
+/// The properties of a servo processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hello {
-    /// The hand.
+    /// The name of the hand.
     pub hand: Name,
-    /// The finger.
+    /// The name of the finger.
     pub finger: Name,
     /// A bit for each finger of the hand that the processor serves.
     pub served: u32,
@@ -45,23 +45,23 @@ pub struct Hello {
     pub servo_hz: u32,
 }
 
-/// Why a servo did not do, or answer, what it was asked.
+/// The reason for which a servo did not carry out, or answer, a request.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClientError {
-    /// The message, or its answer.
+    /// The message could not be sent, or was not answered.
     #[error(transparent)]
     Exchange(#[from] ExchangeError),
-    /// The servo refused it.
+    /// The servo refused the request.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// Somebody else's later order took the place of this one, before or after it was done.
+    /// A later order of another sender replaced this one, before or after it was carried out.
     #[error("another order took the place of order {number}")]
     Superseded {
         /// The number of the order.
         number: u32,
     },
-    /// The servo loop has not come to the order: it may still.
+    /// The servo loop has not processed the order in time; it may still do so.
     #[error(
         "the servo loop of {to} has not come to order {number} within {timeout} s",
         timeout = Decimal(.timeout.as_secs_f64())
@@ -74,7 +74,7 @@ pub enum ClientError {
         /// The time that was given.
         timeout: Duration,
     },
-    /// Others kept the handler from looking at the request.
+    /// Until the deadline the handler was answering requests of others.
     #[error("{to} was busy for {timeout} s", timeout = Decimal(.timeout.as_secs_f64()))]
     Busy {
         /// The servo processor.
@@ -82,7 +82,7 @@ pub enum ClientError {
         /// The time that was given.
         timeout: Duration,
     },
-    /// A servo processor of another version of the protocol.
+    /// The servo processor has another version of the protocol.
     #[error("{to} speaks version {found} of the protocol, not {VERSION}")]
     Version {
         /// The servo processor.
@@ -90,12 +90,12 @@ pub enum ClientError {
         /// Its version.
         found: u32,
     },
-    /// A response that no servo gives.
+    /// The response is none that a servo sends.
     #[error("{to} answered with the word {word:#x}")]
     Protocol {
         /// The servo processor.
         to: Processor,
-        /// A word of the response that makes no sense.
+        /// The invalid word of the response.
         word: u32,
     },
 }
@@ -105,12 +105,14 @@ where
     M: Messenger + ?Sized,
     W: MemoryWindow + Clone,
 {
-    /// A client of the servos of `to`, in the users' region of whose `data` they have `places`.
+    /// Makes a client of the servos of `to`. `region` is the users' region of that processor's
+    /// `data`, in which the servos have `places`.
     ///
-    /// There must be only one on this processor at a time.
+    /// There must be only one client on this processor at a time.
     ///
     /// # Errors
-    /// `OutOfBounds` if the sender has no block in the places, or there is no room.
+    /// [`AccessError`] of the kind `OutOfBounds` if the sender has no block in the places, or if
+    /// there is no room.
     pub fn new(
         messenger: &'m M,
         to: Processor,
@@ -129,10 +131,11 @@ where
         })
     }
 
-    /// Which hand and finger it is.
+    /// Returns the names of the hand and the finger, and properties of their servos.
     ///
     /// # Errors
-    /// [`ClientError::Version`], and as [`status`](Self::status).
+    /// [`ClientError::Version`] if the protocol has another version; otherwise those of
+    /// [`status`](Self::status).
     pub fn hello(&mut self, finger: u32, timeout: Duration) -> Result<Hello, ClientError> {
         let response = self.ask(&request(Verb::Hello, finger, 0, 0), timeout)?;
         let mut taken = self.check(&response)?;
@@ -150,10 +153,11 @@ where
         })
     }
 
-    /// Gives a joint, or all joints, another mode, in which they keep what they have.
+    /// Gives a joint, or all joints, another mode, in which they keep their present positions,
+    /// torques or tensions.
     ///
     /// # Errors
-    /// See [`ClientError`].
+    /// [`ClientError`], each variant as described there.
     pub fn enable(
         &mut self,
         finger: u32,
@@ -169,7 +173,7 @@ where
     /// Switches a joint, or all joints, off.
     ///
     /// # Errors
-    /// See [`ClientError`].
+    /// [`ClientError`], each variant as described there.
     pub fn disable(
         &mut self,
         finger: u32,
@@ -179,10 +183,10 @@ where
         self.enable(finger, joint, Mode::Off, timeout)
     }
 
-    /// Gives a joint a target that stays, and the mode of that target.
+    /// Gives a joint a constant target, and the mode of that target.
     ///
     /// # Errors
-    /// See [`ClientError`].
+    /// [`ClientError`], each variant as described there.
     pub fn set_target(
         &mut self,
         finger: u32,
@@ -196,11 +200,12 @@ where
         self.order(&request, Part::Drive, timeout)
     }
 
-    /// How a finger is.
+    /// Returns the state of a finger.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] for a finger that there is not; [`ClientError::Exchange`],
-    /// [`ClientError::Busy`], [`ClientError::Protocol`].
+    /// [`ClientError::Refused`] if the processor does not serve the finger;
+    /// [`ClientError::Exchange`] if the message fails; [`ClientError::Busy`] if the handler is busy
+    /// until the deadline; [`ClientError::Protocol`] if the response is invalid.
     pub fn status(&mut self, finger: u32, timeout: Duration) -> Result<Status<N>, ClientError> {
         let response = self.ask(&request(Verb::Status, finger, 0, 0), timeout)?;
         self.check(&response)?;
@@ -209,11 +214,11 @@ where
         Status::take(words, ticks).map_err(|word| self.protocol(word))
     }
 
-    /// Forgets the latched faults of a finger. Its joints can be given another mode once it does not
+    /// Clears the latched faults of a finger. Its joints can get another mode once it does not
     /// [rest](Status::is_resting) any more.
     ///
     /// # Errors
-    /// See [`ClientError`].
+    /// [`ClientError`], each variant as described there.
     pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ClientError> {
         let request = request(Verb::Restart, finger, ALL_JOINTS, 0);
         self.order(&request, Part::Restart, timeout)

@@ -7,7 +7,7 @@ use super::{ALL_JOINTS, Part, Refusal, Request, Response, VERSION, Verb, state};
 use crate::config::Name;
 use crate::servo::Mode;
 
-/// The end of a [`ServoObject`] that answers messages, in the background of its processor.
+/// The part of a [`ServoObject`] that answers messages, in the background of its processor.
 #[derive(Debug)]
 pub struct ServoHandler<'o, W, X, const F: usize, const N: usize> {
     object: &'o ServoObject<F, N>,
@@ -55,10 +55,10 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
         }
     }
 
-    /// Answers a message: all that the handler of [`SERVO`](super::SERVO) does.
+    /// Answers a message. The handler of [`SERVO`](super::SERVO) needs to do nothing else.
     ///
-    /// It takes no longer for what a peer wrote, and does not wait. While one call is in progress
-    /// another one, from an interrupt or thread, is told to come again.
+    /// Its time does not depend on what a peer wrote, and it does not wait. If another call is in
+    /// progress, this one, from an interrupt or a thread, tells the sender to try again.
     pub fn answer(&self, call: &Call<'_>) -> u32 {
         if self.places.block(call.sender()) != Some(call.data()) {
             return 0;

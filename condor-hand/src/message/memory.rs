@@ -10,11 +10,11 @@ use crate::config::Name;
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
 
-/// The fingers of `N` joints that one processor serves, of a hand of `F`, as an object that answers
-/// messages.
+/// The fingers of `N` joints that one processor serves, of a hand of `F` fingers, as an object that
+/// answers messages.
 ///
-/// It is memory that no other processor reaches, through which its two ends, [`ServoHandler`] and
-/// [`ServoLoop`], hand states to each other without locks.
+/// It is private memory, through which its two parts, [`ServoHandler`] and [`ServoLoop`], pass
+/// states to each other without locks.
 ///
 /// ```
 /// # use std::time::Duration;
@@ -81,16 +81,16 @@ pub struct ServoObject<const F: usize, const N: usize> {
     pub(super) fingers: [FingerMemory<N>; F],
 }
 
-/// The ends of a [`ServoObject`]: for the background, and for the servo loop.
+/// The two parts of a [`ServoObject`]: for the background, and for the servo loop.
 pub type ServoEnds<'o, M, W, X, const F: usize, const N: usize> =
     (ServoHandler<'o, W, X, F, N>, ServoLoop<'o, M, W, F, N>);
 
-/// What the servos of a processor are called.
+/// The names of a hand and its fingers, which servos report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity<const F: usize> {
-    /// The hand.
+    /// The name of the hand.
     pub hand: Name,
-    /// Its fingers.
+    /// The names of its fingers.
     pub fingers: [Name; F],
     /// Servo ticks in a second, Hz.
     pub servo_hz: u32,
@@ -137,7 +137,7 @@ pub(super) mod word {
 }
 
 impl<const F: usize> Identity<F> {
-    /// Names of at most 15 bytes; longer ones lose their ends.
+    /// Makes an identity; names are cut off after 15 bytes.
     #[must_use]
     pub fn new(hand: &str, fingers: [&str; F], servo_hz: u32) -> Self {
         let name = |text: &str| {
@@ -158,7 +158,7 @@ impl<const F: usize> Identity<F> {
 }
 
 impl<const F: usize, const N: usize> ServoObject<F, N> {
-    /// An object of which nothing has been asked.
+    /// Makes an object without any requests.
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(F > 0 && F <= 32, "a hand has 1 to 32 fingers") };
@@ -169,15 +169,16 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
         }
     }
 
-    /// The two ends: for the background and for the servo loop.
+    /// Returns the two parts: for the background and for the servo loop.
     ///
     /// `region` is the users' region of the processor's own `data`; `exclusion` keeps apart the
-    /// contexts in which the mailbox may call the handler. Fingers of the hand that this processor does
-    /// not serve have no controller. What was asked before, and the set-points that lie in the window
-    /// from before, are not done.
+    /// contexts in which the mailbox may call the handler. The controller of a finger that this
+    /// processor does not serve is `None`. Earlier requests, and set-points that are still in the
+    /// window, are discarded.
     ///
     /// # Errors
-    /// `OutOfBounds` if the places are not in the region; [`MemoryWindow::load`].
+    /// [`AccessError`] of the kind `OutOfBounds` if the places are not in the region; otherwise as
+    /// in [`MemoryWindow::load`].
     pub fn split<M, W, X>(
         &mut self,
         identity: Identity<F>,

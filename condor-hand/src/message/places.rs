@@ -8,8 +8,8 @@ use crate::trajectory::SetPoint;
 /// The set-points of one tick of the master: position, velocity and acceleration of each joint.
 pub(super) type Points<const N: usize> = [[u32; 6]; N];
 
-/// Where the servos' blocks and set-points lie in the `data` of their processor; both sides make them
-/// with the same numbers of fingers, joints and processors from places at the same offset.
+/// The places of the servos' blocks and set-points in the `data` of their processor. Both sides
+/// make them with the same numbers of fingers, joints and processors, at the same offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoPlaces<const F: usize, const N: usize> {
     points: u32,
@@ -18,10 +18,10 @@ pub struct ServoPlaces<const F: usize, const N: usize> {
 }
 
 impl<const F: usize, const N: usize> ServoPlaces<F, N> {
-    /// The next of `places`, for requests from `processors`.
+    /// Takes room from `places`, for requests from `processors` processors.
     ///
     /// # Errors
-    /// `OutOfBounds` if there is no room.
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub const fn new(places: &mut Places, processors: u8) -> Result<Self, AccessError> {
         let points = match places.bytes(F * Published::<Points<N>>::BYTES as usize) {
             Ok(offset) => offset,
@@ -38,17 +38,18 @@ impl<const F: usize, const N: usize> ServoPlaces<F, N> {
         })
     }
 
-    /// Where the block of requests from `sender` begins, in bytes.
+    /// Returns the offset of the block of requests from `sender`, in bytes.
     #[must_use]
     pub fn block(&self, sender: Processor) -> Option<u32> {
         let number = u32::from(sender.0);
         (number < self.processors).then(|| self.blocks.wrapping_add(number * BLOCK_BYTES))
     }
 
-    /// The writer of the set-points of a finger; there must be only one at a time.
+    /// Makes the writer of the set-points of a finger; there must be only one at a time.
     ///
     /// # Errors
-    /// As [`Published::publisher`]; `OutOfBounds` for a finger that the hand does not have.
+    /// [`AccessError`] of the kind `OutOfBounds` for a finger that the hand does not have;
+    /// otherwise as in [`Published::publisher`].
     pub fn set_points<W: MemoryWindow + Clone>(
         &self,
         finger: usize,
@@ -83,18 +84,18 @@ impl<const F: usize, const N: usize> ServoPlaces<F, N> {
     }
 }
 
-/// The master's end of the set-points of a finger with `N` joints.
+/// The writer of the set-points of a finger with `N` joints, for the master.
 #[derive(Debug)]
 pub struct SetPoints<W, const N: usize> {
     publisher: Publisher<Points<N>, Region<W>>,
 }
 
 impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
-    /// Where the joints are to be one tick of the master from now; gives the number of the
-    /// publication.
+    /// Publishes the places of the joints one tick of the master from now; returns the number of
+    /// the publication.
     ///
     /// # Errors
-    /// As [`Publisher::publish`].
+    /// [`AccessError`] as in [`Publisher::publish`].
     pub fn publish(&mut self, points: &[SetPoint<f64>; N]) -> Result<u32, AccessError> {
         self.publisher.publish(&points.map(|point| {
             let mut words = [0; 6];

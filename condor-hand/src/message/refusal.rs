@@ -4,17 +4,17 @@ use super::words::{Put, Taken};
 use crate::decimal::Decimal;
 use crate::servo::SettingError;
 
-/// Why a request was refused, with the values that are wrong.
+/// The reason for which a request was refused, with the wrong values.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// A verb that there is not.
+    /// There is no such verb.
     #[error("there is no verb {verb}")]
     Verb {
         /// The number of the verb.
         verb: u32,
     },
-    /// A finger that the processor does not serve.
+    /// The processor does not serve the finger.
     #[error("the processor does not serve finger {finger}, counted from 0")]
     NoFinger {
         /// The finger that was named, from 0.
@@ -22,44 +22,44 @@ pub enum Refusal {
         /// A bit for each finger of the hand that it serves.
         served: u32,
     },
-    /// A joint that the finger does not have, or all joints where one is meant.
+    /// The finger does not have the joint, or the request allows only one joint.
     #[error("there is no joint {joint}; the finger has {joints}, from 0")]
     NoJoint {
         /// The joint that was named.
         joint: u32,
-        /// How many there are.
+        /// The number of joints.
         joints: u32,
     },
-    /// A mode that there is not.
+    /// There is no such mode.
     #[error("there is no mode {mode}")]
     Mode {
         /// The number of the mode.
         mode: u32,
     },
-    /// A law of position that there is not.
+    /// There is no such law of position.
     #[error("there is no law {law} of position")]
     Law {
         /// The number of the law.
         law: u32,
     },
-    /// A part of an order that there is not.
+    /// There is no such part of an order.
     #[error("orders have no part {part}")]
     Part {
         /// The number of the part.
         part: u32,
     },
-    /// A number that is not finite, or negative where that makes no sense.
+    /// A number is not finite, or negative although it must not be.
     #[error("number {number} of the request, from 0, is {value}", value = Decimal(*.value))]
     Number {
-        /// Which number of the request, from 0.
+        /// The index of the number in the request, from 0.
         number: u32,
         /// The number.
         value: f64,
     },
-    /// A finger that rests after a fault, or is on its way to rest.
+    /// The finger rests after a fault, or is on its way to rest.
     #[error("the finger rests after a fault; restart it first")]
     AfterFault,
-    /// A position beyond the limits of the joint.
+    /// The position is beyond the limits of the joint.
     #[error(
         "joint {joint} cannot go to {position} rad; its limits are {low} rad and {high} rad",
         position = Decimal(*.position),
@@ -76,7 +76,7 @@ pub enum Refusal {
         /// The upper limit, rad.
         high: f64,
     },
-    /// A torque beyond what the tendons of the joint can give.
+    /// The torque is beyond what the tendons of the joint can produce.
     #[error(
         "joint {joint} cannot give {torque} N m; its tendons give {low} N m to {high} N m",
         torque = Decimal(*.torque),
@@ -93,7 +93,7 @@ pub enum Refusal {
         /// The most, N m.
         high: f64,
     },
-    /// A tension beyond what a tendon may have.
+    /// The tension is beyond the limits of a tendon.
     #[error(
         "a tendon of joint {joint} cannot have {tension} N; it has {low} N to {high} N",
         tension = Decimal(*.tension),
@@ -110,7 +110,7 @@ pub enum Refusal {
         /// The most, N.
         high: f64,
     },
-    /// Something else that the servo of the joint does not take.
+    /// The servo of the joint refuses another setting.
     #[error("the servo of joint {joint} does not take it")]
     Setting {
         /// The joint, from 0.

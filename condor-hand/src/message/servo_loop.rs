@@ -10,8 +10,8 @@ use crate::controller::{FingerController, Tick};
 use crate::dynamics::Dynamics;
 use crate::servo::{Mode, Sensed};
 
-/// The end of a [`ServoObject`] in the servo loop: the controllers of the fingers, which do what
-/// messages asked for.
+/// The part of a [`ServoObject`] in the servo loop: the controllers of the fingers, which carry out
+/// requests.
 #[derive(Debug)]
 pub struct ServoLoop<'o, M, W, const F: usize, const N: usize> {
     fingers: [Option<FingerLoop<'o, M, W, N>>; F],
@@ -60,8 +60,9 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: 
 impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     ServoLoop<'_, M, W, F, N>
 {
-    /// One tick of a finger, as [`FingerController::tick`], after what messages and the master have
-    /// asked for since the last one; `None` for a finger that the processor does not serve.
+    /// Runs one tick of a finger, as [`FingerController::tick`] does, after it has passed on the
+    /// requests of messages and of the master since the last tick. Returns `None` for a finger that
+    /// the processor does not serve.
     ///
     /// It neither waits nor serves, whatever peers write.
     pub fn tick(
@@ -74,7 +75,8 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
         self.tick_telling(finger, sensed, gravity, period_s, |_| {})
     }
 
-    /// The same, and `tell` is told what was asked for, in the order in which the controller is.
+    /// Runs one tick as [`tick`](Self::tick) does, and calls `tell` with each request that it
+    /// passes to the controller, in the same order.
     pub fn tick_telling(
         &mut self,
         finger: usize,
@@ -91,14 +93,14 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
         Some(tick)
     }
 
-    /// The controller of a finger.
+    /// Returns the controller of a finger.
     #[must_use]
     pub fn controller(&self, finger: usize) -> Option<&FingerController<M, N>> {
         let finger = self.fingers.get(finger)?.as_ref()?;
         Some(&finger.controller)
     }
 
-    /// The controller of a finger, for what the program of this processor does itself.
+    /// Returns the controller of a finger, for direct calls by the program of this processor.
     #[must_use]
     pub fn controller_mut(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
         let finger = self.fingers.get_mut(finger)?.as_mut()?;

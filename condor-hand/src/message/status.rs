@@ -3,12 +3,13 @@ use super::words::{Put, Taken};
 use crate::servo::Mode;
 use crate::tendon::fault::{Fault, FaultCode, FaultSite};
 
-/// How a finger of `N` joints is, as its loop told last.
+/// The state of a finger of `N` joints, as its loop last reported it.
 ///
-/// In words: joints that are saturated; 1 if it rests; the number of the fault's code plus 1, or 0;
-/// of its channel (0 finger, 1 joint, 2 flexor, 3 extensor), and its joint; its value, two words;
-/// the modes, eight to a word, the first in the lowest four bits, four words; restarts; the number of
-/// the last order that was done; set-points that were refused.
+/// Its words are, in this order: the saturated joints, one bit each; 1 if the finger rests; the
+/// number of the fault's code plus 1, or 0; the fault's site (0 finger, 1 joint, 2 flexor, 3
+/// extensor), and its joint; the fault's value, two words; the modes, eight to a word, the first in
+/// the lowest four bits, four words; the number of restarts; the number of the last order that was
+/// processed; the number of refused set-points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Status<const N: usize> {
     /// The modes of its joints.
@@ -19,13 +20,14 @@ pub struct Status<const N: usize> {
     pub fault: Option<Fault>,
     /// Whether it goes to its least tensions after a fault, or stays there.
     pub is_resting: bool,
-    /// How often it has been restarted.
+    /// The number of restarts.
     pub restarts: u32,
-    /// The number of the last order that the loop has come to.
+    /// The number of the last order that the loop has processed.
     pub settled: u32,
-    /// Records of the master that were refused, because a number in them was not finite.
+    /// The number of the master's records that were refused, because a number in them was not
+    /// finite.
     pub refused_set_points: u32,
-    /// Ticks of the loop; wraps.
+    /// The number of ticks of the loop; wraps.
     pub ticks: u32,
 }
 

@@ -11,25 +11,27 @@ use crate::dynamics::Dynamics;
 use crate::math::abs;
 use crate::tendon::{ArmError, Pair};
 
-/// What a configuration does not say of the machine that it is for.
+/// The parameters of a simulated machine that are not in its configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct PlantModel {
-    /// How an actuator with this small-signal pole (Hz) follows its command.
+    /// The kind of actuator that has this small-signal pole (Hz).
     pub actuator: fn(f64) -> DriveKind,
-    /// What a joint meets at its limits; the springs of the configuration are those of the servos.
+    /// The mechanical stop of a joint at its limits; the soft stops of the configuration are in the
+    /// servos.
     pub joint_stop: Stop,
-    /// What an axis of the table meets at its limits.
+    /// The mechanical stop of an axis of the table at its limits.
     pub axis_stop: Stop,
-    /// In how many equal updates the period of the servos passes.
+    /// The number of equal updates in one period of the servos.
     pub updates: u32,
-    /// The sphere about each tip that touches, m.
+    /// The radius of the sphere about each tip that can touch things, m.
     pub tip_radius: f64,
-    /// Between any two bodies; its friction is that of the configuration where that has one.
+    /// The surface between any two bodies; the configuration's friction replaces its friction, if
+    /// there is one.
     pub surface: Surface,
 }
 
 impl DriveKind {
-    /// [`DriveKind::Euler`] with a pole at this frequency, Hz.
+    /// Returns a [`DriveKind::Euler`] with a pole at this frequency, Hz.
     #[must_use]
     pub fn euler(pole_hz: f64) -> Self {
         Self::Euler {
@@ -37,7 +39,7 @@ impl DriveKind {
         }
     }
 
-    /// [`DriveKind::Exact`] with a pole at this frequency, Hz.
+    /// Returns a [`DriveKind::Exact`] with a pole at this frequency, Hz.
     #[must_use]
     pub fn exact(pole_hz: f64) -> Self {
         Self::Exact {
@@ -51,13 +53,14 @@ fn time_constant_s(pole_hz: f64) -> f64 {
 }
 
 impl PlantModel {
-    /// What a finger of a configuration is besides its mechanism.
+    /// Returns the parameters of a finger of a configuration, apart from its mechanism.
     ///
-    /// A place without a joint gets one that nothing moves.
+    /// A place without a joint gets a joint that nothing moves.
     ///
     /// # Errors
     ///
-    /// Moment arms that [`Hand::check`](config::Hand::check) would have refused.
+    /// [`PlantError::Arms`] for moment arms that [`Hand::check`](config::Hand::check) would have
+    /// refused.
     pub fn finger_parameters<const N: usize>(
         &self,
         finger: &config::Finger<N>,
@@ -80,13 +83,13 @@ impl PlantModel {
         })
     }
 
-    /// A finger of a configuration at rest at the joint positions `q` (rad), its tendons at the
-    /// tensions that its controller begins with. `mechanism` is that of the machine, which need not
-    /// be the one that its controller has in mind.
+    /// Makes a finger of a configuration, at rest at the joint positions `q` (rad), with the
+    /// tensions with which its controller begins. `mechanism` is that of the simulated machine; it
+    /// may differ from the model in the controller.
     ///
     /// # Errors
     ///
-    /// A number that no plant can have.
+    /// [`PlantError`] for a number that no plant can have.
     pub fn finger<M: Dynamics<f64, N>, const N: usize>(
         &self,
         finger: &config::Finger<N>,
@@ -98,7 +101,7 @@ impl PlantModel {
         Ok(plant)
     }
 
-    /// What a hand of a configuration is besides its fingers.
+    /// Returns the parameters of a hand of a configuration, apart from its fingers.
     #[must_use]
     pub fn hand_parameters<const F: usize, const N: usize>(
         &self,
@@ -120,12 +123,13 @@ impl PlantModel {
         }
     }
 
-    /// The table of a configuration, whose axes must lie along x, y and z of the palm, in either
-    /// sense and in any order. An axis that it does not have does not move.
+    /// Makes the table of a configuration, whose axes must lie along x, y and z of the palm, in
+    /// either sense and in any order. A missing axis does not move.
     ///
     /// # Errors
     ///
-    /// A number that no plant can have; an axis that lies elsewhere, or where another does.
+    /// [`PlantError`] for a number that no plant can have, or for an axis that has another
+    /// direction or that of another axis.
     pub fn table(&self, table: &config::Table) -> Result<Table, PlantError> {
         let mut axes = [AxisParameters {
             mass: 1.0,

@@ -4,33 +4,33 @@ use super::PlantError;
 use super::error::{finite, not_negative, positive};
 use crate::math::{max, sqrt};
 
-/// How two bodies push each other where they touch: a spring and a damper along the normal, and a
-/// spring and a damper that stick across it up to Coulomb's limit.
+/// The surface between two bodies that touch: a spring and a damper along the normal, and a spring
+/// and a damper across it that stick up to Coulomb's limit.
 ///
-/// The spring across is anchored where the bodies first touched, and dragged along once the limit is
-/// reached (Cundall and Strack 1979): a body that is held does not creep.
+/// The spring across is anchored at the point where the bodies first touched, and slides when the
+/// limit is reached (Cundall and Strack 1979). So a body that is held does not creep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
-    /// Along the normal, N/m.
+    /// The stiffness along the normal, N/m.
     pub stiffness: f64,
-    /// Along the normal, N s/m.
+    /// The damping along the normal, N s/m.
     pub damping: f64,
-    /// Across the normal, N/m.
+    /// The stiffness across the normal, N/m.
     pub shear_stiffness: f64,
-    /// Across the normal, N s/m.
+    /// The damping across the normal, N s/m.
     pub shear_damping: f64,
     /// The coefficient of friction.
     pub friction: f64,
 }
 
-/// A plane that does not move against the palm.
+/// A plane that does not move relative to the palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
     point: Vector3<f64>,
     normal: Vector3<f64>,
 }
 
-/// A place where two bodies may touch, and what was there in the last update.
+/// A possible contact of two bodies, in its state of the last update.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
     touching: bool,
@@ -65,11 +65,12 @@ impl Surface {
 }
 
 impl Ground {
-    /// The plane through `point` (m); bodies are on the side of `normal`, of any length.
+    /// Makes the plane through `point` (m); bodies are on the side of `normal`, which may have any
+    /// length.
     ///
     /// # Errors
     ///
-    /// A normal of no length, or what is not finite.
+    /// [`PlantError`] if the normal has no length, or a number is not finite.
     pub fn new(point: Vector3<f64>, normal: Vector3<f64>) -> Result<Self, PlantError> {
         for &value in point.iter().chain(normal.iter()) {
             finite("a coordinate of a plane", value)?;
@@ -102,26 +103,26 @@ impl Contact {
         }
     }
 
-    /// Whether the bodies touch.
+    /// Returns whether the bodies touch.
     #[must_use]
     pub fn is_touching(&self) -> bool {
         self.touching
     }
 
-    /// Whether they touch and friction is at its limit.
+    /// Returns whether they touch and friction is at its limit.
     #[must_use]
     pub fn is_sliding(&self) -> bool {
         self.sliding
     }
 
-    /// Where they touch, m.
+    /// Returns the point of contact, m.
     #[must_use]
     pub fn point(&self) -> &Vector3<f64> {
         &self.point
     }
 
-    /// What the first body feels, N: of a tip and something the tip, of the object and the ground
-    /// the object.
+    /// Returns the force on the first body, N: on the tip if a tip touches something, on the object
+    /// if the object touches the ground.
     #[must_use]
     pub fn force(&self) -> &Vector3<f64> {
         &self.force

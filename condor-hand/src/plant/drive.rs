@@ -3,16 +3,16 @@ use super::error::positive;
 use super::pneumatic::{Air, Pneumatic};
 use crate::math::{clamp, exp};
 
-/// What pulls one tendon.
+/// The actuator that pulls one tendon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// The tension of a full command, N; commands are held within `0..=max_n`.
+    /// The tension of a full command, N; commands are limited to `0..=max_n`.
     pub max_n: f64,
-    /// How tension follows the command.
+    /// The response of the tension to the command.
     pub kind: DriveKind,
 }
 
-/// How the tension of a tendon follows its command.
+/// The response of a tendon's tension to its command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveKind {
     /// First order, `f' = (command - f) / tau`, by Euler's forward method: the tension before an

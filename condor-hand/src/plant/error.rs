@@ -4,49 +4,49 @@ use crate::decimal::Decimal;
 use crate::math::is_finite;
 use crate::tendon::ArmError;
 
-/// What no plant can be made of, or has come to.
+/// The reason for which a plant cannot be made, or cannot move on.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PlantError {
-    /// A parameter that must be above zero.
+    /// A parameter must be above zero.
     #[error("{name} is {value}; it must be finite and above zero", value = Decimal(*.value))]
     NotPositive {
-        /// What it is, with its unit.
+        /// The parameter, with its unit.
         name: &'static str,
         /// Its value.
         value: f64,
     },
-    /// A parameter that must not be below zero.
+    /// A parameter must not be below zero.
     #[error("{name} is {value}; it must be finite and not below zero", value = Decimal(*.value))]
     Negative {
-        /// What it is, with its unit.
+        /// The parameter, with its unit.
         name: &'static str,
         /// Its value.
         value: f64,
     },
-    /// A parameter or a state that is no finite number.
+    /// A parameter or a state is not finite.
     #[error("{name} is {value}; it must be finite", value = Decimal(*.value))]
     NotFinite {
-        /// What it is, with its unit.
+        /// The parameter or state, with its unit.
         name: &'static str,
         /// Its value.
         value: f64,
     },
-    /// A range whose ends are not in order.
+    /// The ends of a range are not in order.
     #[error(
         "{name} is from {low} to {high}; the first must be below the second",
         low = Decimal(*.low),
         high = Decimal(*.high),
     )]
     Range {
-        /// What it is, with its unit.
+        /// The range, with its unit.
         name: &'static str,
         /// Its lower end.
         low: f64,
         /// Its upper end.
         high: f64,
     },
-    /// A mass matrix with which no torque gives an acceleration.
+    /// A mass matrix is not positive definite, so no torque determines an acceleration.
     #[error(
         "the mass matrix is not positive definite at joint positions that begin {first} rad",
         first = Decimal(*.first),
@@ -55,40 +55,40 @@ pub enum PlantError {
         /// The position of the first joint, rad.
         first: f64,
     },
-    /// A parameter that must be zero.
+    /// A parameter must be zero.
     #[error("{name} is {value}; it must be zero", value = Decimal(*.value))]
     NotZero {
-        /// What it is, with its unit.
+        /// The parameter, with its unit.
         name: &'static str,
         /// Its value.
         value: f64,
     },
-    /// A finger that the hand does not have.
+    /// The hand does not have the finger.
     #[error("there is no finger {finger}; the hand has {fingers}")]
     NoFinger {
         /// Its number, from 0.
         finger: usize,
-        /// How many there are.
+        /// The number of fingers.
         fingers: usize,
     },
-    /// A channel that the bank does not have.
+    /// The bank does not have the channel.
     #[error("there is no channel {channel}; the bank has {channels}")]
     NoChannel {
         /// Its number, from 0.
         channel: usize,
-        /// How many there are.
+        /// The number of channels.
         channels: usize,
     },
-    /// A converter of no size that is known.
+    /// The width of a converter is not possible.
     #[error("a converter has {bits} bits; it must have 1 to 32")]
     Bits {
-        /// Its size.
+        /// The width, in bits.
         bits: u8,
     },
-    /// Moment arms that no finger can have.
+    /// No finger can have these moment arms.
     #[error(transparent)]
     Arms(#[from] ArmError),
-    /// An axis of a table that the simulated one cannot have.
+    /// The simulated table cannot have an axis of this direction.
     #[error(
         "an axis along ({x}, {y}, {z}); each must lie along another of x, y and z",
         x = Decimal(*.x),
@@ -96,11 +96,11 @@ pub enum PlantError {
         z = Decimal(*.z),
     )]
     Direction {
-        /// Of its direction.
+        /// The x component of the direction.
         x: f64,
-        /// Of its direction.
+        /// The y component of the direction.
         y: f64,
-        /// Of its direction.
+        /// The z component of the direction.
         z: f64,
     },
 }

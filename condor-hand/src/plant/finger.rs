@@ -8,14 +8,14 @@ use crate::dynamics::Dynamics;
 use crate::math::abs;
 use crate::tendon::{MomentArms, Pair, Pairs};
 
-/// What a finger is besides its mechanism.
+/// The parameters of a finger, apart from its mechanism.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerParameters<const N: usize> {
-    /// Where the tendons pull.
+    /// The moment arms of the tendons.
     pub arms: MomentArms<f64, N>,
-    /// What else acts on the joints, proximal first.
+    /// The parameters of the joints, proximal first.
     pub joints: [JointParameters; N],
-    /// What pulls the tendons.
+    /// The actuators of the tendons.
     pub drives: Pairs<Drive, N>,
 }
 
@@ -31,11 +31,12 @@ pub struct Finger<M, const N: usize> {
 }
 
 impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
-    /// A finger at rest at the joint positions `q` (rad), without tension.
+    /// Makes a finger at rest at the joint positions `q` (rad), without tension.
     ///
     /// # Errors
     ///
-    /// The first parameter that makes no sense; a mass matrix that is not positive definite at `q`.
+    /// [`PlantError`] for the first parameter that is wrong, or if the mass matrix is not positive
+    /// definite at `q`.
     pub fn new(
         mechanism: M,
         parameters: FingerParameters<N>,
@@ -68,8 +69,8 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     ///
     /// # Errors
     ///
-    /// A position that is not finite, or a tension that is not finite or below zero; the finger
-    /// stays as it was.
+    /// [`PlantError`] if a position is not finite, or a tension is not finite or below zero; the
+    /// finger does not change then.
     pub fn reset(&mut self, q: SVector<f64, N>, tensions: Pairs<f64, N>) -> Result<(), PlantError> {
         all_finite("a joint position to begin from, rad", q.iter())?;
         for pair in &tensions {
@@ -93,12 +94,12 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
         Ok(())
     }
 
-    /// Moves on by `dt` seconds in `updates` equal updates, with the commands (N) held. A command
-    /// that is not a number counts as zero. `gravity` as in [`Dynamics`], m/s².
+    /// Simulates `dt` seconds in `updates` equal updates, with constant commands (N). A command
+    /// that is NaN counts as zero. `gravity` is as in [`Dynamics`], m/s².
     ///
     /// # Errors
     ///
-    /// As [`Finger::advance`].
+    /// Those of [`Finger::advance`].
     pub fn step(
         &mut self,
         dt: f64,
@@ -113,12 +114,12 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
         Ok(())
     }
 
-    /// One update of `dt` seconds, with further torques on the joints (N m).
+    /// Simulates one update of `dt` seconds, with further torques on the joints (N m).
     ///
     /// # Errors
     ///
-    /// `dt` not above zero, a mass matrix that is not positive definite, or a state that would not be
-    /// finite: the finger then stays as it was.
+    /// [`PlantError`] if `dt` is not above zero, the mass matrix is not positive definite, or the
+    /// new state would not be finite; the finger does not change then.
     pub fn advance(
         &mut self,
         dt: f64,
@@ -221,7 +222,7 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
 }
 
 impl<M, const N: usize> Finger<M, N> {
-    /// The positions of the joints, rad.
+    /// Returns the positions of the joints, rad.
     #[must_use]
     pub fn q(&self) -> &SVector<f64, N> {
         &self.q
@@ -233,19 +234,19 @@ impl<M, const N: usize> Finger<M, N> {
         &self.qd
     }
 
-    /// The tensions that acted during the last update, as a sensor in the tendon says, N.
+    /// Returns the tensions during the last update, as a sensor in the tendon measures them, N.
     #[must_use]
     pub fn tensions(&self) -> &Pairs<f64, N> {
         &self.tensions
     }
 
-    /// The mechanism.
+    /// Returns the mechanism.
     #[must_use]
     pub fn mechanism(&self) -> &M {
         &self.mechanism
     }
 
-    /// What the finger is besides its mechanism.
+    /// Returns the parameters of the finger, apart from its mechanism.
     #[must_use]
     pub fn parameters(&self) -> &FingerParameters<N> {
         &self.parameters

@@ -11,22 +11,22 @@ use crate::grasp::Wrench;
 use crate::kinematics::Kinematics;
 use crate::tendon::Pairs;
 
-/// What a hand is besides its fingers.
+/// The parameters of a hand, apart from its fingers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandParameters {
-    /// For how long a command is held, s.
+    /// The time for which a command is constant, s.
     pub period_s: f64,
-    /// In how many equal updates that time passes.
+    /// The number of equal updates in that time.
     pub updates: u32,
-    /// In the axes of the palm, m/s².
+    /// Gravity in the axes of the palm, m/s².
     pub gravity: Vector3<f64>,
-    /// The sphere about each tip that touches, m; zero for a point.
+    /// The radius of the sphere about each tip that can touch things, m; zero for a point.
     pub tip_radius: f64,
-    /// Between a tip and the object.
+    /// The surface between a tip and the object.
     pub tip_object: Surface,
-    /// Between a tip and the ground.
+    /// The surface between a tip and the ground.
     pub tip_ground: Surface,
-    /// Between the object and the ground.
+    /// The surface between the object and the ground.
     pub object_ground: Surface,
 }
 
@@ -57,11 +57,11 @@ impl<M, const F: usize, const N: usize> Hand<M, F, N>
 where
     M: Kinematics<f64, N> + Dynamics<f64, N>,
 {
-    /// A hand that holds nothing, on a palm that does not move.
+    /// Makes a hand without object, on a palm that does not move.
     ///
     /// # Errors
     ///
-    /// The first parameter that makes no sense.
+    /// [`PlantError`] for the first parameter that is wrong.
     pub fn new(fingers: [Finger<M, N>; F], parameters: HandParameters) -> Result<Self, PlantError> {
         positive("the time of a step, s", parameters.period_s)?;
         positive("the updates in a step", f64::from(parameters.updates))?;
@@ -89,35 +89,35 @@ where
         })
     }
 
-    /// The same with an object.
+    /// Adds an object.
     #[must_use]
     pub fn with_object(mut self, object: Object) -> Self {
         self.object = Some(object);
         self
     }
 
-    /// The same above a plane.
+    /// Adds a plane below the hand.
     #[must_use]
     pub fn with_ground(mut self, ground: Ground) -> Self {
         self.ground = Some(ground);
         self
     }
 
-    /// The same on a table.
+    /// Puts the palm on a table.
     #[must_use]
     pub fn with_table(mut self, table: Table) -> Self {
         self.table = Some(table);
         self
     }
 
-    /// Moves on by one period, with the commands of all tendons held (N). A command that is not a
-    /// number counts as zero.
+    /// Simulates one period, with constant commands of all tendons (N). A command that is NaN
+    /// counts as zero.
     ///
     /// # Errors
     ///
-    /// A state that would not be finite, or a mass matrix that is not positive definite. What could
-    /// not move stays as it was, so every state is finite; the parts of the hand may then be some
-    /// updates apart.
+    /// [`PlantError`] if a new state would not be finite, or a mass matrix is not positive
+    /// definite. A part that could not move keeps its state, so every state is finite; the parts of
+    /// the hand may then be some updates apart.
     pub fn step(&mut self, commands: &[Pairs<f64, N>; F]) -> Result<(), PlantError> {
         let dt = self.parameters.period_s / f64::from(self.parameters.updates);
         for _ in 0..self.parameters.updates {
@@ -175,7 +175,7 @@ where
         Ok(())
     }
 
-    /// Takes the object away, or puts another one in its place; nothing touches it yet.
+    /// Removes the object, or replaces it by another one, which nothing touches yet.
     pub fn put_object(&mut self, object: Option<Object>) {
         self.object = object;
         self.object_ground = Contact::none();
@@ -188,7 +188,7 @@ where
     ///
     /// # Errors
     ///
-    /// A wrench that is not finite; the old one stays.
+    /// [`PlantError`] if the wrench is not finite; the old one stays then.
     pub fn push_object(&mut self, wrench: Wrench) -> Result<(), PlantError> {
         check(&wrench)?;
         self.disturbance = wrench;
@@ -199,7 +199,8 @@ where
     ///
     /// # Errors
     ///
-    /// A wrench that is not finite, or a finger that there is not; the old one stays.
+    /// [`PlantError`] if the wrench is not finite, or the finger does not exist; the old one stays
+    /// then.
     pub fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), PlantError> {
         check(&wrench)?;
         let tip = self.tips.get_mut(finger);
@@ -212,7 +213,7 @@ where
     ///
     /// # Errors
     ///
-    /// A force that is not finite; the old ones stay.
+    /// [`PlantError`] if a force is not finite; the old ones stay then.
     pub fn drive_table(&mut self, forces: Vector3<f64>) -> Result<(), PlantError> {
         all_finite("the force of an axis, N", forces.iter())?;
         self.table_forces = forces;
@@ -221,48 +222,48 @@ where
 }
 
 impl<M, const F: usize, const N: usize> Hand<M, F, N> {
-    /// The fingers.
+    /// Returns the fingers.
     #[must_use]
     pub fn fingers(&self) -> &[Finger<M, N>; F] {
         &self.fingers
     }
 
-    /// The same, to reset one.
+    /// Returns the fingers for changes, such as to reset one.
     pub fn fingers_mut(&mut self) -> &mut [Finger<M, N>; F] {
         &mut self.fingers
     }
 
-    /// The object, if there is one.
+    /// Returns the object, if there is one.
     #[must_use]
     pub fn object(&self) -> Option<&Object> {
         self.object.as_ref()
     }
 
-    /// The table, if there is one.
+    /// Returns the table, if there is one.
     #[must_use]
     pub fn table(&self) -> Option<&Table> {
         self.table.as_ref()
     }
 
-    /// Of each tip with the object.
+    /// Returns the contact of each tip with the object.
     #[must_use]
     pub fn object_contacts(&self) -> [Contact; F] {
         self.tips.map(|tip| tip.object)
     }
 
-    /// Of each tip with the ground.
+    /// Returns the contact of each tip with the ground.
     #[must_use]
     pub fn ground_contacts(&self) -> [Contact; F] {
         self.tips.map(|tip| tip.ground)
     }
 
-    /// Of the object with the ground.
+    /// Returns the contact of the object with the ground.
     #[must_use]
     pub fn object_ground_contact(&self) -> &Contact {
         &self.object_ground
     }
 
-    /// The time since the beginning, s.
+    /// Returns the time since the beginning, s.
     #[must_use]
     pub fn time_s(&self) -> f64 {
         // Counts stay exact for longer than any run.

@@ -2,7 +2,7 @@ use super::PlantError;
 use super::error::{finite, not_negative, ordered, positive};
 use crate::math::tanh;
 
-/// What acts on one joint besides the tendons and the bodies; rad and N m, or m and N.
+/// The parameters of a joint, apart from the tendons and the bodies; rad and N m, or m and N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointParameters {
     /// The inertia of the drive as the joint feels it, kg m².
@@ -16,22 +16,22 @@ pub struct JointParameters {
     /// The rate below which Coulomb friction fades to nothing, rad/s: it is
     /// `coulomb tanh(rate / fade)`.
     pub fade: f64,
-    /// A spring to `rest`, N m/rad.
+    /// The stiffness of a spring to `rest`, N m/rad.
     pub stiffness: f64,
-    /// Where that spring is slack, rad.
+    /// The position at which that spring is slack, rad.
     pub rest: f64,
     /// The two ends of the joint, rad.
     pub range: (f64, f64),
-    /// What the joint meets there.
+    /// The mechanical stop at these ends.
     pub stop: Stop,
 }
 
 /// A soft stop: a spring and a damper that only push.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
-    /// N m/rad, or N/m.
+    /// The stiffness, N m/rad or N/m.
     pub stiffness: f64,
-    /// N m s/rad, or N s/m.
+    /// The damping, N m s/rad or N s/m.
     pub damping: f64,
 }
 

@@ -6,7 +6,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// The sequence of a seed; any seed will do.
+    /// Makes the sequence of a seed, which may be any number.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut at = seed;
@@ -20,7 +20,7 @@ impl Noise {
         Self { state }
     }
 
-    /// 64 random bits.
+    /// Returns 64 random bits.
     pub fn bits(&mut self) -> u64 {
         let [mut a, mut b, mut c, mut d] = self.state;
         let bits = a.wrapping_add(d).rotate_left(23).wrapping_add(a);
@@ -35,7 +35,7 @@ impl Noise {
         bits
     }
 
-    /// Evenly spread over `0.0..1.0`.
+    /// Returns a number uniformly distributed over `0.0..1.0`.
     pub fn uniform(&mut self) -> f64 {
         // 53 bits are what a double holds.
         #[allow(clippy::cast_precision_loss, reason = "53 bits fit")]
@@ -43,8 +43,8 @@ impl Noise {
         integer / 9_007_199_254_740_992.0
     }
 
-    /// Nearly normal, of mean 0 and deviation 1, never beyond 6: the sum of twelve uniform numbers
-    /// less 6.
+    /// Returns a number with nearly normal distribution, of mean 0 and deviation 1, never beyond 6:
+    /// the sum of twelve uniform numbers less 6.
     pub fn normal(&mut self) -> f64 {
         let mut sum = -6.0;
         for _ in 0..12 {

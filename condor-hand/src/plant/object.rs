@@ -7,21 +7,22 @@ use crate::Pose;
 use crate::grasp::Wrench;
 use crate::math::{sin_cos, sqrt};
 
-/// What a free object is.
+/// The parameters of a free object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObjectParameters {
-    /// kg.
+    /// The mass, kg.
     pub mass: f64,
-    /// About the centre of mass in the object's axes, kg m²; symmetric, positive definite.
+    /// The inertia about the centre of mass in the object's axes, kg m²; symmetric, positive
+    /// definite.
     pub inertia: Matrix3<f64>,
-    /// The sphere about the centre of mass that can be touched, m.
+    /// The radius of the sphere about the centre of mass that can be touched, m.
     pub radius: f64,
 }
 
-/// A rigid object that nothing holds but what touches it.
+/// A rigid object that only its contacts hold.
 ///
-/// Its frame is at its centre of mass. The state has the angular momentum in place of the angular
-/// velocity: without a moment it keeps it to the last bit.
+/// Its frame is at its centre of mass. Its state has the angular momentum instead of the angular
+/// velocity, so without a moment the angular momentum is constant to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Object {
     parameters: ObjectParameters,
@@ -33,7 +34,7 @@ pub struct Object {
 }
 
 impl ObjectParameters {
-    /// A ball of one material.
+    /// Returns the parameters of a ball of one material.
     #[must_use]
     pub fn ball(mass: f64, radius: f64) -> Self {
         Self {
@@ -45,11 +46,11 @@ impl ObjectParameters {
 }
 
 impl Object {
-    /// An object at rest, its axes those of the palm.
+    /// Makes an object at rest, whose axes are those of the palm.
     ///
     /// # Errors
     ///
-    /// The first parameter that makes no sense.
+    /// [`PlantError`] for the first parameter that is wrong.
     pub fn new(parameters: ObjectParameters, center: Vector3<f64>) -> Result<Self, PlantError> {
         positive("the mass of an object, kg", parameters.mass)?;
         positive("the radius of an object, m", parameters.radius)?;
@@ -87,11 +88,11 @@ impl Object {
         })
     }
 
-    /// Sets it moving.
+    /// Sets the velocity (m/s) and the angular velocity (rad/s).
     ///
     /// # Errors
     ///
-    /// A velocity (m/s) or angular velocity (rad/s) that is not finite.
+    /// [`PlantError`] if one of them is not finite.
     pub fn moving(
         mut self,
         velocity: Vector3<f64>,
@@ -106,7 +107,7 @@ impl Object {
         Ok(self)
     }
 
-    /// What it is.
+    /// Returns its parameters.
     #[must_use]
     pub fn parameters(&self) -> &ObjectParameters {
         &self.parameters
@@ -127,7 +128,7 @@ impl Object {
         &self.orientation
     }
 
-    /// The velocity of its centre, m/s.
+    /// Returns the velocity of its centre, m/s.
     #[must_use]
     pub fn velocity(&self) -> &Vector3<f64> {
         &self.velocity

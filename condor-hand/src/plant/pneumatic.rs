@@ -28,7 +28,7 @@ pub struct Pneumatic {
     pub valve_hz: f64,
     /// The damping ratio of the valve.
     pub valve_damping: f64,
-    /// How fast the chamber fills, s.
+    /// The time constant with which the chamber fills, s.
     pub fill_s: f64,
     /// The ratio of the gas's heat capacities.
     pub heat_ratio: f64,
@@ -42,18 +42,18 @@ pub struct Pneumatic {
     pub coulomb_n: f64,
     /// The speed below which that fades to nothing, m/s.
     pub fade: f64,
-    /// What the tendon gives; `None` if it does not stretch.
+    /// The elasticity of the tendon; `None` if it does not stretch.
     pub elastic: Option<Elastic>,
 }
 
 /// A tendon that stretches, and goes slack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elastic {
-    /// N/m.
+    /// The stiffness, N/m.
     pub stiffness: f64,
-    /// N s/m.
+    /// The damping, N s/m.
     pub damping: f64,
-    /// The mass of what slides, kg.
+    /// The mass of the sliding parts, kg.
     pub piston_kg: f64,
 }
 

@@ -7,36 +7,36 @@ use crate::math::abs;
 /// A sensor, and the converter behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
-    /// The converter, as a controller's configuration has it.
+    /// The converter, as in a controller's configuration.
     pub adc: Input,
     /// The standard deviation of the noise before conversion, in the unit of the sensor.
     pub noise: f64,
 }
 
-/// What is wrong with a channel, and when.
+/// A fault of a channel, with its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorFault {
-    /// Of the bank, from 0.
+    /// The channel of the bank, from 0.
     pub channel: usize,
-    /// From this time on, s.
+    /// The time at which the fault begins, s.
     pub from_s: f64,
-    /// Until before this time, s; infinite for ever.
+    /// The time at which it ends, s; infinite if it does not end.
     pub until_s: f64,
-    /// What is wrong.
+    /// The kind of fault.
     pub kind: SensorFaultKind,
 }
 
-/// What can be wrong with a channel.
+/// The kind of a channel's fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SensorFaultKind {
-    /// It repeats what it last read before.
+    /// It repeats its last reading from before the fault.
     Stuck,
-    /// This is added before conversion, in the unit of the sensor.
+    /// This offset is added before conversion, in the unit of the sensor.
     Offset(f64),
-    /// With this probability a reading is lost, and is that of zero counts.
+    /// With this probability a reading is lost, and has zero counts.
     Dropout(f64),
-    /// It reads what is no number.
+    /// It reads NaN.
     NotANumber,
 }
 
@@ -64,11 +64,12 @@ impl Sensor {
 }
 
 impl<'a, const C: usize> SensorBank<'a, C> {
-    /// A bank whose noise follows from `seed`.
+    /// Makes a bank whose noise is determined by `seed`.
     ///
     /// # Errors
     ///
-    /// The first parameter that makes no sense, and a fault of a channel that there is not.
+    /// [`PlantError`] for the first parameter that is wrong, or for a fault of a channel that does
+    /// not exist.
     pub fn new(
         sensors: [Sensor; C],
         script: &'a [SensorFault],
@@ -86,7 +87,7 @@ impl<'a, const C: usize> SensorBank<'a, C> {
         })
     }
 
-    /// What the channels read at the time `now_s` of what is.
+    /// Returns the readings of the channels at the time `now_s`; `values` are the true values.
     pub fn read(&mut self, now_s: f64, values: &[f64; C]) -> [f64; C] {
         let mut readings = *values;
         let channels = self.sensors.iter().zip(&mut self.last);

@@ -8,19 +8,19 @@ use crate::math::{clamp, is_finite};
 /// One axis of the table that carries the palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisParameters {
-    /// All that this axis moves, the hand included, kg.
+    /// The mass of everything that this axis moves, including the hand, kg.
     pub mass: f64,
     /// Viscous friction, N s/m.
     pub viscous: f64,
-    /// The force of its motor to either side, N.
+    /// The greatest force of its motor to either side, N.
     pub max_n: f64,
-    /// From where to where it goes, m.
+    /// The range of its position, m.
     pub range: (f64, f64),
-    /// What it meets there.
+    /// The mechanical stop at the ends of the range.
     pub stop: Stop,
 }
 
-/// Three prismatic axes x, y, z, balanced against gravity, that do not feel what the fingers do.
+/// Three prismatic axes x, y, z, which are balanced against gravity and do not feel the fingers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Table {
     axes: [AxisParameters; 3],
@@ -52,11 +52,11 @@ impl AxisParameters {
 }
 
 impl Table {
-    /// A table at rest at zero.
+    /// Makes a table at rest at zero.
     ///
     /// # Errors
     ///
-    /// The first parameter that makes no sense.
+    /// [`PlantError`] for the first parameter that is wrong.
     pub fn new(axes: [AxisParameters; 3]) -> Result<Self, PlantError> {
         axes.iter().try_for_each(AxisParameters::check)?;
         Ok(Self {
@@ -67,12 +67,12 @@ impl Table {
         })
     }
 
-    /// Moves on by `dt` seconds in one update under the forces of the motors (N). A force that is no
-    /// finite number counts as zero.
+    /// Simulates `dt` seconds in one update under the forces of the motors (N). A force that is not
+    /// finite counts as zero.
     ///
     /// # Errors
     ///
-    /// `dt` not above zero.
+    /// [`PlantError`] if `dt` is not above zero.
     pub fn advance(&mut self, dt: f64, forces: &Vector3<f64>) -> Result<(), PlantError> {
         positive("the time of an update, s", dt)?;
         let state = self.position.iter_mut().zip(self.velocity.iter_mut());
@@ -88,19 +88,19 @@ impl Table {
         Ok(())
     }
 
-    /// Where it is, m.
+    /// Returns its position, m.
     #[must_use]
     pub fn position(&self) -> &Vector3<f64> {
         &self.position
     }
 
-    /// m/s.
+    /// Returns its velocity, m/s.
     #[must_use]
     pub fn velocity(&self) -> &Vector3<f64> {
         &self.velocity
     }
 
-    /// During the last update, m/s².
+    /// Returns its acceleration during the last update, m/s².
     #[must_use]
     pub fn acceleration(&self) -> &Vector3<f64> {
         &self.acceleration

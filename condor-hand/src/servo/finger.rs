@@ -10,7 +10,7 @@ use crate::math::{Real, clamp, is_finite, max};
 use crate::tendon::{Allocation, MomentArms, Pair, Pairs};
 use crate::trajectory::SetPoint;
 
-/// What the sensors of a finger say.
+/// The readings of a finger's sensors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensed<T: Real, const N: usize> {
     /// Positions of the joints, rad.
@@ -19,12 +19,12 @@ pub struct Sensed<T: Real, const N: usize> {
     pub tension: Pairs<T, N>,
 }
 
-/// What a finger does with one tick.
+/// The result of one tick of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ServoOutput<T: Real, const N: usize> {
-    /// What the actuators get, N, from 0 to the most of each tendon.
+    /// The commands of the actuators, N, from 0 to the greatest tension of each tendon.
     pub command: Pairs<T, N>,
-    /// The tensions that it is to reach, N.
+    /// The desired tensions, N.
     pub tension: Pairs<T, N>,
     /// The torques of those tensions, N m.
     pub torque: SVector<T, N>,
@@ -34,18 +34,19 @@ pub struct ServoOutput<T: Real, const N: usize> {
     pub velocity: SVector<T, N>,
     /// A bit for each joint whose tendons cannot give the torque that it needs.
     pub saturated: u32,
-    /// A bit for each joint whose sensor said nothing, or what cannot be: the laws took it to be where
-    /// its last rate has led it.
+    /// A bit for each joint whose reading was invalid or implausible. The laws have used the
+    /// position to which its last rate led.
     pub lost: u32,
 }
 
-/// The servos of one finger: its joints and their tendons.
+/// The servos of one finger: those of its joints and those of their tendons.
 ///
-/// It is called once in every tick, with what its sensors say, and gives what its actuators get. A
-/// tension that is not finite counts as the last one that was, and as the least before there was one.
-/// A joint whose position is not finite, or farther from where its rate leads than it can be, goes on
-/// with that rate: that is good for some ticks, after which whoever calls must give up. One whose
-/// position was never seen does not hold or follow positions.
+/// Call [`tick`](Self::tick) once per period with the sensor readings; it returns the actuator
+/// commands. A tension reading that is not finite is replaced by the last finite one, or by the
+/// least tension if there was none. If the position of a joint is not finite, or implausibly far
+/// from where its rate leads, the joint continues at that rate; this is acceptable for some ticks,
+/// after which the caller must give up. A joint whose position was never read does not hold or
+/// follow positions.
 #[derive(Clone, Debug)]
 pub struct FingerServo<M, T: Real, const N: usize> {
     mechanism: M,
@@ -75,11 +76,11 @@ pub struct FingerServo<M, T: Real, const N: usize> {
 }
 
 impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
-    /// A finger all of whose joints are off.
+    /// Makes a finger whose joints are all off.
     ///
     /// # Errors
     ///
-    /// The first setting that no finger can have.
+    /// [`SettingError`] for the first setting that no finger can have.
     pub fn new(
         mechanism: M,
         arms: MomentArms<T, N>,
@@ -139,37 +140,37 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         })
     }
 
-    /// The mechanism that the servos have in mind.
+    /// Returns the model of the mechanism that the servos use.
     #[must_use]
     pub fn mechanism(&self) -> &M {
         &self.mechanism
     }
 
-    /// The moment arms of its tendons.
+    /// Returns the moment arms of its tendons.
     #[must_use]
     pub fn arms(&self) -> &MomentArms<T, N> {
         &self.arms
     }
 
-    /// The target of a joint; `None` for a joint that the finger does not have.
+    /// Returns the target of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn target(&self, joint: usize) -> Option<JointTarget<T>> {
         self.joints.get(joint).map(|servo| servo.target)
     }
 
-    /// The mode of a joint; `None` for a joint that the finger does not have.
+    /// Returns the mode of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn mode(&self, joint: usize) -> Option<Mode> {
         let held = self.holds.get(joint).copied().flatten();
         held.or_else(|| Some(self.joints.get(joint)?.target.mode()))
     }
 
-    /// Gives a joint a target, from the next tick on, and the mode of that target. Of a position in the
-    /// zone of a stop, where no joint rests, it takes the end of the zone.
+    /// Gives a joint a target, from the next tick on, and the mode of that target. A position in
+    /// the zone of a stop, where no joint rests, becomes the end of the zone.
     ///
     /// # Errors
     ///
-    /// A target that the joint cannot have; it keeps the one that it has.
+    /// [`SettingError`] if the joint cannot have the target; it keeps its target then.
     pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), SettingError> {
         let servo = self
             .joints
@@ -197,12 +198,12 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         }
     }
 
-    /// Gives a joint another mode, from the next tick on, in which it keeps the position, torque
-    /// or tensions that it then has. A joint that is in that mode keeps its target.
+    /// Gives a joint another mode, from the next tick on, in which it keeps its position, torque or
+    /// tensions of that moment. A joint that is in that mode already keeps its target.
     ///
     /// # Errors
     ///
-    /// A joint that the finger does not have.
+    /// [`SettingError::NoJoint`] if the finger does not have the joint.
     pub fn set_mode(&mut self, joint: usize, mode: Mode) -> Result<(), SettingError> {
         let there_is_none = SettingError::NoJoint { joint, joints: N };
         let same = self.mode(joint).ok_or(there_is_none)? == mode;
@@ -212,9 +213,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         Ok(())
     }
 
-    /// Switches all joints off at once, as a finger is when it is new, but for its gains: the next
-    /// tick wants the least tensions, without a transition. For whoever has taken the actuators
-    /// there by other means.
+    /// Switches all joints off at once, as in a new finger, but keeps the gains: the next tick
+    /// commands the least tensions, without a transition. It is for callers that have brought the
+    /// actuators there in another way.
     pub fn rest(&mut self) {
         for servo in &mut self.joints {
             servo.rest();
@@ -256,7 +257,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         positions
     }
 
-    /// Takes the next positions as they are, as a finger that is new does.
+    /// Forgets earlier positions, so that the next readings are believed, as in a new finger.
     pub fn forget_positions(&mut self) {
         for servo in &mut self.joints {
             servo.seen = false;
@@ -267,17 +268,17 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         self.velocities.forget();
     }
 
-    /// The gains of a joint; `None` for a joint that the finger does not have.
+    /// Returns the gains of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn gains(&self, joint: usize) -> Option<&JointGains<T>> {
         self.joints.get(joint).map(|servo| &servo.gains)
     }
 
-    /// Gives a joint other gains, all at once from the next tick on.
+    /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
     ///
-    /// Gains that no joint can have; it keeps the ones that it has.
+    /// [`SettingError`] if no joint can have these gains; the joint keeps its gains then.
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<T>) -> Result<(), SettingError> {
         let servo = self
             .joints
@@ -288,11 +289,11 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         Ok(())
     }
 
-    /// One tick: from sensors to commands, in a gravity in the axes of the palm, m/s²; for a palm
-    /// that is accelerated, less its acceleration.
+    /// Runs one tick: from sensor readings to commands. `gravity` is in the axes of the palm, m/s²,
+    /// less the acceleration of the palm.
     ///
-    /// `period_s` is the time since the last tick, s; what is not finite or not above zero counts as a
-    /// period.
+    /// `period_s` is the time since the last tick, s; a value that is not finite or not above zero
+    /// counts as one period.
     #[inline]
     pub fn tick(
         &mut self,

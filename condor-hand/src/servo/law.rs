@@ -1,23 +1,23 @@
 use crate::math::{Real, max, min, real};
 
-/// How a joint follows positions.
+/// The law by which a joint follows positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PositionLaw<T: Real = f64> {
-    /// `kp e + kv de/dt + ki ∫ e dt`, with gravity and the friction of the asked-for rate fed
-    /// forward.
+    /// `kp e + kv de/dt + ki ∫ e dt`, plus gravity and the friction at the desired rate as
+    /// feed-forward.
     Pd {
-        /// N m/rad
+        /// kp, N m/rad.
         kp: T,
-        /// N m s/rad
+        /// kv, N m s/rad.
         kv: T,
-        /// N m/(rad s)
+        /// ki, N m/(rad s).
         ki: T,
-        /// The most that the integral may add, N m.
+        /// The greatest torque of the integral, N m.
         integral_nm: T,
     },
-    /// The torque that gives the acceleration `a + 2 zeta w de/dt + w² e`, from the inverse dynamics
-    /// of the whole finger: every joint behaves as if it were alone (computed torque; Craig,
-    /// Introduction to Robotics, 10.4).
+    /// The torque for the acceleration `a + 2 zeta w de/dt + w² e`, by the inverse dynamics of the
+    /// whole finger: every joint behaves as if it were alone (computed torque; Craig, Introduction
+    /// to Robotics, 10.4).
     ComputedTorque {
         /// w / 2 pi, Hz.
         bandwidth_hz: T,
@@ -26,35 +26,36 @@ pub enum PositionLaw<T: Real = f64> {
     },
 }
 
-/// A spring and a damper before each limit of a joint, for whatever inertia it has; they push inwards
-/// only.
+/// A soft stop: a spring and a damper before each limit of a joint, which push only inwards, for
+/// whatever inertia the joint has.
 ///
-/// The servo makes of the acceleration the torques with which only this joint is accelerated, as
-/// [`PositionLaw::ComputedTorque`] does. A spring of a given stiffness would make light joints swing faster
-/// than the servo can hold.
+/// The servo converts the acceleration into torques that accelerate only this joint, as
+/// [`PositionLaw::ComputedTorque`] does. With a spring of constant stiffness, light joints would
+/// swing faster than the servo can control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoftStop<T: Real = f64> {
     /// The lower limit of the joint, rad.
     pub low: T,
     /// The upper limit, rad.
     pub high: T,
-    /// How far before a limit the spring begins, rad.
+    /// The distance before a limit at which the spring begins, rad.
     pub zone: T,
     /// The natural frequency of the joint on the spring, Hz.
     pub bandwidth_hz: T,
-    /// 1 does not overshoot.
+    /// The damping ratio; 1 does not overshoot.
     pub damping_ratio: T,
 }
 
 impl<T: Real> SoftStop<T> {
-    /// Where a joint can rest: from the end of one zone to that of the other, rad.
+    /// Returns the range in which a joint can rest: from the end of one zone to that of the other,
+    /// rad.
     #[must_use]
     pub fn between(&self) -> (T, T) {
         (self.low + self.zone, self.high - self.zone)
     }
 
-    /// The acceleration that it adds at a position (rad) and a rate (rad/s), rad/s²; zero outside both
-    /// zones.
+    /// Returns the acceleration by the stop at a position (rad) and a rate (rad/s), rad/s²; zero
+    /// outside of both zones.
     #[inline]
     #[must_use]
     pub fn acceleration(&self, position: T, rate: T) -> T {

@@ -2,16 +2,16 @@ use crate::Real;
 use crate::tendon::Pair;
 use crate::trajectory::SetPoint;
 
-/// What the servo of a joint does.
+/// The mode of a joint's servo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Mode {
     /// Both tendons are at their least tension.
     #[default]
     Off = 0,
-    /// Both tendons hold the tensions that the user asks for.
+    /// Both tendons hold tensions that the user sets.
     Tension = 1,
-    /// The joint exerts the torque that the user asks for.
+    /// The joint exerts a torque that the user sets.
     Torque = 2,
     /// The joint follows positions.
     Position = 3,
@@ -20,7 +20,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// The mode of a number, as in a message.
+    /// Returns the mode that has this number, as in a message.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -34,10 +34,10 @@ impl Mode {
     }
 }
 
-/// What a joint is to reach, in one of its modes.
+/// The target of a joint, in one of its modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum JointTarget<T: Real = f64> {
-    /// Nothing, for [`Mode::Off`].
+    /// No target, for [`Mode::Off`].
     Off,
     /// Tensions of its two tendons, N, for [`Mode::Tension`].
     Tension(Pair<T>),
@@ -50,7 +50,7 @@ pub enum JointTarget<T: Real = f64> {
 }
 
 impl<T: Real> JointTarget<T> {
-    /// The mode in which a joint reaches it.
+    /// Returns the mode that belongs to this target.
     #[must_use]
     pub const fn mode(&self) -> Mode {
         match self {

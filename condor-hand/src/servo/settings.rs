@@ -7,89 +7,90 @@ use crate::dynamics::Drive;
 use crate::math::{Real, is_finite};
 use crate::tendon::{Allocation, AllocationError, Pair, TensionGains, TensionServoError};
 
-/// What can be tuned while a joint runs.
+/// The settings that can be changed while a joint runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointGains<T: Real = f64> {
-    /// How it follows positions.
+    /// The law by which it follows positions.
     pub law: PositionLaw<T>,
-    /// How much of the difference between asked-for and measured torque is added to a torque.
+    /// The fraction of the torque error (desired less measured) that is added to a torque.
     pub k_torque: T,
-    /// The servos of its tendons.
+    /// The gains of its tendons' servos.
     pub tension: Pair<TensionGains<T>>,
 }
 
-/// All of one joint.
+/// All settings of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointSettings<T: Real = f64> {
-    /// What can be tuned.
+    /// The settings that can be changed while it runs.
     pub gains: JointGains<T>,
-    /// Its limits, and how it is kept within.
+    /// Its limits, with their soft stops.
     pub stop: SoftStop<T>,
-    /// How a torque becomes two tensions.
+    /// The way in which a torque becomes two tensions.
     pub allocation: Allocation<T>,
-    /// By how much its rate changes at most from one tick to the next, rad/s: a reading that is farther off
-    /// is none.
+    /// The greatest change of its rate from one tick to the next, rad/s; a reading with a greater
+    /// change is implausible.
     pub rate_change: T,
-    /// What its sensor tells apart, rad.
+    /// The resolution of its sensor, rad.
     pub resolution_rad: T,
-    /// A sensor that shows no change while its joint went, and was to go, farther than this, rad, shows
-    /// nothing at all: more than friction can hold back.
+    /// The distance that the joint and its target may go while its sensor shows no change, rad;
+    /// after that the sensor counts as frozen. It must be more than friction can hold back.
     pub frozen_rad: T,
-    /// A low-pass filter before everything else, Hz.
+    /// The cutoff of a low-pass filter of the position, before everything else, Hz; `None` means no
+    /// filter.
     pub position_cutoff_hz: Option<T>,
-    /// The cutoff of the differentiation of its position, Hz.
+    /// The cutoff of the filter that differentiates its position, Hz.
     pub velocity_cutoff_hz: T,
-    /// Low-pass filters of the tensions that its sensors measure, Hz.
+    /// The cutoffs of low-pass filters of the measured tensions, Hz; `None` means no filter.
     pub tension_cutoff_hz: Pair<Option<T>>,
 }
 
-/// All of one finger but its mechanism and its arms.
+/// All settings of one finger, except its mechanism and its arms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerSettings<T: Real, const N: usize> {
     /// The joints, proximal first.
     pub joints: [JointSettings<T>; N],
-    /// The inertia and friction of the drives, fed forward.
+    /// The inertia and friction of the drives, for feed-forward.
     pub drive: Drive<T, N>,
     /// Ticks in a second, Hz.
     pub sample_hz: T,
-    /// How long a step of the tensions takes that a change of mode or of gains would make, s.
+    /// The time over which a step of tensions is spread when a mode or gains change, s.
     pub transition_s: T,
 }
 
-/// Settings or targets that a servo does not take.
+/// The reason for which a servo refuses settings or a target.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SettingError {
-    /// A joint that the finger does not have.
+    /// The finger does not have the joint.
     #[error("there is no joint {joint}; the finger has {joints}, from 0")]
     NoJoint {
         /// The joint that was named.
         joint: usize,
-        /// How many there are.
+        /// The number of joints.
         joints: usize,
     },
-    /// A finger that rests after a fault, or is on its way to rest.
+    /// The finger rests after a fault, or is on its way to rest.
     #[error("the finger rests after a fault, which must be cleared first")]
     AfterFault,
-    /// A number that is not finite, or negative where that makes no sense.
+    /// A number is not finite, or negative although it must not be.
     #[error("joint {joint} cannot have {value} as {what}", value = Decimal(*.value))]
     Value {
         /// The joint, from 0.
         joint: usize,
-        /// What the number is.
+        /// The quantity.
         what: &'static str,
         /// The number.
         value: f64,
     },
-    /// A number of the whole finger that is not finite or not positive.
+    /// A number of the whole finger is not finite or not positive.
     #[error("a finger cannot have {value} as {what}", value = Decimal(*.value))]
     Finger {
-        /// What the number is.
+        /// The quantity.
         what: &'static str,
         /// The number.
         value: f64,
     },
-    /// A position beyond the limits of the joint.
+    /// The position is beyond the limits of the joint.
     #[error(
         "joint {joint} cannot go to {position} rad; its limits are {low} rad and {high} rad",
         position = Decimal(*.position),
@@ -106,7 +107,7 @@ pub enum SettingError {
         /// The upper limit, rad.
         high: f64,
     },
-    /// A torque beyond what its tendons can give.
+    /// The torque is beyond what its tendons can produce.
     #[error(
         "joint {joint} cannot give {torque} N m; its tendons give {low} N m to {high} N m",
         torque = Decimal(*.torque),
@@ -123,7 +124,7 @@ pub enum SettingError {
         /// The most, N m.
         high: f64,
     },
-    /// A tension beyond what the tendon may have.
+    /// The tension is beyond the limits of the tendon.
     #[error(
         "a tendon of joint {joint} cannot have {tension} N; it has {low} N to {high} N",
         tension = Decimal(*.tension),
@@ -140,36 +141,36 @@ pub enum SettingError {
         /// The most, N.
         high: f64,
     },
-    /// A cutoff that no filter has.
+    /// No filter has this cutoff.
     #[error("joint {joint}: {error}")]
     Filter {
         /// The joint, from 0.
         joint: usize,
-        /// What is wrong.
+        /// The error.
         error: FilterError,
     },
-    /// A limit of an integral that none has.
+    /// The limit of an integral is wrong.
     #[error("joint {joint}: {error}")]
     Integral {
         /// The joint, from 0.
         joint: usize,
-        /// What is wrong.
+        /// The error.
         error: PidError,
     },
-    /// An allocation that cannot be.
+    /// The allocation is wrong.
     #[error("joint {joint}: {error}")]
     Allocation {
         /// The joint, from 0.
         joint: usize,
-        /// What is wrong.
+        /// The error.
         error: AllocationError,
     },
-    /// Gains that no servo of a tendon has.
+    /// The gains of a tendon's servo are wrong.
     #[error("joint {joint}: {error}")]
     TensionServo {
         /// The joint, from 0.
         joint: usize,
-        /// What is wrong.
+        /// The error.
         error: TensionServoError,
     },
 }

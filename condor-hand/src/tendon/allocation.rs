@@ -1,10 +1,10 @@
 //! From the torques of a finger to tensions that can only pull.
 //!
-//! A joint is turned by its own two tendons and by those of the joints distal to it. Distal to
-//! proximal, what the distal tendons turn is known, so that each joint is left with one equation
-//! for its own pair, `r₊ f₊ - r₋ f₋ = t`, and with one freedom: how much the two pull against each
-//! other. With `f₊ = f_min + u / r₊` and `f₋ = f_min + v / r₋` the equation is
-//! `u - v = t - f_min (r₊ - r₋)`, with u and v not below zero. [`Rectification`] picks among them.
+//! The own two tendons of a joint turn it, and so do those of the joints distal to it. Going from
+//! distal to proximal, the effect of the distal tendons is known. So each joint has one equation
+//! for its own pair, `r₊ f₊ - r₋ f₋ = t`, and one freedom: how much the two tendons pull against
+//! each other. With `f₊ = f_min + u / r₊` and `f₋ = f_min + v / r₋` the equation is `u - v = t -
+//! f_min (r₊ - r₋)`, with u and v not below zero. [`Rectification`] chooses among the solutions.
 
 use nalgebra::SVector;
 use thiserror::Error;
@@ -13,48 +13,48 @@ use super::{MomentArms, Pair, Pairs};
 use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite, max, min, real, sqrt};
 
-/// How much the two tendons of a joint pull against each other.
+/// The co-contraction of the two tendons of a joint: how much they pull against each other.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Rectification<T> {
-    /// As little as can be: one of the two is at its minimum. The total tension is the least that
-    /// there is if antagonists have opposite arms at each joint that they cross.
+    /// The least possible: one of the two tensions is at its minimum. The total tension is the
+    /// least possible if antagonists have opposite arms at each joint that they cross.
     Hard,
-    /// With this mean tension, or more if the torque needs it.
+    /// This mean tension, or more if the torque needs it.
     Mean {
         /// The mean of the two tensions, N.
         co_contraction_n: T,
     },
-    /// Without a corner where the pull changes over from one tendon to the other.
+    /// A smooth transition of the pull from one tendon to the other.
     ///
-    /// At no torque the flexor pulls this much more than the minimum, the extensor the same if its
-    /// arm is. The more one of them pulls, the nearer the other is to its minimum:
-    /// `u = (h + t) / 2` and `v = (h - t) / 2` with `h² = t² + 4 (r₊ softness)²`.
+    /// Without torque the flexor pulls this much more than the minimum, and so does the extensor if
+    /// its arm is the same. The more one of them pulls, the nearer the other is to its minimum: `u
+    /// = (h + t) / 2` and `v = (h - t) / 2` with `h² = t² + 4 (r₊ softness)²`.
     Smooth {
-        /// Half the width of the change-over, as a tension, N.
+        /// Half the width of the transition, as a tension, N.
         softness_n: T,
     },
 }
 
-/// How the torque of one joint becomes two tensions.
+/// The way in which the torque of one joint becomes two tensions.
 ///
-/// Whatever it holds, tensions are within `min_n..=max_n`, where a minimum below zero is zero, and a
-/// maximum below the minimum is the minimum.
+/// Whatever its values are, tensions are within `min_n..=max_n`, where a minimum below zero counts
+/// as zero, and a maximum below the minimum counts as the minimum.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Allocation<T> {
-    /// How much the tendons pull against each other.
+    /// The co-contraction of the tendons.
     pub rectification: Rectification<T>,
-    /// What keeps a tendon from slack, N.
+    /// The least tension, which keeps a tendon from slack, N.
     pub min_n: T,
-    /// The most that a tendon can be asked for, N.
+    /// The greatest tension of a tendon, N.
     pub max_n: T,
 }
 
-/// An allocation that no joint can have.
+/// The reason for which no joint can have an allocation.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum AllocationError {
-    /// Limits that are not finite, not in order, or below zero.
+    /// The limits are not finite, not in order, or below zero.
     #[error(
         "tensions are to be in {min_n}..={max_n} N; that must be finite and begin at 0 or above",
         min_n = Decimal(*.min_n),
@@ -66,7 +66,7 @@ pub enum AllocationError {
         /// The largest tension, N.
         max_n: f64,
     },
-    /// A co-contraction or a softness that is negative or not finite.
+    /// A co-contraction or a softness is negative or not finite.
     #[error(
         "the {name} is {value} N; it must be finite and not negative",
         value = Decimal(*.value),
@@ -80,10 +80,10 @@ pub enum AllocationError {
 }
 
 impl<T: Real> Allocation<T> {
-    /// Refuses what would not be followed as it stands.
+    /// Checks whether the values can be used as they are.
     ///
     /// # Errors
-    /// The first value that is out of place.
+    /// [`AllocationError`] for the first value that is wrong.
     pub fn check(&self) -> Result<(), AllocationError> {
         let (low, high) = (self.min_n, self.max_n);
         if !(low >= T::zero() && low <= high && is_finite(high)) {
@@ -136,10 +136,11 @@ impl<T: Real> Allocation<T> {
 pub struct Allocated<T: Real, const N: usize> {
     /// The tensions, N: each within the limits of its joint.
     pub tensions: Pairs<T, N>,
-    /// The torques that the tensions make, N m: where no bit is set, the ones that were asked for.
+    /// The torques of these tensions, N m; equal to the requested torques if no bit is set.
     pub torque: SVector<T, N>,
-    /// The joints, a bit each, whose torque is not what was asked for, because a tendon is at its
-    /// largest tension; proximal joints reckon with what the saturated ones pull.
+    /// The joints, a bit each, whose torque is not the requested one because a tendon is at its
+    /// greatest tension. The torques of proximal joints take the tensions of saturated joints into
+    /// account.
     pub saturated: u32,
     /// The joints, a bit each, whose torque was not finite. If there is one, all tensions are at
     /// their minimum, and no bit of `saturated` is set.
@@ -159,10 +160,10 @@ impl<T: Real, const N: usize> Allocated<T, N> {
 }
 
 impl<T: Real, const N: usize> MomentArms<T, N> {
-    /// The tensions that make these torques, N m, by back-substitution from the distal joint.
+    /// Returns the tensions for these torques, N m, by back-substitution from the distal joint.
     ///
-    /// `P f = torque` to rounding, unless a joint is saturated: then the torque that is nearest
-    /// to the one asked for. A finger has at most 32 joints.
+    /// `P f = torque` to rounding, unless a joint is saturated; its torque is then the nearest
+    /// possible one. A finger has at most 32 joints.
     #[inline(always)]
     pub fn allocate(
         &self,
@@ -175,10 +176,10 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         }
     }
 
-    /// The same, around joints whose tensions are given, N: their torque is what comes of it, and
-    /// the joints proximal to them reckon with it.
+    /// Returns the tensions for these torques, while some joints have given tensions, N. The torque
+    /// of such a joint follows from its tensions; the joints proximal to it take that into account.
     ///
-    /// Given tensions are taken within the limits of their joint; a NaN is the minimum.
+    /// Given tensions are limited to the range of their joint; a NaN becomes the minimum.
     #[inline(always)]
     pub fn allocate_around(
         &self,

@@ -18,11 +18,11 @@ pub struct MomentArms<T: Real, const N: usize> {
     reciprocals: Pairs<T, N>,
 }
 
-/// Arms that no finger can have.
+/// The reason for which no finger can have these arms.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ArmError {
-    /// A joint whose own tendons do not pull it to both sides.
+    /// The own tendons of a joint do not pull it to both sides.
     #[error(
         "the tendons of joint {joint} have arms {flexor} m and {extensor} m at it; \
          the flexor's must be positive and the extensor's negative",
@@ -37,7 +37,7 @@ pub enum ArmError {
         /// The arm of its extensor, m.
         extensor: f64,
     },
-    /// A tendon that crosses a joint beyond its own.
+    /// A tendon crosses a joint distal to its own.
     #[error(
         "a tendon of joint {tendon} has the arm {arm} m at joint {joint}, which is distal to it",
         arm = Decimal(*.arm),
@@ -50,7 +50,7 @@ pub enum ArmError {
         /// The arm, m.
         arm: f64,
     },
-    /// An arm that is no finite number.
+    /// An arm is not finite.
     #[error(
         "a tendon of joint {tendon} has the arm {arm} m at joint {joint}",
         arm = Decimal(*.arm),
@@ -66,11 +66,12 @@ pub enum ArmError {
 }
 
 impl<T: Real, const N: usize> MomentArms<T, N> {
-    /// Arms from rows: `rows[j][k]` are the arms at joint j of the two tendons of joint k.
+    /// Makes arms from rows: `rows[j][k]` are the arms at joint j of the two tendons of joint k.
     ///
     /// # Errors
     ///
-    /// The first arm that makes the matrix not invertible by back-substitution.
+    /// [`ArmError`] for the first arm with which the matrix cannot be inverted by
+    /// back-substitution.
     pub fn new(rows: [Pairs<T, N>; N]) -> Result<Self, ArmError> {
         let mut reciprocals = [Pair::both(T::zero()); N];
         for (joint, (row, reciprocal)) in rows.iter().zip(&mut reciprocals).enumerate() {
@@ -103,7 +104,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         Ok(Self { rows, reciprocals })
     }
 
-    /// The arms at one joint, of the tendons of each joint.
+    /// Returns the arms at one joint, of the tendons of each joint.
     #[inline(always)]
     #[must_use]
     pub fn rows(&self) -> &[Pairs<T, N>; N] {
@@ -116,7 +117,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         &self.reciprocals
     }
 
-    /// The torques of tensions: `P f`, N m.
+    /// Returns the torques of tensions: `P f`, N m.
     #[inline(always)]
     #[must_use]
     pub fn torque(&self, tensions: &Pairs<T, N>) -> SVector<T, N> {
@@ -131,7 +132,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         torques
     }
 
-    /// The rates of the lengths of the tendons: `-Pᵀ qd`, m/s; a shortening flexor flexes.
+    /// Returns the rates of the lengths of the tendons: `-Pᵀ qd`, m/s; a shortening flexor flexes.
     #[inline(always)]
     #[must_use]
     pub fn length_rates(&self, qd: &SVector<T, N>) -> Pairs<T, N> {

@@ -1,8 +1,8 @@
-//! Faults of a finger that stay until somebody clears them, and the way to rest from one.
+//! Latched faults of a finger, and the way to rest after one.
 //!
-//! A [`FingerMonitor`] looks at each sample. A fault that it finds is latched: it is told in every
-//! sample until [`clear`](FingerMonitor::clear). Whoever commands the finger then takes its tensions
-//! to their minimum with a [`SafeRamp`].
+//! A [`FingerMonitor`] checks each sample. A fault is latched: every later sample reports it until
+//! [`clear`](FingerMonitor::clear). The caller then reduces the finger's tensions to their minimum
+//! by a [`SafeRamp`].
 
 mod code;
 mod finger;

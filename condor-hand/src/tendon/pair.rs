@@ -1,9 +1,9 @@
-/// What the two tendons of one joint have: the flexor pulls it to positive angles.
+/// A value for each of the two tendons of a joint; the flexor pulls the joint to positive angles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Pair<T> {
-    /// Of the tendon that pulls to positive angles.
+    /// The value of the tendon that pulls to positive angles.
     pub flexor: T,
-    /// Of its antagonist.
+    /// The value of its antagonist.
     pub extensor: T,
 }
 
@@ -11,7 +11,7 @@ pub struct Pair<T> {
 pub type Pairs<T, const N: usize> = [Pair<T>; N];
 
 impl<T> Pair<T> {
-    /// The same of both tendons, by a function.
+    /// Applies a function to both values.
     pub fn map<U>(self, mut function: impl FnMut(T) -> U) -> Pair<U> {
         Pair {
             flexor: function(self.flexor),
@@ -21,7 +21,7 @@ impl<T> Pair<T> {
 }
 
 impl<T: Copy> Pair<T> {
-    /// The same for both tendons.
+    /// Makes a pair of equal values.
     #[must_use]
     pub const fn both(value: T) -> Self {
         Self {

@@ -9,50 +9,52 @@ use crate::math::{Real, clamp, is_finite};
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TensionGains<T> {
-    /// Of the error, N/N: moves the pole of a first-order actuator from f to f (1 + kt).
+    /// The gain of the error, N/N; it moves the pole of a first-order actuator from f to f (1 +
+    /// kt).
     #[serde(default)]
     pub kt: T,
-    /// Of the error's integral, 1/s.
+    /// The gain of the error's integral, 1/s.
     #[serde(default)]
     pub ki: T,
-    /// Of the error's rate, s.
+    /// The gain of the error's rate, s.
     #[serde(default)]
     pub kd: T,
-    /// Of the rate of the tendon's length, N s/m: damps against what moves the joint.
+    /// The gain of the rate of the tendon's length, N s/m; it damps the motion of the joint.
     #[serde(default)]
     pub kv: T,
 }
 
-/// A tension servo that cannot be.
+/// The reason for which a tension servo cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TensionServoError {
-    /// A largest tension that is not positive and finite.
+    /// The greatest tension is not positive and finite.
     #[error("the largest tension is {max_n} N; it must be positive", max_n = Decimal(*.max_n))]
     Max {
         /// The largest tension, N.
         max_n: f64,
     },
-    /// A gain or a sample rate out of place.
+    /// A gain or the sample rate is wrong.
     #[error(transparent)]
     Law(#[from] PidError),
 }
 
-/// The servo of one tendon, whose actuator follows commands in newtons by itself: the command is
-/// the desired tension, plus what feedback of the error adds.
+/// The servo of one tendon, whose actuator itself follows commands in newtons. The command is the
+/// desired tension plus a feedback of the error.
 ///
 /// `u = f + kt e + ki ∫ e dt + kd de/dt - kv ld`, with `e = f - measured` and the rate ld of the
-/// tendon's length, within 0..=`max_n`: an actuator cannot push. The integral does not wind up
-/// while the command is at a limit. The rate of the error is that between two samples; noise is for
-/// a filter before the servo.
+/// tendon's length, limited to 0..=`max_n`, since an actuator cannot push. The integral does not
+/// wind up while the command is at a limit. The rate of the error is the difference of two samples;
+/// filter noise before the servo.
 ///
 /// With a first-order actuator that holds its command for a sample, `a = exp(-2 pi f / fs)`, the
 /// closed loop has its pole at `a - kt (1 - a)`: it is stable for `kt < (1 + a) / (1 - a)`. With one
 /// sample of delay the characteristic is `z² - a z + kt (1 - a)`, stable for `kt < 1 / (1 - a)`.
 ///
-/// Nothing that is not finite comes through: instead of a desired tension, the last one stays in
-/// force; without a measured one, the loop is open but for the integral; without a rate of the
-/// length there is no damping. [`rejected`](TensionServo::rejected) counts such updates.
+/// A value that is not finite has no effect on the output: a desired tension is replaced by the
+/// last finite one; without a measured tension only the integral's part of the feedback remains;
+/// without a rate of the length there is no damping. [`rejected`](TensionServo::rejected) counts
+/// such updates.
 #[derive(Clone, Copy, Debug)]
 pub struct TensionServo<T: Real = f64> {
     pub(super) gains: TensionGains<T>,
@@ -66,10 +68,10 @@ pub struct TensionServo<T: Real = f64> {
 }
 
 impl<T: Real> TensionServo<T> {
-    /// A servo at rest: commands up to `max_n` newtons, `sample_hz` times a second.
+    /// Makes a servo at rest, with commands up to `max_n` newtons, `sample_hz` times a second.
     ///
     /// # Errors
-    /// The first value that is negative or not finite.
+    /// [`TensionServoError`] for the first value that is negative or not finite.
     pub fn new(gains: TensionGains<T>, max_n: T, sample_hz: T) -> Result<Self, TensionServoError> {
         if !(is_finite(max_n) && max_n > T::zero()) {
             let max_n = max_n.to_f64();
@@ -89,10 +91,11 @@ impl<T: Real> TensionServo<T> {
         Ok(servo)
     }
 
-    /// Changes the gains; what the integral has gathered stays.
+    /// Changes the gains; the integral's part of the command stays.
     ///
     /// # Errors
-    /// The first gain that is negative or not finite; then all stay.
+    /// [`TensionServoError`] for the first gain that is negative or not finite; all gains stay
+    /// then.
     pub fn set_gains(&mut self, gains: TensionGains<T>) -> Result<(), TensionServoError> {
         let TensionGains { kt, ki, kd, kv } = gains;
         PidError::check_gains(&[("kt", kt), ("ki", ki), ("kd", kd), ("kv", kv)])?;
@@ -100,8 +103,8 @@ impl<T: Real> TensionServo<T> {
         Ok(())
     }
 
-    /// The command in newtons, 0..=`max_n`, for a desired and a measured tension in newtons and
-    /// the rate of the tendon's length in m/s.
+    /// Returns the command in newtons, 0..=`max_n`, for a desired and a measured tension in newtons
+    /// and the rate of the tendon's length in m/s.
     #[inline]
     pub fn update(&mut self, desired: T, measured: T, length_rate: T) -> T {
         let elapsed = Elapsed::new(self.period, self.sample_hz);
@@ -150,13 +153,13 @@ impl<T: Real> TensionServo<T> {
             .unwrap_or(self.desired)
     }
 
-    /// Forgets the integral and the last error.
+    /// Empties the integral, and forgets the last error.
     pub fn reset(&mut self) {
         self.integrator.set(T::zero());
         self.last_error = None;
     }
 
-    /// How many updates had a number that was not finite.
+    /// Returns how many updates had a number that was not finite.
     #[must_use]
     pub fn rejected(&self) -> u32 {
         self.rejected

@@ -12,16 +12,17 @@ use crate::math::{Real, is_finite};
 /// Events that wait to be taken; the oldest are lost first.
 const EVENTS: usize = 32;
 
-/// The set-points of J joints, up to 32, from a queue of up to Q primitives.
+/// Generates set-points of J joints, up to 32, from a queue of up to Q primitives.
 ///
-/// A primitive is checked when it is enqueued: as it would run from rest at the place where what is
-/// before it will have left the joints. It can start elsewhere, or moving: after a guard has stopped
-/// another, blended into one, or in place of one. If the limits forbid it from there as it is, it runs
-/// slower, or on segments, and its event says so; it is refused if it cannot run at all. The
-/// set-points of every tick are within the limits of position, velocity and acceleration, and
-/// positions and velocities are continuous, whatever is asked for and whenever.
+/// A primitive is checked when it is enqueued: it must be able to run from rest, from the place at
+/// which the primitives before it leave the joints. But it can start elsewhere, or in motion: after
+/// a guard has stopped another primitive, blended into one, or in place of one. If the limits do
+/// not permit it unchanged from there, it runs slower, or as segments, and its event says so; if it
+/// cannot run at all, it is refused. The set-points of every tick are within the limits of
+/// position, velocity and acceleration, and positions and velocities are continuous, whatever is
+/// requested and whenever.
 ///
-/// Joints that nothing moves hold their positions.
+/// Joints that no primitive moves hold their positions.
 #[derive(Clone, Debug)]
 pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     limits: [Limits<T>; J],
@@ -38,72 +39,74 @@ pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     lost: u32,
 }
 
-/// The name of a primitive that was accepted.
+/// The number of an accepted primitive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub u32);
 
-/// Something that happened to a primitive.
+/// An event of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// Which one.
+    /// The primitive.
     pub ticket: Ticket,
-    /// What.
+    /// The kind of event.
     pub happening: Happening,
 }
 
-/// What can happen to a primitive.
+/// The kind of a primitive's event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Happening {
-    /// It moves its joints.
+    /// It has begun to move its joints.
     Started {
-        /// Not as it was asked for, since the limits forbid it from where its joints are.
+        /// Whether it runs in a changed form, since the limits do not permit it from the present
+        /// state.
         adjusted: bool,
     },
-    /// It moves them no more.
+    /// It has ended.
     Ended(Ended),
-    /// It was its turn, but it cannot run from where its joints are.
+    /// Its turn has come, but it cannot run from the present state of its joints.
     Refused(PrimitiveError),
 }
 
-/// Why a primitive has ended.
+/// The reason for which a primitive has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It is where it was to go.
+    /// It has reached its targets.
     Reached,
     /// Its guard has stopped it.
     Stopped(Guard),
     /// It was aborted, running or not.
     Aborted,
-    /// Another has taken the last of its joints.
+    /// Another primitive has taken the last of its joints.
     Superseded {
-        /// The other.
+        /// The other primitive.
         by: Ticket,
     },
 }
 
-/// How far a primitive is.
+/// The progress of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress<T> {
-    /// In the queue, with so many before it.
+    /// It waits in the queue.
     Queued {
-        /// How many.
+        /// The number of primitives before it.
         before: usize,
     },
-    /// In motion.
+    /// It is in motion.
     Running {
-        /// The part of its time that is over, in 0..=1.
+        /// The fraction of its time that has passed, in 0..=1.
         fraction: T,
-        /// Its speed as a part of its own; below 1 while it stops or goes on.
+        /// The ratio of its present speed to that of its profile; below 1 while it stops or
+        /// continues.
         rate: T,
     },
 }
 
 impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
-    /// At rest at `positions` (rad), with a tick every `tick_s` seconds.
+    /// Makes a generator at rest at `positions` (rad), with a tick every `tick_s` seconds.
     ///
     /// # Errors
     ///
-    /// Limits that no joint can have, and what is not finite.
+    /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
     pub fn new(
         limits: [Limits<T>; J],
         positions: [T; J],
@@ -138,11 +141,12 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         })
     }
 
-    /// Puts a primitive at the end of the queue.
+    /// Adds a primitive at the end of the queue.
     ///
     /// # Errors
     ///
-    /// What it says wrong, the first joint that would leave its limits, a full queue.
+    /// [`PrimitiveError`] if the primitive is wrong, a joint would leave its limits, or the queue
+    /// is full.
     pub fn enqueue(&mut self, primitive: Primitive<J, T>) -> Result<Ticket, PrimitiveError> {
         primitive.check()?;
         let starts = if primitive.begin == Begin::Now && self.queue.is_empty() {
@@ -166,23 +170,24 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(ticket)
     }
 
-    /// Slows all motion down to a stop, on its paths; nothing starts.
+    /// Slows all motion down to a stop, on its paths; no primitive starts until
+    /// [`resume`](Self::resume).
     pub fn pause(&mut self) {
         self.paused = true;
     }
 
-    /// Goes on after a pause.
+    /// Continues after a pause.
     pub fn resume(&mut self) {
         self.paused = false;
     }
 
-    /// Whether it is to be paused; motion may still slow down.
+    /// Returns whether it is pausing; motion may still slow down.
     #[must_use]
     pub fn is_paused(&self) -> bool {
         self.paused
     }
 
-    /// Slows all motion down to a stop and forgets it, with all that is in the queue.
+    /// Slows all motion down to a stop and drops it, with all primitives in the queue.
     pub fn abort(&mut self) {
         for running in self.running.iter_mut().flatten() {
             running.ending = Some(Ended::Aborted);
@@ -199,17 +204,17 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self.held = false;
     }
 
-    /// Whether it waits for [`Generator::proceed`].
+    /// Returns whether it waits for [`Generator::proceed`].
     #[must_use]
     pub fn is_held(&self) -> bool {
         self.held
     }
 
-    /// Forgets all motion at once and is at rest at `positions` (rad): for servos that are off.
+    /// Drops all motion at once and rests at `positions` (rad). It is for servos that are off.
     ///
     /// # Errors
     ///
-    /// A position that is not finite; nothing has changed then.
+    /// [`TrajectoryError`] if a position is not finite; nothing changes then.
     pub fn reset(&mut self, positions: [T; J]) -> Result<(), TrajectoryError> {
         place(&mut self.joints, &positions)?;
         for slot in 0..J {
@@ -222,14 +227,14 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(())
     }
 
-    /// Forgets the motion of the joints of `mask` at once, and has them rest at their `positions` (rad);
-    /// the others move on. For servos that are off while others are not.
+    /// Drops the motion of the joints in `mask` at once, and makes them rest at their `positions`
+    /// (rad); the other joints move on. It is for servos that are off while others are not.
     ///
     /// A primitive that moves only such joints is aborted.
     ///
     /// # Errors
     ///
-    /// A position of such a joint that is not finite; nothing has changed then.
+    /// [`TrajectoryError`] if a position of such a joint is not finite; nothing changes then.
     pub fn hold(&mut self, mask: u32, positions: &[T; J]) -> Result<(), TrajectoryError> {
         let held = |joint: usize| mask >> joint & 1 == 1;
         let mut all = self.set_points().map(|point| point.position);
@@ -262,7 +267,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(())
     }
 
-    /// The set-points one tick later.
+    /// Runs one tick and returns its set-points.
     pub fn tick(&mut self, seen: &Observations<J, T>) -> [SetPoint<T>; J] {
         self.start(seen);
         for (joint, mover) in self.joints.iter_mut().enumerate() {
@@ -281,25 +286,25 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self.set_points()
     }
 
-    /// The present set-points.
+    /// Returns the present set-points.
     #[must_use]
     pub fn set_points(&self) -> [SetPoint<T>; J] {
         self.joints.each_ref().map(|mover| mover.state)
     }
 
-    /// Nothing moves and nothing waits.
+    /// Returns whether no primitive moves or waits.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.queue.is_empty() && self.running.iter().all(Option::is_none)
     }
 
-    /// How many primitives wait.
+    /// Returns the number of primitives that wait.
     #[must_use]
     pub fn queued(&self) -> usize {
         self.queue.len()
     }
 
-    /// How far a primitive is; `None` for one that has ended.
+    /// Returns the progress of a primitive; `None` if it has ended.
     #[must_use]
     pub fn progress(&self, ticket: Ticket) -> Option<Progress<T>> {
         let mut running = self.running.iter().flatten();
@@ -316,12 +321,12 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Some(Progress::Queued { before })
     }
 
-    /// The oldest event that has not been taken.
+    /// Takes the oldest event; returns `None` if there is none.
     pub fn take_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
 
-    /// How many events were lost since nobody took them.
+    /// Returns the number of events that were lost because they were not taken in time.
     #[must_use]
     pub fn lost_events(&self) -> u32 {
         self.lost

@@ -1,22 +1,23 @@
-//! Sequences of motions as bytes: what a processor loads, records and saves without allocation.
+//! Sequences of motions as bytes, which a processor can load, record and save without allocation.
 //!
 //! All numbers are little-endian, and positions are IEEE 754 doubles.
 //!
-//! | offset | |
+//! | offset | content |
 //! |---|---|
 //! | 0 | "CNDM" |
 //! | 4 | version of the format, 1 (two bytes) |
 //! | 6 | joints, `J` (two bytes) |
-//! | 8 | how many primitives follow |
-//! | 12 | how many bytes they have |
-//! | 16 | CRC-32 (ISO-HDLC) of all but itself |
+//! | 8 | number of primitives |
+//! | 12 | length of the primitives in bytes |
+//! | 16 | CRC-32 (ISO-HDLC) of everything except these four bytes |
 //! | 20 | the primitives, one after another |
 //!
-//! A primitive is its mask and the mask of those of its targets that are relative (four bytes each);
-//! kind of pace (0 duration, 1 speed), profile, begin, end, conditions of the start, conditions of the
-//! stop (bit 0 torque, 1 tension, 2 time, 3 contact), via points, and 0 (a byte each); pace and blend;
-//! the limits of those conditions; the targets of the joints of the mask; and of each via point its
-//! time and the positions of these joints. What a primitive says of other joints is not written.
+//! A primitive consists of: its mask, and the mask of its relative targets (four bytes each); kind
+//! of pace (0 duration, 1 speed), profile, begin, end, conditions of the start, conditions of the
+//! stop (bit 0 torque, 1 tension, 2 time, 3 contact), number of via points, and 0 (a byte each);
+//! pace and blend; the limits of the conditions; the targets of the joints in the mask; and for
+//! each via point its time and the positions of these joints. Values for other joints are not
+//! written.
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use thiserror::Error;
@@ -26,7 +27,7 @@ use super::{Begin, Guards, OnEnd, Pace, Primitive, PrimitiveError, Profile, Targ
 const MAGIC: [u8; 4] = *b"CNDM";
 const VERSION: u16 = 1;
 
-/// Bytes of an image of no primitives.
+/// The size of an image without primitives, in bytes.
 pub const HEADER_BYTES: usize = 20;
 
 /// The usual 32-bit checksum with a small table: images are read once.
@@ -37,7 +38,7 @@ const TENSION: u8 = 1 << 1;
 const TIME: u8 = 1 << 2;
 const CONTACT: u8 = 1 << 3;
 
-/// Why bytes are no sequence of motions, or a sequence does not become bytes.
+/// The reason for which bytes are not a sequence of motions, or a sequence cannot become bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ImageError {
@@ -47,54 +48,54 @@ pub enum ImageError {
         /// The length of the buffer, bytes.
         len: usize,
     },
-    /// Another number of bytes than the image says.
+    /// The number of bytes is not that in the image.
     #[error("the image of motions has {needed} bytes, there are {len}")]
     Length {
-        /// How many there should be.
+        /// The required number of bytes.
         needed: usize,
-        /// How many there are.
+        /// The number of bytes.
         len: usize,
     },
-    /// The bytes do not begin as an image does.
+    /// The bytes do not begin like an image.
     #[error("no image of motions: it begins with {found:02x?} instead of {MAGIC:02x?}")]
     Magic {
         /// The first four bytes.
         found: [u8; 4],
     },
-    /// An image for other programs.
+    /// The image has another version, for other programs.
     #[error("the motions have version {found} of the format, this program has {VERSION}")]
     Version {
         /// The version of the image.
         found: u16,
     },
-    /// Motions of another hand.
+    /// The motions are for another number of joints.
     #[error("the motions are for {found} joints, this program has {joints}")]
     Joints {
-        /// How many joints the image is for.
+        /// The number of joints in the image.
         found: u16,
-        /// How many there are.
+        /// The number of joints of the type.
         joints: usize,
     },
-    /// Bytes that are not as they were written.
+    /// The bytes have changed since they were written.
     #[error("the checksum of the motions is {computed:#010x}, it should be {stored:#010x}")]
     Checksum {
-        /// What the image says.
+        /// The checksum in the image.
         stored: u32,
-        /// What its bytes give.
+        /// The checksum of its bytes.
         computed: u32,
     },
-    /// Bytes of the right checksum that are still not a primitive.
+    /// The checksum is right, but a primitive is malformed.
     #[error("motion {index}: its bytes are not those of a motion")]
     Malformed {
         /// The primitive, from 0.
         index: u32,
     },
-    /// A primitive that no generator takes.
+    /// No generator can run the primitive.
     #[error("motion {index}: {error}")]
     Primitive {
         /// The primitive, from 0.
         index: u32,
-        /// Why not.
+        /// The reason.
         error: PrimitiveError,
     },
 }
@@ -107,10 +108,10 @@ pub struct Motions<'a, const J: usize> {
 }
 
 impl<'a, const J: usize> Motions<'a, J> {
-    /// The sequence in exactly these bytes; every primitive has been checked.
+    /// Reads the sequence in exactly these bytes, and checks every primitive.
     ///
     /// # Errors
-    /// Any but [`ImageError::BufferTooShort`]; no bytes make it panic.
+    /// Any [`ImageError`] but [`ImageError::BufferTooShort`]. No bytes make it panic.
     pub fn new(image: &'a [u8]) -> Result<Self, ImageError> {
         let this = Self::unchecked(image)?;
         let mut taken = Taken(this.body);
@@ -166,30 +167,30 @@ impl<'a, const J: usize> Motions<'a, J> {
         Ok(Self { body, count })
     }
 
-    /// How many primitives there are.
+    /// Returns the number of primitives.
     #[must_use]
     pub const fn len(&self) -> u32 {
         self.count
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no primitives.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// The primitives, in their order.
+    /// Iterates over the primitives in their order.
     pub fn iter(&self) -> impl Iterator<Item = Primitive<J>> + use<'a, J> {
         let mut taken = Taken(self.body);
         (0..self.count).map_while(move |_| taken.primitive())
     }
 }
 
-/// Writes the image of a sequence to the front of `buffer`, and says how long it is.
+/// Writes the image of a sequence to the front of `buffer`, and returns its length in bytes.
 ///
 /// # Errors
-/// [`ImageError::BufferTooShort`]; [`ImageError::Primitive`] for one that no generator takes. What the
-/// buffer holds then is nothing.
+/// [`ImageError::BufferTooShort`] if the buffer is too short; [`ImageError::Primitive`] if no
+/// generator can run a primitive. The content of the buffer is useless then.
 pub fn encode<'m, const J: usize>(
     motions: impl IntoIterator<Item = &'m Primitive<J>>,
     buffer: &mut [u8],
@@ -212,11 +213,11 @@ pub fn encode<'m, const J: usize>(
     Ok(HEADER_BYTES + end)
 }
 
-/// Writes a primitive behind those of the image in the first `len` bytes of `buffer`, and says how
-/// long the image is then; `len` is 0 for one that is to begin.
+/// Appends a primitive to the image in the first `len` bytes of `buffer`, and returns the new
+/// length of the image. If `len` is 0, it begins an image.
 ///
 /// # Errors
-/// As [`encode`] and [`Motions::new`]; the image is as it was then.
+/// Those of [`encode`] and [`Motions::new`]; the image does not change then.
 pub fn append<const J: usize>(
     primitive: &Primitive<J>,
     buffer: &mut [u8],

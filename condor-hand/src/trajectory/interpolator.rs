@@ -3,12 +3,13 @@ use thiserror::Error;
 use super::{Bounds, Polynomial, ProfileError, Quantity, Segments, SetPoint, TrajectoryError};
 use crate::math::{Real, abs, is_finite, min, real};
 
-/// The set-points of J joints at the servo's rate, between those of the master's ticks.
+/// Computes the set-points of J joints at the servo's rate, between those of the master's ticks.
 ///
 /// Between ticks it follows the cubic Hermite polynomial through positions and velocities. If the
-/// next tick is late it holds the last velocity for the length of one tick at most, and brakes then.
-/// When ticks come again it joins the new motion without a step of position or velocity: what is
-/// between the joint and the motion is a motion of its own, within its own bounds, that is added.
+/// next tick is late, it holds the last velocity for at most the length of one tick, and then
+/// brakes. When ticks come again, it joins the new motion without a step of position or velocity:
+/// the difference between the joint and the motion becomes a motion of its own, within its own
+/// bounds, that is added.
 #[derive(Clone, Debug)]
 pub struct Interpolator<const J: usize, T: Real = f64> {
     substeps: u32,
@@ -47,41 +48,42 @@ struct Gap<T: Real> {
     at: T,
 }
 
-/// Whether ticks come in time.
+/// The timing of the master's ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Timing {
-    /// They do.
+    /// They come in time.
     Timely,
     /// The next one is late by less than a tick: joints keep their velocities.
     Holding,
-    /// It is later: joints brake, or stand.
+    /// The next one is late by a tick or more: joints brake, or stand.
     Braking,
 }
 
-/// A set-point that no joint can follow.
+/// The reason for which no joint can follow a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SetPointError {
-    /// Not a number, or too large.
+    /// A value is not finite, or too large.
     #[error("joint {joint} is to be at {position} rad with {velocity} rad/s")]
     NotFinite {
         /// The joint, from 0.
         joint: usize,
-        /// rad
+        /// The position, rad.
         position: f64,
-        /// rad/s
+        /// The velocity, rad/s.
         velocity: f64,
     },
 }
 
 impl<const J: usize, T: Real> Interpolator<J, T> {
-    /// At rest at `positions` (rad); a tick of `tick_s` seconds has `substeps` servo periods. `bounds`
-    /// are for braking and for what is added to rejoin a motion, so joints move by up to their
-    /// sum with the motion's own.
+    /// Makes an interpolator at rest at `positions` (rad). A tick of `tick_s` seconds has
+    /// `substeps` servo periods. `bounds` are those of braking, and of the motion that is added to
+    /// rejoin; so a joint moves at most at the sum of these bounds and of the motion's own rates.
     ///
     /// # Errors
     ///
-    /// No substeps, bounds that are not above zero, what is not finite.
+    /// [`TrajectoryError`] if there are no substeps, bounds are not above zero, or a number is not
+    /// finite.
     pub fn new(
         substeps: u16,
         tick_s: T,
@@ -131,12 +133,13 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         })
     }
 
-    /// A tick has come: where to be one tick from now, or after the end of the tick before if that is
-    /// not over. Accelerations are not used.
+    /// Takes the set-points of a tick: the places one tick from now, or one tick after the end of
+    /// the tick before if that is not over. Accelerations are not used.
     ///
     /// # Errors
     ///
-    /// The first set-point that is not finite or too far to go to; then it is as if none had come.
+    /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
+    /// are ignored then.
     pub fn tick(&mut self, points: &[SetPoint<T>; J]) -> Result<(), SetPointError> {
         let early = self.length - self.step;
         // After a burst of ticks only the newest says where to be.
@@ -190,12 +193,13 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         self.late = 0;
     }
 
-    /// Lets a joint that is elsewhere join the motion of the ticks: from this state on it closes
-    /// what is between the two, within its own bounds.
+    /// Makes a joint join the motion of the ticks from the state `now`: it closes the difference
+    /// between the two, within its own bounds.
     ///
     /// # Errors
     ///
-    /// A state that is not finite or too far away; then the joint stays where it is.
+    /// [`SetPointError`] if the state is not finite or too far away; the joint stays where it is
+    /// then.
     pub fn join(&mut self, joint: usize, now: &SetPoint<T>) -> Result<(), SetPointError> {
         let base = self.base();
         let (Some(onto), Some(bounds), Some(gap)) = (
@@ -215,7 +219,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         Ok(())
     }
 
-    /// The set-points one servo period later.
+    /// Advances by one servo period and returns the set-points.
     #[inline]
     pub fn step(&mut self) -> [SetPoint<T>; J] {
         self.advance(1);
@@ -246,7 +250,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         self.rejoining = self.gaps.iter().any(Option::is_some);
     }
 
-    /// The present set-points.
+    /// Returns the present set-points.
     #[inline]
     #[must_use]
     pub fn set_points(&self) -> [SetPoint<T>; J] {
@@ -270,7 +274,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         }
     }
 
-    /// Whether ticks come in time.
+    /// Returns the timing of the ticks.
     #[must_use]
     pub fn timing(&self) -> Timing {
         if self.late == 0 {
@@ -282,7 +286,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         }
     }
 
-    /// Some joint has not rejoined the motion of the ticks.
+    /// Returns whether some joint has not rejoined the motion of the ticks.
     #[must_use]
     pub fn is_rejoining(&self) -> bool {
         self.rejoining

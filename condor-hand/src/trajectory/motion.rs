@@ -1,4 +1,4 @@
-//! Motions as text that people write: TOML.
+//! Motions as TOML text, which people can write.
 //!
 //! ```toml
 //! [[motion]]
@@ -21,8 +21,8 @@
 //! joints = { "index.1" = 0.7, "index.2" = 0.0 }
 //! ```
 //!
-//! A profile, a pace and a joint must be there; all else has a default. Joints have the names that
-//! the caller gives, in the order of their numbers.
+//! A profile, a pace and a joint are required; everything else has a default. The caller gives the
+//! names of the joints, in the order of their numbers.
 
 use core::ops::Range;
 use std::collections::BTreeMap;
@@ -37,26 +37,26 @@ use super::{
     Begin, Guards, MAX_VIAS, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via,
 };
 
-/// Why a sequence of motions has no text.
+/// The reason for which a sequence of motions has no text.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum MotionError {
-    /// A primitive that no generator takes.
+    /// No generator can run the primitive.
     #[error("motion {index}: {error}")]
     Primitive {
         /// The primitive, from 0.
         index: usize,
-        /// Why not.
+        /// The reason.
         error: PrimitiveError,
     },
-    /// A joint without a name.
+    /// A joint has no name.
     #[error("motion {index}: joint {joint} has no name; there are {names}")]
     Unnamed {
         /// The primitive, from 0.
         index: usize,
         /// The joint, from 0.
         joint: usize,
-        /// How many names there are.
+        /// The number of names.
         names: usize,
     },
     /// The sequence cannot be written.
@@ -64,14 +64,14 @@ pub enum MotionError {
     Write(String),
 }
 
-/// Reads a sequence of motions of joints with these names, each at the index of its number.
+/// Reads a sequence of motions. `names[i]` is the name of joint i.
 ///
-/// `file` is the name that an error gives; nothing is opened. Limits are not known here; they are
-/// checked when a motion is enqueued.
+/// `file` is the name that an error shows; nothing is opened. The limits of joints are not checked
+/// here, but when a motion is enqueued.
 ///
 /// # Errors
 ///
-/// The first thing that is wrong, with its place and what would be right.
+/// [`TextError`] for the first mistake, with its place and the remedy.
 pub fn load<const J: usize>(
     text: &str,
     file: &str,
@@ -84,12 +84,13 @@ pub fn load<const J: usize>(
     motions.map_err(|fault| text.error(fault))
 }
 
-/// Writes a sequence of motions so that [`load`] gives it back, to the last bit. What a primitive
-/// says of joints outside of its mask is not written.
+/// Writes a sequence of motions as text, from which [`load`] returns the same sequence to the last
+/// bit. Values for joints outside of a primitive's mask are not written.
 ///
 /// # Errors
 ///
-/// A primitive that no generator takes, and a joint without a name.
+/// [`MotionError::Primitive`] if no generator can run a primitive, [`MotionError::Unnamed`] if a
+/// joint has no name.
 pub fn save<const J: usize>(
     motions: &[Primitive<J>],
     names: &[impl AsRef<str>],

@@ -4,7 +4,7 @@ use crate::math::{Real, abs, clamp, is_finite, real};
 
 /// A polynomial of time of degree 3 or 5 between two states.
 ///
-/// Kept in `s = t / duration`, so that its coefficients are all positions.
+/// It is stored in `s = t / duration`, so all its coefficients are positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Polynomial<T: Real> {
     coefficients: [T; 6],
@@ -14,12 +14,12 @@ pub struct Polynomial<T: Real> {
 }
 
 impl<T: Real> Polynomial<T> {
-    /// The cubic Hermite polynomial: positions and velocities at both ends; accelerations are what
-    /// they become.
+    /// Makes the cubic Hermite polynomial with given positions and velocities at both ends;
+    /// accelerations follow from them.
     ///
     /// # Errors
     ///
-    /// A duration in s that is not above zero, and what is not finite.
+    /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
     #[inline]
     pub fn cubic(
         start: &SetPoint<T>,
@@ -34,12 +34,12 @@ impl<T: Real> Polynomial<T> {
         Self::checked([start.position, w0, c2, c3, zero, zero], duration, end)
     }
 
-    /// The quintic polynomial: positions, velocities and accelerations at both ends. Of all motions
-    /// between these states it has the least integral of squared jerk.
+    /// Makes the quintic polynomial with given positions, velocities and accelerations at both
+    /// ends. Of all motions between these states it has the least integral of squared jerk.
     ///
     /// # Errors
     ///
-    /// A duration in s that is not above zero, and what is not finite.
+    /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
     pub fn quintic(
         start: &SetPoint<T>,
         end: &SetPoint<T>,
@@ -57,12 +57,12 @@ impl<T: Real> Polynomial<T> {
         Self::checked([start.position, w0, b0 * half, c3, c4, c5], duration, end)
     }
 
-    /// From rest to rest with the least squared jerk, the profile of human reaches: T. Flash and
-    /// N. Hogan, "The coordination of arm movements", 1985.
+    /// Makes the motion from rest to rest with the least squared jerk, the profile of human
+    /// reaches: T. Flash and N. Hogan, "The coordination of arm movements", 1985.
     ///
     /// # Errors
     ///
-    /// A duration in s that is not above zero, and what is not finite.
+    /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
     pub fn minimum_jerk(start: T, end: T, duration: T) -> Result<Self, ProfileError> {
         Self::quintic(&SetPoint::rest(start), &SetPoint::rest(end), duration)
     }
@@ -96,13 +96,14 @@ impl<T: Real> Polynomial<T> {
         [c0, c1, c2, c3]
     }
 
-    /// How long it lasts, s.
+    /// Returns its duration, s.
     #[must_use]
     pub fn duration(&self) -> T {
         self.duration
     }
 
-    /// The set-point `t` seconds after the beginning; before and after it, that of the nearer end.
+    /// Returns the set-point `t` seconds after the beginning; outside of the duration, that of the
+    /// nearer end.
     #[inline]
     #[must_use]
     pub fn at(&self, t: T) -> SetPoint<T> {
@@ -123,7 +124,7 @@ impl<T: Real> Polynomial<T> {
         }
     }
 
-    /// Its extremes, found where the next derivative changes its sign.
+    /// Returns its extremes, which are where the next derivative changes its sign.
     #[must_use]
     pub fn peaks(&self) -> Peaks<T> {
         let mut peaks = Peaks::of(&self.point(T::zero()));

@@ -5,50 +5,51 @@ use super::{ProfileError, Quantity};
 use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite};
 
-/// The most via points of a primitive.
+/// The greatest number of via points of a primitive.
 pub const MAX_VIAS: usize = 16;
 
-/// One motion of some of J joints, from wherever they are to rest.
+/// One motion of some of J joints, from their present state to rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Primitive<const J: usize, T: Real = f64> {
     /// The joints that it moves: bit i is joint i.
     pub mask: u32,
-    /// Where each joint of the mask goes.
+    /// The target of each joint in the mask.
     pub targets: [Target<T>; J],
-    /// How long it takes.
+    /// The duration or the speed.
     pub pace: Pace<T>,
     /// The shape of the motion.
     pub profile: Profile,
     /// Points to pass without stopping; only with [`Profile::Cubic`].
     pub vias: Vec<Via<J, T>, MAX_VIAS>,
-    /// When its turn comes.
+    /// The condition under which its turn comes.
     pub begin: Begin,
-    /// How long before the end of what it waits for it may begin already, s.
+    /// The time by which it may begin before the end of the primitive for which it waits, s.
     pub blend: T,
-    /// Once it is its turn: begin as soon as one of these holds; without any, at once.
+    /// The conditions of its start, when its turn has come: it begins as soon as one of them holds;
+    /// without conditions, at once.
     pub start: Guards<T>,
-    /// End as soon as one of these holds.
+    /// The conditions of its stop: it ends as soon as one of them holds.
     pub stop: Guards<T>,
-    /// What comes after it.
+    /// What follows it.
     pub on_end: OnEnd,
 }
 
-/// Where a joint goes.
+/// The target of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target<T> {
-    /// To this position, rad.
+    /// This position, rad.
     Absolute(T),
-    /// By so much from the set-point at the start of the motion, rad.
+    /// This displacement from the set-point at the start of the motion, rad.
     Relative(T),
 }
 
-/// How long a primitive takes.
+/// The duration or the speed of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace<T> {
-    /// So many seconds.
+    /// This duration, s.
     Duration(T),
-    /// As long as the joint that needs most, at this fraction (above 0, at most 1) of the limits of
-    /// velocity.
+    /// This fraction (above 0, at most 1) of the limits of velocity; the joint that takes longest
+    /// determines the duration.
     Speed(T),
 }
 
@@ -56,50 +57,50 @@ pub enum Pace<T> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
-    /// Cubic Hermite; with via points the clamped cubic spline.
+    /// Cubic Hermite; with via points, the clamped cubic spline.
     Cubic,
     /// The quintic of least squared jerk, which starts and ends without acceleration.
     MinimumJerk,
     /// Constant acceleration, velocity and deceleration.
     Trapezoid,
-    /// The same with a limit of jerk.
+    /// A trapezoid of velocity with limited jerk.
     JerkLimited,
 }
 
 /// A point to pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Via<const J: usize, T: Real = f64> {
-    /// When, as a fraction of the duration, above 0 and below 1.
+    /// Its time as a fraction of the duration, above 0 and below 1.
     pub at: T,
-    /// Where, rad: absolute or relative as the target of the same joint.
+    /// The positions there, rad: absolute or relative as the target of the same joint.
     pub positions: [T; J],
 }
 
-/// When the turn of a primitive comes, once it is the first of the queue.
+/// The condition under which the turn of a primitive comes, once it is the first of the queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Begin {
-    /// When everything before it has ended.
+    /// All primitives before it have ended.
     #[default]
     After,
-    /// When everything that moves one of its joints has ended; it may run beside the others.
+    /// All primitives that move one of its joints have ended; it may run beside the others.
     Beside,
-    /// Now: it takes its joints from whatever moves them, in the state that they are in.
+    /// Its turn comes at once: it takes its joints from other primitives, in their present state.
     Now,
 }
 
-/// What comes after a primitive.
+/// What follows a primitive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OnEnd {
-    /// The next of the queue.
+    /// The next primitive of the queue follows.
     #[default]
     Next,
-    /// Nothing, until the generator is told to proceed.
+    /// Nothing follows until [`Generator::proceed`](super::Generator::proceed) is called.
     Hold,
 }
 
-/// Conditions of what sensors say of the joints of a primitive; any one is enough.
+/// Conditions on the readings of the sensors of a primitive's joints; any one of them is enough.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Guards<T> {
@@ -107,14 +108,14 @@ pub struct Guards<T> {
     pub torque: Option<T>,
     /// The tension of any tendon of its joints is above this, N.
     pub tension: Option<T>,
-    /// So much time has passed, s.
+    /// This time has passed, s.
     pub time: Option<T>,
     /// Any of its joints belongs to a finger in contact.
     #[serde(default)]
     pub contact: bool,
 }
 
-/// What a guard saw.
+/// The condition that held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Guard {
     /// The torque of this joint.
@@ -136,19 +137,19 @@ pub enum Guard {
     },
 }
 
-/// What the guards look at.
+/// The readings that conditions use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observations<const J: usize, T: Real = f64> {
     /// Measured torque of each joint, N m.
     pub torques: [T; J],
     /// The greater tension of the two tendons of each joint, N.
     pub tensions: [T; J],
-    /// Bit i: the finger of joint i is in contact.
+    /// Bit i is set if the finger of joint i is in contact.
     pub contacts: u32,
 }
 
 impl<const J: usize, T: Real> Observations<J, T> {
-    /// Nothing pulls and nothing touches.
+    /// Returns observations without torque, tension and contact.
     #[must_use]
     pub fn none() -> Self {
         Self {
@@ -160,7 +161,7 @@ impl<const J: usize, T: Real> Observations<J, T> {
 }
 
 impl<T: Real> Guards<T> {
-    /// No condition.
+    /// Returns no conditions.
     #[must_use]
     pub const fn none() -> Self {
         Self {
@@ -230,7 +231,7 @@ impl<T: Real> Guards<T> {
 }
 
 impl<const J: usize, T: Real> Primitive<J, T> {
-    /// A motion of no joints, after what is before it, with nothing after it to wait for.
+    /// Makes a motion of no joints, which begins after those before it and has no conditions.
     #[must_use]
     pub fn new(pace: Pace<T>, profile: Profile) -> Self {
         Self {
@@ -247,11 +248,11 @@ impl<const J: usize, T: Real> Primitive<J, T> {
         }
     }
 
-    /// The same with one joint more.
+    /// Adds a joint with its target.
     ///
     /// # Errors
     ///
-    /// A joint beyond the last.
+    /// [`PrimitiveError::Joint`] if the joint does not exist.
     pub fn with(mut self, joint: usize, target: Target<T>) -> Result<Self, PrimitiveError> {
         let bit = u32::try_from(joint).ok().and_then(|n| 1_u32.checked_shl(n));
         let (Some(place), Some(bit)) = (self.targets.get_mut(joint), bit) else {
@@ -330,33 +331,33 @@ impl<const J: usize, T: Real> Primitive<J, T> {
     }
 }
 
-/// Why a primitive is refused; joints are counted from 0.
+/// The reason for which a primitive is refused; joints are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PrimitiveError {
-    /// The queue has no place.
+    /// The queue is full.
     #[error("the queue of {capacity} primitives is full")]
     Full {
-        /// How many it takes.
+        /// The number of primitives for which it has room.
         capacity: usize,
     },
-    /// No joint, or one that does not exist.
+    /// The mask has no joint, or one that does not exist.
     #[error("the mask {mask:#x} must name at least one of {joints} joints and no other")]
     Mask {
         /// The mask.
         mask: u32,
-        /// How many joints there are.
+        /// The number of joints.
         joints: usize,
     },
-    /// A joint beyond the last.
+    /// The joint does not exist.
     #[error("joint {joint} does not exist: there are {joints}")]
     Joint {
         /// The joint.
         joint: usize,
-        /// How many joints there are.
+        /// The number of joints.
         joints: usize,
     },
-    /// A position that is not finite.
+    /// A position is not finite.
     #[error("joint {joint} is to go to {value} rad", value = Decimal(*.value))]
     Target {
         /// The joint.
@@ -364,34 +365,34 @@ pub enum PrimitiveError {
         /// The position or displacement, rad.
         value: f64,
     },
-    /// A duration that is not above zero.
+    /// The duration is not above zero.
     #[error("a duration of {value} s must be above zero and finite", value = Decimal(*.value))]
     Duration {
-        /// s
+        /// The duration, s.
         value: f64,
     },
-    /// A fraction of speed outside of its range.
+    /// The fraction of speed is outside of its range.
     #[error("a speed of {value} must be above 0 and at most 1", value = Decimal(*.value))]
     Speed {
-        /// Of the limits of velocity.
+        /// The fraction of the limits of velocity.
         value: f64,
     },
-    /// A blend that is negative or not finite.
+    /// The blend is negative or not finite.
     #[error("a blend of {value} s must be at least zero and finite", value = Decimal(*.value))]
     Blend {
-        /// s
+        /// The blend, s.
         value: f64,
     },
-    /// A guard whose limit is not finite.
+    /// A limit of a condition is not finite.
     #[error("the limits of guards must be finite")]
     Guard,
-    /// Via points with a profile that does not pass points.
+    /// There are via points, but the profile does not pass any.
     #[error("via points need the cubic profile, not {profile:?}")]
     ViaProfile {
         /// The profile that was given.
         profile: Profile,
     },
-    /// Via points that are not in order.
+    /// The via points are not in order.
     #[error(
         "via point {index} is at {at} of the duration; it must be after the one before, below 1",
         at = Decimal(*.at),
@@ -435,12 +436,12 @@ pub enum PrimitiveError {
         /// The limit.
         limit: f64,
     },
-    /// A joint has no such profile.
+    /// There is no such profile for a joint.
     #[error("joint {joint}: {error}")]
     Profile {
         /// The joint.
         joint: usize,
-        /// Why not.
+        /// The reason.
         error: ProfileError,
     },
 }

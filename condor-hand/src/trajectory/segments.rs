@@ -2,14 +2,15 @@ use super::root::bracketed;
 use super::{Peaks, ProfileError, SetPoint};
 use crate::math::{Real, abs, clamp, is_finite, max, min, real, sqrt};
 
-/// What a profile of segments may use of a joint.
+/// The bounds of a joint's motion in a profile of segments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds<T> {
-    /// Speed to both sides, rad/s.
+    /// The greatest speed to either side, rad/s.
     pub velocity: T,
-    /// Acceleration to both sides, rad/s².
+    /// The greatest acceleration to either side, rad/s².
     pub acceleration: T,
-    /// Jerk to both sides, rad/s³; without it acceleration may jump: a trapezoid of velocity.
+    /// The greatest jerk to either side, rad/s³; with `None` the acceleration may jump: a trapezoid
+    /// of velocity.
     pub jerk: Option<T>,
 }
 
@@ -224,30 +225,32 @@ impl<T: Real> Case<'_, T> {
 }
 
 impl<T: Real> Segments<T> {
-    /// From any state to rest at `end`, without regard of other joints.
+    /// Makes the motion from any state to rest at `end`, independently of other joints.
     ///
-    /// Without a jerk bound this is the fastest motion that there is; the acceleration at the start
-    /// is not used. With one it is the fastest too, unless the joint brakes already, will have to
-    /// turn no more, and could brake later than it does: then it brakes, lets go, and brakes again.
+    /// Without a bound of jerk this is the fastest possible motion; the acceleration at the start
+    /// is not used. With one it is also the fastest, with one exception: a joint that brakes
+    /// already, need not turn back, and could brake later. It brakes, releases the brake, and
+    /// brakes again.
     ///
-    /// The bounds hold from the start on if the start is within them. A start that must exceed
-    /// the velocity bound, since its acceleration cannot be taken away in time, has the acceleration
-    /// reduced at once. Motion may pass `end` and return if it cannot stop before.
+    /// The bounds hold from the start on if the start is within them. If the acceleration of the
+    /// start would lead beyond the bound of velocity, it is reduced at once. The motion may pass
+    /// `end` and return if it cannot stop before.
     ///
     /// # Errors
     ///
-    /// What is not finite, and bounds that are not above zero.
+    /// [`ProfileError`] if a number is not finite, or a bound is not above zero.
     pub fn fastest(start: &SetPoint<T>, end: T, bounds: &Bounds<T>) -> Result<Self, ProfileError> {
         Self::plan(start, end, bounds, None)
     }
 
-    /// The same with a lower velocity, so that it lasts `duration` seconds: how joints arrive
-    /// together.
+    /// Makes the motion with a lower velocity, so that it lasts `duration` seconds; so several
+    /// joints can arrive together.
     ///
     /// # Errors
     ///
-    /// As for [`Segments::fastest`], a duration below that one's, and, from a moving state only,
-    /// a duration that no choice of the velocity gives.
+    /// Those of [`Segments::fastest`]; [`ProfileError::TooShort`] if the duration is below that of
+    /// the fastest motion; and, only from a moving state, [`ProfileError::Blocked`] if no velocity
+    /// leads to this duration.
     pub fn lasting(
         start: &SetPoint<T>,
         end: T,
@@ -356,13 +359,13 @@ impl<T: Real> Segments<T> {
         })
     }
 
-    /// How long it lasts, s; zero for what is there already.
+    /// Returns its duration, s; zero if it is at its end already.
     #[must_use]
     pub fn duration(&self) -> T {
         self.duration
     }
 
-    /// The set-point `t` seconds after the beginning; at rest at the end after it.
+    /// Returns the set-point `t` seconds after the beginning; after the end, rest at the end.
     #[inline]
     #[must_use]
     pub fn at(&self, t: T) -> SetPoint<T> {
@@ -384,7 +387,7 @@ impl<T: Real> Segments<T> {
         SetPoint::rest(self.end)
     }
 
-    /// Its extremes.
+    /// Returns its extremes.
     #[must_use]
     pub fn peaks(&self) -> Peaks<T> {
         let mut peaks = Peaks::of(&self.start);

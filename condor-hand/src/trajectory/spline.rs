@@ -18,15 +18,16 @@ struct Knot<T> {
 }
 
 impl<T: Real, const K: usize> Spline<T, K> {
-    /// Through `positions` (rad) at `times` (s), which rise; velocities (rad/s) at the first and the
-    /// last knot.
+    /// Makes the spline through `positions` (rad) at increasing `times` (s), with the given
+    /// velocities (rad/s) at the first and the last knot.
     ///
-    /// The velocities between are the solution of a tridiagonal system, whose diagonal dominates
-    /// (C. de Boor, "A practical guide to splines", chapter IV), by L. H. Thomas' elimination.
+    /// The other velocities are the solution of a tridiagonal system, whose diagonal dominates (C.
+    /// de Boor, "A practical guide to splines", chapter IV), by L. H. Thomas' elimination.
     ///
     /// # Errors
     ///
-    /// Too few or too many knots, times that do not rise, what is not finite.
+    /// [`ProfileError`] if there are too few or too many knots, times do not increase, or a number
+    /// is not finite.
     pub fn clamped(times: &[T], positions: &[T], velocities: (T, T)) -> Result<Self, ProfileError> {
         let mut knots = Vec::new();
         let counts = ProfileError::Knots {
@@ -117,7 +118,7 @@ impl<T: Real, const K: usize> Spline<T, K> {
         Polynomial::cubic(&state(from), &state(to), to.time - from.time)
     }
 
-    /// From the first knot to the last, s.
+    /// Returns the time from the first knot to the last, s.
     #[must_use]
     pub fn duration(&self) -> T {
         match (self.knots.first(), self.knots.last()) {
@@ -126,7 +127,8 @@ impl<T: Real, const K: usize> Spline<T, K> {
         }
     }
 
-    /// The set-point at a time on the axis of the knots, s; outside of it that of the nearer end.
+    /// Returns the set-point at a time on the axis of the knots, s; outside of it, that of the
+    /// nearer end.
     #[must_use]
     pub fn at(&self, t: T) -> SetPoint<T> {
         let count = self.knots.partition_point(|knot| knot.time <= t);
@@ -141,7 +143,7 @@ impl<T: Real, const K: usize> Spline<T, K> {
         })
     }
 
-    /// Its extremes.
+    /// Returns its extremes.
     #[must_use]
     pub fn peaks(&self) -> Peaks<T> {
         let mut peaks: Option<Peaks<T>> = None;

@@ -11,7 +11,7 @@ pub struct Ldl<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Ldl<T, N> {
-    /// Factors a matrix, whose upper triangle is not looked at; `None` if it is not positive
+    /// Factors a matrix, whose upper triangle is ignored; returns `None` if it is not positive
     /// definite.
     #[inline(always)]
     #[must_use]
@@ -19,8 +19,9 @@ impl<T: Real, const N: usize> Ldl<T, N> {
         Self::with_least_pivot(matrix, T::zero())
     }
 
-    /// The same, with `None` also where an entry of D, which has the matrix' unit, is not above
-    /// `least`: for a matrix that is singular but for rounding.
+    /// Factors a matrix as [`new`](Self::new) does, but also returns `None` if an entry of D, which
+    /// has the matrix' unit, is not above `least`: for a matrix that is singular except for
+    /// rounding.
     #[inline(always)]
     #[must_use]
     pub fn with_least_pivot(matrix: &SMatrix<T, N, N>, least: T) -> Option<Self> {
@@ -50,7 +51,7 @@ impl<T: Real, const N: usize> Ldl<T, N> {
         Some(Self { factors })
     }
 
-    /// The solution x of `matrix x = right`; where that is not finite, neither is x.
+    /// Returns the solution x of `matrix x = right`; x is not finite if the exact solution is not.
     #[inline(always)]
     #[must_use]
     pub fn solve(&self, right: &SVector<T, N>) -> SVector<T, N> {

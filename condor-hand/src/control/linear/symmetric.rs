@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 
 use crate::math::{Real, is_finite};
 
-/// A symmetric 3×3 matrix by its upper triangle.
+/// A symmetric 3×3 matrix, stored as its upper triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Symmetric3<T: Real = f64> {
     /// Row x, column x.
@@ -20,7 +20,7 @@ pub struct Symmetric3<T: Real = f64> {
 }
 
 impl<T: Real> Symmetric3<T> {
-    /// No entry but zeros.
+    /// Returns the zero matrix.
     #[inline(always)]
     #[must_use]
     pub fn zero() -> Self {
@@ -47,14 +47,14 @@ impl<T: Real> Symmetric3<T> {
         self.yz -= arm.y * arm.z;
     }
 
-    /// The sum of the diagonal.
+    /// Returns the sum of the diagonal.
     #[inline(always)]
     #[must_use]
     pub fn trace(&self) -> T {
         self.xx + self.yy + self.zz
     }
 
-    /// The matrix of cofactors, and the determinant.
+    /// Returns the matrix of cofactors, and the determinant.
     #[inline(always)]
     #[must_use]
     pub fn adjugate(&self) -> (Self, T) {
@@ -70,7 +70,8 @@ impl<T: Real> Symmetric3<T> {
         (adjugate, determinant)
     }
 
-    /// The inverse, by Cramer's rule; `None` if the matrix is singular, or the inverse not finite.
+    /// Returns the inverse, by Cramer's rule; `None` if the matrix is singular, or the inverse not
+    /// finite.
     #[must_use]
     pub fn inverse(&self) -> Option<Self> {
         let (adjugate, determinant) = self.adjugate();
@@ -95,7 +96,7 @@ impl<T: Real> Symmetric3<T> {
             })
     }
 
-    /// The matrix times a number.
+    /// Returns the matrix times a number.
     #[inline(always)]
     #[must_use]
     pub fn scaled(&self, factor: T) -> Self {
@@ -109,7 +110,7 @@ impl<T: Real> Symmetric3<T> {
         }
     }
 
-    /// The matrix times a vector.
+    /// Returns the matrix times a vector.
     #[inline(always)]
     #[must_use]
     pub fn times(&self, vector: &Vector3<T>) -> Vector3<T> {

@@ -4,9 +4,10 @@ use crate::math::{Real, is_finite};
 /// algorithm, Golub and Van Loan, Matrix Computations, 4.3.6.
 ///
 /// Row i is `lower[i] x[i-1] + diagonal[i] x[i] + upper[i] x[i+1] = right[i]`; the first of `lower`
-/// and the last of `upper` are not used. The solution replaces `right`; `diagonal` is used up.
-/// Elimination without pivoting is safe where the diagonal dominates, as in splines. `None`, with
-/// anything in `right`, if the lengths differ, a pivot is zero, or the solution is not finite.
+/// and the last of `upper` are not used. The solution replaces `right`; `diagonal` is overwritten.
+/// Elimination without pivoting is safe if the diagonal dominates, as in splines. Returns `None`,
+/// with any content of `right`, if the lengths differ, a pivot is zero, or the solution is not
+/// finite.
 #[must_use]
 pub fn solve_tridiagonal<T: Real>(
     lower: &[T],

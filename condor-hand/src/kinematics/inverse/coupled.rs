@@ -11,8 +11,8 @@ use crate::math::{Real, abs, atan2, clamp, min, real, sin_cos, sqrt, wrap};
 const ITERATIONS: u32 = 200;
 
 impl<T: Real> PlanarFinger<T> {
-    /// The postures with `q3 = κ q2` that bring the tip to `target` (m, in the palm): up to two
-    /// directions of the first joint, and for each the finger flexed and extended.
+    /// Returns the postures with `q3 = κ q2` that bring the tip to `target` (m, in the palm): up to
+    /// two directions of the first joint, and for each the finger flexed and extended.
     ///
     /// `present` (rad) is asked for the first angle only, where the target is on the first axis.
     /// The middle joint bends no further than where the distance `d` of the tip from the second axis

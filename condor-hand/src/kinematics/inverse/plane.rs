@@ -18,7 +18,7 @@ pub(super) struct Aim<T> {
     pub(super) down: T,
 }
 
-/// What a finger reaches, seen from the second axis in the plane of the finger.
+/// The range of distances that a finger reaches from its second axis, in its plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reach<T> {
     /// The least distance of the tip, m.
@@ -28,8 +28,9 @@ pub struct Reach<T> {
 }
 
 impl<T: Real> PlanarFinger<T> {
-    /// Between which distances from the second axis the tip can be, whatever the limits of the
-    /// joints: the sum of the three links, and what the longest has over the two others.
+    /// Returns the range of distances of the tip from the second axis, without regard to the limits
+    /// of the joints: at most the sum of the three links, and at least the excess of the longest
+    /// link over the two others.
     #[must_use]
     pub fn reach(&self) -> Reach<T> {
         let [_, l1, l2, l3] = self.lengths.map(abs);

@@ -5,36 +5,37 @@ use thiserror::Error;
 use crate::decimal::Decimal;
 use crate::tendon::Pair;
 
-/// What is wrong.
+/// The kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[repr(u8)]
 #[non_exhaustive]
 pub enum FaultCode {
-    /// A sensor or a set-point gives no finite number.
+    /// A reading or a set-point is not finite.
     NotFinite = 0,
-    /// A sensor gives what it cannot measure.
+    /// A reading is outside of the sensor's range.
     OutOfRange = 1,
-    /// A sensor stays where it is while its set-point goes away, or while what it measures cannot stay.
+    /// A reading does not change while its set-point moves away, or while the measured quantity
+    /// must change.
     Stuck = 2,
-    /// What is measured is too far from what is desired.
+    /// The measured value is too far from the desired one.
     Tracking = 3,
-    /// A tendon pulls less than one that is whole and taut.
+    /// A tendon pulls less than a whole and taut tendon would.
     Slack = 4,
-    /// A tendon pulls more than it stands.
+    /// A tendon pulls more than it can bear.
     OverTension = 5,
-    /// A joint is where its limits do not let it be.
+    /// A joint is past its limits.
     JointLimit = 6,
     /// A tick of the servo came too late.
     MissedDeadline = 7,
     /// The level above has sent no set-point for too long.
     StaleSetPoint = 8,
-    /// A sensor says what cannot be so soon after what it said before.
+    /// A reading is implausibly far from the last one.
     Jump = 9,
 }
 
 impl FaultCode {
-    /// All of them, by number.
+    /// All codes, in numeric order.
     pub const ALL: [Self; 10] = [
         Self::NotFinite,
         Self::OutOfRange,
@@ -70,7 +71,7 @@ impl fmt::Display for FaultCode {
     }
 }
 
-/// Where it is wrong; joints count from 0 at the palm.
+/// The site of a fault; joints count from 0 at the palm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FaultSite {
     /// The tendon that pulls this joint to positive angles.
@@ -108,39 +109,39 @@ impl fmt::Display for FaultSite {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{site}: {code} ({value})", value = Decimal(*.value))]
 pub struct Fault {
-    /// What is wrong.
+    /// The kind of fault.
     pub code: FaultCode,
-    /// Where.
+    /// The site of the fault.
     pub site: FaultSite,
-    /// The value of the sample that made it a fault: N of a tendon, rad of a joint, s of time; of
-    /// [`Tracking`](FaultCode::Tracking), what is desired less what is measured.
+    /// The value of the sample that made it a fault: N for a tendon, rad for a joint, s for a time;
+    /// for [`Tracking`](FaultCode::Tracking), the desired value less the measured one.
     pub value: f64,
 }
 
-/// Some codes, each at most once.
+/// A set of codes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FaultSet(u16);
 
 impl FaultSet {
-    /// Whether there is none.
+    /// Returns whether the set is empty.
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Whether this one is among them.
+    /// Returns whether the set contains `code`.
     #[must_use]
     pub const fn contains(self, code: FaultCode) -> bool {
         self.0 & code.bit() != 0
     }
 
-    /// One bit for each code, by its number: for a message.
+    /// Returns one bit for each code, by its number, for a message.
     #[must_use]
     pub const fn bits(self) -> u16 {
         self.0
     }
 
-    /// They, by number.
+    /// Iterates over the codes in numeric order.
     pub fn iter(self) -> impl Iterator<Item = FaultCode> {
         FaultCode::ALL
             .into_iter()

@@ -6,18 +6,18 @@ use super::{Fault, FaultCode, FaultLimits, FaultLimitsError, FaultSet, FaultSite
 use crate::math::{Real, is_finite};
 use crate::tendon::{Pair, Pairs};
 
-/// What a finger does in one tick.
+/// The state of a finger in one tick, as its monitor checks it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation<T: Real, const N: usize> {
-    /// The tensions that were asked for, N.
+    /// The desired tensions, N.
     pub desired_tensions: Pairs<T, N>,
-    /// The tensions of the sensors, N.
+    /// The measured tensions, N.
     pub tensions: Pairs<T, N>,
-    /// The positions that were asked for, rad; none where a joint's position is not controlled.
+    /// The desired positions, rad; `None` for joints whose position is not controlled.
     pub desired_positions: [Option<T>; N],
-    /// The positions of the sensors, rad.
+    /// The measured positions, rad.
     pub positions: SVector<T, N>,
-    /// A bit for each joint whose position cannot be what the sensor says:
+    /// A bit for each joint whose reading is implausible:
     /// [`ServoOutput::lost`](crate::servo::ServoOutput::lost).
     pub lost: u32,
     /// The time since the last tick, s.
@@ -26,11 +26,11 @@ pub struct Observation<T: Real, const N: usize> {
     pub set_point_age_s: T,
 }
 
-/// Watches the tendons, the joints and the time of one finger.
+/// Monitors the tendons, the joints and the timing of one finger.
 ///
-/// A check becomes a fault when it has failed in as many samples in a row as its limit says. A
-/// tension or position that is not finite tells nothing about the other checks of its site;
-/// those go on after it. A time that is not finite is too long.
+/// A failed check becomes a fault after as many samples in a row as its limit says. A tension or
+/// position that is not finite does not count for the other checks of its site; those continue with
+/// the next sample. A time that is not finite counts as too long.
 #[derive(Clone, Copy, Debug)]
 pub struct FingerMonitor<T: Real, const N: usize> {
     limits: FaultLimits<T, N>,
@@ -96,10 +96,10 @@ impl<T: Real, const N: usize> FingerState<T, N> {
 }
 
 impl<T: Real, const N: usize> FingerMonitor<T, N> {
-    /// A monitor without faults.
+    /// Makes a monitor without faults.
     ///
     /// # Errors
-    /// The first limit by which nothing can be judged.
+    /// [`FaultLimitsError`] for the first limit that is wrong.
     pub fn new(limits: FaultLimits<T, N>) -> Result<Self, FaultLimitsError> {
         limits.check()?;
         Ok(Self {
@@ -114,7 +114,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         })
     }
 
-    /// Judges a tick; gives the fault that came first since the last [`clear`](Self::clear).
+    /// Checks a tick; returns the first fault since the last [`clear`](Self::clear).
     pub fn update(&mut self, observation: &Observation<T, N>) -> Option<Fault> {
         self.judge(
             (&observation.desired_tensions, &observation.tensions),
@@ -259,13 +259,13 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
             && joints.iter().all(|(joint, _)| joint.is_quiet());
     }
 
-    /// The fault that came first since the last [`clear`](Self::clear).
+    /// Returns the first fault since the last [`clear`](Self::clear).
     #[must_use]
     pub fn first(&self) -> Option<Fault> {
         self.state.first
     }
 
-    /// The codes that are latched at a site; none at one that the finger does not have.
+    /// Returns the codes that are latched at a site; none for a site that the finger does not have.
     #[must_use]
     pub fn at(&self, site: FaultSite) -> FaultSet {
         let state = &self.state;
@@ -278,7 +278,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         found.unwrap_or_default()
     }
 
-    /// All that is latched, site by site.
+    /// Iterates over all latched faults, site by site.
     pub fn faults(&self) -> impl Iterator<Item = (FaultSite, FaultCode)> {
         let joints = (0..N).flat_map(|joint| {
             let Pair { flexor, extensor } = FaultSite::tendons(joint);
@@ -289,7 +289,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
             .flat_map(|site| self.at(site).iter().map(move |code| (site, code)))
     }
 
-    /// Forgets all faults, and all samples.
+    /// Clears all faults, and forgets all samples.
     pub fn clear(&mut self) {
         self.state = FingerState::new();
     }

@@ -5,17 +5,18 @@ use crate::decimal::Decimal;
 use crate::math::{Real, is_finite};
 use crate::tendon::Pair;
 
-/// A value, and for how many samples in a row it must be passed; no samples switch the check off.
+/// A limit of a value, with the number of samples in a row beyond it that is a fault; 0 samples
+/// switch the check off.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Threshold<T> {
-    /// What must not be passed.
+    /// The limit.
     pub value: T,
     /// The samples in a row that make a fault.
     pub samples: u16,
 }
 
-/// Where a value must be, and for how many samples in a row it must be elsewhere; no samples switch
-/// the check off.
+/// A range of a value, with the number of samples in a row outside of it that is a fault; 0 samples
+/// switch the check off.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Range<T> {
     /// The lowest good value.
@@ -26,36 +27,37 @@ pub struct Range<T> {
     pub samples: u16,
 }
 
-/// When a sensor is stuck: it stays within `band` of a value for so many samples in a row in which
-/// the set-point is more than `travel` from where it was when the sensor came there. No samples
-/// switch the check off.
+/// The conditions of a stuck sensor: its reading stays within `band` of a value for this number of
+/// samples in a row in which the set-point is more than `travel` from its place when the reading
+/// reached that value. 0 samples switch the check off.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Stuck<T> {
-    /// How far a stuck sensor still moves, by noise.
+    /// The noise of a stuck sensor.
     pub band: T,
-    /// How far a set-point goes that moves a good sensor.
+    /// The travel of a set-point after which a good sensor must have moved.
     pub travel: T,
     /// The samples in a row that make a fault.
     pub samples: u16,
 }
 
-/// What is asked of any sensor.
+/// The limits of any sensor.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SensorFaultLimits<T> {
-    /// After how many samples in a row that are not finite, or cannot be; none switch the check off.
+    /// The number of samples in a row that are not finite or implausible after which the sensor is
+    /// lost; 0 switches the check off.
     pub lost_samples: u16,
-    /// What the sensor can measure.
+    /// The range of the sensor.
     pub range: Range<T>,
-    /// When it is stuck.
+    /// The conditions under which it is stuck.
     pub stuck: Stuck<T>,
-    /// The largest distance from what is desired.
+    /// The greatest distance from the desired value.
     pub tracking: Threshold<T>,
 }
 
-/// What is asked of a tendon, N.
+/// The limits of a tendon, N.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TendonFaultLimits<T> {
-    /// Of its sensor.
+    /// The limits of its sensor.
     pub sensor: SensorFaultLimits<T>,
     /// A tendon that pulls less is slack or broken.
     pub slack: Threshold<T>,
@@ -63,56 +65,56 @@ pub struct TendonFaultLimits<T> {
     pub over_tension: Threshold<T>,
 }
 
-/// What is asked of a joint, rad.
+/// The limits of a joint, rad.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct JointFaultLimits<T> {
-    /// Of its sensor.
+    /// The limits of its sensor.
     pub sensor: SensorFaultLimits<T>,
-    /// Where the joint may be.
+    /// The range of the joint.
     pub limit: Range<T>,
 }
 
-/// What is asked of a finger.
+/// The limits of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultLimits<T, const N: usize> {
-    /// Of the tendons of each joint.
+    /// The limits of the tendons of each joint.
     pub tendons: [Pair<TendonFaultLimits<T>>; N],
-    /// Of each joint.
+    /// The limits of each joint.
     pub joints: [JointFaultLimits<T>; N],
-    /// The longest time between two ticks, s; one that is several times as long counts as so many
+    /// The longest time between two ticks, s; a time that is *n* times as long counts as *n*
     /// samples.
     pub period_s: Threshold<T>,
     /// The greatest age of a set-point, s.
     pub set_point_age_s: Threshold<T>,
 }
 
-/// Limits by which nothing can be judged.
+/// The reason for which limits cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FaultLimitsError {
-    /// A threshold that is negative or not finite.
+    /// A threshold is negative or not finite.
     #[error(
         "{site}: the threshold of '{code}' is {value}; it must be finite and not negative",
         value = Decimal(*.value),
     )]
     Threshold {
-        /// Where.
+        /// The site of the check.
         site: FaultSite,
-        /// Of what.
+        /// The kind of fault that it checks.
         code: FaultCode,
         /// The threshold.
         value: f64,
     },
-    /// A range that is not finite or not in order.
+    /// A range is not finite or not in order.
     #[error(
         "{site}: the range of '{code}' is {low}..={high}; it must be finite and in order",
         low = Decimal(*.low),
         high = Decimal(*.high),
     )]
     Range {
-        /// Where.
+        /// The site of the check.
         site: FaultSite,
-        /// Of what.
+        /// The kind of fault that it checks.
         code: FaultCode,
         /// Its lower end.
         low: f64,
@@ -122,10 +124,10 @@ pub enum FaultLimitsError {
 }
 
 impl<T: Real, const N: usize> FaultLimits<T, N> {
-    /// Refuses limits by which nothing can be judged, also those of checks that are switched off.
+    /// Checks all limits, including those of checks that are switched off.
     ///
     /// # Errors
-    /// The first limit that is not finite, negative, or out of order.
+    /// [`FaultLimitsError`] for the first limit that is not finite, negative, or out of order.
     pub fn check(&self) -> Result<(), FaultLimitsError> {
         for (joint, (tendons, limits)) in self.tendons.iter().zip(&self.joints).enumerate() {
             let sites = FaultSite::tendons(joint);

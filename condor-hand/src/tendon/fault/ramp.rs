@@ -4,7 +4,7 @@ use crate::decimal::Decimal;
 use crate::math::{Real, is_finite, real, round};
 use crate::tendon::{Pair, Pairs};
 
-/// The way of all tensions to their ends in equal steps.
+/// A ramp that brings all tensions to their final values in equal steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafeRamp<T: Real, const N: usize> {
     from: Pairs<T, N>,
@@ -13,11 +13,11 @@ pub struct SafeRamp<T: Real, const N: usize> {
     left: u32,
 }
 
-/// A ramp that cannot be.
+/// The reason for which a ramp cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum RampError {
-    /// A time of less than two samples, or of more than can be counted.
+    /// The time is less than two samples, or more than can be counted.
     #[error(
         "a ramp of {seconds} s at {sample_hz} Hz; it must take 2 to {max} samples", max = u32::MAX,
         seconds = Decimal(*.seconds),
@@ -29,7 +29,7 @@ pub enum RampError {
         /// The sample rate, Hz.
         sample_hz: f64,
     },
-    /// A tension that is not finite.
+    /// A tension is not finite.
     #[error(
         "a ramp from {from} N to {to} N at joint {joint}",
         from = Decimal(*.from),
@@ -46,11 +46,11 @@ pub enum RampError {
 }
 
 impl<T: Real, const N: usize> SafeRamp<T, N> {
-    /// A ramp from the present commands to the least tensions, N, in a time of at least two
+    /// Makes a ramp from the present commands to the least tensions, N, in a time of at least two
     /// samples.
     ///
     /// # Errors
-    /// A tension that is not finite, or another time.
+    /// [`RampError`] if a tension is not finite, or the time is not possible.
     pub fn new(
         from: Pairs<T, N>,
         to: Pairs<T, N>,
@@ -81,7 +81,8 @@ impl<T: Real, const N: usize> SafeRamp<T, N> {
         })
     }
 
-    /// The tensions of the next sample: one step nearer, and at last exactly the ends.
+    /// Returns the tensions of the next sample: one step nearer to the final ones, which are
+    /// reached exactly.
     pub fn update(&mut self) -> Pairs<T, N> {
         self.left = self.left.saturating_sub(1);
         let left = real::<T>(f64::from(self.left) / f64::from(self.samples));
@@ -96,7 +97,7 @@ impl<T: Real, const N: usize> SafeRamp<T, N> {
         tensions
     }
 
-    /// Whether the tensions are at their ends.
+    /// Returns whether the tensions have reached their final values.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.left == 0
