@@ -2,8 +2,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::math::{clamp, round};
 
-/// A channel of an analogue-to-digital converter, with its calibration: `value = gain * counts +
-/// offset`, with counts from 0 to 2^bits - 1.
+/// A channel of an analogue-to-digital converter, with its calibration:
+/// `value = gain * counts + offset`, with counts from 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
@@ -19,8 +19,8 @@ pub struct Input {
     pub offset: f64,
 }
 
-/// A channel of a digital-to-analogue converter, with its calibration: `counts = round(gain * value
-/// + offset)`, limited to 0 to 2^bits - 1.
+/// A channel of a digital-to-analogue converter, with its calibration:
+/// `counts = round(gain * value + offset)`, limited to 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Output {

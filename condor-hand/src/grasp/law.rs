@@ -120,8 +120,8 @@ pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
 /// The law that gives a held object a stiffness: M >= 3 fingers of N joints each.
 ///
 /// The tips determine the displacement dx and the velocity v of the object. From these follow the
-/// wrench `w = K dx - D v + w_ff`, the forces of the fingers that produce it, and the torques `Jᵀ f
-/// + g` of their joints (Salisbury and Craig, "Articulated hands: force control and kinematic
+/// wrench `w = K dx - D v + w_ff`, the forces of the fingers that produce it, and the torques
+/// `Jᵀ f + g` of their joints (Salisbury and Craig, "Articulated hands: force control and kinematic
 /// issues", 1982). A torque that keeps the posture is added only along the self-motion of each
 /// finger, where it loads no contact.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,8 +3,8 @@
 //! The own two tendons of a joint turn it, and so do those of the joints distal to it. Going from
 //! distal to proximal, the effect of the distal tendons is known. So each joint has one equation
 //! for its own pair, `r₊ f₊ - r₋ f₋ = t`, and one freedom: how much the two tendons pull against
-//! each other. With `f₊ = f_min + u / r₊` and `f₋ = f_min + v / r₋` the equation is `u - v = t -
-//! f_min (r₊ - r₋)`, with u and v not below zero. [`Rectification`] chooses among the solutions.
+//! each other. With `f₊ = f_min + u / r₊` and `f₋ = f_min + v / r₋` the equation is
+//! `u - v = t - f_min (r₊ - r₋)`, with u and v not below zero. [`Rectification`] chooses among the solutions.
 
 use nalgebra::SVector;
 use thiserror::Error;
@@ -28,8 +28,8 @@ pub enum Rectification<T> {
     /// A smooth transition of the pull from one tendon to the other.
     ///
     /// Without torque the flexor pulls this much more than the minimum, and so does the extensor if
-    /// its arm is the same. The more one of them pulls, the nearer the other is to its minimum: `u
-    /// = (h + t) / 2` and `v = (h - t) / 2` with `h² = t² + 4 (r₊ softness)²`.
+    /// its arm is the same. The more one of them pulls, the nearer the other is to its minimum:
+    /// `u = (h + t) / 2` and `v = (h - t) / 2` with `h² = t² + 4 (r₊ softness)²`.
     Smooth {
         /// Half the width of the transition, as a tension, N.
         softness_n: T,
