@@ -14,7 +14,7 @@ const UNKNOWN: u32 = u32::MAX;
 pub struct Kept(AtomicU32);
 
 impl Kept {
-    /// A register that may have any value.
+    /// Makes a register that may have any value.
     #[must_use]
     #[allow(clippy::new_without_default, reason = "a part of `Driver::NEW`")]
     pub const fn new() -> Self {

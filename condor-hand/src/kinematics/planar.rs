@@ -45,7 +45,7 @@ pub enum NotPlanar {
     Beside {
         /// The joint, from 0; 4 is the tip.
         joint: usize,
-        /// Where it is on that link, m.
+        /// Its place on that link, m.
         offset: [f64; 3],
     },
     /// A body whose centre of mass is beside the line of its link.

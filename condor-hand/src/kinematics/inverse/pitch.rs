@@ -19,7 +19,8 @@ impl<T: Real> PlanarFinger<T> {
     ///
     /// # Errors
     ///
-    /// Why there is no posture, and by how much.
+    /// [`InverseError`] if there is no posture; it has the distance by which the target is out of
+    /// reach.
     pub fn pitch_branches(
         &self,
         target: &Vector3<T>,
