@@ -39,50 +39,16 @@ use crate::control::{Client, ClientError};
 use crate::system::SystemDirectory;
 use feed::{Feed, News};
 use guard::Guard;
+use input::Situation;
 use look::Look;
 use menu::Doer;
 use model::{Leaving, Model};
+pub use tool::Tool;
 
 /// The least time between two pictures.
 const FRAME: Duration = Duration::from_millis(40);
 /// The time between two looks at the counts.
 const LOOK: Duration = Duration::from_millis(500);
-
-/// A program that can be started on a processor.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Tool {
-    /// Its name.
-    pub name: String,
-    /// A shell command, in which `{pid}` stands for the number of the processor's process.
-    pub command: String,
-}
-
-impl std::str::FromStr for Tool {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parts = text.split_once('=');
-        let parts = parts.filter(|(name, command)| !name.is_empty() && !command.is_empty());
-        let (name, command) = parts.ok_or_else(|| {
-            format!("a tool is NAME=COMMAND, such as `gdb=gdb -p {{pid}}`, and not `{text}`")
-        })?;
-        Ok(Self {
-            name: name.into(),
-            command: command.into(),
-        })
-    }
-}
-
-impl Tool {
-    /// Returns the default tool: a debugger.
-    #[must_use]
-    pub fn debugger() -> Self {
-        Self {
-            name: "debugger".into(),
-            command: "gdb -p {pid}".into(),
-        }
-    }
-}
 
 /// The reason for which there is no user interface.
 #[derive(Debug, thiserror::Error)]
@@ -108,7 +74,7 @@ pub fn run(directory: &SystemDirectory, tools: Vec<Tool>) -> Result<(), UiError>
         signal_hook::flag::register(signal, end.clone())?;
     }
     let (sender, news) = mpsc::channel();
-    let feed = Feed::start(directory, &status, &sender);
+    let feed = Feed::start(directory, &model.windows, &sender);
     let screen = Screen::open()?;
     let doer = Doer::new(directory, sender);
     let outcome = show(&mut model, &news, &feed, &doer, &end);
@@ -138,7 +104,7 @@ fn show(
         }
         if changed && drawn.is_none_or(|at| at.elapsed() >= FRAME) {
             let size = terminal.size()?;
-            model.resize(size.width, size.height);
+            layout::resize(model, size.width, size.height);
             terminal.draw(|frame| draw::draw(frame, model))?;
             drawn = Some(Instant::now());
             changed = false;
@@ -167,7 +133,7 @@ fn show(
 fn take(model: &mut Model, news: News, doer: &Doer) -> io::Result<Option<Leaving>> {
     match news {
         News::Input(event) => {
-            let action = input::action(&model.situation(), &event);
+            let action = input::action(&Situation::of(model), &event);
             Ok(action.and_then(|action| menu::act(model, action, doer)))
         }
         News::NoInput(error) => Err(error),

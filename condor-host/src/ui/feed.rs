@@ -9,8 +9,7 @@ use std::time::Duration;
 
 use crossterm::event::Event;
 
-use super::model::by_number;
-use super::window::WindowId;
+use super::window::{Window, WindowId};
 use crate::control::{Client, ClientError, Request, Status};
 use crate::services::terminals;
 use crate::system::SystemDirectory;
@@ -48,17 +47,21 @@ pub(super) struct Feed {
 }
 
 impl Feed {
-    pub(super) fn start(directory: &SystemDirectory, status: &Status, news: &Sender<News>) -> Self {
+    pub(super) fn start(
+        directory: &SystemDirectory,
+        windows: &[Window],
+        news: &Sender<News>,
+    ) -> Self {
         let keys = news.clone();
         thread::spawn(move || keyboard(&keys));
         let (place, answers) = (directory.clone(), news.clone());
         thread::spawn(move || supervisor(&place, &answers));
         let (place, lines) = (directory.clone(), news.clone());
         thread::spawn(move || log(&place, &lines));
-        for (number, processor) in (1..).zip(by_number(status)) {
+        for window in windows {
             let (place, output) = (directory.clone(), news.clone());
-            let name = processor.name.clone();
-            thread::spawn(move || terminal(&place, &name, WindowId(number), &output));
+            let (id, processor) = (window.id, window.title.clone());
+            thread::spawn(move || terminal(&place, &processor, id, &output));
         }
         Self {
             directory: directory.clone(),

@@ -4,8 +4,8 @@ use crossterm::event::{
     Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers, MouseButton, MouseEvent, MouseEventKind,
 };
 
-use super::layout::Layout;
-use super::model::{Leaving, Page, Popup};
+use super::layout::{Layout, layout};
+use super::model::{Leaving, Model, Page, Popup};
 
 /// Lines that a turn of the wheel scrolls.
 const WHEEL: i32 = 3;
@@ -21,6 +21,22 @@ pub(super) struct Situation {
     pub(super) is_over: bool,
     pub(super) application_cursor: bool,
     pub(super) layout: Layout,
+}
+
+impl Situation {
+    pub(super) fn of(model: &Model) -> Self {
+        let window = match model.focus {
+            Page::Window(id) => model.window(id),
+            _ => None,
+        };
+        Self {
+            focus: model.focus,
+            popup: model.popup,
+            is_over: window.is_some_and(|it| it.is_tool && !it.is_connected()),
+            application_cursor: window.is_some_and(|it| it.screen().application_cursor()),
+            layout: layout(model.area, model),
+        }
+    }
 }
 
 /// What a person wants.

@@ -68,6 +68,16 @@ pub(super) fn layout(area: Rect, model: &Model) -> Layout {
     }
 }
 
+/// Gives the windows the sizes that they have on a screen of this size.
+pub(super) fn resize(model: &mut Model, columns: u16, rows: u16) {
+    model.area = Rect::new(0, 0, columns, rows);
+    for (page, inner) in layout(model.area, model).insides() {
+        if let Page::Window(id) = page {
+            model.with(id, |window| window.resize(inner.width, inner.height));
+        }
+    }
+}
+
 /// Names as long as there is room for.
 fn tabs(bar: Rect, model: &Model) -> Vec<(Page, String, Rect)> {
     let mut longest = 16;

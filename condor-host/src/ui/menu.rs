@@ -5,6 +5,8 @@ use std::thread;
 
 use super::feed::News;
 use super::input::Action;
+use super::layout::layout;
+use super::log;
 use super::model::{Leaving, Model, Page, Popup};
 use super::tool;
 use crate::control::{Client, ClientError, Request};
@@ -82,7 +84,7 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
             }
         }
         Action::Step(tabs) => model.step(tabs),
-        Action::Scroll(page, lines) => model.scroll(page, lines),
+        Action::Scroll(page, lines) => scroll(model, page, lines),
         Action::Zoom => model.zoomed = !model.zoomed,
         Action::Show(popup) => model.popup = Some(popup),
         Action::Menu => open_menu(model),
@@ -107,6 +109,30 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
         Action::Draw => {}
     }
     None
+}
+
+/// Scrolls a page: up for numbers above 0.
+pub(super) fn scroll(model: &mut Model, page: Page, lines: i32) {
+    if let Page::Window(id) = page {
+        return model.with(id, |window| window.scroll(lines));
+    }
+    // The log is scrolled from its end on, and tables from their beginning.
+    let lines = if page == Page::Log { lines } else { -lines };
+    let layout = layout(model.area, model);
+    let inside = layout.insides().find(|(other, _)| *other == page);
+    let (width, height) = inside.map_or((80, 20), |(_, area)| (area.width, area.height));
+    let (rows, titles) = match page {
+        Page::Loops => (model.loops.len(), 1),
+        Page::Messages => (model.vectors.len(), 1),
+        Page::Files => (0, 0),
+        _ => (log::rows(&model.log, width).len(), 0),
+    };
+    let most = (rows + titles).saturating_sub(height.into());
+    let place = Page::TABLES.iter().position(|table| *table == page);
+    if let Some(at) = place.and_then(|place| model.scrolled.get_mut(place)) {
+        let to = i32::try_from(*at).unwrap_or(0).saturating_add(lines);
+        *at = usize::try_from(to).unwrap_or(0).min(most);
+    }
 }
 
 fn open_menu(model: &mut Model) {

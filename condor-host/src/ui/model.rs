@@ -4,11 +4,8 @@ use std::collections::VecDeque;
 
 use ratatui::layout::Rect;
 
-use super::Tool;
 use super::feed::News;
-use super::input::Situation;
-use super::layout::{self, Layout};
-use super::log;
+use super::tool::Tool;
 use super::window::{Window, WindowId};
 use crate::control::{Member, Status};
 use crate::plain::plain;
@@ -90,15 +87,9 @@ pub(super) struct Model {
     /// How far each table is scrolled.
     pub(super) scrolled: [usize; 4],
     pub(super) tools: Vec<Tool>,
-    size: (u16, u16),
+    /// The screen.
+    pub(super) area: Rect,
     ids: u32,
-}
-
-/// The processors in the order of their windows; the first window has the identity 1.
-pub(super) fn by_number(status: &Status) -> Vec<&Member> {
-    let mut processors: Vec<&Member> = status.processors.iter().collect();
-    processors.sort_by_key(|processor| processor.number);
-    processors
 }
 
 impl Model {
@@ -123,10 +114,12 @@ impl Model {
             typed: String::new(),
             scrolled: [0; 4],
             tools,
-            size: (80, 24),
+            area: Rect::new(0, 0, 80, 24),
             ids: 0,
         };
-        for processor in by_number(status) {
+        let mut processors: Vec<&Member> = status.processors.iter().collect();
+        processors.sort_by_key(|processor| processor.number);
+        for processor in processors {
             let id = model.open_window(processor.name.clone(), processor.number, false);
             if model.ids == 1 {
                 model.focus = Page::Window(id);
@@ -174,7 +167,7 @@ impl Model {
         }
     }
 
-    fn with(&mut self, id: WindowId, act: impl FnOnce(&mut Window)) {
+    pub(super) fn with(&mut self, id: WindowId, act: impl FnOnce(&mut Window)) {
         if let Some(window) = self.windows.iter_mut().find(|window| window.id == id) {
             act(window);
         }
@@ -227,61 +220,6 @@ impl Model {
         let place = Page::TABLES.iter().position(|table| *table == page);
         let scrolled = place.and_then(|place| self.scrolled.get(place));
         scrolled.copied().unwrap_or(0)
-    }
-
-    /// Scrolls a page: up for numbers above 0.
-    pub(super) fn scroll(&mut self, page: Page, lines: i32) {
-        if let Page::Window(id) = page {
-            return self.with(id, |window| window.scroll(lines));
-        }
-        // The log is scrolled from its end on, and tables from their beginning.
-        let lines = if page == Page::Log { lines } else { -lines };
-        let insides = self.layout();
-        let inside = insides.insides().find(|(other, _)| *other == page);
-        let (width, height) = inside.map_or((80, 20), |(_, area)| (area.width, area.height));
-        let (rows, titles) = match page {
-            Page::Loops => (self.loops.len(), 1),
-            Page::Messages => (self.vectors.len(), 1),
-            Page::Files => (0, 0),
-            _ => (log::rows(&self.log, width).len(), 0),
-        };
-        let most = (rows + titles).saturating_sub(height.into());
-        let place = Page::TABLES.iter().position(|table| *table == page);
-        if let Some(at) = place.and_then(|place| self.scrolled.get_mut(place)) {
-            let to = i32::try_from(*at).unwrap_or(0).saturating_add(lines);
-            *at = usize::try_from(to).unwrap_or(0).min(most);
-        }
-    }
-
-    /// Where everything is.
-    pub(super) fn layout(&self) -> Layout {
-        layout::layout(Rect::new(0, 0, self.size.0, self.size.1), self)
-    }
-
-    /// Gives the windows the sizes that they have on a screen of this size.
-    pub(super) fn resize(&mut self, columns: u16, rows: u16) {
-        self.size = (columns, rows);
-        let layout = self.layout();
-        for (page, inner) in layout.insides() {
-            if let Page::Window(id) = page {
-                self.with(id, |window| window.resize(inner.width, inner.height));
-            }
-        }
-    }
-
-    /// What the meaning of a key depends on.
-    pub(super) fn situation(&self) -> Situation {
-        let window = match self.focus {
-            Page::Window(id) => self.window(id),
-            _ => None,
-        };
-        Situation {
-            focus: self.focus,
-            popup: self.popup,
-            is_over: window.is_some_and(|it| it.is_tool && !it.is_connected()),
-            application_cursor: window.is_some_and(|it| it.screen().application_cursor()),
-            layout: self.layout(),
-        }
     }
 
     /// The place among the members of the processor that is looked at.

@@ -12,6 +12,42 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use super::feed::{News, pass_on};
 use super::window::WindowId;
 
+/// A program that can be started on a processor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tool {
+    /// Its name.
+    pub name: String,
+    /// A shell command, in which `{pid}` stands for the number of the processor's process.
+    pub command: String,
+}
+
+impl std::str::FromStr for Tool {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('=');
+        let parts = parts.filter(|(name, command)| !name.is_empty() && !command.is_empty());
+        let (name, command) = parts.ok_or_else(|| {
+            format!("a tool is NAME=COMMAND, such as `gdb=gdb -p {{pid}}`, and not `{text}`")
+        })?;
+        Ok(Self {
+            name: name.into(),
+            command: command.into(),
+        })
+    }
+}
+
+impl Tool {
+    /// Returns the default tool: a debugger.
+    #[must_use]
+    pub fn debugger() -> Self {
+        Self {
+            name: "debugger".into(),
+            command: "gdb -p {pid}".into(),
+        }
+    }
+}
+
 /// Starts a command of the shell, in which `{pid}` is this process, for the window `id`.
 pub(super) fn start(command: &str, pid: u32, id: WindowId, news: &Sender<News>) -> io::Result<()> {
     let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;

@@ -7,6 +7,7 @@ use super::*;
 use crate::control::{Member, Status};
 use crate::ui::Tool;
 use crate::ui::feed::News;
+use crate::ui::menu::scroll;
 use crate::ui::model::{Popup, Served};
 use crate::ui::window::WindowId;
 use crate::view::{LoopRates, VectorCounts};
@@ -91,7 +92,7 @@ fn model() -> Model {
 
 /// The lines of a picture of this size.
 fn picture(model: &mut Model, (columns, rows): (u16, u16)) -> Vec<String> {
-    model.resize(columns, rows);
+    layout::resize(model, columns, rows);
     let mut terminal = Terminal::new(TestBackend::new(columns, rows)).unwrap();
     terminal.draw(|frame| draw(frame, model)).unwrap();
     let buffer = terminal.backend().buffer();
@@ -262,18 +263,18 @@ fn nothing_that_a_program_chose_commands_the_terminal() {
 #[test]
 fn a_window_shows_what_it_has_shown_before() {
     let mut model = model();
-    model.resize(SMALL.0, SMALL.1);
+    layout::resize(&mut model, SMALL.0, SMALL.1);
     let page = Page::Window(WindowId(1));
     let text = (0..100).map(|line| format!("\r\nline {line}"));
     let text = text.collect::<Vec<_>>().concat();
     model.hear(News::Output(WindowId(1), text.into_bytes()));
     let lines = picture(&mut model, SMALL);
     expect(&lines, &["line 99"]);
-    model.scroll(page, 30);
+    scroll(&mut model, page, 30);
     let lines = picture(&mut model, SMALL);
     expect(&lines, &["line 69", "30 lines back"]);
     assert!(!lines.join("\n").contains("line 99"));
-    model.scroll(page, -40);
+    scroll(&mut model, page, -40);
     expect(&picture(&mut model, SMALL), &["line 99"]);
 }
 
@@ -305,9 +306,9 @@ fn a_line_of_the_log_is_not_cut() {
     }
     // Its beginning can be reached, and no further.
     picture(&mut model, SMALL);
-    model.scroll(Page::Log, 1000);
+    scroll(&mut model, Page::Log, 1000);
     expect(&picture(&mut model, SMALL), &["15:28:52.078"]);
-    model.scroll(Page::Log, -1);
+    scroll(&mut model, Page::Log, -1);
     expect(&picture(&mut model, SMALL), &["15:28:53.000"]);
 }
 
@@ -321,7 +322,7 @@ fn the_titles_of_a_table_stay() {
     model.vectors[54].0 = "the-last".into();
     model.focus = Page::Messages;
     picture(&mut model, SMALL);
-    model.scroll(Page::Messages, -1000);
+    scroll(&mut model, Page::Messages, -1000);
     let lines = picture(&mut model, SMALL);
     expect(&lines, &[MESSAGES[0], "the-last"]);
     // Rows fill the page: 22 lines less two borders and the titles.
