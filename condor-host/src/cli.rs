@@ -23,113 +23,18 @@ mod summary;
 mod ui;
 mod up;
 
-pub(crate) use up::duration;
+pub use crate::application::{Application, Programs, Run};
+pub use crate::error::AnyError;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
-use crate::commands;
+use crate::commands::{self, Which};
 use crate::description::Description;
-use crate::extension::Extension;
+use crate::error::me;
 use crate::plain::plain_lines;
-use crate::system::SystemDirectory;
-
-/// A program: gets its arguments, and runs in the process that a supervisor started for it. Most
-/// such functions call [`linux::run`](condor_rt::linux::run).
-pub type Run = fn(Vec<String>) -> ExitCode;
-
-/// The parts that a binary adds to `condor`. If it adds only programs and extensions, use
-/// [`Programs`].
-pub trait Application: Sync {
-    /// Returns the programs with their names. With `program = "self"` in a description, the first
-    /// argument is such a name.
-    fn programs(&self) -> &[(&'static str, Run)];
-
-    /// Returns the file of the description that commands use if none is named.
-    fn description(&self) -> Option<PathBuf> {
-        None
-    }
-
-    /// Returns the extensions: further kinds of processors, and further services.
-    fn extensions(&self) -> &[&'static dyn Extension] {
-        &[]
-    }
-
-    /// Checks the robot's configuration in the file `robot`, which the description names.
-    ///
-    /// # Errors
-    /// An error that says what is wrong with it.
-    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
-        Err(format!(
-            "{} has no use for {}; leave `robot` out",
-            me(),
-            robot.display()
-        )
-        .into())
-    }
-
-    /// Makes what the programs of a system need, such as files that they load. `condor up` calls it
-    /// before it starts them; no other run of the system is alive then.
-    ///
-    /// # Errors
-    /// An error that says what cannot be made; the system is not started then.
-    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
-        let _ = description;
-        Ok(())
-    }
-
-    /// Writes a summary of the system in `directory`, beside that of its loops and messages. In a
-    /// run without user interface, it is called at the end, before the programs are stopped.
-    ///
-    /// # Errors
-    /// An error that says why there is no summary.
-    fn summarize(
-        &self,
-        description: &Description,
-        directory: &SystemDirectory,
-    ) -> Result<(), AnyError> {
-        let _ = (description, directory);
-        Ok(())
-    }
-}
-
-/// An application that adds programs by their names, and extensions. If no description is named, it
-/// uses `condor.toml` in the working directory.
-#[derive(Clone, Copy, Default)]
-pub struct Programs<'p> {
-    programs: &'p [(&'static str, Run)],
-    extensions: &'p [&'static dyn Extension],
-}
-
-impl<'p> Programs<'p> {
-    /// Makes an application of programs with their names.
-    #[must_use]
-    pub const fn new(programs: &'p [(&'static str, Run)]) -> Self {
-        Self {
-            programs,
-            extensions: &[],
-        }
-    }
-
-    /// Adds these extensions.
-    #[must_use]
-    pub const fn with(mut self, extensions: &'p [&'static dyn Extension]) -> Self {
-        self.extensions = extensions;
-        self
-    }
-}
-
-impl Application for Programs<'_> {
-    fn programs(&self) -> &[(&'static str, Run)] {
-        self.programs
-    }
-
-    fn extensions(&self) -> &[&'static dyn Extension] {
-        self.extensions
-    }
-}
 
 /// Brings up a robot whose processors share memory with this machine, and looks after it.
 #[derive(Debug, Parser)]
@@ -187,17 +92,6 @@ enum Command {
     },
 }
 
-/// Which of the running systems is meant.
-#[derive(Debug, Args)]
-pub(crate) struct Which {
-    /// The name of the system, if several are running
-    #[arg(long, value_name = "NAME")]
-    pub(crate) system: Option<String>,
-}
-
-/// The error of a command, which is shown to people.
-pub type AnyError = Box<dyn core::error::Error>;
-
 /// Runs the command that the arguments of this process name. Returns its exit status: 0 for
 /// success, 1 for failure, 2 for arguments that cannot be understood.
 pub fn main(application: &dyn Application) -> ExitCode {
@@ -213,13 +107,6 @@ pub fn main(application: &dyn Application) -> ExitCode {
             ExitCode::FAILURE
         }
     }
-}
-
-/// How this program was called, for what people may type next.
-pub(crate) fn me() -> String {
-    let called = std::env::args_os().next().unwrap_or_default();
-    let name = Path::new(&called).file_name().unwrap_or_default();
-    name.to_string_lossy().into_owned()
 }
 
 fn is_broken_pipe(error: &(dyn core::error::Error + 'static)) -> bool {
@@ -260,12 +147,6 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         }
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// What the programs are called.
-pub(crate) fn names(application: &dyn Application) -> Vec<&'static str> {
-    let programs = application.programs().iter();
-    programs.map(|(name, _)| *name).collect()
 }
 
 /// The description that is meant.

@@ -2,11 +2,10 @@
 //!
 //! Output is for people, in tables; with `--json` it is one object, or one a line where it goes on.
 
-mod number;
+pub(crate) mod number;
 mod ps;
 pub(crate) mod running;
 mod send;
-pub(crate) mod table;
 pub(crate) mod top;
 mod tty;
 mod vars;
@@ -24,8 +23,16 @@ use std::io::Write;
 use clap::Args;
 use serde::Serialize;
 
-use crate::cli::{AnyError, Which};
+use crate::error::AnyError;
 use crate::plain::plain_json;
+
+/// Which of the running systems is meant.
+#[derive(Debug, Args)]
+pub(crate) struct Which {
+    /// The name of the system, if several are running
+    #[arg(long, value_name = "NAME")]
+    pub(crate) system: Option<String>,
+}
 
 /// What all commands are told.
 #[derive(Debug, Args)]

@@ -35,16 +35,12 @@
 //! Paths are relative to the directory of the description. A program is searched there, then in the
 //! directory of the running program, then in `PATH`.
 
-mod check;
-mod read;
-
-use std::path::PathBuf;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
 
 use crate::extension::Group;
 
-pub use check::find_program;
 pub use condor_toml::{Keys, Spanned, TextErrors, Whole};
-pub use read::beside;
 
 /// The description of a system, which has passed every check.
 #[derive(Debug)]
@@ -160,4 +156,44 @@ pub enum OnFailure {
     Stop,
     /// Nothing happens.
     Leave,
+}
+
+/// Returns the path that `path` denotes in the description in `file`; it is relative to that file.
+#[must_use]
+pub fn beside(file: &Path, path: &str) -> PathBuf {
+    let directory = file.parent().unwrap_or(Path::new(""));
+    let joined = directory.join(path);
+    std::path::absolute(&joined).unwrap_or(joined)
+}
+
+/// Returns the file of a program. It searches relative to the description in `file`, then in the
+/// directory of the running program, then in `PATH`.
+///
+/// # Errors
+/// A sentence that says where it was searched, or that it cannot be run.
+pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, String> {
+    let mut looked = vec![beside(file, name)];
+    if let Ok(own) = std::env::current_exe() {
+        looked.push(own.with_file_name(name));
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let in_path = std::env::split_paths(&path).map(|directory| directory.join(name));
+    // A name with a slash is a path, and not looked for.
+    let in_path = in_path.filter(|_| !name.contains('/'));
+    for place in looked.iter().cloned().chain(in_path) {
+        if let Ok(metadata) = std::fs::metadata(&place) {
+            if metadata.is_file() && metadata.permissions().mode() & 0o111 != 0 {
+                return Ok(place);
+            }
+            return Err(format!(
+                "{} is no program: it is no file that may be executed",
+                place.display()
+            ));
+        }
+    }
+    let looked = looked.iter().map(|place| format!("{}, ", place.display()));
+    let looked: String = looked.collect();
+    Err(format!(
+        "there is no program `{name}`; looked for {looked}and in PATH"
+    ))
 }

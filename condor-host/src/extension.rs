@@ -15,10 +15,10 @@ use condor_mbox::Processor;
 use condor_mbox::linux::LinuxDoorbell;
 use condor_rt::linux::{Environment, FileRange, Loops};
 use condor_rt::numbers::PROCESSORS;
+use condor_toml::{Keys, Spanned, Whole};
 
-use crate::cli::AnyError;
-use crate::description::{Keys, Spanned, Whole};
-use crate::supervisor::{Launch, Process};
+use crate::error::AnyError;
+use crate::launch::{Launch, Process};
 use crate::system::SystemDirectory;
 
 /// A kind of processors, a service, or both.

@@ -1,13 +1,28 @@
 #![doc = include_str!("../README.md")]
 
+// The modules from low to high; each uses only those before it:
+//
+// * `error`, `plain`, `signals`, `table`: what people are told, and the signals that end a program;
+// * `system`, `control`, `view`: a running system, its directory, protocol and memory;
+// * `launch`, `extension`: how a processor is run, and what others add;
+// * `description`, `application`, `reading`: what a system has, and the text that says so;
+// * `services`, `supervisor`: what runs in a system;
+// * `ui`, `commands`, `cli`: what people use.
+
+mod application;
 pub mod cli;
 mod commands;
 pub mod control;
 pub mod description;
+mod error;
 pub mod extension;
+mod launch;
 mod plain;
+mod reading;
 pub mod services;
+mod signals;
 pub mod supervisor;
 pub mod system;
+mod table;
 pub mod ui;
 pub mod view;

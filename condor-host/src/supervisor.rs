@@ -10,17 +10,14 @@ mod eye;
 mod hearing;
 mod journal;
 pub mod keeper;
-mod launch;
 mod member;
 mod place;
 mod plan;
-mod process;
 mod requests;
-mod signals;
 pub(crate) mod stat;
 
-pub use launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
-pub use process::Process;
+pub use crate::launch::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
+pub use crate::signals::Signals;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -30,10 +27,10 @@ use condor_rt::linux::FileRange;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
-use crate::cli::AnyError;
 use crate::control::server::Server;
 use crate::control::{SharedMemory, Status};
 use crate::description::{Description, OnFailure};
+use crate::error::{AnyError, me};
 use crate::system::{FindError, SystemDirectory};
 use eye::Eye;
 pub(crate) use journal::last as last_lines;
@@ -41,7 +38,6 @@ use journal::{CONDOR, Journal};
 use member::{Member, Phase, Then};
 use place::RunDirectory;
 use requests::Promise;
-pub use signals::Signals;
 
 /// Requests that are carried out in a turn; others come in the next one.
 const REQUESTS: usize = 16;
@@ -70,7 +66,7 @@ pub enum UpError {
     #[error(
         "the system `{name}` is running already{}; `{} down --system {name}` ends it",
         process.map(|process| format!(", as process {process}")).unwrap_or_default(),
-        crate::cli::me()
+        me()
     )]
     RunsAlready {
         /// Its name.

@@ -16,12 +16,19 @@
 //! | `tty/` | has the terminals, see [`services`](crate::services) |
 
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use condor_mbox::linux::SystemError;
+use rustix::net::sockopt::{Timeout, set_socket_timeout};
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 
-use crate::control::client::connect;
+use crate::error::me;
 use condor_rt::numbers::PROCESSORS;
+
+/// How long a supervisor may take to answer what it answers at once.
+pub(crate) const ANSWER: Duration = Duration::from_secs(15);
 
 /// The reason for which a system is not found.
 #[derive(Debug, thiserror::Error)]
@@ -36,7 +43,7 @@ pub enum FindError {
         running: Vec<String>,
     },
     /// No system runs.
-    #[error("no system is running; `{} up` starts one", crate::cli::me())]
+    #[error("no system is running; `{} up` starts one", me())]
     NoneRunning,
     /// Several systems run, and none was named.
     #[error("several systems are running, name one: {}", running.join(", "))]
@@ -166,7 +173,18 @@ impl SystemDirectory {
     /// Returns whether its supervisor accepts connections.
     #[must_use]
     pub fn is_running(&self) -> bool {
-        connect(&self.control()).is_ok()
+        self.connect().is_ok()
+    }
+
+    /// Connects to its supervisor, which may be stopped, and take no connection.
+    pub(crate) fn connect(&self) -> std::io::Result<UnixStream> {
+        let flags = SocketFlags::CLOEXEC;
+        let socket =
+            rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
+        // This one bounds the wait for room among those that are not taken yet, too.
+        set_socket_timeout(&socket, Timeout::Send, Some(ANSWER))?;
+        rustix::net::connect(&socket, &SocketAddrUnix::new(self.control())?)?;
+        Ok(socket.into())
     }
 }
 

@@ -2,7 +2,8 @@
 
 use clap::Args;
 
-use super::{AnyError, Which};
+use super::AnyError;
+use crate::commands::Which;
 use crate::control::{Client, Request};
 use crate::plain::{plain, plain_json};
 use crate::system;

@@ -3,11 +3,11 @@
 use serde::Serialize;
 
 use super::AnyError;
-use crate::commands::table::{Left, Right, Table, or_dash};
 use crate::commands::{running, top, vectors};
 use crate::control::Status;
 use crate::plain::plain_json;
 use crate::system::SystemDirectory;
+use crate::table::{Left, Right, Table, or_dash};
 use crate::view::{LoopRates, VectorCounts, View};
 
 /// What the windows said before the programs were stopped.

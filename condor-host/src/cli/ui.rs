@@ -8,8 +8,10 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::{AnyError, Which};
+use super::AnyError;
+use crate::commands::Which;
 use crate::control::Client;
+use crate::error::me;
 use crate::plain::plain_lines;
 use crate::supervisor::{self, stat};
 use crate::system::{self, SystemDirectory};
@@ -90,7 +92,7 @@ pub(super) fn up(
     let outcome = ui::run(&directory, tools.all());
     if is_supervisor(&directory, pid) {
         outcome?;
-        let me = super::me();
+        let me = me();
         println!("The system `{name}` goes on: `{me} ui` shows it, `{me} down` ends it.");
         return Ok(ExitCode::SUCCESS);
     }

@@ -7,10 +7,11 @@ use std::process::{Command, ExitCode};
 use std::time::Duration;
 
 use clap::Args;
-use jiff::SignedDuration;
 
 use super::summary::Summary;
-use super::{AnyError, Application, description, names};
+use super::{AnyError, Application, description};
+use crate::application::names;
+use crate::commands::number::duration;
 use crate::description::{Description, ProcessorEntry};
 use crate::plain::plain_lines;
 use crate::services::terminals;
@@ -48,15 +49,6 @@ pub(super) struct How {
     json: bool,
     #[command(flatten)]
     tools: super::ui::Tools,
-}
-
-/// A time of the command line.
-pub(crate) fn duration(text: &str) -> Result<Duration, String> {
-    let span: SignedDuration = text
-        .parse()
-        .map_err(|error| format!("{error}; write for example 10s"))?;
-    span.try_into()
-        .map_err(|_| "a time before the beginning".into())
 }
 
 /// Runs what this process was called with as the supervisor, which this one keeps.

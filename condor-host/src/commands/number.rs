@@ -1,4 +1,8 @@
-//! Numbers of the command line.
+//! Numbers and times of the command line.
+
+use std::time::Duration;
+
+use jiff::SignedDuration;
 
 /// A word: decimal, or hexadecimal after `0x`.
 pub(super) fn word(text: &str) -> Result<u32, String> {
@@ -17,6 +21,15 @@ pub(super) fn word(text: &str) -> Result<u32, String> {
             u32::MAX
         )
     })
+}
+
+/// A time of the command line.
+pub(crate) fn duration(text: &str) -> Result<Duration, String> {
+    let span: SignedDuration = text
+        .parse()
+        .map_err(|error| format!("{error}; write for example 10s"))?;
+    span.try_into()
+        .map_err(|_| "a time before the beginning".into())
 }
 
 #[cfg(test)]

@@ -4,10 +4,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::running::{self, Running};
-use super::table::{Left, Right, Table, or_dash};
 use super::{How, print, print_json};
-use crate::cli::AnyError;
 use crate::control::Member;
+use crate::error::AnyError;
+use crate::table::{Left, Right, Table, or_dash};
 use crate::view::{Heart, TerminalCounts};
 
 #[derive(Debug, Args)]

@@ -2,8 +2,9 @@
 
 use condor_mbox::Processor;
 
-use crate::cli::{AnyError, Which};
+use super::Which;
 use crate::control::{Client, Member, Status};
+use crate::error::AnyError;
 use crate::system::{self, SystemDirectory};
 use crate::view::View;
 

@@ -6,10 +6,10 @@ use clap::Args;
 use condor_mbox::{LoadOrder, MemoryWindow, Messenger, Processor, Vector, layout};
 use serde::Serialize;
 
-use super::number::word;
+use super::number::{duration, word};
 use super::running::{self, Running};
 use super::{How, print, print_json};
-use crate::cli::{AnyError, duration};
+use crate::error::AnyError;
 use crate::view::{Post, VectorCounts};
 use condor_rt::numbers::PROCESSORS;
 

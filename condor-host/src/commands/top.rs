@@ -10,10 +10,11 @@ use clap::Args;
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
+use super::number::duration;
 use super::running::{self, Running};
-use super::table::{Left, Right, Table, or_dash};
 use super::{How, print, print_json};
-use crate::cli::{AnyError, duration};
+use crate::error::AnyError;
+use crate::table::{Left, Right, Table, or_dash};
 use crate::view::{LoopRates, LoopSample, View};
 
 #[derive(Debug, Args)]

@@ -12,8 +12,9 @@ use rustix::io::Errno;
 use serde::Serialize;
 
 use super::How;
+use super::number::duration;
 use super::running::Running;
-use crate::cli::{AnyError, duration};
+use crate::error::AnyError;
 use crate::services::terminals::keyboard;
 
 /// Ctrl-], as telnet has it.

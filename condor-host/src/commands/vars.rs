@@ -14,10 +14,10 @@ use serde::Serialize;
 use serde_json::Value as Json;
 
 use super::running::Running;
-use super::table::{Left, Right, Table, or_dash};
 use super::{How, print, print_json};
-use crate::cli::AnyError;
 use crate::control::Member;
+use crate::error::AnyError;
+use crate::table::{Left, Right, Table, or_dash};
 use clients::{ANSWER, Clients};
 use known::{Known, One};
 

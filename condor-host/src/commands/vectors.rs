@@ -4,9 +4,9 @@ use clap::Args;
 use serde::Serialize;
 
 use super::running::{self, Running};
-use super::table::{Left, Right, Table};
 use super::{How, print, print_json};
-use crate::cli::AnyError;
+use crate::error::AnyError;
+use crate::table::{Left, Right, Table};
 use crate::view::VectorCounts;
 
 #[derive(Debug, Args)]

@@ -3,17 +3,12 @@
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
-use rustix::net::sockopt::{Timeout, set_socket_timeout};
-use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
-
 use super::{Answer, Event, Request, Status};
-use crate::system::SystemDirectory;
+use crate::system::{ANSWER, SystemDirectory};
 
-/// How long a supervisor may take to answer what it answers at once.
-const ANSWER: Duration = Duration::from_secs(15);
 /// How long it may take to do something; programs may have to end, and others to join.
 const DONE: Duration = Duration::from_secs(120);
 
@@ -75,13 +70,15 @@ impl Client {
     /// # Errors
     /// [`ClientError::Connect`] if no supervisor accepts the connection.
     pub fn connect(directory: &SystemDirectory) -> Result<Self, ClientError> {
-        let path = directory.control();
-        match connect(&path) {
+        match directory.connect() {
             Ok(stream) => Ok(Self {
                 stream: BufReader::new(stream),
                 has_timeout: false,
             }),
-            Err(source) => Err(ClientError::Connect { path, source }),
+            Err(source) => Err(ClientError::Connect {
+                path: directory.control(),
+                source,
+            }),
         }
     }
 
@@ -176,16 +173,6 @@ impl Client {
             Err(source) => Err(ClientError::NoAnswer { line, source }),
         }
     }
-}
-
-/// Connects to a socket whose owner may be stopped, and takes no connection.
-pub(crate) fn connect(path: &Path) -> std::io::Result<UnixStream> {
-    let flags = SocketFlags::CLOEXEC;
-    let socket = rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
-    // This one bounds the wait for room among those that are not taken yet, too.
-    set_socket_timeout(&socket, Timeout::Send, Some(ANSWER))?;
-    rustix::net::connect(&socket, &SocketAddrUnix::new(path)?)?;
-    Ok(socket.into())
 }
 
 /// An iterator over the events of a system, which ends with the system.

@@ -41,7 +41,7 @@ use rustix::io::Errno;
 
 use super::{ServiceError, claim};
 use crate::description::Description;
-use crate::supervisor::Signals;
+use crate::signals::Signals;
 use crate::system::SystemDirectory;
 use condor_rt::numbers::TERMINALS;
 pub use station::Sizes;

@@ -19,8 +19,9 @@ use rustix::io::Errno;
 use rustix::process::{Pid, Signal, WaitOptions, WaitStatus};
 use signal_hook::consts::SIGCHLD;
 
-use super::signals::Signals;
-use super::{process, stat};
+use super::stat;
+use crate::launch::process::die_with_parent;
+use crate::signals::Signals;
 
 /// Runs the command of a supervisor until it ends, and then kills all descendants of this process.
 /// Signals that ask this process to end are passed on to the supervisor. Returns the supervisor's
@@ -36,7 +37,7 @@ pub fn keep(mut supervisor: Command) -> Result<ExitStatus, Error> {
     let mut told = Signals::new()?;
     let mut children = Signals::of(&[SIGCHLD])?;
     // ^C is passed on, once; and a session has no terminal that could stop it when it writes there.
-    process::die_with_parent(&mut supervisor, Signal::TERM, true);
+    die_with_parent(&mut supervisor, Signal::TERM, true);
     // Nobody but this thread waits for it, so that its number stays its own until then.
     let supervisor = Pid::from_child(&supervisor.spawn()?);
     let status = loop {

@@ -9,9 +9,9 @@ use condor_mbox::Processor;
 use super::eye::Eye;
 use super::hearing::{Hearing, LINES};
 use super::journal::Journal;
-use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 use crate::control::{self, MemberState};
 use crate::description::OnFailure;
+use crate::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 use condor_rt::linux::Environment;
 
 /// How long a program may take to join.

@@ -7,11 +7,10 @@ use condor_mbox::Processor as Number;
 
 use super::UpError;
 use super::eye::Eye;
-use super::launch::{Image, Launch};
 use super::member::{Member, Plan};
-use super::process::Process;
 use crate::description::{Description, OnFailure, ProgramEntry, beside, find_program};
 use crate::extension::Furnished;
+use crate::launch::{Image, Launch, Process};
 use crate::services;
 use crate::system::SystemDirectory;
 use condor_rt::linux::{Environment, FileRange, Loops};

@@ -7,8 +7,8 @@ use condor_fs::wire::FILES as FILES_VECTOR;
 use condor_mbox::Processor;
 
 use super::model::{Model, Served};
-use crate::cli::AnyError;
 use crate::control::Client;
+use crate::error::AnyError;
 use crate::plain::plain;
 use crate::system::SystemDirectory;
 use crate::view::{LoopSample, View};

@@ -8,8 +8,8 @@ use condor_mbox::linux::LinuxWindow;
 use condor_vars::{Cell, Client, Value};
 
 use super::known::One;
-use crate::cli::AnyError;
 use crate::commands::running;
+use crate::error::AnyError;
 use crate::view::{Post, View, ViewError};
 
 /// How long a loop may take to answer.

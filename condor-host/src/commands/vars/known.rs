@@ -7,9 +7,9 @@ use condor_mbox::linux::LinuxWindow;
 use condor_vars::{Entry, Table, TableError};
 
 use super::value::Type;
-use crate::cli::AnyError;
 use crate::commands::running;
 use crate::control::Member;
+use crate::error::AnyError;
 use crate::plain::plain;
 use crate::view::View;
 

@@ -9,7 +9,7 @@ use condor_vars::{TableError, Value, WatchError, Watcher};
 
 use super::clients::{ANSWER, Clients};
 use super::known::One;
-use crate::cli::AnyError;
+use crate::error::AnyError;
 use crate::view::View;
 
 /// How often rows are fetched.

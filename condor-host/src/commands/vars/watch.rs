@@ -9,11 +9,12 @@ use serde_json::{Map, Value as Json, json};
 
 use super::known::{Known, One};
 use super::rows::{Rows, Sample, Source};
-use crate::cli::{AnyError, duration};
+use crate::commands::number::duration;
 use crate::commands::running::Running;
 use crate::commands::top::interrupted;
 use crate::commands::{How, print};
 use crate::control::Member;
+use crate::error::AnyError;
 use crate::plain::{plain, plain_json};
 use crate::view::View;
 

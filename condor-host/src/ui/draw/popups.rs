@@ -6,6 +6,7 @@ use ratatui::style::Stylize;
 use ratatui::text::Line;
 use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
 
+use crate::error::me;
 use crate::plain::plain;
 use crate::ui::menu::ORDERS;
 use crate::ui::model::{Model, Popup};
@@ -36,7 +37,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, popup: Popup) {
             show(frame, " Help ", lines);
         }
         Popup::Leave => {
-            let (system, me) = (&model.system, crate::cli::me());
+            let (system, me) = (&model.system, me());
             let lines = if model.gone.is_some() {
                 vec![
                     Line::raw(format!("l  leave; the system `{system}` has ended")),

@@ -3,7 +3,7 @@
 use ratatui::style::Stylize;
 use ratatui::text::Line;
 
-use crate::commands::table::{Left, Right, Table, or_dash};
+use crate::table::{Left, Right, Table, or_dash};
 use crate::ui::log;
 use crate::ui::model::{Model, Page};
 use crate::view::{LoopRates, VectorCounts};

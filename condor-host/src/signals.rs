@@ -25,7 +25,7 @@ impl Signals {
     }
 
     /// These signals.
-    pub(super) fn of(signals: &[i32]) -> std::io::Result<Self> {
+    pub(crate) fn of(signals: &[i32]) -> std::io::Result<Self> {
         let (reader, writer) = UnixStream::pair()?;
         reader.set_nonblocking(true)?;
         let mut this = Self {

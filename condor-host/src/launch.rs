@@ -1,5 +1,9 @@
 //! [`Launch`]: the supervisor's control over the program of a processor.
 
+pub(crate) mod process;
+
+pub use process::Process;
+
 use core::fmt;
 use std::os::fd::BorrowedFd;
 use std::path::PathBuf;

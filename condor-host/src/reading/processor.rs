@@ -1,26 +1,114 @@
-//! Whether what a description names is there, and goes together.
+//! The processors of a description, and whether their programs are there.
 
-use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
-
-use condor_toml::{Keys, Spanned, suggest};
-
-use super::ProgramEntry;
-use super::read::{Read, beside};
-use crate::cli::{Application, names};
-use crate::extension::Extension;
 use condor_rt::numbers::PROGRAMS;
+use condor_toml::{Keys, Spanned, Whole, suggest};
 
-/// Where the description stands, and for which application.
-pub(super) struct Own<'o> {
-    pub(super) file: &'o Path,
-    pub(super) application: &'o dyn Application,
+use super::{Own, Restarts, name};
+use crate::application::names;
+use crate::description::{OnFailure, ProcessorEntry, ProgramEntry, beside, find_program};
+use crate::extension::{Extension, FoundProcessor};
+
+type Number = Whole<u8, { *PROGRAMS.start() as i64 }, { *PROGRAMS.end() as i64 }>;
+
+/// What all processors have; of one that is wrong, some may be missing.
+pub(super) struct Common {
+    number: Option<Spanned<Number>>,
+    name: Option<Spanned<String>>,
+    program: Option<ProgramEntry>,
+    arguments: Vec<String>,
+    headless: Vec<String>,
+    kind: &'static str,
+    runs_here: bool,
+    on_failure: OnFailure,
+    restarts: u32,
+    stall_seconds: u32,
+}
+
+impl Common {
+    pub(super) fn whole(self) -> Option<ProcessorEntry> {
+        Some(ProcessorEntry {
+            number: self.number?.get_ref().0,
+            name: self.name?.into_inner(),
+            program: self.program?,
+            arguments: self.arguments,
+            headless: self.headless,
+            kind: self.kind,
+            runs_here: self.runs_here,
+            on_failure: self.on_failure,
+            restarts: self.restarts,
+            stall_seconds: self.stall_seconds,
+        })
+    }
+}
+
+/// A processor, and what is left for the extension of this place.
+pub(super) type Read<'a, 't> = (Common, usize, FoundProcessor<'a, 't>);
+
+pub(super) fn read<'a, 't>(
+    mut keys: Keys<'a, 't>,
+    extensions: &[&'static dyn Extension],
+    own: &Own<'_>,
+) -> Read<'a, 't> {
+    let number: Option<Spanned<Number>> = keys.need("number", "a whole number from 0 to 11");
+    let name = name(&mut keys);
+    let program: Option<Spanned<String>> =
+        keys.need("program", "\"self\", or the path of a program");
+    let arguments: Option<Spanned<Vec<String>>> = keys.get("arguments");
+    let kinds = extensions.iter().enumerate();
+    let kinds = kinds.filter_map(|(place, it)| Some((it.kind()?, (place, it.runs_here()))));
+    let kinds: Vec<_> = kinds.collect();
+    let (place, runs_here) = keys.word("kind", &kinds).unwrap_or((0, true));
+    let kind = extensions.get(place).and_then(|it| it.kind());
+    let on_failure = keys.word(
+        "on_failure",
+        &[
+            ("restart", OnFailure::Restart),
+            ("stop", OnFailure::Stop),
+            ("leave", OnFailure::Leave),
+        ],
+    );
+    let restarts: Option<Restarts> = keys.get("restarts");
+    let stall_seconds: Option<Whole<_, 0, 86400>> = keys.get("stall_seconds");
+    let headless = keys.get("headless");
+    let entry = program.as_ref().and_then(|program| {
+        if runs_here {
+            self::program(&keys, program, arguments.as_ref(), own)
+        } else {
+            file(&keys, program, own)
+        }
+    });
+    let arguments = arguments.unwrap_or_else(|| Spanned::new(keys.span(), Vec::new()));
+    let file = match (&entry, program) {
+        (Some(ProgramEntry::File(path)), Some(program)) => {
+            Some(Spanned::new(program.span(), path.clone()))
+        }
+        _ => None,
+    };
+    let found = FoundProcessor {
+        number: number.as_ref().map(|number| number.get_ref().0),
+        keys,
+        program: file,
+        arguments: arguments.clone(),
+    };
+    let common = Common {
+        number,
+        name,
+        program: entry,
+        arguments: arguments.into_inner(),
+        headless: headless.unwrap_or_default(),
+        kind: kind.unwrap_or_default(),
+        runs_here,
+        on_failure: on_failure.unwrap_or(OnFailure::Restart),
+        restarts: restarts.map_or(10, |restarts| restarts.0),
+        stall_seconds: stall_seconds.map_or(5, |seconds| seconds.0),
+    };
+    (common, place, found)
 }
 
 /// What a command would take for a processor.
 const SERVICES: [&str; 3] = ["files", "terminals", "supervisor"];
 
-pub(super) fn processors(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &[&dyn Extension]) {
+pub(super) fn check(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &[&dyn Extension]) {
     let all: Vec<_> = all.iter().map(|(common, ..)| common).collect();
     let of_extensions = extensions.iter().filter_map(|extension| extension.table());
     let services: Vec<_> = SERVICES.into_iter().chain(of_extensions).collect();
@@ -64,11 +152,7 @@ pub(super) fn processors(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &
 }
 
 /// The file of a program that does not run on this machine.
-pub(super) fn file(
-    keys: &Keys<'_, '_>,
-    program: &Spanned<String>,
-    own: &Own<'_>,
-) -> Option<ProgramEntry> {
+fn file(keys: &Keys<'_, '_>, program: &Spanned<String>, own: &Own<'_>) -> Option<ProgramEntry> {
     if program.get_ref() == "self" {
         let problem = "programs of this file are for this machine; name a file";
         keys.wrong(&program.span(), problem);
@@ -82,7 +166,7 @@ pub(super) fn file(
     Some(ProgramEntry::File(path))
 }
 
-pub(super) fn program(
+fn program(
     keys: &Keys<'_, '_>,
     program: &Spanned<String>,
     arguments: Option<&Spanned<Vec<String>>>,
@@ -117,56 +201,4 @@ pub(super) fn program(
     };
     keys.wrong(&span, problem);
     None
-}
-
-/// Returns the file of a program. It searches relative to the description in `file`, then in the
-/// directory of the running program, then in `PATH`.
-///
-/// # Errors
-/// A sentence that says where it was searched, or that it cannot be run.
-pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, String> {
-    let mut looked = vec![beside(file, name)];
-    if let Ok(own) = std::env::current_exe() {
-        looked.push(own.with_file_name(name));
-    }
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let in_path = std::env::split_paths(&path).map(|directory| directory.join(name));
-    // A name with a slash is a path, and not looked for.
-    let in_path = in_path.filter(|_| !name.contains('/'));
-    for place in looked.iter().cloned().chain(in_path) {
-        if let Ok(metadata) = std::fs::metadata(&place) {
-            if metadata.is_file() && metadata.permissions().mode() & 0o111 != 0 {
-                return Ok(place);
-            }
-            return Err(format!(
-                "{} is no program: it is no file that may be executed",
-                place.display()
-            ));
-        }
-    }
-    let looked = looked.iter().map(|place| format!("{}, ", place.display()));
-    let looked: String = looked.collect();
-    Err(format!(
-        "there is no program `{name}`; looked for {looked}and in PATH"
-    ))
-}
-
-/// The directory that is served; one that is not there yet will be made.
-pub(super) fn directory(keys: &Keys<'_, '_>, root: &Spanned<String>, own: &Own<'_>) -> PathBuf {
-    let path = beside(own.file, root.get_ref());
-    if std::fs::metadata(&path).is_ok_and(|metadata| !metadata.is_dir()) {
-        let shown = path.display();
-        let problem = format!("{shown} is no directory; name one, or what is not there yet");
-        keys.wrong(&root.span(), problem);
-    }
-    path
-}
-
-/// The configuration of the robot, which must be right, too.
-pub(super) fn robot(keys: &Keys<'_, '_>, robot: &Spanned<String>, own: &Own<'_>) -> PathBuf {
-    let path = beside(own.file, robot.get_ref());
-    if let Err(error) = own.application.check_robot(&path) {
-        keys.wrong(&robot.span(), error);
-    }
-    path
 }

@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use rustix::fs::OFlags;
 use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions};
 
-use super::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
+use super::{Exit, Image, Launch, LaunchError, RunState, Stop};
 
 /// A process that is killed when the thread that started it ends, and is asked to end by SIGTERM.
 ///
@@ -213,7 +213,7 @@ impl Running {
 
 /// Has the process of a command get `signal` when the thread that starts it dies, and begin a session of its
 /// own if that is wished for.
-pub(super) fn die_with_parent(command: &mut Command, signal: Signal, session: bool) {
+pub(crate) fn die_with_parent(command: &mut Command, signal: Signal, session: bool) {
     let parent = rustix::process::getpid();
     let prepare = move || {
         if session {

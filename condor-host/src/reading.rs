@@ -1,21 +1,20 @@
-//! From the text to a [`Description`].
+//! From a text to a [`Description`] for an [`Application`].
+
+mod processor;
 
 use std::path::{Path, PathBuf};
 
 use condor_toml::{Fault, Keys, Spanned, Text, TextErrors, Whole};
 
-use super::check::{self, Own};
-use super::{Description, Entry, Files, OnFailure, ProcessorEntry, ProgramEntry, Terminals};
-use crate::cli::Application;
-use crate::extension::{Extension, Found, FoundProcessor, PROCESSES};
-use condor_rt::numbers::PROGRAMS;
+use crate::application::Application;
+use crate::description::{Description, Entry, Files, Terminals, beside};
+use crate::extension::{Extension, Found, PROCESSES};
 
 const PAGE: i64 = 4096;
 const MOST_BYTES: i64 = 1 << 30;
 /// Names become those of files and of sockets, whose paths are short.
 const LONGEST: usize = 32;
 
-type Number = Whole<u8, { *PROGRAMS.start() as i64 }, { *PROGRAMS.end() as i64 }>;
 type Pages = Whole<u32, PAGE, MOST_BYTES, PAGE>;
 type Bytes = Whole<u32, 0, MOST_BYTES>;
 type Restarts = Whole<u32, 0, 1_000_000>;
@@ -52,6 +51,12 @@ impl Description {
     }
 }
 
+/// Where the description stands, and for which application.
+struct Own<'o> {
+    file: &'o Path,
+    application: &'o dyn Application,
+}
+
 fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
     let name = name(&mut top);
     let window_bytes: Option<Pages> = top.need("window_bytes", "a multiple of 4096");
@@ -70,10 +75,10 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
     let processors: Vec<_> = top
         .tables("processors", expected)
         .into_iter()
-        .map(|table| processor(table, &extensions, own))
+        .map(|table| processor::read(table, &extensions, own))
         .collect();
-    check::processors(&top, &processors, &extensions);
-    let robot = robot.map(|robot| check::robot(&top, &robot, own));
+    processor::check(&top, &processors, &extensions);
+    let robot = robot.map(|robot| self::robot(&top, &robot, own));
     top.finish();
     let mut groups = Vec::new();
     let (mut whole, mut rest) = (Vec::new(), Vec::new());
@@ -146,7 +151,7 @@ fn bytes_of(mut keys: Keys<'_, '_>) -> Option<u32> {
 
 fn files(mut keys: Keys<'_, '_>, own: &Own<'_>) -> Option<Files> {
     let root = keys.need("root", "the path of the directory that is served");
-    let root = root.map(|root| check::directory(&keys, &root, own));
+    let root = root.map(|root| directory(&keys, &root, own));
     let read_only = keys.get("read_only");
     let quota_bytes = keys.get("quota_bytes");
     let max_file_bytes = keys.get("max_file_bytes");
@@ -157,6 +162,26 @@ fn files(mut keys: Keys<'_, '_>, own: &Own<'_>) -> Option<Files> {
         quota_bytes,
         max_file_bytes,
     })
+}
+
+/// The directory that is served; one that is not there yet will be made.
+fn directory(keys: &Keys<'_, '_>, root: &Spanned<String>, own: &Own<'_>) -> PathBuf {
+    let path = beside(own.file, root.get_ref());
+    if std::fs::metadata(&path).is_ok_and(|metadata| !metadata.is_dir()) {
+        let shown = path.display();
+        let problem = format!("{shown} is no directory; name one, or what is not there yet");
+        keys.wrong(&root.span(), problem);
+    }
+    path
+}
+
+/// The configuration of the robot, which must be right, too.
+fn robot(keys: &Keys<'_, '_>, robot: &Spanned<String>, own: &Own<'_>) -> PathBuf {
+    let path = beside(own.file, robot.get_ref());
+    if let Err(error) = own.application.check_robot(&path) {
+        keys.wrong(&robot.span(), error);
+    }
+    path
 }
 
 /// How often a service is started again.
@@ -189,107 +214,4 @@ fn terminals(mut keys: Keys<'_, '_>) -> Terminals {
         replay_bytes,
         log_bytes,
     }
-}
-
-/// What all processors have; of one that is wrong, some may be missing.
-pub(super) struct Common {
-    pub(super) number: Option<Spanned<Number>>,
-    pub(super) name: Option<Spanned<String>>,
-    program: Option<ProgramEntry>,
-    arguments: Vec<String>,
-    headless: Vec<String>,
-    kind: &'static str,
-    runs_here: bool,
-    on_failure: OnFailure,
-    restarts: u32,
-    stall_seconds: u32,
-}
-
-impl Common {
-    fn whole(self) -> Option<ProcessorEntry> {
-        Some(ProcessorEntry {
-            number: self.number?.get_ref().0,
-            name: self.name?.into_inner(),
-            program: self.program?,
-            arguments: self.arguments,
-            headless: self.headless,
-            kind: self.kind,
-            runs_here: self.runs_here,
-            on_failure: self.on_failure,
-            restarts: self.restarts,
-            stall_seconds: self.stall_seconds,
-        })
-    }
-}
-
-/// A processor, and what is left for the extension of this place.
-pub(super) type Read<'a, 't> = (Common, usize, FoundProcessor<'a, 't>);
-
-fn processor<'a, 't>(
-    mut keys: Keys<'a, 't>,
-    extensions: &[&'static dyn Extension],
-    own: &Own<'_>,
-) -> Read<'a, 't> {
-    let number: Option<Spanned<Number>> = keys.need("number", "a whole number from 0 to 11");
-    let name = name(&mut keys);
-    let program: Option<Spanned<String>> =
-        keys.need("program", "\"self\", or the path of a program");
-    let arguments: Option<Spanned<Vec<String>>> = keys.get("arguments");
-    let kinds = extensions.iter().enumerate();
-    let kinds = kinds.filter_map(|(place, it)| Some((it.kind()?, (place, it.runs_here()))));
-    let kinds: Vec<_> = kinds.collect();
-    let (place, runs_here) = keys.word("kind", &kinds).unwrap_or((0, true));
-    let kind = extensions.get(place).and_then(|it| it.kind());
-    let on_failure = keys.word(
-        "on_failure",
-        &[
-            ("restart", OnFailure::Restart),
-            ("stop", OnFailure::Stop),
-            ("leave", OnFailure::Leave),
-        ],
-    );
-    let restarts: Option<Restarts> = keys.get("restarts");
-    let stall_seconds: Option<Whole<_, 0, 86400>> = keys.get("stall_seconds");
-    let headless = keys.get("headless");
-    let entry = program.as_ref().and_then(|program| {
-        if runs_here {
-            check::program(&keys, program, arguments.as_ref(), own)
-        } else {
-            check::file(&keys, program, own)
-        }
-    });
-    let arguments = arguments.unwrap_or_else(|| Spanned::new(keys.span(), Vec::new()));
-    let file = match (&entry, program) {
-        (Some(ProgramEntry::File(path)), Some(program)) => {
-            Some(Spanned::new(program.span(), path.clone()))
-        }
-        _ => None,
-    };
-    let found = FoundProcessor {
-        number: number.as_ref().map(|number| number.get_ref().0),
-        keys,
-        program: file,
-        arguments: arguments.clone(),
-    };
-    let common = Common {
-        number,
-        name,
-        program: entry,
-        arguments: arguments.into_inner(),
-        headless: headless.unwrap_or_default(),
-        kind: kind.unwrap_or_default(),
-        runs_here,
-        on_failure: on_failure.unwrap_or(OnFailure::Restart),
-        restarts: restarts.map_or(10, |restarts| restarts.0),
-        stall_seconds: stall_seconds.map_or(5, |seconds| seconds.0),
-    };
-    (common, place, found)
-}
-
-/// Returns the path that `path` denotes in the description in `file`; it is relative to that file.
-#[must_use]
-pub fn beside(file: &Path, path: &str) -> PathBuf {
-    let directory = file.parent().unwrap_or(Path::new(""));
-    let joined = directory.join(path);
-    std::path::absolute(&joined).unwrap_or(joined)
 }

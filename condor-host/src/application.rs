@@ -1,0 +1,110 @@
+//! [`Application`]: what a binary adds to `condor`.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use crate::description::Description;
+use crate::error::{AnyError, me};
+use crate::extension::Extension;
+use crate::system::SystemDirectory;
+
+/// A program: gets its arguments, and runs in the process that a supervisor started for it. Most
+/// such functions call [`linux::run`](condor_rt::linux::run).
+pub type Run = fn(Vec<String>) -> ExitCode;
+
+/// The parts that a binary adds to `condor`. If it adds only programs and extensions, use
+/// [`Programs`].
+pub trait Application: Sync {
+    /// Returns the programs with their names. With `program = "self"` in a description, the first
+    /// argument is such a name.
+    fn programs(&self) -> &[(&'static str, Run)];
+
+    /// Returns the file of the description that commands use if none is named.
+    fn description(&self) -> Option<PathBuf> {
+        None
+    }
+
+    /// Returns the extensions: further kinds of processors, and further services.
+    fn extensions(&self) -> &[&'static dyn Extension] {
+        &[]
+    }
+
+    /// Checks the robot's configuration in the file `robot`, which the description names.
+    ///
+    /// # Errors
+    /// An error that says what is wrong with it.
+    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
+        Err(format!(
+            "{} has no use for {}; leave `robot` out",
+            me(),
+            robot.display()
+        )
+        .into())
+    }
+
+    /// Makes what the programs of a system need, such as files that they load. `condor up` calls it
+    /// before it starts them; no other run of the system is alive then.
+    ///
+    /// # Errors
+    /// An error that says what cannot be made; the system is not started then.
+    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+        let _ = description;
+        Ok(())
+    }
+
+    /// Writes a summary of the system in `directory`, beside that of its loops and messages. In a
+    /// run without user interface, it is called at the end, before the programs are stopped.
+    ///
+    /// # Errors
+    /// An error that says why there is no summary.
+    fn summarize(
+        &self,
+        description: &Description,
+        directory: &SystemDirectory,
+    ) -> Result<(), AnyError> {
+        let _ = (description, directory);
+        Ok(())
+    }
+}
+
+/// An application that adds programs by their names, and extensions. If no description is named, it
+/// uses `condor.toml` in the working directory.
+#[derive(Clone, Copy, Default)]
+pub struct Programs<'p> {
+    programs: &'p [(&'static str, Run)],
+    extensions: &'p [&'static dyn Extension],
+}
+
+impl<'p> Programs<'p> {
+    /// Makes an application of programs with their names.
+    #[must_use]
+    pub const fn new(programs: &'p [(&'static str, Run)]) -> Self {
+        Self {
+            programs,
+            extensions: &[],
+        }
+    }
+
+    /// Adds these extensions.
+    #[must_use]
+    pub const fn with(mut self, extensions: &'p [&'static dyn Extension]) -> Self {
+        self.extensions = extensions;
+        self
+    }
+}
+
+impl Application for Programs<'_> {
+    fn programs(&self) -> &[(&'static str, Run)] {
+        self.programs
+    }
+
+    fn extensions(&self) -> &[&'static dyn Extension] {
+        self.extensions
+    }
+}
+
+/// What the programs are called.
+pub(crate) fn names(application: &dyn Application) -> Vec<&'static str> {
+    let programs = application.programs().iter();
+    programs.map(|(name, _)| *name).collect()
+}
