@@ -23,14 +23,19 @@ use crate::system::SystemDirectory;
 
 /// A kind of processors, a service, or both.
 pub trait Extension: Sync {
+    /// Returns the name of the extension in errors: the path of its type.
+    fn name(&self) -> &'static str {
+        core::any::type_name::<Self>()
+    }
+
     /// Returns the word that a processor of this kind has as its `kind` in a description; `None` if
-    /// the extension has only a service.
+    /// the extension has only a service. No other extension of an application has the same word.
     fn kind(&self) -> Option<&'static str> {
         None
     }
 
     /// Returns the name of the table of a description that belongs to this extension; its service
-    /// has the same name.
+    /// has the same name. No other extension of an application has the same table.
     fn table(&self) -> Option<&'static str> {
         None
     }

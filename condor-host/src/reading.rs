@@ -63,7 +63,7 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
     let robot: Option<Spanned<String>> = top.get("robot");
     let bus_bytes = top.table("bus").and_then(bytes_of);
     let shared_bytes = top.table("shared_memory").and_then(bytes_of);
-    let extensions = extensions(own.application);
+    let extensions = extensions(&top, own.application);
     let tables = extensions
         .iter()
         .map(|extension| top.table(extension.table()?));
@@ -123,10 +123,28 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
     })
 }
 
-/// All extensions that there are.
-fn extensions(application: &dyn Application) -> Vec<&'static dyn Extension> {
+/// All extensions that there are. Of two with the same kind only one could launch its processors, and both
+/// would make their windows.
+fn extensions(top: &Keys<'_, '_>, application: &dyn Application) -> Vec<&'static dyn Extension> {
     let mut all = vec![PROCESSES];
-    all.extend_from_slice(application.extensions());
+    for &new in application.extensions() {
+        for old in &all {
+            let (new_name, old_name) = (new.name(), old.name());
+            for (what, word, taken) in [
+                ("kind of processors", new.kind(), old.kind()),
+                ("table", new.table(), old.table()),
+            ] {
+                if let Some(word) = word.filter(|_| word == taken) {
+                    let problem = format!(
+                        "this program has two extensions for the {what} `{word}`: {old_name} and {new_name}; \
+                         it must register only one of them"
+                    );
+                    top.wrong(&(0..0), problem);
+                }
+            }
+        }
+        all.push(new);
+    }
     all
 }
 

@@ -1,6 +1,10 @@
 //! The kind of processors and the service of the example `extension`.
 
+use condor_host::cli::{AnyError, Programs};
 use condor_host::control::{MemberState, Request};
+use condor_host::description::Description;
+use condor_host::extension::{Extension, Found, Furnished, Group};
+use condor_host::system::SystemDirectory;
 use condor_mbox::MemoryWindow as _;
 
 use crate::running::{Up, wait};
@@ -80,4 +84,73 @@ fn a_kind_of_processors_and_a_service_run_like_those_of_condor() {
     let polite = up.status().processors.remove(0);
     assert_eq!(polite.arguments, ["joint"]);
     assert_eq!(niceness(polite.pid.unwrap()), 5);
+}
+
+/// Two machines whose harts are of one kind.
+struct First;
+struct Second;
+
+#[derive(Debug)]
+struct Windows;
+
+impl Extension for First {
+    fn kind(&self) -> Option<&'static str> {
+        Some("hart")
+    }
+
+    fn read(&self, _: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
+        Some(Box::new(Windows))
+    }
+}
+
+impl Extension for Second {
+    fn kind(&self) -> Option<&'static str> {
+        Some("hart")
+    }
+
+    fn table(&self) -> Option<&'static str> {
+        Some("machine")
+    }
+
+    fn read(&self, _: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
+        Some(Box::new(Windows))
+    }
+}
+
+impl Group for Windows {
+    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
+        Ok(Box::new(Self))
+    }
+}
+
+impl Furnished for Windows {}
+
+#[test]
+fn two_that_provide_the_windows_of_one_kind_are_refused_by_name() {
+    let text = r#"
+name = "two-machines"
+window_bytes = 65536
+[machine]
+[[processors]]
+number = 1
+name = "servo"
+kind = "hart"
+program = "/dev/null"
+"#;
+    let read = |extensions| {
+        let application = Programs::new(&[]).with(extensions);
+        Description::from_toml(text, "two.toml".as_ref(), &application)
+    };
+    read(&[&Second]).unwrap();
+    let mistakes = read(&[&First, &Second]).unwrap_err().to_string();
+    let expected = "two extensions for the kind of processors `hart`: \
+                    system::extensions::First and system::extensions::Second;";
+    assert!(mistakes.contains(expected), "{mistakes}");
+    let twice = read(&[&Second, &Second]).unwrap_err().to_string();
+    for word in ["kind of processors `hart`", "table `machine`"] {
+        assert!(
+            twice.contains(&format!("two extensions for the {word}")),
+            "{twice}"
+        );
+    }
 }
