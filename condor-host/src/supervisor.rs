@@ -149,21 +149,17 @@ pub fn run(
     let place = RunDirectory::take(&description.name)?;
     let log = place.directory.log();
     let journal = Journal::new(&log, options.echo).map_err(UpError::at("write", &log))?;
-    let (listener, furnished) = place.furnish(description)?;
+    let furniture = place.furnish(description)?;
     prepare().map_err(UpError::Prepare)?;
     let eye = Eye::open(&place.directory, description.window_bytes)?;
-    let shared = furnished.iter().find_map(|it| it.shared_memory());
-    let own = |_| FileRange::whole(place.directory.shared_memory());
-    let shared = shared.or_else(|| description.shared_bytes.map(own));
-    let directory = &place.directory;
-    let members = plan::members(description, directory, &furnished, shared.as_ref(), &eye)?;
+    let members = plan::members(description, &place.directory, &furniture, &eye)?;
     let mut supervisor = Supervisor {
         description,
         options,
         signals: Signals::new().map_err(UpError::Events)?,
-        server: Server::new(listener).map_err(UpError::Events)?,
+        server: Server::new(furniture.listener).map_err(UpError::Events)?,
         eye,
-        shared,
+        shared: furniture.shared,
         members,
         journal,
         promises: Vec::new(),

@@ -6,6 +6,7 @@ use std::io::ErrorKind;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
+use condor_rt::linux::FileRange;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::FlockOperation;
 use rustix::process::{Pid, PidfdFlags, Signal};
@@ -21,6 +22,16 @@ pub(super) struct RunDirectory {
     pub(super) directory: SystemDirectory,
     /// The kernel drops the lock with the file, however the supervisor ends.
     _lock: File,
+}
+
+/// What is made before programs start.
+pub(super) struct Furniture {
+    pub(super) listener: UnixListener,
+    /// That of extensions, in the order of the description's groups.
+    pub(super) groups: Vec<Box<dyn Furnished>>,
+    pub(super) bus: Option<FileRange>,
+    /// The memory that belongs to no processor.
+    pub(super) shared: Option<FileRange>,
 }
 
 /// How long a process of the run before may take to die, s.
@@ -125,41 +136,30 @@ impl RunDirectory {
     }
 
     /// Makes what the programs need before they start.
-    pub(super) fn furnish(
-        &self,
-        description: &Description,
-    ) -> Result<(UnixListener, Vec<Box<dyn Furnished>>), UpError> {
+    pub(super) fn furnish(&self, description: &Description) -> Result<Furniture, UpError> {
         let directory = &self.directory;
         for path in [directory.mailbox(), directory.terminals()] {
             std::fs::create_dir(&path).map_err(UpError::at("make", &path))?;
         }
         let groups = description.groups.iter();
-        let furnished = groups.map(|entry| entry.group.furnish(directory));
-        let furnished: Vec<_> = furnished
-            .collect::<Result<_, _>>()
-            .map_err(UpError::Prepare)?;
-        let has_bus = furnished.iter().any(|it| it.bus().is_some());
-        let has_shared = furnished.iter().any(|it| it.shared_memory().is_some());
-        for (is_elsewhere, bytes, path) in [
-            (has_bus, description.bus_bytes, directory.bus()),
-            (
-                has_shared,
-                description.shared_bytes,
-                directory.shared_memory(),
-            ),
-        ] {
-            if let Some(bytes) = bytes.filter(|_| !is_elsewhere) {
-                let file = File::create_new(&path).map_err(UpError::at("make", &path))?;
-                file.set_len(bytes.into())
-                    .map_err(UpError::at("extend", &path))?;
-            }
-        }
+        let groups = groups.map(|entry| entry.group.furnish(directory));
+        let groups = groups.collect::<Result<Vec<_>, _>>();
+        let groups = groups.map_err(UpError::Prepare)?;
+        let bus = groups.iter().find_map(|it| it.bus());
+        let bus = memory(bus, description.bus_bytes, directory.bus())?;
+        let shared = groups.iter().find_map(|it| it.shared_memory());
+        let shared = memory(shared, description.shared_bytes, directory.shared_memory())?;
         if let Some(files) = &description.files {
             std::fs::create_dir_all(&files.root).map_err(UpError::at("make", &files.root))?;
         }
         let path = directory.control();
         let listener = UnixListener::bind(&path).map_err(UpError::at("listen at", &path))?;
-        Ok((listener, furnished))
+        Ok(Furniture {
+            listener,
+            groups,
+            bus,
+            shared,
+        })
     }
 
     /// Notes which processes belong to the system, the supervisor first.
@@ -191,6 +191,21 @@ impl UpError {
             source,
         }
     }
+}
+
+/// Returns the memory that an extension provides, or else makes the file for it.
+fn memory(
+    provided: Option<FileRange>,
+    bytes: Option<u32>,
+    path: PathBuf,
+) -> Result<Option<FileRange>, UpError> {
+    let (None, Some(bytes)) = (&provided, bytes) else {
+        return Ok(provided);
+    };
+    let file = File::create_new(&path).map_err(UpError::at("make", &path))?;
+    let extended = file.set_len(bytes.into());
+    extended.map_err(UpError::at("extend", &path))?;
+    Ok(Some(FileRange::whole(path)))
 }
 
 /// Process and time of its start, as the supervisor noted them.

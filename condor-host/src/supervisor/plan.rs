@@ -8,12 +8,12 @@ use condor_mbox::Processor as Number;
 use super::UpError;
 use super::eye::Eye;
 use super::member::{Member, Plan};
+use super::place::Furniture;
 use crate::description::{Description, OnFailure, ProgramEntry, beside, find_program};
-use crate::extension::Furnished;
 use crate::launch::{Image, Launch, Process};
 use crate::services;
 use crate::system::SystemDirectory;
-use condor_rt::linux::{Environment, FileRange, Loops};
+use condor_rt::linux::{Environment, Loops};
 use condor_rt::numbers::{EXTENSIONS, FILES, TERMINALS};
 
 /// How long the heart of a service may stand still.
@@ -23,8 +23,7 @@ const SERVICE_STALL: Duration = Duration::from_secs(10);
 pub(super) fn members(
     description: &Description,
     directory: &SystemDirectory,
-    furnished: &[Box<dyn Furnished>],
-    shared: Option<&FileRange>,
+    furniture: &Furniture,
     eye: &Eye,
 ) -> Result<Vec<Member>, UpError> {
     let system = System {
@@ -33,7 +32,7 @@ pub(super) fn members(
         directory,
     };
     let mut members = Vec::new();
-    let groups = || description.groups.iter().zip(furnished);
+    let groups = || description.groups.iter().zip(&furniture.groups);
     let mut numbers = EXTENSIONS;
     for (entry, furnished) in groups() {
         if let (Some(name), Some(service)) = (entry.service, furnished.service()) {
@@ -55,12 +54,6 @@ pub(super) fn members(
     let arguments = services::terminals::arguments(description, directory);
     members.push(system.service("terminals", TERMINALS, arguments, Box::new(Process::new()))?);
 
-    let bus = furnished.iter().find_map(|furnished| furnished.bus());
-    let bus = bus.or_else(|| {
-        description
-            .bus_bytes
-            .map(|_| FileRange::whole(directory.bus()))
-    });
     for processor in &description.processors {
         let number = Number(processor.number);
         let plan = Plan {
@@ -79,8 +72,8 @@ pub(super) fn members(
             runs_here: processor.runs_here,
         };
         let mut environment = system.environment(number);
-        environment.bus.clone_from(&bus);
-        environment.shared_memory = shared.cloned();
+        environment.bus.clone_from(&furniture.bus);
+        environment.shared_memory.clone_from(&furniture.shared);
         let mut groups = groups();
         let (_, group) = groups
             .find(|(entry, _)| entry.kind == Some(processor.kind))
