@@ -19,8 +19,8 @@ pub use client::{Client, ClientError, Events};
 
 use std::path::PathBuf;
 
-use condor_mbox::Region;
 use condor_mbox::linux::LinuxWindow;
+use condor_mbox::{Processor, Region};
 use condor_rt::linux::{FileRange, ProcessError};
 use serde::{Deserialize, Serialize};
 
@@ -106,6 +106,13 @@ pub struct Status {
     pub processors: Vec<Member>,
 }
 
+impl Status {
+    /// Returns the processors and then the services.
+    pub fn members(&self) -> impl Iterator<Item = &Member> + Clone {
+        self.processors.iter().chain(&self.services)
+    }
+}
+
 /// Where the memory lies that belongs to no processor: a file, or a part of one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SharedMemory {
@@ -157,6 +164,14 @@ pub struct Member {
     pub restarts: u32,
     /// The last end of its program, such as `exit status: 1` or `killed by SIGKILL`.
     pub last_exit: Option<String>,
+}
+
+impl Member {
+    /// Returns its number in the system.
+    #[must_use]
+    pub const fn processor(&self) -> Processor {
+        Processor(self.number)
+    }
 }
 
 /// The state of a processor or a service.

@@ -7,12 +7,13 @@
 // * `launch`, `extension`: how a processor is run, and what others add;
 // * `description`, `application`, `reading`: what a system has, and the text that says so;
 // * `services`, `supervisor`: what runs in a system;
-// * `ui`, `commands`, `cli`: what people use.
+// * `counts`, `ui`, `commands`, `cli`: what people use.
 
 mod application;
 pub mod cli;
 mod commands;
 pub mod control;
+mod counts;
 pub mod description;
 mod error;
 pub mod extension;

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::AnyError;
-use crate::commands::{running, top, vectors};
 use crate::control::Status;
+use crate::counts::{self, Row, table_of_loops, table_of_vectors};
 use crate::plain::plain_json;
 use crate::system::SystemDirectory;
 use crate::table::{Left, Right, Table, or_dash};
@@ -13,16 +13,16 @@ use crate::view::{LoopRates, VectorCounts, View};
 /// What the windows said before the programs were stopped.
 #[derive(Default)]
 pub(super) struct Summary {
-    loops: Vec<(String, LoopRates)>,
-    vectors: Vec<(String, VectorCounts)>,
+    loops: Vec<Row<LoopRates>>,
+    vectors: Vec<Row<VectorCounts>>,
 }
 
 #[derive(Serialize)]
 struct Answer<'s> {
     #[serde(flatten)]
     status: &'s Status,
-    loops: Vec<top::Row<'s>>,
-    vectors: Vec<vectors::Row<'s>>,
+    loops: &'s [Row<LoopRates>],
+    vectors: &'s [Row<VectorCounts>],
 }
 
 impl Summary {
@@ -32,17 +32,13 @@ impl Summary {
     /// The windows'.
     pub(super) fn look(directory: &SystemDirectory, status: &Status) -> Result<Self, AnyError> {
         let view = View::open(&directory.system(status.window_bytes)?)?;
-        let mut summary = Self::default();
-        for member in status.processors.iter().chain(&status.services) {
-            let number = running::number(member);
-            for rates in view.loops(number)?.overall() {
-                summary.loops.push((member.name.clone(), rates));
-            }
-            for counts in view.vectors(number)? {
-                summary.vectors.push((member.name.clone(), counts));
-            }
+        let mut loops = Vec::new();
+        for member in status.members() {
+            let rates = view.loops(member.processor())?.overall();
+            loops.extend(Row::all(member, rates));
         }
-        Ok(summary)
+        let vectors = counts::vectors(&view, status.members())?;
+        Ok(Self { loops, vectors })
     }
 
     /// Prints it, for people or as JSON, with what the supervisor knows.
@@ -50,25 +46,18 @@ impl Summary {
     /// # Errors
     /// Standard output's.
     pub(super) fn print(&self, status: &Status, json: bool) -> Result<(), AnyError> {
-        let loops = self.loops.iter().map(|(processor, rates)| top::Row {
-            processor,
-            rates: rates.clone(),
-        });
-        let vectors = self.vectors.iter().map(|(processor, counts)| vectors::Row {
-            processor,
-            counts: counts.clone(),
-        });
-        let answer = Answer {
-            status,
-            loops: loops.collect(),
-            vectors: vectors.collect(),
-        };
         if json {
+            let (loops, vectors) = (&self.loops, &self.vectors);
+            let answer = Answer {
+                status,
+                loops,
+                vectors,
+            };
             println!("{}", plain_json(&answer)?);
             return Ok(());
         }
-        println!("\n{}", top::table(&answer.loops));
-        println!("{}", vectors::table(&answer.vectors));
+        println!("\n{}", table_of_loops(&self.loops));
+        println!("{}", table_of_vectors(&self.vectors));
         println!("{}", members(status));
         println!("{} ran for {:.1} s", status.system, status.uptime);
         Ok(())
@@ -83,7 +72,7 @@ fn members(status: &Status) -> impl core::fmt::Display {
         ("restarts", Right),
         ("last exit", Left),
     ]);
-    for member in status.processors.iter().chain(&status.services) {
+    for member in status.members() {
         table.row([
             member.number.to_string(),
             member.name.clone(),

@@ -3,7 +3,7 @@
 use clap::Args;
 use serde::Serialize;
 
-use super::running::{self, Running};
+use super::running::Running;
 use super::{How, print, print_json};
 use crate::control::Member;
 use crate::error::AnyError;
@@ -40,8 +40,8 @@ impl Ps {
         let view = running.view()?;
         let count = running.status.processors.len();
         let mut rows = Vec::new();
-        for (place, member) in running.members().enumerate() {
-            let number = running::number(member);
+        for (place, member) in running.status.members().enumerate() {
+            let number = member.processor();
             rows.push(Row {
                 member,
                 is_service: place >= count,

@@ -1,7 +1,5 @@
 //! [`Running`]: the system that a command is about.
 
-use condor_mbox::Processor;
-
 use super::Which;
 use crate::control::{Client, Member, Status};
 use crate::error::AnyError;
@@ -33,14 +31,9 @@ impl Running {
         Ok(View::open(&windows)?)
     }
 
-    /// The processors, then the services.
-    pub(super) fn members(&self) -> impl Iterator<Item = &Member> + Clone {
-        self.status.processors.iter().chain(&self.status.services)
-    }
-
     /// The processor or service of a name or number.
     pub(super) fn member(&self, text: &str) -> Result<&Member, Unknown> {
-        find(self.members(), text)
+        find(self.status.members(), text)
     }
 
     /// The processor of a name or number, which is no service.
@@ -62,9 +55,4 @@ fn find<'m>(
             .map(|member| format!("{} ({})", member.name, member.number))
             .collect(),
     })
-}
-
-/// Its number in the system.
-pub(crate) const fn number(member: &Member) -> Processor {
-    Processor(member.number)
 }

@@ -7,7 +7,7 @@ use condor_mbox::{LoadOrder, MemoryWindow, Messenger, Processor, Vector, layout}
 use serde::Serialize;
 
 use super::number::{duration, word};
-use super::running::{self, Running};
+use super::running::Running;
 use super::{How, print, print_json};
 use crate::error::AnyError;
 use crate::view::{Post, VectorCounts};
@@ -45,7 +45,7 @@ impl Send {
     pub(crate) fn run(&self) -> Result<(), AnyError> {
         let running = Running::find(&self.how.which)?;
         let member = running.member(&self.processor)?;
-        let to = running::number(member);
+        let to = member.processor();
         let mut view = running.view()?;
         let there = view.vectors(to)?;
         let vector = vector(&self.vector, &member.name, &there)?;

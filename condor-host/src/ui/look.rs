@@ -1,24 +1,23 @@
 //! [`Look`]: fetches counts out of memory.
 
-use std::collections::HashMap;
 use std::time::Instant;
 
 use condor_fs::wire::FILES as FILES_VECTOR;
-use condor_mbox::Processor;
 
 use super::model::{Model, Served};
 use crate::control::Client;
+use crate::counts::{self, LastLook};
 use crate::error::AnyError;
 use crate::plain::plain;
 use crate::system::SystemDirectory;
-use crate::view::{LoopSample, View};
+use crate::view::View;
 use condor_rt::numbers::FILES;
 
 /// The counts of a running system, and those of the look before.
 pub(super) struct Look {
     directory: SystemDirectory,
     view: Option<View>,
-    loops: HashMap<u8, LoopSample>,
+    last: LastLook,
     served: Option<(Instant, u32)>,
 }
 
@@ -27,7 +26,7 @@ impl Look {
         Self {
             directory: directory.clone(),
             view: None,
-            loops: HashMap::new(),
+            last: LastLook::default(),
             served: None,
         }
     }
@@ -51,18 +50,9 @@ impl Look {
             Some(view) => view,
             None => self.view.insert(open(&self.directory)?),
         };
-        let (mut loops, mut vectors) = (Vec::new(), Vec::new());
-        for (place, member) in model.members.iter().enumerate() {
-            let number = Processor(member.number);
-            if place < model.processors {
-                let sample = view.loops(number)?;
-                let rates = sample.since(self.loops.get(&member.number));
-                loops.extend(rates.into_iter().map(|rates| (member.name.clone(), rates)));
-                self.loops.insert(member.number, sample);
-            }
-            let counts = view.vectors(number)?.into_iter();
-            vectors.extend(counts.map(|counts| (member.name.clone(), counts)));
-        }
+        let processors = model.members.get(..model.processors);
+        let loops = self.last.since(view, processors.unwrap_or_default())?;
+        let vectors = counts::vectors(view, &model.members)?;
         let messages = view.post().vector_statistics(FILES, FILES_VECTOR);
         let messages = messages.map_or(0, |counts| counts.handled);
         let now = Instant::now();

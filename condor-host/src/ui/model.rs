@@ -8,6 +8,7 @@ use super::feed::News;
 use super::tool::Tool;
 use super::window::{Window, WindowId};
 use crate::control::{Member, Status};
+use crate::counts::Row;
 use crate::plain::plain;
 use crate::view::{LoopRates, VectorCounts};
 use condor_rt::numbers::FILES;
@@ -72,8 +73,8 @@ pub(super) struct Model {
     pub(super) members: Vec<Member>,
     pub(super) processors: usize,
     pub(super) windows: Vec<Window>,
-    pub(super) loops: Vec<(String, LoopRates)>,
-    pub(super) vectors: Vec<(String, VectorCounts)>,
+    pub(super) loops: Vec<Row<LoopRates>>,
+    pub(super) vectors: Vec<Row<VectorCounts>>,
     pub(super) served: Served,
     /// Why there are no counts.
     pub(super) blind: Option<String>,
@@ -143,8 +144,7 @@ impl Model {
         self.uptime = status.uptime;
         self.files_root.clone_from(&status.files_root);
         self.processors = status.processors.len();
-        let members = status.processors.iter().chain(&status.services);
-        self.members = members.cloned().collect();
+        self.members = status.members().cloned().collect();
     }
 
     /// Takes what came from outside.

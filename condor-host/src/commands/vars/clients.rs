@@ -8,7 +8,6 @@ use condor_mbox::linux::LinuxWindow;
 use condor_vars::{Cell, Client, Value};
 
 use super::known::One;
-use crate::commands::running;
 use crate::error::AnyError;
 use crate::view::{Post, View, ViewError};
 
@@ -36,7 +35,7 @@ impl<'v> Clients<'v> {
     ) -> Result<&mut Client<'v, Post, LinuxWindow>, ViewError> {
         let client = match self.all.entry(one.member.number) {
             Entry::Occupied(occupied) => occupied.into_mut(),
-            Entry::Vacant(vacant) => vacant.insert(self.view.client(running::number(one.member))?),
+            Entry::Vacant(vacant) => vacant.insert(self.view.client(one.member.processor())?),
         };
         Ok(client)
     }
@@ -45,7 +44,7 @@ impl<'v> Clients<'v> {
     /// only in rows.
     pub(super) fn value(&mut self, one: &One<'_>) -> Result<Option<Value>, AnyError> {
         if one.is_field() {
-            let region = self.view.region(running::number(one.member))?;
+            let region = self.view.region(one.member.processor())?;
             let cell = Cell::open(&region, one.table.offset())?;
             let mut bytes = vec![0; cell.bytes()];
             cell.read(&mut bytes)?;

@@ -7,7 +7,6 @@ use condor_mbox::linux::LinuxWindow;
 use condor_vars::{Entry, Table, TableError};
 
 use super::value::Type;
-use crate::commands::running;
 use crate::control::Member;
 use crate::error::AnyError;
 use crate::plain::plain;
@@ -112,7 +111,7 @@ impl<'s> Known<'s> {
     }
 
     fn add(&mut self, view: &View, member: &'s Member) -> Result<(), AnyError> {
-        for variables in view.variables(running::number(member))? {
+        for variables in view.variables(member.processor())? {
             let owner = variables.name.into();
             let read = variables.table.and_then(|table| {
                 let entries = table.entries();

@@ -5,6 +5,7 @@ use ratatui::backend::TestBackend;
 
 use super::*;
 use crate::control::{Member, Status};
+use crate::counts::Row;
 use crate::ui::Tool;
 use crate::ui::feed::News;
 use crate::ui::menu::scroll;
@@ -28,6 +29,13 @@ fn member(number: u8, name: &str, state: MemberState) -> Member {
         state,
         restarts: 0,
         last_exit: None,
+    }
+}
+
+fn row<C: Clone>(processor: &str, counts: &C) -> Row<C> {
+    Row {
+        processor: processor.into(),
+        counts: counts.clone(),
     }
 }
 
@@ -70,7 +78,7 @@ fn model() -> Model {
         enabled: true,
         faulted: false,
     };
-    model.loops = NAMES.map(|name| (name.to_owned(), rates.clone())).into();
+    model.loops = NAMES.map(|name| row(name, &rates)).into();
     let vector = VectorCounts {
         vector: 40,
         name: "servos".into(),
@@ -79,7 +87,7 @@ fn model() -> Model {
         failed: 3,
         worst_us: 55.5,
     };
-    model.vectors = NAMES.map(|name| (name.to_owned(), vector.clone())).into();
+    model.vectors = NAMES.map(|name| row(name, &vector)).into();
     model.served = Served {
         messages: 815,
         per_second: Some(4.5),
@@ -243,8 +251,8 @@ fn what_is_wrong_is_said() {
 fn nothing_that_a_program_chose_commands_the_terminal() {
     let mut model = model();
     let hostile = "\u{1b}[2J\u{9b}2J\u{202e}\u{7}";
-    model.vectors[0].1.name = hostile.into();
-    model.loops[0].1.name = hostile.into();
+    model.vectors[0].counts.name = hostile.into();
+    model.loops[0].counts.name = hostile.into();
     model.hear(News::Log(format!(
         "2026-11-21T15:28:52.078621Z a: {hostile}"
     )));
@@ -319,7 +327,7 @@ fn the_titles_of_a_table_stay() {
     for _ in 0..10 {
         model.vectors.extend(vectors.clone());
     }
-    model.vectors[54].0 = "the-last".into();
+    model.vectors[54].processor = "the-last".into();
     model.focus = Page::Messages;
     picture(&mut model, SMALL);
     scroll(&mut model, Page::Messages, -1000);
